@@ -1,0 +1,241 @@
+"""What a run achieved: the paper's MSEE, errors against the centralised filter and the bound, honesty, traffic."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zenoh_cbef.analysis.chi2 import chi2_quantile
+from zenoh_cbef.scenario.build import initial_std, motion_of, range_std_of, space_of
+from zenoh_cbef.trace import Trace
+from zenoh_cbef.tracking.filters import Belief
+from zenoh_cbef.tracking.reference import centralized, posterior_bound
+
+Floats = NDArray[np.float64]
+
+SATURATING = ("sicf", "local")
+
+
+@dataclass(frozen=True)
+class Analysis:
+    """A trace with its errors; n agents, K steps, errors in m and m/s.
+
+    first: index of the first step of the scored window. msee: (n, K), the paper's running mean of |xhat - x|^2;
+    msee_average: (K,). position_error, velocity_error: (n, K). nees: (n, K), NaN for a filter without covariance;
+    nees_band: its 95 % band. disagreement: (K,), m, root mean square distance of the agents' positions from their
+    mean. centralized_states: (K, 6), centralized_msee, centralized_position_error: (K,). bound: (K, 6, 6),
+    bound_msee: (K,). metrics: what `analyze --json` prints.
+    """
+
+    trace: Trace
+    first: int
+    msee: Floats
+    msee_average: Floats
+    position_error: Floats
+    velocity_error: Floats
+    nees: Floats
+    nees_band: tuple[float, float]
+    disagreement: Floats
+    centralized_states: Floats
+    centralized_msee: Floats
+    centralized_position_error: Floats
+    bound: Floats
+    bound_msee: Floats
+    metrics: dict[str, Any]
+
+
+def analyze(traces: Sequence[Trace], skip: float = 0.25) -> list[Analysis]:
+    """Analyse runs of one shape; the centralised filter and the bound of all of them run as one batch.
+
+    skip: the share of steps left out at the start of RMSE, NEES and ratios. MSEE starts at step 1.
+    """
+    references = _centralized(traces)
+    bounds = _bounds(traces)
+    return [
+        _analyze(trace, states, bound, skip)
+        for trace, states, bound in zip(traces, references, bounds, strict=True)
+    ]
+
+
+def running_mean(values: Floats) -> Floats:
+    """(1/k) sum_{t<=k} along the last axis; steps without a value are left out of sum and count."""
+    present = np.isfinite(values)
+    total = np.cumsum(np.where(present, values, 0.0), axis=-1)
+    return np.where(np.cumsum(present, axis=-1) > 0, total / np.maximum(np.cumsum(present, axis=-1), 1), np.nan)
+
+
+def _stacked(traces: Sequence[Trace], part: str) -> Floats:
+    return np.stack([getattr(trace, part) for trace in traces])
+
+
+def _centralized(traces: Sequence[Trace]) -> Floats:
+    scenario = traces[0].scenario
+    kept = space_of(scenario).kept
+    covariance = np.diag(initial_std(scenario)[kept] ** 2)
+    states, _ = centralized(
+        Belief(
+            _stacked(traces, "initial").mean(axis=1)[:, kept],
+            np.broadcast_to(covariance, (len(traces), *covariance.shape)),
+        ),
+        motion_of(scenario),
+        space_of(scenario),
+        positions=_stacked(traces, "positions"),
+        ranges=_stacked(traces, "ranges"),
+        age=_stacked(traces, "age"),
+        range_std=range_std_of(scenario),
+        xi=scenario.filter.xi if scenario.filter.kind in SATURATING else np.inf,
+    )
+    return states
+
+
+def _bounds(traces: Sequence[Trace]) -> Floats:
+    scenario = traces[0].scenario
+    kept = space_of(scenario).kept
+    covariance = np.diag(initial_std(scenario)[kept] ** 2)
+    return posterior_bound(
+        np.broadcast_to(covariance, (len(traces), *covariance.shape)),
+        motion_of(scenario),
+        space_of(scenario),
+        truth=_stacked(traces, "truth"),
+        positions=_stacked(traces, "positions"),
+        measured=np.isfinite(_stacked(traces, "ranges")),
+        age=_stacked(traces, "age"),
+        range_std=range_std_of(scenario),
+    )
+
+
+def _nees(trace: Trace, error: Floats) -> Floats:
+    kept = space_of(trace.scenario).kept
+    covariance = trace.covariances[:, :, kept[:, None], kept]
+    known = np.isfinite(covariance).all(axis=(2, 3))
+    safe = np.where(known[:, :, None, None], covariance, np.eye(len(kept)))
+    kept_error = error[:, :, kept]
+    scaled = np.linalg.solve(safe, np.nan_to_num(kept_error)[..., None])[..., 0]
+    return np.where(known, np.sum(kept_error * scaled, axis=2), np.nan)
+
+
+def _analyze(trace: Trace, states: Floats, bound: Floats, skip: float) -> Analysis:
+    error = trace.estimates - trace.truth
+    reference = states - trace.truth
+    positions = trace.estimates[:, :, :3]
+    present = np.isfinite(positions).all(axis=2)
+    counted = np.maximum(present.sum(axis=0), 1)
+    mean = np.where(present[:, :, None], positions, 0.0).sum(axis=0) / counted[:, None]
+    apart = np.where(present, np.sum((positions - mean) ** 2, axis=2), 0.0)
+    size = len(space_of(trace.scenario).kept)
+    msee = running_mean(np.sum(error**2, axis=2))
+    analysis = Analysis(
+        trace=trace,
+        first=min(int(skip * len(trace.time)), len(trace.time) - 1),
+        msee=msee,
+        msee_average=running_mean(_mean_over_agents(np.sum(error**2, axis=2))),
+        position_error=np.linalg.norm(error[:, :, :3], axis=2),
+        velocity_error=np.linalg.norm(error[:, :, 3:], axis=2),
+        nees=_nees(trace, error),
+        nees_band=(chi2_quantile(0.025, size), chi2_quantile(0.975, size)),
+        disagreement=np.sqrt(apart.sum(axis=0) / counted),
+        centralized_states=states,
+        centralized_msee=running_mean(np.sum(reference**2, axis=1)),
+        centralized_position_error=np.linalg.norm(reference[:, :3], axis=1),
+        bound=bound,
+        bound_msee=running_mean(np.trace(bound, axis1=1, axis2=2)),
+        metrics={},
+    )
+    analysis.metrics.update(_metrics(analysis))
+    return analysis
+
+
+def _mean_over_agents(values: Floats) -> Floats:
+    present = np.isfinite(values)
+    count = present.sum(axis=0)
+    return np.where(count > 0, np.where(present, values, 0.0).sum(axis=0) / np.maximum(count, 1), np.nan)
+
+
+def _mean(values: Floats) -> float | None:
+    finite = values[np.isfinite(values)]
+    return float(finite.mean()) if finite.size else None
+
+
+def _rms(values: Floats) -> float | None:
+    mean = _mean(values**2)
+    return None if mean is None else float(np.sqrt(mean))
+
+
+def _metrics(analysis: Analysis) -> dict[str, Any]:
+    trace, window = analysis.trace, slice(analysis.first, None)
+    reference = analysis.centralized_states[window] - trace.truth[window]
+    bound = np.diagonal(analysis.bound[window], axis1=1, axis2=2)
+    position, central = _rms(analysis.position_error[:, window]), _rms(analysis.centralized_position_error[window])
+    return {
+        "run": trace.name,
+        "filter": trace.scenario.filter.kind,
+        "agents": trace.scenario.count,
+        "steps": len(trace.time),
+        "seed": trace.scenario.seed,
+        "timing": trace.scenario.timing.mode,
+        "complete": trace.complete,
+        "skip": analysis.first,
+        "msee": {"agents": [_last(row) for row in analysis.msee], "average": _last(analysis.msee_average)},
+        "position_rmse": position,
+        "velocity_rmse": _rms(analysis.velocity_error[:, window]),
+        "centralized": {
+            "position_rmse": central,
+            "velocity_rmse": _rms(np.linalg.norm(reference[:, 3:], axis=1)),
+            "msee": _last(analysis.centralized_msee),
+        },
+        "ratio_to_centralized": position / central if position is not None and central else None,
+        "bound": {
+            "position_rmse": float(np.sqrt(bound[:, :3].sum(axis=1).mean())),
+            "velocity_rmse": float(np.sqrt(bound[:, 3:].sum(axis=1).mean())),
+            "msee": _last(analysis.bound_msee),
+        },
+        "nees": _nees_metrics(analysis, window),
+        "disagreement": _rms(analysis.disagreement[window]),
+        "messages": {
+            "sent": trace.traffic.sent,
+            "recorded": trace.traffic.recorded,
+            "missing": trace.traffic.missing,
+            "rejected": trace.traffic.rejected,
+        },
+        "links": _links(trace),
+    }
+
+
+def _last(values: Floats) -> float | None:
+    finite = values[np.isfinite(values)]
+    return float(finite[-1]) if finite.size else None
+
+
+def _nees_metrics(analysis: Analysis, window: slice) -> dict[str, Any] | None:
+    values = analysis.nees[:, window]
+    if not np.isfinite(values).any():
+        return None
+    low, high = analysis.nees_band
+    inside = np.where(np.isfinite(values), (values >= low) & (values <= high), np.nan)
+    return {
+        "average": _mean(values),
+        "agents": [_mean(row) for row in values],
+        "dimension": len(space_of(analysis.trace.scenario).kept),
+        "band": [low, high],
+        "inside": _mean(inside),
+    }
+
+
+def _links(trace: Trace) -> list[dict[str, Any]]:
+    links = trace.links
+    return [
+        {
+            "source": int(links.source[row]),
+            "destination": int(links.destination[row]),
+            "sent": int(links.sent[row]),
+            "delivered": int(links.delivered[row]),
+            "lost": int(links.lost[row]),
+            "late": int(links.late[row]),
+            "latency": float(links.latency[row]) if np.isfinite(links.latency[row]) else None,
+        }
+        for row in range(len(links.source))
+    ]

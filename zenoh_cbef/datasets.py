@@ -1,0 +1,110 @@
+"""Recorded ranging data: a folder with anchors.csv, ranges.csv and truth.csv."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zenoh_cbef.errors import UserError
+
+Floats = NDArray[np.float64]
+
+_COLUMNS = {"anchors": "id,x,y,z", "ranges": "t,anchor_id,range", "truth": "t,x,y,z"}
+_VELOCITY_BASE = 0.1
+
+
+@dataclass(frozen=True)
+class Dataset:
+    """Fixed anchors that range one moving target.
+
+    labels: the anchors' ids, (n,). anchors: (n, 3), m. range_time: (r,), s, ascending. range_anchor: (r,), index
+    into the anchors. ranges: (r,), m. truth_time: (t,), s. truth: (t, 3), m.
+    """
+
+    labels: tuple[str, ...]
+    anchors: Floats
+    range_time: Floats
+    range_anchor: NDArray[np.intp]
+    ranges: Floats
+    truth_time: Floats
+    truth: Floats
+
+    def origin(self, dt: float) -> float:
+        """The time of step 0: one step before the first range."""
+        return float(self.range_time[0]) - dt
+
+    def steps(self, dt: float) -> int:
+        """How many whole steps the ranges fill."""
+        return max(1, int(np.floor((self.range_time[-1] - self.origin(dt)) / dt + 1e-9)))
+
+    def truth_at(self, times: Floats) -> Floats:
+        """True states (k, 6) at dataset times (k,), velocities by central differences."""
+        base = _VELOCITY_BASE
+
+        def position(at: Floats) -> Floats:
+            return np.stack([np.interp(at, self.truth_time, self.truth[:, axis]) for axis in range(3)], axis=1)
+
+        velocity = (position(times + base) - position(times - base)) / (2.0 * base)
+        return np.concatenate([position(times), velocity], axis=1)
+
+    def beacons(self, times: Floats) -> tuple[Floats, Floats]:
+        """The ranges laid onto steps that end at dataset times (k,): (emission time, range), both (n, k).
+
+        Each range goes to the first step at or after it that has no range of that anchor yet, so two ranges
+        within one step are both used; one that waits for more than a step is dropped. NaN where nothing came.
+        """
+        emitted = np.full((len(self.anchors), len(times)), np.nan)
+        ranges = np.full_like(emitted, np.nan)
+        first = np.searchsorted(times, self.range_time - 1e-9)
+        for at, anchor, value, step in zip(
+            self.range_time, self.range_anchor, self.ranges, first.tolist(), strict=True
+        ):
+            for slot in (step, step + 1):
+                if slot < len(times) and np.isnan(ranges[anchor, slot]):
+                    emitted[anchor, slot], ranges[anchor, slot] = at, value
+                    break
+        return emitted, ranges
+
+
+def read_dataset(folder: Path) -> Dataset:
+    """Read a recorded set. Raises UserError where a file is missing, empty or not as documented."""
+    anchors, ranges, truth = (_read(folder, name) for name in ("anchors", "ranges", "truth"))
+    ids = anchors[:, 0].astype(int)
+    index = {int(label): row for row, label in enumerate(ids)}
+    if len(index) < len(ids):
+        raise UserError(f"{folder / 'anchors.csv'} names an anchor twice; give every anchor its own id")
+    unknown = sorted(set(ranges[:, 1].astype(int).tolist()) - index.keys())
+    if unknown:
+        raise UserError(f"{folder / 'ranges.csv'} has ranges of anchor {unknown[0]}, which anchors.csv lacks; add it")
+    ranges = ranges[np.argsort(ranges[:, 0], kind="stable")]
+    ranges = ranges[ranges[:, 2] >= 0.0]
+    return Dataset(
+        labels=tuple(str(label) for label in ids),
+        anchors=anchors[:, 1:4],
+        range_time=ranges[:, 0],
+        range_anchor=np.array([index[int(label)] for label in ranges[:, 1]], dtype=np.intp),
+        ranges=ranges[:, 2],
+        truth_time=truth[:, 0],
+        truth=truth[:, 1:4],
+    )
+
+
+def _read(folder: Path, name: str) -> Floats:
+    path, columns = folder / f"{name}.csv", _COLUMNS[name]
+    if not path.is_file():
+        raise UserError(f"{path} is missing; a dataset folder holds anchors.csv, ranges.csv and truth.csv")
+    lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
+    if not lines or lines[0].replace(" ", "") != columns:
+        raise UserError(f"{path} does not begin with the header {columns}; see docs/datasets.md")
+    try:
+        rows = np.loadtxt(lines[1:], delimiter=",", ndmin=2) if any(lines[1:]) else np.empty((0, 0))
+    except ValueError as error:
+        raise UserError(f"{path} has a line that is not {columns} in numbers: {error}") from None
+    if rows.size == 0:
+        raise UserError(f"{path} has no rows; a dataset needs at least one of {columns}")
+    if rows.shape[1] != columns.count(",") + 1 or not np.isfinite(rows).all():
+        raise UserError(f"{path} has rows that are not {columns} in finite numbers; mend them")
+    return np.asarray(rows)

@@ -1,0 +1,9 @@
+"""The typed description of a run, and everything that follows from it alone.
+
+model: the keys. load: files, built-ins, overrides. checks: what cannot work is refused. network, world, build:
+the graph, the emulated target and receivers, and the tracker that a scenario describes, as pure functions.
+"""
+
+from zenoh_cbef.scenario.model import Scenario
+
+__all__ = ["Scenario"]

@@ -1,0 +1,162 @@
+"""The tracker that a scenario describes, for one agent or for all agents of many runs at once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zenoh_cbef import streams
+from zenoh_cbef.faults import Fates
+from zenoh_cbef.scenario import network
+from zenoh_cbef.scenario.model import Scenario
+from zenoh_cbef.scenario.world import target_start
+from zenoh_cbef.tracking import graph, weights
+from zenoh_cbef.tracking.consensus import Average, Chebyshev, Consensus
+from zenoh_cbef.tracking.filters import Belief, Filter, FilterSettings, make_filter
+from zenoh_cbef.tracking.motion import NearlyConstantVelocity
+from zenoh_cbef.tracking.ranging import Space
+from zenoh_cbef.tracking.tracker import Tracker
+
+Floats = NDArray[np.float64]
+
+
+def space_of(scenario: Scenario) -> Space:
+    """Three axes, or the plane at filter.planar_height."""
+    return Space(scenario.filter.planar_height)
+
+
+def motion_of(scenario: Scenario) -> NearlyConstantVelocity:
+    """The filter's model of the target's motion."""
+    assumed = scenario.filter.acceleration_std
+    if assumed is None:
+        assumed = scenario.target.acceleration_std
+    return NearlyConstantVelocity(scenario.dt, assumed, space_of(scenario).axes)
+
+
+def range_std_of(scenario: Scenario) -> float:
+    """The range noise that the filter assumes, m."""
+    return scenario.filter.range_std or scenario.sensor.range_std
+
+
+def filter_of(scenario: Scenario) -> Filter:
+    """The scenario's filter."""
+    settings = FilterSettings(
+        motion_of(scenario),
+        space_of(scenario),
+        range_std_of(scenario),
+        scenario.filter.xi,
+        scenario.count,
+    )
+    return make_filter(scenario.filter.kind, settings)
+
+
+def rounds_of(scenario: Scenario) -> int:
+    """Consensus rounds per step; none for a filter that keeps to itself."""
+    return scenario.consensus.rounds if filter_of(scenario).cooperates else 0
+
+
+def initial_std(scenario: Scenario) -> Floats:
+    """Standard deviations of the initial estimate, (6,): m, then m/s."""
+    position, velocity = scenario.filter.initial_position_std, scenario.filter.initial_velocity_std
+    if position is None and scenario.target.motion == "dataset":
+        position = float(np.linalg.norm(np.ptp(network.placement(scenario), axis=0))) / 2.0 or None
+    return np.repeat([position or 1.0, velocity or 1.0], 3)
+
+
+def initial_states(scenario: Scenario) -> Floats:
+    """The agents' estimates before step 1, as configured, (n, 6).
+
+    A given position or velocity is taken as it is. What is not given is drawn around the target's own start with
+    the initial standard deviations; for recorded data it is the middle of the agents, at rest.
+    """
+    count, chosen = scenario.count, scenario.filter
+    if scenario.target.motion == "dataset":
+        derived = np.zeros((count, 6))
+        derived[:, :3] = network.placement(scenario).mean(axis=0)
+    else:
+        key = streams.stream(scenario.seed, "initial estimate", np.arange(count))[:, None]
+        noise = np.concatenate([streams.normal(key, axis) for axis in range(6)], axis=1)
+        derived = target_start(scenario) + initial_std(scenario) * noise
+    if chosen.initial_position is not None:
+        derived[:, :3] = np.array(chosen.initial_position)
+    if chosen.initial_velocity is not None:
+        derived[:, 3:] = np.array(chosen.initial_velocity)
+    if chosen.planar_height is not None:
+        derived[:, 2], derived[:, 5] = chosen.planar_height, 0.0
+    return derived
+
+
+def initial_belief(scenario: Scenario) -> Belief:
+    """The agents' initial estimates along the estimated axes: states (n, s), covariances (n, s, s)."""
+    kept = space_of(scenario).kept
+    covariance = np.diag(initial_std(scenario)[kept] ** 2)
+    return Belief(
+        initial_states(scenario)[:, kept], np.broadcast_to(covariance, (scenario.count, *covariance.shape))
+    )
+
+
+def consensus_of(scenario: Scenario, neighbours: graph.Neighbours) -> tuple[Floats, Floats]:
+    """Consensus weights (n, m), and the least and largest eigenvalue of W other than 1, (n, 2)."""
+    chosen = network.consensus_weights(scenario, neighbours)
+    bounds = (0.0, 0.0)
+    if scenario.consensus.acceleration == "chebyshev":
+        bounds = weights.spectrum_bounds(weights.weight_matrix(neighbours, chosen))
+    return chosen, np.tile(bounds, (scenario.count, 1))
+
+
+def _stage(scenario: Scenario, chosen: Floats, bounds: Floats) -> Consensus:
+    if scenario.consensus.acceleration == "chebyshev":
+        return Chebyshev(chosen, bounds[:, :1], bounds[:, 1:])
+    return Average(chosen)
+
+
+def agent_tracker(scenario: Scenario, agent: int) -> tuple[Tracker, list[int]]:
+    """One agent's tracker, a batch of one, and its neighbours' ids in ascending order."""
+    neighbours = graph.neighbours(scenario.count, network.edges(scenario))
+    chosen, bounds = consensus_of(scenario, neighbours)
+    row = neighbours.row(agent)
+    belief = initial_belief(scenario)
+    assert belief.covariance is not None
+    tracker = Tracker(
+        filter_of(scenario),
+        _stage(scenario, chosen[[agent]][:, neighbours.present[agent]], bounds[[agent]]),
+        space_of(scenario),
+        Belief(belief.state[[agent]], belief.covariance[[agent]]),
+    )
+    return tracker, row.index[0].tolist()
+
+
+def batch_tracker(scenarios: Sequence[Scenario]) -> tuple[Tracker, graph.Neighbours]:
+    """All agents of runs that differ only in their seed, as one batch of a disconnected graph."""
+    first = scenarios[0]
+    lists = [graph.neighbours(one.count, network.edges(one)) for one in scenarios]
+    stages = [consensus_of(one, each) for one, each in zip(scenarios, lists, strict=True)]
+    neighbours = graph.stack(lists)
+    width = neighbours.index.shape[1]
+    chosen = np.concatenate([np.pad(each, ((0, 0), (0, width - each.shape[1]))) for each, _ in stages])
+    beliefs = [initial_belief(one) for one in scenarios]
+    tracker = Tracker(
+        filter_of(first),
+        _stage(first, chosen, np.concatenate([bounds for _, bounds in stages])),
+        space_of(first),
+        Belief(
+            np.concatenate([one.state for one in beliefs]),
+            np.concatenate([one.covariance for one in beliefs if one.covariance is not None]),
+        ),
+    )
+    return tracker, neighbours
+
+
+def fates_into(scenario: Scenario, agent: int, sources: Sequence[int]) -> Fates:
+    """The fates of the messages from neighbours into one agent, in the order of `sources`."""
+    width = len(sources)
+    return Fates(
+        scenario.fault,
+        seed=np.full(width, scenario.seed, dtype=np.uint64),
+        source=np.array(sources, dtype=np.int64),
+        destination=np.full(width, agent, dtype=np.int64),
+        dt=scenario.dt,
+        rounds=rounds_of(scenario),
+    )

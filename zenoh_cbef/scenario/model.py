@@ -1,0 +1,215 @@
+"""The typed description of a run. Every key has a default; None means "derive it"."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+
+from zenoh_cbef.faults import AnyFault
+from zenoh_cbef.tracking import graph
+from zenoh_cbef.tracking.filters import KINDS
+
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
+NotNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
+Probability = Annotated[float, Field(ge=0.0, le=1.0)]
+Vector = tuple[Finite, Finite, Finite]
+Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$", max_length=100)]
+
+
+class Table(BaseModel):
+    """A table of the scenario file: unknown keys are refused, values never change."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Target(Table):
+    """The moving target. `position` is where ncv starts, and the centre of circle and lemniscate."""
+
+    motion: Literal["ncv", "waypoints", "circle", "lemniscate", "dataset"] = "ncv"
+    position: Vector = (0.0, 0.0, 0.0)
+    velocity: Vector = (0.0, 0.0, 0.0)
+    acceleration_std: NotNegative = 0.1
+    waypoints: tuple[Vector, ...] = ()
+    speed: Positive = 1.0
+    radius: Positive = 5.0
+    period: Positive = 30.0
+    path: str | None = None
+
+    @model_validator(mode="after")
+    def _complete(self) -> Target:
+        if self.motion == "waypoints" and len(self.waypoints) < 2:
+            raise ValueError("target.waypoints needs at least two points for target.motion = 'waypoints'")
+        if self.motion == "dataset" and self.path is None:
+            raise ValueError("target.path must name the dataset folder for target.motion = 'dataset'")
+        return self
+
+
+class Agents(Table):
+    """Where the agents are. `positions` overrides `placement`; a formation moves with `velocity`."""
+
+    count: Annotated[int, Field(ge=1, le=1000)] | None = None
+    placement: Literal["uniform"] = "uniform"
+    low: Finite | Vector = -10.0
+    high: Finite | Vector = 10.0
+    positions: tuple[Vector, ...] | None = None
+    labels: tuple[str, ...] | None = None
+    motion: Literal["static", "waypoints", "formation"] = "static"
+    velocity: Vector = (0.0, 0.0, 0.0)
+    waypoints: tuple[tuple[Vector, ...], ...] = ()
+    speed: Positive = 1.0
+
+    @model_validator(mode="after")
+    def _complete(self) -> Agents:
+        if self.positions is not None and self.count is not None and self.count > len(self.positions):
+            raise ValueError(
+                f"agents.count = {self.count} is more than the {len(self.positions)} agents.positions; "
+                "add positions or lower the count"
+            )
+        if self.motion == "waypoints" and len(self.waypoints) != self.number:
+            raise ValueError(f"agents.waypoints needs one list of points for each of the {self.number} agents")
+        return self
+
+    @property
+    def number(self) -> int:
+        """How many agents there are."""
+        if self.count is not None:
+            return self.count
+        return 6 if self.positions is None else len(self.positions)
+
+
+class Sensor(Table):
+    """The receivers: ranges (m) with noise, bias, outliers (exponential, mean outlier_scale) and drop-outs."""
+
+    range_std: Positive = 0.1
+    bias: Finite | tuple[Finite, ...] = 0.0
+    bias_std: NotNegative = 0.0
+    outlier_probability: Probability = 0.0
+    outlier_scale: Positive = 5.0
+    dropout_probability: Probability = 0.0
+    signal_speed: Positive = 299_792_458.0
+
+
+class Network(Table):
+    """The communication graph. `edges` overrides `graph`."""
+
+    graph: str = "erdos-renyi"
+    probability: Annotated[float, Field(gt=0.0, le=1.0)] = 0.5
+    radius: Positive = 15.0
+    edges: tuple[tuple[Annotated[int, Field(ge=0)], Annotated[int, Field(ge=0)]], ...] | None = None
+
+    @field_validator("graph")
+    @classmethod
+    def _known(cls, value: str) -> str:
+        return _one_of(value, graph.KINDS)
+
+
+class Consensus(Table):
+    """How payloads are averaged. epsilon None: 1/(largest degree + 1)."""
+
+    rounds: Annotated[int, Field(ge=0, le=10_000)] = 10
+    weights: Literal["uniform", "metropolis"] = "metropolis"
+    epsilon: Positive | None = None
+    acceleration: Literal["none", "chebyshev"] = "none"
+    scheme: Literal["average"] = "average"
+
+
+class Filter(Table):
+    """The estimation filter and what it is told. None: what target and sensor say.
+
+    xi: cbef saturates at this size of the whole innovation (m^2), the others at this many standard deviations.
+    """
+
+    kind: str = "sicf"
+    xi: Positive = 1.5
+    acceleration_std: Positive | None = None
+    range_std: Positive | None = None
+    bias: Literal["none"] = "none"
+    planar_height: Finite | None = None
+    initial_position: Vector | tuple[Vector, ...] | None = None
+    initial_velocity: Vector | tuple[Vector, ...] | None = None
+    initial_position_std: Positive | None = None
+    initial_velocity_std: Positive | None = None
+
+    @field_validator("kind")
+    @classmethod
+    def _known(cls, value: str) -> str:
+        return _one_of(value, tuple(KINDS))
+
+
+class Timing(Table):
+    """lockstep: a round ends when all that is due has come. realtime: rounds have deadlines, late is late."""
+
+    mode: Literal["lockstep", "realtime"] = "lockstep"
+    round_deadline_ms: Positive | None = None
+    start_delay: NotNegative = 0.2
+
+
+class Record(Table):
+    """The log. flush_seconds bounds what a killed recorder loses; required: no start without a recorder."""
+
+    compression: Literal["zstd", "lz4", "none"] = "zstd"
+    chunk_bytes: Annotated[int, Field(ge=1024, le=1 << 28)] = 1 << 20
+    flush_seconds: Positive = 0.4
+    required: bool = True
+
+
+class Zenoh(Table):
+    """Endpoints and discovery. config: a Zenoh configuration file (JSON5) that the rest is laid over."""
+
+    connect: tuple[str, ...] = ()
+    listen: tuple[str, ...] = ()
+    mode: Literal["peer", "client"] = "peer"
+    gossip: bool = True
+    multicast: bool = False
+    lease_ms: Annotated[int, Field(ge=100, le=600_000)] = 5000
+    config: str | None = None
+
+
+class Scenario(Table):
+    """One run. steps None: 300, or as many as the dataset fills. dt: s."""
+
+    name: Name = "tracking"
+    seed: Annotated[int, Field(ge=0, lt=2**64)] = 1
+    steps: Annotated[int, Field(ge=1, le=10_000_000)] | None = None
+    dt: Positive = 0.1
+    target: Target = Target()
+    agents: Agents = Agents()
+    sensor: Sensor = Sensor()
+    network: Network = Network()
+    consensus: Consensus = Consensus()
+    filter: Filter = Filter()
+    timing: Timing = Timing()
+    fault: tuple[AnyFault, ...] = ()
+    record: Record = Record()
+    zenoh: Zenoh = Zenoh()
+
+    @property
+    def count(self) -> int:
+        """Number of agents."""
+        return self.agents.number
+
+    @property
+    def length(self) -> int:
+        """Number of steps."""
+        return 300 if self.steps is None else self.steps
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Scenario:
+        count = self.count
+        for key, value in {
+            "filter.initial_position": self.filter.initial_position,
+            "filter.initial_velocity": self.filter.initial_velocity,
+            "sensor.bias": self.sensor.bias,
+        }.items():
+            one_each = isinstance(value, tuple) and (key == "sensor.bias" or isinstance(value[0], tuple))
+            if isinstance(value, tuple) and one_each and len(value) != count:
+                raise ValueError(f"{key} lists {len(value)} values for {count} agents; give one, or one per agent")
+        return self
+
+
+def _one_of(value: str, choices: tuple[str, ...]) -> str:
+    if value not in choices:
+        raise ValueError(f"must be one of {', '.join(choices)}, not {value!r}")
+    return value

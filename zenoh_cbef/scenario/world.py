@@ -1,0 +1,134 @@
+"""The physical world of a scenario: where target and agents are, and what the agents' receivers hear.
+
+In a real deployment the world does this itself; here the target process (and the simulator) emulate it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zenoh_cbef import streams
+from zenoh_cbef.datasets import read_dataset
+from zenoh_cbef.scenario.model import Scenario, Target
+from zenoh_cbef.scenario.network import placement
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class World:
+    """What happens in steps 1 to K; row k-1 is step k.
+
+    time: (K,), s. truth: (K, 6), the target's state. positions: (n, K, 3), the agents. emitted, arrived: (n, K),
+    run time (s) at which a beacon left the target and reached an agent; NaN where none was heard.
+    """
+
+    time: Floats
+    truth: Floats
+    positions: Floats
+    emitted: Floats
+    arrived: Floats
+
+
+def make_world(scenario: Scenario) -> World:
+    """The world of one scenario."""
+    time = scenario.dt * np.arange(1, scenario.length + 1)
+    positions = agent_positions(scenario)
+    if scenario.target.motion == "dataset":
+        dataset = read_dataset(Path(scenario.target.path or ""))
+        origin = dataset.origin(scenario.dt)
+        emitted, ranges = dataset.beacons(origin + time)
+        emitted = np.where(np.isfinite(emitted), emitted - origin, np.nan)
+        return World(
+            time, dataset.truth_at(origin + time), positions, emitted, emitted + ranges / scenario.sensor.signal_speed
+        )
+    truth = target_path(scenario)[1:]
+    ranges = _sensed(scenario, np.linalg.norm(truth[None, :, :3] - positions, axis=2))
+    emitted = np.where(np.isfinite(ranges), time, np.nan)
+    return World(time, truth, positions, emitted, emitted + ranges / scenario.sensor.signal_speed)
+
+
+def target_start(scenario: Scenario) -> Floats:
+    """The target's true state at step 0, (6,). Not for recorded data."""
+    target = scenario.target
+    if target.motion == "ncv":
+        return np.array([*target.position, *target.velocity])
+    return _prescribed(target, np.zeros(1))[0]
+
+
+def target_path(scenario: Scenario) -> Floats:
+    """The target's true states at steps 0 to K, (K + 1, 6). Not for recorded data."""
+    target, steps, dt = scenario.target, scenario.length, scenario.dt
+    if target.motion != "ncv":
+        return _prescribed(target, dt * np.arange(steps + 1))
+    key = streams.stream(scenario.seed, "acceleration", np.arange(3))
+    acceleration = target.acceleration_std * streams.normal(key, np.arange(steps)[:, None])
+    state = np.empty((steps + 1, 6))
+    state[0] = target_start(scenario)
+    state[1:, 3:] = dt * acceleration
+    state[:, 3:] = np.cumsum(state[:, 3:], axis=0)
+    state[1:, :3] = dt * state[:-1, 3:] + 0.5 * dt**2 * acceleration
+    state[:, :3] = np.cumsum(state[:, :3], axis=0)
+    return state
+
+
+def _prescribed(target: Target, time: Floats) -> Floats:
+    if target.motion == "waypoints":
+        return along(np.array(target.waypoints), target.speed, time)
+    rate = 2.0 * np.pi / target.period
+    sine, cosine = np.sin(rate * time), np.cos(rate * time)
+    state = np.zeros((len(time), 6))
+    if target.motion == "circle":
+        state[:, 0], state[:, 1] = cosine, sine
+        state[:, 3], state[:, 4] = -rate * sine, rate * cosine
+    else:  # the lemniscate of Gerono
+        state[:, 0], state[:, 1] = sine, sine * cosine
+        state[:, 3], state[:, 4] = rate * cosine, rate * (cosine**2 - sine**2)
+    state *= target.radius
+    state[:, :3] += np.array(target.position)
+    return state
+
+
+def along(points: Floats, speed: float, time: Floats) -> Floats:
+    """States (t, 6) of a body that follows points (w, 3) at constant speed (m/s) and rests at the last."""
+    legs = np.diff(points, axis=0)
+    lengths = np.linalg.norm(legs, axis=1)
+    reached = np.concatenate([[0.0], np.cumsum(lengths)])
+    distance = speed * time
+    position = np.stack([np.interp(distance, reached, points[:, axis]) for axis in range(3)], axis=1)
+    leg = np.clip(np.searchsorted(reached, distance, side="right") - 1, 0, max(len(legs) - 1, 0))
+    direction = legs / np.where(lengths > 0.0, lengths, 1.0)[:, None] if len(legs) else np.zeros((1, 3))
+    moving = (distance < reached[-1])[:, None]
+    return np.concatenate([position, np.where(moving, speed * direction[leg], 0.0)], axis=1)
+
+
+def agent_positions(scenario: Scenario) -> Floats:
+    """The agents' positions in steps 1 to K, (n, K, 3)."""
+    agents, steps = scenario.agents, scenario.length
+    time = scenario.dt * np.arange(1, steps + 1)
+    if agents.motion == "waypoints":
+        return np.stack([along(np.array(points), agents.speed, time)[:, :3] for points in agents.waypoints])
+    drift = np.array(agents.velocity) if agents.motion == "formation" else np.zeros(3)
+    return np.asarray(placement(scenario)[:, None, :] + time[None, :, None] * drift)
+
+
+def _sensed(scenario: Scenario, distances: Floats) -> Floats:
+    """Measured ranges for true distances (n, K), NaN where the receiver heard nothing."""
+    sensor, count = scenario.sensor, len(distances)
+    agents, steps = np.arange(count), np.arange(1, distances.shape[1] + 1)
+
+    def key(purpose: str) -> streams.Keys:
+        return streams.stream(scenario.seed, purpose, agents)[:, None]
+
+    bias = np.array(sensor.bias) + sensor.bias_std * streams.normal(key("sensor bias")[:, 0], 0)
+    ranges = distances + bias[:, None] + sensor.range_std * streams.normal(key("range noise"), steps)
+    if sensor.outlier_probability > 0.0:
+        hit = streams.uniform(key("outlier"), steps) < sensor.outlier_probability
+        ranges += np.where(hit, sensor.outlier_scale * streams.exponential(key("outlier size"), steps), 0.0)
+    ranges = np.maximum(ranges, 0.0)
+    heard = streams.uniform(key("dropout"), steps) >= sensor.dropout_probability
+    return np.where(heard, ranges, np.nan)

@@ -1,0 +1,208 @@
+"""The same tracker without processes: runs that differ only in their seed are one batch."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zenoh_cbef.faults import Fates
+from zenoh_cbef.scenario import Scenario, network
+from zenoh_cbef.scenario.build import batch_tracker, initial_states, rounds_of
+from zenoh_cbef.scenario.world import World, make_world
+from zenoh_cbef.trace import Links, Trace, Traffic
+from zenoh_cbef.tracking.graph import Neighbours
+from zenoh_cbef.tracking.ranging import Measurement
+from zenoh_cbef.tracking.tracker import Estimate
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Heard:
+    """What the receivers of all rows measured in steps 1 to K: positions (N, K, 3), ranges and ages (N, K)."""
+
+    positions: Floats
+    ranges: Floats
+    age: Floats
+
+
+@dataclass(frozen=True)
+class Step:
+    """One simulated step: the messages sent in every round (L, N, d), and the estimates."""
+
+    sent: list[Floats]
+    estimate: Estimate
+
+
+def measured(scenario: Scenario, emitted: Floats, arrived: Floats, step: int | Floats) -> tuple[Floats, Floats]:
+    """Range (m) and age (s) that agents take from beacon times; NaN where no beacon was heard.
+
+    The one place with this arithmetic, for processes and simulator alike. step counts from 1.
+    """
+    return scenario.sensor.signal_speed * (arrived - emitted), step * scenario.dt - emitted
+
+
+def heard_in(scenario: Scenario, world: World) -> Heard:
+    """What one world's receivers measured."""
+    steps = np.arange(1, scenario.length + 1, dtype=np.float64)
+    ranges, age = measured(scenario, world.emitted, world.arrived, steps)
+    return Heard(world.positions, ranges, np.where(np.isfinite(age), age, 0.0))
+
+
+class _Counts:
+    """Messages per directed link (N, m), as the receivers count them."""
+
+    def __init__(self, present: Bools) -> None:
+        self.present = present
+        self.sent = np.zeros(present.shape, dtype=np.int64)
+        self.late = np.zeros(present.shape, dtype=np.int64)
+        self.delivered = np.zeros(present.shape, dtype=np.int64)
+
+    def add(self, delivered: Bools, late: Bools) -> None:
+        self.sent += self.present
+        self.delivered += delivered
+        self.late += late & self.present
+
+
+def _all_fates(scenarios: Sequence[Scenario], neighbours: Neighbours) -> Fates:
+    first, count = scenarios[0], scenarios[0].count
+    rows = np.arange(len(neighbours.index))
+    seeds = np.array([one.seed for one in scenarios], dtype=np.uint64)[rows // count]
+    width = neighbours.index.shape[1]
+    return Fates(
+        first.fault,
+        seed=np.repeat(seeds, width),
+        source=(neighbours.index % count).ravel().astype(np.int64),
+        destination=np.repeat(rows % count, width).astype(np.int64),
+        dt=first.dt,
+        rounds=rounds_of(first),
+    )
+
+
+class Simulation:
+    """A batch of runs, step by step."""
+
+    def __init__(self, scenarios: Sequence[Scenario], heard: Sequence[Heard]) -> None:
+        self.scenario = scenarios[0]
+        self.rounds = rounds_of(self.scenario)
+        self.tracker, self.neighbours = batch_tracker(scenarios)
+        self.heard = Heard(
+            np.concatenate([one.positions for one in heard]),
+            np.concatenate([one.ranges for one in heard]),
+            np.concatenate([one.age for one in heard]),
+        )
+        self.counts = _Counts(self.neighbours.present)
+        self._fates = _all_fates(scenarios, self.neighbours)
+
+    def __iter__(self) -> Iterator[Step]:
+        for step in range(1, self.scenario.length + 1):
+            yield self._step(step)
+
+    def _delivered(self, step: int, round_: int) -> Bools:
+        present = self.neighbours.present
+        if self._fates.quiet:
+            self.counts.add(present, np.zeros_like(present))
+            return present
+        due, late = (flags.reshape(present.shape) for flags in self._fates.due(step, round_))
+        delivered = due & present
+        self.counts.add(delivered, late)
+        return delivered
+
+    def _measurement(self, step: int) -> Measurement:
+        position, range_, age = (part[:, step - 1] for part in (self.heard.positions, self.heard.ranges, self.heard.age))
+        if not self.tracker.filter.uses_neighbour_ranges:
+            nobody = len(position), 0
+            return Measurement(position, range_, age, np.empty((*nobody, 3)), np.empty(nobody))
+        delivered = self._delivered(step, 0)
+        index = self.neighbours.index
+        return Measurement(
+            position,
+            range_,
+            age,
+            np.where(delivered[:, :, None], position[index], 0.0),
+            np.where(delivered, range_[index], np.nan),
+        )
+
+    def _step(self, step: int) -> Step:
+        message = self.tracker.measure(self._measurement(step))
+        sent = []
+        for round_ in range(1, self.rounds + 1):
+            sent.append(message)
+            message = self.tracker.exchange(message[self.neighbours.index], self._delivered(step, round_))
+        return Step(sent, self.tracker.conclude())
+
+
+def simulate(
+    scenarios: Sequence[Scenario],
+    *,
+    heard: Sequence[Heard] | None = None,
+    keep_payloads: bool = False,
+    progress: Callable[[int], None] = lambda step: None,
+) -> list[Trace]:
+    """Simulate runs that differ only in their seed; bit for bit what processes compute in lockstep.
+
+    heard: measurements in place of the emulated ones, for replay. progress is called with each finished step.
+    """
+    worlds = [make_world(one) for one in scenarios]
+    heard = heard or [heard_in(one, world) for one, world in zip(scenarios, worlds, strict=True)]
+    simulation = Simulation(scenarios, heard)
+    rows, steps = len(simulation.neighbours.index), simulation.scenario.length
+    estimates = np.empty((rows, steps, 6))
+    covariances = np.full((rows, steps, 6, 6), np.nan)
+    innovation, weight = np.empty((rows, steps)), np.empty((rows, steps))
+    payloads = None
+    for k, step in enumerate(simulation):
+        estimates[:, k] = step.estimate.state
+        if step.estimate.covariance is not None:
+            covariances[:, k] = step.estimate.covariance
+        innovation[:, k], weight[:, k] = step.estimate.innovation, step.estimate.weight
+        if keep_payloads and step.sent:
+            if payloads is None:
+                payloads = np.empty((rows, steps, len(step.sent), step.sent[0].shape[1]))
+            payloads[:, k] = np.stack(step.sent, axis=1)
+        progress(k + 1)
+    traces = []
+    for run, (one, world) in enumerate(zip(scenarios, worlds, strict=True)):
+        mine = slice(run * one.count, (run + 1) * one.count)
+        traces.append(
+            Trace(
+                name=one.name,
+                scenario=one,
+                time=world.time,
+                truth=world.truth,
+                positions=heard[run].positions,
+                ranges=heard[run].ranges,
+                age=heard[run].age,
+                initial=initial_states(one),
+                estimates=estimates[mine],
+                covariances=covariances[mine],
+                innovation=innovation[mine],
+                weight=weight[mine],
+                edges=network.edges(one),
+                links=_links(simulation, mine),
+                traffic=Traffic(0, 0, 0, 0),
+                payloads=None if payloads is None else payloads[mine],
+            )
+        )
+    return traces
+
+
+def _links(simulation: Simulation, mine: slice) -> Links:
+    counts, neighbours = simulation.counts, simulation.neighbours
+    present = neighbours.present[mine]
+    count = len(present)
+    destination = np.repeat(np.arange(count), present.sum(axis=1))
+    sent, delivered, late = (part[mine][present] for part in (counts.sent, counts.delivered, counts.late))
+    return Links(
+        source=(neighbours.index[mine][present] - mine.start).astype(np.int64),
+        destination=destination.astype(np.int64),
+        sent=sent,
+        delivered=delivered,
+        lost=sent - delivered - late,
+        late=late,
+        latency=np.full(len(sent), np.nan),
+    )

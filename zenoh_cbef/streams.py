@@ -1,0 +1,65 @@
+"""Counter-based random streams: every draw is a pure function of what it is for.
+
+A stream is named by (seed, purpose, source, destination) and indexed by (step, lane), so any process, on any
+host, and the simulator draw the same value without asking each other, in any order and in any batch. The
+generator is the SplitMix64 finaliser (Steele, Lea, Flood: Fast Splittable Pseudorandom Number Generators,
+OOPSLA 2014), applied once per coordinate of the name and of the index.
+"""
+
+from __future__ import annotations
+
+from hashlib import blake2b
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Keys = NDArray[np.uint64]
+Floats = NDArray[np.float64]
+
+_STEP = np.uint64(0x9E3779B97F4A7C15)
+_LANE = np.uint64(0xD1B54A32D192ED03)
+_MASK = (1 << 64) - 1
+
+
+def _mix(z: Keys) -> Keys:
+    z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return z ^ (z >> np.uint64(31))
+
+
+def _words(values: ArrayLike) -> Keys:
+    # At least one dimension: NumPy warns when uint64 scalars wrap, and is silent about arrays.
+    array = np.atleast_1d(np.asarray(values))
+    if array.dtype == object:
+        array = np.array([int(value) & _MASK for value in array.ravel()], dtype=np.uint64).reshape(array.shape)
+    return array.astype(np.uint64)
+
+
+def stream(seed: ArrayLike, purpose: str, source: ArrayLike = 0, destination: ArrayLike = 0) -> Keys:
+    """The key of one stream, or of an array of streams (at least 1-D; the arguments broadcast)."""
+    code = np.uint64(int.from_bytes(blake2b(purpose.encode(), digest_size=8).digest(), "little"))
+    key = _mix(_words(seed) + _STEP)
+    key = _mix(key ^ code)
+    key = _mix(key + _STEP * _words(source))
+    return _mix(key + _LANE * (_words(destination) + np.uint64(1)))
+
+
+def bits(key: Keys, step: ArrayLike, lane: ArrayLike = 0) -> Keys:
+    """64 random bits at index (step, lane) of each stream; the arguments broadcast."""
+    return _mix(_mix(key + _STEP * _words(step)) + _LANE * _words(lane))
+
+
+def uniform(key: Keys, step: ArrayLike, lane: ArrayLike = 0) -> Floats:
+    """Uniform draws in [0, 1)."""
+    return (bits(key, step, lane) >> np.uint64(11)) * 2.0**-53
+
+
+def normal(key: Keys, step: ArrayLike, lane: int = 0) -> Floats:
+    """Standard normal draws (Box and Muller 1958); uses lanes 2*lane and 2*lane + 1."""
+    radius = np.sqrt(-2.0 * np.log(1.0 - uniform(key, step, 2 * lane)))
+    return np.asarray(radius * np.cos(2.0 * np.pi * uniform(key, step, 2 * lane + 1)))
+
+
+def exponential(key: Keys, step: ArrayLike, lane: ArrayLike = 0) -> Floats:
+    """Exponential draws of mean 1."""
+    return np.asarray(-np.log(1.0 - uniform(key, step, lane)))

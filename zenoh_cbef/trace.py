@@ -1,0 +1,70 @@
+"""One run as arrays: what the simulator makes, what a log is read into, and what the analysis looks at."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zenoh_cbef.scenario.model import Scenario
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Links:
+    """Messages on every directed link, arrays (e,).
+
+    sent: published by the source while it ran. delivered: in time. lost: never came, or came too late to tell.
+    late: came after their round. latency: mean time from sending to use, s; NaN where unknown.
+    """
+
+    source: Ints
+    destination: Ints
+    sent: Ints
+    delivered: Ints
+    lost: Ints
+    late: Ints
+    latency: Floats
+
+
+@dataclass(frozen=True)
+class Traffic:
+    """Messages of a whole run: sent (by sequence numbers), recorded, missing from the log, and rejected."""
+
+    sent: int
+    recorded: int
+    missing: int
+    rejected: int
+
+
+@dataclass(frozen=True)
+class Trace:
+    """One run. Row k-1 of a step axis is step k; n agents, K steps.
+
+    time: (K,), s. truth: (K, 6). positions: (n, K, 3). ranges: (n, K), m. age: (n, K), s, of each range at its
+    step. initial: (n, 6), before step 1's update. estimates: (n, K, 6). covariances: (n, K, 6, 6). innovation,
+    weight: (n, K). edges: (m, 2). NaN where there is nothing. payloads, where kept: (n, K, L, d), as sent.
+    events: what nodes reported, in order. complete: the log was closed, and the run ended as planned.
+    """
+
+    name: str
+    scenario: Scenario
+    time: Floats
+    truth: Floats
+    positions: Floats
+    ranges: Floats
+    age: Floats
+    initial: Floats
+    estimates: Floats
+    covariances: Floats
+    innovation: Floats
+    weight: Floats
+    edges: Ints
+    links: Links
+    traffic: Traffic
+    payloads: Floats | None = None
+    events: list[dict[str, object]] = field(default_factory=list)
+    complete: bool = True

@@ -1,0 +1,103 @@
+"""Averaging payloads with neighbours: the only stage that mixes agents, and it knows nothing of filters."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zenoh_cbef.tracking.linalg import neighbour_sum
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+
+class Consensus(Protocol):
+    """A linear averaging scheme. What it returns is what the agents send next."""
+
+    def start(self, payload: Floats) -> Floats:
+        """Begin a step with payloads (n, d); returns the first message (n, d)."""
+
+    def mix(self, received: Floats, delivered: Bools) -> Floats:
+        """Take in one round, messages (n, m, d) of which some were delivered (n, m); returns the next message."""
+
+    def result(self) -> Floats:
+        """The mixed payload (n, d)."""
+
+
+def _averaged(weights: Floats, value: Floats, received: Floats, delivered: Bools) -> Floats:
+    # The own value stands in for a missing one, so its term is zero and the rows of W always sum to one. Adding
+    # 0.0 first turns -0.0 into 0.0, which padding would do in a larger batch.
+    terms = np.where(delivered[:, :, None], received - value[:, None, :], 0.0)
+    return value + 0.0 + neighbour_sum(weights[:, :, None] * terms)
+
+
+@dataclass
+class Average:
+    """y(l) = W y(l-1): with uniform weights the paper's x - epsilon sum_j (x - x_j).
+
+    weights: (n, m), zero where padded.
+    """
+
+    weights: Floats
+
+    def start(self, payload: Floats) -> Floats:
+        """The payload itself is sent."""
+        self._value = payload
+        return payload
+
+    def mix(self, received: Floats, delivered: Bools) -> Floats:
+        """One multiplication by W."""
+        self._value = _averaged(self.weights, self._value, received, delivered)
+        return self._value
+
+    def result(self) -> Floats:
+        """The value after the last round."""
+        return self._value
+
+
+@dataclass
+class Chebyshev:
+    """Chebyshev-accelerated averaging (Montijano, Montijano, Sagues, IEEE TSP 61(3), 2013).
+
+    With a(x) = (2x - high - low)/(high - low) and T_l the Chebyshev polynomials,
+    y(l) = T_l(a(W)) y(0) / T_l(a(1)), written as a three-term recurrence in ratios that cannot overflow.
+
+    weights: (n, m). low, high: (n, 1), bounds of the eigenvalues of W other than 1.
+    """
+
+    weights: Floats
+    low: Floats
+    high: Floats
+
+    def __post_init__(self) -> None:
+        # Equal bounds (a complete graph) would divide by zero; a narrow band around them is as good.
+        middle, half = 0.5 * (self.high + self.low), np.maximum(0.5 * (self.high - self.low), 1e-3)
+        self._middle, self._gap = middle, 1.0 - middle
+        self._ratio = half / self._gap
+
+    def start(self, payload: Floats) -> Floats:
+        """The payload itself is sent."""
+        self._value = self._previous = payload
+        self._omega = np.ones_like(self._ratio)
+        self._rounds = 0
+        return payload
+
+    def mix(self, received: Floats, delivered: Bools) -> Floats:
+        """One step of the recurrence y(l+1) = y(l-1) + omega (a(W)/a(1) y(l) - y(l-1))."""
+        averaged = _averaged(self.weights, self._value, received, delivered)
+        scaled = (averaged - self._middle * self._value) / self._gap
+        if self._rounds == 1:
+            self._omega = 1.0 / (1.0 - 0.5 * self._ratio**2)
+        elif self._rounds > 1:
+            self._omega = 1.0 / (1.0 - 0.25 * self._ratio**2 * self._omega)
+        following = self._previous + self._omega * (scaled - self._previous)
+        self._previous, self._value = self._value, following
+        self._rounds += 1
+        return following
+
+    def result(self) -> Floats:
+        """The value after the last round."""
+        return self._value

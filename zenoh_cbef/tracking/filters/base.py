@@ -1,0 +1,56 @@
+"""What every filter is: it turns a measurement into a payload, and a mixed payload back into a belief."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zenoh_cbef.tracking.ranging import Measurement
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Belief:
+    """State (n, s) with covariance (n, s, s); a filter without a covariance carries None."""
+
+    state: Floats
+    covariance: Floats | None
+
+
+@dataclass(frozen=True)
+class Update:
+    """A filter's local update.
+
+    payload: (n, d), what the consensus stage mixes. innovation: (n,), size of the innovation (NaN where nothing
+    was measured). weight: (n,), the saturation gain in (0, 1] that was applied (NaN likewise).
+    """
+
+    payload: Floats
+    innovation: Floats
+    weight: Floats
+
+
+class Filter(Protocol):
+    """One estimation filter for a batch of agents. The consensus stage knows nothing of it."""
+
+    @property
+    def payload_size(self) -> int:
+        """Length d of the payload vector."""
+
+    @property
+    def uses_neighbour_ranges(self) -> bool:
+        """Whether agents need their neighbours' positions and ranges before the update."""
+
+    @property
+    def cooperates(self) -> bool:
+        """Whether payloads are exchanged with neighbours at all."""
+
+    def update(self, belief: Belief, measurement: Measurement) -> Update:
+        """Predict one step and take in the measurement."""
+
+    def conclude(self, payload: Floats) -> Belief:
+        """Turn the payload that consensus left back into a belief."""

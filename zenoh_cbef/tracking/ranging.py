@@ -1,0 +1,105 @@
+"""What ranges say about the target: the agent's own range, and differences with neighbours' ranges."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """What a batch of agents measured in one step; NaN where a range is missing.
+
+    position: (n, 3), the agents, m. range: (n,), m. age: (n,), s, how long before the step's time the beacon was
+    emitted (0 for a synchronous target). neighbour_position: (n, m, 3) and neighbour_range: (n, m), as delivered
+    by the neighbours this step; filters that use only their own range get them empty (m = 0).
+    """
+
+    position: Floats
+    range: Floats
+    age: Floats
+    neighbour_position: Floats
+    neighbour_range: Floats
+
+
+@dataclass(frozen=True)
+class Space:
+    """The space the target moves in: three axes, or a horizontal plane at a known height (m)."""
+
+    height: float | None = None
+
+    @property
+    def axes(self) -> int:
+        """Number of estimated axes."""
+        return 3 if self.height is None else 2
+
+    def position(self, state: Floats) -> Floats:
+        """Positions (n, 3) of states (n, 2 axes)."""
+        if self.height is None:
+            return state[:, :3]
+        return np.concatenate([state[:, :2], np.full((len(state), 1), self.height)], axis=1)
+
+    def embed_state(self, state: Floats) -> Floats:
+        """States (n, 2 axes) as (n, 6)."""
+        if self.height is None:
+            return state
+        full = np.zeros((len(state), 6))
+        full[:, self.kept] = state
+        full[:, 2] = self.height
+        return full
+
+    def embed_covariance(self, covariance: Floats) -> Floats:
+        """Covariances (n, 2 axes, 2 axes) as (n, 6, 6), zero where the state is known."""
+        if self.height is None:
+            return covariance
+        full = np.zeros((len(covariance), 6, 6))
+        full[:, self.kept[:, None], self.kept] = covariance
+        return full
+
+    @property
+    def kept(self) -> NDArray[np.intp]:
+        """Indices of the estimated components within the full state of six."""
+        return np.array([0, 1, 2, 3, 4, 5]) if self.height is None else np.array([0, 1, 3, 4])
+
+
+def own_range(space: Space, state: Floats, position: Floats, age: Floats) -> tuple[Floats, Floats]:
+    """Predicted range h(x) = |p - age v - p_i| and its gradient.
+
+    state: (n, s). position: (n, 3), the agents. age: (n,), s. Returns (n,) in metres and rows (n, s). A target
+    exactly at an agent has no direction; its gradient is zero there.
+    """
+    axes = space.axes
+    offset = space.position(state) - position
+    offset[:, :axes] -= age[:, None] * state[:, axes:]
+    distance = np.sqrt(np.sum(offset * offset, axis=1))
+    direction = offset[:, :axes] / np.where(distance > 0.0, distance, 1.0)[:, None]
+    return distance, np.concatenate([direction, -age[:, None] * direction], axis=1)
+
+
+def differenced_rows(space: Space, measurement: Measurement) -> tuple[Floats, Floats, Bools]:
+    """Observation matrix and right-hand sides of the paper's linear form (eq. 5 there), one row per neighbour.
+
+    (p_j - p_i)^T p = (r_i^2 - r_j^2 + |p_j|^2 - |p_i|^2) / 2, exact in the ranges. Returns H (n, m, axes) of the
+    position components, y (n, m), and which rows exist (n, m): those whose two ranges were delivered. In a plane
+    the known height moves to the right-hand side.
+    """
+    own = measurement.position[:, None, :]
+    other = measurement.neighbour_position
+    ranges = measurement.range[:, None]
+    present = np.isfinite(ranges) & np.isfinite(measurement.neighbour_range)
+    difference = other - own
+    right = 0.5 * (
+        ranges * ranges
+        - measurement.neighbour_range * measurement.neighbour_range
+        + np.sum(other * other, axis=2)
+        - np.sum(own * own, axis=2)
+    )
+    if space.height is not None:
+        right = right - space.height * difference[:, :, 2]
+    rows = np.where(present[:, :, None], difference[:, :, : space.axes], 0.0)
+    return rows, np.where(present, right, 0.0), present

@@ -1,0 +1,62 @@
+"""One step of a batch of agents: measure, exchange for some rounds, conclude. No clock, socket or thread."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zenoh_cbef.tracking.consensus import Consensus
+from zenoh_cbef.tracking.filters.base import Belief, Filter, Update
+from zenoh_cbef.tracking.ranging import Measurement, Space
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A step's result: state (n, 6), covariance (n, 6, 6) or None, innovation (n,) and weight (n,)."""
+
+    state: Floats
+    covariance: Floats | None
+    innovation: Floats
+    weight: Floats
+
+
+class Tracker:
+    """The filter and its consensus stage, step after step. The caller carries the messages.
+
+    A step is `measure`, then as many `exchange` as there are rounds, then `conclude`. What `measure` and
+    `exchange` return is what every agent of the batch sends in the coming round, (n, d).
+    """
+
+    def __init__(self, filter_: Filter, consensus: Consensus, space: Space, initial: Belief) -> None:
+        self.filter = filter_
+        self.consensus = consensus
+        self.space = space
+        self.belief = initial
+        self._update: Update | None = None
+
+    def measure(self, measurement: Measurement) -> Floats:
+        """Begin a step with what was measured; returns the first consensus message."""
+        self._update = self.filter.update(self.belief, measurement)
+        return self.consensus.start(self._update.payload)
+
+    def exchange(self, received: Floats, delivered: Bools) -> Floats:
+        """Take in one round's messages (n, m, d), of which some were delivered (n, m)."""
+        return self.consensus.mix(received, delivered)
+
+    def conclude(self) -> Estimate:
+        """End the step."""
+        if self._update is None:
+            raise RuntimeError("conclude() comes after measure()")
+        self.belief = self.filter.conclude(self.consensus.result())
+        covariance = self.belief.covariance
+        return Estimate(
+            self.space.embed_state(self.belief.state),
+            None if covariance is None else self.space.embed_covariance(covariance),
+            self._update.innovation,
+            self._update.weight,
+        )
