@@ -1,0 +1,31 @@
+"""Options that several verbs share."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+ScenarioName = Annotated[
+    str, typer.Argument(metavar="[SCENARIO]", help="A built-in scenario (see 'scenario list') or a TOML file.")
+]
+Overrides = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="KEY=VALUE", help="Override a scenario key, as in consensus.rounds=5; repeatable."),
+]
+LogFile = Annotated[Path, typer.Argument(metavar="LOG", help="A log, or the folder of a run.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")]
+Skip = Annotated[
+    float,
+    typer.Option(min=0.0, max=0.99, help="Share of steps left out at the start of RMSE, NEES and ratios."),
+]
+Run = Annotated[str, typer.Option("--run", help="The run's name, the same for all its processes.")]
+Connect = Annotated[
+    list[str] | None,
+    typer.Option("--connect", metavar="ENDPOINT", help="Whom to link to, as tcp/HOST:PORT; repeatable."),
+]
+Listen = Annotated[
+    list[str] | None,
+    typer.Option("--listen", metavar="ENDPOINT", help="Where to be reached; default: a free loopback port."),
+]

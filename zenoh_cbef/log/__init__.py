@@ -1,0 +1,1 @@
+"""MCAP: write, read, verify, export."""

@@ -1,0 +1,1 @@
+"""The processes: agent, target, recorder and their launcher. The only place with threads, signals and clocks."""

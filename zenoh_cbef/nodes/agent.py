@@ -1,0 +1,181 @@
+"""The agent process: measures, exchanges rounds with its neighbours, publishes its estimate."""
+
+from __future__ import annotations
+
+import time
+import tomllib
+from dataclasses import dataclass
+
+import numpy as np
+
+from zenoh_cbef import __version__
+from zenoh_cbef.errors import UserError
+from zenoh_cbef.nodes.inbox import Alarm, Inbox
+from zenoh_cbef.nodes.neighbour import Neighbourhood, beacon_inbox
+from zenoh_cbef.nodes.node import Identity, Node
+from zenoh_cbef.nodes.rejections import Rejections
+from zenoh_cbef.protocol.messages import nan_to_nil, pack_floats
+from zenoh_cbef.protocol.scenario_service import fetch_scenario
+from zenoh_cbef.scenario import Scenario
+from zenoh_cbef.scenario.build import agent_tracker, fates_into, rounds_of
+from zenoh_cbef.scenario.load import parse
+from zenoh_cbef.scenario.world import agent_positions
+from zenoh_cbef.simulator import measured
+from zenoh_cbef.tracking.ranging import Measurement
+from zenoh_cbef.tracking.tracker import Estimate
+
+
+@dataclass(frozen=True)
+class Beacon:
+    """What the agent's receiver measured: range (m) and age (s), NaN and 0 where nothing was heard."""
+
+    range: float
+    age: float
+
+
+class Agent:
+    """One agent of a run, step after step."""
+
+    def __init__(self, node: Node, scenario: Scenario, agent: int) -> None:
+        self.node, self.scenario, self.agent = node, scenario, agent
+        self.rounds = rounds_of(scenario)
+        self.tracker, neighbours = agent_tracker(scenario, agent)
+        self.path = agent_positions(scenario)[agent]
+        self.rejections = Rejections(node)
+        realtime = scenario.timing.mode == "realtime"
+        alarm = Alarm() if realtime else None
+        self.beacons: Inbox = beacon_inbox(node, agent, self.rejections, alarm)
+        self.neighbourhood = Neighbourhood(
+            node,
+            neighbours,
+            fates_into(scenario, agent, neighbours),
+            rounds=self.rounds,
+            width=self.tracker.filter.payload_size,
+            shares_ranges=self.tracker.filter.uses_neighbour_ranges,
+            rejections=self.rejections,
+            alarm=alarm,
+        )
+        self._range_out, self._round_out, self._estimate_out = (
+            node.outbox(key)
+            for key in (node.keys.range(agent), node.keys.round(agent), node.keys.estimate(agent))
+        )
+        self._slot = scenario.dt / (self.rounds + 1)
+        if scenario.timing.round_deadline_ms is not None:
+            self._slot = 1e-3 * scenario.timing.round_deadline_ms
+        self._realtime = realtime
+        self._epoch = 0.0
+
+    def wait_for_start(self) -> bool:
+        """Wait until everybody this agent deals with is there, then for the target's start signal."""
+        needed = {"target/target"} | {f"agent/{other}" for other in self.neighbourhood.ids}
+        if not self.node.wait_for(lambda live: needed <= live and self._recorded(live)):
+            return False
+        self.node.announce("ready", str(self.agent))
+        start = self.beacons.take(0)
+        if start is None:
+            return False
+        # Steps are counted on the monotonic clock: a clock that is set while we run must not move them.
+        self._epoch = start.get("at", time.time()) - time.time() + time.monotonic()
+        return True
+
+    def _recorded(self, live: set[str]) -> bool:
+        return not self.scenario.record.required or any(name.startswith("record/") for name in live)
+
+    def run(self) -> int:
+        """All steps until the target ends the run; returns the last one."""
+        last = 0
+        # One more than there are steps: leaving before all are done would look like a death to the others.
+        for step in range(1, self.scenario.length + 2):
+            beacon = self._listen(step)
+            if beacon is None or self.node.stopping or step > self.scenario.length:
+                break
+            self._step(step, beacon)
+            last = step
+        return last
+
+    def _deadline(self, step: int, round_: int) -> float | None:
+        if not self._realtime:
+            return None
+        return self._epoch + step * self.scenario.dt + (round_ + 1) * self._slot
+
+    def _listen(self, step: int) -> Beacon | None:
+        """This step's beacon; None where the run has ended."""
+        if self._realtime:
+            time.sleep(max(0.0, self._epoch + step * self.scenario.dt - time.monotonic()))
+        message = self.beacons.take(step, self._deadline(step, 0))
+        if message is None or message["emitted"] is None or message["arrived"] is None:
+            if message is not None and message.get("signal") == "end":
+                return None
+            return Beacon(np.nan, 0.0)
+        found, age = measured(self.scenario, np.array(message["emitted"]), np.array(message["arrived"]), step)
+        return Beacon(float(found), float(age))
+
+    def _measurement(self, step: int, beacon: Beacon) -> Measurement:
+        position = self.path[step - 1]
+        self._range_out.send(k=step, position=position.tolist(), range=nan_to_nil(beacon.range))
+        heard = self.neighbourhood.ranges(step, self._deadline(step, 0))
+        return Measurement(
+            position[None].copy(), np.array([beacon.range]), np.array([beacon.age]), heard.positions, heard.ranges
+        )
+
+    def _step(self, step: int, beacon: Beacon) -> None:
+        message = self.tracker.measure(self._measurement(step, beacon))
+        for round_ in range(1, self.rounds + 1):
+            if not np.isfinite(message).all():
+                raise UserError(
+                    f"agent {self.agent}'s estimate is no longer finite at step {step}; "
+                    "the filter diverges in this scenario, see docs/method.md"
+                )
+            self._round_out.send(k=step, l=round_, payload=pack_floats(message[0]))
+            received, delivered = self.neighbourhood.round(step, round_, self._deadline(step, round_))
+            message = self.tracker.exchange(received, delivered)
+        self._publish(step, self.tracker.conclude())
+
+    def _publish(self, step: int, estimate: Estimate) -> None:
+        covariance = estimate.covariance
+        self._estimate_out.send(
+            k=step,
+            state=estimate.state[0].tolist(),
+            innovation=nan_to_nil(estimate.innovation[0]),
+            weight=nan_to_nil(estimate.weight[0]),
+            **self.neighbourhood.take_counts(),
+            covariance=None if covariance is None else pack_floats(covariance[0]),
+        )
+
+    def finish(self, last: int) -> None:
+        """Say what was done and sent, so that the log can be checked for completeness."""
+        self.rejections.report()
+        boxes = (self._range_out, self._round_out, self._estimate_out)
+        self.node.event(
+            "finished",
+            f"agent {self.agent} ended after step {last}",
+            step=last,
+            sent={box.key: box.sent for box in boxes},
+            rejected=self.rejections.total,
+        )
+
+
+def run_agent(identity: Identity) -> int:
+    """Run one agent process to the end of its run; returns the last step."""
+    with Node(identity) as node:
+        text = fetch_scenario(
+            node.session, identity.run, patience=identity.patience, stopped=lambda: node.stopping
+        )
+        if text.program != __version__:
+            raise UserError(
+                f"run {identity.run!r} is of zenoh-cbef {text.program}, this is {__version__}; "
+                "install the same version on every host"
+            )
+        scenario = parse(tomllib.loads(text.resolved), f"the scenario of run {identity.run!r}")
+        agent = int(identity.name)
+        if agent >= scenario.count:
+            raise UserError(f"run {identity.run!r} has agents 0 to {scenario.count - 1}, no agent {agent}")
+        node.refuse_twin()
+        process = Agent(node, scenario, agent)
+        node.announce("agent", identity.name)
+        last = process.run() if process.wait_for_start() else 0
+        process.finish(last)
+        node.withdraw()
+    return last
+
+

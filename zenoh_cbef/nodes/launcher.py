@@ -1,0 +1,218 @@
+"""Starts target, agents and recorder as processes of their own on this host, and leaves none behind."""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+import selectors
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import IO, Any, Self
+
+from zenoh_cbef.errors import UserError
+from zenoh_cbef.nodes.node import LEASH
+from zenoh_cbef.protocol.session import ONE_RUNTIME
+from zenoh_cbef.scenario import network
+from zenoh_cbef.scenario.load import Loaded
+
+_POLITE_SECONDS = 6.0
+_LAST_SECONDS = 3.0
+_TAIL = 4000
+
+
+@dataclass(frozen=True)
+class Death:
+    """A process that ended in any way but its own: its name, exit status (negative: signal), last words."""
+
+    name: str
+    status: int
+    words: str
+
+    def __str__(self) -> str:
+        how = f"was killed by signal {-self.status}" if self.status < 0 else f"ended with status {self.status}"
+        return f"{self.name} {how}" + (f": {self.words}" if self.words else "")
+
+
+def free_ports(count: int) -> list[int]:
+    """TCP ports on loopback that nobody listens on, below the range that the kernel hands out by itself."""
+    ports: list[int] = []
+    candidates = random.sample(range(15_000, 32_000), 4000)
+    for port in candidates:
+        with socket.socket() as probe:
+            try:
+                probe.bind(("127.0.0.1", port))
+            except OSError:
+                continue
+        ports.append(port)
+        if len(ports) == count:
+            return ports
+    raise UserError(f"this host has no {count} free TCP ports between 15000 and 32000; end what holds them")
+
+
+class Launcher:
+    """All processes of one run. Use as a context manager: leaving it ends every process.
+
+    arguments: the scenario as the command line gave it (a name or file, and --set options), which the target
+    reads for itself. loaded: the same, read here for the graph.
+    """
+
+    def __init__(self, arguments: Sequence[str], loaded: Loaded, run: str, log: Path, *, sync: bool = False) -> None:
+        self._arguments, self._loaded, self._run = list(arguments), loaded, run
+        self._log, self._sync = log, sync
+        self._processes: dict[str, subprocess.Popen[bytes]] = {}
+        self._ended: set[str] = set()
+        self._status: dict[str, Any] = {}
+        self._asked_at: float | None = None
+        self.deaths: list[Death] = []
+
+    def __enter__(self) -> Self:
+        self._folder = tempfile.TemporaryDirectory(prefix="zenoh-cbef-")
+        try:
+            self._start_all()
+        except BaseException:
+            self.kill()
+            self._folder.cleanup()
+            raise
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.kill()
+        self._folder.cleanup()
+
+    def _start_all(self) -> None:
+        count = self._loaded.scenario.count
+        endpoints = [f"tcp/127.0.0.1:{port}" for port in free_ports(count + 2)]
+        target, recorder, agents = endpoints[0], endpoints[1], endpoints[2:]
+        extra = list(self._loaded.scenario.zenoh.listen)
+        self._start("target", ["target", *self._arguments], listen=[target, *extra], connect=[])
+        log = ["--output", str(self._log), "--status-json", *(["--sync"] if self._sync else [])]
+        self._start("recorder", ["record", *log], listen=[recorder], connect=[target])
+        lower: list[list[str]] = [[] for _ in range(count)]
+        for first, second in network.edges(self._loaded.scenario).tolist():
+            lower[second].append(agents[first])
+        for agent in range(count):
+            self._start(
+                f"agent {agent}",
+                ["agent", str(agent)],
+                listen=[agents[agent]],
+                connect=[target, recorder, *lower[agent]],
+            )
+
+    def _start(self, name: str, command: list[str], *, listen: Sequence[str], connect: Sequence[str]) -> None:
+        command += ["--run", self._run, "--no-gossip", "--lease-ms", str(self._loaded.scenario.zenoh.lease_ms)]
+        for option, endpoints in (("--listen", listen), ("--connect", connect)):
+            for endpoint in endpoints:
+                command += [option, endpoint]
+        # One thread per process: the matrices are six by six, and cores are few.
+        environment = os.environ | {LEASH: "1", "OPENBLAS_NUM_THREADS": "1", "ZENOH_RUNTIME": ONE_RUNTIME}
+        with self._words(name).open("wb") as words:
+            self._processes[name] = subprocess.Popen(
+                [sys.executable, "-m", "zenoh_cbef", *command],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE if name == "recorder" else subprocess.DEVNULL,
+                stderr=words,
+                env=environment,
+                start_new_session=True,
+            )
+
+    def _words(self, name: str) -> Path:
+        return Path(self._folder.name) / name.replace(" ", "-")
+
+    def pids(self) -> dict[str, int]:
+        """The processes by name."""
+        return {name: process.pid for name, process in self._processes.items()}
+
+    def watch(self, on_status: Callable[[dict[str, Any]], None], asked_to_stop: Callable[[], int]) -> dict[str, Any]:
+        """Watch until every process has ended; returns the recorder's last status.
+
+        on_status gets the recorder's reports. asked_to_stop: how often the user asked; once stops the run
+        cleanly, twice at once. A process that dies before the first step ends the run.
+        """
+        with selectors.DefaultSelector() as selector:
+            output = self._processes["recorder"].stdout
+            assert output is not None
+            os.set_blocking(output.fileno(), False)
+            selector.register(output, selectors.EVENT_READ)
+            while len(self._ended) < len(self._processes):
+                for _ in selector.select(0.05):
+                    if not self._read_status(output, on_status):
+                        selector.unregister(output)
+                self._note_ends()
+                self._obey(asked_to_stop())
+        return self._status
+
+    def _read_status(self, output: IO[bytes], on_status: Callable[[dict[str, Any]], None]) -> bool:
+        data = output.read()
+        if not data:
+            time.sleep(0.02)
+            return data is None
+        for line in data.splitlines():
+            try:
+                self._status = json.loads(line)
+            except ValueError:  # half a line: the next report is due in a moment
+                continue
+            on_status(self._status)
+        return True
+
+    def _note_ends(self) -> None:
+        for name, process in self._processes.items():
+            status = process.poll()
+            if status is None or name in self._ended:
+                continue
+            self._ended.add(name)
+            if status != 0:
+                self.deaths.append(Death(name, status, self._last_words(name)))
+
+    def _last_words(self, name: str) -> str:
+        text = self._words(name).read_bytes()[-_TAIL:].decode(errors="replace").strip()
+        return text.splitlines()[-1].removeprefix("zenoh-cbef: ") if text else ""
+
+    @property
+    def started(self) -> bool:
+        """Whether a first step was seen."""
+        return bool(self._status.get("step"))
+
+    def _obey(self, asked: int) -> None:
+        doomed = self.deaths and not self.started
+        over = {"target", "recorder"} <= self._ended
+        if asked > 1:
+            self.kill()
+        elif (asked or doomed or over) and self._asked_at is None:
+            self._asked_at = time.monotonic()
+            # The target ends the run for all at the same step; without it everybody is told.
+            self._signal({"target"} if asked and "target" not in self._ended else set(self._processes))
+        elif self._asked_at is not None:
+            waited = time.monotonic() - self._asked_at
+            if waited > _POLITE_SECONDS + _LAST_SECONDS:
+                self.kill()
+            elif waited > _POLITE_SECONDS:
+                self._signal(set(self._processes))
+
+    def _signal(self, names: set[str]) -> None:
+        for name in names - self._ended:
+            self._processes[name].terminate()
+
+    def kill(self) -> None:
+        """End every process now; the recorder gets a moment to close its file."""
+        for name, process in self._processes.items():
+            if process.poll() is None:
+                (process.terminate if name == "recorder" else process.kill)()
+        for process in self._processes.values():
+            try:
+                process.wait(_LAST_SECONDS)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+            for pipe in (process.stdin, process.stdout):
+                if pipe is not None:
+                    pipe.close()

@@ -1,0 +1,143 @@
+"""What every process has: a session, its liveliness token, an event channel, and a clean way to stop."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from types import FrameType, TracebackType
+from typing import Any, Self
+
+import zenoh
+
+from zenoh_cbef.errors import UserError
+from zenoh_cbef.protocol.keys import Keys
+from zenoh_cbef.protocol.outbox import Outbox
+from zenoh_cbef.protocol.presence import Presence
+from zenoh_cbef.protocol.session import Connection, open_session, yield_to_others
+
+LEASH = "ZENOH_CBEF_LEASH"
+
+
+@dataclass(frozen=True)
+class Identity:
+    """Which process of which run this is. patience: s that it waits for the others to appear."""
+
+    run: str
+    role: str
+    name: str
+    connection: Connection = field(default_factory=Connection)
+    patience: float = 30.0
+
+    @property
+    def sender(self) -> str:
+        """The name in messages: "agent/3", or the bare role where there is only one."""
+        return f"{self.role}/{self.name}" if self.role == "agent" else self.role
+
+
+class Node:
+    """A process on the network. Use as a context manager: leaving it closes the session whatever happened."""
+
+    def __init__(self, identity: Identity) -> None:
+        self.identity = identity
+        self.keys = Keys(identity.run)
+        self.stopping = False
+        self._on_stop: list[Callable[[], None]] = []
+        self._tokens: list[zenoh.LivelinessToken] = []
+
+    def __enter__(self) -> Self:
+        if LEASH in os.environ:
+            yield_to_others()
+        self.session = open_session(self.identity.connection)
+        try:
+            self.presence = Presence(self.session, self.keys.all_live)
+            self.events = self.outbox(self.keys.event)
+            self._obey_signals()
+        except BaseException:
+            self.session.close()
+            raise
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.stop()
+        self.session.close()
+
+    def outbox(self, key: str) -> Outbox:
+        """A publisher in this process's name."""
+        return Outbox(self.session, key, run=self.identity.run, sender=self.identity.sender)
+
+    def announce(self, role: str, name: str) -> None:
+        """Declare a liveliness token; everybody sees it come, and go when this process goes."""
+        self._tokens.append(self.session.liveliness().declare_token(self.keys.live(role, name)))
+
+    def withdraw(self) -> None:
+        """Take this process's tokens back: it has said all it had to say."""
+        while self._tokens:
+            self._tokens.pop().undeclare()
+
+    def refuse_twin(self) -> None:
+        """Raise UserError where a process with this role and name is in the run already."""
+        me = self.keys.live(self.identity.role, self.identity.name)
+        if any(reply.ok is not None for reply in self.session.liveliness().get(me, timeout=2.0)):
+            raise UserError(
+                f"{self.identity.role} {self.identity.name} is already in run {self.identity.run!r}; "
+                "give another id, or end that process"
+            )
+
+    def event(self, kind: str, text: str, **data: Any) -> None:
+        """Tell the log what happened."""
+        self.events.send(kind=kind, text=text, data=data)
+
+    def on_stop(self, action: Callable[[], None]) -> None:
+        """Call an action, from another thread, when the process is told to stop."""
+        self._on_stop.append(action)
+
+    def stop(self) -> None:
+        """Tell the process to stop."""
+        if not self.stopping:
+            self.stopping = True
+            for action in self._on_stop:
+                action()
+
+    def wait_for(self, condition: Callable[[set[str]], bool], timeout: float | None = None) -> bool:
+        """Wait until a condition on who is there holds; False at a stop, or after `timeout` s."""
+        until = None if timeout is None else time.monotonic() + timeout
+        while not self.stopping:
+            if self.presence.wait(condition, 0.1):
+                return True
+            if until is not None and time.monotonic() > until:
+                return False
+        return False
+
+    def _obey_signals(self) -> None:
+        # The handler runs in the main thread, perhaps inside a blocking receive: only another thread may send
+        # the wake-ups that end it.
+        asked = threading.Event()
+
+        def ask(signum: int, frame: FrameType | None) -> None:
+            asked.set()
+
+        def obey() -> None:
+            asked.wait()
+            self.stop()
+
+        for number in (signal.SIGTERM, signal.SIGINT):
+            signal.signal(number, ask)
+        threading.Thread(target=obey, daemon=True).start()
+        if LEASH in os.environ:
+            threading.Thread(target=self._follow_leash, args=(asked,), daemon=True).start()
+
+    @staticmethod
+    def _follow_leash(asked: threading.Event) -> None:
+        # The launcher holds the other end of our standard input: its end is the launcher's, however it died.
+        # Read past sys.stdin, whose lock a thread that still holds it at exit would turn into an abort.
+        while os.read(0, 4096):
+            pass
+        asked.set()
+        time.sleep(10.0)
+        os._exit(1)

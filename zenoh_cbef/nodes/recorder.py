@@ -1,0 +1,207 @@
+"""The recorder process: writes everything that crosses the network into one log, and survives being killed."""
+
+from __future__ import annotations
+
+import threading
+import time
+import tomllib
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from platform import node as host_name
+
+import numpy as np
+
+from zenoh_cbef import __version__
+from zenoh_cbef.log.run_log import RunLog
+from zenoh_cbef.nodes.node import Identity, Node
+from zenoh_cbef.protocol.keys import address, agent_of
+from zenoh_cbef.protocol.mailbox import Mailbox
+from zenoh_cbef.protocol.messages import BadMessage, decode
+from zenoh_cbef.protocol.scenario_service import fetch_scenario
+from zenoh_cbef.scenario.load import parse
+from zenoh_cbef.scenario.model import Record
+
+_CAPACITY = 1 << 18
+_REPORT_SECONDS = 0.2
+_GRACE_SECONDS = 2.0
+
+
+@dataclass
+class Status:
+    """What the recorder sees of a run: the step all estimates have reached, the network's position error (m)
+    there, messages recorded, lost or late on links, missing from the log, and the log's path."""
+
+    run: str
+    log: str
+    steps: int
+    step: int = 0
+    error: float | None = None
+    messages: int = 0
+    lost: int = 0
+    late: int = 0
+    missing: int = 0
+    state: str = "recording"
+
+
+class _Overview:
+    """Keeps a Status up to date from the messages that go by."""
+
+    def __init__(self, status: Status, count: int) -> None:
+        self.status = status
+        self._count = count
+        self._truth: dict[int, list[float]] = {}
+        self._errors: dict[int, list[float]] = {}
+        self._links: dict[int, tuple[int, int]] = {}
+
+    def see(self, kind: str, key: str, data: bytes) -> None:
+        """Take one truth or estimate message into account."""
+        try:
+            message = decode(kind, data, run=self.status.run)
+        except BadMessage:
+            return
+        step = message["k"]
+        if kind == "truth":
+            self._truth[step] = message["state"]
+            return
+        self._links[agent_of(key)] = (sum(message["lost"]), sum(message["late"]))
+        truth = self._truth.get(step)
+        if truth is None:
+            return
+        errors = self._errors.setdefault(step, [])
+        errors.append(sum((a - b) ** 2 for a, b in zip(message["state"][:3], truth[:3], strict=True)))
+        if len(errors) == self._count:
+            self.status.step = step
+            self.status.error = float(np.sqrt(np.mean(errors)))
+            self.status.lost = sum(lost for lost, _ in self._links.values())
+            self.status.late = sum(late for _, late in self._links.values())
+            for old in [known for known in self._truth if known <= step]:
+                self._truth.pop(old)
+                self._errors.pop(old, None)
+
+
+class Recorder:
+    """Takes messages off the network and puts them into the log."""
+
+    def __init__(self, node: Node, log: RunLog, overview: _Overview, mailbox: Mailbox) -> None:
+        self.node, self.log, self.overview = node, log, overview
+        self._mailbox = mailbox
+        self._lock = threading.Lock()
+        self._done = threading.Event()
+        self._seen_agents = False
+        self._gone_at: float | None = None
+        self._promised: dict[tuple[str, str], int] = {}
+        node.on_stop(self._mailbox.wake)
+
+    def run(self, *, flush_seconds: float, sync: bool, report: Callable[[Status], None]) -> None:
+        """Record until everybody has left, or until told to stop."""
+        ticker = threading.Thread(target=self._tick, args=(flush_seconds, sync, report), daemon=True)
+        ticker.start()
+        try:
+            while not self._finished():
+                received = self._mailbox.receive_from()
+                with self._lock:
+                    while received is not None:
+                        self._write(*received)
+                        received = self._mailbox.poll_from()
+        finally:
+            self._done.set()
+            ticker.join()
+
+    def _tick(self, flush_seconds: float, sync: bool, report: Callable[[Status], None]) -> None:
+        flushed = time.monotonic()
+        while not self._done.wait(min(flush_seconds, _REPORT_SECONDS)):
+            if time.monotonic() - flushed >= flush_seconds:
+                with self._lock:
+                    self.log.flush(sync=sync)
+                flushed = time.monotonic()
+            self._mailbox.wake()
+            report(self.status())
+
+    def status(self) -> Status:
+        """The present state of affairs."""
+        status = self.overview.status
+        status.messages, status.missing = self.log.count, self.log.missing
+        return status
+
+    def _write(self, key: str, data: bytes) -> None:
+        message = self.log.add(key, data, time.time_ns())
+        found = address(key) if message is not None else None
+        if found is None:
+            return
+        if found.kind in ("truth", "estimate"):
+            self.overview.see(found.kind, key, data)
+        elif found.kind == "event":
+            self._note_promises(data)
+
+    def _note_promises(self, data: bytes) -> None:
+        try:
+            message = decode("event", data, run=self.node.identity.run)
+        except BadMessage:
+            return
+        sent = message.get("data", {}).get("sent")
+        if message["kind"] == "finished" and isinstance(sent, dict):
+            for key, count in sent.items():
+                if isinstance(key, str) and isinstance(count, int):
+                    self._promised[key, message["from"]] = count
+
+    def _finished(self) -> bool:
+        """Whether all who were here have left and what they say they sent has come, or we are told to stop."""
+        if self.node.stopping:
+            return True
+        agents_here = any(name.startswith(("agent/", "target/")) for name in self.node.presence.names())
+        self._seen_agents |= agents_here
+        if agents_here or not self._seen_agents:
+            self._gone_at = None
+            return False
+        self._gone_at = self._gone_at or time.monotonic()
+        lacking = any(self.log.lacks(*name, count) for name, count in self._promised.items())
+        return not lacking or time.monotonic() - self._gone_at > _GRACE_SECONDS
+
+
+def run_recorder(
+    identity: Identity,
+    path: Path,
+    *,
+    sync: bool,
+    report: Callable[[Status], None],
+) -> Status:
+    """Run the recorder process until the run ends or it is told to stop; returns the last status."""
+    with Node(identity) as node:
+        # Subscribed before anybody can see us: nothing is sent before we listen.
+        mailbox = Mailbox(node.session, node.keys.everything, _CAPACITY)
+        text = fetch_scenario(
+            node.session, identity.run, patience=identity.patience, stopped=lambda: node.stopping
+        )
+        scenario = parse(tomllib.loads(text.resolved), f"the scenario of run {identity.run!r}")
+        settings: Record = scenario.record
+        log = RunLog(path, settings)
+        log.describe(
+            source=text.source,
+            resolved=text.resolved,
+            run={
+                "run": identity.run,
+                "name": scenario.name,
+                "seed": str(scenario.seed),
+                "version": __version__,
+                "host": host_name(),
+                "started": datetime.now(UTC).isoformat(),
+            },
+        )
+        overview = _Overview(Status(identity.run, str(path), scenario.length), scenario.count)
+        recorder = Recorder(node, log, overview, mailbox)
+        node.announce("record", identity.name)
+        try:
+            recorder.run(flush_seconds=settings.flush_seconds, sync=sync, report=report)
+        finally:
+            status = recorder.status()
+            log.close({"status": "stopped" if node.stopping else "finished", **_text(status)})
+        status.state = "done"
+        report(status)
+        node.withdraw()
+    return status
+
+
+def _text(status: Status) -> dict[str, str]:
+    return {name: str(value) for name, value in asdict(status).items() if name != "state"}

@@ -1,0 +1,42 @@
+"""Messages that were dropped because they are not what their key promises."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+
+from zenoh_cbef.nodes.node import Node
+
+_REPORT_EVERY = 1.0
+
+
+class Rejections:
+    """Counts rejected messages and reports them on the event key, at most once a second."""
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._counts: Counter[str] = Counter()
+        self._reported_at = -_REPORT_EVERY
+        self._unreported = False
+
+    @property
+    def total(self) -> int:
+        """How many messages were rejected so far."""
+        return sum(self._counts.values())
+
+    def add(self, key: str, reason: str) -> None:
+        """Note one."""
+        self._counts[f"{key}: {reason}"] += 1
+        self._unreported = True
+        if time.monotonic() - self._reported_at >= _REPORT_EVERY:
+            self.report()
+
+    def report(self) -> None:
+        """Publish what was not published yet."""
+        if not self._unreported:
+            return
+        self._unreported = False
+        self._reported_at = time.monotonic()
+        worst, count = self._counts.most_common(1)[0]
+        text = f"{self.total} messages rejected, {count} of them {worst}"
+        self._node.event("rejected", text, total=self.total, reasons=dict(self._counts.most_common(10)))

@@ -1,0 +1,156 @@
+"""The target process: emits the beacons, emulates what the receivers measure, serves the scenario, ends the run."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+from zenoh_cbef import __version__
+from zenoh_cbef.errors import UserError
+from zenoh_cbef.nodes.neighbour import WINDOW
+from zenoh_cbef.nodes.node import Identity, Node
+from zenoh_cbef.nodes.rejections import Rejections
+from zenoh_cbef.protocol.keys import address
+from zenoh_cbef.protocol.mailbox import Mailbox
+from zenoh_cbef.protocol.messages import BadMessage, decode, nan_to_nil
+from zenoh_cbef.protocol.scenario_service import ScenarioText, serve_scenario
+from zenoh_cbef.scenario import Scenario
+from zenoh_cbef.scenario.load import Loaded, to_toml
+from zenoh_cbef.scenario.world import World, make_world
+
+_LAST_WORD_SECONDS = 5.0
+
+
+class _Progress:
+    """How far the agents are, by their estimates; agents that left are not waited for."""
+
+    def __init__(self, node: Node, count: int) -> None:
+        self._node = node
+        self._rejections = Rejections(node)
+        self._reached = [0] * count
+        self._mailbox = Mailbox(node.session, node.keys.all_estimates, 4 * WINDOW * count)
+        node.presence.on_change(lambda name, joined: self._mailbox.wake())
+        node.on_stop(self._mailbox.wake)
+
+    def slowest(self) -> int | None:
+        """The step that every agent still here has finished; None where none is left."""
+        here = [step for agent, step in enumerate(self._reached) if f"agent/{agent}" in self._node.presence]
+        return min(here) if here else None
+
+    def wait(self, step: int, *, even_stopping: bool = False) -> bool:
+        """Wait until every agent has finished a step; False where the run has no agents or is told to stop."""
+        while True:
+            slowest = self.slowest()
+            if slowest is None or (self._node.stopping and not even_stopping):
+                return False
+            if slowest >= step:
+                return True
+            received = self._mailbox.receive_from()
+            if received is not None:
+                self._note(*received)
+
+    def _note(self, key: str, data: bytes) -> None:
+        at = address(key)
+        try:
+            if at is None or at.kind != "estimate":
+                raise BadMessage("not an estimate key")
+            message = decode("estimate", data, run=self._node.identity.run, sender=at.owner)
+            agent = int(at.owner.removeprefix("agent/"))
+            if agent >= len(self._reached):
+                raise BadMessage("from an agent that the scenario does not have")
+        except BadMessage as error:
+            self._rejections.add(key, str(error))
+        else:
+            self._reached[agent] = max(self._reached[agent], message["k"])
+
+
+@dataclass
+class Target:
+    """The target of a run."""
+
+    node: Node
+    scenario: Scenario
+    world: World
+
+    def __post_init__(self) -> None:
+        agents = range(self.scenario.count)
+        self._truth = self.node.outbox(self.node.keys.truth)
+        self._beacons = [self.node.outbox(self.node.keys.beacon(agent)) for agent in agents]
+        self._progress = _Progress(self.node, self.scenario.count)
+
+    def wait_for_everybody(self, patience: float) -> None:
+        """Wait until every agent is ready, and a recorder where one is required. Raises UserError otherwise."""
+        ready = {f"ready/{agent}" for agent in range(self.scenario.count)}
+        needs_recorder = self.scenario.record.required
+
+        def missing(live: set[str]) -> list[str]:
+            absent = [f"agent {name.removeprefix('ready/')}" for name in sorted(ready - live)]
+            recorded = not needs_recorder or any(name.startswith("record/") for name in live)
+            return absent if recorded else [*absent, "the recorder"]
+
+        if not self.node.wait_for(lambda live: not missing(live), patience) and not self.node.stopping:
+            names = ", ".join(missing(self.node.presence.names()))
+            raise UserError(
+                f"after {patience:g} s the run still lacks {names}; start what is missing with the same --run, "
+                "check its --connect, or wait longer with --patience"
+            )
+
+    def run(self) -> int:
+        """Emit all beacons; returns the last step emitted."""
+        realtime = self.scenario.timing.mode == "realtime"
+        start = time.time() + (self.scenario.timing.start_delay if realtime else 0.0)
+        epoch = start - time.time() + time.monotonic()
+        self.node.event("started", f"run {self.node.identity.run} started", at=start)
+        for beacon in self._beacons:
+            beacon.send(k=0, emitted=None, arrived=None, signal="start", at=start)
+        last = 0
+        for step in range(1, self.scenario.length + 1):
+            if realtime:
+                self._sleep_until(epoch + step * self.scenario.dt)
+                if self.node.stopping or self._progress.slowest() is None:
+                    break
+            elif not self._progress.wait(step - WINDOW):
+                break
+            self._emit(step)
+            last = step
+        self._end(last)
+        return last
+
+    def _sleep_until(self, moment: float) -> None:
+        while not self.node.stopping and (left := moment - time.monotonic()) > 0.0:
+            time.sleep(min(left, 0.1))
+
+    def _emit(self, step: int) -> None:
+        self._truth.send(k=step, state=self.world.truth[step - 1].tolist())
+        for agent, beacon in enumerate(self._beacons):
+            emitted, arrived = self.world.emitted[agent, step - 1], self.world.arrived[agent, step - 1]
+            beacon.send(k=step, emitted=nan_to_nil(emitted), arrived=nan_to_nil(arrived))
+
+    def _end(self, last: int) -> None:
+        """No more beacons: agents finish the step they are in, so that a stopped run, too, can be verified."""
+        self._progress.wait(last, even_stopping=True)
+        for beacon in self._beacons:
+            beacon.send(k=last + 1, emitted=None, arrived=None, signal="end")
+        boxes = [self._truth, *self._beacons]
+        self.node.event(
+            "finished", f"the target ended after step {last}", step=last, sent={box.key: box.sent for box in boxes}
+        )
+        # Agents wait for the end signal only while the target is there.
+        self.node.presence.wait(
+            lambda live: not any(name.startswith("agent/") for name in live), _LAST_WORD_SECONDS
+        )
+
+
+def run_target(identity: Identity, loaded: Loaded) -> int:
+    """Run the target process of a scenario to its end; returns the last step."""
+    with Node(identity) as node:
+        node.refuse_twin()
+        text = ScenarioText(loaded.source, to_toml(loaded.scenario), __version__)
+        service = serve_scenario(node.session, identity.run, text)
+        target = Target(node, loaded.scenario, make_world(loaded.scenario))
+        node.announce("target", identity.name)
+        target.wait_for_everybody(identity.patience)
+        last = 0 if node.stopping else target.run()
+        service.undeclare()
+        node.withdraw()
+    return last

@@ -1,0 +1,1 @@
+"""Key expressions, messages and sessions: the only package that imports zenoh."""

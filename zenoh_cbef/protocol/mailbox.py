@@ -1,0 +1,57 @@
+"""Messages of one key expression, received in the caller's thread."""
+
+from __future__ import annotations
+
+import threading
+
+import zenoh
+
+
+class Mailbox:
+    """Messages of one key expression in order of arrival, with wake-ups from other threads.
+
+    Zenoh's blocking receive has no timeout: a wake-up is an empty message to ourselves.
+    """
+
+    def __init__(self, session: zenoh.Session, key: str, capacity: int) -> None:
+        self.key = key
+        self._session = session
+        self._subscriber = session.declare_subscriber(key, zenoh.handlers.FifoChannel(capacity))
+        self._receive = self._subscriber.handler.recv
+        self._poll = self._subscriber.handler.try_recv
+        self._wakes = 0
+        self._lock = threading.Lock()
+
+    def receive(self) -> bytes | None:
+        """The next message's bytes; None after a wake-up."""
+        return self._bytes(self._receive().payload.to_bytes())
+
+    def receive_from(self) -> tuple[str, bytes] | None:
+        """The next message's key and bytes; None after a wake-up."""
+        sample = self._receive()
+        data = self._bytes(sample.payload.to_bytes())
+        return None if data is None else (str(sample.key_expr), data)
+
+    def poll_from(self) -> tuple[str, bytes] | None:
+        """As receive_from, but None at once where nothing waits."""
+        while (sample := self._poll()) is not None:
+            data = self._bytes(sample.payload.to_bytes())
+            if data is not None:
+                return str(sample.key_expr), data
+        return None
+
+    def wake(self) -> None:
+        """Make a receive in another thread return None."""
+        with self._lock:
+            self._wakes += 1
+        key = self.key.replace("**", "wake").replace("*", "wake")
+        self._session.put(key, b"", allowed_destination=zenoh.Locality.SESSION_LOCAL)
+
+    def _bytes(self, data: bytes) -> bytes | None:
+        if data:
+            return data
+        with self._lock:
+            if self._wakes:
+                self._wakes -= 1
+                return None
+        return data

@@ -1,0 +1,33 @@
+"""Messages of one key, published with the sender's envelope."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import zenoh
+
+from zenoh_cbef.protocol.messages import encode
+
+
+class Outbox:
+    """A publisher that numbers its messages.
+
+    What a receiver cannot take in time is dropped for that receiver rather than held against the others: a
+    sender never waits.
+    """
+
+    def __init__(self, session: zenoh.Session, key: str, *, run: str, sender: str) -> None:
+        self.key = key
+        self.sent = 0
+        self._run, self._sender = run, sender
+        self._publisher = session.declare_publisher(
+            key,
+            congestion_control=zenoh.CongestionControl.DROP,
+            allowed_destination=zenoh.Locality.REMOTE,
+        )
+
+    def send(self, **body: Any) -> None:
+        """Publish one message; bin fields last."""
+        self._publisher.put(encode(self._run, self._sender, self.sent, time.time_ns(), body))
+        self.sent += 1

@@ -1,0 +1,45 @@
+"""Who is there: liveliness tokens."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+
+import zenoh
+
+
+class Presence:
+    """Who is there: the liveliness tokens of a run, kept up to date in the background."""
+
+    def __init__(self, session: zenoh.Session, expression: str) -> None:
+        self._prefix = expression.removesuffix("**")
+        self._live: set[str] = set()
+        self._changed = threading.Condition()
+        self._listeners: list[Callable[[str, bool], None]] = []
+        self._subscriber = session.liveliness().declare_subscriber(expression, self._notice, history=True)
+
+    def _notice(self, sample: zenoh.Sample) -> None:
+        name = str(sample.key_expr).removeprefix(self._prefix)
+        joined = sample.kind == zenoh.SampleKind.PUT
+        with self._changed:
+            (self._live.add if joined else self._live.discard)(name)
+            self._changed.notify_all()
+        for listener in self._listeners:
+            listener(name, joined)
+
+    def on_change(self, listener: Callable[[str, bool], None]) -> None:
+        """Call listener(name, joined) from a background thread at every change; name is as in "agent/3"."""
+        self._listeners.append(listener)
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._live
+
+    def names(self) -> set[str]:
+        """Everyone who is there."""
+        with self._changed:
+            return set(self._live)
+
+    def wait(self, condition: Callable[[set[str]], bool], timeout: float | None) -> bool:
+        """Wait until a condition on the names holds; False after `timeout` s."""
+        with self._changed:
+            return self._changed.wait_for(lambda: condition(self._live), timeout)

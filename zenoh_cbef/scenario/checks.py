@@ -1,0 +1,89 @@
+"""What cannot work is refused before anything starts; what will work badly is warned of."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from zenoh_cbef.errors import UserError
+from zenoh_cbef.scenario import network
+from zenoh_cbef.scenario.build import space_of
+from zenoh_cbef.scenario.model import Scenario
+from zenoh_cbef.tracking import graph
+from zenoh_cbef.tracking.linalg import neighbour_sum, outer
+
+
+def check(scenario: Scenario) -> list[str]:
+    """Raise UserError for what cannot work; return warnings, one sentence each."""
+    edges = network.edges(scenario)
+    _check_edges(scenario, edges)
+    neighbours = graph.neighbours(scenario.count, edges)
+    _check_epsilon(scenario, neighbours)
+    _check_faults(scenario)
+    _check_signal(scenario)
+    return _literal_gain(scenario, neighbours) if scenario.filter.kind == "cbef" else []
+
+
+def _check_edges(scenario: Scenario, edges: graph.Edges) -> None:
+    count = scenario.count
+    if len(edges) and (edges.max() >= count or (edges[:, 0] == edges[:, 1]).any()):
+        bad = next(edge for edge in edges.tolist() if edge[1] >= count or edge[0] == edge[1])
+        raise UserError(
+            f"network.edges: {bad} does not join two of the {count} agents 0 to {count - 1}; mend that edge"
+        )
+    parts = graph.components(count, edges)
+    if len(parts) > 1:
+        raise UserError(
+            f"the network falls apart: agents {parts[1]} cannot reach agents {parts[0]}; "
+            "add edges, or choose another network.graph, probability or radius"
+        )
+
+
+def _check_epsilon(scenario: Scenario, neighbours: graph.Neighbours) -> None:
+    given = scenario.consensus.epsilon
+    if scenario.consensus.weights != "uniform" or given is None:
+        return
+    limit = 1.0 / max(1, int(neighbours.degree.max(initial=0)))
+    if given >= limit:
+        raise UserError(
+            f"consensus.epsilon = {given} is at or above the stable limit 1/(largest degree) = {limit:.6g} "
+            "of this graph; lower it, or leave it out"
+        )
+
+
+def _check_faults(scenario: Scenario) -> None:
+    for number, fault in enumerate(scenario.fault):
+        unknown = sorted(agent for agent in fault.agents() if agent >= scenario.count)
+        if unknown:
+            raise UserError(
+                f"fault {number} ({fault.kind}) names agent {unknown[0]}, but agents are 0 to {scenario.count - 1}"
+            )
+        if fault.until is not None and fault.until <= fault.since:
+            raise UserError(f"fault {number} ({fault.kind}): until must be later than from")
+
+
+def _check_signal(scenario: Scenario) -> None:
+    # Times are float64 seconds of run time; the range's resolution is their spacing times the signal speed.
+    last = scenario.length * scenario.dt
+    resolution = float(np.spacing(last)) * scenario.sensor.signal_speed
+    if resolution > 0.1 * scenario.sensor.range_std:
+        raise UserError(
+            f"after {last:.6g} s the clock resolves ranges to {resolution:.3g} m only, too coarse for "
+            f"sensor.range_std = {scenario.sensor.range_std}; shorten the run or lower sensor.signal_speed"
+        )
+
+
+def _literal_gain(scenario: Scenario, neighbours: graph.Neighbours) -> list[str]:
+    positions = network.placement(scenario)
+    axes = space_of(scenario).axes
+    rows = positions[neighbours.index] - positions[:, None, :]
+    rows = np.where(neighbours.present[:, :, None], rows, 0.0)[:, :, :axes]
+    gram = neighbour_sum(outer(rows.reshape(-1, axes), rows.reshape(-1, axes)).reshape(*rows.shape, axes))
+    largest = np.linalg.eigvalsh(gram)[:, -1]
+    worst = int(np.argmax(largest))
+    if largest[worst] < 2.0:
+        return []
+    return [
+        f"cbef will not converge: the largest eigenvalue of H^T H is {largest[worst]:.3g} at agent {worst} "
+        f"({int((largest >= 2.0).sum())} of {scenario.count} agents are at 2 or more); its gain is H^T itself, so "
+        "place agents about one unit apart, or use filter.kind = 'sicf'"
+    ]
