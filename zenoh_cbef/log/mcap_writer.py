@@ -13,7 +13,6 @@ from collections import Counter
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
-from types import TracebackType
 from typing import Literal, Self
 
 import zstandard
@@ -127,17 +126,9 @@ class McapWriter:
             index = self._declare(channel_id)
         chunk = self._chunk
         offset = len(chunk)
-        chunk += (
-            _MESSAGE.pack(
-                _MESSAGE_OPCODE,
-                _MESSAGE_FIELDS + len(data),
-                channel_id,
-                sequence & 0xFFFFFFFF,
-                log_time,
-                publish_time,
-            )
-            + data
-        )
+        length = _MESSAGE_FIELDS + len(data)
+        sequence &= 0xFFFFFFFF
+        chunk += _MESSAGE.pack(_MESSAGE_OPCODE, length, channel_id, sequence, log_time, publish_time) + data
         index.append(log_time)
         index.append(offset)
         self.message_count += 1
@@ -185,9 +176,7 @@ class McapWriter:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def _declare(self, channel_id: int) -> list[int]:
@@ -196,7 +185,8 @@ class McapWriter:
         if declaration is None:
             raise ValueError(f"no channel {channel_id} is registered, or the file is closed")
         self._chunk += declaration
-        self._indexes[channel_id] = index = []
+        index: list[int] = []
+        self._indexes[channel_id] = index
         return index
 
     def _end_chunk(self) -> None:
@@ -223,7 +213,7 @@ class McapWriter:
         index += struct.pack("<QQ", len(compressed), len(chunk))
         try:
             self._write(block)
-        except OSError:
+        except BaseException:
             self.message_count -= sum(counts.values())
             raise
         self._summarise(Opcode.CHUNK_INDEX, _record(Opcode.CHUNK_INDEX, index))
@@ -265,15 +255,10 @@ class McapWriter:
 
     def _statistics(self) -> bytes:
         counts = b"".join(struct.pack("<HQ", *item) for item in self._message_counts.items())
-        kinds = (
-            Opcode.SCHEMA,
-            Opcode.CHANNEL,
-            Opcode.ATTACHMENT_INDEX,
-            Opcode.METADATA_INDEX,
-            Opcode.CHUNK_INDEX,
-        )
-        numbers = [self._record_counts[kind] for kind in kinds]
-        fields = struct.pack("<QHIIIIQQ", self.message_count, *numbers, *(self._times or (0, 0)))
+        schemas, channels, _, chunks, attachments, metadata = (self._record_counts[o] for o in _SUMMARY_ORDER)
+        total = self._message_counts.total()
+        numbers = struct.pack("<QHIIII", total, schemas, channels, attachments, metadata, chunks)
+        fields = numbers + struct.pack("<QQ", *(self._times or (0, 0)))
         return _record(Opcode.STATISTICS, fields + _sized(counts))
 
 

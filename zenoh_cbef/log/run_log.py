@@ -18,6 +18,7 @@ SOURCE = "scenario.toml"
 RESOLVED = "scenario.resolved.toml"
 RUN = "cbef.run"
 END = "cbef.end"
+_MOST = 1 << 63
 
 
 class RunLog:
@@ -42,7 +43,7 @@ class RunLog:
             raise UserError(
                 f"cannot write {path}: {error.strerror}; choose another place for the log"
             ) from None
-        self._channels: dict[tuple[str, str], int] = {}
+        self._channels: dict[tuple[str, bool], tuple[str, int]] = {}
         self._schemas: dict[str, int] = {}
         self._next_seq: dict[tuple[str, str], int] = {}
         self.missing = 0
@@ -59,24 +60,25 @@ class RunLog:
         self._writer.add_metadata(RUN, run)
         self._writer.flush()
 
-    def add(self, key: str, data: bytes, log_time: int) -> dict[str, object] | None:
-        """Write one message as it came; returns its map, None where it is no message of ours."""
+    def add(self, key: str, data: bytes, log_time: int) -> str:
+        """Write one message as it came; returns its kind, "unknown" where it is no message of ours."""
         try:
-            message: dict[str, object] | None = unpack(data)
-        except BadMessage:
-            message = None
-        seq = message.get("seq") if message else None
-        sent = message.get("sent") if message else None
-        if not (type(seq) is int and type(sent) is int and 0 <= seq < 1 << 63 and 0 <= sent < 1 << 63):
-            message, seq, sent = None, 0, log_time
-        kind = self._kind(key) if message is not None else "unknown"
-        channel = self._channels.get((key, kind))
-        if channel is None:
-            channel = self._register(key, kind)
+            message = unpack(data)
+            seq, sent, sender = message["seq"], message["sent"], message["from"]
+            known = type(seq) is int and type(sent) is int and 0 <= seq < _MOST and 0 <= sent < _MOST
+        except (BadMessage, KeyError):
+            known = False
+        kind, channel = self._channels.get((key, known)) or self._register(key, known)
+        if not known:
+            self._writer.add_message(channel, log_time, log_time, 0, data)
+            return kind
         self._writer.add_message(channel, log_time, sent, seq, data)
-        if message is not None:
-            self._count_gap(key, str(message.get("from")), seq)
-        return message
+        name = (key, str(sender))
+        expected = self._next_seq.get(name, 0)
+        if seq >= expected:
+            self.missing += seq - expected
+            self._next_seq[name] = seq + 1
+        return kind
 
     def flush(self, *, sync: bool = False) -> None:
         """Hand everything so far to the operating system; with sync, to the disk."""
@@ -92,30 +94,20 @@ class RunLog:
         """Close the file without an end record; it keeps its temporary name."""
         self._writer.close()
 
-    @staticmethod
-    def _kind(key: str) -> str:
-        found = address(key)
-        return found.kind if found else "unknown"
-
-    def _count_gap(self, key: str, sender: str, seq: int) -> None:
-        expected = self._next_seq.get((key, sender), 0)
-        if seq >= expected:
-            self.missing += seq - expected
-            self._next_seq[key, sender] = seq + 1
-
     def lacks(self, key: str, sender: str, sent: int) -> bool:
         """Whether fewer than `sent` messages of a sender on a key have come so far."""
         return self._next_seq.get((key, sender), 0) < sent
 
-    def _register(self, key: str, kind: str) -> int:
+    def _register(self, key: str, known: bool) -> tuple[str, int]:
+        found = address(key) if known else None
+        kind = found.kind if found else "unknown"
         schema = self._schemas.get(kind)
         if schema is None:
-            text = {} if kind == "unknown" else json_schema(kind)
+            text = json_schema(kind) if found else {}
             schema = self._writer.register_schema(
                 f"cbef.{kind.capitalize()}", "jsonschema", json.dumps(text).encode()
             )
             self._schemas[kind] = schema
-        encoding = "" if kind == "unknown" else "msgpack"
-        channel = self._writer.register_channel(key, encoding, schema)
-        self._channels[key, kind] = channel
-        return channel
+        channel = self._writer.register_channel(key, "msgpack" if found else "", schema)
+        self._channels[key, known] = kind, channel
+        return kind, channel

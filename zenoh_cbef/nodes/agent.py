@@ -15,6 +15,7 @@ from zenoh_cbef.nodes.neighbour import Neighbourhood, beacon_inbox
 from zenoh_cbef.nodes.node import Identity, Node
 from zenoh_cbef.nodes.rejections import Rejections
 from zenoh_cbef.protocol.messages import nan_to_nil, pack_floats
+from zenoh_cbef.protocol.round_codec import RoundCodec
 from zenoh_cbef.protocol.scenario_service import fetch_scenario
 from zenoh_cbef.scenario import Scenario
 from zenoh_cbef.scenario.build import agent_tracker, fates_into, rounds_of
@@ -59,6 +60,7 @@ class Agent:
             node.outbox(key)
             for key in (node.keys.range(agent), node.keys.round(agent), node.keys.estimate(agent))
         )
+        self._codec = RoundCodec(node.identity.run, node.identity.sender, self.tracker.filter.payload_size)
         self._slot = scenario.dt / (self.rounds + 1)
         if scenario.timing.round_deadline_ms is not None:
             self._slot = 1e-3 * scenario.timing.round_deadline_ms
@@ -121,17 +123,17 @@ class Agent:
     def _step(self, step: int, beacon: Beacon) -> None:
         message = self.tracker.measure(self._measurement(step, beacon))
         for round_ in range(1, self.rounds + 1):
-            if not np.isfinite(message).all():
-                raise UserError(
-                    f"agent {self.agent}'s estimate is no longer finite at step {step}; "
-                    "the filter diverges in this scenario, see docs/method.md"
-                )
-            self._round_out.send(k=step, l=round_, payload=pack_floats(message[0]))
+            self._round_out.send_round(self._codec, step, round_, message[0])
             received, delivered = self.neighbourhood.round(step, round_, self._deadline(step, round_))
             message = self.tracker.exchange(received, delivered)
         self._publish(step, self.tracker.conclude())
 
     def _publish(self, step: int, estimate: Estimate) -> None:
+        if not np.isfinite(estimate.state).all():
+            raise UserError(
+                f"agent {self.agent}'s estimate is no longer finite at step {step}; "
+                "the filter diverges in this scenario, see docs/method.md"
+            )
         covariance = estimate.covariance
         self._estimate_out.send(
             k=step,

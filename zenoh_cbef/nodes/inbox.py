@@ -1,4 +1,4 @@
-"""What a process hears from one sender on one key: checked, in order, and no older than wanted."""
+"""What a process hears from one sender on one key: in order, and no older than wanted."""
 
 from __future__ import annotations
 
@@ -7,10 +7,12 @@ import time
 from collections.abc import Callable
 from typing import Any
 
+from zenoh_cbef.nodes.node import Node
+from zenoh_cbef.nodes.rejections import Rejections
 from zenoh_cbef.protocol.mailbox import Mailbox
 from zenoh_cbef.protocol.messages import BadMessage
 
-Decoder = Callable[[bytes], tuple[int, dict[str, Any]]]
+Decoder = Callable[[bytes], tuple[int, int, Any]]
 
 
 class Alarm:
@@ -21,14 +23,14 @@ class Alarm:
         self._armed = threading.Event()
         threading.Thread(target=self._watch, daemon=True).start()
 
-    def arm(self, deadline: float, mailbox: Mailbox) -> None:
-        """Wake the mailbox at a deadline (monotonic s)."""
+    def receive(self, mailbox: Mailbox, deadline: float) -> bytes | None:
+        """The mailbox's next message; None at the deadline (monotonic s), or after a wake-up."""
         self._waiting = (deadline, mailbox)
         self._armed.set()
-
-    def disarm(self) -> None:
-        """The wait is over."""
-        self._waiting = None
+        try:
+            return mailbox.receive()
+        finally:
+            self._waiting = None
 
     def _watch(self) -> None:
         while True:
@@ -49,88 +51,98 @@ class Alarm:
 class Inbox:
     """One sender's messages by turn: a number that grows with every message of the key.
 
-    decode gives a message's turn and content, or raises BadMessage. horizon: how many turns a sender can be
-    ahead; what claims more is forged. alive tells whether the sender is there. on_reject is told why a message
-    was dropped.
+    owner: the liveliness name of the sender. decode gives a message's turn, sending time (ns) and content, or
+    raises BadMessage. horizon: how many turns a sender can be ahead; what claims more is forged.
     """
 
     def __init__(
         self,
+        node: Node,
         mailbox: Mailbox,
         decode: Decoder,
         *,
+        owner: str,
         horizon: int,
-        alive: Callable[[], bool],
-        on_reject: Callable[[str, str], None],
-        alarm: Alarm | None = None,
+        rejections: Rejections,
+        alarm: Alarm | None,
     ) -> None:
         self.mailbox = mailbox
-        self._decode, self._alive, self._on_reject = decode, alive, on_reject
-        self._horizon = horizon
-        self._alarm = alarm
-        self._held: tuple[int, dict[str, Any]] | None = None
+        self._poll = mailbox.poll
+        self._decode, self._horizon = decode, horizon
+        self._rejections, self._alarm = rejections, alarm
+        self._held: tuple[int, Any] | None = None
         self._missed: set[int] = set()
+        self._open = True
+        self.waited = False
         self.late = 0
         self.delay_ns = 0
+        self._heed(node, owner)
 
-    def take(self, turn: int, deadline: float | None = None) -> dict[str, Any] | None:
+    def _heed(self, node: Node, owner: str) -> None:
+        def on_change(name: str, joined: bool) -> None:
+            if name == owner:
+                self._open = joined and not node.stopping
+                self.mailbox.wake()
+
+        def on_stop() -> None:
+            self._open = False
+            self.mailbox.wake()
+
+        node.presence.on_change(on_change)
+        node.on_stop(on_stop)
+
+    def take(self, turn: int, deadline: float | None = None) -> Any | None:
         """The message of a turn, waited for until the deadline (monotonic s; None: as long as its sender lives).
 
         None where it will not come in time. Older ones are passed over; a later one is kept for its turn.
         """
         while True:
             if self._held is not None:
-                held, message = self._held
+                held, content = self._held
                 if held > turn:
                     return None
                 self._held = None
                 if held == turn:
-                    return message
-                self._note_late(held)
-            data = self._next(deadline)
+                    return content
+                if held in self._missed:
+                    self._missed.discard(held)
+                    self.late += 1
+            data = self._poll()
             if data is None:
-                self._missed.add(turn)
-                return None
-            self._open(data, turn)
+                data = self._wait(deadline)
+                if data is None:
+                    if self._open and (deadline is None or time.monotonic() < deadline):
+                        continue
+                    # The sender's last words may have come before the news that it left.
+                    data = self._poll()
+                    if data is None:
+                        self._missed.add(turn)
+                        return None
+            self._read(data, turn)
 
-    def _note_late(self, turn: int) -> None:
-        if turn in self._missed:
-            self._missed.discard(turn)
-            self.late += 1
+    def reject(self, reason: str) -> None:
+        """Count a message that was taken and then found to be none."""
+        self._rejections.add(self.mailbox.key, reason)
 
-    def _open(self, data: bytes, turn: int) -> None:
+    def _wait(self, deadline: float | None) -> bytes | None:
+        self.waited = True
+        if not self._open:
+            return None
+        if deadline is None:
+            return self.mailbox.receive()
+        if time.monotonic() >= deadline:
+            return None
+        if self._alarm is None:
+            raise RuntimeError("an inbox with deadlines needs an alarm")
+        return self._alarm.receive(self.mailbox, deadline)
+
+    def _read(self, data: bytes, turn: int) -> None:
         try:
-            found, message = self._decode(data)
+            found, sent, content = self._decode(data)
             if found > turn + self._horizon:
                 raise BadMessage("ahead of what its sender can have reached")
         except BadMessage as error:
-            self._on_reject(self.mailbox.key, str(error))
+            self.reject(str(error))
         else:
-            self._held = found, message
-            self.delay_ns += time.time_ns() - message["sent"]
-
-    def _next(self, deadline: float | None) -> bytes | None:
-        if deadline is not None or not self._alive():
-            waiting = self.mailbox.poll_from()
-            if waiting is not None:
-                return waiting[1]
-        while self._alive():
-            if deadline is None:
-                data = self.mailbox.receive()
-            else:
-                if time.monotonic() >= deadline:
-                    return None
-                data = self._receive_until(deadline)
-            if data is not None:
-                return data
-        waiting = self.mailbox.poll_from()
-        return None if waiting is None else waiting[1]
-
-    def _receive_until(self, deadline: float) -> bytes | None:
-        if self._alarm is None:
-            raise RuntimeError("an inbox with deadlines needs an alarm")
-        self._alarm.arm(deadline, self.mailbox)
-        try:
-            return self.mailbox.receive()
-        finally:
-            self._alarm.disarm()
+            self._held = found, content
+            self.delay_ns += time.time_ns() - sent

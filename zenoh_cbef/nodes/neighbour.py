@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
+from math import isfinite
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,8 @@ from zenoh_cbef.nodes.inbox import Alarm, Decoder, Inbox
 from zenoh_cbef.nodes.node import Node
 from zenoh_cbef.nodes.rejections import Rejections
 from zenoh_cbef.protocol.mailbox import Mailbox
-from zenoh_cbef.protocol.messages import BadMessage, decode, nil_to_nan, unpack_floats
+from zenoh_cbef.protocol.messages import BadMessage, decode, nil_to_nan
+from zenoh_cbef.protocol.round_codec import RoundCodec
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -34,36 +36,13 @@ class Ranges:
 def beacon_inbox(node: Node, agent: int, rejections: Rejections, alarm: Alarm | None) -> Inbox:
     """The beacons of an agent's own receiver; the turn is the step, 0 is the start signal."""
 
-    def read(data: bytes) -> tuple[int, dict[str, Any]]:
+    def read(data: bytes) -> tuple[int, int, dict[str, Any]]:
         message = decode("beacon", data, run=node.identity.run)
-        return message["k"], message
+        return message["k"], message["sent"], message
 
     mailbox = Mailbox(node.session, node.keys.beacon(agent), 4 * WINDOW)
-    return _inbox(node, mailbox, read, "target/target", 2 * WINDOW, rejections, alarm)
-
-
-def _inbox(
-    node: Node,
-    mailbox: Mailbox,
-    read: Decoder,
-    owner: str,
-    horizon: int,
-    rejections: Rejections,
-    alarm: Alarm | None,
-) -> Inbox:
-    def on_change(name: str, joined: bool) -> None:
-        if name == owner and not joined:
-            mailbox.wake()
-
-    node.presence.on_change(on_change)
-    node.on_stop(mailbox.wake)
     return Inbox(
-        mailbox,
-        read,
-        horizon=horizon,
-        alive=lambda: owner in node.presence and not node.stopping,
-        on_reject=rejections.add,
-        alarm=alarm,
+        node, mailbox, read, owner="target/target", horizon=2 * WINDOW, rejections=rejections, alarm=alarm
     )
 
 
@@ -89,23 +68,26 @@ class Neighbourhood:
         self.ids = list(ids)
         self._fates, self._rounds, self._width = fates, rounds, width
         self._received = np.zeros((1, len(self.ids), width))
-        self._counts = {name: np.zeros(len(self.ids), dtype=np.int64) for name in ("received", "lost", "late")}
-        self._taken = np.zeros(len(self.ids), dtype=np.int64)
-        self._everyone = np.ones(len(self.ids), dtype=bool)
+        self._counts = {name: [0] * len(self.ids) for name in ("received", "lost", "late")}
+        self._order = list(range(len(self.ids)))
+        self._taken = [0] * len(self.ids)
+        self._everyone = [True] * len(self.ids)
         turns = rounds + 1
 
-        def inbox(agent: int, key: str, read: Callable[[int], Decoder], steps_to_turns: int) -> Inbox:
-            ahead = (WINDOW + 1) * steps_to_turns
+        def inbox(agent: int, key: str, read: Decoder, turns_per_step: int) -> Inbox:
+            ahead = (WINDOW + 1) * turns_per_step
             mailbox = Mailbox(node.session, key, 2 * ahead)
-            return _inbox(node, mailbox, read(agent), f"agent/{agent}", ahead, rejections, alarm)
+            return Inbox(
+                node, mailbox, read, owner=f"agent/{agent}", horizon=ahead, rejections=rejections, alarm=alarm
+            )
 
-        run = node.identity.run
+        run, keys = node.identity.run, node.keys
         self._round_boxes = [
-            inbox(agent, node.keys.round(agent), lambda owner: self._read_round(run, owner), turns)
+            inbox(agent, keys.round(agent), _round_reader(run, agent, rounds, width), turns)
             for agent in (self.ids if rounds else [])
         ]
         self._range_boxes = [
-            inbox(agent, node.keys.range(agent), lambda owner: _read_range(run, owner), 1)
+            inbox(agent, keys.range(agent), _range_reader(run, agent), 1)
             for agent in (self.ids if shares_ranges else [])
         ]
 
@@ -113,81 +95,104 @@ class Neighbourhood:
         """The neighbours' positions and ranges of a step; none where the filter does not want them."""
         count = len(self._range_boxes)
         positions, ranges = np.zeros((1, count, 3)), np.full((1, count), np.nan)
-        if count:
-            for place, message in self._collect(self._range_boxes, step, 0, step, deadline):
+        due = self._due(step, 0) if count else []
+        for place, box in enumerate(self._range_boxes):
+            message = box.take(step, deadline) if due[place] else None
+            if due[place]:
+                self._counts["lost" if message is None else "received"][place] += 1
+            if message is not None:
                 positions[0, place] = message["position"]
                 ranges[0, place] = nil_to_nan(message["range"])
         return Ranges(positions, ranges)
 
-    def round(self, step: int, round_: int, deadline: float | None) -> tuple[Floats, Bools]:
-        """The neighbours' payloads of a round, (1, m, d), and which were delivered, (1, m)."""
-        delivered = np.zeros((1, len(self.ids)), dtype=bool)
-        turn = step * (self._rounds + 1) + round_
-        for place, message in self._collect(self._round_boxes, step, round_, turn, deadline):
-            self._received[0, place] = message["values"]
-            delivered[0, place] = True
-        return self._received, delivered
+    def round(self, step: int, round_: int, deadline: float | None) -> tuple[Floats, Bools | None]:
+        """The neighbours' payloads of a round, (1, m, d), and which were delivered, (1, m), None for all."""
+        values, turn = self._received[0], step * (self._rounds + 1) + round_
+        due = self._due(step, round_)
+        delivered = [False] * len(self.ids)
+        received = self._counts["received"]
+        slowest = self._order[0]
+        for place in self._order:
+            if due[place]:
+                box = self._round_boxes[place]
+                box.waited = False
+                payload = box.take(turn, deadline)
+                if box.waited:
+                    slowest = place
+                if payload is None:
+                    self._counts["lost"][place] += 1
+                else:
+                    received[place] += 1
+                    delivered[place] = True
+                    values[place] = payload
+        # Whoever came last this time is waited for first next time: the others are there by then, and every
+        # wait that is not needed saves two context switches.
+        self._order.remove(slowest)
+        self._order.insert(0, slowest)
+        if not isfinite(np.add.reduce(values, axis=None)):
+            self._refuse_infinite(turn, delivered, deadline)
+        return self._received, None if all(delivered) else np.array([delivered])
 
-    def _collect(
-        self, boxes: list[Inbox], step: int, round_: int, turn: int, deadline: float | None
-    ) -> list[tuple[int, dict[str, Any]]]:
-        due = self._everyone
-        if not self._fates.quiet:
-            due, late = self._fates.due(step, round_)
-            self._counts["late"] += late
-            self._counts["lost"] += ~due & ~late
-        found = []
-        for place, box in enumerate(boxes):
-            if not due[place]:
-                continue
-            message = box.take(turn, deadline)
-            if message is None:
-                self._counts["lost"][place] += 1
-            else:
-                self._counts["received"][place] += 1
-                found.append((place, message))
-        return found
+    def _refuse_infinite(self, turn: int, delivered: list[bool], deadline: float | None) -> None:
+        """Drop payloads that are not finite; their senders are waited for again, as a forged message must not
+        take the place of a true one."""
+        values = self._received[0]
+        for place, box in enumerate(self._round_boxes):
+            while not np.isfinite(values[place]).all():
+                values[place] = 0.0
+                if delivered[place]:
+                    box.reject("a payload that is not finite")
+                    payload = box.take(turn, deadline)
+                    delivered[place] = payload is not None
+                    if payload is not None:
+                        values[place] = payload
+                    else:
+                        self._counts["received"][place] -= 1
+                        self._counts["lost"][place] += 1
+
+    def _due(self, step: int, round_: int) -> Sequence[bool]:
+        """Which messages the faults let arrive in time; the others are not waited for."""
+        if self._fates.quiet:
+            return self._everyone
+        due, late = self._fates.due(step, round_)
+        for place in np.flatnonzero(~due):
+            self._counts["late" if late[place] else "lost"][place] += 1
+        return due.tolist()
 
     def take_counts(self) -> dict[str, list[Any]]:
         """What became of the neighbours' messages: counts since the start, and mean latency since the last call.
 
         A message that came after it was given up was counted as lost then, and is late instead.
         """
-        delay = np.zeros(len(self.ids))
-        late = np.zeros(len(self.ids), dtype=np.int64)
+        received, lost, late = (self._counts[name].copy() for name in ("received", "lost", "late"))
+        delay = [0] * len(self.ids)
         for boxes in (self._round_boxes, self._range_boxes):
             for place, box in enumerate(boxes):
-                delay[place] += 1e-9 * box.delay_ns
+                delay[place] += box.delay_ns
                 late[place] += box.late
+                lost[place] -= box.late
                 box.delay_ns = 0
-        taken = self._counts["received"] - self._taken
-        self._taken = self._counts["received"].copy()
-        return {
-            "neighbours": self.ids,
-            "received": self._counts["received"].tolist(),
-            "lost": (self._counts["lost"] - late).tolist(),
-            "late": (self._counts["late"] + late).tolist(),
-            "latency": [float(sum_ / n) if n else None for sum_, n in zip(delay, taken, strict=True)],
-        }
-
-    def _read_round(self, run: str, agent: int) -> Decoder:
-        sender, turns, width = f"agent/{agent}", self._rounds + 1, self._width
-
-        def read(data: bytes) -> tuple[int, dict[str, Any]]:
-            message = decode("round", data, run=run, sender=sender)
-            if not 1 <= message["l"] < turns:
-                raise BadMessage(f"round {message['l']} of a step of {turns - 1}")
-            message["values"] = unpack_floats(message["payload"], width)
-            return message["k"] * turns + message["l"], message
-
-        return read
+        taken = [now - before for now, before in zip(received, self._taken, strict=True)]
+        self._taken = received
+        latency = [1e-9 * total / n if n else None for total, n in zip(delay, taken, strict=True)]
+        return {"neighbours": self.ids, "received": received, "lost": lost, "late": late, "latency": latency}
 
 
-def _read_range(run: str, agent: int) -> Decoder:
-    sender = f"agent/{agent}"
+def _round_reader(run: str, agent: int, rounds: int, width: int) -> Decoder:
+    codec, turns = RoundCodec(run, f"agent/{agent}", width), rounds + 1
 
-    def read(data: bytes) -> tuple[int, dict[str, Any]]:
-        message = decode("range", data, run=run, sender=sender)
-        return message["k"], message
+    def read(data: bytes) -> tuple[int, int, Floats]:
+        step, round_, sent, payload = codec.decode(data)
+        if not 1 <= round_ <= rounds:
+            raise BadMessage(f"round {round_} of a step of {rounds}")
+        return step * turns + round_, sent, payload
+
+    return read
+
+
+def _range_reader(run: str, agent: int) -> Decoder:
+    def read(data: bytes) -> tuple[int, int, dict[str, Any]]:
+        message = decode("range", data, run=run, sender=f"agent/{agent}")
+        return message["k"], message["sent"], message
 
     return read

@@ -16,7 +16,7 @@ import numpy as np
 from zenoh_cbef import __version__
 from zenoh_cbef.log.run_log import RunLog
 from zenoh_cbef.nodes.node import Identity, Node
-from zenoh_cbef.protocol.keys import address, agent_of
+from zenoh_cbef.protocol.keys import agent_of
 from zenoh_cbef.protocol.mailbox import Mailbox
 from zenoh_cbef.protocol.messages import BadMessage, decode
 from zenoh_cbef.protocol.scenario_service import fetch_scenario
@@ -26,6 +26,7 @@ from zenoh_cbef.scenario.model import Record
 _CAPACITY = 1 << 18
 _REPORT_SECONDS = 0.2
 _GRACE_SECONDS = 2.0
+_GATHER_SECONDS = 0.002
 
 
 @dataclass
@@ -101,10 +102,14 @@ class Recorder:
         try:
             while not self._finished():
                 received = self._mailbox.receive_from()
-                with self._lock:
-                    while received is not None:
-                        self._write(*received)
-                        received = self._mailbox.poll_from()
+                while received is not None:
+                    with self._lock:
+                        while received is not None:
+                            self._write(*received)
+                            received = self._mailbox.poll_from()
+                    # Being woken for every single message costs more than writing it: let a few gather.
+                    time.sleep(_GATHER_SECONDS)
+                    received = self._mailbox.poll_from()
         finally:
             self._done.set()
             ticker.join()
@@ -126,13 +131,10 @@ class Recorder:
         return status
 
     def _write(self, key: str, data: bytes) -> None:
-        message = self.log.add(key, data, time.time_ns())
-        found = address(key) if message is not None else None
-        if found is None:
-            return
-        if found.kind in ("truth", "estimate"):
-            self.overview.see(found.kind, key, data)
-        elif found.kind == "event":
+        kind = self.log.add(key, data, time.time_ns())
+        if kind in ("truth", "estimate"):
+            self.overview.see(kind, key, data)
+        elif kind == "event":
             self._note_promises(data)
 
     def _note_promises(self, data: bytes) -> None:

@@ -12,7 +12,7 @@ from zenoh_cbef.nodes.node import Identity, Node
 from zenoh_cbef.nodes.rejections import Rejections
 from zenoh_cbef.protocol.keys import address
 from zenoh_cbef.protocol.mailbox import Mailbox
-from zenoh_cbef.protocol.messages import BadMessage, decode, nan_to_nil
+from zenoh_cbef.protocol.messages import BadMessage, nan_to_nil, peek
 from zenoh_cbef.protocol.scenario_service import ScenarioText, serve_scenario
 from zenoh_cbef.scenario import Scenario
 from zenoh_cbef.scenario.load import Loaded, to_toml
@@ -54,7 +54,7 @@ class _Progress:
         try:
             if at is None or at.kind != "estimate":
                 raise BadMessage("not an estimate key")
-            message = decode("estimate", data, run=self._node.identity.run, sender=at.owner)
+            message = peek("estimate", data, run=self._node.identity.run, sender=at.owner)
             agent = int(at.owner.removeprefix("agent/"))
             if agent >= len(self._reached):
                 raise BadMessage("from an agent that the scenario does not have")

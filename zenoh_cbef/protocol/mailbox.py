@@ -24,18 +24,23 @@ class Mailbox:
 
     def receive(self) -> bytes | None:
         """The next message's bytes; None after a wake-up."""
-        return self._bytes(self._receive().payload.to_bytes())
+        return self._receive().payload.to_bytes() or self._empty()
+
+    def poll(self) -> bytes | None:
+        """As receive, but None at once where nothing waits."""
+        sample = self._poll()
+        return None if sample is None else sample.payload.to_bytes() or self._empty()
 
     def receive_from(self) -> tuple[str, bytes] | None:
         """The next message's key and bytes; None after a wake-up."""
         sample = self._receive()
-        data = self._bytes(sample.payload.to_bytes())
+        data = sample.payload.to_bytes() or self._empty()
         return None if data is None else (str(sample.key_expr), data)
 
     def poll_from(self) -> tuple[str, bytes] | None:
         """As receive_from, but None at once where nothing waits."""
         while (sample := self._poll()) is not None:
-            data = self._bytes(sample.payload.to_bytes())
+            data = sample.payload.to_bytes() or self._empty()
             if data is not None:
                 return str(sample.key_expr), data
         return None
@@ -47,11 +52,10 @@ class Mailbox:
         key = self.key.replace("**", "wake").replace("*", "wake")
         self._session.put(key, b"", allowed_destination=zenoh.Locality.SESSION_LOCAL)
 
-    def _bytes(self, data: bytes) -> bytes | None:
-        if data:
-            return data
+    def _empty(self) -> bytes | None:
+        """What an empty message means: our own wake-up, or a sender's nonsense."""
         with self._lock:
             if self._wakes:
                 self._wakes -= 1
                 return None
-        return data
+        return b""

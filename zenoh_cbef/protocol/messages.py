@@ -160,13 +160,26 @@ def decode(kind: str, data: bytes, *, run: str, sender: str = "") -> dict[str, A
             raise BadMessage(f"field {name} is not as promised")
     if not _REQUIRED[kind] <= message.keys():
         raise BadMessage(f"field {min(_REQUIRED[kind] - message.keys())} is missing")
+    _check_origin(message, run, sender)
+    return message
+
+
+def peek(kind: str, data: bytes, *, run: str, sender: str) -> dict[str, Any]:
+    """As decode, for a reader that wants only the step `k`: the other fields are not looked into."""
+    message = unpack(data)
+    if not _REQUIRED[kind] <= message.keys() or not _count(message["k"]):
+        raise BadMessage("field k is missing or not as promised")
+    _check_origin(message, run, sender)
+    return message
+
+
+def _check_origin(message: dict[str, Any], run: str, sender: str) -> None:
     if message["v"] != VERSION:
-        raise BadMessage(f"version {message['v']}, not {VERSION}")
+        raise BadMessage(f"version {message['v']!r:.40}, not {VERSION}")
     if message["run"] != run:
         raise BadMessage(f"of run {message['run']!r:.40}")
     if sender and message["from"] != sender:
         raise BadMessage(f"from {message['from']!r:.40}, not {sender}")
-    return message
 
 
 def pack_floats(values: NDArray[np.float64]) -> bytes:

@@ -8,6 +8,7 @@ from typing import Any
 import zenoh
 
 from zenoh_cbef.protocol.messages import encode
+from zenoh_cbef.protocol.round_codec import Floats, RoundCodec
 
 
 class Outbox:
@@ -30,4 +31,9 @@ class Outbox:
     def send(self, **body: Any) -> None:
         """Publish one message; bin fields last."""
         self._publisher.put(encode(self._run, self._sender, self.sent, time.time_ns(), body))
+        self.sent += 1
+
+    def send_round(self, codec: RoundCodec, step: int, round_: int, payload: Floats) -> None:
+        """Publish one consensus message; payload: (d,)."""
+        self._publisher.put(codec.encode(self.sent, time.time_ns(), step, round_, payload))
         self.sent += 1

@@ -20,18 +20,26 @@ class Consensus(Protocol):
     def start(self, payload: Floats) -> Floats:
         """Begin a step with payloads (n, d); returns the first message (n, d)."""
 
-    def mix(self, received: Floats, delivered: Bools) -> Floats:
-        """Take in one round, messages (n, m, d) of which some were delivered (n, m); returns the next message."""
+    def mix(self, received: Floats, delivered: Bools | None) -> Floats:
+        """Take in one round, messages (n, m, d) of which some were delivered (n, m), None for all.
+
+        Returns the next message.
+        """
 
     def result(self) -> Floats:
         """The mixed payload (n, d)."""
 
 
-def _averaged(weights: Floats, value: Floats, received: Floats, delivered: Bools) -> Floats:
-    # The own value stands in for a missing one, so its term is zero and the rows of W always sum to one. Adding
-    # 0.0 first turns -0.0 into 0.0, which padding would do in a larger batch.
-    terms = np.where(delivered[:, :, None], received - value[:, None, :], 0.0)
-    return value + 0.0 + neighbour_sum(weights[:, :, None] * terms)
+def _averaged(weights: Floats, value: Floats, received: Floats, delivered: Bools | None) -> Floats:
+    # The own value stands in for a missing one, so its term is zero and the rows of W always sum to one. The sum
+    # is never -0.0, which padding in a larger batch would turn into 0.0.
+    terms = received - value[:, None, :]
+    terms *= weights[:, :, None]
+    if delivered is not None:
+        terms[~delivered] = 0.0
+    total = neighbour_sum(terms)
+    total += value
+    return total
 
 
 @dataclass
@@ -48,7 +56,7 @@ class Average:
         self._value = payload
         return payload
 
-    def mix(self, received: Floats, delivered: Bools) -> Floats:
+    def mix(self, received: Floats, delivered: Bools | None) -> Floats:
         """One multiplication by W."""
         self._value = _averaged(self.weights, self._value, received, delivered)
         return self._value
@@ -85,7 +93,7 @@ class Chebyshev:
         self._rounds = 0
         return payload
 
-    def mix(self, received: Floats, delivered: Bools) -> Floats:
+    def mix(self, received: Floats, delivered: Bools | None) -> Floats:
         """One step of the recurrence y(l+1) = y(l-1) + omega (a(W)/a(1) y(l) - y(l-1))."""
         averaged = _averaged(self.weights, self._value, received, delivered)
         scaled = (averaged - self._middle * self._value) / self._gap

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -25,26 +27,32 @@ def inverse(matrices: Floats) -> Floats:
 
 
 def neighbour_sum(terms: Floats) -> Floats:
-    """Sum over the neighbour axis (axis 1) in ascending neighbour order.
+    """Sum over the neighbour axis (axis 1) of (n, m) or (n, m, d) in ascending neighbour order.
 
-    NumPy's own reductions may regroup a longer axis, so a padded batch would differ from a batch of one in the
-    last bits; adding slot by slot makes padding (exact zeros) invisible.
+    NumPy regroups a sum along the last axis, so a padded batch would differ from a batch of one in the last bits;
+    along an earlier axis it adds row by row. Starting from 0.0 makes padding (exact zeros) invisible: no partial
+    sum is -0.0.
     """
-    total = np.zeros(terms.shape[:1] + terms.shape[2:])
-    for slot in range(terms.shape[1]):
-        total += terms[:, slot]
-    return total
+    if terms.ndim == 2:
+        return neighbour_sum(np.repeat(terms[:, :, None], 2, axis=2))[:, 0]
+    return np.asarray(np.add.reduce(terms, axis=1, initial=0.0))
+
+
+@cache
+def _upper(size: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    rows, columns = np.triu_indices(size)
+    return rows, columns
 
 
 def pack_upper(matrices: Floats) -> Floats:
     """The upper triangles of symmetric matrices, row by row: (n, s, s) to (n, s(s+1)/2)."""
-    rows, columns = np.triu_indices(matrices.shape[-1])
+    rows, columns = _upper(matrices.shape[-1])
     return matrices[..., rows, columns]
 
 
 def unpack_upper(packed: Floats, size: int) -> Floats:
     """Inverse of pack_upper: (n, s(s+1)/2) to (n, s, s)."""
-    rows, columns = np.triu_indices(size)
+    rows, columns = _upper(size)
     matrices = np.empty((*packed.shape[:-1], size, size))
     matrices[..., rows, columns] = packed
     matrices[..., columns, rows] = packed

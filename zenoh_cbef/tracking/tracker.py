@@ -44,8 +44,8 @@ class Tracker:
         self._update = self.filter.update(self.belief, measurement)
         return self.consensus.start(self._update.payload)
 
-    def exchange(self, received: Floats, delivered: Bools) -> Floats:
-        """Take in one round's messages (n, m, d), of which some were delivered (n, m)."""
+    def exchange(self, received: Floats, delivered: Bools | None) -> Floats:
+        """Take in one round's messages (n, m, d), of which some were delivered (n, m), None for all."""
         return self.consensus.mix(received, delivered)
 
     def conclude(self) -> Estimate:

@@ -1,0 +1,110 @@
+"""How fast logs are written: the public library's writer beside ours, in interleaved rounds.
+
+Run it as a program. Payloads are 200 bytes of random floats behind a short text, the worst case for compression.
+"""
+
+from __future__ import annotations
+
+import argparse
+import statistics
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+from mcap.reader import NonSeekingReader
+from mcap.writer import CompressionType, Writer
+
+from zenoh_cbef.log.mcap_reader import McapFile
+from zenoh_cbef.log.mcap_writer import Compression, McapWriter
+
+CHANNELS = 8
+COMPRESSIONS: dict[Compression, CompressionType] = {
+    "none": CompressionType.NONE,
+    "lz4": CompressionType.LZ4,
+    "zstd": CompressionType.ZSTD,
+}
+
+
+def payloads(count: int) -> list[bytes]:
+    floats = np.random.default_rng(1).standard_normal((count, 23))
+    return [b"beacon from agent".ljust(16, b" ")[:16] + row.tobytes() for row in floats]
+
+
+def write_official(path: Path, compression: Compression, messages: list[bytes]) -> None:
+    with path.open("wb") as stream:
+        writer = Writer(stream, compression=COMPRESSIONS[compression])
+        writer.start()
+        schema = writer.register_schema("speed", "jsonschema", b"{}")
+        channels = [writer.register_channel(f"key/{n}", "msgpack", schema) for n in range(CHANNELS)]
+        for n, data in enumerate(messages):
+            writer.add_message(
+                channels[n % CHANNELS], log_time=n, publish_time=n, sequence=n // CHANNELS, data=data
+            )
+        writer.finish()
+
+
+def write_ours(path: Path, compression: Compression, messages: list[bytes]) -> None:
+    with McapWriter(path, compression=compression, library="speed") as writer:
+        schema = writer.register_schema("speed", "jsonschema", b"{}")
+        channels = [writer.register_channel(f"key/{n}", "msgpack", schema) for n in range(CHANNELS)]
+        for n, data in enumerate(messages):
+            writer.add_message(channels[n % CHANNELS], n, n, n // CHANNELS, data)
+
+
+def read_official(path: Path) -> None:
+    with path.open("rb") as stream:
+        for _ in NonSeekingReader(stream).iter_messages(log_time_order=False):
+            pass
+
+
+def read_ours(path: Path) -> None:
+    for _ in McapFile(path).messages():
+        pass
+
+
+def cases(folder: Path, messages: list[bytes]) -> Iterator[tuple[str, Path, Callable[[], None]]]:
+    """Yield each case: its name, the file it writes or reads, and what is timed."""
+    for compression in COMPRESSIONS:
+        official, ours = folder / f"official.{compression}.mcap", folder / f"ours.{compression}.mcap"
+        yield (
+            f"write official {compression}",
+            official,
+            lambda p=official, c=compression: write_official(p, c, messages),
+        )
+        yield f"write ours {compression}", ours, lambda p=ours, c=compression: write_ours(p, c, messages)
+        yield f"read official {compression}", official, lambda p=official: read_official(p)
+        yield f"read ours {compression}", ours, lambda p=ours: read_ours(p)
+        yield f"summary {compression}", ours, lambda p=ours: McapFile(p).summary() and None
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--messages", type=int, default=100_000)
+    parser.add_argument("--rounds", type=int, default=5)
+    arguments = parser.parse_args()
+    messages = payloads(arguments.messages)
+    seconds: dict[str, list[tuple[float, float]]] = {}
+    sizes: dict[str, float] = {}
+    with tempfile.TemporaryDirectory() as folder:
+        for _ in range(arguments.rounds):
+            for name, path, timed in cases(Path(folder), messages):
+                wall, cpu = time.perf_counter(), time.process_time()
+                timed()
+                spent = (time.perf_counter() - wall, time.process_time() - cpu)
+                seconds.setdefault(name, []).append(spent)
+                sizes[name] = path.stat().st_size / 1e6
+    print(f"{'case':<22}{'kmsg/s':>10}{'best':>10}{'CPU us/msg':>12}{'ms':>10}{'MB':>8}")
+    for name, spent in seconds.items():
+        walls = [wall for wall, _ in spent]
+        cpu = statistics.median(cpu for _, cpu in spent) / len(messages) * 1e6
+        rates = [len(messages) / wall / 1e3 for wall in (statistics.median(walls), min(walls))]
+        print(
+            f"{name:<22}{rates[0]:>10.0f}{rates[1]:>10.0f}{cpu:>12.2f}"
+            f"{statistics.median(walls) * 1e3:>10.1f}{sizes[name]:>8.1f}"
+        )
+
+
+if __name__ == "__main__":
+    main()
