@@ -29,6 +29,7 @@ from zenoh_cbef.log.mcap_writer import MAGIC
 
 MAX_CHUNK_BYTES = 1 << 30
 MAX_DAMAGE = 1000
+NO_CRC = bytes(4)
 
 _MESSAGE_OPCODE = int(Opcode.MESSAGE)
 _RECORD = struct.Struct("<BQ")
@@ -166,7 +167,8 @@ class McapFile:
     OSError for one that cannot be opened, UserError when lz4 is needed and not installed.
 
     complete: whether the closing footer and magic are there. damage: one sentence for each fault met so far,
-    at most MAX_DAMAGE of them; all are met once messages() has run to its end.
+    at most MAX_DAMAGE of them; all are met once messages() has run to its end. What the format guards with no
+    CRC cannot be told true: metadata in a file without a footer, and the last chunk of it when that is cut.
     """
 
     def __init__(self, path: Path) -> None:
@@ -215,7 +217,7 @@ class McapFile:
             elif record.opcode == Opcode.MESSAGE and chunked:
                 # One flipped bit makes a message index look like a message.
                 self._report(f"message at byte {record.start} stands among chunks")
-            elif record.opcode in _IN_CHUNKS:
+            elif record.opcode in _IN_CHUNKS and record.end <= self._data_end:
                 found = self._contents(self._bytes, record, declared)
             crc, checked = zlib.crc32(self._bytes[checked : record.end], crc), record.end
             count += len(found)
@@ -308,6 +310,8 @@ class McapFile:
             if cut:
                 yield record
             position = following
+        if self.complete:
+            self._report(f"the data section ends at byte {position} without its closing record")
 
     def _next_chunk(self, position: int) -> int:
         """Find the next compressed chunk, which is told by its compression's name and matching lengths."""
@@ -397,8 +401,10 @@ def _parse(parser: Any, content: bytes) -> Any:
     except (McapError, struct.error, OverflowError, MemoryError) as error:
         raise ValueError(f"it is malformed ({error})") from None
     # The library takes fields that are too short as they are: they show in what it writes back.
-    written: bytes = builder.end()  # type: ignore[no-untyped-call]
-    if written[_RECORD.size :] != content:
+    written: bytes = builder.end()[_RECORD.size :]  # type: ignore[no-untyped-call]
+    if parser is records.Attachment and content.endswith(NO_CRC):
+        written = written[: -len(NO_CRC)] + NO_CRC
+    if written != content:
         raise ValueError("it is malformed, or its CRC is wrong")
     return record
 

@@ -1,0 +1,279 @@
+"""The reader gives what is whole and true in a file, and names what is not."""
+
+from __future__ import annotations
+
+import random
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from mcap.writer import CompressionType, IndexType, Writer
+
+from zenoh_cbef.log.mcap_reader import McapFile, NotMcapError
+from zenoh_cbef.log.mcap_writer import MAGIC, Compression, McapWriter
+
+COMPRESSIONS: tuple[Compression, ...] = ("zstd", "lz4", "none")
+OFFICIAL = {"zstd": CompressionType.ZSTD, "lz4": CompressionType.LZ4, "none": CompressionType.NONE}
+
+
+def chance(seed: int) -> random.Random:
+    return random.Random(seed)  # noqa: S311
+
+
+@pytest.fixture(scope="module", params=COMPRESSIONS)
+def log(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A closed log of some 40 chunks, with attachments and metadata before, among and after them."""
+    path = tmp_path_factory.mktemp("log") / f"{request.param}.mcap"
+    noise = chance(1)
+    with McapWriter(path, compression=request.param, chunk_bytes=2000, library="test 1.0") as writer:
+        schema = writer.register_schema("Beacon", "jsonschema", b"{}")
+        channels = [writer.register_channel(f"key/{n}", "msgpack", schema, {"n": str(n)}) for n in range(3)]
+        writer.add_attachment("first", "text/plain", b"seed = 1\n" * 20)
+        writer.add_metadata("run", {"seed": "1"})
+        for n in range(600):
+            data = b"%d " % n * 10 + noise.randbytes(n % 50)
+            writer.add_message(channels[n % 3], 1000 + n, 900 + n, n, data)
+            if n == 300:
+                writer.add_attachment("middle", "text/plain", b"middle")
+        writer.add_metadata("end", {"status": "done"})
+    return path
+
+
+def rows(file: McapFile) -> list[tuple[Any, ...]]:
+    return [(m.channel.topic, *m[1:]) for m in file.messages()]
+
+
+def altered(data: bytes | bytearray) -> McapFile:
+    """Open a file of this content, of which nothing is left when it is done with."""
+    with tempfile.NamedTemporaryFile(suffix=".mcap") as stream:
+        stream.write(data)
+        stream.flush()
+        return McapFile(Path(stream.name))
+
+
+def is_subsequence(part: list[Any], whole: list[Any]) -> bool:
+    rest = iter(whole)
+    return all(any(item == other for other in rest) for item in part)
+
+
+def test_a_whole_file_is_read_exactly(log: Path) -> None:
+    file = McapFile(log)
+    found = list(file.messages())
+    assert [m.sequence for m in found] == list(range(600))
+    first = found[0]
+    assert first[1:4] == (1000, 900, 0)
+    assert first.data == b"0 " * 10
+    assert (first.channel.topic, first.channel.message_encoding) == ("key/0", "msgpack")
+    assert (first.channel.schema_name, first.channel.schema_encoding) == ("Beacon", "jsonschema")
+    assert first.channel.metadata == {"n": "0"}
+    assert found[3].channel is first.channel
+    assert file.attachments == {"first": b"seed = 1\n" * 20, "middle": b"middle"}
+    assert file.metadata == {"run": {"seed": "1"}, "end": {"status": "done"}}
+    assert file.complete
+    assert file.damage == []
+
+
+def test_the_summary_of_a_cut_file_is_that_of_the_whole(log: Path) -> None:
+    whole = McapFile(log).summary()
+    assert (whole.library, whole.message_count) == ("test 1.0", 600)
+    assert whole.channel_counts == {"key/0": 200, "key/1": 200, "key/2": 200}
+    assert (whole.start_time, whole.end_time) == (1000, 1599)
+    assert whole.chunks > 20
+    assert altered(log.read_bytes()[:-1]).summary() == whole
+
+
+def test_random_cuts_leave_an_exact_prefix(log: Path) -> None:
+    data, wanted = log.read_bytes(), rows(McapFile(log))
+    cuts = chance(2)
+    for cut in [cuts.randrange(len(MAGIC), len(data)) for _ in range(250)]:
+        file = altered(data[:cut])
+        found = rows(file)
+        assert found == wanted[: len(found)]
+        assert not file.complete
+        assert file.damage
+        assert set(file.attachments.items()) <= {("first", b"seed = 1\n" * 20), ("middle", b"middle")}
+        if cut > len(data) - 100:
+            assert len(found) == 600
+
+
+def test_a_cut_loses_no_complete_chunk_and_no_whole_message_that_is_not_compressed(log: Path) -> None:
+    data, wanted = log.read_bytes(), rows(McapFile(log))
+    half = len(data) // 2
+    found = rows(altered(data[:half]))
+    assert 200 < len(found) < 400
+    if log.stem == "none":
+        last = wanted[len(found)][-1]
+        assert last not in data[:half]
+        assert found[-1][-1] in data[:half]
+
+
+def test_random_bit_flips_never_crash_and_never_go_unnoticed(log: Path) -> None:
+    data, whole = log.read_bytes(), McapFile(log)
+    wanted, extras = rows(whole), (whole.attachments, whole.metadata)
+    flips = chance(3)
+    heads = [
+        n for n in range(len(data)) if data[n] in (4, 5, 6, 7, 9, 12, 15) and data[n + 4 : n + 9] == bytes(5)
+    ]
+    places = [flips.randrange(len(MAGIC), len(data)) for _ in range(300)]
+    for place in places + [flips.choice(heads) + flips.choice((0, 0, 1, 2, 8)) for _ in range(200)]:
+        bent = bytearray(data)
+        bent[place] ^= 1 << flips.randrange(8)
+        file = altered(bent)
+        found = rows(file)
+        assert is_subsequence(found, wanted), place
+        assert file.damage or (found == wanted and (file.attachments, file.metadata) == extras), place
+
+
+def test_random_bit_flips_in_a_cut_file_never_go_unnoticed(log: Path) -> None:
+    data = log.read_bytes()
+    data = data[: len(data) * 3 // 4]
+    whole = altered(data)
+    wanted, damage = rows(whole), whole.damage
+    flips = chance(4)
+    # In the last chunk, which is cut, no CRC tells.
+    for place in [flips.randrange(len(MAGIC), len(data) - 4000) for _ in range(300)]:
+        bent = bytearray(data)
+        bent[place] ^= 1 << flips.randrange(8)
+        file = altered(bent)
+        found = rows(file)
+        assert is_subsequence(found, wanted), place
+        assert found == wanted or file.damage != damage, place
+
+
+@pytest.mark.parametrize("compression", ["zstd", "lz4"])
+def test_a_wrong_record_length_costs_one_chunk(tmp_path: Path, compression: Compression) -> None:
+    path = tmp_path / "log.mcap"
+    with McapWriter(path, compression=compression, library="test") as writer:
+        channel = writer.register_channel("key", "", 0)
+        starts = []
+        for n in range(10):
+            starts.append(writer.bytes_written)
+            writer.add_message(channel, n, n, n, b"data")
+            writer.flush()
+    bent = bytearray(path.read_bytes())
+    bent[starts[4] + 3] ^= 0x40
+    file = altered(bent)
+    assert [m.sequence for m in file.messages()] == [0, 1, 2, 3, 5, 6, 7, 8, 9]
+    assert f"a record's length is wrong at byte {starts[4]}" in file.damage
+
+
+@pytest.mark.parametrize("log", ["none"], indirect=True)
+def test_a_damaged_chunk_is_named_and_skipped(log: Path) -> None:
+    bent = bytearray(log.read_bytes())
+    place = bent.index(b"100 100 100 ")
+    bent[place] ^= 1
+    file = altered(bent)
+    lost = set(range(600)) - {m.sequence for m in file.messages()}
+    assert 100 in lost
+    assert len(lost) < 40
+    assert any(
+        sentence.startswith("chunk at byte") and "fails its CRC" in sentence for sentence in file.damage
+    )
+
+
+@settings(max_examples=300, deadline=None)
+@given(st.binary(max_size=400), st.booleans())
+def test_arbitrary_bytes_never_crash(data: bytes, closed: bool) -> None:
+    footer = b"\x02\x14" + bytes(7) + data[:20].ljust(20, b"\0") + MAGIC
+    file = altered(MAGIC + data + (footer if closed else b""))
+    list(file.messages())
+    file.summary()
+    assert isinstance(file.attachments, dict)
+    assert isinstance(file.metadata, dict)
+
+
+@settings(max_examples=200, deadline=None)
+@given(
+    st.lists(
+        st.tuples(st.integers(0, 255), st.integers(0, 80), st.binary(max_size=60)).map(
+            lambda parts: bytes((parts[0] % 18,)) + parts[1].to_bytes(8, "little") + parts[2]
+        )
+    )
+)
+def test_arbitrary_records_never_crash(records: list[bytes]) -> None:
+    file = altered(MAGIC + b"".join(records))
+    list(file.messages())
+    assert isinstance(file.attachments, dict)
+    assert isinstance(file.metadata, dict)
+    assert file.damage
+
+
+def test_a_chunk_that_claims_a_huge_size_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "log.mcap"
+    with McapWriter(path, library="test") as writer:
+        start = writer.bytes_written
+        writer.add_message(writer.register_channel("key", "", 0), 0, 0, 0, bytes(10_000))
+    bent = bytearray(path.read_bytes())
+    bent[start + 25 : start + 33] = (1 << 62).to_bytes(8, "little")
+    file = altered(bent)
+    assert list(file.messages()) == []
+    assert any("claims to hold" in sentence for sentence in file.damage)
+
+
+@pytest.mark.parametrize("content", [b"", b"\x89MCAP", b"ros bag V2.0", bytes(100)])
+def test_what_is_no_mcap_file_is_refused(tmp_path: Path, content: bytes) -> None:
+    path = tmp_path / "log.mcap"
+    path.write_bytes(content)
+    with pytest.raises(NotMcapError, match="is not an MCAP file"):
+        McapFile(path)
+
+
+def test_a_folder_is_refused_and_a_missing_file_is_an_os_error(tmp_path: Path) -> None:
+    with pytest.raises(NotMcapError, match="is not a file"):
+        McapFile(tmp_path)
+    with pytest.raises(FileNotFoundError):
+        McapFile(tmp_path / "missing.mcap")
+
+
+def official_files() -> Iterator[dict[str, Any]]:
+    for compression in OFFICIAL.values():
+        yield {"compression": compression, "chunk_size": 1000}
+    yield {"use_chunking": False}
+    yield {"enable_crcs": False}
+    yield {"enable_data_crcs": True, "chunk_size": 1000}
+    yield {"index_types": IndexType.NONE}
+    yield {"use_statistics": False, "use_summary_offsets": False}
+    yield {"index_types": IndexType.NONE, "use_statistics": False, "repeat_channels": False}
+
+
+@pytest.mark.parametrize("options", list(official_files()), ids=str)
+@pytest.mark.parametrize("cut", [False, True], ids=["whole", "cut"])
+def test_files_of_the_official_writer_are_read(tmp_path: Path, options: dict[str, Any], *, cut: bool) -> None:
+    path = tmp_path / "log.mcap"
+    with path.open("wb") as stream:
+        writer = Writer(stream, **options)
+        writer.start(library="official")
+        schema = writer.register_schema("Beacon", "jsonschema", b"{}")
+        channel = writer.register_channel("key", "json", schema, {"a": "b"})
+        writer.add_attachment(1, 2, "scenario", "text/plain", b"seed")
+        for n in range(200):
+            writer.add_message(channel, n, b"%d" % n, n + 1, n + 2)
+        writer.add_metadata("end", {"status": "done"})
+        writer.finish()
+    file = altered(path.read_bytes()[: -1 if cut else None])
+    found = list(file.messages())
+    assert [m[1:] for m in found] == [(n, n + 1, n + 2, b"%d" % n) for n in range(200)]
+    assert found[0].channel.schema_name == "Beacon"
+    assert file.attachments == {"scenario": b"seed"}
+    assert file.metadata == {"end": {"status": "done"}}
+    summary = file.summary()
+    assert (summary.library, summary.message_count, summary.channel_counts) == ("official", 200, {"key": 200})
+    assert (summary.start_time, summary.end_time) == (0, 199)
+    assert file.complete is not cut
+    assert len(file.damage) == cut
+
+
+def test_the_summary_of_a_long_file_does_not_read_its_messages(tmp_path: Path) -> None:
+    path = tmp_path / "log.mcap"
+    with McapWriter(path, compression="none", chunk_bytes=100, library="test") as writer:
+        channel = writer.register_channel("key", "", 0)
+        for n in range(20_000):
+            writer.add_message(channel, n, n, n, bytes(1000))
+    begun = time.process_time()
+    assert McapFile(path).summary().message_count == 20_000
+    assert time.process_time() - begun < 0.5

@@ -1,0 +1,267 @@
+"""The paper's three figures: what they show, how their lines look anywhere, and PNG and SVG files for a paper."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zenoh_cbef.analysis.metrics import Analysis
+from zenoh_cbef.errors import UserError
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Dash = Literal["solid", "dash", "dot", "dashdot"]
+Role = Literal["network", "centralized", "bound"]
+
+INK, MUTED = "#16191d", "#6b737c"
+# Chosen from the usual colour-blind-safe sets for the largest least difference (CIE76 18) over normal vision,
+# deuteranopia and protanopia, with contrast above 2.3 on white and on near-black alike.
+COLOURS = ("#0072B2", "#E69F00", "#009E73", "#AA3377", "#56B4E9", "#A6761D", "#785EF0", "#117733")
+DASHES: tuple[Dash, ...] = ("solid", "dash", "dot", "dashdot")
+ROLES: dict[Role, tuple[str, Dash]] = {
+    "network": (INK, "solid"),
+    "centralized": (INK, "dash"),
+    "bound": (MUTED, "dot"),
+}
+
+_WIDTH, _HEIGHT, _DPI = 3.5, 2.6, 300
+_MOST_NAMED = 8
+_POINTS, _POINTS_OF_ALL = 2000, 120_000
+_MATPLOTLIB_DASH = {"solid": "-", "dash": (0, (4, 1.6)), "dot": (0, (1, 1.2)), "dashdot": "-."}
+_PAPER_STYLE = {
+    "font.size": 8,
+    "axes.labelsize": 8,
+    "xtick.labelsize": 7,
+    "ytick.labelsize": 7,
+    "legend.fontsize": 6.5,
+    "axes.linewidth": 0.6,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "grid.linewidth": 0.4,
+    "grid.color": "#d5d9dd",
+    # Without these two the same run would give other bytes each time.
+    "svg.hashsalt": "zenoh-cbef",
+    "svg.fonttype": "path",
+}
+
+
+@dataclass(frozen=True)
+class Reference:
+    """One line that belongs to no agent: values (K,)."""
+
+    name: str
+    role: Role
+    values: Floats
+
+
+@dataclass(frozen=True)
+class Chart:
+    """A positive quantity over the steps, on a log axis.
+
+    name: of its files and its place in the report. axis: what is drawn, with its unit. agents: (n, K), or None.
+    band: two values between which the quantity should lie. scored: whether only the scored window counts.
+    """
+
+    name: str
+    title: str
+    caption: str
+    axis: str
+    agents: Floats | None
+    references: tuple[Reference, ...] = ()
+    band: tuple[float, float] | None = None
+    scored: bool = False
+
+    def values(self) -> list[Floats]:
+        """Everything drawn as lines."""
+        rows = [] if self.agents is None else list(self.agents)
+        return [*rows, *(reference.values for reference in self.references)]
+
+    @property
+    def empty(self) -> bool:
+        """Whether a log axis has nothing to show."""
+        return not any(np.isfinite(positive(values)).any() for values in self.values())
+
+
+def paper_charts(analysis: Analysis) -> tuple[Chart, Chart, Chart]:
+    """The paper's figures: innovation per agent, MSEE per agent, average MSEE."""
+    kind = analysis.trace.scenario.filter.kind
+    unit = "m²" if kind.startswith("cbef") else "m"
+    references = (
+        Reference("centralised filter", "centralized", analysis.centralized_msee),
+        Reference("posterior bound", "bound", analysis.bound_msee),
+    )
+    msee = "MSEE (m² + m²/s²)"
+    return (
+        Chart(
+            "innovation",
+            "(a) Innovation of each agent",
+            "Size of what each agent's measurements said beyond its prediction; gaps where it heard no beacon.",
+            f"innovation ({unit})",
+            analysis.trace.innovation,
+        ),
+        Chart(
+            "msee",
+            "(b) MSEE of each agent",
+            "Running mean from step 1 of the squared error of the whole state, position and velocity together.",
+            msee,
+            analysis.msee,
+            references,
+        ),
+        Chart(
+            "msee-average",
+            "(c) Average MSEE",
+            "The mean of (b) over the agents.",
+            msee,
+            None,
+            (Reference("network", "network", analysis.msee_average), *references),
+        ),
+    )
+
+
+def write_figures(analysis: Analysis, folder: Path) -> list[Path]:
+    """Write the paper's figures, one column wide, as innovation, msee and msee-average .png and .svg.
+
+    Raises UserError where matplotlib is not installed.
+    """
+    try:
+        import matplotlib as mpl  # noqa: PLC0415 - half a second that only figures should cost
+    except ImportError as error:
+        raise UserError("figures need matplotlib; run: pip install 'zenoh-cbef[report]'") from error
+    folder.mkdir(parents=True, exist_ok=True)
+    written = []
+    with mpl.rc_context(_PAPER_STYLE):
+        for chart in paper_charts(analysis):
+            figure = _drawn(chart, analysis)
+            for suffix, metadata in ((".png", {}), (".svg", {"Date": None})):
+                path = folder / f"{chart.name}{suffix}"
+                figure.savefig(path, dpi=_DPI, metadata=metadata)
+                written.append(path)
+    return written
+
+
+def agent_names(analysis: Analysis) -> list[str]:
+    """What the agents are called: their labels, otherwise their ids."""
+    count = len(analysis.trace.estimates)
+    labels = analysis.trace.scenario.agents.labels or ()
+    return [labels[agent] if agent < len(labels) else str(agent) for agent in range(count)]
+
+
+def agent_style(agent: int) -> tuple[str, Dash]:
+    """An agent's colour and dash, the same in every figure; colours repeat with another dash."""
+    return COLOURS[agent % len(COLOURS)], DASHES[agent // len(COLOURS) % len(DASHES)]
+
+
+def points_each(lines: int) -> int:
+    """How many points a line may have where so many share a figure."""
+    return max(60, min(_POINTS, _POINTS_OF_ALL // max(lines, 1)))
+
+
+def positive(values: Floats) -> Floats:
+    """What a log axis can show; the rest is a gap."""
+    shown = np.isfinite(values) & (np.nan_to_num(values) > 0.0)
+    return np.where(shown, values, np.nan)
+
+
+def thinned(values: Floats, points: int) -> Ints:
+    """Indices of at most about `points` of the values (K,), among them the extremes and one of each long gap."""
+    count = len(values)
+    if count <= points:
+        return np.arange(count)
+    width = -(-count // max(points // 3, 1))
+    starts = np.arange(0, count, width)
+    padded = np.full(len(starts) * width, np.nan)
+    padded[:count] = values
+    table = padded.reshape(-1, width)
+    gaps = np.isnan(table)
+    chosen = [
+        np.where(gaps, np.inf, table).argmin(axis=1),
+        np.where(gaps, -np.inf, table).argmax(axis=1),
+        gaps.argmax(axis=1),
+    ]
+    inside = np.concatenate([[0, count - 1], *(starts + offset for offset in chosen)])
+    return np.unique(np.minimum(inside, count - 1))
+
+
+def has_lone_points(values: Floats) -> bool:
+    """Whether some value stands between two gaps, where a line would not show it."""
+    there = np.concatenate([[False], np.isfinite(values), [False]])
+    return bool((there[1:-1] & ~there[:-2] & ~there[2:]).any())
+
+
+def log_range(chart: Chart) -> tuple[float, float]:
+    """Limits of a log axis; a few values that are almost zero do not stretch it."""
+    shown = np.concatenate([positive(values) for values in chart.values()])
+    shown = np.concatenate([shown[np.isfinite(shown)], np.array(chart.band or ())])
+    if not shown.size:
+        return 0.1, 10.0
+    low, high = max(shown.min(), np.quantile(shown, 0.002) / 2.0), shown.max()
+    margin = max((high / low) ** 0.05, 1.1)
+    return float(low / margin), float(high * margin)
+
+
+def _drawn(chart: Chart, analysis: Analysis) -> Figure:
+    from matplotlib.figure import Figure  # noqa: PLC0415 - as above
+
+    figure = Figure(figsize=(_WIDTH, _HEIGHT), layout="constrained")
+    axes = figure.subplots()
+    time = analysis.trace.time
+    if chart.agents is not None:
+        _draw_agents(axes, time, chart.agents, agent_names(analysis))
+    for reference in chart.references:
+        colour, dash = ROLES[reference.role]
+        _draw(axes, time, reference.values, colour=colour, dash=dash, label=reference.name, width=1.2)
+    axes.set(xlabel="time (s)", ylabel=chart.axis, yscale="log", ylim=log_range(chart), xlim=_limits(time))
+    axes.grid(visible=True)
+    if chart.empty:
+        axes.text(0.5, 0.5, "no values", transform=axes.transAxes, ha="center", va="center", color=MUTED)
+    figure.legend(loc="outside lower center", ncols=4, frameon=False, handlelength=1.8, columnspacing=1.2)
+    return figure
+
+
+def _limits(time: Floats) -> tuple[float, float]:
+    return 0.0, float(time[-1]) if len(time) and time[-1] > 0.0 else 1.0
+
+
+def _draw_agents(axes: Axes, time: Floats, values: Floats, names: Sequence[str]) -> None:
+    points, few = points_each(len(values)), len(values) <= _MOST_NAMED
+    for agent, row in enumerate(values):
+        colour, dash = agent_style(agent)
+        # Two dollar signs in a label would be read as a formula.
+        label = f"agent {names[agent]}".replace("$", r"\$")
+        if not few:
+            label = f"{len(values)} agents" if agent == 0 else "_"
+        _draw(axes, time, row, colour=colour, dash=dash, label=label, width=0.8 if few else 0.5, points=points)
+
+
+def _draw(
+    axes: Axes,
+    time: Floats,
+    values: Floats,
+    *,
+    colour: str,
+    dash: Dash,
+    label: str,
+    width: float,
+    points: int = _POINTS,
+) -> None:
+    shown = positive(values)
+    kept = thinned(shown, points)
+    axes.plot(
+        time[kept],
+        shown[kept],
+        color=colour,
+        linestyle=_MATPLOTLIB_DASH[dash],
+        linewidth=width,
+        label=label,
+        marker="." if has_lone_points(shown) else "",
+        markersize=1.5,
+    )

@@ -1,0 +1,147 @@
+"""Proof of a log: the run is executed again from its scenario and beacons, and must come out the same."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zenoh_cbef.log.contents import Contents, Header, open_log, read_contents, read_header
+from zenoh_cbef.log.read_trace import heard_ranges, logged_positions
+from zenoh_cbef.protocol.messages import BadMessage, nil_to_nan, unpack_floats
+from zenoh_cbef.simulator import Heard, Simulation, Step
+
+Floats = NDArray[np.float64]
+
+_SKEW = 8
+"""By how many steps agents' logs may end apart when a run is stopped or its recorder dies."""
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Whether a log is what its scenario gives, in one sentence; compared: how many messages were."""
+
+    result: Literal["equal", "different", "unknown"]
+    text: str
+    compared: int = 0
+
+    @property
+    def exit_status(self) -> int:
+        """0 equal, 1 different, 2 cannot be judged."""
+        return {"equal": 0, "different": 1, "unknown": 2}[self.result]
+
+
+class _Different(Exception):
+    """The first difference."""
+
+
+class _Comparison:
+    """Compares logged messages with executed ones, bit for bit or within a relative tolerance."""
+
+    def __init__(self, contents: Contents, tolerance: float) -> None:
+        self._contents, self._tolerance = contents, tolerance
+        self.compared = 0
+        self.largest = 0.0
+
+    def step(self, number: int, step: Step) -> None:
+        """Compare one step of all agents. Raises _Different."""
+        for round_, sent in enumerate(step.sent, 1):
+            for agent, payload in enumerate(sent):
+                logged = self._contents.rounds.get((agent, number, round_))
+                if logged is not None:
+                    self._same(f"agent {agent}, step {number}, round {round_}: payload", logged, payload)
+                    self.compared += 1
+        for agent in range(len(step.estimate.state)):
+            message = self._contents.estimates.get((agent, number))
+            if message is not None:
+                self._estimate(agent, number, message, step)
+                self.compared += 1
+
+    def _estimate(self, agent: int, number: int, message: dict[str, object], step: Step) -> None:
+        at = f"agent {agent}, step {number}: "
+        estimate = step.estimate
+        self._same(at + "state", np.array(message["state"]), estimate.state[agent])
+        for name, value in (("innovation", estimate.innovation), ("weight", estimate.weight)):
+            logged = message[name]
+            number_ = nil_to_nan(logged if isinstance(logged, float) else None)
+            self._same(at + name, np.array([number_]), value[agent : agent + 1])
+        packed = message["covariance"]
+        if (packed is None) != (estimate.covariance is None):
+            raise _Different(at + "covariance is there in one only")
+        if isinstance(packed, bytes) and estimate.covariance is not None:
+            try:
+                covariance = unpack_floats(packed, 6, 6)
+            except BadMessage as error:
+                raise _Different(f"{at}covariance has {error}") from None
+            self._same(at + "covariance", covariance, estimate.covariance[agent])
+
+    def _same(self, what: str, logged: Floats, executed: Floats) -> None:
+        logged = np.ascontiguousarray(logged, dtype=np.float64)
+        executed = np.ascontiguousarray(executed)
+        if logged.tobytes() == executed.tobytes():
+            return
+        both_nan = np.isnan(logged) & np.isnan(executed)
+        scale = np.maximum(np.maximum(np.abs(logged), np.abs(executed)), 1.0)
+        apart = np.where(both_nan, 0.0, np.abs(logged - executed) / scale)
+        if both_nan.all() or (np.isfinite(apart).all() and 0.0 < self._tolerance >= apart.max()):
+            self.largest = max(self.largest, float(apart.max()))
+            return
+        first = int(np.argmax(logged.view(np.uint64).ravel() != executed.view(np.uint64).ravel()))
+        raise _Different(
+            f"{what}[{first}] is {logged.ravel()[first]!r} in the log and {executed.ravel()[first]!r} when executed"
+        )
+
+
+def verify(path: Path, *, tolerance: float = 0.0) -> Verdict:
+    """Execute the run of a log again and compare. Raises UserError where the file is no log of a run."""
+    file = open_log(path)
+    header = read_header(file, path)
+    if header.scenario.timing.mode == "realtime":
+        return Verdict("unknown", "a realtime run depends on when messages came, so it cannot be executed again")
+    contents = read_contents(file, header)
+    steps, doubt = _judgeable(header, contents)
+    if doubt:
+        return Verdict("unknown", doubt)
+    if file.damage:
+        cut = f"; the log is damaged ({file.damage[0]}), compared as far as it goes"
+    else:
+        cut = "" if steps == header.scenario.length else f"; the run ended at step {steps}"
+    return _execute(header, contents, steps, tolerance, cut)
+
+
+def _judgeable(header: Header, contents: Contents) -> tuple[int, str]:
+    """How many steps can be executed again, and why none can."""
+    count = header.scenario.count
+    last = [0] * count
+    for agent, step in contents.estimates:
+        last[agent] = max(last[agent], step)
+    if max(last) == 0:
+        return 0, "the log holds no estimate to compare"
+    if max(last) - min(last) > _SKEW:
+        agent = int(np.argmin(last))
+        return 0, f"agent {agent} left after step {last[agent]}, which no scenario foretells"
+    steps = 0
+    while steps < max(last) and all((agent, steps + 1) in contents.beacons for agent in range(count)):
+        steps += 1
+    if steps < min(last):
+        return 0, f"the log lacks beacons of step {steps + 1}, without which the run cannot be executed again"
+    return steps, ""
+
+
+def _execute(header: Header, contents: Contents, steps: int, tolerance: float, cut: str) -> Verdict:
+    scenario = header.scenario.model_copy(update={"steps": steps})
+    ranges, age = heard_ranges(scenario, contents, steps)
+    heard = Heard(logged_positions(scenario, contents, steps), ranges, age)
+    comparison = _Comparison(contents, tolerance)
+    try:
+        for number, step in enumerate(Simulation([scenario], [heard]), 1):
+            comparison.step(number, step)
+    except _Different as difference:
+        return Verdict("different", f"different: {difference}", comparison.compared)
+    how = "bit for bit" if comparison.largest == 0.0 else f"within {comparison.largest:.1e}"
+    return Verdict(
+        "equal", f"equal {how}: {comparison.compared} messages of {steps} steps{cut}", comparison.compared
+    )
