@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import base64
 import html
-from dataclasses import dataclass
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -18,6 +18,7 @@ from zenoh_cbef.analysis.figures import (
     MUTED,
     ROLES,
     Chart,
+    Dash,
     agent_names,
     agent_style,
     has_lone_points,
@@ -33,68 +34,41 @@ Floats = NDArray[np.float64]
 Plot = dict[str, Any]
 
 _LARGEST = float(np.finfo(np.float32).max)
-_LOSS_COLOURS = [[0.0, "#8b96a1"], [0.35, "#e0a030"], [0.7, "#d1582a"], [1.0, "#9c1c3c"]]
-_LOSS_CLASSES = 6
-
-
-@dataclass(frozen=True)
-class _Path:
-    """A line through space: points (K, 3). group: what the page's agent buttons switch."""
-
-    name: str
-    points: Floats
-    colour: str
-    dash: str
-    width: float
-    meta: str = ""
-    group: str = ""
+_LOSS_COLOURS = ("#8b96a1", "#b99a58", "#e0a030", "#d97a2c", "#cc4a2c", "#9c1c3c")
 
 
 def time_plot(chart: Chart, analysis: Analysis) -> Plot:
     """A chart over time: agents, references, band, fault periods, and where the scored window starts."""
-    time = analysis.trace.time
-    data, dense = [], chart.agents is not None and len(chart.agents) > 12
+    time, names = analysis.trace.time, agent_names(analysis)
+    width, points, data = 1.0 if len(names) > 12 else 1.4, points_each(len(names)), []
     for agent, values in enumerate([] if chart.agents is None else chart.agents):
-        colour, dash = agent_style(agent)
-        line = {"color": colour, "dash": dash, "width": 1.0 if dense else 1.4}
-        name = html.escape(f"agent {agent_names(analysis)[agent]}")
-        points = points_each(len(analysis.trace.estimates))
-        data.append(
-            _series(time, values, points)
-            | {"name": name, "line": line, "legendgroup": f"agent-{agent}", "showlegend": False}
-        )
+        data.append(_series(time, values, points, *agent_style(agent), width) | _owned(agent, names[agent]))
     for reference in chart.references:
         colour, dash = ROLES[reference.role]
-        line = {"color": colour, "dash": dash, "width": 2.0}
-        meta = "ink" if colour == INK else "muted"
-        data.append(_series(time, reference.values, 2000) | {"name": reference.name, "line": line, "meta": meta})
+        line = _series(time, reference.values, points_each(1), colour, dash, 2.0)
+        data.append(line | {"name": reference.name, "meta": "ink" if colour == INK else "muted"})
     end = float(time[-1])
     shapes, notes = _faults(analysis, end)
-    low, high = log_range(chart)
     if chart.band:
-        shapes.append(_box("y", chart.band, "rgba(0, 158, 115, 0.14)"))
+        shapes.append(_box("y", chart.band, "rgba(0, 158, 115, 0.16)"))
     if chart.scored and analysis.first:
         start = float(time[analysis.first])
         line = {"color": MUTED, "width": 1, "dash": "dot"}
-        shapes.append({"type": "line", "x0": start, "x1": start, "y0": 0, "y1": 1, "yref": "paper", "line": line})
-        notes.append(_note(start, 0.0, "scored from here", "bottom"))
-    room = 0.07 * np.log10(high / low) * (1 + max((note["yshift"] // -14 for note in notes), default=0))
-    limits = [float(np.log10(low)), float(np.log10(high) + room)]
-    return {
-        "data": data,
-        "layout": {
-            "xaxis": {"title": {"text": "time (s)"}, "range": [0.0, end]},
-            "yaxis": {
-                "title": {"text": chart.axis},
-                "type": "log",
-                "range": limits,
-                "exponentformat": "power",
-                "dtick": 1 if high / low > 300 else "D2",
-            },
-            "shapes": shapes,
-            "annotations": notes,
-        },
+        shapes.append(
+            {"type": "line", "x0": start, "x1": start, "y0": 0, "y1": 1, "yref": "paper", "line": line}
+        )
+        notes.append(_note(start, 0.0, "scored from here", "bottom", 0))
+    low, high = np.log10(log_range(chart))
+    # Names of faults stand in the plot, at its top: one lane is about a twentieth of its height.
+    lanes = max((1 - note["yshift"] // 14 for note in notes if note["y"]), default=0)
+    axis = {"type": "log", "range": [low, high + 0.055 * lanes * (high - low)], "exponentformat": "power"}
+    layout = {
+        "xaxis": {"title": {"text": "time (s)"}, "range": [0.0, end]},
+        "yaxis": {**axis, "title": {"text": chart.axis}, "dtick": 1 if high - low > 2.0 else "D2"},
+        "shapes": shapes,
+        "annotations": notes,
     }
+    return {"data": data, "layout": layout}
 
 
 def space_plot(analysis: Analysis) -> Plot:
@@ -103,62 +77,41 @@ def space_plot(analysis: Analysis) -> Plot:
         f"{axis}axis": {"title": {"text": f"{axis} (m)"}, "range": limits}
         for axis, limits in zip("xyz", _limits(analysis), strict=True)
     }
-    data = [_drawn(path, 3) for path in _paths(analysis)] + _agents(analysis, 3)
-    return {"data": data, "layout": {"scene": {**axes, "aspectmode": "data"}}}
+    return {"data": _scene(analysis, 3), "layout": {"scene": {**axes, "aspectmode": "data"}}}
 
 
 def top_plot(analysis: Analysis) -> Plot:
     """Truth, estimates and agents seen from above, both axes to one scale."""
-    across, along, _ = _limits(analysis)
-    data = [_drawn(path, 2) for path in _paths(analysis)] + _agents(analysis, 2)
-    layout = {
-        "xaxis": {"title": {"text": "x (m)"}, "range": across},
-        "yaxis": {"title": {"text": "y (m)"}, "range": along, "scaleanchor": "x"},
-    }
-    return {"data": data, "layout": layout}
+    return {"data": _scene(analysis, 2), "layout": _map_axes(_limits(analysis)[:2])}
 
 
 def network_plot(analysis: Analysis) -> Plot:
     """Every directed link, its width and colour by the share of messages that were lost or late."""
     links, names = analysis.trace.links, agent_names(analysis)
-    places, real = _places(analysis)
+    places, real = _places(analysis.trace.positions)
     extent = float(np.ptp(places, axis=0).max()) or 1.0
     along = places[links.destination] - places[links.source]
     length = np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-12)
     # Both directions of an edge run side by side, each on its right.
     aside = 0.008 * extent * np.stack([along[:, 1], -along[:, 0]], axis=1) / length
     start, end = places[links.source] + aside, places[links.destination] + aside
-    share = missed_share(links)
-    most = float(share.max(initial=0.0))
-    data = _link_lines(start, end, share, most)
-    data.append(_arrows(start, end, share, most, _link_texts(links, share, names)))
-    data.append(
-        _xy(places, 2)
-        | {
-            "type": "scatter",
-            "mode": "markers+text",
-            "text": [html.escape(name) for name in names],
-            "textfont": {"size": 11},
-            "hoverinfo": "skip",
-            "meta": "node",
-            "marker": {
-                "size": 24,
-                "color": "#ffffff",
-                "line": {"color": [agent_style(agent)[0] for agent in range(len(names))], "width": 3},
-            },
-        }
-    )
-    margin = 0.1 * extent
-    axes = {
-        f"{axis}axis": {
-            "range": [float(values.min() - margin), float(values.max() + margin)],
-            "visible": real,
-            "title": {"text": f"{axis} (m)"},
-        }
-        for axis, values in zip("xy", places.T, strict=True)
+    nodes = {
+        "mode": "markers+text",
+        "text": [html.escape(name) for name in names],
+        "hoverinfo": "skip",
+        "meta": "node",
+        "marker": {
+            "size": 24,
+            "line": {"color": [agent_style(agent)[0] for agent in range(len(names))], "width": 3},
+        },
     }
-    axes["yaxis"]["scaleanchor"] = "x"
-    return {"data": data, "layout": {**axes, "showlegend": False, "hovermode": "closest"}}
+    margins = 0.1 * extent * np.array([-1.0, 1.0])
+    layout = _map_axes(
+        [[low, high] + margins for low, high in zip(places.min(axis=0), places.max(axis=0), strict=True)]
+    )
+    layout["xaxis"]["visible"] = layout["yaxis"]["visible"] = real
+    data = [*_link_lines(start, end, missed_share(links)), _arrows(start, end, links, names)]
+    return {"data": [*data, _xy(places) | nodes], "layout": layout | {"showlegend": False}}
 
 
 def missed_share(links: Links) -> Floats:
@@ -172,14 +125,19 @@ def _packed(values: Floats) -> dict[str, str]:
     return {"dtype": "f4", "bdata": base64.b64encode(single.tobytes()).decode("ascii")}
 
 
-def _series(time: Floats, values: Floats, points: int) -> Plot:
+def _owned(agent: int, name: str) -> Plot:
+    """An agent's line: the page's buttons name it and switch it, not the plot's own legend."""
+    return {"name": html.escape(f"agent {name}"), "legendgroup": f"agent-{agent}", "showlegend": False}
+
+
+def _series(time: Floats, values: Floats, points: int, colour: str, dash: Dash, width: float) -> Plot:
     shown = positive(values)
     kept = thinned(shown, points)
-    lone = has_lone_points(shown)
     return {
         "type": "scatter",
-        "mode": "lines+markers" if lone else "lines",
+        "mode": "lines+markers" if has_lone_points(shown) else "lines",
         "marker": {"size": 3},
+        "line": {"color": colour, "dash": dash, "width": width},
         "x": _packed(time[kept]),
         "y": _packed(shown[kept]),
         "hovertemplate": "%{x:.6~g} s: %{y:.4~g}<extra>%{fullData.name}</extra>",
@@ -192,19 +150,16 @@ def _box(axis: str, span: tuple[float, float], colour: str) -> Plot:
     return {"type": "rect", **ends, "fillcolor": colour, "line": {"width": 0}, "layer": "below"}
 
 
-def _note(time: float, height: float, text: str, anchor: str, lane: int = 0) -> Plot:
-    return {
+def _note(time: float, height: float, text: str, anchor: str, lane: int) -> Plot:
+    place = {
         "x": time,
         "y": height,
         "yref": "paper",
-        "text": text,
         "xanchor": "left",
         "yanchor": anchor,
         "yshift": -14 * lane,
-        "showarrow": False,
-        "font": {"size": 11, "color": MUTED},
-        "meta": "muted",
     }
+    return place | {"text": text, "showarrow": False, "font": {"size": 11, "color": MUTED}}
 
 
 def _faults(analysis: Analysis, end: float) -> tuple[list[Plot], list[Plot]]:
@@ -218,71 +173,137 @@ def _faults(analysis: Analysis, end: float) -> tuple[list[Plot], list[Plot]]:
     for (since, until), kinds in sorted(periods.items()):
         shapes.append(_box("x", (since, until), "rgba(204, 120, 60, 0.11)"))
         text = " + ".join(dict.fromkeys(kinds))
-        lane = next((lane for lane, until_there in enumerate(free) if since >= until_there), len(free))
-        free[lane:] = [since + end * 0.009 * (len(text) + 2), *free[lane + 1 :]]
+        lane = next((lane for lane, taken in enumerate(free) if since >= taken), len(free))
+        free[lane : lane + 1] = [since + end * 0.01 * (len(text) + 2)]
         notes.append(_note(since, 1.0, html.escape(text), "top", lane))
     return shapes, notes
 
 
-def _paths(analysis: Analysis) -> list[_Path]:
+def _map_axes(limits: Sequence[Sequence[float] | Floats]) -> Plot:
+    across, along = ([float(value) for value in pair] for pair in limits)
+    return {
+        "xaxis": {"title": {"text": "x (m)"}, "range": across},
+        "yaxis": {"title": {"text": "y (m)"}, "range": along, "scaleanchor": "x"},
+    }
+
+
+def _limits(analysis: Analysis) -> list[list[float]]:
+    """Axis limits (3, 2): truth and agents, and estimates as far as they do not dwarf these."""
+    trace = analysis.trace
+    core = np.concatenate([trace.truth[:, :3], trace.positions.reshape(-1, 3)])
+    core = core[np.isfinite(core).all(axis=1)]
+    low, high = core.min(axis=0), core.max(axis=0)
+    reach = 0.5 * float(np.max(high - low)) or 1.0
+    estimates = trace.estimates[:, :, :3].reshape(-1, 3)
+    estimates = estimates[np.isfinite(estimates).all(axis=1)]
+    if len(estimates):
+        low = np.minimum(low, np.maximum(np.quantile(estimates, 0.005, axis=0), low - reach))
+        high = np.maximum(high, np.minimum(np.quantile(estimates, 0.995, axis=0), high + reach))
+    margin = 0.06 * np.maximum(high - low, reach)
+    return np.stack([low - margin, high + margin], axis=1).tolist()
+
+
+def _xy(points: Floats) -> Plot:
+    coordinates = {axis: _packed(column) for axis, column in zip("xyz", points.T, strict=False)}
+    return coordinates | {"type": "scatter3d" if points.shape[1] == 3 else "scatter"}
+
+
+def _path(points: Floats, colour: str, dash: Dash, width: float) -> Plot:
+    each = points_each(1) // 3
+    kept = np.unique(np.concatenate([thinned(column, each) for column in points.T]))
+    digits = ", ".join(f"%{{{axis}:.2f}}" for axis in "xyz"[: points.shape[1]])
+    line = {"color": colour, "dash": dash, "width": width * (1.5 if points.shape[1] == 3 else 1.0)}
+    return _xy(points[kept]) | {"mode": "lines", "line": line, "hovertemplate": f"({digits}) m"}
+
+
+def _scene(analysis: Analysis, axes: int) -> list[Plot]:
+    """Estimates, truth and centralised filter, and the agents with the way they came."""
     trace, names = analysis.trace, agent_names(analysis)
-    thin = 1.0 if len(names) > 12 else 1.5
-    estimates = [
-        _Path(f"agent {name}'s estimate", trace.estimates[agent, :, :3], *agent_style(agent), thin, "", f"agent-{agent}")
-        for agent, name in enumerate(names)
-    ]
-    return [
-        *estimates,
-        _Path("truth", trace.truth[:, :3], INK, "solid", 3.0, "ink"),
-        _Path("centralised filter", analysis.centralized_states[:, :3], INK, "dash", 2.0, "ink"),
-    ]
-
-
-def _drawn(path: _Path, axes: int) -> Plot:
-    points = points_each(1) // 3
-    kept = np.unique(np.concatenate([thinned(column, points) for column in path.points.T]))
-    return _xy(path.points[kept], axes) | {
-        "type": "scatter3d" if axes == 3 else "scatter",
-        "mode": "lines",
-        "name": html.escape(path.name),
-        "line": {"color": path.colour, "dash": path.dash, "width": path.width * (1.5 if axes == 3 else 1.0)},
-        "meta": path.meta,
-        "legendgroup": path.group,
-        "showlegend": not path.group,
-        "hovertemplate": "(%{x:.2f}, %{y:.2f}" + (", %{z:.2f}" if axes == 3 else "") + ") m",
+    width, plots = 1.0 if len(names) > 12 else 1.5, []
+    for agent, (name, way) in enumerate(zip(names, trace.positions, strict=True)):
+        colour, dash = agent_style(agent)
+        plots.append(_path(trace.estimates[agent, :, :axes], colour, dash, width) | _owned(agent, name))
+        known = way[np.isfinite(way).all(axis=1)]
+        if len(known) and np.ptp(known, axis=0).max() > 0.0:
+            plots.append(_path(way[:, :axes], colour, "dot", 1.0) | _owned(agent, name))
+    truth, central = trace.truth[:, :axes], analysis.centralized_states[:, :axes]
+    plots.append(_path(truth, INK, "solid", 3.0) | {"name": "truth", "meta": "ink"})
+    plots.append(_path(central, INK, "dash", 1.5) | {"name": "centralised filter", "meta": "ink"})
+    agents = {
+        "mode": "markers+text",
+        "name": "agents",
+        "text": [html.escape(name) for name in names],
+        "textposition": "top center",
+        "marker": {
+            "size": 5 if axes == 3 else 9,
+            "symbol": "diamond",
+            "color": [agent_style(agent)[0] for agent in range(len(names))],
+        },
+        "hovertemplate": "agent %{text}<extra></extra>",
     }
+    return [*plots, _xy(_last_known(trace.positions)[:, :axes]) | agents]
 
 
-def _xy(points: Floats, axes: int) -> Plot:
-    return {axis: _packed(points[:, column]) for column, axis in enumerate("xyz"[:axes])}
+def _last_known(positions: Floats) -> Floats:
+    known = np.isfinite(positions).all(axis=2)
+    last = positions.shape[1] - 1 - known[:, ::-1].argmax(axis=1)
+    return positions[np.arange(len(positions)), last]
 
 
-def _agents(analysis: Analysis, axes: int) -> list[Plot]:
-    """Where the agents were at the end, and the way they came if they moved."""
-    positions, names = analysis.trace.positions, agent_names(analysis)
-    kind = "scatter3d" if axes == 3 else "scatter"
-    plots: list[Plot] = []
-    for agent, way in enumerate(positions):
-        colour, _ = agent_style(agent)
-        if np.nanmax(np.ptp(way, axis=0), initial=0.0) > 0.0:
-            path = _Path(f"agent {names[agent]}'s way", way, colour, "dot", 1.0, "", f"agent-{agent}")
-            plots.append(_drawn(path, axes))
-    marker = {
-        "size": 5 if axes == 3 else 10,
-        "symbol": "diamond",
-        "color": [agent_style(agent)[0] for agent in range(len(names))],
-    }
-    plots.append(
-        _xy(_last_known(positions), axes)
-        | {
-            "type": kind,
-            "mode": "markers+text",
-            "name": "agents",
-            "text": [html.escape(name) for name in names],
-            "textposition": "top center",
-            "marker": marker,
-            "meta": "agents",
-            "hovertemplate": "agent %{text}<extra></extra>",
-        }
-    )
+def _places(positions: Floats) -> tuple[Floats, bool]:
+    """Where to draw the agents, (n, 2), and whether that is where they were; a circle if two would overlap."""
+    places, count = _last_known(positions)[:, :2], len(positions)
+    apart = np.linalg.norm(places[:, None] - places, axis=2) + np.where(np.eye(count), np.inf, 0.0)
+    if np.isfinite(places).all() and apart.min() > 0.055 * np.ptp(places, axis=0).max():
+        return places, True
+    angle = np.pi / 2.0 - 2.0 * np.pi * np.arange(count) / count
+    return np.stack([np.cos(angle), np.sin(angle)], axis=1), False
+
+
+def _link_lines(start: Floats, end: Floats, share: Floats) -> list[Plot]:
+    """The links in classes of equal width and colour, so that a dense graph is still a handful of lines."""
+    classes = len(_LOSS_COLOURS) - 1
+    level = np.rint(classes * share / (share.max(initial=0.0) or 1.0)).astype(int)
+    plots = []
+    for each in np.unique(level).tolist():
+        chosen = level == each
+        gap = np.full((int(chosen.sum()), 2), np.nan)
+        points = np.stack([start[chosen], end[chosen], gap], axis=1).reshape(-1, 2)
+        line = {"width": 1.2 + 0.6 * each, "color": _LOSS_COLOURS[each]}
+        plots.append(_xy(points) | {"mode": "lines", "line": line, "hoverinfo": "skip"})
     return plots
+
+
+def _arrows(start: Floats, end: Floats, links: Links, names: list[str]) -> Plot:
+    """An arrow on each link, nearer to where it leads, that tells the link's counts."""
+    share = missed_share(links)
+    heading = np.degrees(np.arctan2(end[:, 0] - start[:, 0], end[:, 1] - start[:, 1]))
+    texts = [
+        f"{html.escape(names[source])} → {html.escape(names[destination])}<br>{sent} sent, {delivered} delivered"
+        f"<br>{lost} lost, {late} late"
+        + (f"<br>{1e3 * latency:.3g} ms from sending to use" if latency > 0.0 else "")
+        for source, destination, sent, delivered, lost, late, latency in zip(
+            *(part.tolist() for part in (links.source, links.destination, links.sent, links.delivered)),
+            *(part.tolist() for part in (links.lost, links.late, links.latency)),
+            strict=True,
+        )
+    ]
+    scale = [[place / (len(_LOSS_COLOURS) - 1), colour] for place, colour in enumerate(_LOSS_COLOURS)]
+    most = 100.0 * float(share.max(initial=0.0))
+    marker = {
+        "symbol": "triangle-up",
+        "size": 10,
+        "angle": _packed(heading),
+        "color": _packed(100.0 * share),
+        "colorscale": scale,
+        "cmin": 0.0,
+        "cmax": most or 1.0,
+        "showscale": most > 0.0,
+        "colorbar": {
+            "title": {"text": "lost or late (%)", "side": "right"},
+            "thickness": 12,
+            "outlinewidth": 0,
+        },
+    }
+    told = {"mode": "markers", "text": texts, "hovertemplate": "%{text}<extra></extra>", "marker": marker}
+    return _xy(start + 0.66 * (end - start)) | told

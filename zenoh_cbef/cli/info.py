@@ -1,0 +1,69 @@
+"""info: describe a log."""
+
+from __future__ import annotations
+
+import json
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import typer
+from rich.table import Table
+
+from zenoh_cbef.cli.options import AsJson, LogFile
+from zenoh_cbef.cli.tables import console
+from zenoh_cbef.log.contents import find_log, open_log
+from zenoh_cbef.log.run_log import END, RUN
+
+
+def _describe(path: Path) -> dict[str, Any]:
+    file = open_log(path)
+    summary = file.summary()
+    return {
+        "file": str(find_log(path)),
+        "bytes": find_log(path).stat().st_size,
+        "complete": file.complete,
+        "damage": file.damage,
+        "library": summary.library,
+        "run": file.metadata.get(RUN, {}),
+        "end": file.metadata.get(END),
+        "messages": summary.message_count,
+        "start": summary.start_time,
+        "duration": max(0, summary.end_time - summary.start_time) / 1e9,
+        "channels": dict(sorted(summary.channel_counts.items())),
+        "attachments": {name: len(data) for name, data in file.attachments.items()},
+    }
+
+
+def _info(log: LogFile = Path("logs/latest"), as_json: AsJson = False) -> None:
+    """Describe a log, complete or cut off: what it holds, of which run, and whether anything is wrong with it."""
+    found = _describe(log)
+    if as_json:
+        print(json.dumps(found))
+        return
+    started = datetime.fromtimestamp(found["start"] / 1e9, UTC).isoformat(timespec="milliseconds")
+    lines = {
+        "file": f"{found['file']} ({found['bytes']} bytes)",
+        "state": "complete" if found["complete"] else "cut off: readable as far as it goes",
+        "written by": found["library"],
+        "run": ", ".join(f"{name} {value}" for name, value in found["run"].items()) or "-",
+        "ended": (found["end"] or {}).get("status", "no end record: the recorder was killed"),
+        "messages": f"{found['messages']} in {found['duration']:.3f} s from {started}",
+        "attachments": ", ".join(f"{name} ({size} bytes)" for name, size in found["attachments"].items()) or "-",
+    }
+    for name, value in lines.items():
+        console.print(f"{name + ':':13}{value}", highlight=False, markup=False, soft_wrap=True)
+    for sentence in found["damage"]:
+        console.print(f"damage:      {sentence}", highlight=False, markup=False, soft_wrap=True)
+    table = Table("channel", box=None, pad_edge=False)
+    table.add_column("messages", justify="right")
+    table.add_column("per s", justify="right")
+    for topic, count in found["channels"].items():
+        rate = count / found["duration"] if found["duration"] > 0 else 0.0
+        table.add_row(topic, str(count), f"{rate:.1f}")
+    console.print(table)
+
+
+def register(app: typer.Typer) -> None:
+    """Add the verb."""
+    app.command("info")(_info)

@@ -1,0 +1,169 @@
+"""run: the whole thing on this host."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from datetime import datetime
+from pathlib import Path
+from types import FrameType
+from typing import Annotated, Any
+
+import typer
+from rich.live import Live
+from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+from zenoh_cbef.analysis.metrics import analyze
+from zenoh_cbef.analysis.outputs import write_outputs
+from zenoh_cbef.cli.options import Overrides, ScenarioName
+from zenoh_cbef.cli.tables import console, errors, metrics_table, number
+from zenoh_cbef.errors import UserError
+from zenoh_cbef.log.contents import find_log
+from zenoh_cbef.log.read_trace import read_trace
+from zenoh_cbef.nodes.launcher import Launcher
+from zenoh_cbef.scenario.checks import check
+from zenoh_cbef.scenario.load import Loaded, load, to_toml
+
+_INTERRUPTED = 130
+
+
+class _Display:
+    """The run as it goes: a bar on a terminal, a line now and then elsewhere."""
+
+    def __init__(self, steps: int) -> None:
+        columns = (
+            TextColumn("step {task.completed:>6.0f} of {task.total:.0f}"),
+            BarColumn(bar_width=24),
+            TextColumn("{task.fields[rate]} steps/s  error {task.fields[error]}"),
+            TextColumn("{task.fields[messages]} messages  {task.fields[lost]} lost  {task.fields[late]} late"),
+            TimeRemainingColumn(compact=True),
+        )
+        self._progress = Progress(*columns, console=errors)
+        empty = {"rate": "-", "error": "-", "messages": 0, "lost": 0, "late": 0}
+        self._task = self._progress.add_task("", total=steps, **empty)
+        self._began: tuple[float, int] | None = None
+        self._told = time.monotonic()
+        self.live = Live(self._progress, console=errors, refresh_per_second=5, transient=True)
+
+    def show(self, status: dict[str, Any]) -> None:
+        """Take in one report of the recorder."""
+        now, step = time.monotonic(), int(status["step"])
+        if self._began is None and step > 0:
+            self._began = now, step
+        rate = None
+        if self._began is not None and now > self._began[0]:
+            rate = (step - self._began[1]) / (now - self._began[0])
+        shown = {name: status[name] for name in ("messages", "lost", "late")}
+        shown |= {"rate": number(rate), "error": number(status["error"], "m")}
+        self._progress.update(self._task, completed=step, **shown)
+        if not errors.is_terminal and now - self._told > 5.0:
+            self._told = now
+            errors.print(f"step {step} of {status['steps']}, error {shown['error']}, {shown['messages']} messages")
+
+
+class _StopRequests:
+    """Counts Ctrl-C and other polite signals instead of dying of them."""
+
+    def __init__(self) -> None:
+        self.count = 0
+
+    def __call__(self) -> int:
+        return self.count
+
+    def listen(self) -> None:
+        """Take over the signals."""
+        for number_ in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            signal.signal(number_, self._note)
+
+    def _note(self, signum: int, frame: FrameType | None) -> None:
+        self.count += 1
+
+
+def _run(
+    scenario: ScenarioName = "tracking",
+    overrides: Overrides = None,
+    log: Annotated[Path | None, typer.Option("--log", metavar="FILE", help="Where the log goes.")] = None,
+    name: Annotated[str | None, typer.Option("--run", help="The run's name; default: the scenario's and the time.")] = None,
+    report: Annotated[bool, typer.Option("--report/--no-report", help="Write report.html and figures.")] = True,
+    sync: Annotated[bool, typer.Option("--sync", help="Flush the log to the disk, not only to the system.")] = False,
+) -> None:
+    """Run a scenario on this host: target, agents and recorder as processes over Zenoh, then the analysis."""
+    arguments = [scenario, *(part for one in overrides or () for part in ("--set", one))]
+    loaded = load(scenario, overrides or ())
+    for warning in check(loaded.scenario):
+        errors.print(f"warning: {warning}", highlight=False, soft_wrap=True)
+    run = name or f"{loaded.scenario.name}-{datetime.now():%Y%m%d-%H%M%S}"
+    path = log or _new_folder(run) / "run.mcap"
+    if path.exists():
+        raise UserError(f"{path} exists and logs are never overwritten; choose another --log, or move it away")
+    stops = _StopRequests()
+    deaths = _execute(arguments, loaded, run, path, sync, stops)
+    for death in deaths:
+        errors.print(f"[red]{death}[/red]", highlight=False, soft_wrap=True)
+    _conclude(loaded, find_log(path), default=log is None, report=report)
+    if stops.count:
+        raise typer.Exit(_INTERRUPTED)
+    if deaths:
+        raise typer.Exit(1)
+
+
+def _execute(
+    arguments: list[str], loaded: Loaded, run: str, path: Path, sync: bool, stops: _StopRequests
+) -> list[str]:
+    display = _Display(loaded.scenario.length)
+    stops.listen()
+    errors.print(f"run {run}: {loaded.scenario.count} agents, log {path}", highlight=False, soft_wrap=True)
+    with Launcher(arguments, loaded, run, path, sync=sync) as launcher, display.live:
+        launcher.watch(display.show, stops)
+    started, deaths = launcher.started, launcher.deaths
+    if started or stops.count:
+        return [str(death) for death in deaths]
+    mistakes = [death for death in deaths if death.status == 2]
+    first = (mistakes or deaths)[0] if deaths else None
+    raise UserError(f"the run did not start: {first or 'no step was ever finished; see its log'}")
+
+
+def _new_folder(run: str) -> Path:
+    folder = Path("logs") / run
+    for attempt in range(2, 100):
+        try:
+            folder.mkdir(parents=True)
+        except FileExistsError:
+            folder = Path("logs") / f"{run}-{attempt}"
+        except OSError as error:
+            raise UserError(f"cannot make {folder}: {error.strerror}; choose a place with --log") from None
+        else:
+            return folder
+    raise UserError(f"logs/{run} and 98 more exist; choose a place with --log")
+
+
+def _point_latest_at(folder: Path) -> None:
+    # Replaced in one step: another run may be doing the same.
+    link, fresh = folder.parent / "latest", folder.parent / f".latest-{os.getpid()}"
+    try:
+        fresh.symlink_to(folder.name)
+        fresh.replace(link)
+    except OSError:
+        fresh.unlink(missing_ok=True)
+
+
+def _conclude(loaded: Loaded, path: Path, *, default: bool, report: bool) -> None:
+    """Analyse the log; a run that has the default place also gets its folder filled."""
+    folder = path.parent
+    if default:
+        (folder / "scenario.toml").write_text(to_toml(loaded.scenario))
+        _point_latest_at(folder)
+    analysis = analyze([read_trace(path)])[0]
+    if default or report:
+        with errors.status("analysing"):
+            write_outputs(analysis, folder, report=report)
+    console.print(metrics_table(analysis.metrics))
+    console.print(f"log     {path}", highlight=False, soft_wrap=True)
+    if report:
+        console.print(f"report  {folder / 'report.html'}", highlight=False, soft_wrap=True)
+
+
+def register(app: typer.Typer) -> None:
+    """Add the verb."""
+    app.command("run")(_run)

@@ -1,0 +1,66 @@
+"""scenario: list, show, check, new."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from zenoh_cbef.cli.options import Overrides, ScenarioName
+from zenoh_cbef.errors import UserError
+from zenoh_cbef.scenario import network
+from zenoh_cbef.scenario.checks import check
+from zenoh_cbef.scenario.load import builtin_names, load, read_source, to_toml
+
+
+def _list() -> None:
+    """List the built-in scenarios."""
+    for name in builtin_names():
+        comment = read_source(name)[0].splitlines()[0].removeprefix("# ")
+        typer.echo(f"{name:10} {comment}")
+
+
+def _show(
+    scenario: ScenarioName = "tracking",
+    overrides: Overrides = None,
+    full: Annotated[bool, typer.Option("--full", help="With every default written out.")] = False,
+) -> None:
+    """Print a scenario as it is written; with --full or --set, as it is meant."""
+    if full or overrides:
+        typer.echo(to_toml(load(scenario, overrides or ()).scenario), nl=False)
+    else:
+        typer.echo(read_source(scenario)[0], nl=False)
+
+
+def _check(scenario: ScenarioName = "tracking", overrides: Overrides = None) -> None:
+    """Check a scenario: exit status 0 it can run, 2 it cannot, and why."""
+    loaded = load(scenario, overrides or ()).scenario
+    for warning in check(loaded):
+        typer.echo(f"warning: {warning}")
+    typer.echo(
+        f"{loaded.name}: {loaded.count} agents, {len(network.edges(loaded))} edges, {loaded.length} steps of "
+        f"{loaded.dt} s, {loaded.filter.kind}: it can run"
+    )
+
+
+def _new(
+    file: Annotated[Path, typer.Argument(help="The file to write.")],
+    base: Annotated[str, typer.Option("--from", help="The scenario to start from.")] = "tracking",
+) -> None:
+    """Write a new scenario file to edit."""
+    if file.exists():
+        raise UserError(f"{file} exists; choose another name")
+    try:
+        file.write_text(read_source(base)[0])
+    except OSError as error:
+        raise UserError(f"cannot write {file}: {error.strerror}") from None
+    typer.echo(f"{file} written; edit it, then: zenoh-cbef run {file}")
+
+
+def register(app: typer.Typer) -> None:
+    """Add the verb."""
+    group = typer.Typer(no_args_is_help=True, help="List, show, check and make scenarios.")
+    for name, command in (("list", _list), ("show", _show), ("check", _check), ("new", _new)):
+        group.command(name)(command)
+    app.add_typer(group, name="scenario")

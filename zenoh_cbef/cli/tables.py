@@ -1,0 +1,57 @@
+"""The one place that turns numbers into terminal tables."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+console = Console()
+errors = Console(stderr=True)
+
+
+def number(value: float | None, unit: str = "") -> str:
+    """A number in four significant digits; a dash where there is none."""
+    if value is None:
+        return "-"
+    return f"{value:.4g}" + (f" {unit}" if unit else "")
+
+
+def metrics_table(metrics: dict[str, Any]) -> Table:
+    """A run's result."""
+    central, bound, nees, messages = (metrics[name] for name in ("centralized", "bound", "nees", "messages"))
+    title = f"{metrics['run']}: {metrics['filter']}, {metrics['agents']} agents, {metrics['steps']} steps"
+    table = Table(title=title if metrics["complete"] else title + " (incomplete)", title_justify="left")
+    for column in ("", "network", "centralised", "bound"):
+        table.add_column(column, justify="left" if not column else "right")
+    for name, key, unit in (("position RMSE", "position_rmse", "m"), ("velocity RMSE", "velocity_rmse", "m/s")):
+        table.add_row(name, *(number(source[key], unit) for source in (metrics, central, bound)))
+    table.add_row(
+        "MSEE, average", number(metrics["msee"]["average"]), number(central["msee"]), number(bound["msee"])
+    )
+    table.add_row("ratio to centralised", number(metrics["ratio_to_centralized"]), "1", "")
+    if nees is not None:
+        low, high = nees["band"]
+        table.add_row(
+            "NEES", number(nees["average"]), f"ideal {nees['dimension']}", f"{nees['inside']:.0%} in [{low:.3g}, {high:.3g}]"
+        )
+    table.add_row("disagreement", number(metrics["disagreement"], "m"), "", "")
+    lost, late = (sum(link[name] for link in metrics["links"]) for name in ("lost", "late"))
+    table.add_row("messages", f"{messages['sent']} sent", f"{messages['missing']} not logged", f"{messages['rejected']} rejected")
+    table.add_row("on links", f"{sum(link['sent'] for link in metrics['links'])} sent", f"{lost} lost", f"{late} late")
+    return table
+
+
+def summary_table(summary: dict[str, Any]) -> Table:
+    """Many runs' results."""
+    table = Table(
+        title=f"{summary['run']}: {summary['filter']}, {summary['agents']} agents, {len(summary['seeds'])} seeds",
+        title_justify="left",
+    )
+    for column in ("", "median", "least", "largest"):
+        table.add_column(column, justify="left" if not column else "right")
+    for name, values in summary.items():
+        if isinstance(values, dict):
+            table.add_row(name, *(number(values[column]) for column in ("median", "least", "largest")))
+    return table

@@ -1,0 +1,30 @@
+"""verify: prove a log."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from zenoh_cbef.cli.options import LogFile
+from zenoh_cbef.log.verify import verify
+
+Tolerance = Annotated[
+    float, typer.Option(min=0.0, help="Relative difference to let pass, for logs of another processor family.")
+]
+
+
+def _verify(log: LogFile = Path("logs/latest"), tolerance: Tolerance = 0.0) -> None:
+    """Execute a logged run again from its scenario and beacons and compare every estimate and consensus message.
+
+    Exit status: 0 equal, 1 different (the first difference is shown), 2 cannot be judged.
+    """
+    verdict = verify(log, tolerance=tolerance)
+    typer.echo(verdict.text if verdict.result != "unknown" else f"cannot be judged: {verdict.text}")
+    raise typer.Exit(verdict.exit_status)
+
+
+def register(app: typer.Typer) -> None:
+    """Add the verb."""
+    app.command("verify")(_verify)
