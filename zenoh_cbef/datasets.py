@@ -72,6 +72,9 @@ class Dataset:
 def read_dataset(folder: Path) -> Dataset:
     """Read a recorded set. Raises UserError where a file is missing, empty or not as documented."""
     anchors, ranges, truth = (_read(folder, name) for name in ("anchors", "ranges", "truth"))
+    for name, labels in (("anchors", anchors[:, 0]), ("ranges", ranges[:, 1])):
+        if (labels != np.floor(labels)).any() or (np.abs(labels) > 2**53).any():
+            raise UserError(f"{folder / name}.csv has an anchor id that is not a whole number; mend it")
     ids = anchors[:, 0].astype(int)
     index = {int(label): row for row, label in enumerate(ids)}
     if len(index) < len(ids):
@@ -81,6 +84,9 @@ def read_dataset(folder: Path) -> Dataset:
         raise UserError(f"{folder / 'ranges.csv'} has ranges of anchor {unknown[0]}, which anchors.csv lacks; add it")
     ranges = ranges[np.argsort(ranges[:, 0], kind="stable")]
     ranges = ranges[ranges[:, 2] >= 0.0]
+    if len(ranges) == 0:
+        raise UserError(f"{folder / 'ranges.csv'} has negative ranges only; a dataset needs at least one range")
+    truth = truth[np.argsort(truth[:, 0], kind="stable")]
     return Dataset(
         labels=tuple(str(label) for label in ids),
         anchors=anchors[:, 1:4],
@@ -99,8 +105,9 @@ def _read(folder: Path, name: str) -> Floats:
     lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
     if not lines or lines[0].replace(" ", "") != columns:
         raise UserError(f"{path} does not begin with the header {columns}; see docs/datasets.md")
+    filled = [line for line in lines[1:] if line.strip()]
     try:
-        rows = np.loadtxt(lines[1:], delimiter=",", ndmin=2) if any(lines[1:]) else np.empty((0, 0))
+        rows = np.loadtxt(filled, delimiter=",", ndmin=2, comments=None) if filled else np.empty((0, 0))
     except ValueError as error:
         raise UserError(f"{path} has a line that is not {columns} in numbers: {error}") from None
     if rows.size == 0:

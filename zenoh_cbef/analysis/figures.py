@@ -1,11 +1,11 @@
-"""The paper's three figures: what they show, how their lines look anywhere, and PNG and SVG files for a paper."""
+"""The paper's three figures: what they show, how their lines look anywhere, and files for a paper."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,7 +37,7 @@ _WIDTH, _HEIGHT, _DPI = 3.5, 2.6, 300
 _MOST_NAMED = 8
 _POINTS, _POINTS_OF_ALL = 2000, 120_000
 _MATPLOTLIB_DASH = {"solid": "-", "dash": (0, (4, 1.6)), "dot": (0, (1, 1.2)), "dashdot": "-."}
-_PAPER_STYLE = {
+_PAPER_STYLE: dict[Any, Any] = {
     "font.size": 8,
     "axes.labelsize": 8,
     "xtick.labelsize": 7,
@@ -67,7 +67,7 @@ class Reference:
 class Chart:
     """A positive quantity over the steps, on a log axis.
 
-    name: of its files and its place in the report. axis: what is drawn, with its unit. agents: (n, K), or None.
+    name: of its files and its place in the report. axis: the quantity and its unit. agents: (n, K), or None.
     band: two values between which the quantity should lie. scored: whether only the scored window counts.
     """
 
@@ -92,7 +92,7 @@ class Chart:
 
 
 def paper_charts(analysis: Analysis) -> tuple[Chart, Chart, Chart]:
-    """The paper's figures: innovation per agent, MSEE per agent, average MSEE."""
+    """Describe the paper's figures: innovation per agent, MSEE per agent, average MSEE."""
     kind = analysis.trace.scenario.filter.kind
     unit = "m²" if kind.startswith("cbef") else "m"
     references = (
@@ -104,14 +104,15 @@ def paper_charts(analysis: Analysis) -> tuple[Chart, Chart, Chart]:
         Chart(
             "innovation",
             "(a) Innovation of each agent",
-            "Size of what each agent's measurements said beyond its prediction; gaps where it heard no beacon.",
+            "How far each agent's measurements were from its prediction; gaps where it heard no beacon.",
             f"innovation ({unit})",
             analysis.trace.innovation,
         ),
         Chart(
             "msee",
             "(b) MSEE of each agent",
-            "Running mean from step 1 of the squared error of the whole state, position and velocity together.",
+            "Running mean from step 1 of the squared error of position and velocity together. "
+            "Agents that agree cover one another.",
             msee,
             analysis.msee,
             references,
@@ -149,14 +150,14 @@ def write_figures(analysis: Analysis, folder: Path) -> list[Path]:
 
 
 def agent_names(analysis: Analysis) -> list[str]:
-    """What the agents are called: their labels, otherwise their ids."""
+    """Name the agents: their labels, otherwise their ids."""
     count = len(analysis.trace.estimates)
     labels = analysis.trace.scenario.agents.labels or ()
     return [labels[agent] if agent < len(labels) else str(agent) for agent in range(count)]
 
 
 def agent_style(agent: int) -> tuple[str, Dash]:
-    """An agent's colour and dash, the same in every figure; colours repeat with another dash."""
+    """Give an agent's colour and dash, the same in every figure; colours repeat with another dash."""
     return COLOURS[agent % len(COLOURS)], DASHES[agent // len(COLOURS) % len(DASHES)]
 
 
@@ -166,13 +167,13 @@ def points_each(lines: int) -> int:
 
 
 def positive(values: Floats) -> Floats:
-    """What a log axis can show; the rest is a gap."""
+    """Keep what a log axis can show; the rest becomes a gap."""
     shown = np.isfinite(values) & (np.nan_to_num(values) > 0.0)
     return np.where(shown, values, np.nan)
 
 
 def thinned(values: Floats, points: int) -> Ints:
-    """Indices of at most about `points` of the values (K,), among them the extremes and one of each long gap."""
+    """Choose about `points` indices of the values (K,), among them the extremes and one of each gap."""
     count = len(values)
     if count <= points:
         return np.arange(count)

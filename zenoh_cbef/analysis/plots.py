@@ -38,15 +38,14 @@ _LOSS_COLOURS = ("#8b96a1", "#b99a58", "#e0a030", "#d97a2c", "#cc4a2c", "#9c1c3c
 
 
 def time_plot(chart: Chart, analysis: Analysis) -> Plot:
-    """A chart over time: agents, references, band, fault periods, and where the scored window starts."""
+    """Draw a chart over time, with its band, the periods of faults, and where the scored window starts."""
     time, names = analysis.trace.time, agent_names(analysis)
     width, points, data = 1.0 if len(names) > 12 else 1.4, points_each(len(names)), []
     for agent, values in enumerate([] if chart.agents is None else chart.agents):
-        data.append(_series(time, values, points, *agent_style(agent), width) | _owned(agent, names[agent]))
+        data.append(_series(time, values, points, agent_style(agent), width) | _owned(agent, names[agent]))
     for reference in chart.references:
-        colour, dash = ROLES[reference.role]
-        line = _series(time, reference.values, points_each(1), colour, dash, 2.0)
-        data.append(line | {"name": reference.name, "meta": "ink" if colour == INK else "muted"})
+        line = _series(time, reference.values, points_each(1), ROLES[reference.role], 2.0)
+        data.append(line | {"name": reference.name, "meta": "muted" if reference.role == "bound" else "ink"})
     end = float(time[-1])
     shapes, notes = _faults(analysis, end)
     if chart.band:
@@ -64,7 +63,7 @@ def time_plot(chart: Chart, analysis: Analysis) -> Plot:
     axis = {"type": "log", "range": [low, high + 0.055 * lanes * (high - low)], "exponentformat": "power"}
     layout = {
         "xaxis": {"title": {"text": "time (s)"}, "range": [0.0, end]},
-        "yaxis": {**axis, "title": {"text": chart.axis}, "dtick": 1 if high - low > 2.0 else "D2"},
+        "yaxis": {**axis, "title": {"text": chart.axis}, "dtick": 1 if high - low > 3.2 else "D2"},
         "shapes": shapes,
         "annotations": notes,
     }
@@ -95,20 +94,11 @@ def network_plot(analysis: Analysis) -> Plot:
     # Both directions of an edge run side by side, each on its right.
     aside = 0.008 * extent * np.stack([along[:, 1], -along[:, 0]], axis=1) / length
     start, end = places[links.source] + aside, places[links.destination] + aside
-    nodes = {
-        "mode": "markers+text",
-        "text": [html.escape(name) for name in names],
-        "hoverinfo": "skip",
-        "meta": "node",
-        "marker": {
-            "size": 24,
-            "line": {"color": [agent_style(agent)[0] for agent in range(len(names))], "width": 3},
-        },
-    }
-    margins = 0.1 * extent * np.array([-1.0, 1.0])
-    layout = _map_axes(
-        [[low, high] + margins for low, high in zip(places.min(axis=0), places.max(axis=0), strict=True)]
-    )
+    nodes = {"text": [html.escape(name) for name in names], "marker": {"line": {"color": _colours(names)}}}
+    nodes |= {"mode": "markers+text", "hoverinfo": "skip", "meta": "node"}
+    margin = 0.1 * extent
+    limits = np.stack([places.min(axis=0) - margin, places.max(axis=0) + margin], axis=1)
+    layout = _map_axes(limits.tolist())
     layout["xaxis"]["visible"] = layout["yaxis"]["visible"] = real
     data = [*_link_lines(start, end, missed_share(links)), _arrows(start, end, links, names)]
     return {"data": [*data, _xy(places) | nodes], "layout": layout | {"showlegend": False}}
@@ -126,18 +116,18 @@ def _packed(values: Floats) -> dict[str, str]:
 
 
 def _owned(agent: int, name: str) -> Plot:
-    """An agent's line: the page's buttons name it and switch it, not the plot's own legend."""
+    """Name an agent's line; the page's buttons switch it, not the plot's own legend."""
     return {"name": html.escape(f"agent {name}"), "legendgroup": f"agent-{agent}", "showlegend": False}
 
 
-def _series(time: Floats, values: Floats, points: int, colour: str, dash: Dash, width: float) -> Plot:
+def _series(time: Floats, values: Floats, points: int, style: tuple[str, Dash], width: float) -> Plot:
     shown = positive(values)
     kept = thinned(shown, points)
     return {
         "type": "scatter",
         "mode": "lines+markers" if has_lone_points(shown) else "lines",
         "marker": {"size": 3},
-        "line": {"color": colour, "dash": dash, "width": width},
+        "line": {"color": style[0], "dash": style[1], "width": width},
         "x": _packed(time[kept]),
         "y": _packed(shown[kept]),
         "hovertemplate": "%{x:.6~g} s: %{y:.4~g}<extra>%{fullData.name}</extra>",
@@ -159,11 +149,11 @@ def _note(time: float, height: float, text: str, anchor: str, lane: int) -> Plot
         "yanchor": anchor,
         "yshift": -14 * lane,
     }
-    return place | {"text": text, "showarrow": False, "font": {"size": 11, "color": MUTED}}
+    return place | {"text": text, "showarrow": False}
 
 
 def _faults(analysis: Analysis, end: float) -> tuple[list[Plot], list[Plot]]:
-    """A shaded box for each period, named by its faults; names that would meet go one lane down."""
+    """Shade each period and name its faults; names that would meet go one lane down."""
     periods: dict[tuple[float, float], list[str]] = {}
     for fault in analysis.trace.scenario.fault:
         until = end if fault.until is None else min(fault.until, end)
@@ -179,12 +169,11 @@ def _faults(analysis: Analysis, end: float) -> tuple[list[Plot], list[Plot]]:
     return shapes, notes
 
 
-def _map_axes(limits: Sequence[Sequence[float] | Floats]) -> Plot:
-    across, along = ([float(value) for value in pair] for pair in limits)
-    return {
-        "xaxis": {"title": {"text": "x (m)"}, "range": across},
-        "yaxis": {"title": {"text": "y (m)"}, "range": along, "scaleanchor": "x"},
-    }
+def _map_axes(limits: Sequence[Sequence[float]]) -> Plot:
+    across, along = (
+        {"title": {"text": f"{axis} (m)"}, "range": pair} for axis, pair in zip("xy", limits, strict=True)
+    )
+    return {"xaxis": across, "yaxis": along | {"scaleanchor": "x"}}
 
 
 def _limits(analysis: Analysis) -> list[list[float]]:
@@ -200,7 +189,8 @@ def _limits(analysis: Analysis) -> list[list[float]]:
         low = np.minimum(low, np.maximum(np.quantile(estimates, 0.005, axis=0), low - reach))
         high = np.maximum(high, np.minimum(np.quantile(estimates, 0.995, axis=0), high + reach))
     margin = 0.06 * np.maximum(high - low, reach)
-    return np.stack([low - margin, high + margin], axis=1).tolist()
+    limits: list[list[float]] = np.stack([low - margin, high + margin], axis=1).tolist()
+    return limits
 
 
 def _xy(points: Floats) -> Plot:
@@ -226,32 +216,37 @@ def _scene(analysis: Analysis, axes: int) -> list[Plot]:
         known = way[np.isfinite(way).all(axis=1)]
         if len(known) and np.ptp(known, axis=0).max() > 0.0:
             plots.append(_path(way[:, :axes], colour, "dot", 1.0) | _owned(agent, name))
-    truth, central = trace.truth[:, :axes], analysis.centralized_states[:, :axes]
-    plots.append(_path(truth, INK, "solid", 3.0) | {"name": "truth", "meta": "ink"})
-    plots.append(_path(central, INK, "dash", 1.5) | {"name": "centralised filter", "meta": "ink"})
+    # Broad and pale, so that neither an estimate that lies on it nor one that buries it hides the other.
+    truth = _path(trace.truth[:, :axes], MUTED, "solid", 6.0) | {
+        "name": "truth",
+        "meta": "muted",
+        "opacity": 0.45,
+    }
+    central = _path(analysis.centralized_states[:, :axes], INK, "dash", 1.5)
+    plots += [truth, central | {"name": "centralised filter", "meta": "ink"}]
     agents = {
-        "mode": "markers+text",
+        "mode": "markers+text" if axes == 2 or len(names) <= 12 else "markers",
         "name": "agents",
         "text": [html.escape(name) for name in names],
         "textposition": "top center",
-        "marker": {
-            "size": 5 if axes == 3 else 9,
-            "symbol": "diamond",
-            "color": [agent_style(agent)[0] for agent in range(len(names))],
-        },
+        "marker": {"size": 5 if axes == 3 else 9, "symbol": "diamond", "color": _colours(names)},
         "hovertemplate": "agent %{text}<extra></extra>",
     }
     return [*plots, _xy(_last_known(trace.positions)[:, :axes]) | agents]
 
 
+def _colours(names: list[str]) -> list[str]:
+    return [agent_style(agent)[0] for agent in range(len(names))]
+
+
 def _last_known(positions: Floats) -> Floats:
-    known = np.isfinite(positions).all(axis=2)
-    last = positions.shape[1] - 1 - known[:, ::-1].argmax(axis=1)
-    return positions[np.arange(len(positions)), last]
+    last = positions.shape[1] - 1 - np.isfinite(positions[:, ::-1, 0]).argmax(axis=1)
+    known: Floats = positions[np.arange(len(positions)), last]
+    return known
 
 
 def _places(positions: Floats) -> tuple[Floats, bool]:
-    """Where to draw the agents, (n, 2), and whether that is where they were; a circle if two would overlap."""
+    """Choose where to draw the agents, (n, 2), and say if they were there; in a circle if two would meet."""
     places, count = _last_known(positions)[:, :2], len(positions)
     apart = np.linalg.norm(places[:, None] - places, axis=2) + np.where(np.eye(count), np.inf, 0.0)
     if np.isfinite(places).all() and apart.min() > 0.055 * np.ptp(places, axis=0).max():
@@ -260,50 +255,45 @@ def _places(positions: Floats) -> tuple[Floats, bool]:
     return np.stack([np.cos(angle), np.sin(angle)], axis=1), False
 
 
+def _scale_end(share: Floats) -> float:
+    """Choose where the colour scale ends: a round share, so that runs can be compared by eye."""
+    return next(end for end in (0.05, 0.1, 0.25, 0.5, 1.0) if share.max(initial=0.0) <= end)
+
+
 def _link_lines(start: Floats, end: Floats, share: Floats) -> list[Plot]:
-    """The links in classes of equal width and colour, so that a dense graph is still a handful of lines."""
-    classes = len(_LOSS_COLOURS) - 1
-    level = np.rint(classes * share / (share.max(initial=0.0) or 1.0)).astype(int)
+    """Draw links in classes of equal width and colour: a dense graph is still a handful of lines."""
+    classes, crowd = len(_LOSS_COLOURS) - 1, min(1.0, 60.0 / max(len(share), 1))
+    level = np.rint(classes * share / _scale_end(share)).astype(int)
     plots = []
     for each in np.unique(level).tolist():
         chosen = level == each
         gap = np.full((int(chosen.sum()), 2), np.nan)
         points = np.stack([start[chosen], end[chosen], gap], axis=1).reshape(-1, 2)
-        line = {"width": 1.2 + 0.6 * each, "color": _LOSS_COLOURS[each]}
+        line = {"width": 0.5 + crowd * (0.5 + 0.45 * each), "color": _LOSS_COLOURS[each]}
         plots.append(_xy(points) | {"mode": "lines", "line": line, "hoverinfo": "skip"})
     return plots
 
 
 def _arrows(start: Floats, end: Floats, links: Links, names: list[str]) -> Plot:
-    """An arrow on each link, nearer to where it leads, that tells the link's counts."""
+    """Put an arrow on each link, nearer to where it leads, that tells the link's counts."""
     share = missed_share(links)
     heading = np.degrees(np.arctan2(end[:, 0] - start[:, 0], end[:, 1] - start[:, 1]))
+    columns = (links.source, links.destination, links.sent, links.delivered, links.lost, links.late)
     texts = [
-        f"{html.escape(names[source])} → {html.escape(names[destination])}<br>{sent} sent, {delivered} delivered"
+        f"{html.escape(names[source])} → {html.escape(names[destination])}<br>{sent} sent, {came} delivered"
         f"<br>{lost} lost, {late} late"
-        + (f"<br>{1e3 * latency:.3g} ms from sending to use" if latency > 0.0 else "")
-        for source, destination, sent, delivered, lost, late, latency in zip(
-            *(part.tolist() for part in (links.source, links.destination, links.sent, links.delivered)),
-            *(part.tolist() for part in (links.lost, links.late, links.latency)),
-            strict=True,
+        + (f"<br>{1e3 * wait:.3g} ms from sending to use" if wait > 0.0 else "")
+        for (source, destination, sent, came, lost, late), wait in zip(
+            np.stack(columns, axis=1).tolist(), links.latency.tolist(), strict=True
         )
     ]
     scale = [[place / (len(_LOSS_COLOURS) - 1), colour] for place, colour in enumerate(_LOSS_COLOURS)]
-    most = 100.0 * float(share.max(initial=0.0))
-    marker = {
-        "symbol": "triangle-up",
-        "size": 10,
-        "angle": _packed(heading),
+    colours = {
         "color": _packed(100.0 * share),
         "colorscale": scale,
         "cmin": 0.0,
-        "cmax": most or 1.0,
-        "showscale": most > 0.0,
-        "colorbar": {
-            "title": {"text": "lost or late (%)", "side": "right"},
-            "thickness": 12,
-            "outlinewidth": 0,
-        },
+        "cmax": 100.0 * _scale_end(share),
     }
-    told = {"mode": "markers", "text": texts, "hovertemplate": "%{text}<extra></extra>", "marker": marker}
-    return _xy(start + 0.66 * (end - start)) | told
+    shape = {"angle": _packed(heading), "size": 11 if len(share) <= 60 else 6, "showscale": bool(share.any())}
+    told = {"mode": "markers", "text": texts, "hovertemplate": "%{text}<extra></extra>", "meta": "arrow"}
+    return _xy(start + 0.66 * (end - start)) | told | {"marker": colours | shape}

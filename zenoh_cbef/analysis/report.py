@@ -1,5 +1,294 @@
-"""stub"""
+"""One run as one HTML file that opens anywhere, offline: tables, the paper's figures, maps, the scenario."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Sequence
+from html import escape
+from importlib import import_module
+from importlib.resources import files
+from pathlib import Path
+from string import Template
+from typing import Any
+
+import numpy as np
+import tomli_w
+
+from zenoh_cbef.analysis.figures import Chart, Reference, agent_names, agent_style, paper_charts
+from zenoh_cbef.analysis.metrics import Analysis
+from zenoh_cbef.analysis.plots import Plot, missed_share, network_plot, space_plot, time_plot, top_plot
+from zenoh_cbef.errors import UserError
+
+_NOTHING = "n/a"
+_MOST_ROWS = 200
+_ENVELOPE = ("v", "run", "seq", "sent", "from", "kind", "text", "data")
+_SVG_DASH = {"solid": "", "dash": "6 3", "dot": "2 2", "dashdot": "6 2 1.5 2"}
 
 
-def write_report(analysis, path):
-    path.write_text("")
+def write_report(analysis: Analysis, path: Path) -> None:
+    """Write a run's report, with plotly.js inside. Raises UserError where plotly is not installed."""
+    try:
+        plotly = import_module("plotly.offline")
+    except ImportError as error:
+        raise UserError("the report needs plotly; run: pip install 'zenoh-cbef[report]'") from error
+    trace = analysis.trace
+    plots: dict[str, Plot] = {}
+    scenario = trace.scenario.model_dump(mode="json", by_alias=True, exclude_none=True)
+    sections = _sections(analysis, plots)
+    page = Template(files(__package__).joinpath("report.html").read_text(encoding="utf-8"))
+    text = page.substitute(
+        name=escape(trace.name),
+        lead=_lead(analysis),
+        banner=_banner(analysis),
+        facts=_facts(analysis),
+        summary=_summary(analysis),
+        agents=_agents(analysis),
+        sections=sections,
+        scenario=escape(tomli_w.dumps(scenario)),
+        # A "<" could end the script element that carries the data.
+        plots=json.dumps(plots, separators=(",", ":")).replace("<", "\\u003c"),
+        plotly=plotly.get_plotlyjs(),
+    )
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(text, encoding="utf-8")
+
+
+def error_charts(analysis: Analysis) -> tuple[Chart, Chart, Chart]:
+    """Charts beyond the paper's: position error, NEES, disagreement."""
+    bound = np.sqrt(np.trace(analysis.bound[:, :3, :3], axis1=1, axis2=2))
+    average = np.ma.masked_invalid(analysis.nees).mean(axis=0).filled(np.nan)
+    return (
+        Chart(
+            "position-error",
+            "Position error of each agent",
+            "Distance of each agent's estimate from the truth. Bound: root of its position block's trace.",
+            "position error (m)",
+            analysis.position_error,
+            (
+                Reference("centralised filter", "centralized", analysis.centralized_position_error),
+                Reference("posterior bound", "bound", bound),
+            ),
+            scored=True,
+        ),
+        Chart(
+            "nees",
+            "Normalised estimation error squared (NEES)",
+            "The error measured by the agent's own covariance. An honest filter stays inside the shaded 95 % "
+            "band; above it is overconfident, below it too modest.",
+            "NEES",
+            analysis.nees,
+            (Reference("mean of the agents", "network", average),),
+            band=analysis.nees_band,
+            scored=True,
+        ),
+        Chart(
+            "disagreement",
+            "Disagreement",
+            "Root mean square distance of the agents' position estimates from their mean.",
+            "disagreement (m)",
+            None,
+            (Reference("network", "network", analysis.disagreement),),
+            scored=True,
+        ),
+    )
+
+
+def _sections(analysis: Analysis, plots: dict[str, Plot]) -> str:
+    """Write the page below the summary; the plots it has places for are put into `plots`."""
+    innovation, msee, average = paper_charts(analysis)
+    position, nees, disagreement = error_charts(analysis)
+
+    def timed(chart: Chart) -> str:
+        if chart.empty:
+            return f'<h3>{chart.title}</h3><p class="note">{chart.caption} This run has none.</p>'
+        return _figure(plots, chart.name, chart.title, chart.caption, time_plot(chart, analysis))
+
+    return "\n".join(
+        [
+            "<h2>The paper's figures</h2>",
+            *map(timed, (innovation, msee, average)),
+            "<h2>Tracking</h2>",
+            timed(position),
+            _maps(analysis, plots),
+            "<h2>Honesty and agreement</h2>",
+            timed(nees),
+            timed(disagreement),
+            "<h2>Network</h2>",
+            _network(analysis, plots),
+            _events(analysis),
+        ]
+    )
+
+
+def _figure(plots: dict[str, Plot], name: str, title: str, caption: str, plot: Plot) -> str:
+    plots[name] = plot
+    place = f'<div class="plot" id="plot-{name}"></div>'
+    return f"<figure><h3>{title}</h3><figcaption>{caption}</figcaption>{place}</figure>"
+
+
+def _maps(analysis: Analysis, plots: dict[str, Plot]) -> str:
+    caption = "Diamonds: agents, where they ended; dotted: their way. Estimates in the agents' colours."
+    above = _figure(plots, "top", "Seen from above", caption, top_plot(analysis))
+    if analysis.trace.scenario.filter.planar_height is not None:
+        return above
+    caption = "Drag to turn, scroll to zoom. Estimates far from everything else are cut off."
+    space = _figure(plots, "space", "Trajectory", caption, space_plot(analysis))
+    return f'<div class="pair">{space}{above}</div>'
+
+
+def _network(analysis: Analysis, plots: dict[str, Plot]) -> str:
+    links, names = analysis.trace.links, agent_names(analysis)
+    if not len(links.source):
+        return '<p class="note">The agents had no links.</p>'
+    share = missed_share(links)
+    worst = np.argsort(-share, kind="stable")[:_MOST_ROWS]
+    rows = [
+        [
+            f"{names[links.source[row]]} → {names[links.destination[row]]}",
+            *(str(part[row]) for part in (links.sent, links.delivered, links.lost, links.late)),
+            f"{100.0 * share[row]:.1f} %",
+            _number(1e3 * float(links.latency[row])),
+        ]
+        for row in (worst if len(worst) < len(share) else range(len(share)))
+    ]
+    heads = ["link", "sent", "delivered", "lost", "late", "missed", "latency (ms)"]
+    caption = "Messages per directed link" + (
+        f"; the {_MOST_ROWS} of {len(share)} links that missed most" if len(worst) < len(share) else ""
+    )
+    told = "Wider and redder: more messages lost or late. Point at an arrow for its counts."
+    drawing = _figure(plots, "network", "Links", told, network_plot(analysis))
+    return f'<div class="pair">{drawing}<div class="scroll">{_table(caption, heads, rows)}</div></div>'
+
+
+def _events(analysis: Analysis) -> str:
+    events = analysis.trace.events
+    if not events:
+        return ""
+    rows = []
+    for event in events[:_MOST_ROWS]:
+        data = event.get("data")
+        rest = {key: value for key, value in event.items() if key not in _ENVELOPE}
+        rest |= data if isinstance(data, dict) else {}
+        details = ", ".join(f"{key} = {value}" for key, value in rest.items())
+        rows.append([str(event.get(key, _NOTHING)) for key in ("from", "kind", "text")] + [details[:400]])
+    caption = "What the processes reported, in order"
+    if len(events) > _MOST_ROWS:
+        caption += f"; the first {_MOST_ROWS} of {len(events)}"
+    table = _table(caption, ["from", "kind", "text", "data"], rows)
+    return f'<h2>Events</h2><div class="words scroll">{table}</div>'
+
+
+def _lead(analysis: Analysis) -> str:
+    scenario, steps = analysis.trace.scenario, len(analysis.trace.time)
+    return (
+        f"{_counted(len(analysis.trace.estimates), 'agent')} tracking one target with "
+        f"{escape(scenario.filter.kind)}, {_counted(steps, 'step')} of {scenario.dt:g} s."
+    )
+
+
+def _banner(analysis: Analysis) -> str:
+    trace = analysis.trace
+    if trace.complete:
+        return ""
+    steps = f"{len(trace.time)} of {trace.scenario.length} steps"
+    return (
+        '<p class="alarm" role="alert"><strong>This run is not complete.</strong> It did not end as '
+        f"planned, or its log was not closed. All below is about what was recorded: {steps}.</p>"
+    )
+
+
+def _facts(analysis: Analysis) -> str:
+    trace, scenario = analysis.trace, analysis.trace.scenario
+    consensus, network = scenario.consensus, scenario.network
+    graph = "given edges" if network.edges is not None else network.graph
+    chebyshev = ", Chebyshev" if consensus.acceleration == "chebyshev" else ""
+    faults = [
+        _fault(fault.model_dump(mode="json", by_alias=True, exclude_defaults=True))
+        for fault in scenario.fault
+    ]
+    left = {
+        "Filter": f"{scenario.filter.kind}, ξ = {scenario.filter.xi:g}",
+        "Consensus": f"{_counted(consensus.rounds, 'round')}, {consensus.weights} weights{chebyshev}",
+        "Agents": f"{len(trace.estimates)}, {scenario.agents.motion}",
+        "Graph": f"{graph}, {_counted(len(trace.edges), 'edge')}",
+        "Target": scenario.target.motion,
+    }
+    right = {
+        "Steps": f"{len(trace.time)} of {scenario.length}, {scenario.dt:g} s each",
+        "Timing": scenario.timing.mode,
+        "Seed": str(scenario.seed),
+        "Faults": "; ".join(faults) or "none",
+        "Complete": "yes" if trace.complete else "no",
+    }
+    return f'<div class="pair">{_definitions(left)}{_definitions(right)}</div>'
+
+
+def _fault(fault: dict[str, Any]) -> str:
+    since, until = fault.pop("from", 0.0), fault.pop("until", None)
+    when = f"from {since:g} s" + (" on" if until is None else f" to {until:g} s")
+    return ", ".join([f"{fault.pop('kind')} {when}", *(f"{key} {value}" for key, value in fault.items())])
+
+
+def _summary(analysis: Analysis) -> str:
+    metrics = analysis.metrics
+    central, bound = metrics["centralized"], metrics["bound"]
+    errors = [
+        [name, *(_number(value) for value in (own, central[key], bound[key], _ratio(own, central[key])))]
+        for name, key, own in (
+            ("position RMSE (m)", "position_rmse", metrics["position_rmse"]),
+            ("velocity RMSE (m/s)", "velocity_rmse", metrics["velocity_rmse"]),
+            ("average MSEE at the end (m² + m²/s²)", "msee", metrics["msee"]["average"]),
+        )
+    ]
+    skipped = _counted(analysis.first, "step")
+    caption = f"Errors. RMSE, NEES and disagreement leave out the first {skipped}; MSEE starts at step 1."
+    heads = ["", "network", "centralised", "bound", "network / centralised"]
+    nees, messages = metrics["nees"], metrics["messages"]
+    rows = [["disagreement of the agents", f"{_number(metrics['disagreement'])} m"]]
+    if nees is None:
+        rows.append(["NEES", "the filter has no covariance"])
+    else:
+        low, high = nees["band"]
+        rows.append(["NEES, average", f"{_number(nees['average'])}, expected {nees['dimension']}"])
+        rows.append(
+            [f"NEES inside {low:.3g} to {high:.3g}", f"{100.0 * nees['inside']:.1f} %, expected 95 %"]
+        )
+    traffic = [[f"messages {key}", f"{count:,}".replace(",", "\u2009")] for key, count in messages.items()]
+    if not any(messages.values()):
+        traffic = [["messages", "none logged: a simulated run"]]
+    tables = _table("Honesty and agreement", [], rows) + _table("Traffic", [], traffic)
+    return f'{_table(caption, heads, errors)}<div class="pair">{tables}</div>'
+
+
+def _agents(analysis: Analysis) -> str:
+    buttons = []
+    for agent, name in enumerate(agent_names(analysis)):
+        colour, dash = agent_style(agent)
+        stroke = f'stroke="{colour}" stroke-width="3" stroke-dasharray="{_SVG_DASH[dash]}"'
+        swatch = f'<svg width="22" height="10" aria-hidden="true"><path d="M0 5H22" {stroke}/></svg>'
+        state = f'type="button" aria-pressed="true" data-group="agent-{agent}"'
+        buttons.append(f"<button {state}>{swatch}{escape(name)}</button>")
+    return "".join(buttons)
+
+
+def _number(value: float | None) -> str:
+    return _NOTHING if value is None or not np.isfinite(value) else f"{value:.4g}"
+
+
+def _ratio(value: float | None, other: float | None) -> float | None:
+    return value / other if value is not None and other else None
+
+
+def _counted(count: int, noun: str) -> str:
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
+
+
+def _definitions(entries: dict[str, str]) -> str:
+    rows = (f"<dt>{escape(key)}</dt><dd>{escape(value)}</dd>" for key, value in entries.items())
+    return f"<dl>{''.join(rows)}</dl>"
+
+
+def _table(caption: str, heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    head = f"<thead><tr>{''.join(f'<th>{escape(cell)}</th>' for cell in heads)}</tr></thead>" if heads else ""
+    body = "".join(f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in rows)
+    return f"<table><caption>{escape(caption)}</caption>{head}<tbody>{body}</tbody></table>"

@@ -48,7 +48,10 @@ class LinkFault(BaseModel):
     kind: str
     since: Seconds = Field(default=0.0, alias="from")
     until: Seconds | None = None
-    links: Literal["all"] | Annotated[str, Field(pattern=r"^agent:\d+$")] | tuple[tuple[Agent, Agent], ...] = "all"
+    links: Annotated[
+        Literal["all"] | Annotated[str, Field(pattern=r"^agent:[0-9]+$")] | tuple[tuple[Agent, Agent], ...],
+        Field(description="'all', 'agent:3', or pairs [[from, to], ...]"),
+    ] = "all"
 
     def active(self, time: float) -> bool:
         """Whether the fault is on at a run time (s)."""

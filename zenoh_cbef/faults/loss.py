@@ -15,7 +15,7 @@ class Loss(LinkFault):
     """Each message is lost with `probability`, whatever became of the others."""
 
     kind: Literal["loss"]
-    probability: Annotated[float, Field(ge=0.0, le=1.0)]
+    probability: Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)]
 
     def fate(self, messages: Messages, index: int) -> Fate:
         """Lost where a uniform draw falls below the probability."""

@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.log.mcap_reader import McapFile, NotMcapError, RawMessage
+from zenoh_cbef.log.mcap_contents import NotMcapError, RawMessage
+from zenoh_cbef.log.mcap_reader import McapFile
 from zenoh_cbef.log.run_log import ACTIVE, END, RESOLVED, RUN
 from zenoh_cbef.protocol.keys import address, agent_of
 from zenoh_cbef.protocol.messages import BadMessage, decode
@@ -40,7 +41,9 @@ def open_log(path: Path) -> McapFile:
     try:
         return McapFile(found)
     except NotMcapError as error:
-        raise UserError(f"{found} is no MCAP file ({error}); give a log that 'run' or 'record' wrote") from None
+        raise UserError(
+            f"{found} is no MCAP file ({error}); give a log that 'run' or 'record' wrote"
+        ) from None
     except OSError as error:
         raise UserError(f"cannot read {found}: {error.strerror}") from None
 
@@ -58,7 +61,9 @@ def read_header(file: McapFile, path: Path) -> Header:
     """The run and its scenario. Raises UserError where the log lacks them."""
     attached, described = file.attachments.get(RESOLVED), file.metadata.get(RUN)
     if attached is None or described is None or "run" not in described:
-        raise UserError(f"{path} holds no scenario, so it is no log of zenoh-cbef; 'info' tells what it holds")
+        raise UserError(
+            f"{path} holds no scenario, so it is no log of zenoh-cbef; 'info' tells what it holds"
+        )
     try:
         data = tomllib.loads(attached.decode())
     except ValueError as error:

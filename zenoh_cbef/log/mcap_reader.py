@@ -5,34 +5,37 @@ The format is that of the MCAP specification (https://mcap.dev/spec).
 
 from __future__ import annotations
 
-import importlib
 import mmap
 import re
 import struct
 import zlib
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator
 from functools import cached_property
-from io import BytesIO
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import zstandard
 from mcap import records
-from mcap.data_stream import ReadDataStream, RecordBuilder
-from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 
-from zenoh_cbef.errors import UserError
+from zenoh_cbef.log.mcap_contents import (
+    RECORD,
+    Chunk,
+    Closing,
+    Declarations,
+    NotMcapError,
+    RawMessage,
+    Record,
+    Summary,
+    decompress,
+    parse_record,
+)
 from zenoh_cbef.log.mcap_writer import MAGIC
 
-MAX_CHUNK_BYTES = 1 << 30
 MAX_DAMAGE = 1000
-NO_CRC = bytes(4)
 
 _MESSAGE_OPCODE = int(Opcode.MESSAGE)
-_RECORD = struct.Struct("<BQ")
 _MESSAGE = struct.Struct("<HIQQ")
 _CHUNK = struct.Struct("<BQQQQII")
 _FOOTER = struct.Struct("<BQQQI")
@@ -48,116 +51,6 @@ _IN_DATA = {
 _LEAST_LENGTH: dict[int, int] = {Opcode.MESSAGE: _MESSAGE.size, Opcode.MESSAGE_INDEX: 6}
 # Between the opcode and the compression's name: the length, two times, the size, the CRC.
 _COMPRESSED_CHUNK = re.compile(rb"\x06(?=.{36}(?:\x04\0\0\0zstd|\x03\0\0\0lz4))", re.DOTALL)
-
-
-class NotMcapError(ValueError):
-    """The path does not lead to an MCAP file."""
-
-
-@dataclass(frozen=True)
-class Channel:
-    """What the messages of one channel have in common; schema texts are empty where there is no schema."""
-
-    id: int
-    topic: str
-    message_encoding: str
-    schema_name: str
-    schema_encoding: str
-    metadata: dict[str, str]
-
-
-class RawMessage(NamedTuple):
-    """A message as recorded: times in ns since the epoch, sequence of 32 bits, data not decoded."""
-
-    channel: Channel
-    log_time: int
-    publish_time: int
-    sequence: int
-    data: bytes
-
-
-@dataclass(frozen=True)
-class Summary:
-    """What a file holds: messages by topic, first and last log time (ns, 0 without messages), chunks."""
-
-    library: str
-    message_count: int
-    channel_counts: dict[str, int]
-    start_time: int
-    end_time: int
-    chunks: int
-    compressed_bytes: int
-    uncompressed_bytes: int
-
-
-class _Record(NamedTuple):
-    """Where a record is: from the byte of its opcode to the byte after it."""
-
-    opcode: int
-    start: int
-    end: int
-
-
-class _Chunk(NamedTuple):
-    compression: str
-    size: int
-    crc: int
-    data_start: int
-    data_end: int
-
-
-class _Declarations:
-    """The schemas and channels met so far."""
-
-    def __init__(self) -> None:
-        self.channels: dict[int, Channel] = {}
-        self._schemas = {0: ("", "")}
-
-    def add(self, opcode: int, content: bytes) -> None:
-        """Take a declaration; ValueError where it is malformed or contradicts an earlier one."""
-        if opcode == Opcode.SCHEMA:
-            schema = _parse(records.Schema, content)
-            texts = (schema.name, schema.encoding)
-            if self._schemas.setdefault(schema.id, texts) != texts:
-                raise ValueError(f"schema {schema.id} is declared twice, differently")
-        elif opcode == Opcode.CHANNEL:
-            read = _parse(records.Channel, content)
-            if read.schema_id not in self._schemas:
-                raise ValueError(f"channel {read.id} has no schema {read.schema_id}")
-            texts = self._schemas[read.schema_id]
-            channel = Channel(read.id, read.topic, read.message_encoding, *texts, read.metadata)
-            if self.channels.setdefault(read.id, channel) != channel:
-                raise ValueError(f"channel {read.id} is declared twice, differently")
-
-
-class _Closing:
-    """What the summary section says; ValueError where it is malformed or leaves out what it may leave out."""
-
-    def __init__(self, section: bytes) -> None:
-        self.declared = _Declarations()
-        self.extras: list[_Record] = []
-        self.chunk_totals = [0, 0, 0]
-        self.statistics: Any = None
-        position = 0
-        while position < len(section):
-            opcode, length = _RECORD.unpack_from(section, position)
-            position += _RECORD.size + length
-            content = section[position - length : position]
-            if opcode == Opcode.CHUNK_INDEX:
-                for place, number in enumerate((1, *struct.unpack("<QQ", content[-16:]))):
-                    self.chunk_totals[place] += number
-            elif opcode in (Opcode.ATTACHMENT_INDEX, Opcode.METADATA_INDEX):
-                kind = Opcode.ATTACHMENT if opcode == Opcode.ATTACHMENT_INDEX else Opcode.METADATA
-                start, size = struct.unpack_from("<QQ", content)
-                self.extras.append(_Record(kind, start, start + size))
-            elif opcode == Opcode.STATISTICS:
-                self.statistics = _parse(records.Statistics, content)
-            else:
-                self.declared.add(opcode, content)
-        said = self.statistics
-        promised = said and (said.chunk_count, said.attachment_count + said.metadata_count)
-        if promised != (self.chunk_totals[0], len(self.extras)):
-            raise ValueError("the summary is not whole")
 
 
 class McapFile:
@@ -181,8 +74,8 @@ class McapFile:
         self.damage: list[str] = []
         self._data_end = size = len(self._bytes)
         footer = max(0, size - len(MAGIC) - _FOOTER.size)
-        magics = self._bytes[footer : footer + _RECORD.size], self._bytes[-len(MAGIC) :]
-        self.complete = magics == (_RECORD.pack(Opcode.FOOTER, _FOOTER.size - _RECORD.size), MAGIC)
+        magics = self._bytes[footer : footer + RECORD.size], self._bytes[-len(MAGIC) :]
+        self.complete = magics == (RECORD.pack(Opcode.FOOTER, _FOOTER.size - RECORD.size), MAGIC)
         self._closing = self._read_closing(footer) if self.complete else None
         if not self.complete:
             self._report(f"the file ends at byte {size} without a footer")
@@ -203,7 +96,7 @@ class McapFile:
 
         Of a chunk that is cut off and not compressed, the whole messages are yielded as well.
         """
-        declared = self._closing.declared if self._closing else _Declarations()
+        declared = self._closing.declared if self._closing else Declarations()
         chunked, count, crc, checked = False, 0, 0, 0
         for record in self._records():
             found: list[RawMessage] = []
@@ -228,7 +121,7 @@ class McapFile:
 
     def summary(self) -> Summary:
         """Say what the file holds: from its statistics, or by reading all of it where it has none."""
-        header = _Record(Opcode.HEADER, len(MAGIC), self._end(len(MAGIC)))
+        header = Record(Opcode.HEADER, len(MAGIC), self._end(len(MAGIC)))
         library = "".join(found.library for found in self._parsed([header], records.Header))
         counts: Counter[str] = Counter()
         if self._closing:
@@ -254,9 +147,9 @@ class McapFile:
         return int.from_bytes(self._bytes[position : position + size], "little")
 
     def _end(self, position: int) -> int:
-        return position + _RECORD.size + self._number(position + 1, 8)
+        return position + RECORD.size + self._number(position + 1, 8)
 
-    def _read_closing(self, footer: int) -> _Closing | None:
+    def _read_closing(self, footer: int) -> Closing | None:
         """Read the summary section, which also tells where the data section ends."""
         self._data_end = footer
         _, _, start, _, crc = _FOOTER.unpack_from(self._bytes, footer)
@@ -268,7 +161,7 @@ class McapFile:
             return None
         self._data_end = start
         try:
-            return _Closing(section[: footer - start])
+            return Closing(section[: footer - start])
         except (ValueError, struct.error):
             # Legal: the specification lets a writer leave any part of the summary out.
             return None
@@ -278,25 +171,25 @@ class McapFile:
         places = self._closing.extras if self._closing else self._records()
         return self._parsed((record for record in places if record.opcode == kind), parser)
 
-    def _parsed(self, places: Iterable[_Record], parser: Any) -> Iterator[Any]:
+    def _parsed(self, places: Iterable[Record], parser: Any) -> Iterator[Any]:
         for record in places:
             name = f"{parser.__name__.lower()} at byte {record.start}"
             if self._bytes[record.start : record.start + 1] != bytes((record.opcode,)):
                 self._report(f"{name} is not where it should be")
                 continue
             try:
-                yield _parse(parser, self._bytes[record.start + _RECORD.size : record.end])
+                yield parse_record(parser, self._bytes[record.start + RECORD.size : record.end])
             except ValueError as error:
                 self._report(f"{name} is damaged: {error}")
 
-    def _records(self) -> Iterator[_Record]:
+    def _records(self) -> Iterator[Record]:
         """Yield the records of the data section; go on at a next chunk where a length cannot be trusted.
 
         The last one may be cut: it then ends beyond the data.
         """
         position = len(MAGIC)
         while position < self._data_end:
-            record = _Record(self._bytes[position], position, self._end(position))
+            record = Record(self._bytes[position], position, self._end(position))
             if self._sound(record):
                 yield record
                 if record.opcode == Opcode.DATA_END:
@@ -317,13 +210,13 @@ class McapFile:
         """Find the next compressed chunk, which is told by its compression's name and matching lengths."""
         for found in _COMPRESSED_CHUNK.finditer(self._bytes, position):
             start = found.start()
-            if self._chunk(_Record(Opcode.CHUNK, start, self._end(start))):
+            if self._chunk(Record(Opcode.CHUNK, start, self._end(start))):
                 return start
         return self._data_end
 
-    def _sound(self, record: _Record) -> bool:
+    def _sound(self, record: Record) -> bool:
         """Whether a record lies in the data and agrees with its length; an unexpected kind is reported."""
-        length = record.end - record.start - _RECORD.size
+        length = record.end - record.start - RECORD.size
         if record.end > self._data_end or length < _LEAST_LENGTH.get(record.opcode, 0):
             return False
         if record.opcode == Opcode.CHUNK:
@@ -336,7 +229,7 @@ class McapFile:
             self._report(f"record at byte {record.start} is of the unexpected kind {record.opcode}")
         return True
 
-    def _chunk(self, record: _Record) -> _Chunk | None:
+    def _chunk(self, record: Record) -> Chunk | None:
         """Read what a chunk says of its data; None for other records and where lengths contradict."""
         if record.opcode != Opcode.CHUNK or record.start + _CHUNK.size + 8 > len(self._bytes):
             return None
@@ -346,32 +239,32 @@ class McapFile:
         if data_start > record.end or data_start + self._number(name_end, 8) != record.end:
             return None
         name = self._bytes[record.start + _CHUNK.size : name_end].decode(errors="replace")
-        return _Chunk(name, size, crc, data_start, record.end)
+        return Chunk(name, size, crc, data_start, record.end)
 
-    def _chunk_messages(self, record: _Record, declared: _Declarations) -> list[RawMessage]:
+    def _chunk_messages(self, record: Record, declared: Declarations) -> list[RawMessage]:
         chunk = self._chunk(record)
         if chunk is None:
             return []
         if record.end > self._data_end:
-            cut = _Record(record.opcode, chunk.data_start, self._data_end)
+            cut = Record(record.opcode, chunk.data_start, self._data_end)
             return [] if chunk.compression else self._contents(self._bytes, cut, declared)
         try:
-            data = _decompress(self._bytes[chunk.data_start : chunk.data_end], chunk)
+            data = decompress(self._bytes[chunk.data_start : chunk.data_end], chunk)
         except (ValueError, RuntimeError, EOFError, MemoryError, zstandard.ZstdError) as error:
             self._report(f"chunk at byte {record.start} is damaged: {error}")
             return []
         if chunk.crc not in (0, zlib.crc32(data)):
             self._report(f"chunk at byte {record.start} fails its CRC")
             return []
-        return self._contents(data, _Record(record.opcode, 0, len(data)), declared)
+        return self._contents(data, Record(record.opcode, 0, len(data)), declared)
 
-    def _contents(self, data: bytes | mmap.mmap, part: _Record, declared: _Declarations) -> list[RawMessage]:
+    def _contents(self, data: bytes | mmap.mmap, part: Record, declared: Declarations) -> list[RawMessage]:
         """Take the declarations and messages of a part of the data, up to a record that is cut."""
         found: list[RawMessage] = []
         _, position, end = part
-        while position + _RECORD.size <= end:
-            opcode, length = _RECORD.unpack_from(data, position)
-            start, position = position + _RECORD.size, position + _RECORD.size + length
+        while position + RECORD.size <= end:
+            opcode, length = RECORD.unpack_from(data, position)
+            start, position = position + RECORD.size, position + RECORD.size + length
             if position > end:
                 break
             try:
@@ -390,49 +283,3 @@ class McapFile:
         if position != end:
             self._report("a chunk ends inside a record")
         return found
-
-
-def _parse(parser: Any, content: bytes) -> Any:
-    """Read a record's content with the public library; ValueError where it is malformed."""
-    builder = RecordBuilder()
-    try:
-        record = parser.read(ReadDataStream(BytesIO(content)))
-        record.write(builder)
-    except (McapError, struct.error, OverflowError, MemoryError) as error:
-        raise ValueError(f"it is malformed ({error})") from None
-    # The library takes fields that are too short as they are: they show in what it writes back.
-    written: bytes = builder.end()[_RECORD.size :]  # type: ignore[no-untyped-call]
-    if parser is records.Attachment and content.endswith(NO_CRC):
-        written = written[: -len(NO_CRC)] + NO_CRC
-    if written != content:
-        raise ValueError("it is malformed, or its CRC is wrong")
-    return record
-
-
-def _decompress(data: bytes, chunk: _Chunk) -> bytes:
-    """Return a chunk's records; ValueError or the library's own error where they are not what it says."""
-    if chunk.compression == "":
-        records_data = data
-    elif chunk.size > MAX_CHUNK_BYTES:
-        raise ValueError(f"it claims to hold {chunk.size} bytes")
-    elif chunk.compression == "zstd":
-        if zstandard.frame_content_size(data) not in (-1, chunk.size):
-            raise ValueError("its size is not what it says")
-        records_data = zstandard.ZstdDecompressor().decompress(data, max_output_size=chunk.size)
-    elif chunk.compression == "lz4":
-        records_data = _lz4_decompressor()(data, max_length=chunk.size)
-    else:
-        raise ValueError(f"its compression {chunk.compression!r} is unknown")
-    if len(records_data) != chunk.size:
-        raise ValueError("its size is not what it says")
-    return records_data
-
-
-def _lz4_decompressor() -> Callable[..., bytes]:
-    try:
-        decompress: Callable[..., bytes] = (
-            importlib.import_module("lz4.frame").LZ4FrameDecompressor().decompress
-        )
-    except ImportError:
-        raise UserError("the log is compressed with lz4: install zenoh-cbef[lz4]") from None
-    return decompress

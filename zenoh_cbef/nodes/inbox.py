@@ -104,9 +104,7 @@ class Inbox:
                 self._held = None
                 if held == turn:
                     return content
-                if held in self._missed:
-                    self._missed.discard(held)
-                    self.late += 1
+                self._pass(held)
             data = self._poll()
             if data is None:
                 data = self._wait(deadline)
@@ -119,6 +117,25 @@ class Inbox:
                         self._missed.add(turn)
                         return None
             self._read(data, turn)
+
+    def pass_over(self, turn: int) -> None:
+        """Drop what has come up to a turn that is not wanted: a full mailbox would hold up every sender."""
+        while True:
+            if self._held is not None:
+                held, _ = self._held
+                if held > turn:
+                    return
+                self._held = None
+                self._pass(held)
+            data = self._poll()
+            if data is None:
+                return
+            self._read(data, turn)
+
+    def _pass(self, turn: int) -> None:
+        if turn in self._missed:
+            self._missed.discard(turn)
+            self.late += 1
 
     def reject(self, reason: str) -> None:
         """Count a message that was taken and then found to be none."""

@@ -69,6 +69,7 @@ class Launcher:
         self._log, self._sync = log, sync
         self._processes: dict[str, subprocess.Popen[bytes]] = {}
         self._ended: set[str] = set()
+        self._told: set[str] = set()
         self._status: dict[str, Any] = {}
         self._asked_at: float | None = None
         self.deaths: list[Death] = []
@@ -170,7 +171,7 @@ class Launcher:
             if status is None or name in self._ended:
                 continue
             self._ended.add(name)
-            if status != 0:
+            if status != 0 and not (status < 0 and name in self._told):
                 self.deaths.append(Death(name, status, self._last_words(name)))
 
     def _last_words(self, name: str) -> str:
@@ -183,29 +184,37 @@ class Launcher:
         return bool(self._status.get("step"))
 
     def _obey(self, asked: int) -> None:
-        doomed = self.deaths and not self.started
+        now = time.monotonic()
         over = {"target", "recorder"} <= self._ended
         if asked > 1:
             self.kill()
-        elif (asked or doomed or over) and self._asked_at is None:
-            self._asked_at = time.monotonic()
-            # The target ends the run for all at the same step; without it everybody is told.
-            self._signal({"target"} if asked and "target" not in self._ended else set(self._processes))
         elif self._asked_at is not None:
-            waited = time.monotonic() - self._asked_at
+            waited = now - self._asked_at
             if waited > _POLITE_SECONDS + _LAST_SECONDS:
                 self.kill()
             elif waited > _POLITE_SECONDS:
-                self._signal(set(self._processes))
+                self._terminate(set(self._processes))
+        elif asked and "target" not in self._ended:
+            # The target ends the run for all at the same step.
+            self._asked_at = now
+            self._terminate({"target"})
+        elif asked or (self.deaths and not self.started):
+            self._asked_at = now
+            self._terminate(set(self._processes))
+        elif over:
+            # What is left is on its way out, or hangs.
+            self._asked_at = now
 
-    def _signal(self, names: set[str]) -> None:
+    def _terminate(self, names: set[str]) -> None:
         for name in names - self._ended:
+            self._told.add(name)
             self._processes[name].terminate()
 
     def kill(self) -> None:
         """End every process now; the recorder gets a moment to close its file."""
         for name, process in self._processes.items():
             if process.poll() is None:
+                self._told.add(name)
                 (process.terminate if name == "recorder" else process.kill)()
         for process in self._processes.values():
             try:

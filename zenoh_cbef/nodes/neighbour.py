@@ -97,9 +97,11 @@ class Neighbourhood:
         positions, ranges = np.zeros((1, count, 3)), np.full((1, count), np.nan)
         due = self._due(step, 0) if count else []
         for place, box in enumerate(self._range_boxes):
-            message = box.take(step, deadline) if due[place] else None
-            if due[place]:
-                self._counts["lost" if message is None else "received"][place] += 1
+            if not due[place]:
+                box.pass_over(step)
+                continue
+            message = box.take(step, deadline)
+            self._counts["lost" if message is None else "received"][place] += 1
             if message is not None:
                 positions[0, place] = message["position"]
                 ranges[0, place] = nil_to_nan(message["range"])
@@ -113,8 +115,10 @@ class Neighbourhood:
         received = self._counts["received"]
         slowest = self._order[0]
         for place in self._order:
-            if due[place]:
-                box = self._round_boxes[place]
+            box = self._round_boxes[place]
+            if not due[place]:
+                box.pass_over(turn)
+            else:
                 box.waited = False
                 payload = box.take(turn, deadline)
                 if box.waited:

@@ -20,6 +20,7 @@ from zenoh_cbef.protocol.presence import Presence
 from zenoh_cbef.protocol.session import Connection, open_session, yield_to_others
 
 LEASH = "ZENOH_CBEF_LEASH"
+_PATIENCE_WITHOUT_LAUNCHER = {"target": 0.0, "agent": 4.0, "record": 6.0}
 
 
 @dataclass(frozen=True)
@@ -132,12 +133,13 @@ class Node:
         if LEASH in os.environ:
             threading.Thread(target=self._follow_leash, args=(asked,), daemon=True).start()
 
-    @staticmethod
-    def _follow_leash(asked: threading.Event) -> None:
-        # The launcher holds the other end of our standard input: its end is the launcher's, however it died.
+    def _follow_leash(self, asked: threading.Event) -> None:
+        # The launcher holds the other end of our standard input: its end is the launcher's, however it died. The
+        # target then ends the run for all at the same step; the others stop by themselves only if it does not.
         # Read past sys.stdin, whose lock a thread that still holds it at exit would turn into an abort.
         while os.read(0, 4096):
             pass
+        time.sleep(_PATIENCE_WITHOUT_LAUNCHER.get(self.identity.role, 4.0))
         asked.set()
-        time.sleep(10.0)
+        time.sleep(6.0)
         os._exit(1)

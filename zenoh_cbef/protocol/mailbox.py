@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from contextlib import suppress
 
 import zenoh
 
@@ -50,7 +51,9 @@ class Mailbox:
         with self._lock:
             self._wakes += 1
         key = self.key.replace("**", "wake").replace("*", "wake")
-        self._session.put(key, b"", allowed_destination=zenoh.Locality.SESSION_LOCAL)
+        # A closed session has nobody left to wake.
+        with suppress(zenoh.ZError):
+            self._session.put(key, b"", allowed_destination=zenoh.Locality.SESSION_LOCAL)
 
     def _empty(self) -> bytes | None:
         """What an empty message means: our own wake-up, or a sender's nonsense."""

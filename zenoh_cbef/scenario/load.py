@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+import json
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 from importlib.resources import files
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 import tomli_w
-from pydantic import BaseModel, ValidationError
+from pydantic import ValidationError
 
 from zenoh_cbef.datasets import read_dataset
 from zenoh_cbef.errors import UserError
+from zenoh_cbef.scenario.mistakes import sentence
 from zenoh_cbef.scenario.model import Scenario
 
 _BUILTIN = files("zenoh_cbef.scenario") / "builtin"
@@ -30,7 +32,9 @@ class Loaded:
 
 def builtin_names() -> list[str]:
     """The built-in scenarios."""
-    return sorted(entry.name.removesuffix(".toml") for entry in _BUILTIN.iterdir() if entry.name.endswith(".toml"))
+    return sorted(
+        entry.name.removesuffix(".toml") for entry in _BUILTIN.iterdir() if entry.name.endswith(".toml")
+    )
 
 
 def read_source(name: str) -> tuple[str, Path]:
@@ -53,7 +57,7 @@ def load(name: str, overrides: Sequence[str] = ()) -> Loaded:
     source, folder = read_source(name)
     try:
         data = tomllib.loads(source)
-    except tomllib.TOMLDecodeError as error:
+    except (ValueError, RecursionError) as error:
         raise UserError(f"{name} is not valid TOML: {error}; mend that line") from None
     for override in overrides:
         _override(data, override)
@@ -63,14 +67,24 @@ def load(name: str, overrides: Sequence[str] = ()) -> Loaded:
 def parse(data: Mapping[str, Any], name: str) -> Scenario:
     """A scenario from its tables. Raises UserError naming file, key and remedy."""
     try:
-        return Scenario.model_validate(data)
+        text = json.dumps(data, default=_dated)
+    except (ValueError, RecursionError):
+        raise UserError(f"{name} nests too deeply or holds a number of too many digits; mend it") from None
+    try:
+        # Strict JSON: lists become tuples and integers floats, but no text or boolean becomes a number.
+        return Scenario.model_validate_json(text, strict=True)
     except ValidationError as error:
-        raise UserError(f"{name}: {_sentence(error, data)}") from None
+        raise UserError(f"{name}: {sentence(error)}") from None
 
 
 def to_toml(scenario: Scenario) -> str:
     """The scenario as TOML; None is left out, as it means "derive it"."""
     return tomli_w.dumps(scenario.model_dump(mode="json", by_alias=True, exclude_none=True))
+
+
+def _dated(value: Any) -> list[list[str]]:
+    # TOML's dates have no place in a scenario; no key takes a list of lists of text.
+    return [[str(value)]]
 
 
 def _override(data: dict[str, Any], override: str) -> None:
@@ -80,20 +94,22 @@ def _override(data: dict[str, Any], override: str) -> None:
         raise UserError(f"--set {override!r} is not of the form a.b=value, as in --set consensus.rounds=5")
     try:
         value = tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
+    except (ValueError, RecursionError):
         value = text.strip()
     table = data
     for part in keys[:-1]:
         table = table.setdefault(part, {})
         if not isinstance(table, dict):
-            raise UserError(f"--set {override!r}: {part} is not a table of the scenario; see docs/scenario.md")
+            raise UserError(
+                f"--set {override!r}: {part} is not a table of the scenario; see docs/scenario.md"
+            )
     table[keys[-1]] = value
 
 
 def _lay_out(scenario: Scenario, folder: Path) -> Scenario:
     # Agents on other hosts have no dataset folder: what they need of it travels in the resolved scenario.
     if scenario.target.motion != "dataset":
-        return scenario
+        return scenario.model_copy(update={"steps": scenario.length})
     path = (folder / Path(scenario.target.path or "").expanduser()).resolve()
     dataset = read_dataset(path)
     positions = [tuple(row) for row in dataset.anchors.tolist()]
@@ -102,43 +118,8 @@ def _lay_out(scenario: Scenario, folder: Path) -> Scenario:
     data["agents"].update(count=len(positions), positions=positions, labels=dataset.labels)
     most = dataset.steps(scenario.dt)
     if scenario.steps is not None and scenario.steps > most:
-        raise UserError(f"steps = {scenario.steps}, but {path} fills only {most} steps of {scenario.dt} s; lower it")
+        raise UserError(
+            f"steps = {scenario.steps}, but {path} fills only {most} steps of {scenario.dt} s; lower it"
+        )
     data["steps"] = scenario.steps or most
     return parse(data, str(path))
-
-
-def _known_keys(path: Sequence[str | int]) -> list[str]:
-    model: Any = Scenario
-    for part in path:
-        field = next(
-            (one for name, one in model.model_fields.items() if part in (name, one.alias)), None
-        ) if isinstance(part, str) else None
-        if field is None:
-            return []
-        candidates = [field.annotation, *get_args(field.annotation)]
-        model = next((one for one in candidates if isinstance(one, type) and issubclass(one, BaseModel)), None)
-        if model is None:
-            return []
-    return [one.alias or name for name, one in model.model_fields.items()]
-
-
-def _sentence(error: ValidationError, data: Mapping[str, Any]) -> str:
-    """The first mistake of a validation, as one sentence."""
-    first = error.errors(include_url=False)[0]
-    path = [part for part in first["loc"] if not (isinstance(part, str) and part.startswith(("function-", "tuple")))]
-    key = ".".join(str(part) for part in path)
-    if first["type"] == "extra_forbidden":
-        near = get_close_matches(str(path[-1]), _known_keys(path[:-1]), 1)
-        hint = f"did you mean {near[0]!r}?" if near else "remove it, or see docs/scenario.md for the keys"
-        return f"{key} is not a key of a scenario; {hint}"
-    message = first["msg"].removeprefix("Value error, ")
-    message = message[0].lower() + message[1:]
-    given = first["input"]
-    shown = f" (given: {given!r})" if isinstance(given, str | int | float) and str(given) not in message else ""
-    more = f" ({len(error.errors()) - 1} more)" if _independent(error) else ""
-    return f"{key + ': ' if key else ''}{message}{shown}{more}"
-
-
-def _independent(error: ValidationError) -> bool:
-    # The branches of a union all complain of the same key: that is one mistake, not several.
-    return len({one["loc"][:2] for one in error.errors()}) > 1

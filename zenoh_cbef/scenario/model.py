@@ -13,9 +13,22 @@ from zenoh_cbef.tracking.filters import KINDS
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
-Probability = Annotated[float, Field(ge=0.0, le=1.0)]
+Probability = Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)]
 Vector = tuple[Finite, Finite, Finite]
-Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$", max_length=100)]
+Name = Annotated[
+    str,
+    Field(
+        pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$",
+        max_length=100,
+        description="at most 100 letters, digits, dots, dashes and underscores, the first a letter or digit",
+    ),
+]
+Point = Annotated[Vector, Field(description="a list of three numbers, as in [1.0, 2.0, 3.0]")]
+Corner = Annotated[Finite | Vector, Field(description="a number, or three numbers [x, y, z]")]
+EachVector = Annotated[
+    Vector | tuple[Vector, ...] | None,
+    Field(description="three numbers [x, y, z], or a list with three numbers for each agent"),
+]
 
 
 class Table(BaseModel):
@@ -28,8 +41,8 @@ class Target(Table):
     """The moving target. `position` is where ncv starts, and the centre of circle and lemniscate."""
 
     motion: Literal["ncv", "waypoints", "circle", "lemniscate", "dataset"] = "ncv"
-    position: Vector = (0.0, 0.0, 0.0)
-    velocity: Vector = (0.0, 0.0, 0.0)
+    position: Point = (0.0, 0.0, 0.0)
+    velocity: Point = (0.0, 0.0, 0.0)
     acceleration_std: NotNegative = 0.1
     waypoints: tuple[Vector, ...] = ()
     speed: Positive = 1.0
@@ -51,12 +64,12 @@ class Agents(Table):
 
     count: Annotated[int, Field(ge=1, le=1000)] | None = None
     placement: Literal["uniform"] = "uniform"
-    low: Finite | Vector = -10.0
-    high: Finite | Vector = 10.0
+    low: Corner = -10.0
+    high: Corner = 10.0
     positions: tuple[Vector, ...] | None = None
     labels: tuple[str, ...] | None = None
     motion: Literal["static", "waypoints", "formation"] = "static"
-    velocity: Vector = (0.0, 0.0, 0.0)
+    velocity: Point = (0.0, 0.0, 0.0)
     waypoints: tuple[tuple[Vector, ...], ...] = ()
     speed: Positive = 1.0
 
@@ -67,8 +80,17 @@ class Agents(Table):
                 f"agents.count = {self.count} is more than the {len(self.positions)} agents.positions; "
                 "add positions or lower the count"
             )
-        if self.motion == "waypoints" and len(self.waypoints) != self.number:
-            raise ValueError(f"agents.waypoints needs one list of points for each of the {self.number} agents")
+        if self.positions is not None and not self.positions:
+            raise ValueError("agents.positions is empty; list a position for each agent, or leave it out")
+        if self.labels is not None and len(self.labels) != self.number:
+            raise ValueError(
+                f"agents.labels lists {len(self.labels)} for {self.number} agents; give one each"
+            )
+        given = len(self.waypoints)
+        if self.motion == "waypoints" and (given != self.number or not all(self.waypoints)):
+            raise ValueError(
+                f"agents.waypoints needs one list of points for each of the {self.number} agents; add it"
+            )
         return self
 
     @property
@@ -83,7 +105,9 @@ class Sensor(Table):
     """The receivers: ranges (m) with noise, bias, outliers (exponential, mean outlier_scale) and drop-outs."""
 
     range_std: Positive = 0.1
-    bias: Finite | tuple[Finite, ...] = 0.0
+    bias: Annotated[
+        Finite | tuple[Finite, ...], Field(description="a number, or a list with a number for each agent")
+    ] = 0.0
     bias_std: NotNegative = 0.0
     outlier_probability: Probability = 0.0
     outlier_scale: Positive = 5.0
@@ -127,8 +151,8 @@ class Filter(Table):
     range_std: Positive | None = None
     bias: Literal["none"] = "none"
     planar_height: Finite | None = None
-    initial_position: Vector | tuple[Vector, ...] | None = None
-    initial_velocity: Vector | tuple[Vector, ...] | None = None
+    initial_position: EachVector = None
+    initial_velocity: EachVector = None
     initial_position_std: Positive | None = None
     initial_velocity_std: Positive | None = None
 
@@ -181,7 +205,7 @@ class Scenario(Table):
     consensus: Consensus = Consensus()
     filter: Filter = Filter()
     timing: Timing = Timing()
-    fault: tuple[AnyFault, ...] = ()
+    fault: Annotated[tuple[AnyFault, ...], Field(description="a list of tables, each written [[fault]]")] = ()
     record: Record = Record()
     zenoh: Zenoh = Zenoh()
 
@@ -197,15 +221,26 @@ class Scenario(Table):
 
     @model_validator(mode="after")
     def _consistent(self) -> Scenario:
+        if self.target.motion == "dataset":
+            if self.agents.motion != "static":
+                raise ValueError(
+                    "agents.motion must be 'static' for target.motion = 'dataset': its anchors rest"
+                )
+            if self.agents.positions is None:
+                return self  # The dataset, which is not read yet, says how many agents there are.
         count = self.count
         for key, value in {
             "filter.initial_position": self.filter.initial_position,
             "filter.initial_velocity": self.filter.initial_velocity,
             "sensor.bias": self.sensor.bias,
         }.items():
-            one_each = isinstance(value, tuple) and (key == "sensor.bias" or isinstance(value[0], tuple))
+            one_each = isinstance(value, tuple) and (
+                key == "sensor.bias" or isinstance((*value, ())[0], tuple)
+            )
             if isinstance(value, tuple) and one_each and len(value) != count:
-                raise ValueError(f"{key} lists {len(value)} values for {count} agents; give one, or one per agent")
+                raise ValueError(
+                    f"{key} lists {len(value)} values for {count} agents; give one, or one per agent"
+                )
         return self
 
 

@@ -44,7 +44,11 @@ def make_world(scenario: Scenario) -> World:
         emitted, ranges = dataset.beacons(origin + time)
         emitted = np.where(np.isfinite(emitted), emitted - origin, np.nan)
         return World(
-            time, dataset.truth_at(origin + time), positions, emitted, emitted + ranges / scenario.sensor.signal_speed
+            time,
+            dataset.truth_at(origin + time),
+            positions,
+            emitted,
+            emitted + ranges / scenario.sensor.signal_speed,
         )
     truth = target_path(scenario)[1:]
     ranges = _sensed(scenario, np.linalg.norm(truth[None, :, :3] - positions, axis=2))

@@ -34,7 +34,9 @@ def neighbour_sum(terms: Floats) -> Floats:
     sum is -0.0.
     """
     if terms.ndim == 2:
-        return neighbour_sum(np.repeat(terms[:, :, None], 2, axis=2))[:, 0]
+        return neighbour_sum(terms[:, :, None])[:, 0]
+    if terms.shape[2] == 1:
+        return neighbour_sum(np.repeat(terms, 2, axis=2))[:, :1]
     return np.asarray(np.add.reduce(terms, axis=1, initial=0.0))
 
 

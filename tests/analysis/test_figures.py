@@ -1,0 +1,120 @@
+import builtins
+import dataclasses
+import struct
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+import numpy as np
+import pytest
+
+from zenoh_cbef.analysis.figures import Chart, agent_style, has_lone_points, log_range, thinned, write_figures
+from zenoh_cbef.analysis.metrics import Analysis, analyze
+from zenoh_cbef.errors import UserError
+from zenoh_cbef.scenario import Scenario
+from zenoh_cbef.simulator import simulate
+
+
+def analysis_of(**scenario: object) -> Analysis:
+    return analyze(simulate([Scenario(**{"steps": 12, **scenario})]))[0]
+
+
+@pytest.fixture(scope="module")
+def analysis() -> Analysis:
+    return analysis_of()
+
+
+@pytest.fixture(scope="module")
+def written(analysis: Analysis, tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    return write_figures(analysis, tmp_path_factory.mktemp("run") / "figures")
+
+
+def test_three_figures_are_written_as_png_of_one_column_and_as_svg(written: list[Path]) -> None:
+    names = ("innovation", "msee", "msee-average")
+    assert [path.name for path in written] == [f"{name}{end}" for name in names for end in (".png", ".svg")]
+    for path in written:
+        if path.suffix == ".png":
+            content = path.read_bytes()
+            assert content[:8] == b"\x89PNG\r\n\x1a\n"
+            assert struct.unpack(">I", content[16:20]) == (1050,)
+        else:
+            drawing = ET.parse(path).getroot()  # noqa: S314 - our own file
+            assert drawing.tag == "{http://www.w3.org/2000/svg}svg"
+            assert drawing.get("width") == "252pt"
+
+
+def test_the_same_run_gives_the_same_files(written: list[Path], analysis: Analysis, tmp_path: Path) -> None:
+    again = write_figures(analysis, tmp_path)
+
+    assert [path.read_bytes() for path in again] == [path.read_bytes() for path in written]
+
+
+@pytest.mark.parametrize("scenario", [{"filter": {"kind": "cbef"}}, {"agents": {"count": 24}}])
+def test_figures_take_any_filter_and_size(tmp_path: Path, scenario: dict[str, object]) -> None:
+    assert len(write_figures(analysis_of(**scenario), tmp_path)) == 6
+
+
+def test_a_label_with_dollar_signs_is_no_formula(tmp_path: Path) -> None:
+    analysis = analysis_of(
+        agents={"count": 3, "labels": [r"$\nonsense$", "_", "b"]}, network={"graph": "path"}
+    )
+
+    assert len(write_figures(analysis, tmp_path)) == 6
+
+
+def test_a_run_without_any_value_still_gives_figures(analysis: Analysis, tmp_path: Path) -> None:
+    nothing = np.full_like(analysis.msee, np.nan)
+    silent = dataclasses.replace(
+        analysis, trace=dataclasses.replace(analysis.trace, innovation=nothing), msee=nothing
+    )
+
+    assert len(write_figures(silent, tmp_path)) == 6
+
+
+def test_without_matplotlib_the_error_names_the_remedy(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    real = builtins.__import__
+
+    def refuse(name: str, *rest: object) -> object:
+        if name.startswith("matplotlib"):
+            raise ImportError(name)
+        return real(name, *rest)
+
+    monkeypatch.setattr(builtins, "__import__", refuse)
+
+    with pytest.raises(UserError, match=r"pip install 'zenoh-cbef\[report\]'"):
+        write_figures(analysis, tmp_path)
+
+
+def test_thinning_keeps_the_extremes_the_ends_and_gaps() -> None:
+    values = np.sin(np.linspace(0.0, 60.0, 10_000))
+    values[1234], values[8765] = 50.0, -50.0
+    values[5000] = np.nan
+
+    kept = thinned(values, 600)
+
+    assert len(kept) <= 610
+    assert {0, 1234, 5000, 8765, 9999} <= set(kept.tolist())
+    assert np.all(np.diff(kept) > 0)
+
+
+def test_a_short_line_keeps_every_point() -> None:
+    assert thinned(np.arange(50.0), 50).tolist() == list(range(50))
+
+
+def test_a_value_between_gaps_is_noticed() -> None:
+    assert has_lone_points(np.array([1.0, np.nan, 2.0, 3.0]))
+    assert not has_lone_points(np.array([1.0, 2.0, np.nan, 3.0, 4.0]))
+
+
+def test_zeros_and_a_vanishing_value_do_not_stretch_the_log_axis() -> None:
+    values = np.concatenate([np.linspace(1.0, 2.0, 999), [0.0, 1e-30]])[None]
+
+    low, high = log_range(Chart("name", "title", "caption", "axis", values))
+
+    assert 0.2 < low < 1.0
+    assert 2.0 < high < 3.0
+
+
+def test_24_agents_look_different() -> None:
+    assert len({agent_style(agent) for agent in range(24)}) == 24

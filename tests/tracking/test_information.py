@@ -1,0 +1,227 @@
+"""The information filters are their equations, and agree with a centralised filter where theory says so."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from zenoh_cbef.tracking.consensus import Average
+from zenoh_cbef.tracking.filters import KINDS, Belief, FilterSettings, make_filter
+from zenoh_cbef.tracking.graph import make_edges, neighbours
+from zenoh_cbef.tracking.linalg import pack_upper, unpack_upper
+from zenoh_cbef.tracking.motion import NearlyConstantVelocity
+from zenoh_cbef.tracking.ranging import Measurement, Space
+from zenoh_cbef.tracking.tracker import Tracker
+from zenoh_cbef.tracking.weights import metropolis_weights
+
+STD = 0.3
+SEEDS = st.integers(0, 2**32 - 1)
+SPACES = st.sampled_from([Space(), Space(0.7)])
+
+
+def settings_for(space, count, xi=1.5, dt=0.2, std=STD):
+    return FilterSettings(NearlyConstantVelocity(dt, 0.5, space.axes), space, std, xi, count)
+
+
+def beliefs(random, space, count):
+    size = 2 * space.axes
+    root = random.normal(scale=0.3, size=(count, size, size))
+    covariance = root @ np.swapaxes(root, 1, 2) + 0.2 * np.eye(size)
+    return Belief(random.normal(size=(count, size)), 0.5 * (covariance + np.swapaxes(covariance, 1, 2)))
+
+
+def scene(seed, space, count=4):
+    """Beliefs, and a measurement with a missing range and an aged one."""
+    random = np.random.default_rng(seed)
+    ranges = random.uniform(3.0, 8.0, count)
+    ranges[0] = np.nan
+    age = random.uniform(0.0, 0.2, count)
+    nobody = np.empty((count, 0, 3)), np.empty((count, 0))
+    return beliefs(random, space, count), Measurement(
+        random.normal(scale=5, size=(count, 3)), ranges, age, *nobody
+    )
+
+
+def by_the_equations(belief, measurement, space, agent, *, count, xi, dt=0.2):
+    """V, O, |z| and w of one agent, written as in the paper; H by differences of the range itself."""
+    motion = NearlyConstantVelocity(dt, 0.5, space.axes)
+    state = motion.transition @ belief.state[agent]
+    covariance = motion.transition @ belief.covariance[agent] @ motion.transition.T + motion.process_noise
+    prior = np.linalg.inv(covariance)
+
+    def ranged(x):
+        at = x[: space.axes] - measurement.age[agent] * x[space.axes :]
+        at = at if space.height is None else np.append(at, space.height)
+        return np.linalg.norm(at - measurement.position[agent])
+
+    if np.isnan(measurement.range[agent]):
+        return prior @ state / count, prior / count, np.nan, np.nan
+    steps = 1e-6 * np.eye(len(state))
+    row = np.array([(ranged(state + step) - ranged(state - step)) / 2e-6 for step in steps])
+    innovation = measurement.range[agent] - ranged(state)
+    spread = np.sqrt(row @ covariance @ row + STD**2)
+    weight = min(1.0, xi * spread / abs(innovation))
+    vector = prior @ state / count + weight * row * (innovation + row @ state) / STD**2
+    return vector, prior / count + weight * np.outer(row, row) / STD**2, abs(innovation), weight
+
+
+@settings(deadline=None, derandomize=True, max_examples=40)
+@given(SEEDS, SPACES, st.sampled_from([0.1, 1.0, 3.0, np.inf]))
+def test_the_payload_is_the_agents_share_of_the_information(seed, space, xi):
+    belief, measurement = scene(seed, space)
+    kind = make_filter("icf" if np.isinf(xi) else "sicf", settings_for(space, 4, xi))
+    update = kind.update(belief, measurement)
+    size = 2 * space.axes
+    assert update.payload.shape == (4, kind.payload_size)
+    for agent in range(4):
+        vector, matrix, innovation, weight = by_the_equations(
+            belief, measurement, space, agent, count=4, xi=xi
+        )
+        np.testing.assert_allclose(update.payload[agent, :size], vector, rtol=1e-5, atol=1e-5)
+        np.testing.assert_allclose(
+            unpack_upper(update.payload[[agent], size:], size)[0], matrix, rtol=1e-5, atol=1e-5
+        )
+        np.testing.assert_allclose(update.innovation[agent], innovation, rtol=1e-9)
+        np.testing.assert_allclose(update.weight[agent], weight, rtol=1e-6)
+
+
+@settings(deadline=None)
+@given(SEEDS, SPACES)
+def test_concluding_inverts_the_averaged_information(seed, space):
+    random = np.random.default_rng(seed)
+    belief = beliefs(random, space, 3)
+    information = np.linalg.inv(belief.covariance) / 5
+    information = 0.5 * (information + np.swapaxes(information, 1, 2))
+    vector = (information @ belief.state[:, :, None])[:, :, 0]
+    concluded = make_filter("sicf", settings_for(space, 5)).conclude(
+        np.concatenate([vector, pack_upper(information)], axis=1)
+    )
+    np.testing.assert_allclose(concluded.state, belief.state, rtol=1e-7, atol=1e-7)
+    np.testing.assert_allclose(concluded.covariance, belief.covariance, rtol=1e-7, atol=1e-7)
+
+
+@settings(deadline=None)
+@given(SEEDS, SPACES)
+def test_sicf_that_never_saturates_is_icf_bit_for_bit(seed, space):
+    belief, measurement = scene(seed, space)
+    results = [
+        make_filter(kind, settings_for(space, 4, xi)).update(belief, measurement)
+        for kind, xi in (("sicf", np.inf), ("icf", 1.0), ("sicf", 1e300))
+    ]
+    assert len({one.payload.tobytes() for one in results}) == 1
+    assert len({one.weight.tobytes() for one in results}) == 1
+
+
+@settings(deadline=None)
+@given(SEEDS)
+def test_saturation_weakens_a_far_range_and_leaves_a_near_one(seed):
+    belief, measurement = scene(seed, Space(), 1)
+    near, far = (make_filter("sicf", settings_for(Space(), 1, xi=2.0)) for _ in range(2))
+    state = near.motion.predict_state(belief.state)[0, :3] - measurement.age[0] * belief.state[0, 3:]
+    distance = np.linalg.norm(state - measurement.position[0])
+    measurement.range[0] = distance + STD
+    assert near.update(belief, measurement).weight.tolist() == [1.0]
+    measurement.range[0] = distance + 1000.0
+    update = far.update(belief, measurement)
+    assert 0.0 < update.weight[0] < 0.01
+    assert update.innovation[0] == pytest.approx(1000.0)
+
+
+def run_steps(kind, space, count, *, rounds, steps, graph="complete", seed=1, together=False):
+    """A tracker of some kind, step by step; together: the agents begin from one belief."""
+    random = np.random.default_rng(seed)
+    lists = neighbours(count, make_edges(graph, np.zeros((count, 3)), seed=1, probability=0.5, radius=1))
+    belief = beliefs(random, space, count)
+    if together:
+        belief = Belief(np.tile(belief.state[0], (count, 1)), np.tile(belief.covariance[0], (count, 1, 1)))
+    tracker = Tracker(
+        make_filter(kind, settings_for(space, count)), Average(metropolis_weights(lists)), space, belief
+    )
+    for _ in range(steps):
+        position = random.normal(scale=6.0, size=(count, 3))
+        ranges = np.linalg.norm(position - [1.0, 2.0, 0.7], axis=1) + STD * random.normal(size=count)
+        ranges[random.random(count) < 0.2] = np.nan
+        nobody = np.empty((count, 0, 3)), np.empty((count, 0))
+        before = tracker.belief
+        measured = Measurement(position, ranges, np.zeros(count), *nobody)
+        message = tracker.measure(measured)
+        for _ in range(rounds if tracker.filter.cooperates else 0):
+            message = tracker.exchange(message[lists.index], None)
+        yield before, measured, tracker.conclude(), tracker.belief
+
+
+@pytest.mark.parametrize("space", [Space(), Space(0.7)])
+def test_many_rounds_of_icf_reach_the_centralised_information_filter(space):
+    count = 5
+    motion = NearlyConstantVelocity(0.2, 0.5, space.axes)
+    for before, measured, _, belief in run_steps("icf", space, count, rounds=60, steps=6, together=True):
+        state = motion.transition @ before.state[0]
+        covariance = motion.transition @ before.covariance[0] @ motion.transition.T + motion.process_noise
+        # A textbook extended Kalman filter on the stacked ranges.
+        heard = np.flatnonzero(np.isfinite(measured.range))
+        place = state[: space.axes] if space.height is None else np.append(state[:2], space.height)
+        offset = place - measured.position[heard]
+        distance = np.sqrt((offset**2).sum(axis=1))
+        rows = np.zeros((len(heard), 2 * space.axes))
+        rows[:, : space.axes] = (offset / distance[:, None])[:, : space.axes]
+        gain = covariance @ rows.T @ np.linalg.inv(rows @ covariance @ rows.T + STD**2 * np.eye(len(heard)))
+        expected = state + gain @ (measured.range[heard] - distance)
+        remaining = (np.eye(2 * space.axes) - gain @ rows) @ covariance
+        for agent in range(count):
+            np.testing.assert_allclose(belief.state[agent], expected, rtol=0, atol=1e-9)
+            np.testing.assert_allclose(belief.covariance[agent], remaining, rtol=0, atol=1e-9)
+
+
+def test_local_keeps_to_itself_and_claims_no_more_than_its_own_information():
+    alone, many = (list(run_steps("local", Space(), 4, rounds=rounds, steps=3)) for rounds in (0, 20))
+    for (*_, first), (*_, second) in zip(alone, many, strict=True):
+        assert first.state.tobytes() == second.state.tobytes()
+    kind = make_filter("local", settings_for(Space(), 4))
+    assert not kind.cooperates
+    belief, measurement = scene(5, Space())
+    vector, matrix, *_ = by_the_equations(belief, measurement, Space(), 2, count=1, xi=1.5)
+    payload = kind.update(belief, measurement).payload[2]
+    np.testing.assert_allclose(payload[:6], vector, rtol=1e-5)
+    np.testing.assert_allclose(unpack_upper(payload[None, 6:], 6)[0], matrix, rtol=1e-4, atol=1e-5)
+
+
+@settings(deadline=None, derandomize=True, max_examples=25)
+@given(SEEDS, SPACES, st.sampled_from(["sicf", "icf", "local"]), st.sampled_from([0, 1, 4]))
+def test_covariances_stay_symmetric_and_positive_definite(seed, space, kind, rounds):
+    for *_, estimate, belief in run_steps(kind, space, 5, rounds=rounds, steps=8, graph="ring", seed=seed):
+        np.testing.assert_array_equal(belief.covariance, np.swapaxes(belief.covariance, 1, 2))
+        assert (np.linalg.eigvalsh(belief.covariance) > 0.0).all()
+        assert estimate.state.shape == (5, 6)
+        assert estimate.covariance.shape == (5, 6, 6)
+        assert np.isfinite(estimate.state).all()
+
+
+def test_rows_come_out_the_same_bits_alone_and_in_a_batch():
+    for kind in set(KINDS) - {"cbef"}:
+        for space in (Space(), Space(0.7)):
+            belief, measurement = scene(8, space, 9)
+            made = make_filter(kind, settings_for(space, 9))
+            batch = made.update(belief, measurement)
+            concluded = made.conclude(batch.payload)
+            for row in range(9):
+                one = [row]
+                own = Measurement(
+                    measurement.position[one],
+                    measurement.range[one],
+                    measurement.age[one],
+                    measurement.neighbour_position[one],
+                    measurement.neighbour_range[one],
+                )
+                alone = made.update(Belief(belief.state[one], belief.covariance[one]), own)
+                assert alone.payload.tobytes() == batch.payload[row].tobytes()
+                assert (
+                    made.conclude(alone.payload).covariance.tobytes() == concluded.covariance[row].tobytes()
+                )
+
+
+def test_an_information_filter_refuses_a_belief_without_covariance():
+    belief, measurement = scene(1, Space())
+    with pytest.raises(ValueError, match="covariance"):
+        make_filter("sicf", settings_for(Space(), 4)).update(Belief(belief.state, None), measurement)

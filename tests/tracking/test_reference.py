@@ -1,0 +1,163 @@
+"""The yardsticks: the centralised filter is a textbook one, the bound is that of the whole trajectory."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from zenoh_cbef.tracking.filters import Belief
+from zenoh_cbef.tracking.motion import NearlyConstantVelocity
+from zenoh_cbef.tracking.ranging import Space
+from zenoh_cbef.tracking.reference import centralized, posterior_bound
+
+DT, ACCELERATION, STD = 0.3, 0.4, 0.2
+SPACES = [Space(), Space(-0.4)]
+
+
+class Scene:
+    """Runs with moving agents, aged and missing ranges."""
+
+    def __init__(self, space, runs=3, agents=5, steps=7):
+        random = np.random.default_rng(4)
+        self.space = space
+        self.motion = NearlyConstantVelocity(DT, ACCELERATION, space.axes)
+        self.truth = np.cumsum(random.normal(scale=0.3, size=(runs, steps, 6)), axis=1)
+        if space.height is not None:
+            self.truth[:, :, 2], self.truth[:, :, 5] = space.height, 0.0
+        self.positions = random.normal(scale=6.0, size=(runs, agents, steps, 3))
+        self.age = random.uniform(0.0, DT, (runs, agents, steps))
+        then = self.truth[:, None, :, :3] - self.age[..., None] * self.truth[:, None, :, 3:]
+        self.ranges = np.linalg.norm(then - self.positions, axis=3) + STD * random.normal(size=self.age.shape)
+        self.ranges[random.random(self.age.shape) < 0.25] = np.nan
+        self.age[np.isnan(self.ranges)] = np.nan
+        size = 2 * space.axes
+        self.initial = Belief(
+            self.truth[:, 0, space.kept] + 0.3, np.tile(np.diag(np.arange(1.0, size + 1)), (runs, 1, 1))
+        )
+
+    def row(self, run, agent, step, state):
+        """Range and gradient at a full state (6,), by the chain rule in three dimensions."""
+        age = self.age[run, agent, step]
+        offset = state[:3] - age * state[3:] - self.positions[run, agent, step]
+        distance = np.linalg.norm(offset)
+        return distance, np.concatenate([offset, -age * offset])[self.space.kept] / distance
+
+    def heard(self, run, step):
+        return np.flatnonzero(np.isfinite(self.ranges[run, :, step]))
+
+    def full(self, state):
+        if self.space.height is None:
+            return state
+        return np.array([state[0], state[1], self.space.height, state[2], state[3], 0.0])
+
+
+def textbook(scene, run, xi):
+    """An extended Kalman filter in covariance form; saturation divides a range's precision by its excess."""
+    state, covariance = scene.initial.state[run], scene.initial.covariance[run]
+    for step in range(scene.truth.shape[1]):
+        state = scene.motion.transition @ state
+        covariance = (
+            scene.motion.transition @ covariance @ scene.motion.transition.T + scene.motion.process_noise
+        )
+        heard = scene.heard(run, step)
+        predicted, rows = zip(
+            *[scene.row(run, agent, step, scene.full(state)) for agent in heard], strict=True
+        )
+        rows = np.array(rows)
+        innovation = scene.ranges[run, heard, step] - np.array(predicted)
+        spread = np.sqrt(np.array([row @ covariance @ row for row in rows]) + STD**2)
+        noise = np.diag(STD**2 * np.maximum(1.0, np.abs(innovation) / (xi * spread)))
+        gain = covariance @ rows.T @ np.linalg.inv(rows @ covariance @ rows.T + noise)
+        state = state + gain @ innovation
+        covariance = covariance - gain @ rows @ covariance
+        yield scene.full(state), covariance
+
+
+@pytest.mark.parametrize("space", SPACES)
+@pytest.mark.parametrize("xi", [0.3, 1.5, np.inf])
+def test_the_centralised_filter_is_the_textbook_extended_kalman_filter(space, xi):
+    scene = Scene(space)
+    states, covariances = centralized(
+        scene.initial,
+        scene.motion,
+        space,
+        positions=scene.positions,
+        ranges=scene.ranges,
+        age=scene.age,
+        range_std=STD,
+        xi=xi,
+    )
+    assert states.shape == (3, 7, 6)
+    assert covariances.shape == (3, 7, 6, 6)
+    kept = np.ix_(space.kept, space.kept)
+    for run in range(3):
+        for step, (state, covariance) in enumerate(textbook(scene, run, xi)):
+            np.testing.assert_allclose(states[run, step], state, rtol=0, atol=1e-9)
+            np.testing.assert_allclose(covariances[run, step][kept], covariance, rtol=0, atol=1e-9)
+
+
+def bound_of(scene):
+    return posterior_bound(
+        scene.initial.covariance,
+        scene.motion,
+        scene.space,
+        truth=scene.truth,
+        positions=scene.positions,
+        measured=np.isfinite(scene.ranges),
+        age=scene.age,
+        range_std=STD,
+    )
+
+
+@pytest.mark.parametrize("space", SPACES)
+def test_the_bound_is_the_inverse_information_of_the_whole_trajectory(space):
+    # The trajectory is linear in its start and all accelerations, whose information is known in one matrix.
+    scene, axes = Scene(space), space.axes
+    size, bound = 2 * axes, bound_of(scene)
+    gain = np.kron([[0.5 * DT**2], [DT]], np.eye(axes))
+    for run in range(3):
+        maps = []
+        last = np.eye(size, size + 7 * axes)
+        for step in range(7):
+            last = scene.motion.transition @ last
+            last[:, size + step * axes : size + (step + 1) * axes] += gain
+            maps.append(last)
+            information = np.diag(np.full(size + 7 * axes, ACCELERATION**-2.0))
+            information[:size, :size] = np.linalg.inv(scene.initial.covariance[run])
+            for earlier, mapped in enumerate(maps):
+                for agent in scene.heard(run, earlier):
+                    _, row = scene.row(run, agent, earlier, scene.truth[run, earlier])
+                    information += np.outer(row @ mapped, row @ mapped) / STD**2
+            expected = last @ np.linalg.inv(information) @ last.T
+            np.testing.assert_allclose(
+                bound[run, step][np.ix_(space.kept, space.kept)], expected, rtol=0, atol=1e-9
+            )
+
+
+def test_the_bound_is_the_kalman_covariance_where_the_rows_are_those_of_the_truth():
+    scene = Scene(Space())
+    bound, covariance = bound_of(scene), scene.initial.covariance[0]
+    for step in range(7):
+        covariance = (
+            scene.motion.transition @ covariance @ scene.motion.transition.T + scene.motion.process_noise
+        )
+        for agent in scene.heard(0, step):
+            _, row = scene.row(0, agent, step, scene.truth[0, step])
+            gain = covariance @ row / (row @ covariance @ row + STD**2)
+            covariance = covariance - np.outer(gain, row @ covariance)
+        np.testing.assert_allclose(bound[0, step], covariance, rtol=0, atol=1e-10)
+
+
+def test_the_bound_of_a_plane_is_zero_where_the_state_is_known():
+    bound = bound_of(Scene(Space(-0.4)))
+    assert (bound[:, :, [2, 5]] == 0.0).all()
+    assert (bound[:, :, :, [2, 5]] == 0.0).all()
+
+
+def test_runs_do_not_see_each_other():
+    scene = Scene(Space())
+    together = bound_of(scene)
+    for part in ("truth", "positions", "ranges", "age"):
+        setattr(scene, part, getattr(scene, part)[1:2])
+    scene.initial = Belief(scene.initial.state[1:2], scene.initial.covariance[1:2])
+    assert bound_of(scene)[0].tobytes() == together[1].tobytes()

@@ -1,0 +1,183 @@
+"""What an MCAP file holds: its records as they are read, checked against what they say of themselves.
+
+The format is that of the MCAP specification (https://mcap.dev/spec).
+"""
+
+from __future__ import annotations
+
+import importlib
+import struct
+from collections.abc import Callable
+from dataclasses import dataclass
+from io import BytesIO
+from typing import Any, NamedTuple
+
+import zstandard
+from mcap import records
+from mcap.data_stream import ReadDataStream, RecordBuilder
+from mcap.exceptions import McapError
+from mcap.opcode import Opcode
+
+from zenoh_cbef.errors import UserError
+
+MAX_CHUNK_BYTES = 1 << 30
+NO_CRC = bytes(4)
+RECORD = struct.Struct("<BQ")
+
+
+class NotMcapError(ValueError):
+    """The path does not lead to an MCAP file."""
+
+
+@dataclass(frozen=True)
+class Channel:
+    """What the messages of one channel have in common; schema texts are empty where there is no schema."""
+
+    id: int
+    topic: str
+    message_encoding: str
+    schema_name: str
+    schema_encoding: str
+    metadata: dict[str, str]
+
+
+class RawMessage(NamedTuple):
+    """A message as recorded: times in ns since the epoch, sequence of 32 bits, data not decoded."""
+
+    channel: Channel
+    log_time: int
+    publish_time: int
+    sequence: int
+    data: bytes
+
+
+@dataclass(frozen=True)
+class Summary:
+    """What a file holds: messages by topic, first and last log time (ns, 0 without messages), chunks."""
+
+    library: str
+    message_count: int
+    channel_counts: dict[str, int]
+    start_time: int
+    end_time: int
+    chunks: int
+    compressed_bytes: int
+    uncompressed_bytes: int
+
+
+class Record(NamedTuple):
+    """Where a record is: from the byte of its opcode to the byte after it."""
+
+    opcode: int
+    start: int
+    end: int
+
+
+class Chunk(NamedTuple):
+    """What a chunk says of its data, and where that is."""
+
+    compression: str
+    size: int
+    crc: int
+    data_start: int
+    data_end: int
+
+
+class Declarations:
+    """The schemas and channels met so far."""
+
+    def __init__(self) -> None:
+        self.channels: dict[int, Channel] = {}
+        self._schemas = {0: ("", "")}
+
+    def add(self, opcode: int, content: bytes) -> None:
+        """Take a declaration; ValueError where it is malformed or contradicts an earlier one."""
+        if opcode == Opcode.SCHEMA:
+            schema = parse_record(records.Schema, content)
+            texts = (schema.name, schema.encoding)
+            if self._schemas.setdefault(schema.id, texts) != texts:
+                raise ValueError(f"schema {schema.id} is declared twice, differently")
+        elif opcode == Opcode.CHANNEL:
+            read = parse_record(records.Channel, content)
+            if read.schema_id not in self._schemas:
+                raise ValueError(f"channel {read.id} has no schema {read.schema_id}")
+            texts = self._schemas[read.schema_id]
+            channel = Channel(read.id, read.topic, read.message_encoding, *texts, read.metadata)
+            if self.channels.setdefault(read.id, channel) != channel:
+                raise ValueError(f"channel {read.id} is declared twice, differently")
+
+
+class Closing:
+    """What the summary section says; ValueError where it is malformed or leaves out what it may leave out."""
+
+    def __init__(self, section: bytes) -> None:
+        self.declared = Declarations()
+        self.extras: list[Record] = []
+        self.chunk_totals = [0, 0, 0]
+        self.statistics: Any = None
+        position = 0
+        while position < len(section):
+            opcode, length = RECORD.unpack_from(section, position)
+            position += RECORD.size + length
+            content = section[position - length : position]
+            if opcode == Opcode.CHUNK_INDEX:
+                for place, number in enumerate((1, *struct.unpack("<QQ", content[-16:]))):
+                    self.chunk_totals[place] += number
+            elif opcode in (Opcode.ATTACHMENT_INDEX, Opcode.METADATA_INDEX):
+                kind = Opcode.ATTACHMENT if opcode == Opcode.ATTACHMENT_INDEX else Opcode.METADATA
+                start, size = struct.unpack_from("<QQ", content)
+                self.extras.append(Record(kind, start, start + size))
+            elif opcode == Opcode.STATISTICS:
+                self.statistics = parse_record(records.Statistics, content)
+            else:
+                self.declared.add(opcode, content)
+        said = self.statistics
+        promised = said and (said.chunk_count, said.attachment_count + said.metadata_count)
+        if promised != (self.chunk_totals[0], len(self.extras)):
+            raise ValueError("the summary is not whole")
+
+
+def parse_record(parser: Any, content: bytes) -> Any:
+    """Read a record's content with the public library; ValueError where it is malformed."""
+    builder = RecordBuilder()
+    try:
+        record = parser.read(ReadDataStream(BytesIO(content)))
+        record.write(builder)
+    except (McapError, struct.error, OverflowError, MemoryError) as error:
+        raise ValueError(f"it is malformed ({error})") from None
+    # The library takes fields that are too short as they are: they show in what it writes back.
+    written: bytes = builder.end()[RECORD.size :]  # type: ignore[no-untyped-call]
+    if parser is records.Attachment and content.endswith(NO_CRC):
+        written = written[: -len(NO_CRC)] + NO_CRC
+    if written != content:
+        raise ValueError("it is malformed, or its CRC is wrong")
+    return record
+
+
+def decompress(data: bytes, chunk: Chunk) -> bytes:
+    """Return a chunk's records; ValueError or the library's own error where they are not what it says."""
+    if chunk.compression == "":
+        records_data = data
+    elif chunk.size > MAX_CHUNK_BYTES:
+        raise ValueError(f"it claims to hold {chunk.size} bytes")
+    elif chunk.compression == "zstd":
+        if zstandard.frame_content_size(data) not in (-1, chunk.size):
+            raise ValueError("its size is not what it says")
+        records_data = zstandard.ZstdDecompressor().decompress(data, max_output_size=chunk.size)
+    elif chunk.compression == "lz4":
+        records_data = _lz4_decompressor()(data, max_length=chunk.size)
+    else:
+        raise ValueError(f"its compression {chunk.compression!r} is unknown")
+    if len(records_data) != chunk.size:
+        raise ValueError("its size is not what it says")
+    return records_data
+
+
+def _lz4_decompressor() -> Callable[..., bytes]:
+    try:
+        decompress: Callable[..., bytes] = (
+            importlib.import_module("lz4.frame").LZ4FrameDecompressor().decompress
+        )
+    except ImportError:
+        raise UserError("the log is compressed with lz4: install zenoh-cbef[lz4]") from None
+    return decompress

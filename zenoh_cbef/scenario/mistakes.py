@@ -1,0 +1,155 @@
+"""What is wrong with a scenario's tables, in one sentence that names the key and the remedy."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from difflib import get_close_matches
+from typing import Any, get_args
+
+from pydantic import BaseModel, ValidationError
+from pydantic.fields import FieldInfo
+
+from zenoh_cbef.scenario.model import Scenario
+
+Place = Sequence[str | int]
+
+_MUST_BE = {
+    "int_type": "a whole number",
+    "float_type": "a number",
+    "finite_number": "a finite number",
+    "string_type": "text in quotes",
+    "bool_type": "true or false",
+    "tuple_type": "a list",
+    "model_type": "a table of keys",
+    "dict_type": "a table of keys",
+}
+
+
+def sentence(error: ValidationError) -> str:
+    """Say the first mistake of a validation in one sentence."""
+    mistakes = error.errors(include_url=False)
+    keys = [_key(one["loc"]) for one in mistakes]
+    # All branches of a union complain of the same key; the one that got furthest is the one that was meant.
+    same = [one for one, key in zip(mistakes, keys, strict=True) if key[: len(keys[0])] == keys[0]]
+    meant = max(same, key=lambda one: len(one["loc"]))
+    more = len({tuple(key[:2]) for key in keys}) - 1
+    return _text(meant, same) + (f" ({more} more)" if more else "")
+
+
+def _text(mistake: Any, same: Sequence[Any]) -> str:
+    place, kind, given = mistake["loc"], mistake["type"], mistake["input"]
+    key = _written(_key(place))
+    if kind == "extra_forbidden":
+        return _unknown_key(place, key)
+    if kind in {"missing", "too_long"}:
+        return _miscounted(mistake, same)
+    if kind.startswith("union_tag"):
+        return _unknown_kind(mistake, key)
+    if kind == "json_invalid":
+        return "it holds text that is not valid Unicode; mend it"
+    if kind == "value_error":
+        said = str(mistake["ctx"]["error"])
+        return said if isinstance(given, dict) else f"{key} {said}"
+    return f"{key} {_requirement(mistake)}, not {_shown(given)}"
+
+
+def _requirement(mistake: Any) -> str:
+    place, kind = mistake["loc"], mistake["type"]
+    field = _field(place)
+    if field and field.description and kind != "finite_number" and not isinstance(place[-1], int):
+        return f"must be {field.description}"
+    said = str(mistake["msg"]).replace("Input should", "must", 1)
+    return f"must be {_MUST_BE[kind]}" if kind in _MUST_BE else said
+
+
+def _miscounted(mistake: Any, same: Sequence[Any]) -> str:
+    place, given = mistake["loc"], mistake["input"]
+    if mistake["type"] == "too_long":
+        return f"{_written(_key(place))} must have {mistake['ctx']['max_length']} items, not {len(given)}"
+    if not isinstance(place[-1], int):
+        return f"{_written(_key(place))} is missing; add it"
+    needed = 1 + max(one["loc"][-1] for one in same if one["loc"][:-1] == place[:-1])
+    return f"{_written(_key(place[:-1]))} must have {needed} items, not {len(given)}"
+
+
+def _unknown_kind(mistake: Any, key: str) -> str:
+    kinds = ", ".join(tag for model in _models(mistake["loc"]) if (tag := _tag(model)))
+    given = f", not {mistake['ctx']['tag']!r}" if "tag" in mistake["ctx"] else ""
+    return f"{key}.kind must be one of {kinds}{given}"
+
+
+def _unknown_key(place: Place, key: str) -> str:
+    known = [name for model in _models(place[:-1]) for name in _names(model)]
+    near = get_close_matches(str(place[-1]), known, 1)
+    hint = f"did you mean {near[0]!r}?" if near else "remove it, or see docs/scenario.md for the keys"
+    return f"{key} is not a key of a scenario; {hint}"
+
+
+def _shown(value: Any) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str | int | float):
+        return f"{value!r:.60}"
+    return "a table" if isinstance(value, dict) else "a list"
+
+
+def _written(key: Place) -> str:
+    text = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in key)
+    return text.removeprefix(".")
+
+
+def _key(place: Place) -> list[str | int]:
+    """Leave out the names of union branches, which pydantic puts between the parts of a place."""
+    return [part for _, part in _walk(place)]
+
+
+def _walk(place: Place) -> Iterator[tuple[list[type[BaseModel]], str | int]]:
+    """Yield the parts of a place that a user wrote, each with the tables that may stand there."""
+    models: list[type[BaseModel]] = [Scenario]
+    inside = False
+    for part in place:
+        if isinstance(part, int):
+            yield models, part
+        elif tagged := [model for model in models if inside and _tag(model) == part]:
+            models, inside = tagged, False
+        elif models:
+            yield models, part
+            field = _named(models, part)
+            models, inside = (_tables(field.annotation), True) if field else ([], False)
+
+
+def _models(place: Place) -> list[type[BaseModel]]:
+    """Find the tables that may stand at a place."""
+    *_, (models, _) = _walk([*place, "?"])
+    return models
+
+
+def _field(place: Place) -> FieldInfo | None:
+    field = None
+    for models, part in _walk(place):
+        if isinstance(part, str):
+            field = _named(models, part)
+    return field
+
+
+def _named(models: Sequence[type[BaseModel]], name: str) -> FieldInfo | None:
+    fields = (
+        field for model in models for key, field in model.model_fields.items() if name == (field.alias or key)
+    )
+    return next(fields, None)
+
+
+def _names(model: type[BaseModel]) -> list[str]:
+    return [field.alias or name for name, field in model.model_fields.items()]
+
+
+def _tables(annotation: Any) -> list[type[BaseModel]]:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    return [model for part in get_args(annotation) for model in _tables(part)]
+
+
+def _tag(model: type[BaseModel]) -> str | None:
+    kind = model.model_fields.get("kind")
+    values = get_args(kind.annotation) if kind else ()
+    return str(values[0]) if values else None
