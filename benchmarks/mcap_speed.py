@@ -1,11 +1,10 @@
 """How fast logs are written: the public library's writer beside ours, in interleaved rounds.
 
-Run it as a program. Payloads are 200 bytes: random floats behind a short text, the worst for compression.
+Payloads are 200 bytes: random floats behind a short text, the worst for compression.
 """
 
 from __future__ import annotations
 
-import argparse
 import statistics
 import tempfile
 import time
@@ -16,10 +15,13 @@ from pathlib import Path
 import numpy as np
 from mcap.reader import NonSeekingReader
 from mcap.writer import CompressionType, Writer
+from rich.table import Table
 
+from benchmarks.common import plain_table
 from zenoh_cbef.log.mcap_reader import McapFile
 from zenoh_cbef.log.mcap_writer import Compression, McapWriter
 
+MESSAGES = 100_000
 CHANNELS = 8
 COMPRESSIONS: dict[Compression, CompressionType] = {
     "none": CompressionType.NONE,
@@ -84,31 +86,24 @@ def cases(folder: Path, messages: list[bytes]) -> Iterator[tuple[str, Path, Call
         yield f"summary {compression}", ours, partial(summarise, ours)
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--messages", type=int, default=100_000)
-    parser.add_argument("--rounds", type=int, default=5)
-    arguments = parser.parse_args()
-    messages = payloads(arguments.messages)
+def run(repeats: int) -> Iterator[Table]:
+    messages = payloads(MESSAGES)
     seconds: dict[str, list[tuple[float, float]]] = {}
     sizes: dict[str, float] = {}
     with tempfile.TemporaryDirectory() as folder:
-        for _ in range(arguments.rounds):
+        for _ in range(repeats):
             for name, path, timed in cases(Path(folder), messages):
                 wall, cpu = time.perf_counter(), time.process_time()
                 timed()
                 spent = (time.perf_counter() - wall, time.process_time() - cpu)
                 seconds.setdefault(name, []).append(spent)
                 sizes[name] = path.stat().st_size / 1e6
-    print(f"{'case':<22}{'kmsg/s':>10}{'best':>10}{'CPU us/msg':>12}{'ms':>10}{'MB':>8}")
+    rows = []
     for name, times in seconds.items():
         walls = [wall for wall, _ in times]
         median = statistics.median(walls)
-        best = len(messages) / min(walls) / 1e3
-        cpu = statistics.median(cpu for _, cpu in times) / len(messages) * 1e6
-        figures = f"{len(messages) / median / 1e3:>10.0f}{best:>10.0f}{cpu:>12.2f}{median * 1e3:>10.1f}"
-        print(f"{name:<22}{figures}{sizes[name]:>8.1f}")
-
-
-if __name__ == "__main__":
-    main()
+        best = MESSAGES / min(walls) / 1e3
+        cpu = statistics.median(cpu for _, cpu in times) / MESSAGES * 1e6
+        rows.append([name, f"{MESSAGES / median / 1e3:.0f}", f"{best:.0f}", cpu, median * 1e3, sizes[name]])
+    title = f"{MESSAGES} messages of 200 bytes, medians of {repeats}"
+    yield plain_table(title, ["case", "kmsg/s", "best", "CPU us/msg", "ms", "MB"], rows)

@@ -44,7 +44,7 @@ class Agent:
         self.path = agent_positions(scenario)[agent]
         self.rejections = Rejections(node)
         realtime = scenario.timing.mode == "realtime"
-        alarm = Alarm() if realtime else None
+        alarm = Alarm()
         self.beacons: Inbox = beacon_inbox(node, agent, self.rejections, alarm)
         self.neighbourhood = Neighbourhood(
             node,
@@ -70,12 +70,21 @@ class Agent:
     def wait_for_start(self) -> bool:
         """Wait until everybody this agent deals with is there, then for the target's start signal."""
         needed = {"target/target"} | {f"agent/{other}" for other in self.neighbourhood.ids}
-        if not self.node.wait_for(lambda live: needed <= live and self._recorded(live)):
+
+        def drain() -> None:
+            self.beacons.pass_over(-1)
+            self.neighbourhood.drain()
+
+        if not self.node.wait_for(lambda live: needed <= live and self._recorded(live), None, drain):
             return False
         self.node.announce("ready", str(self.agent))
-        start = self.beacons.take(0)
-        if start is None:
-            return False
+        start = None
+        while start is None:
+            if self.node.stopping or "target/target" not in self.node.presence:
+                return False
+            start = self.beacons.take(0, time.monotonic() + 0.1)
+            self.neighbourhood.drain()
+        self.rejections.start()
         # Steps are counted on the monotonic clock: a clock that is set while we run must not move them.
         self._epoch = start.get("at", time.time()) - time.time() + time.monotonic()
         return True

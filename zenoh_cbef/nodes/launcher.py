@@ -30,14 +30,18 @@ _TAIL = 4000
 
 @dataclass(frozen=True)
 class Death:
-    """A process that ended in any way but its own: its name, exit status (negative: signal), last words."""
+    """A process that ended in any way but its own: its name, exit status (negative: signal;
+    0: it hung), last words."""
 
     name: str
     status: int
     words: str
 
     def __str__(self) -> str:
-        how = f"was killed by signal {-self.status}" if self.status < 0 else f"ended with status {self.status}"
+        if self.status == 0:
+            how = "had to be ended"
+        else:
+            how = f"was killed by signal {-self.status}" if self.status < 0 else f"ended with status {self.status}"
         return f"{self.name} {how}" + (f": {self.words}" if self.words else "")
 
 
@@ -191,7 +195,9 @@ class Launcher:
         elif self._asked_at is not None:
             waited = now - self._asked_at
             if waited > _POLITE_SECONDS + _LAST_SECONDS:
+                hung = [name for name in self._processes if name not in self._ended]
                 self.kill()
+                self.deaths += [Death(name, 0, "it did not answer any more") for name in hung]
             elif waited > _POLITE_SECONDS:
                 self._terminate(set(self._processes))
         elif asked and "target" not in self._ended:

@@ -40,7 +40,7 @@ def beacon_inbox(node: Node, agent: int, rejections: Rejections, alarm: Alarm | 
         message = decode("beacon", data, run=node.identity.run)
         return message["k"], message["sent"], message
 
-    mailbox = Mailbox(node.session, node.keys.beacon(agent), 4 * WINDOW)
+    mailbox = Mailbox(node.session, node.keys.beacon(agent))
     return Inbox(
         node, mailbox, read, owner="target/target", horizon=2 * WINDOW, rejections=rejections, alarm=alarm
     )
@@ -76,7 +76,7 @@ class Neighbourhood:
 
         def inbox(agent: int, key: str, read: Decoder, turns_per_step: int) -> Inbox:
             ahead = (WINDOW + 1) * turns_per_step
-            mailbox = Mailbox(node.session, key, 2 * ahead)
+            mailbox = Mailbox(node.session, key)
             return Inbox(
                 node, mailbox, read, owner=f"agent/{agent}", horizon=ahead, rejections=rejections, alarm=alarm
             )
@@ -90,6 +90,11 @@ class Neighbourhood:
             inbox(agent, keys.range(agent), _range_reader(run, agent), 1)
             for agent in (self.ids if shares_ranges else [])
         ]
+
+    def drain(self) -> None:
+        """Drop what has come before the first step."""
+        for box in (*self._round_boxes, *self._range_boxes):
+            box.pass_over(0)
 
     def ranges(self, step: int, deadline: float | None) -> Ranges:
         """The neighbours' positions and ranges of a step; none where the filter does not want them."""

@@ -105,12 +105,21 @@ class Node:
             for action in self._on_stop:
                 action()
 
-    def wait_for(self, condition: Callable[[set[str]], bool], timeout: float | None = None) -> bool:
-        """Wait until a condition on who is there holds; False at a stop, or after `timeout` s."""
+    def wait_for(
+        self,
+        condition: Callable[[set[str]], bool],
+        timeout: float | None = None,
+        meanwhile: Callable[[], None] = lambda: None,
+    ) -> bool:
+        """Wait until a condition on who is there holds; False at a stop, or after `timeout` s.
+
+        meanwhile is called every now and then: whoever has mailboxes must empty them, as a full one holds up all.
+        """
         until = None if timeout is None else time.monotonic() + timeout
         while not self.stopping:
             if self.presence.wait(condition, 0.1):
                 return True
+            meanwhile()
             if until is not None and time.monotonic() > until:
                 return False
         return False

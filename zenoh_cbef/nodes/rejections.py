@@ -11,13 +11,21 @@ _REPORT_EVERY = 1.0
 
 
 class Rejections:
-    """Counts rejected messages and reports them on the event key, at most once a second."""
+    """Counts rejected messages and reports them on the event key, at most once a second.
+
+    Until `start` nothing is published: a recorder may not be there yet to hear of it.
+    """
 
     def __init__(self, node: Node) -> None:
         self._node = node
         self._counts: Counter[str] = Counter()
         self._reported_at = -_REPORT_EVERY
         self._unreported = False
+        self._started = False
+
+    def start(self) -> None:
+        """From now on, report."""
+        self._started = True
 
     @property
     def total(self) -> int:
@@ -28,7 +36,7 @@ class Rejections:
         """Note one."""
         self._counts[f"{key}: {reason}"] += 1
         self._unreported = True
-        if time.monotonic() - self._reported_at >= _REPORT_EVERY:
+        if self._started and time.monotonic() - self._reported_at >= _REPORT_EVERY:
             self.report()
 
     def report(self) -> None:

@@ -26,9 +26,9 @@ class _Progress:
 
     def __init__(self, node: Node, count: int) -> None:
         self._node = node
-        self._rejections = Rejections(node)
+        self.rejections = Rejections(node)
         self._reached = [0] * count
-        self._mailbox = Mailbox(node.session, node.keys.all_estimates, 4 * WINDOW * count)
+        self._mailbox = Mailbox(node.session, node.keys.all_estimates)
         node.presence.on_change(lambda name, joined: self._mailbox.wake())
         node.on_stop(self._mailbox.wake)
 
@@ -49,6 +49,11 @@ class _Progress:
             if received is not None:
                 self._note(*received)
 
+    def drain(self) -> None:
+        """Take in what has come, without waiting."""
+        while (received := self._mailbox.poll_from()) is not None:
+            self._note(*received)
+
     def _note(self, key: str, data: bytes) -> None:
         at = address(key)
         try:
@@ -59,7 +64,7 @@ class _Progress:
             if agent >= len(self._reached):
                 raise BadMessage("from an agent that the scenario does not have")
         except BadMessage as error:
-            self._rejections.add(key, str(error))
+            self.rejections.add(key, str(error))
         else:
             self._reached[agent] = max(self._reached[agent], message["k"])
 
@@ -88,7 +93,8 @@ class Target:
             recorded = not needs_recorder or any(name.startswith("record/") for name in live)
             return absent if recorded else [*absent, "the recorder"]
 
-        if not self.node.wait_for(lambda live: not missing(live), patience) and not self.node.stopping:
+        everybody = self.node.wait_for(lambda live: not missing(live), patience, self._progress.drain)
+        if not everybody and not self.node.stopping:
             names = ", ".join(missing(self.node.presence.names()))
             raise UserError(
                 f"after {patience:g} s the run still lacks {names}; start what is missing with the same --run, "
@@ -101,11 +107,13 @@ class Target:
         start = time.time() + (self.scenario.timing.start_delay if realtime else 0.0)
         epoch = start - time.time() + time.monotonic()
         self.node.event("started", f"run {self.node.identity.run} started", at=start)
+        self._progress.rejections.start()
         for beacon in self._beacons:
             beacon.send(k=0, emitted=None, arrived=None, signal="start", at=start)
         last = 0
         for step in range(1, self.scenario.length + 1):
             if realtime:
+                self._progress.drain()
                 self._sleep_until(epoch + step * self.scenario.dt)
                 if self.node.stopping or self._progress.slowest() is None:
                     break
@@ -132,8 +140,13 @@ class Target:
         for beacon in self._beacons:
             beacon.send(k=last + 1, emitted=None, arrived=None, signal="end")
         boxes = [self._truth, *self._beacons]
+        self._progress.rejections.report()
         self.node.event(
-            "finished", f"the target ended after step {last}", step=last, sent={box.key: box.sent for box in boxes}
+            "finished",
+            f"the target ended after step {last}",
+            step=last,
+            sent={box.key: box.sent for box in boxes},
+            rejected=self._progress.rejections.total,
         )
         # Agents wait for the end signal only while the target is there.
         self.node.presence.wait(

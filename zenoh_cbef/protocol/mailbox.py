@@ -8,13 +8,18 @@ from contextlib import suppress
 import zenoh
 
 
+_CAPACITY = 1 << 16
+
+
 class Mailbox:
     """Messages of one key expression in order of arrival, with wake-ups from other threads.
 
-    Zenoh's blocking receive has no timeout: a wake-up is an empty message to ourselves.
+    Zenoh's blocking receive has no timeout: a wake-up is an empty message to ourselves. A full mailbox would hold
+    up everything that its session receives, so the capacity is far beyond what senders in step can fill, and who
+    has a mailbox empties it while waiting for something else.
     """
 
-    def __init__(self, session: zenoh.Session, key: str, capacity: int) -> None:
+    def __init__(self, session: zenoh.Session, key: str, capacity: int = _CAPACITY) -> None:
         self.key = key
         self._session = session
         self._subscriber = session.declare_subscriber(key, zenoh.handlers.FifoChannel(capacity))

@@ -1,0 +1,1 @@
+"""What the tracker reaches, measured: run `python -m benchmarks --list`, then `python -m benchmarks NAME`."""

@@ -1,0 +1,58 @@
+"""`python -m benchmarks [NAME...]`: what was measured beside what should be reached; asserts nothing."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+from collections.abc import Iterable
+from typing import Protocol, cast
+
+from rich.console import Console
+from rich.table import Table
+
+from benchmarks.common import interrupt_on_terminate
+
+
+class Benchmark(Protocol):
+    """What every module named below has."""
+
+    def run(self, repeats: int) -> Iterable[Table]:
+        """Measure, timed parts `repeats` times, and yield tables as they are done."""
+
+
+BENCHMARKS = {
+    "accuracy": ("accuracy", "errors against the centralised filter, NEES, outliers, the paper's figures"),
+    "lockstep": ("lockstep", "rounds per second of real agents against a bare exchange, 6 and 24 agents"),
+    "startup": ("startup", "seconds to the first step, CPU of a simulation and of idle agents"),
+    "recorder": ("recorder_cost", "what the recorder costs the agents"),
+    "mcap": ("mcap_speed", "the log's writer and reader against the public library's"),
+    "method": ("method_figures", "the figures of docs/method.md, written to docs/figures, and their numbers"),
+}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
+    parser.add_argument("names", nargs="*", metavar="NAME", help="which to run; default: all")
+    parser.add_argument("--list", action="store_true", help="name them and stop")
+    parser.add_argument("--repeats", type=int, default=5, help="how often what is timed is repeated")
+    arguments = parser.parse_args()
+    # Tables that are piped into a file keep their columns.
+    console = Console(highlight=False, width=None if Console().is_terminal else 110)
+    if arguments.list:
+        for name, (_, description) in BENCHMARKS.items():
+            print(f"{name:<10} {description}")
+        return
+    unknown = [name for name in arguments.names if name not in BENCHMARKS]
+    if unknown or arguments.repeats < 1:
+        parser.error(
+            f"there is no benchmark {unknown[0]!r}; see --list" if unknown else "--repeats must be 1 or more"
+        )
+    interrupt_on_terminate()
+    for name in arguments.names or BENCHMARKS:
+        benchmark = cast("Benchmark", importlib.import_module(f"benchmarks.{BENCHMARKS[name][0]}"))
+        for table in benchmark.run(arguments.repeats):
+            console.print(table)
+
+
+if __name__ == "__main__":
+    main()

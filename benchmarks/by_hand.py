@@ -1,0 +1,60 @@
+"""A run whose processes are started one by one, so that some of them can be left out."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from benchmarks.common import children
+from zenoh_cbef.nodes.launcher import free_ports
+from zenoh_cbef.nodes.node import LEASH
+from zenoh_cbef.protocol.session import ONE_RUNTIME
+from zenoh_cbef.scenario import network
+from zenoh_cbef.scenario.load import load
+
+
+@dataclass(frozen=True)
+class ByHand:
+    """A run's processes. pids and endpoints by name: "target", "recorder", "agent 0", ..."""
+
+    run: str
+    pids: dict[str, int]
+    endpoints: dict[str, str]
+
+
+@contextmanager
+def by_hand(
+    name: str, overrides: Sequence[str], *, agents: Sequence[int], log: Path | None = None
+) -> Iterator[ByHand]:
+    """Start target, some agents, and a recorder where a log is given; all end with the block."""
+    scenario = load(name, overrides).scenario
+    run = f"by-hand-{name}-{time.time_ns()}"
+    names = ["target", *(["recorder"] if log else []), *(f"agent {agent}" for agent in agents)]
+    ports = free_ports(len(names))
+    endpoints = {name: f"tcp/127.0.0.1:{port}" for name, port in zip(names, ports, strict=True)}
+    common = ["--run", run, "--no-gossip"]
+    settings = [part for override in overrides for part in ("--set", override)]
+    commands: dict[str, tuple[list[str], list[str]]] = {
+        "target": (["target", name, *settings, "--patience", "600"], [])
+    }
+    hubs = [endpoints["target"]]
+    if log:
+        commands["recorder"] = (["record", "--output", str(log)], hubs.copy())
+        hubs.append(endpoints["recorder"])
+    edges = network.edges(scenario).tolist()
+    for agent in agents:
+        lower = [endpoints[f"agent {a}"] for a, b in edges if b == agent and a in agents]
+        commands[f"agent {agent}"] = (["agent", str(agent)], [*hubs, *lower])
+    environment = {LEASH: "1", "ZENOH_RUNTIME": ONE_RUNTIME}
+    with children() as family:
+        pids = {}
+        for process, (command, connect) in commands.items():
+            links = [part for endpoint in connect for part in ("--connect", endpoint)]
+            child = family.start(
+                "zenoh_cbef", [*command, *common, "--listen", endpoints[process], *links], environment
+            )
+            pids[process] = child.pid
+        yield ByHand(run, pids, endpoints)

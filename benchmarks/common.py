@@ -1,0 +1,135 @@
+"""What the benchmarks share: seeded batches, tables with targets, and children that never outlive us."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from rich.table import Table
+
+from zenoh_cbef.analysis.metrics import Analysis, analyze
+from zenoh_cbef.cli.tables import number
+from zenoh_cbef.scenario.load import load
+from zenoh_cbef.simulator import simulate
+
+ROOT = Path(__file__).resolve().parents[1]
+SEEDS = 20
+
+
+@dataclass(frozen=True)
+class Row:
+    """One measured quantity; reached is None where there is no target."""
+
+    quantity: str
+    measured: str
+    target: str = ""
+    reached: bool | None = None
+
+
+def below(quantity: str, value: float, limit: float, unit: str = "", note: str = "") -> Row:
+    """Make the row of a quantity that should stay below a limit."""
+    return Row(quantity, number(value, unit) + note, f"< {number(limit, unit)}", value < limit)
+
+
+def at_least(quantity: str, value: float, limit: float, unit: str = "", note: str = "") -> Row:
+    """Make the row of a quantity that should reach a limit."""
+    return Row(quantity, number(value, unit) + note, f">= {number(limit, unit)}", value >= limit)
+
+
+def results(title: str, rows: Sequence[Row]) -> Table:
+    """Targets beside measured values."""
+    table = Table(title=title, title_justify="left")
+    for column in ("quantity", "measured", "target", ""):
+        table.add_column(column, justify="left" if column in {"quantity", ""} else "right")
+    words = {None: "", True: "[green]reached[/green]", False: "[red]not reached[/red]"}
+    for row in rows:
+        table.add_row(row.quantity, row.measured, row.target, words[row.reached])
+    return table
+
+
+def plain_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[object]]) -> Table:
+    """Numbers under column heads; floats in four significant digits."""
+    table = Table(title=title, title_justify="left")
+    for place, column in enumerate(columns):
+        table.add_column(column, justify="right" if place else "left")
+    for row in rows:
+        table.add_row(*(number(cell) if isinstance(cell, float) else str(cell) for cell in row))
+    return table
+
+
+def analyses(name: str, overrides: Sequence[str] = (), *, seeds: int = SEEDS) -> list[Analysis]:
+    """Simulate a scenario under seeds 1, 2, ..., as one batch, and analyse the runs."""
+    scenario = load(name, overrides).scenario
+    return analyze(simulate([scenario.model_copy(update={"seed": seed}) for seed in range(1, seeds + 1)]))
+
+
+class Children:
+    """Child processes that hold the other end of a pipe to us, and end when it closes."""
+
+    def __init__(self) -> None:
+        self.processes: list[subprocess.Popen[bytes]] = []
+
+    def start(
+        self,
+        module: str,
+        arguments: Sequence[str],
+        environment: Mapping[str, str],
+        *,
+        listen_to: bool = False,
+    ) -> subprocess.Popen[bytes]:
+        """Start `python -m module arguments`; listen_to keeps its standard output for us."""
+        process = subprocess.Popen(
+            [sys.executable, "-m", module, *arguments],
+            cwd=ROOT,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE if listen_to else subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            env=os.environ | {"OPENBLAS_NUM_THREADS": "1"} | dict(environment),
+            start_new_session=True,
+        )
+        self.processes.append(process)
+        return process
+
+    def kill(self) -> None:
+        """End all of them now."""
+        for process in self.processes:
+            if process.poll() is None:
+                process.kill()
+        for process in self.processes:
+            process.wait()
+            for pipe in (process.stdin, process.stdout):
+                if pipe is not None:
+                    pipe.close()
+
+
+@contextmanager
+def children() -> Iterator[Children]:
+    """Children of a block; none is left when it ends, however it ends."""
+    family = Children()
+    try:
+        yield family
+    finally:
+        family.kill()
+
+
+def end_with_parent() -> None:
+    """In a child: end when the parent does, however it ended."""
+
+    def follow() -> None:
+        while os.read(0, 4096):
+            pass
+        os._exit(1)
+
+    threading.Thread(target=follow, daemon=True).start()
+
+
+def interrupt_on_terminate() -> None:
+    """Turn SIGTERM into KeyboardInterrupt, so that what is open is closed."""
+    signal.signal(signal.SIGTERM, signal.default_int_handler)

@@ -1,0 +1,91 @@
+"""Rounds per second of real agents in lockstep, recorder on, against a bare exchange of the same messages."""
+
+from __future__ import annotations
+
+import statistics
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from rich.table import Table
+
+from benchmarks.bare_exchange import RUNTIMES, bare_rate
+from benchmarks.common import Row, at_least, results
+from zenoh_cbef.nodes.launcher import Launcher
+from zenoh_cbef.scenario import network
+from zenoh_cbef.scenario.build import filter_of, rounds_of
+from zenoh_cbef.scenario.load import load
+
+STEPS = {"tracking": 1200, "scale24": 250}
+_OURS = "agents, recorder on"
+
+
+class _Pace:
+    """Steps per second by the recorder's reports, between a tenth and the last report before the end."""
+
+    def __init__(self, steps: int) -> None:
+        self._steps = steps
+        self._reports: list[tuple[float, int]] = []
+
+    def note(self, status: dict[str, Any]) -> None:
+        """Take in one report."""
+        step = int(status["step"])
+        if self._steps / 10 <= step < self._steps:
+            self._reports.append((time.monotonic(), step))
+
+    @property
+    def rate(self) -> float:
+        """Steps per second."""
+        (began, first), (ended, last) = self._reports[0], self._reports[-1]
+        return (last - first) / (ended - began)
+
+
+def agents_rate(name: str, steps: int) -> float:
+    """Measure the rounds per second of one real run, every process its own, recorder on."""
+    setting = f"steps={steps}"
+    loaded, pace = load(name, [setting]), _Pace(steps)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "run.mcap"
+        run = f"lockstep-{name}-{time.time_ns()}"
+        with Launcher([name, "--set", setting], loaded, run, path) as launcher:
+            launcher.watch(pace.note, lambda: 0)
+            if launcher.deaths:
+                raise RuntimeError(str(launcher.deaths[0]))
+    return pace.rate * rounds_of(loaded.scenario)
+
+
+def measure(name: str, repeats: int) -> dict[str, list[float]]:
+    """Measure every arm's rounds per second, interleaved: a busy minute of the machine hits all alike."""
+    scenario = load(name).scenario
+    edges = [(first, second) for first, second in network.edges(scenario).tolist()]
+    size = 8 * filter_of(scenario).payload_size
+    rounds = rounds_of(scenario) * STEPS[name]
+    rates: dict[str, list[float]] = {_OURS: [], **{arm: [] for arm in RUNTIMES}}
+    for _ in range(repeats):
+        for arm, environment in RUNTIMES.items():
+            rates[arm].append(
+                bare_rate(edges, scenario.count, rounds=rounds, size=size, environment=environment)
+            )
+        rates[_OURS].append(agents_rate(name, STEPS[name]))
+    return rates
+
+
+def run(repeats: int) -> Iterator[Table]:
+    for name in STEPS:
+        scenario = load(name).scenario
+        edges, size = network.edges(scenario), 8 * filter_of(scenario).payload_size
+        rates = measure(name, repeats)
+        medians = {arm: statistics.median(values) for arm, values in rates.items()}
+        rows = [
+            Row(
+                f"{arm if arm == _OURS else f'bare exchange, {arm}'}",
+                f"{medians[arm]:.0f} rounds/s ({min(values):.0f} to {max(values):.0f})",
+            )
+            for arm, values in rates.items()
+        ]
+        bare = max(medians[arm] for arm in RUNTIMES)
+        rows.append(at_least("agents / faster bare exchange", medians[_OURS] / bare, 0.5))
+        title = f"{name}: {scenario.count} agents, {len(edges)} edges, {size} bytes, medians of {repeats}"
+        yield results(title, rows)

@@ -1,0 +1,116 @@
+"""Real processes over real Zenoh sessions; whatever a test starts is gone when it ends, also when it fails."""
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+import uuid
+from pathlib import Path
+
+import pytest
+
+COMMAND = [sys.executable, "-m", "zenoh_cbef"]
+SMALL = ["steps=40", "agents.count=4", "network.graph=ring", "consensus.rounds=3"]
+
+
+def settings(*overrides: str) -> list[str]:
+    return [part for one in (*SMALL, *overrides) for part in ("--set", one)]
+
+
+def processes_of(run: str) -> dict[int, str]:
+    """Pids and command lines of the run's processes that are alive."""
+    found = {}
+    for entry in Path("/proc").iterdir():
+        if entry.name.isdecimal():
+            try:
+                words = (entry / "cmdline").read_bytes().split(b"\0")
+                state = (entry / "stat").read_text().rsplit(")", 1)[1].split()[0]
+            except OSError:
+                continue
+            if run.encode() in words and state != "Z":
+                found[int(entry.name)] = b" ".join(words).decode(errors="replace")
+    return found
+
+
+class World:
+    """One test's run: its name, its folder, its processes."""
+
+    def __init__(self, folder: Path) -> None:
+        self.run = f"test-{uuid.uuid4().hex[:12]}"
+        self.folder = folder
+        self.log = folder / "run.mcap"
+        self._started: list[subprocess.Popen[str]] = []
+
+    def start(self, *arguments: str) -> subprocess.Popen[str]:
+        process = subprocess.Popen(
+            [*COMMAND, *arguments],
+            cwd=self.folder,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            start_new_session=True,
+        )
+        self._started.append(process)
+        return process
+
+    def start_run(
+        self, *overrides: str, options: tuple[str, ...] = ("--no-report",)
+    ) -> subprocess.Popen[str]:
+        return self.start(
+            "run", "tracking", *settings(*overrides), "--run", self.run, "--log", str(self.log), *options
+        )
+
+    def call(self, *arguments: str, timeout: float = 120) -> subprocess.CompletedProcess[str]:
+        process = self.start(*arguments)
+        out, err = process.communicate(timeout=timeout)
+        return subprocess.CompletedProcess(arguments, process.returncode, out, err)
+
+    def wait_for_messages(self, size: int = 20_000) -> None:
+        """Wait until the log has grown, so that the run is surely under way."""
+        active = self.log.with_name(self.log.name + ".active")
+        until = time.monotonic() + 60
+        while time.monotonic() < until:
+            if active.exists() and active.stat().st_size > size:
+                return
+            time.sleep(0.02)
+        pytest.fail("the run did not get going")
+
+    def pid_of(self, words: str) -> int:
+        return next(pid for pid, line in processes_of(self.run).items() if f"zenoh_cbef {words} " in line)
+
+    def wait_until_gone(self, seconds: float = 30) -> dict[int, str]:
+        until = time.monotonic() + seconds
+        while (left := processes_of(self.run)) and time.monotonic() < until:
+            time.sleep(0.05)
+        return left
+
+    def end(self) -> None:
+        for process in self._started:
+            if process.poll() is None:
+                process.kill()
+            process.wait()
+            for pipe in (process.stdout, process.stderr):
+                if pipe is not None:
+                    pipe.close()
+        for pid in processes_of(self.run):
+            try:
+                os.kill(pid, signal.SIGKILL)
+            except ProcessLookupError:
+                continue
+
+
+@pytest.fixture
+def world(tmp_path: Path):
+    one = World(tmp_path)
+    yield one
+    one.end()
+
+
+@pytest.fixture
+def free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]

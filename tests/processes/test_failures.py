@@ -1,0 +1,93 @@
+"""Interrupted and killed: the log stays readable, the dead are named, nobody is left behind."""
+
+import os
+import signal
+import time
+
+import pytest
+
+LONG = "steps=100000"
+
+
+def test_ctrl_c_once_stops_all_at_the_same_step_and_the_log_still_verifies(world):
+    run = world.start_run(LONG)
+    world.wait_for_messages()
+    run.send_signal(signal.SIGINT)
+    out, err = run.communicate(timeout=60)
+    assert run.returncode == 130, err
+    assert "position RMSE" in out
+    assert not world.wait_until_gone(5)
+    verdict = world.call("verify", str(world.log))
+    assert verdict.returncode == 0, verdict.stdout
+    assert "the run ended at step" in verdict.stdout
+
+
+def test_ctrl_c_twice_stops_now_and_leaves_a_readable_log(world):
+    run = world.start_run(LONG)
+    world.wait_for_messages()
+    os.kill(world.pid_of("target"), signal.SIGSTOP)  # a polite stop would now take its time
+    run.send_signal(signal.SIGINT)
+    time.sleep(0.5)
+    assert run.poll() is None
+    run.send_signal(signal.SIGINT)
+    out, err = run.communicate(timeout=60)
+    assert run.returncode == 130, err
+    assert not world.wait_until_gone(5)
+    assert world.call("info", str(world.log)).returncode == 0
+
+
+def test_a_killed_agent_is_named_and_the_others_finish(world):
+    run = world.start_run("steps=600")
+    world.wait_for_messages()
+    os.kill(world.pid_of("agent 2"), signal.SIGKILL)
+    out, err = run.communicate(timeout=120)
+    assert run.returncode == 1
+    assert "agent 2 was killed by signal 9" in err
+    assert "600 steps" in out
+    verdict = world.call("verify", str(world.log))
+    assert verdict.returncode == 2
+    assert "agent 2 left" in verdict.stdout
+
+
+def test_a_killed_recorder_loses_little_and_the_log_so_far_is_analysed(world):
+    run = world.start_run("steps=600")
+    world.wait_for_messages(100_000)
+    os.kill(world.pid_of("record"), signal.SIGKILL)
+    out, err = run.communicate(timeout=120)
+    assert run.returncode == 1
+    assert "recorder was killed by signal 9" in err
+    assert "agent" not in err.replace("agents", "")
+    assert "incomplete" in out
+    for verb in ("info", "analyze", "verify"):
+        assert world.call(verb, str(world.log)).returncode == 0, verb
+
+
+def test_a_killed_target_leaves_the_agents_predicting_to_the_end(world):
+    run = world.start_run("steps=400")
+    world.wait_for_messages()
+    os.kill(world.pid_of("target"), signal.SIGKILL)
+    out, err = run.communicate(timeout=120)
+    assert run.returncode == 1
+    assert "target was killed by signal 9" in err
+    assert "400 steps" in out
+
+
+def test_a_hung_agent_is_left_behind_and_ended(world):
+    run = world.start_run("steps=150", "zenoh.lease_ms=1000")
+    world.wait_for_messages()
+    os.kill(world.pid_of("agent 1"), signal.SIGSTOP)
+    out, err = run.communicate(timeout=120)
+    assert run.returncode == 1
+    assert "agent 1 had to be ended" in err
+    assert not world.wait_until_gone(5)
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
+def test_a_launcher_that_is_killed_leaves_no_orphan_and_a_closed_log(world, number):
+    run = world.start_run(LONG)
+    world.wait_for_messages()
+    run.send_signal(number)
+    run.wait(60)
+    assert not world.wait_until_gone(30)
+    assert world.log.exists()
+    assert world.call("verify", str(world.log)).returncode == 0

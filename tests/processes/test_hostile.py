@@ -1,0 +1,89 @@
+"""Malformed, foreign and hostile messages are counted, reported and dropped; the estimates do not change by a bit."""
+
+import json
+import math
+import struct
+import threading
+import time
+
+import msgpack
+import pytest
+import zenoh
+
+from tests.processes.conftest import settings
+
+
+def forged(run: str, sender: str, **body) -> bytes:
+    envelope = {"v": 1, "run": run, "from": sender, "seq": 0, "sent": time.time_ns()}
+    return msgpack.packb({**envelope, **body})
+
+
+def attacks(run: str) -> list[tuple[str, bytes]]:
+    """Keys and bytes that no process of the run would send."""
+    nan = struct.pack("<27d", *[math.nan] * 27)
+    good = {"k": 1, "l": 1, "payload": b"\0" * 216}
+    bodies = [
+        b"",
+        b"\xc1",
+        b"\x81" * 300,
+        msgpack.packb([1, 2, 3]),
+        msgpack.packb({"k": 1}),
+        forged("another", "agent/1", **good),
+        forged(run, "agent/0", **good),
+        forged(run, "agent/1", **(good | {"payload": nan})),
+        forged(run, "agent/1", **(good | {"payload": b"\0" * 24})),
+        forged(run, "agent/1", **(good | {"k": 10**12})),
+        forged(run, "agent/1", **(good | {"l": 999})),
+        forged(run, "agent/1", **(good | {"extra": 1})),
+        forged(run, "agent/1", k=True, l="one", payload=None),
+        forged(run, "agent/1", k=1, state=[1.0] * 6),
+        b"x" * (2 << 20),
+    ]
+    keys = [
+        "agent/1/round",
+        "agent/1/range",
+        "agent/1/estimate",
+        "agent/77/estimate",
+        "beacon/1",
+        "nonsense/deep/er",
+    ]
+    return [(f"cbef/{run}/{key}", body) for key in keys for body in bodies]
+
+
+@pytest.mark.parametrize("kind", ["sicf", "cbef"])
+def test_hostile_messages_change_no_bit_and_are_counted(world, free_port, kind):
+    endpoint = f"tcp/127.0.0.1:{free_port}"
+    overrides = settings("steps=400", f"filter.kind={kind}")
+    join = ["--run", world.run, "--connect", endpoint, "--patience", "20"]
+    target = world.start("target", "tracking", *overrides, "--run", world.run, "--listen", endpoint)
+    config = zenoh.Config()
+    config.insert_json5("connect/endpoints", json.dumps([endpoint]))
+    config.insert_json5("listen/endpoints", '["tcp/127.0.0.1:0"]')
+    config.insert_json5("scouting/multicast/enabled", "false")
+    over = threading.Event()
+    with zenoh.open(config) as session:
+
+        def attack() -> None:
+            while not over.is_set():
+                for key, body in attacks(world.run):
+                    session.put(key, body)
+                time.sleep(0.05)
+
+        attacker = threading.Thread(target=attack)
+        attacker.start()
+        try:
+            others = [world.start("agent", str(agent), *join) for agent in range(4)]
+            others.append(world.start("record", *join, "--output", str(world.log)))
+            for process in (target, *others):
+                _, err = process.communicate(timeout=100)
+                assert process.returncode == 0, err
+        finally:
+            over.set()
+            attacker.join()
+    verdict = world.call("verify", str(world.log))
+    assert verdict.returncode == 0, verdict.stdout
+    metrics = json.loads(world.call("analyze", str(world.log), "--json").stdout)
+    assert metrics["messages"]["rejected"] > 0
+    assert metrics["messages"]["missing"] == 0
+    assert metrics["steps"] == 400
+    assert all(link["lost"] == 0 for link in metrics["links"])

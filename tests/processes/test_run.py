@@ -1,0 +1,96 @@
+"""`run` from end to end: what it writes, and that processes and simulator compute the same bits."""
+
+import json
+import sys
+
+import numpy as np
+import pytest
+
+from tests.processes.conftest import settings
+
+LOSS = 'fault=[{kind="loss",probability=0.4},{kind="delay",milliseconds=5,jitter_ms=40,from=1,until=3}]'
+
+
+def test_a_run_leaves_log_scenario_metrics_report_figures_and_a_latest_link(world):
+    done = world.call("run", "tracking", *settings(), "--run", world.run)
+    assert done.returncode == 0, done.stderr
+    folder = world.folder / "logs" / world.run
+    assert (world.folder / "logs" / "latest").resolve() == folder.resolve()
+    metrics = json.loads((folder / "metrics.json").read_text())
+    assert metrics["run"] == world.run
+    assert metrics["steps"] == 40
+    assert metrics["messages"]["missing"] == metrics["messages"]["rejected"] == 0
+    assert metrics["messages"]["recorded"] == metrics["messages"]["sent"] > 40 * 4 * 5
+    assert (folder / "report.html").stat().st_size > 100_000
+    assert {path.suffix for path in (folder / "figures").iterdir()} == {".png", ".svg"}
+    assert "position RMSE" in done.stdout
+    assert not world.wait_until_gone(5)
+    repeated = world.call("sim", str(folder / "scenario.toml"), "--json")
+    assert json.loads(repeated.stdout)["position_rmse"] == metrics["position_rmse"]
+
+
+@pytest.mark.parametrize(
+    "overrides",
+    [
+        (),
+        ("filter.kind=cbef", "agents.low=0.0", "agents.high=0.8", "dt=0.01"),
+        ("filter.kind=icf", "consensus.acceleration=chebyshev", LOSS),
+        ("filter.kind=cbef", "agents.low=0.0", "agents.high=0.8", LOSS),
+        ("filter.kind=local",),
+        ("filter.planar_height=0.0", "agents.motion=formation", "agents.velocity=[0.2,0.0,0.0]"),
+        ("sensor.dropout_probability=0.3", "consensus.weights=uniform", "network.graph=star"),
+    ],
+    ids=["sicf", "cbef", "lossy-icf", "lossy-cbef", "local", "planar-moving", "dropouts"],
+)
+def test_processes_and_simulator_give_the_same_bits(world, overrides):
+    started = world.start_run(*overrides)
+    _, err = started.communicate(timeout=120)
+    assert started.returncode == 0, err
+    verdict = world.call("verify", str(world.log))
+    assert verdict.returncode == 0, verdict.stdout
+    run, sim = world.folder / "run.npz", world.folder / "sim.npz"
+    assert world.call("export", str(world.log), "--to", "npz", "--output", str(run)).returncode == 0
+    assert world.call("sim", "tracking", *settings(*overrides), "--output", str(sim)).returncode == 0
+    with np.load(run) as logged, np.load(sim) as simulated:
+        assert set(logged) == set(simulated)
+        for name in logged:
+            assert logged[name].tobytes() == simulated[name].tobytes(), name
+
+
+def test_a_realtime_run_keeps_to_the_clock_and_cannot_be_judged(world):
+    overrides = ("timing.mode=realtime", "dt=0.05", "consensus.rounds=2")
+    started = world.start_run(*overrides)
+    _, err = started.communicate(timeout=120)
+    assert started.returncode == 0, err
+    metrics = json.loads(world.call("analyze", str(world.log), "--json").stdout)
+    assert metrics["steps"] == 40
+    assert metrics["timing"] == "realtime"
+    verdict = world.call("verify", str(world.log))
+    assert verdict.returncode == 2
+    assert "realtime" in verdict.stdout
+    assert "Traceback" not in verdict.stderr
+
+
+def test_single_processes_make_a_run_with_no_more_than_its_name_and_an_endpoint(world, free_port):
+    endpoint = f"tcp/127.0.0.1:{free_port}"
+    join = ["--run", world.run, "--connect", endpoint, "--patience", "20"]
+    target = world.start("target", "tracking", *settings(), "--run", world.run, "--listen", endpoint)
+    agents = [world.start("agent", str(agent), *join) for agent in range(4)]
+    recorder = world.start("record", *join, "--output", str(world.log))
+    for process in (target, *agents, recorder):
+        _, err = process.communicate(timeout=60)
+        assert process.returncode == 0, err
+    assert world.call("verify", str(world.log)).returncode == 0
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
+def test_the_launcher_waits_for_a_recorder_only_if_one_is_required(world, free_port):
+    endpoint = f"tcp/127.0.0.1:{free_port}"
+    join = ["--run", world.run, "--connect", endpoint, "--patience", "20"]
+    quiet = settings("record.required=false")
+    target = world.start("target", "tracking", *quiet, "--run", world.run, "--listen", endpoint)
+    agents = [world.start("agent", str(agent), *join) for agent in range(4)]
+    for process in (target, *agents):
+        out, err = process.communicate(timeout=60)
+        assert process.returncode == 0, err
+        assert "after step 40" in out

@@ -1,0 +1,288 @@
+"""Messages are read back as written, and anything else is refused with one kind of error."""
+
+from __future__ import annotations
+
+import math
+import struct
+
+import msgpack
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from zenoh_cbef.protocol.messages import (
+    BODIES,
+    LARGEST,
+    VERSION,
+    BadMessage,
+    decode,
+    encode,
+    json_schema,
+    nan_to_nil,
+    nil_to_nan,
+    pack_floats,
+    peek,
+    unpack_floats,
+)
+
+COUNTS = st.integers(0, 2**63 - 1)
+NUMBERS = st.floats(allow_nan=False, allow_infinity=False)
+NUMBERS_OR_NIL = st.one_of(st.none(), NUMBERS)
+TEXTS = st.text(max_size=30)
+DOUBLES = st.lists(NUMBERS, max_size=30).map(lambda values: pack_floats(np.array(values, dtype=float)))
+
+
+def numbers(size):
+    return st.lists(NUMBERS, min_size=size, max_size=size)
+
+
+BODY = {
+    "truth": st.fixed_dictionaries({"k": COUNTS, "state": numbers(6)}),
+    "beacon": st.fixed_dictionaries(
+        {"k": COUNTS, "emitted": NUMBERS_OR_NIL, "arrived": NUMBERS_OR_NIL},
+        optional={"signal": st.sampled_from(["start", "end"]), "at": NUMBERS},
+    ),
+    "range": st.fixed_dictionaries({"k": COUNTS, "position": numbers(3), "range": NUMBERS_OR_NIL}),
+    "round": st.fixed_dictionaries({"k": COUNTS, "l": COUNTS, "payload": DOUBLES}),
+    "estimate": st.fixed_dictionaries(
+        {
+            "k": COUNTS,
+            "state": numbers(6),
+            "innovation": NUMBERS_OR_NIL,
+            "weight": NUMBERS_OR_NIL,
+            **{name: st.lists(COUNTS, max_size=5) for name in ("neighbours", "received", "lost", "late")},
+            "latency": st.lists(NUMBERS_OR_NIL, max_size=5),
+            "covariance": st.one_of(st.none(), DOUBLES),
+        }
+    ),
+    "event": st.fixed_dictionaries(
+        {"kind": TEXTS, "text": TEXTS}, optional={"data": st.dictionaries(TEXTS, st.one_of(COUNTS, TEXTS))}
+    ),
+}
+KINDS = st.sampled_from(sorted(BODIES))
+MESSAGES = KINDS.flatmap(lambda kind: st.tuples(st.just(kind), BODY[kind]))
+RUN, SENDER = "run-1", "agent/3"
+
+ANYTHING = st.recursive(
+    st.one_of(
+        st.none(),
+        st.booleans(),
+        st.integers(-(2**63), 2**64 - 1),
+        st.floats(),
+        st.text(max_size=5),
+        st.binary(max_size=17),
+        st.builds(msgpack.ExtType, st.integers(0, 127), st.binary(max_size=4)),
+        st.just(msgpack.Timestamp(1, 2)),
+    ),
+    lambda inner: st.one_of(
+        st.lists(inner, max_size=7), st.dictionaries(st.text(max_size=5), inner, max_size=3)
+    ),
+    max_leaves=10,
+)
+
+
+def written(body, *, run=RUN, sender=SENDER, seq=5, sent=1_700_000_000_000_000_000):
+    return encode(run, sender, seq, sent, body)
+
+
+def is_sound(value):
+    """Whether no number in a message is NaN or infinite; what an event says in `data` is free."""
+    if type(value) is float:
+        return math.isfinite(value)
+    return all(map(is_sound, value)) if type(value) is list else True
+
+
+def read_or_refused(kind, data):
+    """The message, checked as a reader relies on it; None where it was refused."""
+    try:
+        message = decode(kind, data, run=RUN, sender=SENDER)
+    except BadMessage as error:
+        assert str(error)
+        assert len(str(error)) < 200
+        return None
+    known = {"v", "run", "from", "seq", "sent", *BODIES[kind]}
+    assert message.keys() <= known
+    assert {name for name, field in BODIES[kind].items() if not field.optional} <= message.keys()
+    assert (message["v"], message["run"], message["from"]) == (VERSION, RUN, SENDER)
+    assert all(is_sound(value) for name, value in message.items() if name != "data")
+    return message
+
+
+def test_every_kind_has_its_strategy():
+    assert BODY.keys() == BODIES.keys()
+
+
+@settings(deadline=None)
+@given(MESSAGES, st.integers(0, 2**63 - 1), st.integers(0, 2**63 - 1))
+def test_a_message_is_read_back_as_it_was_written(message, seq, sent):
+    kind, body = message
+    data = written(body, seq=seq, sent=sent)
+    expected = {"v": VERSION, "run": RUN, "from": SENDER, "seq": seq, "sent": sent, **body}
+    assert decode(kind, data, run=RUN, sender=SENDER) == expected
+    assert decode(kind, data, run=RUN) == expected
+    if "k" in body:
+        assert peek(kind, data, run=RUN, sender=SENDER)["k"] == body["k"]
+
+
+@settings(deadline=None, max_examples=300)
+@given(MESSAGES, st.data())
+def test_flipped_cut_or_extended_bytes_are_read_soundly_or_refused(message, data):
+    kind, body = message
+    mutated = bytearray(written(body))
+    how = data.draw(st.sampled_from(["flip", "cut", "extend", "insert", "several"]))
+    place = data.draw(st.integers(0, len(mutated) - 1))
+    if how == "cut":
+        mutated = mutated[:place]
+    elif how == "extend":
+        mutated += data.draw(st.binary(min_size=1, max_size=20))
+    elif how == "insert":
+        mutated[place:place] = data.draw(st.binary(min_size=1, max_size=5))
+    else:
+        for _ in range(1 if how == "flip" else 5):
+            mutated[data.draw(st.integers(0, len(mutated) - 1))] ^= 1 << data.draw(st.integers(0, 7))
+    result = read_or_refused(kind, bytes(mutated))
+    if how in {"cut", "extend"}:
+        assert result is None
+
+
+@settings(deadline=None)
+@given(KINDS, st.binary(max_size=100))
+def test_noise_is_refused(kind, data):
+    assert read_or_refused(kind, data) is None
+
+
+@settings(deadline=None, max_examples=300)
+@given(MESSAGES, st.data())
+def test_a_field_of_any_other_value_is_read_soundly_or_refused(message, data):
+    kind, body = message
+    fields = msgpack.unpackb(written(body))
+    name = data.draw(st.sampled_from(sorted(fields)))
+    fields[name] = data.draw(ANYTHING)
+    result = read_or_refused(kind, msgpack.packb(fields))
+    if result is not None and name != "data":
+        assert type(result[name]) is type(fields[name])
+
+
+@settings(deadline=None)
+@given(MESSAGES, st.data())
+def test_an_extra_or_missing_field_is_refused(message, data):
+    kind, body = message
+    fields = msgpack.unpackb(written(body))
+    name = data.draw(st.sampled_from(sorted(fields)))
+    less = {key: value for key, value in fields.items() if key != name}
+    result = read_or_refused(kind, msgpack.packb(less))
+    assert (result is not None) == (BODIES[kind].get(name) is not None and BODIES[kind][name].optional)
+    assert read_or_refused(kind, msgpack.packb({**fields, "extra": 1})) is None
+    assert read_or_refused(kind, msgpack.packb({**fields, b"k": 1})) is None
+    assert read_or_refused(kind, msgpack.packb({**fields, 7: 1}, strict_types=False)) is None
+
+
+@settings(deadline=None)
+@given(KINDS, ANYTHING)
+def test_what_is_no_map_is_refused(kind, value):
+    assert read_or_refused(kind, msgpack.packb(value)) is None
+
+
+VALID = {"k": 3, "position": [1.0, 2.0, 3.0], "range": 4.0}
+
+
+@pytest.mark.parametrize(
+    ("kind", "change", "said"),
+    [
+        ("range", {"k": -1}, "field k is not as promised"),
+        ("range", {"k": True}, "field k is not as promised"),
+        ("range", {"k": 3.0}, "field k is not as promised"),
+        ("range", {"k": 2**63}, "field k is not as promised"),
+        ("range", {"range": math.nan}, "field range is not as promised"),
+        ("range", {"range": math.inf}, "field range is not as promised"),
+        ("range", {"range": 4}, "field range is not as promised"),
+        ("range", {"position": [1.0, 2.0]}, "field position is not as promised"),
+        ("range", {"position": [1.0, 2.0, math.nan]}, "field position is not as promised"),
+        ("range", {"position": "abc"}, "field position is not as promised"),
+        ("range", {"run": "other"}, "of run 'other'"),
+        ("range", {"from": "agent/4"}, "from 'agent/4', not agent/3"),
+        ("range", {"v": 2}, "version 2, not 1"),
+        ("range", {"seq": -1}, "field seq is not as promised"),
+        ("range", {"sent": None}, "field sent is not as promised"),
+        ("range", {"bogus": 1}, "unknown field 'bogus'"),
+        ("range", {"x" * 5000: 1}, "unknown field 'xxx"),
+        ("range", {"run": "x" * 20_000}, "field run is not as promised"),
+        ("truth", {}, "unknown field 'position'"),
+    ],
+)
+def test_a_refusal_says_what_is_wrong(kind, change, said):
+    fields = {"v": VERSION, "run": RUN, "from": SENDER, "seq": 0, "sent": 0, **VALID, **change}
+    with pytest.raises(BadMessage) as caught:
+        decode(kind, msgpack.packb(fields), run=RUN, sender=SENDER)
+    assert said in str(caught.value)
+    assert len(str(caught.value)) < 120
+
+
+@pytest.mark.parametrize("values", [[math.nan], [1.0, math.inf], [-math.inf, 0.0]])
+def test_numbers_that_are_not_finite_do_not_hide_in_binary_fields(values):
+    body = {"k": 1, "l": 1, "payload": struct.pack(f"<{len(values)}d", *values)}
+    with pytest.raises(BadMessage, match="payload"):
+        decode("round", written(body), run=RUN)
+
+
+def test_a_huge_message_is_refused_before_it_is_read():
+    with pytest.raises(BadMessage, match="larger than"):
+        decode("round", b"\x81" * (LARGEST + 1), run=RUN)
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        b"",
+        b"\xdf\xff\xff\xff\xff",
+        b"\xdd\xff\xff\xff\xff",
+        b"\xc6\xff\xff\xff\xff",
+        b"\x91" * 100_000,
+        b"\x81\xa1k" * 30_000,
+        b"\x81\xc0\xc0",
+        b"\x81\x90\xc0",
+        b"\xc1",
+        b"\x81\xa1\xff\xc0",
+    ],
+)
+def test_hostile_bytes_are_refused(data):
+    for kind in BODIES:
+        assert read_or_refused(kind, data) is None
+
+
+@settings(deadline=None)
+@given(MESSAGES, st.data())
+def test_a_glance_at_the_step_refuses_what_is_not_from_its_sender(message, data):
+    kind, body = message
+    fields = {**msgpack.unpackb(written(body))}
+    name = data.draw(st.sampled_from(["run", "from", "v", "k"]))
+    fields[name] = data.draw(st.sampled_from(["other", -1, None, [1], {"a": 1}, math.nan]))
+    with pytest.raises(BadMessage):
+        peek(kind, msgpack.packb(fields), run=RUN, sender=SENDER)
+
+
+@pytest.mark.parametrize("kind", sorted(BODIES))
+def test_schemas_describe_every_field(kind):
+    schema = json_schema(kind)
+    assert schema["properties"].keys() == {"v", "run", "from", "seq", "sent", *BODIES[kind]}
+    optional = {name for name, field in BODIES[kind].items() if field.optional}
+    assert set(schema["required"]) == schema["properties"].keys() - optional
+
+
+def test_arrays_are_little_endian_and_keep_their_bits():
+    values = np.array([[1.0, -0.0], [5e-324, 1e308]])
+    data = pack_floats(values)
+    assert data == struct.pack("<4d", 1.0, -0.0, 5e-324, 1e308)
+    assert unpack_floats(data, 2, 2).tobytes() == values.tobytes()
+    assert pack_floats(values.T) == struct.pack("<4d", 1.0, 5e-324, -0.0, 1e308)
+    with pytest.raises(BadMessage, match="32 bytes, not 48"):
+        unpack_floats(data, 6)
+
+
+@pytest.mark.parametrize("value", [0.0, -1.5, 1e300])
+def test_numbers_pass_nil_unchanged_and_nan_becomes_nil(value):
+    assert nil_to_nan(nan_to_nil(value)) == value
+    assert nan_to_nil(math.nan) is None
+    assert nan_to_nil(math.inf) is None
+    assert math.isnan(nil_to_nan(None))

@@ -1,0 +1,59 @@
+"""The literal filter is warned of exactly where its gain is too large."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from zenoh_cbef.scenario.checks import check
+from zenoh_cbef.scenario.load import load, parse
+
+
+def placed(positions, kind="cbef", **keys):
+    filter_ = {"kind": kind, **keys}
+    return parse(
+        {"agents": {"positions": positions}, "network": {"graph": "complete"}, "filter": filter_}, "test"
+    )
+
+
+# Agent 0 has neighbours on both sides, so that the eigenvalue of its H^T H is twice the squared distance.
+EDGES = [[0, 1], [0, 2]]
+
+
+@pytest.mark.parametrize(("distance", "warned"), [(1.0, True), (0.999999, False), (1.000001, True)])
+def test_the_limit_itself_is_warned_of_and_less_is_not(distance, warned):
+    agents = {"positions": [[0, 0, 0], [distance, 0, 0], [-distance, 0, 0]]}
+    scenario = parse({"agents": agents, "network": {"edges": EDGES}, "filter": {"kind": "cbef"}}, "test")
+    warnings = check(scenario)
+    assert len(warnings) == warned
+    if warned:
+        assert "at agent 0 (1 of 3 agents" in warnings[0]
+        assert "filter.kind = 'sicf'" in warnings[0]
+
+
+@settings(deadline=None)
+@given(st.integers(0, 2**32 - 1), st.integers(2, 6), st.sampled_from([None, 0.0]))
+def test_a_warning_comes_exactly_when_an_eigenvalue_reaches_two(seed, count, height):
+    places = np.random.default_rng(seed).uniform(0.0, 1.3, (count, 3))
+    axes = 3 if height is None else 2
+    largest = max(
+        np.linalg.norm(np.delete(places, agent, axis=0)[:, :axes] - places[agent, :axes], 2) ** 2
+        for agent in range(count)
+    )
+    keys = {} if height is None else {"planar_height": height}
+    assert len(check(placed(places.tolist(), **keys))) == (largest >= 2.0)
+
+
+def test_other_filters_are_not_warned_of():
+    far = [[0, 0, 0], [100, 0, 0], [0, 100, 0]]
+    assert check(placed(far))
+    for kind in ("sicf", "icf", "local"):
+        assert check(placed(far, kind)) == []
+
+
+def test_the_built_in_paper_scenario_stays_where_its_filter_contracts():
+    for seed in range(20):
+        assert check(load("paper", [f"seed={seed}"]).scenario) == []
+    assert check(load("tracking", ["filter.kind=cbef"]).scenario)

@@ -1,0 +1,219 @@
+"""Recorded ranges are laid onto steps, and folders that are no dataset are refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from zenoh_cbef.datasets import read_dataset
+from zenoh_cbef.errors import UserError
+from zenoh_cbef.scenario.build import initial_states, initial_std
+from zenoh_cbef.scenario.checks import check
+from zenoh_cbef.scenario.load import load
+from zenoh_cbef.scenario.world import make_world
+from zenoh_cbef.simulator import heard_in, simulate
+
+ANCHORS = "id,x,y,z\n3,0,0,1\n7,4,0,1\n"
+RANGES = "t,anchor_id,range\n10.0,3,1.0\n10.1,7,2.0\n10.2,3,3.0\n10.25,3,4.0\n10.4,7,5.0\n"
+TRUTH = "t,x,y,z\n9,0,0,1\n11,2,4,1\n13,2,4,3\n"
+
+
+def write(folder, anchors=ANCHORS, ranges=RANGES, truth=TRUTH):
+    folder.mkdir(exist_ok=True)
+    for name, text in (("anchors", anchors), ("ranges", ranges), ("truth", truth)):
+        if text is not None:
+            (folder / f"{name}.csv").write_text(text)
+    return folder
+
+
+def test_sparse_ids_become_rows_in_the_order_of_the_anchors(tmp_path):
+    dataset = read_dataset(write(tmp_path))
+    assert dataset.labels == ("3", "7")
+    assert dataset.anchors.tolist() == [[0, 0, 1], [4, 0, 1]]
+    assert dataset.range_anchor.tolist() == [0, 1, 0, 0, 1]
+    assert dataset.truth.shape == (3, 3)
+
+
+def test_each_range_goes_to_the_first_free_step_at_or_after_it(tmp_path):
+    dataset = read_dataset(write(tmp_path))
+    times = np.array([10.0, 10.15, 10.3, 10.45, 10.6])
+    emitted, ranges = dataset.beacons(times)
+    # Anchor 3 ranged twice between 10.15 and 10.3: the second waits for the next step.
+    nan = np.nan
+    np.testing.assert_array_equal(ranges, [[1.0, nan, 3.0, 4.0, nan], [nan, 2.0, nan, 5.0, nan]])
+    np.testing.assert_array_equal(emitted, [[10.0, nan, 10.2, 10.25, nan], [nan, 10.1, nan, 10.4, nan]])
+
+
+def test_a_range_that_waits_for_more_than_a_step_is_dropped(tmp_path):
+    rows = "".join(f"{10.0 + 0.01 * number},3,{number}\n" for number in range(1, 5))
+    dataset = read_dataset(write(tmp_path, ranges="t,anchor_id,range\n" + rows))
+    _, ranges = dataset.beacons(np.array([10.0, 10.1, 10.2, 10.3]))
+    np.testing.assert_array_equal(ranges[0], [np.nan, 1.0, 2.0, np.nan])
+
+
+def test_a_range_after_the_last_step_is_dropped(tmp_path):
+    _, ranges = read_dataset(write(tmp_path)).beacons(np.array([10.0]))
+    np.testing.assert_array_equal(ranges, [[1.0], [np.nan]])
+
+
+def test_ranges_and_truth_need_not_be_sorted_in_the_files(tmp_path):
+    def turned(text):
+        head, *rows = text.splitlines()
+        return "\n".join([head, *rows[::-1]]) + "\n\n"
+
+    first = read_dataset(write(tmp_path / "a"))
+    second = read_dataset(write(tmp_path / "b", ranges=turned(RANGES), truth=turned(TRUTH)))
+    assert first.range_time.tolist() == second.range_time.tolist()
+    assert first.ranges.tolist() == second.ranges.tolist()
+    times = np.array([9.5, 12.0])
+    assert first.truth_at(times).tolist() == second.truth_at(times).tolist()
+
+
+def test_truth_is_interpolated_with_velocities_by_central_differences(tmp_path):
+    truth = read_dataset(write(tmp_path)).truth_at(np.array([9.5, 10.0, 12.0]))
+    expected = [
+        [0.5, 1.0, 1.0, 1.0, 2.0, 0.0],
+        [1.0, 2.0, 1.0, 1.0, 2.0, 0.0],
+        [2.0, 4.0, 2.0, 0.0, 0.0, 1.0],
+    ]
+    np.testing.assert_allclose(truth, expected, atol=1e-12)
+
+
+def test_step_zero_is_one_step_before_the_first_range(tmp_path):
+    dataset = read_dataset(write(tmp_path))
+    assert dataset.origin(0.1) == pytest.approx(9.9)
+    assert dataset.steps(0.1) == 5
+    assert dataset.steps(0.15) == 3
+    assert dataset.steps(100.0) == 1
+
+
+def test_negative_ranges_are_left_out(tmp_path):
+    dataset = read_dataset(write(tmp_path, ranges=RANGES + "10.3,7,-1\n"))
+    assert len(dataset.ranges) == 5
+
+
+@pytest.mark.parametrize(
+    ("files", "said"),
+    [
+        ({"anchors": None}, "anchors.csv is missing; a dataset folder holds"),
+        ({"ranges": None}, "ranges.csv is missing"),
+        ({"truth": None}, "truth.csv is missing"),
+        ({"anchors": "id,x,y\n1,0,0\n"}, "anchors.csv does not begin with the header id,x,y,z"),
+        ({"ranges": ""}, "ranges.csv does not begin with the header t,anchor_id,range"),
+        ({"ranges": "t,anchor_id,range\n"}, "ranges.csv has no rows"),
+        ({"ranges": "t,anchor_id,range\n\n  \n"}, "ranges.csv has no rows"),
+        ({"ranges": "t,anchor_id,range\n1,3,-1\n"}, "ranges.csv has negative ranges only"),
+        ({"ranges": "t,anchor_id,range\n1,3\n"}, "ranges.csv has rows that are not t,anchor_id,range"),
+        (
+            {"ranges": "t,anchor_id,range\n1,3,x\n"},
+            "ranges.csv has a line that is not t,anchor_id,range in numbers",
+        ),
+        ({"ranges": "t,anchor_id,range\n1,3,2\n1,3\n"}, "ranges.csv has a line that is not"),
+        ({"ranges": "t,anchor_id,range\n1,3,nan\n"}, "in finite numbers; mend them"),
+        ({"ranges": "t,anchor_id,range\n1,4,2\n"}, "ranges of anchor 4, which anchors.csv lacks; add it"),
+        (
+            {"ranges": "t,anchor_id,range\n1,3.5,2\n"},
+            "ranges.csv has an anchor id that is not a whole number",
+        ),
+        ({"anchors": "id,x,y,z\n1e300,0,0,0\n"}, "anchors.csv has an anchor id that is not a whole number"),
+        ({"anchors": ANCHORS + "3,1,1,1\n"}, "anchors.csv names an anchor twice"),
+        ({"truth": "t,x,y,z\n"}, "truth.csv has no rows"),
+    ],
+)
+def test_a_folder_that_is_no_dataset_is_refused_with_file_and_remedy(tmp_path, files, said, recwarn):
+    folder = write(tmp_path / "set", **files)
+    with pytest.raises(UserError) as caught:
+        load("tracking", ["target.motion=dataset", f'target.path="{folder}"'])
+    assert said in str(caught.value)
+    assert str(folder) in str(caught.value)
+    assert "\n" not in str(caught.value)
+    assert not recwarn.list
+
+
+def scenario_of(folder, *overrides):
+    base = ["target.motion=dataset", f'target.path="{folder}"', "network.graph=complete"]
+    return load("tracking", [*base, *overrides]).scenario
+
+
+def test_a_dataset_says_how_many_agents_and_steps_there_are(tmp_path):
+    scenario = scenario_of(write(tmp_path))
+    assert scenario.count == 2
+    assert scenario.length == 5
+    assert scenario.agents.positions == ((0.0, 0.0, 1.0), (4.0, 0.0, 1.0))
+    assert scenario.agents.labels == ("3", "7")
+    check(scenario)
+
+
+def test_values_for_each_anchor_are_counted_against_the_anchors(tmp_path):
+    folder = write(tmp_path)
+    assert scenario_of(folder, "sensor.bias=[0.1, 0.2]").sensor.bias == (0.1, 0.2)
+    with pytest.raises(UserError, match=r"sensor\.bias lists 3 values for 2 agents"):
+        scenario_of(folder, "sensor.bias=[1, 2, 3]")
+
+
+def test_a_path_starts_from_the_scenarios_folder(tmp_path):
+    write(tmp_path / "set")
+    path = tmp_path / "mine.toml"
+    path.write_text('[target]\nmotion = "dataset"\npath = "set"\n')
+    assert load(str(path)).scenario.target.path == str(tmp_path / "set")
+
+
+def test_more_steps_than_the_ranges_fill_and_moving_anchors_are_refused(tmp_path):
+    folder = write(tmp_path)
+    with pytest.raises(UserError, match=r"steps = 6, but .* fills only 5 steps of 0\.1 s; lower it"):
+        scenario_of(folder, "steps=6")
+    assert scenario_of(folder, "steps=4").length == 4
+    with pytest.raises(UserError, match=r"agents\.motion must be 'static' for target\.motion = 'dataset'"):
+        scenario_of(folder, "agents.motion=formation")
+
+
+def test_recorded_ranges_reach_the_agents_with_their_age(tmp_path):
+    scenario = scenario_of(write(tmp_path))
+    world = make_world(scenario)
+    heard = heard_in(scenario, world)
+    expected = [[1.0, np.nan, 3.0, 4.0, np.nan], [np.nan, 2.0, np.nan, np.nan, 5.0]]
+    np.testing.assert_allclose(heard.ranges, expected, atol=1e-6)
+    ages = np.array([[0.0, 0.0, 0.0, 0.05, 0.0], [0.0, 0.0, 0.0, 0.0, 0.0]])
+    np.testing.assert_allclose(heard.age, ages, atol=1e-9)
+    np.testing.assert_allclose(world.truth[0], [1.0, 2.0, 1.0, 1.0, 2.0, 0.0], atol=1e-9)
+
+
+def test_the_initial_estimate_is_the_middle_of_the_anchors_at_rest(tmp_path):
+    scenario = scenario_of(write(tmp_path), "filter.initial_position_std=3")
+    assert initial_states(scenario).tolist() == [[2.0, 0.0, 1.0, 0.0, 0.0, 0.0]] * 2
+    assert initial_std(scenario)[0] == 3.0
+
+
+RECORDED = Path(__file__).resolve().parents[2] / "shared" / "data"
+SETS = {
+    "lias_fast": (8, 21575, 0.97, 0.04),
+    "adip_los_B4": (4, 7249, 1.0, 0.1),
+    "plaza2": (4, 1816, 0.0, 0.25),
+}
+
+
+@pytest.mark.parametrize("name", SETS)
+def test_recorded_sets_use_almost_all_of_their_ranges(name):
+    if not (RECORDED / name).is_dir():
+        pytest.skip(f"the recorded set {name} is not beside the repository, in ../shared/data")
+    agents, count, height, dt = SETS[name]
+    dataset = read_dataset(RECORDED / name)
+    assert dataset.anchors.shape == (agents, 3)
+    assert len(dataset.ranges) == count
+    overrides = [
+        f"dt={dt}",
+        f"filter.planar_height={height}",
+        "filter.acceleration_std=1.0",
+        "sensor.range_std=0.3",
+    ]
+    scenario = scenario_of(RECORDED / name, *overrides)
+    check(scenario)
+    world = make_world(scenario)
+    assert world.truth.shape == (scenario.length, 6)
+    assert np.isfinite(world.emitted).sum() > 0.99 * count
+    assert np.isfinite(world.truth).all()
+    [trace] = simulate([scenario.model_copy(update={"steps": 200})])
+    assert np.isfinite(trace.estimates).all()
+    assert (trace.estimates[:, :, 2] == height).all()

@@ -1,0 +1,248 @@
+"""The simulator is the same tracker as the processes', in any batch, and counts what the faults did."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+
+from zenoh_cbef.scenario.build import agent_tracker, fates_into, rounds_of
+from zenoh_cbef.scenario.load import load, parse
+from zenoh_cbef.scenario.world import make_world
+from zenoh_cbef.simulator import heard_in, simulate
+from zenoh_cbef.tracking.ranging import Measurement
+
+LOSS = {"kind": "loss", "probability": 0.3}
+DELAY = {"kind": "delay", "milliseconds": 5.0, "jitter_ms": 10.0, "links": "agent:1"}
+FAULTS = {"no fault": [], "loss": [LOSS], "delay": [DELAY]}
+PARTS = ("truth", "positions", "ranges", "age", "initial", "estimates", "covariances", "innovation", "weight")
+
+
+def scenario(seed=1, **keys):
+    """Five agents, with ranges missing now and then; every seed draws another graph."""
+    base = {
+        "seed": seed,
+        "steps": 5,
+        "agents": {"count": 5, "low": 0.0, "high": 0.8},
+        "target": {"position": [0.4, 0.4, 0.4]},
+        "sensor": {"range_std": 0.05, "dropout_probability": 0.2},
+        "consensus": {"rounds": 3},
+    }
+    return parse(
+        {
+            name: {**base.get(name, {}), **keys[name]}
+            if isinstance(keys.get(name), dict)
+            else keys.get(name, base.get(name))
+            for name in {*base, *keys}
+        },
+        "test",
+    )
+
+
+def assert_same(first, second):
+    for part in PARTS:
+        assert getattr(first, part).tobytes() == getattr(second, part).tobytes(), part
+    for part in ("source", "destination", "sent", "delivered", "lost", "late"):
+        assert getattr(first.links, part).tolist() == getattr(second.links, part).tolist(), part
+
+
+COMBINATIONS = list(
+    itertools.product(
+        ["sicf", "icf", "cbef", "local"], ["uniform", "metropolis"], ["none", "chebyshev"], FAULTS
+    )
+)
+
+
+@pytest.mark.parametrize(("kind", "weights", "acceleration", "fault"), COMBINATIONS)
+@pytest.mark.parametrize("planar", [False, True])
+def test_a_run_is_the_same_alone_and_in_a_batch(kind, weights, acceleration, fault, planar):
+    keys = {
+        "filter": {"kind": kind, **({"planar_height": 0.4} if planar else {})},
+        "consensus": {"weights": weights, "acceleration": acceleration},
+        "fault": FAULTS[fault],
+    }
+    runs = [scenario(seed, **keys) for seed in (1, 2, 2**64 - 1)]
+    together = simulate(runs, keep_payloads=True)
+    for one, expected in zip(runs, together, strict=True):
+        [alone] = simulate([one], keep_payloads=True)
+        assert_same(alone, expected)
+        if expected.payloads is not None:
+            assert alone.payloads.tobytes() == expected.payloads.tobytes()
+
+
+class Agent:
+    """What an agent process does, without the process: its own tracker, fates and neighbours."""
+
+    def __init__(self, one, number):
+        self.tracker, self.others = agent_tracker(one, number)
+        self.fates = fates_into(one, number, self.others)
+        self.number = number
+
+    def measure(self, heard, step):
+        own = self.number, step - 1
+        positions, ranges = np.empty((1, 0, 3)), np.empty((1, 0))
+        if self.tracker.filter.uses_neighbour_ranges:
+            due, _ = self.fates.due(step, 0)
+            positions = np.where(due[:, None], heard.positions[self.others, step - 1], 0.0)[None]
+            ranges = np.where(due, heard.ranges[self.others, step - 1], np.nan)[None]
+        return self.tracker.measure(
+            Measurement(
+                heard.positions[own][None], heard.ranges[own][None], heard.age[own][None], positions, ranges
+            )
+        )
+
+    def exchange(self, sent, step, round_):
+        due, _ = self.fates.due(step, round_)
+        received = np.zeros((1, len(self.others), sent[self.number].shape[1]))
+        for place, other in enumerate(self.others):
+            if due[place]:
+                received[0, place] = sent[other][0]
+        return self.tracker.exchange(received, due[None] if not due.all() else None)
+
+
+@pytest.mark.parametrize("kind", ["sicf", "cbef", "local"])
+@pytest.mark.parametrize("acceleration", ["none", "chebyshev"])
+@pytest.mark.parametrize("fault", FAULTS)
+def test_agents_on_their_own_compute_the_bits_of_the_simulator(kind, acceleration, fault):
+    one = scenario(
+        3, filter={"kind": kind}, consensus={"acceleration": acceleration}, fault=FAULTS[fault], steps=6
+    )
+    [trace] = simulate([one], keep_payloads=True)
+    agents = [Agent(one, number) for number in range(5)]
+    heard = heard_in(one, make_world(one))
+    for step in range(1, 7):
+        sent = [agent.measure(heard, step) for agent in agents]
+        for round_ in range(1, rounds_of(one) + 1):
+            assert np.concatenate(sent).tobytes() == trace.payloads[:, step - 1, round_ - 1].tobytes()
+            sent = [agent.exchange(sent, step, round_) for agent in agents]
+        for agent in agents:
+            estimate = agent.tracker.conclude()
+            assert estimate.state[0].tobytes() == trace.estimates[agent.number, step - 1].tobytes()
+            if estimate.covariance is not None:
+                assert estimate.covariance[0].tobytes() == trace.covariances[agent.number, step - 1].tobytes()
+
+
+@pytest.mark.parametrize("kind", ["sicf", "cbef", "local"])
+@pytest.mark.parametrize("fault", FAULTS)
+def test_every_message_is_delivered_lost_or_late(kind, fault):
+    one = scenario(4, filter={"kind": kind}, fault=FAULTS[fault], steps=20)
+    [trace] = simulate([one])
+    links, per_step = trace.links, {"sicf": 3, "cbef": 4, "local": 0}[kind]
+    edges = {tuple(edge) for edge in trace.edges.tolist()}
+    pairs = list(zip(links.source.tolist(), links.destination.tolist(), strict=True))
+    assert sorted(pairs) == sorted([*edges, *[(second, first) for first, second in edges]])
+    assert links.sent.tolist() == [20 * per_step] * len(pairs)
+    first_round = 0 if kind == "cbef" else 1
+    for place, (source, destination) in enumerate(pairs):
+        fates = fates_into(one, destination, [source])
+        rounds = [
+            (step, round_) for step in range(1, 21) for round_ in range(first_round, rounds_of(one) + 1)
+        ]
+        due, late = np.array([fates.due(*at) for at in rounds], dtype=int).reshape(-1, 2).sum(axis=0)
+        assert links.delivered[place] == due
+        assert links.late[place] == late
+        assert links.lost[place] == len(rounds) - due - late
+    assert np.isnan(links.latency).all()
+
+
+def test_the_share_of_lost_messages_is_the_configured_one():
+    [trace] = simulate([scenario(5, fault=[LOSS], steps=200, network={"graph": "complete"})])
+    sent = trace.links.sent.sum()
+    assert sent == 200 * 3 * 20
+    assert abs(trace.links.lost.sum() / sent - 0.3) < 6 * np.sqrt(0.21 / sent)
+    assert trace.links.late.sum() == 0
+
+
+def test_messages_that_all_come_late_do_as_much_as_messages_that_are_all_lost():
+    lost, late = (
+        simulate([scenario(6, fault=[fault])])[0]
+        for fault in ({"kind": "loss", "probability": 1.0}, {"kind": "delay", "milliseconds": 0.5})
+    )
+    assert lost.estimates.tobytes() == late.estimates.tobytes()
+    assert late.links.late.tolist() == late.links.sent.tolist() == lost.links.lost.tolist()
+
+
+@pytest.mark.parametrize("milliseconds", [1.0, 24.9, 25.1, 1000.0])
+def test_a_delay_below_or_above_a_slot_misses_its_round_and_no_delay_does_not(milliseconds):
+    # dt is 0.1 s and there are three rounds, so a slot takes 25 ms; arriving in a later slot is late.
+    [delayed] = simulate([scenario(6, fault=[{"kind": "delay", "milliseconds": milliseconds}])])
+    assert delayed.links.late.tolist() == delayed.links.sent.tolist()
+    [punctual] = simulate([scenario(6, fault=[{"kind": "delay", "milliseconds": 0.0}])])
+    [clean] = simulate([scenario(6)])
+    assert_same(punctual, clean)
+
+
+def test_agents_that_hear_nobody_still_track():
+    [trace] = simulate([scenario(7, fault=[{"kind": "loss", "probability": 1.0}])])
+    assert np.isfinite(trace.estimates).all()
+    assert trace.links.delivered.sum() == 0
+
+
+def test_a_fault_that_has_not_begun_changes_nothing_until_it_does():
+    [clean] = simulate([scenario(8, steps=10)])
+    [faulty] = simulate([scenario(8, steps=10, fault=[{**LOSS, "probability": 1.0, "from": 0.55}])])
+    assert clean.estimates[:, :5].tobytes() == faulty.estimates[:, :5].tobytes()
+    assert (clean.estimates[:, 5] != faulty.estimates[:, 5]).any()
+
+
+def test_a_longer_run_begins_like_a_shorter_one():
+    [short], [long] = (simulate([scenario(9, fault=[LOSS], steps=steps)]) for steps in (4, 9))
+    assert long.estimates[:, :4].tobytes() == short.estimates.tobytes()
+
+
+def test_recorded_measurements_replace_the_emulated_ones():
+    one, other = scenario(10), scenario(11)
+    heard = heard_in(other, make_world(other))
+    [trace] = simulate([one], heard=[heard])
+    assert trace.ranges.tobytes() == heard.ranges.tobytes()
+    [emulated] = simulate([one])
+    assert (trace.estimates != emulated.estimates).any()
+    [again] = simulate([one], heard=[heard_in(one, make_world(one))])
+    assert_same(again, emulated)
+
+
+@pytest.mark.parametrize("count", [1, 2])
+@pytest.mark.parametrize("kind", ["sicf", "cbef"])
+def test_the_smallest_networks_run(count, kind):
+    [trace] = simulate([scenario(12, agents={"count": count}, filter={"kind": kind})])
+    assert trace.estimates.shape == (count, 5, 6)
+    assert np.isfinite(trace.estimates).all()
+    assert len(trace.links.sent) == 2 * (count - 1)
+
+
+def test_a_trace_holds_the_run():
+    steps = []
+    one = scenario(13, consensus={"rounds": 4})
+    [trace] = simulate([one], keep_payloads=True, progress=steps.append)
+    assert steps == [1, 2, 3, 4, 5]
+    assert trace.payloads.shape == (5, 5, 4, 27)
+    assert trace.covariances.shape == (5, 5, 6, 6)
+    np.testing.assert_array_equal(np.isnan(trace.innovation), np.isnan(trace.ranges))
+    np.testing.assert_array_equal(np.isnan(trace.weight), np.isnan(trace.ranges))
+    assert trace.scenario == one
+    assert simulate([one])[0].payloads is None
+
+
+def test_no_rounds_leave_agents_with_what_they_know_themselves():
+    [trace] = simulate([scenario(14, consensus={"rounds": 0}, network={"graph": "complete"})])
+    assert np.isfinite(trace.estimates).all()
+    assert trace.links.sent.tolist() == [0] * 20
+
+
+def test_the_papers_figure_falls_in_every_seed():
+    traces = simulate([load("paper", [f"seed={seed}"]).scenario for seed in range(20)])
+    falls = []
+    for trace in traces:
+        squares = np.sum((trace.estimates - trace.truth) ** 2, axis=2).mean(axis=0)
+        mean = np.cumsum(squares) / np.arange(1, 301)
+        falls.append(mean[0] / mean[-1])
+    assert min(falls) > 1.0
+    assert np.median(falls) > 20.0
+
+
+@pytest.mark.parametrize("name", ["tracking", "outliers"])
+def test_recommended_scenarios_track(name):
+    traces = simulate([load(name, [f"seed={seed}"]).scenario for seed in range(10)])
+    errors = [np.sqrt(np.mean(np.sum((t.estimates - t.truth)[:, 75:, :3] ** 2, axis=2))) for t in traces]
+    assert np.median(errors) < 0.2
