@@ -44,9 +44,7 @@ def main() -> None:
         return
     unknown = [name for name in arguments.names if name not in BENCHMARKS]
     if unknown or arguments.repeats < 1:
-        parser.error(
-            f"there is no benchmark {unknown[0]!r}; see --list" if unknown else "--repeats must be 1 or more"
-        )
+        parser.error(f"there is no benchmark {unknown[0]!r}; see --list" if unknown else "--repeats must be 1 or more")
     interrupt_on_terminate()
     for name in arguments.names or BENCHMARKS:
         benchmark = cast("Benchmark", importlib.import_module(f"benchmarks.{BENCHMARKS[name][0]}"))

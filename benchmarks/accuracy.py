@@ -103,9 +103,7 @@ def outlier_rows(dirty: Sequence[Analysis], clean: Sequence[Analysis]) -> list[R
     return [
         below("position MSE / clean, median", float(np.median(factor)), 2.0),
         Row("position MSE / clean, worst seed", number(float(factor.max()))),
-        Row(
-            "position RMSE with outliers, median", number(float(np.median(np.sqrt(position_mse(dirty)))), "m")
-        ),
+        Row("position RMSE with outliers, median", number(float(np.median(np.sqrt(position_mse(dirty)))), "m")),
         Row("position RMSE clean, median", number(float(np.median(np.sqrt(position_mse(clean)))), "m")),
     ]
 

@@ -7,7 +7,6 @@ neighbour read in the main thread, batch scheduling, dropping instead of blockin
 from __future__ import annotations
 
 import json
-import subprocess
 import sys
 import time
 from collections.abc import Sequence
@@ -46,13 +45,7 @@ def bare_rate(
             part = json.dumps(asdict(Part(agent, sorted(near), ports, rounds, size)))
             started.append(family.start(__name__, [part], environment, listen_to=True))
         until = time.monotonic() + _PATIENCE_SECONDS
-        try:
-            words = [child.communicate(timeout=max(0.1, until - time.monotonic()))[0] for child in started]
-        except subprocess.TimeoutExpired:
-            raise RuntimeError(f"the bare exchange did not end within {_PATIENCE_SECONDS:g} s") from None
-        if any(child.returncode for child in started):
-            raise RuntimeError("a process of the bare exchange failed")
-    return min(float(word) for word in words)
+        return min(float(family.wait(child, until - time.monotonic())) for child in started)
 
 
 def exchange(part: Part) -> float:
@@ -63,8 +56,7 @@ def exchange(part: Part) -> float:
     connection = Connection(connect=lower, listen=[endpoints[part.me]], gossip=False)
     with open_session(connection) as session:
         subscribers = [
-            session.declare_subscriber(f"bare/{other}", zenoh.handlers.FifoChannel(64))
-            for other in part.neighbours
+            session.declare_subscriber(f"bare/{other}", zenoh.handlers.FifoChannel(64)) for other in part.neighbours
         ]
         publisher = session.declare_publisher(
             f"bare/{part.me}",

@@ -26,9 +26,7 @@ class ByHand:
 
 
 @contextmanager
-def by_hand(
-    name: str, overrides: Sequence[str], *, agents: Sequence[int], log: Path | None = None
-) -> Iterator[ByHand]:
+def by_hand(name: str, overrides: Sequence[str], *, agents: Sequence[int], log: Path | None = None) -> Iterator[ByHand]:
     """Start target, some agents, and a recorder where a log is given; all end with the block."""
     scenario = load(name, overrides).scenario
     run = f"by-hand-{name}-{time.time_ns()}"
@@ -53,8 +51,6 @@ def by_hand(
         pids = {}
         for process, (command, connect) in commands.items():
             links = [part for endpoint in connect for part in ("--connect", endpoint)]
-            child = family.start(
-                "zenoh_cbef", [*command, *common, "--listen", endpoints[process], *links], environment
-            )
+            child = family.start("zenoh_cbef", [*command, *common, "--listen", endpoints[process], *links], environment)
             pids[process] = child.pid
         yield ByHand(run, pids, endpoints)

@@ -6,11 +6,13 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
 import threading
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import IO
 
 from rich.table import Table
 
@@ -75,6 +77,7 @@ class Children:
 
     def __init__(self) -> None:
         self.processes: list[subprocess.Popen[bytes]] = []
+        self._words: dict[int, IO[bytes]] = {}
 
     def start(
         self,
@@ -85,17 +88,36 @@ class Children:
         listen_to: bool = False,
     ) -> subprocess.Popen[bytes]:
         """Start `python -m module arguments`; listen_to keeps its standard output for us."""
+        words = tempfile.TemporaryFile()  # noqa: SIM115 - closed by kill()
         process = subprocess.Popen(
             [sys.executable, "-m", module, *arguments],
             cwd=ROOT,
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE if listen_to else subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
+            stderr=words,
             env=os.environ | {"OPENBLAS_NUM_THREADS": "1"} | dict(environment),
             start_new_session=True,
         )
         self.processes.append(process)
+        self._words[process.pid] = words
         return process
+
+    def wait(self, process: subprocess.Popen[bytes], seconds: float) -> str:
+        """Wait for a process that was started with listen_to; returns what it printed.
+
+        Not by communicate(), which would close the pipe that it ends with. Raises RuntimeError if it fails, or
+        does not end in time.
+        """
+        try:
+            status = process.wait(max(0.1, seconds))
+        except subprocess.TimeoutExpired:
+            raise RuntimeError(f"a benchmark's process did not end within {seconds:.0f} s") from None
+        if status != 0:
+            words = self._words[process.pid]
+            words.seek(0)
+            raise RuntimeError(f"a benchmark's process ended with status {status}: {words.read().decode()}")
+        assert process.stdout is not None
+        return process.stdout.read().decode()
 
     def kill(self) -> None:
         """End all of them now."""
@@ -107,6 +129,7 @@ class Children:
             for pipe in (process.stdin, process.stdout):
                 if pipe is not None:
                     pipe.close()
+            self._words[process.pid].close()
 
 
 @contextmanager

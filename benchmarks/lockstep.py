@@ -65,9 +65,7 @@ def measure(name: str, repeats: int) -> dict[str, list[float]]:
     rates: dict[str, list[float]] = {_OURS: [], **{arm: [] for arm in RUNTIMES}}
     for _ in range(repeats):
         for arm, environment in RUNTIMES.items():
-            rates[arm].append(
-                bare_rate(edges, scenario.count, rounds=rounds, size=size, environment=environment)
-            )
+            rates[arm].append(bare_rate(edges, scenario.count, rounds=rounds, size=size, environment=environment))
         rates[_OURS].append(agents_rate(name, STEPS[name]))
     return rates
 

@@ -48,9 +48,7 @@ def assert_same(first, second):
 
 
 COMBINATIONS = list(
-    itertools.product(
-        ["sicf", "icf", "cbef", "local"], ["uniform", "metropolis"], ["none", "chebyshev"], FAULTS
-    )
+    itertools.product(["sicf", "icf", "cbef", "local"], ["uniform", "metropolis"], ["none", "chebyshev"], FAULTS)
 )
 
 
@@ -87,9 +85,7 @@ class Agent:
             positions = np.where(due[:, None], heard.positions[self.others, step - 1], 0.0)[None]
             ranges = np.where(due, heard.ranges[self.others, step - 1], np.nan)[None]
         return self.tracker.measure(
-            Measurement(
-                heard.positions[own][None], heard.ranges[own][None], heard.age[own][None], positions, ranges
-            )
+            Measurement(heard.positions[own][None], heard.ranges[own][None], heard.age[own][None], positions, ranges)
         )
 
     def exchange(self, sent, step, round_):
@@ -105,9 +101,7 @@ class Agent:
 @pytest.mark.parametrize("acceleration", ["none", "chebyshev"])
 @pytest.mark.parametrize("fault", FAULTS)
 def test_agents_on_their_own_compute_the_bits_of_the_simulator(kind, acceleration, fault):
-    one = scenario(
-        3, filter={"kind": kind}, consensus={"acceleration": acceleration}, fault=FAULTS[fault], steps=6
-    )
+    one = scenario(3, filter={"kind": kind}, consensus={"acceleration": acceleration}, fault=FAULTS[fault], steps=6)
     [trace] = simulate([one], keep_payloads=True)
     agents = [Agent(one, number) for number in range(5)]
     heard = heard_in(one, make_world(one))
@@ -136,9 +130,7 @@ def test_every_message_is_delivered_lost_or_late(kind, fault):
     first_round = 0 if kind == "cbef" else 1
     for place, (source, destination) in enumerate(pairs):
         fates = fates_into(one, destination, [source])
-        rounds = [
-            (step, round_) for step in range(1, 21) for round_ in range(first_round, rounds_of(one) + 1)
-        ]
+        rounds = [(step, round_) for step in range(1, 21) for round_ in range(first_round, rounds_of(one) + 1)]
         due, late = np.array([fates.due(*at) for at in rounds], dtype=int).reshape(-1, 2).sum(axis=0)
         assert links.delivered[place] == due
         assert links.late[place] == late

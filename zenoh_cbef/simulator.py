@@ -113,7 +113,9 @@ class Simulation:
         return delivered
 
     def _measurement(self, step: int) -> Measurement:
-        position, range_, age = (part[:, step - 1] for part in (self.heard.positions, self.heard.ranges, self.heard.age))
+        position, range_, age = (
+            part[:, step - 1] for part in (self.heard.positions, self.heard.ranges, self.heard.age)
+        )
         if not self.tracker.filter.uses_neighbour_ranges:
             nobody = len(position), 0
             return Measurement(position, range_, age, np.empty((*nobody, 3)), np.empty(nobody))
@@ -141,7 +143,7 @@ def simulate(
     *,
     heard: Sequence[Heard] | None = None,
     keep_payloads: bool = False,
-    progress: Callable[[int], None] = lambda step: None,
+    progress: Callable[[int], None] | None = None,
 ) -> list[Trace]:
     """Simulate runs that differ only in their seed; bit for bit what processes compute in lockstep.
 
@@ -164,7 +166,8 @@ def simulate(
             if payloads is None:
                 payloads = np.empty((rows, steps, len(step.sent), step.sent[0].shape[1]))
             payloads[:, k] = np.stack(step.sent, axis=1)
-        progress(k + 1)
+        if progress is not None:
+            progress(k + 1)
     traces = []
     for run, (one, world) in enumerate(zip(scenarios, worlds, strict=True)):
         mine = slice(run * one.count, (run + 1) * one.count)

@@ -51,7 +51,7 @@ def bits(key: Keys, step: ArrayLike, lane: ArrayLike = 0) -> Keys:
 
 def uniform(key: Keys, step: ArrayLike, lane: ArrayLike = 0) -> Floats:
     """Uniform draws in [0, 1)."""
-    return (bits(key, step, lane) >> np.uint64(11)) * 2.0**-53
+    return np.asarray((bits(key, step, lane) >> np.uint64(11)) * 2.0**-53, dtype=np.float64)
 
 
 def normal(key: Keys, step: ArrayLike, lane: int = 0) -> Floats:

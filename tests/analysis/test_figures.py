@@ -54,25 +54,19 @@ def test_figures_take_any_filter_and_size(tmp_path: Path, scenario: dict[str, ob
 
 
 def test_a_label_with_dollar_signs_is_no_formula(tmp_path: Path) -> None:
-    analysis = analysis_of(
-        agents={"count": 3, "labels": [r"$\nonsense$", "_", "b"]}, network={"graph": "path"}
-    )
+    analysis = analysis_of(agents={"count": 3, "labels": [r"$\nonsense$", "_", "b"]}, network={"graph": "path"})
 
     assert len(write_figures(analysis, tmp_path)) == 6
 
 
 def test_a_run_without_any_value_still_gives_figures(analysis: Analysis, tmp_path: Path) -> None:
     nothing = np.full_like(analysis.msee, np.nan)
-    silent = dataclasses.replace(
-        analysis, trace=dataclasses.replace(analysis.trace, innovation=nothing), msee=nothing
-    )
+    silent = dataclasses.replace(analysis, trace=dataclasses.replace(analysis.trace, innovation=nothing), msee=nothing)
 
     assert len(write_figures(silent, tmp_path)) == 6
 
 
-def test_without_matplotlib_the_error_names_the_remedy(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_matplotlib_the_error_names_the_remedy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     real = builtins.__import__
 
     def refuse(name: str, *rest: object) -> object:

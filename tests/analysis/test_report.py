@@ -79,9 +79,7 @@ def test_the_page_loads_nothing_from_outside(tmp_path: Path) -> None:
     assert not [each for each in page.attributes if each[1] in {"src", "href", "srcset", "action", "data"}]
     assert "url(" not in page.styles
     assert "@import" not in page.styles
-    assert any(
-        value.startswith("default-src 'none'") for _, name, value in page.attributes if name == "content"
-    )
+    assert any(value.startswith("default-src 'none'") for _, name, value in page.attributes if name == "content")
 
 
 def test_the_page_tells_the_metrics(tmp_path: Path) -> None:
@@ -103,14 +101,10 @@ def test_the_page_tells_the_metrics(tmp_path: Path) -> None:
 def test_every_plot_has_its_place_and_is_valid(tmp_path: Path) -> None:
     graph_objects = pytest.importorskip("plotly.graph_objects")
     fault = [{"kind": "delay", "milliseconds": 90.0, "from": 0.5, "until": 1.0}]
-    page = page_of_run(
-        tmp_path, fault=fault, agents={"count": 5, "motion": "formation", "velocity": (1, 0, 0)}
-    )
+    page = page_of_run(tmp_path, fault=fault, agents={"count": 5, "motion": "formation", "velocity": (1, 0, 0)})
 
     plots = page.plots()
-    places = {
-        value.removeprefix("plot-") for _, name, value in page.attributes if name == "id" and "plot-" in value
-    }
+    places = {value.removeprefix("plot-") for _, name, value in page.attributes if name == "id" and "plot-" in value}
     assert set(plots) == places
     named = {
         "innovation",
@@ -213,9 +207,7 @@ def test_a_long_line_is_thinned_and_keeps_its_peak(tmp_path: Path) -> None:
 
 
 def test_a_single_agent_of_one_step_has_a_report(tmp_path: Path) -> None:
-    page = page_of_run(
-        tmp_path, steps=1, agents={"count": 1}, filter={"kind": "local"}, network={"edges": []}
-    )
+    page = page_of_run(tmp_path, steps=1, agents={"count": 1}, filter={"kind": "local"}, network={"edges": []})
 
     assert "The agents had no links." in page.text
     assert "disagreement" not in page.plots()

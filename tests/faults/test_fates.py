@@ -23,9 +23,7 @@ def loss(probability, **keys):
 
 
 def delay(milliseconds, jitter_ms=0.0, **keys):
-    return Delay.model_validate(
-        {"kind": "delay", "milliseconds": milliseconds, "jitter_ms": jitter_ms, **keys}
-    )
+    return Delay.model_validate({"kind": "delay", "milliseconds": milliseconds, "jitter_ms": jitter_ms, **keys})
 
 
 def due_flags(all_fates, step=1, round_=1):

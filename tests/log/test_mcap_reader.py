@@ -117,9 +117,7 @@ def test_random_bit_flips_never_crash_and_never_go_unnoticed(log: Path) -> None:
     data, whole = log.read_bytes(), McapFile(log)
     wanted, extras = rows(whole), (whole.attachments, whole.metadata)
     flips = chance(3)
-    heads = [
-        n for n in range(len(data)) if data[n] in (4, 5, 6, 7, 9, 12, 15) and data[n + 4 : n + 9] == bytes(5)
-    ]
+    heads = [n for n in range(len(data)) if data[n] in (4, 5, 6, 7, 9, 12, 15) and data[n + 4 : n + 9] == bytes(5)]
     places = [flips.randrange(len(MAGIC), len(data)) for _ in range(300)]
     for place in places + [flips.choice(heads) + flips.choice((0, 0, 1, 2, 8)) for _ in range(200)]:
         bent = bytearray(data)
@@ -172,9 +170,7 @@ def test_a_damaged_chunk_is_named_and_skipped(log: Path) -> None:
     lost = set(range(600)) - {m.sequence for m in file.messages()}
     assert 100 in lost
     assert len(lost) < 40
-    assert any(
-        sentence.startswith("chunk at byte") and "fails its CRC" in sentence for sentence in file.damage
-    )
+    assert any(sentence.startswith("chunk at byte") and "fails its CRC" in sentence for sentence in file.damage)
 
 
 @settings(max_examples=300, deadline=None)

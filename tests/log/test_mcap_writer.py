@@ -61,9 +61,7 @@ def test_the_official_reader_reads_every_message_exactly(
 
 
 @pytest.mark.parametrize("compression", COMPRESSIONS)
-def test_the_official_reader_finds_summary_attachments_and_metadata(
-    tmp_path: Path, compression: Compression
-) -> None:
+def test_the_official_reader_finds_summary_attachments_and_metadata(tmp_path: Path, compression: Compression) -> None:
     path = tmp_path / "log.mcap"
     messages = [(n % 2, 10 + n, n, n, b"x" * n) for n in range(100)]
     write(path, messages, compression=compression, chunk_bytes=1000)
@@ -73,9 +71,7 @@ def test_the_official_reader_finds_summary_attachments_and_metadata(
         assert reader.get_header().library == "test 1.0"
         attachments = [(a.name, a.media_type, a.data, a.log_time) for a in reader.iter_attachments()]
         metadata = [(m.name, m.metadata) for m in reader.iter_metadata()]
-        late = [
-            m.sequence for _, _, m in reader.iter_messages(topics=["cbef/run/a2/beacon"], starting_at=100)
-        ]
+        late = [m.sequence for _, _, m in reader.iter_messages(topics=["cbef/run/a2/beacon"], starting_at=100)]
     assert attachments == [("scenario.toml", "application/toml", b"seed = 1\n", 7)]
     assert metadata == [("cbef.run", {"seed": "1", "host": "b\xf6"})]
     assert late == list(range(91, 100, 2))

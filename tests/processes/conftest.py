@@ -56,12 +56,8 @@ class World:
         self._started.append(process)
         return process
 
-    def start_run(
-        self, *overrides: str, options: tuple[str, ...] = ("--no-report",)
-    ) -> subprocess.Popen[str]:
-        return self.start(
-            "run", "tracking", *settings(*overrides), "--run", self.run, "--log", str(self.log), *options
-        )
+    def start_run(self, *overrides: str, options: tuple[str, ...] = ("--no-report",)) -> subprocess.Popen[str]:
+        return self.start("run", "tracking", *settings(*overrides), "--run", self.run, "--log", str(self.log), *options)
 
     def call(self, *arguments: str, timeout: float = 120) -> subprocess.CompletedProcess[str]:
         process = self.start(*arguments)

@@ -90,9 +90,7 @@ def test_it_accepts_exactly_what_the_general_decoder_accepts(message, data):
     if data.draw(st.booleans()):
         mutated = bytearray(RoundCodec(RUN, SENDER, width).encode(seq, sent, step, round_, payload))
     else:
-        mutated = bytearray(
-            encode(RUN, SENDER, seq, sent, {"k": step, "l": round_, "payload": pack_floats(payload)})
-        )
+        mutated = bytearray(encode(RUN, SENDER, seq, sent, {"k": step, "l": round_, "payload": pack_floats(payload)}))
     for _ in range(data.draw(st.integers(0, 4))):
         mutated[data.draw(st.integers(0, len(mutated) - 1))] ^= 1 << data.draw(st.integers(0, 7))
     if data.draw(st.integers(0, 4)) == 0:

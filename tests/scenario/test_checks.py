@@ -13,9 +13,7 @@ from zenoh_cbef.scenario.load import load, parse
 
 def placed(positions, kind="cbef", **keys):
     filter_ = {"kind": kind, **keys}
-    return parse(
-        {"agents": {"positions": positions}, "network": {"graph": "complete"}, "filter": filter_}, "test"
-    )
+    return parse({"agents": {"positions": positions}, "network": {"graph": "complete"}, "filter": filter_}, "test")
 
 
 # Agent 0 has neighbours on both sides, so that the eigenvalue of its H^T H is twice the squared distance.

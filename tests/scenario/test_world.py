@@ -61,9 +61,7 @@ def test_velocities_are_the_finite_differences_of_positions(motion):
 
 
 def test_a_circle_has_its_radius_period_and_centre():
-    one = scenario(
-        steps=300, dt=0.1, target={"motion": "circle", "position": [1, 2, 3], "radius": 4.0, "period": 30.0}
-    )
+    one = scenario(steps=300, dt=0.1, target={"motion": "circle", "position": [1, 2, 3], "radius": 4.0, "period": 30.0})
     path = target_path(one)
     np.testing.assert_allclose(np.linalg.norm(path[:, :3] - [1, 2, 3], axis=1), 4.0, rtol=1e-12)
     np.testing.assert_allclose(path[300], path[0], atol=1e-9)

@@ -42,9 +42,7 @@ def test_averaging_is_a_power_of_the_weight_matrix(kind, rounds):
     payload = np.random.default_rng(3).normal(size=(7, 4))
     for weights in (metropolis_weights(lists), uniform_weights(lists, 1.0 / (lists.degree.max() + 1.0))):
         expected = np.linalg.matrix_power(weight_matrix(lists, weights), rounds) @ payload
-        np.testing.assert_allclose(
-            run(Average(weights), lists, payload, rounds), expected, rtol=0, atol=1e-13
-        )
+        np.testing.assert_allclose(run(Average(weights), lists, payload, rounds), expected, rtol=0, atol=1e-13)
 
 
 def test_uniform_averaging_is_the_papers_iteration():
@@ -71,9 +69,7 @@ def test_acceleration_is_the_scaled_chebyshev_polynomial_of_the_weight_matrix(ki
     values, vectors = np.linalg.eigh((2.0 * matrix - (high + low) * np.eye(7)) / (high - low))
     scale = polynomial((2.0 - high - low) / (high - low))
     expected = vectors @ np.diag(polynomial(values) / scale) @ vectors.T @ payload
-    np.testing.assert_allclose(
-        run(stage("chebyshev", lists), lists, payload, rounds), expected, rtol=0, atol=1e-11
-    )
+    np.testing.assert_allclose(run(stage("chebyshev", lists), lists, payload, rounds), expected, rtol=0, atol=1e-11)
 
 
 def test_acceleration_on_a_complete_graph_divides_by_nothing():
@@ -152,15 +148,11 @@ def exchanges(draw):
     for _ in range(draw(st.integers(1, 3))):
         count = draw(st.integers(1, 6))
         pairs = [(first, second) for first in range(count) for second in range(first + 1, count)]
-        several.append(
-            neighbours(count, canonical_edges(draw(st.lists(st.sampled_from(pairs))) if pairs else []))
-        )
+        several.append(neighbours(count, canonical_edges(draw(st.lists(st.sampled_from(pairs))) if pairs else [])))
     random = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
     pool = draw(st.lists(VALUES, min_size=1, max_size=8))
     total = sum(len(one.index) for one in several)
-    mixed = np.where(
-        random.random((total, 4)) < 0.7, random.choice(pool, (total, 4)), random.normal(size=(total, 4))
-    )
+    mixed = np.where(random.random((total, 4)) < 0.7, random.choice(pool, (total, 4)), random.normal(size=(total, 4)))
     return several, mixed, draw(st.sampled_from(SCHEMES)), draw(st.sampled_from([0.0, 0.3, 1.0])), random
 
 
@@ -201,9 +193,7 @@ def test_no_flags_mean_that_all_was_delivered(exchange):
     consensus = [
         Average(metropolis_weights(lists))
         if scheme == "average"
-        else Chebyshev(
-            metropolis_weights(lists), np.full((len(payload), 1), -0.5), np.full((len(payload), 1), 0.9)
-        )
+        else Chebyshev(metropolis_weights(lists), np.full((len(payload), 1), -0.5), np.full((len(payload), 1), 0.9))
         for _ in range(2)
     ]
     everything = np.ones(lists.index.shape, dtype=bool)

@@ -39,9 +39,7 @@ def scene(seed, space, count=4):
     ranges[0] = np.nan
     age = random.uniform(0.0, 0.2, count)
     nobody = np.empty((count, 0, 3)), np.empty((count, 0))
-    return beliefs(random, space, count), Measurement(
-        random.normal(scale=5, size=(count, 3)), ranges, age, *nobody
-    )
+    return beliefs(random, space, count), Measurement(random.normal(scale=5, size=(count, 3)), ranges, age, *nobody)
 
 
 def by_the_equations(belief, measurement, space, agent, *, count, xi, dt=0.2):
@@ -76,13 +74,9 @@ def test_the_payload_is_the_agents_share_of_the_information(seed, space, xi):
     size = 2 * space.axes
     assert update.payload.shape == (4, kind.payload_size)
     for agent in range(4):
-        vector, matrix, innovation, weight = by_the_equations(
-            belief, measurement, space, agent, count=4, xi=xi
-        )
+        vector, matrix, innovation, weight = by_the_equations(belief, measurement, space, agent, count=4, xi=xi)
         np.testing.assert_allclose(update.payload[agent, :size], vector, rtol=1e-5, atol=1e-5)
-        np.testing.assert_allclose(
-            unpack_upper(update.payload[[agent], size:], size)[0], matrix, rtol=1e-5, atol=1e-5
-        )
+        np.testing.assert_allclose(unpack_upper(update.payload[[agent], size:], size)[0], matrix, rtol=1e-5, atol=1e-5)
         np.testing.assert_allclose(update.innovation[agent], innovation, rtol=1e-9)
         np.testing.assert_allclose(update.weight[agent], weight, rtol=1e-6)
 
@@ -136,9 +130,7 @@ def run_steps(kind, space, count, *, rounds, steps, graph="complete", seed=1, to
     belief = beliefs(random, space, count)
     if together:
         belief = Belief(np.tile(belief.state[0], (count, 1)), np.tile(belief.covariance[0], (count, 1, 1)))
-    tracker = Tracker(
-        make_filter(kind, settings_for(space, count)), Average(metropolis_weights(lists)), space, belief
-    )
+    tracker = Tracker(make_filter(kind, settings_for(space, count)), Average(metropolis_weights(lists)), space, belief)
     for _ in range(steps):
         position = random.normal(scale=6.0, size=(count, 3))
         ranges = np.linalg.norm(position - [1.0, 2.0, 0.7], axis=1) + STD * random.normal(size=count)
@@ -216,9 +208,7 @@ def test_rows_come_out_the_same_bits_alone_and_in_a_batch():
                 )
                 alone = made.update(Belief(belief.state[one], belief.covariance[one]), own)
                 assert alone.payload.tobytes() == batch.payload[row].tobytes()
-                assert (
-                    made.conclude(alone.payload).covariance.tobytes() == concluded.covariance[row].tobytes()
-                )
+                assert made.conclude(alone.payload).covariance.tobytes() == concluded.covariance[row].tobytes()
 
 
 def test_an_information_filter_refuses_a_belief_without_covariance():

@@ -56,13 +56,9 @@ def textbook(scene, run, xi):
     state, covariance = scene.initial.state[run], scene.initial.covariance[run]
     for step in range(scene.truth.shape[1]):
         state = scene.motion.transition @ state
-        covariance = (
-            scene.motion.transition @ covariance @ scene.motion.transition.T + scene.motion.process_noise
-        )
+        covariance = scene.motion.transition @ covariance @ scene.motion.transition.T + scene.motion.process_noise
         heard = scene.heard(run, step)
-        predicted, rows = zip(
-            *[scene.row(run, agent, step, scene.full(state)) for agent in heard], strict=True
-        )
+        predicted, rows = zip(*[scene.row(run, agent, step, scene.full(state)) for agent in heard], strict=True)
         rows = np.array(rows)
         innovation = scene.ranges[run, heard, step] - np.array(predicted)
         spread = np.sqrt(np.array([row @ covariance @ row for row in rows]) + STD**2)
@@ -129,18 +125,14 @@ def test_the_bound_is_the_inverse_information_of_the_whole_trajectory(space):
                     _, row = scene.row(run, agent, earlier, scene.truth[run, earlier])
                     information += np.outer(row @ mapped, row @ mapped) / STD**2
             expected = last @ np.linalg.inv(information) @ last.T
-            np.testing.assert_allclose(
-                bound[run, step][np.ix_(space.kept, space.kept)], expected, rtol=0, atol=1e-9
-            )
+            np.testing.assert_allclose(bound[run, step][np.ix_(space.kept, space.kept)], expected, rtol=0, atol=1e-9)
 
 
 def test_the_bound_is_the_kalman_covariance_where_the_rows_are_those_of_the_truth():
     scene = Scene(Space())
     bound, covariance = bound_of(scene), scene.initial.covariance[0]
     for step in range(7):
-        covariance = (
-            scene.motion.transition @ covariance @ scene.motion.transition.T + scene.motion.process_noise
-        )
+        covariance = scene.motion.transition @ covariance @ scene.motion.transition.T + scene.motion.process_noise
         for agent in scene.heard(0, step):
             _, row = scene.row(0, agent, step, scene.truth[0, step])
             gain = covariance @ row / (row @ covariance @ row + STD**2)

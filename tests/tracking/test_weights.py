@@ -76,9 +76,7 @@ def test_padding_has_no_weight():
 
 def test_spectrum_bounds_of_known_graphs():
     _, lists = graph("complete", 4)
-    assert spectrum_bounds(weight_matrix(lists, uniform_weights(lists, 0.25))) == pytest.approx(
-        (0.0, 0.0), abs=1e-12
-    )
+    assert spectrum_bounds(weight_matrix(lists, uniform_weights(lists, 0.25))) == pytest.approx((0.0, 0.0), abs=1e-12)
     _, lists = graph("ring", 6)
     matrix = weight_matrix(lists, uniform_weights(lists, 0.3))
     eigenvalues = sorted(1.0 - 0.6 * (1.0 - np.cos(2.0 * np.pi * k / 6)) for k in range(6))

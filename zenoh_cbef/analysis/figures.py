@@ -240,9 +240,7 @@ def _draw_agents(axes: Axes, time: Floats, values: Floats, names: Sequence[str])
         label = f"agent {names[agent]}".replace("$", r"\$")
         if not few:
             label = f"{len(values)} agents" if agent == 0 else "_"
-        _draw(
-            axes, time, row, colour=colour, dash=dash, label=label, width=0.8 if few else 0.5, points=points
-        )
+        _draw(axes, time, row, colour=colour, dash=dash, label=label, width=0.8 if few else 0.5, points=points)
 
 
 def _draw(

@@ -56,8 +56,7 @@ def analyze(traces: Sequence[Trace], skip: float = 0.25) -> list[Analysis]:
     references = _centralized(traces)
     bounds = _bounds(traces)
     return [
-        _analyze(trace, states, bound, skip)
-        for trace, states, bound in zip(traces, references, bounds, strict=True)
+        _analyze(trace, states, bound, skip) for trace, states, bound in zip(traces, references, bounds, strict=True)
     ]
 
 
@@ -111,7 +110,7 @@ def _bounds(traces: Sequence[Trace]) -> Floats:
 def _nees(trace: Trace, error: Floats) -> Floats:
     kept = space_of(trace.scenario).kept
     covariance = trace.covariances[:, :, kept[:, None], kept]
-    known = np.isfinite(covariance).all(axis=(2, 3))
+    known = np.asarray(np.isfinite(covariance).all(axis=(2, 3)))
     safe = np.where(known[:, :, None, None], covariance, np.eye(len(kept)))
     kept_error = error[:, :, kept]
     scaled = np.linalg.solve(safe, np.nan_to_num(kept_error)[..., None])[..., 0]
@@ -122,7 +121,7 @@ def _analyze(trace: Trace, states: Floats, bound: Floats, skip: float) -> Analys
     error = trace.estimates - trace.truth
     reference = states - trace.truth
     positions = trace.estimates[:, :, :3]
-    present = np.isfinite(positions).all(axis=2)
+    present = np.asarray(np.isfinite(positions).all(axis=2))
     counted = np.maximum(present.sum(axis=0), 1)
     mean = np.where(present[:, :, None], positions, 0.0).sum(axis=0) / counted[:, None]
     apart = np.where(present, np.sum((positions - mean) ** 2, axis=2), 0.0)

@@ -53,9 +53,7 @@ def time_plot(chart: Chart, analysis: Analysis) -> Plot:
     if chart.scored and analysis.first:
         start = float(time[analysis.first])
         line = {"color": MUTED, "width": 1, "dash": "dot"}
-        shapes.append(
-            {"type": "line", "x0": start, "x1": start, "y0": 0, "y1": 1, "yref": "paper", "line": line}
-        )
+        shapes.append({"type": "line", "x0": start, "x1": start, "y0": 0, "y1": 1, "yref": "paper", "line": line})
         notes.append(_note(start, 0.0, "scored from here", "bottom", 0))
     low, high = np.log10(log_range(chart))
     # Names of faults stand in the plot, at its top: one lane is about a twentieth of its height.
@@ -170,9 +168,7 @@ def _faults(analysis: Analysis, end: float) -> tuple[list[Plot], list[Plot]]:
 
 
 def _map_axes(limits: Sequence[Sequence[float]]) -> Plot:
-    across, along = (
-        {"title": {"text": f"{axis} (m)"}, "range": pair} for axis, pair in zip("xy", limits, strict=True)
-    )
+    across, along = ({"title": {"text": f"{axis} (m)"}, "range": pair} for axis, pair in zip("xy", limits, strict=True))
     return {"xaxis": across, "yaxis": along | {"scaleanchor": "x"}}
 
 
@@ -281,8 +277,7 @@ def _arrows(start: Floats, end: Floats, links: Links, names: list[str]) -> Plot:
     columns = (links.source, links.destination, links.sent, links.delivered, links.lost, links.late)
     texts = [
         f"{html.escape(names[source])} → {html.escape(names[destination])}<br>{sent} sent, {came} delivered"
-        f"<br>{lost} lost, {late} late"
-        + (f"<br>{1e3 * wait:.3g} ms from sending to use" if wait > 0.0 else "")
+        f"<br>{lost} lost, {late} late" + (f"<br>{1e3 * wait:.3g} ms from sending to use" if wait > 0.0 else "")
         for (source, destination, sent, came, lost, late), wait in zip(
             np.stack(columns, axis=1).tolist(), links.latency.tolist(), strict=True
         )

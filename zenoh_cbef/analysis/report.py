@@ -202,10 +202,7 @@ def _facts(analysis: Analysis) -> str:
     consensus, network = scenario.consensus, scenario.network
     graph = "given edges" if network.edges is not None else network.graph
     chebyshev = ", Chebyshev" if consensus.acceleration == "chebyshev" else ""
-    faults = [
-        _fault(fault.model_dump(mode="json", by_alias=True, exclude_defaults=True))
-        for fault in scenario.fault
-    ]
+    faults = [_fault(fault.model_dump(mode="json", by_alias=True, exclude_defaults=True)) for fault in scenario.fault]
     left = {
         "Filter": f"{scenario.filter.kind}, ξ = {scenario.filter.xi:g}",
         "Consensus": f"{_counted(consensus.rounds, 'round')}, {consensus.weights} weights{chebyshev}",
@@ -250,9 +247,7 @@ def _summary(analysis: Analysis) -> str:
     else:
         low, high = nees["band"]
         rows.append(["NEES, average", f"{_number(nees['average'])}, expected {nees['dimension']}"])
-        rows.append(
-            [f"NEES inside {low:.3g} to {high:.3g}", f"{100.0 * nees['inside']:.1f} %, expected 95 %"]
-        )
+        rows.append([f"NEES inside {low:.3g} to {high:.3g}", f"{100.0 * nees['inside']:.1f} %, expected 95 %"])
     traffic = [[f"messages {key}", f"{count:,}".replace(",", "\u2009")] for key, count in messages.items()]
     if not any(messages.values()):
         traffic = [["messages", "none logged: a simulated run"]]

@@ -10,18 +10,7 @@ import typer
 from zenoh_cbef import __version__
 from zenoh_cbef.errors import UserError
 
-_VERBS = {
-    "run": "run",
-    "sim": "sim",
-    "agent": "processes",
-    "target": "processes",
-    "record": "processes",
-    "scenario": "scenario",
-    "analyze": "analyze",
-    "verify": "verify",
-    "info": "info",
-    "export": "export",
-}
+_VERBS = ("run", "sim", "agent", "target", "record", "scenario", "analyze", "verify", "info", "export")
 
 
 def _version(wanted: bool) -> None:
@@ -42,8 +31,7 @@ def build(verb: str | None) -> typer.Typer:
     """The application with one verb, or with all: start-up pays for the imports of what is used."""
     app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False)
     app.callback()(_root)
-    names = [_VERBS[verb]] if verb in _VERBS else dict.fromkeys(_VERBS.values())
-    for name in names:
+    for name in [verb] if verb in _VERBS else _VERBS:
         import_module(f"zenoh_cbef.cli.{name}").register(app)
     return app
 

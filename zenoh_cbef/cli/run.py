@@ -40,8 +40,7 @@ class _Display:
             TimeRemainingColumn(compact=True),
         )
         self._progress = Progress(*columns, console=errors)
-        empty = {"rate": "-", "error": "-", "messages": 0, "lost": 0, "late": 0}
-        self._task = self._progress.add_task("", total=steps, **empty)
+        self._task = self._progress.add_task("", total=steps, rate="-", error="-", messages=0, lost=0, late=0)
         self._began: tuple[float, int] | None = None
         self._told = time.monotonic()
         self.live = Live(self._progress, console=errors, refresh_per_second=5, transient=True)
@@ -76,7 +75,7 @@ class _StopRequests:
         for number_ in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             signal.signal(number_, self._note)
 
-    def _note(self, signum: int, frame: FrameType | None) -> None:
+    def _note(self, _signum: int, _frame: FrameType | None) -> None:
         self.count += 1
 
 
@@ -84,7 +83,9 @@ def _run(
     scenario: ScenarioName = "tracking",
     overrides: Overrides = None,
     log: Annotated[Path | None, typer.Option("--log", metavar="FILE", help="Where the log goes.")] = None,
-    name: Annotated[str | None, typer.Option("--run", help="The run's name; default: the scenario's and the time.")] = None,
+    name: Annotated[
+        str | None, typer.Option("--run", help="The run's name; default: the scenario's and the time.")
+    ] = None,
     report: Annotated[bool, typer.Option("--report/--no-report", help="Write report.html and figures.")] = True,
     sync: Annotated[bool, typer.Option("--sync", help="Flush the log to the disk, not only to the system.")] = False,
 ) -> None:
@@ -93,7 +94,7 @@ def _run(
     loaded = load(scenario, overrides or ())
     for warning in check(loaded.scenario):
         errors.print(f"warning: {warning}", highlight=False, soft_wrap=True)
-    run = name or f"{loaded.scenario.name}-{datetime.now():%Y%m%d-%H%M%S}"
+    run = name or f"{loaded.scenario.name}-{datetime.now().astimezone():%Y%m%d-%H%M%S}"
     path = log or _new_folder(run) / "run.mcap"
     if path.exists():
         raise UserError(f"{path} exists and logs are never overwritten; choose another --log, or move it away")
@@ -108,9 +109,7 @@ def _run(
         raise typer.Exit(1)
 
 
-def _execute(
-    arguments: list[str], loaded: Loaded, run: str, path: Path, sync: bool, stops: _StopRequests
-) -> list[str]:
+def _execute(arguments: list[str], loaded: Loaded, run: str, path: Path, sync: bool, stops: _StopRequests) -> list[str]:
     display = _Display(loaded.scenario.length)
     stops.listen()
     errors.print(f"run {run}: {loaded.scenario.count} agents, log {path}", highlight=False, soft_wrap=True)

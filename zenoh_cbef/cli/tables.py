@@ -27,18 +27,21 @@ def metrics_table(metrics: dict[str, Any]) -> Table:
         table.add_column(column, justify="left" if not column else "right")
     for name, key, unit in (("position RMSE", "position_rmse", "m"), ("velocity RMSE", "velocity_rmse", "m/s")):
         table.add_row(name, *(number(source[key], unit) for source in (metrics, central, bound)))
-    table.add_row(
-        "MSEE, average", number(metrics["msee"]["average"]), number(central["msee"]), number(bound["msee"])
-    )
+    table.add_row("MSEE, average", number(metrics["msee"]["average"]), number(central["msee"]), number(bound["msee"]))
     table.add_row("ratio to centralised", number(metrics["ratio_to_centralized"]), "1", "")
     if nees is not None:
         low, high = nees["band"]
         table.add_row(
-            "NEES", number(nees["average"]), f"ideal {nees['dimension']}", f"{nees['inside']:.0%} in [{low:.3g}, {high:.3g}]"
+            "NEES",
+            number(nees["average"]),
+            f"ideal {nees['dimension']}",
+            f"{nees['inside']:.0%} in [{low:.3g}, {high:.3g}]",
         )
     table.add_row("disagreement", number(metrics["disagreement"], "m"), "", "")
     lost, late = (sum(link[name] for link in metrics["links"]) for name in ("lost", "late"))
-    table.add_row("messages", f"{messages['sent']} sent", f"{messages['missing']} not logged", f"{messages['rejected']} rejected")
+    table.add_row(
+        "messages", f"{messages['sent']} sent", f"{messages['missing']} not logged", f"{messages['rejected']} rejected"
+    )
     table.add_row("on links", f"{sum(link['sent'] for link in metrics['links'])} sent", f"{lost} lost", f"{late} late")
     return table
 

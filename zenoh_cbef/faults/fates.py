@@ -41,9 +41,7 @@ class Fates:
         for index, fault, chosen in self._faults:
             if fault.active(step * self._dt):
                 effect = fault.fate(messages, index)
-                fate = Fate(
-                    fate.lost | (chosen & effect.lost), fate.delay + np.where(chosen, effect.delay, 0.0)
-                )
+                fate = Fate(fate.lost | (chosen & effect.lost), fate.delay + np.where(chosen, effect.delay, 0.0))
         return fate
 
     def due(self, step: int, round_: int) -> tuple[Bools, Bools]:

@@ -41,9 +41,7 @@ def open_log(path: Path) -> McapFile:
     try:
         return McapFile(found)
     except NotMcapError as error:
-        raise UserError(
-            f"{found} is no MCAP file ({error}); give a log that 'run' or 'record' wrote"
-        ) from None
+        raise UserError(f"{found} is no MCAP file ({error}); give a log that 'run' or 'record' wrote") from None
     except OSError as error:
         raise UserError(f"cannot read {found}: {error.strerror}") from None
 
@@ -61,9 +59,7 @@ def read_header(file: McapFile, path: Path) -> Header:
     """The run and its scenario. Raises UserError where the log lacks them."""
     attached, described = file.attachments.get(RESOLVED), file.metadata.get(RUN)
     if attached is None or described is None or "run" not in described:
-        raise UserError(
-            f"{path} holds no scenario, so it is no log of zenoh-cbef; 'info' tells what it holds"
-        )
+        raise UserError(f"{path} holds no scenario, so it is no log of zenoh-cbef; 'info' tells what it holds")
     try:
         data = tomllib.loads(attached.decode())
     except ValueError as error:

@@ -175,9 +175,7 @@ def decompress(data: bytes, chunk: Chunk) -> bytes:
 
 def _lz4_decompressor() -> Callable[..., bytes]:
     try:
-        decompress: Callable[..., bytes] = (
-            importlib.import_module("lz4.frame").LZ4FrameDecompressor().decompress
-        )
+        decompress: Callable[..., bytes] = importlib.import_module("lz4.frame").LZ4FrameDecompressor().decompress
     except ImportError:
         raise UserError("the log is compressed with lz4: install zenoh-cbef[lz4]") from None
     return decompress

@@ -271,9 +271,7 @@ class McapFile:
                 if opcode == _MESSAGE_OPCODE:
                     channel, sequence, log_time, publish_time = _MESSAGE.unpack_from(data, start)
                     content = data[start + _MESSAGE.size : position]
-                    found.append(
-                        RawMessage(declared.channels[channel], log_time, publish_time, sequence, content)
-                    )
+                    found.append(RawMessage(declared.channels[channel], log_time, publish_time, sequence, content))
                 else:
                     declared.add(opcode, data[start:position])
             except KeyError as error:

@@ -113,9 +113,7 @@ class McapWriter:
         self._summarise(Opcode.CHANNEL, record)
         return number
 
-    def add_message(
-        self, channel_id: int, log_time: int, publish_time: int, sequence: int, data: bytes
-    ) -> None:
+    def add_message(self, channel_id: int, log_time: int, publish_time: int, sequence: int, data: bytes) -> None:
         """Add a message to the open chunk, which is written out when it is full.
 
         Times are in ns since the epoch. sequence: its low 32 bits are kept. ValueError for a channel that is

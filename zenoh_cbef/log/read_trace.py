@@ -13,7 +13,7 @@ from zenoh_cbef.log.contents import Contents, Header, open_log, read_contents, r
 from zenoh_cbef.protocol.messages import BadMessage, nil_to_nan, unpack_floats
 from zenoh_cbef.scenario import Scenario, network
 from zenoh_cbef.scenario.build import initial_states
-from zenoh_cbef.scenario.world import agent_positions
+from zenoh_cbef.scenario.world import agent_positions, step_times
 from zenoh_cbef.simulator import measured
 from zenoh_cbef.trace import Links, Trace, Traffic
 
@@ -42,7 +42,7 @@ def trace_of(header: Header, contents: Contents, *, complete: bool) -> Trace:
     return Trace(
         name=header.run,
         scenario=scenario,
-        time=scenario.dt * np.arange(1, steps + 1),
+        time=step_times(scenario, steps),
         truth=_truth(contents, steps),
         positions=logged_positions(scenario, contents, steps),
         ranges=ranges,

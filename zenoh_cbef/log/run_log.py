@@ -28,9 +28,7 @@ class RunLog:
         self.path = path
         self.active = path.with_name(path.name + ACTIVE)
         if path.exists():
-            raise UserError(
-                f"{path} exists and logs are never overwritten; choose another name, or move it away"
-            )
+            raise UserError(f"{path} exists and logs are never overwritten; choose another name, or move it away")
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             self._writer = McapWriter(
@@ -40,9 +38,7 @@ class RunLog:
                 library=f"zenoh-cbef {__version__}",
             )
         except OSError as error:
-            raise UserError(
-                f"cannot write {path}: {error.strerror}; choose another place for the log"
-            ) from None
+            raise UserError(f"cannot write {path}: {error.strerror}; choose another place for the log") from None
         self._channels: dict[tuple[str, bool], tuple[str, int]] = {}
         self._schemas: dict[str, int] = {}
         self._next_seq: dict[tuple[str, str], int] = {}
@@ -104,9 +100,7 @@ class RunLog:
         schema = self._schemas.get(kind)
         if schema is None:
             text = json_schema(kind) if found else {}
-            schema = self._writer.register_schema(
-                f"cbef.{kind.capitalize()}", "jsonschema", json.dumps(text).encode()
-            )
+            schema = self._writer.register_schema(f"cbef.{kind.capitalize()}", "jsonschema", json.dumps(text).encode())
             self._schemas[kind] = schema
         channel = self._writer.register_channel(key, "msgpack" if found else "", schema)
         self._channels[key, known] = kind, channel

@@ -142,6 +142,4 @@ def _execute(header: Header, contents: Contents, steps: int, tolerance: float, c
     except _Different as difference:
         return Verdict("different", f"different: {difference}", comparison.compared)
     how = "bit for bit" if comparison.largest == 0.0 else f"within {comparison.largest:.1e}"
-    return Verdict(
-        "equal", f"equal {how}: {comparison.compared} messages of {steps} steps{cut}", comparison.compared
-    )
+    return Verdict("equal", f"equal {how}: {comparison.compared} messages of {steps} steps{cut}", comparison.compared)

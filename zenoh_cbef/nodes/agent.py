@@ -57,8 +57,7 @@ class Agent:
             alarm=alarm,
         )
         self._range_out, self._round_out, self._estimate_out = (
-            node.outbox(key)
-            for key in (node.keys.range(agent), node.keys.round(agent), node.keys.estimate(agent))
+            node.outbox(key) for key in (node.keys.range(agent), node.keys.round(agent), node.keys.estimate(agent))
         )
         self._codec = RoundCodec(node.identity.run, node.identity.sender, self.tracker.filter.payload_size)
         self._slot = scenario.dt / (self.rounds + 1)
@@ -110,7 +109,7 @@ class Agent:
         return self._epoch + step * self.scenario.dt + (round_ + 1) * self._slot
 
     def _listen(self, step: int) -> Beacon | None:
-        """This step's beacon; None where the run has ended."""
+        """The beacon of a step; None where the run has ended."""
         if self._realtime:
             time.sleep(max(0.0, self._epoch + step * self.scenario.dt - time.monotonic()))
         message = self.beacons.take(step, self._deadline(step, 0))
@@ -169,9 +168,7 @@ class Agent:
 def run_agent(identity: Identity) -> int:
     """Run one agent process to the end of its run; returns the last step."""
     with Node(identity) as node:
-        text = fetch_scenario(
-            node.session, identity.run, patience=identity.patience, stopped=lambda: node.stopping
-        )
+        text = fetch_scenario(node.session, identity.run, patience=identity.patience, stopped=lambda: node.stopping)
         if text.program != __version__:
             raise UserError(
                 f"run {identity.run!r} is of zenoh-cbef {text.program}, this is {__version__}; "
@@ -188,5 +185,3 @@ def run_agent(identity: Identity) -> int:
         process.finish(last)
         node.withdraw()
     return last
-
-

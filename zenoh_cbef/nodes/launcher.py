@@ -30,8 +30,10 @@ _TAIL = 4000
 
 @dataclass(frozen=True)
 class Death:
-    """A process that ended in any way but its own: its name, exit status (negative: signal;
-    0: it hung), last words."""
+    """A process that ended in any way but its own.
+
+    status: its exit status; negative for a signal, 0 for one that hung. words: the last it said.
+    """
 
     name: str
     status: int
@@ -145,7 +147,8 @@ class Launcher:
         """
         with selectors.DefaultSelector() as selector:
             output = self._processes["recorder"].stdout
-            assert output is not None
+            if output is None:
+                raise RuntimeError("the recorder was started without a pipe")
             os.set_blocking(output.fileno(), False)
             selector.register(output, selectors.EVENT_READ)
             while len(self._ended) < len(self._processes):

@@ -41,9 +41,7 @@ def beacon_inbox(node: Node, agent: int, rejections: Rejections, alarm: Alarm | 
         return message["k"], message["sent"], message
 
     mailbox = Mailbox(node.session, node.keys.beacon(agent))
-    return Inbox(
-        node, mailbox, read, owner="target/target", horizon=2 * WINDOW, rejections=rejections, alarm=alarm
-    )
+    return Inbox(node, mailbox, read, owner="target/target", horizon=2 * WINDOW, rejections=rejections, alarm=alarm)
 
 
 class Neighbourhood:
@@ -77,9 +75,7 @@ class Neighbourhood:
         def inbox(agent: int, key: str, read: Decoder, turns_per_step: int) -> Inbox:
             ahead = (WINDOW + 1) * turns_per_step
             mailbox = Mailbox(node.session, key)
-            return Inbox(
-                node, mailbox, read, owner=f"agent/{agent}", horizon=ahead, rejections=rejections, alarm=alarm
-            )
+            return Inbox(node, mailbox, read, owner=f"agent/{agent}", horizon=ahead, rejections=rejections, alarm=alarm)
 
         run, keys = node.identity.run, node.keys
         self._round_boxes = [
@@ -143,8 +139,10 @@ class Neighbourhood:
         return self._received, None if all(delivered) else np.array([delivered])
 
     def _refuse_infinite(self, turn: int, delivered: list[bool], deadline: float | None) -> None:
-        """Drop payloads that are not finite; their senders are waited for again, as a forged message must not
-        take the place of a true one."""
+        """Drop payloads that are not finite, and wait for their senders again.
+
+        A forged message must not take the place of a true one.
+        """
         values = self._received[0]
         for place, box in enumerate(self._round_boxes):
             while not np.isfinite(values[place]).all():
@@ -166,7 +164,7 @@ class Neighbourhood:
         due, late = self._fates.due(step, round_)
         for place in np.flatnonzero(~due):
             self._counts["late" if late[place] else "lost"][place] += 1
-        return due.tolist()
+        return [bool(one) for one in due]
 
     def take_counts(self) -> dict[str, list[Any]]:
         """What became of the neighbours' messages: counts since the start, and mean latency since the last call.

@@ -129,7 +129,7 @@ class Node:
         # the wake-ups that end it.
         asked = threading.Event()
 
-        def ask(signum: int, frame: FrameType | None) -> None:
+        def ask(_signum: int, _frame: FrameType | None) -> None:
             asked.set()
 
         def obey() -> None:

@@ -31,8 +31,11 @@ _GATHER_SECONDS = 0.002
 
 @dataclass
 class Status:
-    """What the recorder sees of a run: the step all estimates have reached, the network's position error (m)
-    there, messages recorded, lost or late on links, missing from the log, and the log's path."""
+    """What the recorder sees of a run.
+
+    step: what all estimates have reached; error: the network's position error (m) there. messages: recorded.
+    lost, late: on links, as their receivers counted. missing: gaps in the sequence numbers of what was recorded.
+    """
 
     run: str
     log: str
@@ -173,9 +176,7 @@ def run_recorder(
     with Node(identity) as node:
         # Subscribed before anybody can see us: nothing is sent before we listen.
         mailbox = Mailbox(node.session, node.keys.everything, _CAPACITY)
-        text = fetch_scenario(
-            node.session, identity.run, patience=identity.patience, stopped=lambda: node.stopping
-        )
+        text = fetch_scenario(node.session, identity.run, patience=identity.patience, stopped=lambda: node.stopping)
         scenario = parse(tomllib.loads(text.resolved), f"the scenario of run {identity.run!r}")
         settings: Record = scenario.record
         log = RunLog(path, settings)

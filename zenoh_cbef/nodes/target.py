@@ -29,7 +29,7 @@ class _Progress:
         self.rejections = Rejections(node)
         self._reached = [0] * count
         self._mailbox = Mailbox(node.session, node.keys.all_estimates)
-        node.presence.on_change(lambda name, joined: self._mailbox.wake())
+        node.presence.on_change(lambda _name, _joined: self._mailbox.wake())
         node.on_stop(self._mailbox.wake)
 
     def slowest(self) -> int | None:
@@ -149,9 +149,7 @@ class Target:
             rejected=self._progress.rejections.total,
         )
         # Agents wait for the end signal only while the target is there.
-        self.node.presence.wait(
-            lambda live: not any(name.startswith("agent/") for name in live), _LAST_WORD_SECONDS
-        )
+        self.node.presence.wait(lambda live: not any(name.startswith("agent/") for name in live), _LAST_WORD_SECONDS)
 
 
 def run_target(identity: Identity, loaded: Loaded) -> int:

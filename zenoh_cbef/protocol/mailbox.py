@@ -7,7 +7,6 @@ from contextlib import suppress
 
 import zenoh
 
-
 _CAPACITY = 1 << 16
 
 

@@ -76,9 +76,7 @@ NUMBER_OR_NIL = Field(_number_or_nil, {"type": ["number", "null"]})
 NUMBERS_OR_NIL = Field(_list_of(_number_or_nil), {"type": "array", "items": {"type": ["number", "null"]}})
 TEXT = Field(_text, {"type": "string"})
 DOUBLES = Field(_doubles, _DOUBLES)
-DOUBLES_OR_NIL = Field(
-    lambda value: value is None or _doubles(value), {**_DOUBLES, "type": ["string", "null"]}
-)
+DOUBLES_OR_NIL = Field(lambda value: value is None or _doubles(value), {**_DOUBLES, "type": ["string", "null"]})
 
 ENVELOPE = {"v": COUNT, "run": TEXT, "from": TEXT, "seq": COUNT, "sent": COUNT}
 
@@ -114,8 +112,7 @@ BODIES: dict[str, dict[str, Field]] = {
 
 _FIELDS = {kind: {**ENVELOPE, **body} for kind, body in BODIES.items()}
 _REQUIRED = {
-    kind: frozenset(name for name, field in fields.items() if not field.optional)
-    for kind, fields in _FIELDS.items()
+    kind: frozenset(name for name, field in fields.items() if not field.optional) for kind, fields in _FIELDS.items()
 }
 
 

@@ -15,9 +15,7 @@ import zenoh
 from zenoh_cbef.errors import UserError
 
 _ENDPOINT = re.compile(r"^(tcp|udp|tls|quic|ws|unixsock-stream)/[^\s]+$")
-ONE_RUNTIME = (
-    "(rx:(handover:app),acc:(handover:app),tx:(handover:app),net:(handover:app),app:(worker_threads:1))"
-)
+ONE_RUNTIME = "(rx:(handover:app),acc:(handover:app),tx:(handover:app),net:(handover:app),app:(worker_threads:1))"
 """Value of ZENOH_RUNTIME that merges Zenoh's runtimes into one worker thread: faster where cores are few.
 
 Not for sessions with gossip, whose churn can stall a single worker.

@@ -92,9 +92,7 @@ def initial_belief(scenario: Scenario) -> Belief:
     """The agents' initial estimates along the estimated axes: states (n, s), covariances (n, s, s)."""
     kept = space_of(scenario).kept
     covariance = np.diag(initial_std(scenario)[kept] ** 2)
-    return Belief(
-        initial_states(scenario)[:, kept], np.broadcast_to(covariance, (scenario.count, *covariance.shape))
-    )
+    return Belief(initial_states(scenario)[:, kept], np.broadcast_to(covariance, (scenario.count, *covariance.shape)))
 
 
 def consensus_of(scenario: Scenario, neighbours: graph.Neighbours) -> tuple[Floats, Floats]:
@@ -118,12 +116,11 @@ def agent_tracker(scenario: Scenario, agent: int) -> tuple[Tracker, list[int]]:
     chosen, bounds = consensus_of(scenario, neighbours)
     row = neighbours.row(agent)
     belief = initial_belief(scenario)
-    assert belief.covariance is not None
     tracker = Tracker(
         filter_of(scenario),
         _stage(scenario, chosen[[agent]][:, neighbours.present[agent]], bounds[[agent]]),
         space_of(scenario),
-        Belief(belief.state[[agent]], belief.covariance[[agent]]),
+        Belief(belief.state[[agent]], belief.known_covariance[[agent]]),
     )
     return tracker, row.index[0].tolist()
 
@@ -143,7 +140,7 @@ def batch_tracker(scenarios: Sequence[Scenario]) -> tuple[Tracker, graph.Neighbo
         space_of(first),
         Belief(
             np.concatenate([one.state for one in beliefs]),
-            np.concatenate([one.covariance for one in beliefs if one.covariance is not None]),
+            np.concatenate([one.known_covariance for one in beliefs]),
         ),
     )
     return tracker, neighbours

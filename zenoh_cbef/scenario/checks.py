@@ -82,8 +82,9 @@ def _literal_gain(scenario: Scenario, neighbours: graph.Neighbours) -> list[str]
     worst = int(np.argmax(largest))
     if largest[worst] < 2.0:
         return []
-    return [
+    warning = (
         f"cbef will not converge: the largest eigenvalue of H^T H is {largest[worst]:.3g} at agent {worst} "
         f"({int((largest >= 2.0).sum())} of {scenario.count} agents are at 2 or more); its gain is H^T itself, so "
         "place agents about one unit apart, or use filter.kind = 'sicf'"
-    ]
+    )
+    return [warning]

@@ -32,9 +32,7 @@ class Loaded:
 
 def builtin_names() -> list[str]:
     """The built-in scenarios."""
-    return sorted(
-        entry.name.removesuffix(".toml") for entry in _BUILTIN.iterdir() if entry.name.endswith(".toml")
-    )
+    return sorted(entry.name.removesuffix(".toml") for entry in _BUILTIN.iterdir() if entry.name.endswith(".toml"))
 
 
 def read_source(name: str) -> tuple[str, Path]:
@@ -100,9 +98,7 @@ def _override(data: dict[str, Any], override: str) -> None:
     for part in keys[:-1]:
         table = table.setdefault(part, {})
         if not isinstance(table, dict):
-            raise UserError(
-                f"--set {override!r}: {part} is not a table of the scenario; see docs/scenario.md"
-            )
+            raise UserError(f"--set {override!r}: {part} is not a table of the scenario; see docs/scenario.md")
     table[keys[-1]] = value
 
 
@@ -118,8 +114,6 @@ def _lay_out(scenario: Scenario, folder: Path) -> Scenario:
     data["agents"].update(count=len(positions), positions=positions, labels=dataset.labels)
     most = dataset.steps(scenario.dt)
     if scenario.steps is not None and scenario.steps > most:
-        raise UserError(
-            f"steps = {scenario.steps}, but {path} fills only {most} steps of {scenario.dt} s; lower it"
-        )
+        raise UserError(f"steps = {scenario.steps}, but {path} fills only {most} steps of {scenario.dt} s; lower it")
     data["steps"] = scenario.steps or most
     return parse(data, str(path))

@@ -133,9 +133,7 @@ def _field(place: Place) -> FieldInfo | None:
 
 
 def _named(models: Sequence[type[BaseModel]], name: str) -> FieldInfo | None:
-    fields = (
-        field for model in models for key, field in model.model_fields.items() if name == (field.alias or key)
-    )
+    fields = (field for model in models for key, field in model.model_fields.items() if name == (field.alias or key))
     return next(fields, None)
 
 

@@ -83,14 +83,10 @@ class Agents(Table):
         if self.positions is not None and not self.positions:
             raise ValueError("agents.positions is empty; list a position for each agent, or leave it out")
         if self.labels is not None and len(self.labels) != self.number:
-            raise ValueError(
-                f"agents.labels lists {len(self.labels)} for {self.number} agents; give one each"
-            )
+            raise ValueError(f"agents.labels lists {len(self.labels)} for {self.number} agents; give one each")
         given = len(self.waypoints)
         if self.motion == "waypoints" and (given != self.number or not all(self.waypoints)):
-            raise ValueError(
-                f"agents.waypoints needs one list of points for each of the {self.number} agents; add it"
-            )
+            raise ValueError(f"agents.waypoints needs one list of points for each of the {self.number} agents; add it")
         return self
 
     @property
@@ -223,9 +219,7 @@ class Scenario(Table):
     def _consistent(self) -> Scenario:
         if self.target.motion == "dataset":
             if self.agents.motion != "static":
-                raise ValueError(
-                    "agents.motion must be 'static' for target.motion = 'dataset': its anchors rest"
-                )
+                raise ValueError("agents.motion must be 'static' for target.motion = 'dataset': its anchors rest")
             if self.agents.positions is None:
                 return self  # The dataset, which is not read yet, says how many agents there are.
         count = self.count
@@ -234,13 +228,9 @@ class Scenario(Table):
             "filter.initial_velocity": self.filter.initial_velocity,
             "sensor.bias": self.sensor.bias,
         }.items():
-            one_each = isinstance(value, tuple) and (
-                key == "sensor.bias" or isinstance((*value, ())[0], tuple)
-            )
+            one_each = isinstance(value, tuple) and (key == "sensor.bias" or isinstance((*value, ())[0], tuple))
             if isinstance(value, tuple) and one_each and len(value) != count:
-                raise ValueError(
-                    f"{key} lists {len(value)} values for {count} agents; give one, or one per agent"
-                )
+                raise ValueError(f"{key} lists {len(value)} values for {count} agents; give one, or one per agent")
         return self
 
 

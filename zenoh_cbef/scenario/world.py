@@ -36,7 +36,7 @@ class World:
 
 def make_world(scenario: Scenario) -> World:
     """The world of one scenario."""
-    time = scenario.dt * np.arange(1, scenario.length + 1)
+    time = step_times(scenario, scenario.length)
     positions = agent_positions(scenario)
     if scenario.target.motion == "dataset":
         dataset = read_dataset(Path(scenario.target.path or ""))
@@ -56,19 +56,24 @@ def make_world(scenario: Scenario) -> World:
     return World(time, truth, positions, emitted, emitted + ranges / scenario.sensor.signal_speed)
 
 
+def step_times(scenario: Scenario, steps: int) -> Floats:
+    """Run times of steps 1 to K, (K,), s."""
+    return scenario.dt * np.arange(1, steps + 1, dtype=np.float64)
+
+
 def target_start(scenario: Scenario) -> Floats:
     """The target's true state at step 0, (6,). Not for recorded data."""
     target = scenario.target
     if target.motion == "ncv":
         return np.array([*target.position, *target.velocity])
-    return _prescribed(target, np.zeros(1))[0]
+    return np.asarray(_prescribed(target, np.zeros(1))[0], dtype=np.float64)
 
 
 def target_path(scenario: Scenario) -> Floats:
     """The target's true states at steps 0 to K, (K + 1, 6). Not for recorded data."""
     target, steps, dt = scenario.target, scenario.length, scenario.dt
     if target.motion != "ncv":
-        return _prescribed(target, dt * np.arange(steps + 1))
+        return _prescribed(target, np.concatenate([np.zeros(1), step_times(scenario, steps)]))
     key = streams.stream(scenario.seed, "acceleration", np.arange(3))
     acceleration = target.acceleration_std * streams.normal(key, np.arange(steps)[:, None])
     state = np.empty((steps + 1, 6))
@@ -113,7 +118,7 @@ def along(points: Floats, speed: float, time: Floats) -> Floats:
 def agent_positions(scenario: Scenario) -> Floats:
     """The agents' positions in steps 1 to K, (n, K, 3)."""
     agents, steps = scenario.agents, scenario.length
-    time = scenario.dt * np.arange(1, steps + 1)
+    time = step_times(scenario, steps)
     if agents.motion == "waypoints":
         return np.stack([along(np.array(points), agents.speed, time)[:, :3] for points in agents.waypoints])
     drift = np.array(agents.velocity) if agents.motion == "formation" else np.zeros(3)

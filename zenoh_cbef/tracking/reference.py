@@ -30,10 +30,9 @@ def centralized_step(
     belief: (r, s), (r, s, s). positions: (r, n, 3), m. ranges, age: (r, n), m and s; NaN ranges are left out.
     Each range is saturated at xi of its own standard deviations, as in sicf; infinite xi turns that off.
     """
-    assert belief.covariance is not None
     runs, agents = ranges.shape
     state = motion.predict_state(belief.state)
-    covariance = motion.predict_covariance(belief.covariance)
+    covariance = motion.predict_covariance(belief.known_covariance)
     predicted, rows = own_range(
         space, np.repeat(state, agents, axis=0), positions.reshape(-1, 3), np.nan_to_num(age).ravel()
     )
@@ -77,9 +76,8 @@ def centralized(
             range_std=range_std,
             xi=xi,
         )
-        assert belief.covariance is not None
         states[:, k] = space.embed_state(belief.state)
-        covariances[:, k] = space.embed_covariance(belief.covariance)
+        covariances[:, k] = space.embed_covariance(belief.known_covariance)
     return states, covariances
 
 

@@ -20,6 +20,13 @@ class Belief:
     state: Floats
     covariance: Floats | None
 
+    @property
+    def known_covariance(self) -> Floats:
+        """The covariance, for those who cannot do without."""
+        if self.covariance is None:
+            raise ValueError("a belief without a covariance")
+        return self.covariance
+
 
 @dataclass(frozen=True)
 class Update:

@@ -52,10 +52,8 @@ class SaturatedInformation:
 
     def update(self, belief: Belief, measurement: Measurement) -> Update:
         """The agent's share of the network's information; payload rows are [V, upper triangle of O]."""
-        if belief.covariance is None:
-            raise ValueError("an information filter starts from a covariance")
         state = self.motion.predict_state(belief.state)
-        covariance = self.motion.predict_covariance(belief.covariance)
+        covariance = self.motion.predict_covariance(belief.known_covariance)
         prior = inverse(covariance) / self.network_size
         predicted, row = own_range(self.space, state, measurement.position, measurement.age)
         measured = np.isfinite(measurement.range)
@@ -68,9 +66,7 @@ class SaturatedInformation:
         vector += (precision * (innovation + np.sum(row * state, axis=1)))[:, None] * row
         matrix = prior + precision[:, None, None] * outer(row, row)
         payload = np.concatenate([vector, pack_upper(matrix)], axis=1)
-        return Update(
-            payload, np.where(measured, np.abs(innovation), np.nan), np.where(measured, weight, np.nan)
-        )
+        return Update(payload, np.where(measured, np.abs(innovation), np.nan), np.where(measured, weight, np.nan))
 
     def conclude(self, payload: Floats) -> Belief:
         """State and covariance from the averaged information."""

@@ -1,0 +1,171 @@
+"""The experiments behind docs/method.md: where the literal filter works, where it fails, and what sicf does."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.accuracy import consistency, position_mse, ratios
+from benchmarks.common import SEEDS, analyses
+from zenoh_cbef.analysis.metrics import Analysis
+from zenoh_cbef.scenario import network
+from zenoh_cbef.scenario.model import Scenario
+from zenoh_cbef.tracking import graph
+from zenoh_cbef.tracking.weights import weight_matrix
+
+Floats = NDArray[np.float64]
+
+SIDES = (0.4, 0.6, 0.8, 1.0, 1.25, 1.6, 2.0, 3.0, 5.0, 10.0, 30.0, 100.0)
+ROUNDS = (1, 2, 3, 5, 10)
+LOSSES = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8)
+# The paper's scenario with the recommended filter in place of the literal one, all else equal.
+SICF = ("filter.kind=sicf", "filter.xi=1.5", "consensus.weights=metropolis")
+NO_SATURATION = "filter.xi=1e12"
+# Long enough for a wrong velocity to show: 20 s.
+LONG = ("steps=2000", "filter.initial_velocity_std=0.5")
+
+
+@dataclass(frozen=True)
+class Scale:
+    """What one size of cube does, per seed: position MSE (m^2) of cbef and sicf; the largest eigenvalue of any
+    agent's H^T H; the spectral radius of the unsaturated error map of one step."""
+
+    side: float
+    cbef: Floats
+    sicf: Floats
+    eigenvalue: Floats
+    radius: Floats
+
+
+@dataclass(frozen=True)
+class Spread:
+    """A quantity per seed at one setting."""
+
+    setting: float
+    values: Floats
+    nees: float
+
+
+def paper() -> list[Analysis]:
+    return analyses("paper")
+
+
+def scale(side: float) -> Scale:
+    """Put the paper's scenario into a cube of another size, the target in its middle."""
+    middle = side / 2.0
+    placed = (f"agents.high={side}", f"target.position=[{middle}, {middle}, {middle}]")
+    literal = analyses("paper", placed)
+    scenarios = [run.trace.scenario for run in literal]
+    return Scale(
+        side,
+        position_mse(literal),
+        position_mse(analyses("paper", [*placed, *SICF])),
+        np.array([largest_eigenvalue(one) for one in scenarios]),
+        np.array([error_radius(one) for one in scenarios]),
+    )
+
+
+def _grams(scenario: Scenario) -> tuple[graph.Neighbours, Floats]:
+    """Each agent's H^T H over the position, (n, 3, 3)."""
+    neighbours = graph.neighbours(scenario.count, network.edges(scenario))
+    positions = network.placement(scenario)
+    rows = np.where(
+        neighbours.present[:, :, None], positions[neighbours.index] - positions[:, None, :], 0.0
+    )
+    return neighbours, np.asarray(np.swapaxes(rows, 1, 2) @ rows)
+
+
+def largest_eigenvalue(scenario: Scenario) -> float:
+    """Find the largest eigenvalue of H_i^T H_i of any agent, m^2."""
+    return float(np.linalg.eigvalsh(_grams(scenario)[1]).max())
+
+
+def error_radius(scenario: Scenario) -> float:
+    """Find the spectral radius of (W^L x I) blockdiag(I - H_i^T H_i), which carries the position errors of one
+    step into the next as long as nothing saturates."""
+    neighbours, grams = _grams(scenario)
+    count = scenario.count
+    update = np.zeros((3 * count, 3 * count))
+    for agent, gram in enumerate(grams):
+        block = slice(3 * agent, 3 * agent + 3)
+        update[block, block] = np.eye(3) - gram
+    weights = weight_matrix(neighbours, network.consensus_weights(scenario, neighbours))
+    mixing = np.kron(np.linalg.matrix_power(weights, scenario.consensus.rounds), np.eye(3))
+    return float(np.abs(np.linalg.eigvals(mixing @ update)).max())
+
+
+def network_rmse(runs: Sequence[Analysis], part: str) -> Floats:
+    """Root mean square over the agents of position_error or velocity_error, (seeds, K)."""
+    return np.stack([np.sqrt((getattr(run, part) ** 2).mean(axis=0)) for run in runs])
+
+
+def velocity() -> dict[str, list[Analysis]]:
+    """Run the paper's scenario for longer, from a poor velocity guess."""
+    return {"cbef": analyses("paper", LONG), "sicf": analyses("paper", [*LONG, *SICF])}
+
+
+def carried_velocity(run: Analysis) -> Floats:
+    """Predict cbef's velocity error without running it: the mean initial guess against the truth, (K,)."""
+    guess = run.trace.initial[:, 3:].mean(axis=0)
+    return np.asarray(np.linalg.norm(guess - run.trace.truth[:, 3:], axis=1))
+
+
+def saturation() -> dict[str, tuple[list[Analysis], list[Analysis]]]:
+    """Run the paper's scenario with and without saturation: clean, and with outliers."""
+    dirty = ("sensor.outlier_probability=0.1", "sensor.outlier_scale=5.0")
+    return {
+        "xi = 1": (analyses("paper"), analyses("paper", dirty)),
+        "no saturation": (analyses("paper", [NO_SATURATION]), analyses("paper", [NO_SATURATION, *dirty])),
+    }
+
+
+def innovations(runs: Sequence[Analysis]) -> Floats:
+    """Mean over the agents of the innovation's norm, (seeds, K), m^2."""
+    return np.stack([run.trace.innovation.mean(axis=0) for run in runs])
+
+
+def rounds(acceleration: str) -> list[Spread]:
+    """Compare tracking with the centralised filter for every number of consensus rounds."""
+    return [
+        _spread(count, [f"consensus.rounds={count}", f"consensus.acceleration={acceleration}"])
+        for count in ROUNDS
+    ]
+
+
+def losses(acceleration: str) -> list[Spread]:
+    """Compare tracking at L = 10 with the centralised filter for every loss probability."""
+    return [
+        _spread(
+            probability,
+            [
+                f'fault=[{{kind="loss", probability={probability}}}]',
+                f"consensus.acceleration={acceleration}",
+            ],
+        )
+        for probability in LOSSES
+    ]
+
+
+def _spread(setting: float, overrides: Sequence[str]) -> Spread:
+    runs = analyses("tracking", overrides)
+    return Spread(setting, ratios(runs), consistency(runs).mean)
+
+
+FILTERS = {
+    "sicf": (),
+    "icf": ("filter.kind=icf",),
+    "local": ("filter.kind=local",),
+    "cbef": ("filter.kind=cbef", "filter.xi=1.0", "consensus.weights=uniform"),
+}
+
+
+def filters(name: str) -> dict[str, list[Analysis]]:
+    """Run every filter on one scenario."""
+    return {kind: analyses(name, overrides) for kind, overrides in FILTERS.items()}
+
+
+def seeds_text() -> str:
+    return f"{SEEDS} seeds"
