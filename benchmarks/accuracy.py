@@ -35,13 +35,13 @@ class Consistency:
 
 
 def ratios(runs: Sequence[Analysis]) -> Floats:
-    """Position RMSE over that of the centralised filter, per seed."""
-    return np.array([run.metrics["ratio_to_centralized"] for run in runs])
+    """Position RMSE over that of the centralised filter, per seed; NaN where no estimate was finite."""
+    return np.array([run.metrics["ratio_to_centralized"] or np.nan for run in runs])
 
 
 def position_mse(runs: Sequence[Analysis]) -> Floats:
     """Mean square position error over agents and the scored window, per seed, m^2."""
-    return np.array([run.metrics["position_rmse"] ** 2 for run in runs])
+    return np.array([(run.metrics["position_rmse"] or np.nan) ** 2 for run in runs])
 
 
 def consistency(runs: Sequence[Analysis]) -> Consistency:

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.accuracy import consistency, position_mse, ratios
-from benchmarks.common import SEEDS, analyses
+from benchmarks.accuracy import consistency, position_mse
+from benchmarks.common import analyses
 from zenoh_cbef.analysis.metrics import Analysis
 from zenoh_cbef.scenario import network
 from zenoh_cbef.scenario.model import Scenario
@@ -30,23 +30,33 @@ LONG = ("steps=2000", "filter.initial_velocity_std=0.5")
 
 @dataclass(frozen=True)
 class Scale:
-    """What one size of cube does, per seed: position MSE (m^2) of cbef and sicf; the largest eigenvalue of any
-    agent's H^T H; the spectral radius of the unsaturated error map of one step."""
+    """What one size of cube does, per seed.
+
+    side: m. cbef, sicf, icf, sicf_near: position MSE (m^2) of the three filters from the same start, and of sicf
+    from a start known to 0.3 m. eigenvalue: the largest of any agent's H^T H. radius: see error_radius.
+    """
 
     side: float
     cbef: Floats
     sicf: Floats
+    icf: Floats
+    sicf_near: Floats
     eigenvalue: Floats
     radius: Floats
 
 
 @dataclass(frozen=True)
 class Spread:
-    """A quantity per seed at one setting."""
+    """Ratio to the centralised filter per seed at one setting, infinite for a seed that broke, and mean NEES."""
 
     setting: float
-    values: Floats
+    ratios: Floats
     nees: float
+
+    @property
+    def broken(self) -> int:
+        """Number of seeds in which some agent's estimate or covariance became meaningless."""
+        return int(np.isinf(self.ratios).sum())
 
 
 def paper() -> list[Analysis]:
@@ -63,6 +73,8 @@ def scale(side: float) -> Scale:
         side,
         position_mse(literal),
         position_mse(analyses("paper", [*placed, *SICF])),
+        position_mse(analyses("paper", [*placed, *SICF, "filter.kind=icf"])),
+        position_mse(analyses("paper", [*placed, *SICF, "filter.initial_position_std=0.3"])),
         np.array([largest_eigenvalue(one) for one in scenarios]),
         np.array([error_radius(one) for one in scenarios]),
     )
@@ -72,9 +84,7 @@ def _grams(scenario: Scenario) -> tuple[graph.Neighbours, Floats]:
     """Each agent's H^T H over the position, (n, 3, 3)."""
     neighbours = graph.neighbours(scenario.count, network.edges(scenario))
     positions = network.placement(scenario)
-    rows = np.where(
-        neighbours.present[:, :, None], positions[neighbours.index] - positions[:, None, :], 0.0
-    )
+    rows = np.where(neighbours.present[:, :, None], positions[neighbours.index] - positions[:, None, :], 0.0)
     return neighbours, np.asarray(np.swapaxes(rows, 1, 2) @ rows)
 
 
@@ -84,8 +94,10 @@ def largest_eigenvalue(scenario: Scenario) -> float:
 
 
 def error_radius(scenario: Scenario) -> float:
-    """Find the spectral radius of (W^L x I) blockdiag(I - H_i^T H_i), which carries the position errors of one
-    step into the next as long as nothing saturates."""
+    """Find the spectral radius of (W^L x I) blockdiag(I - H_i^T H_i).
+
+    The matrix carries the position errors of one step into the next as long as nothing saturates.
+    """
     neighbours, grams = _grams(scenario)
     count = scenario.count
     update = np.zeros((3 * count, 3 * count))
@@ -129,10 +141,7 @@ def innovations(runs: Sequence[Analysis]) -> Floats:
 
 def rounds(acceleration: str) -> list[Spread]:
     """Compare tracking with the centralised filter for every number of consensus rounds."""
-    return [
-        _spread(count, [f"consensus.rounds={count}", f"consensus.acceleration={acceleration}"])
-        for count in ROUNDS
-    ]
+    return [_spread(count, [f"consensus.rounds={count}", f"consensus.acceleration={acceleration}"]) for count in ROUNDS]
 
 
 def losses(acceleration: str) -> list[Spread]:
@@ -150,8 +159,19 @@ def losses(acceleration: str) -> list[Spread]:
 
 
 def _spread(setting: float, overrides: Sequence[str]) -> Spread:
-    runs = analyses("tracking", overrides)
-    return Spread(setting, ratios(runs), consistency(runs).mean)
+    with np.errstate(all="ignore"):  # What breaks is counted.
+        runs = analyses("tracking", overrides)
+        kept = [run for run in runs if not broken(run)]
+        found = np.array([np.inf if broken(run) else run.metrics["ratio_to_centralized"] for run in runs])
+    return Spread(setting, found, consistency(kept).mean if kept else np.nan)
+
+
+def broken(run: Analysis) -> bool:
+    """Tell whether some estimate is not finite, or some covariance not positive definite."""
+    states, covariances = run.trace.estimates, run.trace.covariances
+    if not (np.isfinite(states).all() and np.isfinite(covariances).all()):
+        return True
+    return bool((np.linalg.eigvalsh(covariances) <= 0.0).any())
 
 
 FILTERS = {
@@ -165,7 +185,3 @@ FILTERS = {
 def filters(name: str) -> dict[str, list[Analysis]]:
     """Run every filter on one scenario."""
     return {kind: analyses(name, overrides) for kind, overrides in FILTERS.items()}
-
-
-def seeds_text() -> str:
-    return f"{SEEDS} seeds"

@@ -91,18 +91,7 @@ def test_within_a_part_imports_make_no_circle():
     assert [names[path] for path in edges] == []
 
 
-LIBRARIES = [
-    pytest.param(
-        library,
-        marks=[pytest.mark.xfail(strict=True, reason="nodes/node.py imports zenoh for the type of a session")]
-        if library == "zenoh"
-        else [],
-    )
-    for library in OWNERS
-]
-
-
-@pytest.mark.parametrize("library", LIBRARIES)
+@pytest.mark.parametrize("library", OWNERS)
 def test_a_library_stays_in_its_room(library):
     astray = [
         f"{place(path, line)} imports {name}"
@@ -130,16 +119,7 @@ def test_files_stay_below_300_lines():
     assert long == {}
 
 
-PARTS = [
-    pytest.param(
-        part,
-        marks=[pytest.mark.xfail(strict=True, reason="simulator.simulate has 54 lines")] if part == "simulator" else [],
-    )
-    for part in LEVEL
-]
-
-
-@pytest.mark.parametrize("part", PARTS)
+@pytest.mark.parametrize("part", LEVEL)
 def test_functions_stay_below_50_lines(part):
     long = [
         f"{place(path, node.lineno)} {node.name}: {node.end_lineno - node.lineno + 1} lines"

@@ -171,6 +171,19 @@ def test_agents_that_hear_nobody_still_track():
     assert trace.links.delivered.sum() == 0
 
 
+@pytest.mark.parametrize("rounds", [1, 2, 3, 5])
+@pytest.mark.parametrize("probability", [0.0, 0.1, 0.6])
+def test_acceleration_keeps_estimates_finite_in_few_rounds_and_under_loss(rounds, probability):
+    overrides = [f"consensus.rounds={rounds}", "consensus.acceleration=chebyshev", "steps=100"]
+    overrides.append(f"fault=[{{kind='loss', probability={probability}}}]")
+    traces = simulate([load("tracking", [f"seed={seed}", *overrides]).scenario for seed in range(10)])
+    for trace in traces:
+        assert np.isfinite(trace.estimates).all()
+        assert (np.linalg.eigvalsh(trace.covariances) > 0.0).all()
+    errors = [np.sqrt(np.mean(np.sum((t.estimates - t.truth)[:, 25:, :3] ** 2, axis=2))) for t in traces]
+    assert np.median(errors) < 0.15
+
+
 def test_a_fault_that_has_not_begun_changes_nothing_until_it_does():
     [clean] = simulate([scenario(8, steps=10)])
     [faulty] = simulate([scenario(8, steps=10, fault=[{**LOSS, "probability": 1.0, "from": 0.55}])])

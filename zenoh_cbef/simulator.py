@@ -147,51 +147,67 @@ def simulate(
 ) -> list[Trace]:
     """Simulate runs that differ only in their seed; bit for bit what processes compute in lockstep.
 
-    heard: measurements in place of the emulated ones, for replay. progress is called with each finished step.
+    heard: measurements in place of the emulated ones. progress is called with each finished step.
     """
     worlds = [make_world(one) for one in scenarios]
     heard = heard or [heard_in(one, world) for one, world in zip(scenarios, worlds, strict=True)]
     simulation = Simulation(scenarios, heard)
-    rows, steps = len(simulation.neighbours.index), simulation.scenario.length
-    estimates = np.empty((rows, steps, 6))
-    covariances = np.full((rows, steps, 6, 6), np.nan)
-    innovation, weight = np.empty((rows, steps)), np.empty((rows, steps))
-    payloads = None
+    results = _Results(simulation)
     for k, step in enumerate(simulation):
-        estimates[:, k] = step.estimate.state
-        if step.estimate.covariance is not None:
-            covariances[:, k] = step.estimate.covariance
-        innovation[:, k], weight[:, k] = step.estimate.innovation, step.estimate.weight
-        if keep_payloads and step.sent:
-            if payloads is None:
-                payloads = np.empty((rows, steps, len(step.sent), step.sent[0].shape[1]))
-            payloads[:, k] = np.stack(step.sent, axis=1)
+        results.put(k, step, keep_payloads=keep_payloads)
         if progress is not None:
             progress(k + 1)
-    traces = []
-    for run, (one, world) in enumerate(zip(scenarios, worlds, strict=True)):
-        mine = slice(run * one.count, (run + 1) * one.count)
-        traces.append(
-            Trace(
-                name=one.name,
-                scenario=one,
-                time=world.time,
-                truth=world.truth,
-                positions=heard[run].positions,
-                ranges=heard[run].ranges,
-                age=heard[run].age,
-                initial=initial_states(one),
-                estimates=estimates[mine],
-                covariances=covariances[mine],
-                innovation=innovation[mine],
-                weight=weight[mine],
-                edges=network.edges(one),
-                links=_links(simulation, mine),
-                traffic=Traffic(0, 0, 0, 0),
-                payloads=None if payloads is None else payloads[mine],
-            )
+    count = simulation.scenario.count
+    return [
+        results.trace(one, worlds[run], heard[run], slice(run * count, (run + 1) * count))
+        for run, one in enumerate(scenarios)
+    ]
+
+
+class _Results:
+    """The estimates of all rows, as a trace holds them."""
+
+    def __init__(self, simulation: Simulation) -> None:
+        self._simulation = simulation
+        self._shape = rows, steps = len(simulation.neighbours.index), simulation.scenario.length
+        self.estimates = np.empty((rows, steps, 6))
+        self.covariances = np.full((rows, steps, 6, 6), np.nan)
+        self.innovation = np.empty((rows, steps))
+        self.weight = np.empty((rows, steps))
+        self.payloads: Floats | None = None
+
+    def put(self, k: int, step: Step, *, keep_payloads: bool) -> None:
+        """Take in step k + 1."""
+        estimate = step.estimate
+        self.estimates[:, k] = estimate.state
+        if estimate.covariance is not None:
+            self.covariances[:, k] = estimate.covariance
+        self.innovation[:, k], self.weight[:, k] = estimate.innovation, estimate.weight
+        if keep_payloads and step.sent:
+            if self.payloads is None:
+                self.payloads = np.empty((*self._shape, len(step.sent), step.sent[0].shape[1]))
+            self.payloads[:, k] = np.stack(step.sent, axis=1)
+
+    def trace(self, scenario: Scenario, world: World, heard: Heard, mine: slice) -> Trace:
+        """The rows of one run."""
+        return Trace(
+            name=scenario.name,
+            scenario=scenario,
+            time=world.time,
+            truth=world.truth,
+            positions=heard.positions,
+            ranges=heard.ranges,
+            age=heard.age,
+            initial=initial_states(scenario),
+            estimates=self.estimates[mine],
+            covariances=self.covariances[mine],
+            innovation=self.innovation[mine],
+            weight=self.weight[mine],
+            edges=network.edges(scenario),
+            links=_links(self._simulation, mine),
+            traffic=Traffic(0, 0, 0, 0),
+            payloads=None if self.payloads is None else self.payloads[mine],
         )
-    return traces
 
 
 def _links(simulation: Simulation, mine: slice) -> Links:

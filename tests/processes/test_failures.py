@@ -30,7 +30,7 @@ def test_ctrl_c_twice_stops_now_and_leaves_a_readable_log(world):
     time.sleep(0.5)
     assert run.poll() is None
     run.send_signal(signal.SIGINT)
-    out, err = run.communicate(timeout=60)
+    _, err = run.communicate(timeout=60)
     assert run.returncode == 130, err
     assert not world.wait_until_gone(5)
     assert world.call("info", str(world.log)).returncode == 0
@@ -76,7 +76,7 @@ def test_a_hung_agent_is_left_behind_and_ended(world):
     run = world.start_run("steps=150", "zenoh.lease_ms=1000")
     world.wait_for_messages()
     os.kill(world.pid_of("agent 1"), signal.SIGSTOP)
-    out, err = run.communicate(timeout=120)
+    _, err = run.communicate(timeout=120)
     assert run.returncode == 1
     assert "agent 1 had to be ended" in err
     assert not world.wait_until_gone(5)

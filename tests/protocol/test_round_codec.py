@@ -23,7 +23,7 @@ def messages(draw):
     """Numbers of a round message, in the ranges that a run can reach."""
     width = draw(WIDTHS)
     payload = np.array(draw(st.lists(FLOATS, min_size=width, max_size=width)))
-    numbers = [draw(st.integers(0, most)) for most in (2**32 - 1, 2**63 - 1, 2**32 - 1, 2**16 - 1)]
+    numbers = [draw(st.integers(0, most)) for most in (2**63 - 1, 2**63 - 1, 2**32 - 1, 2**16 - 1)]
     return width, numbers, payload
 
 
@@ -95,9 +95,7 @@ def test_it_accepts_exactly_what_the_general_decoder_accepts(message, data):
         mutated[data.draw(st.integers(0, len(mutated) - 1))] ^= 1 << data.draw(st.integers(0, 7))
     if data.draw(st.integers(0, 4)) == 0:
         mutated = mutated[: data.draw(st.integers(0, len(mutated)))]
-    read = fast(bytes(mutated), width)
-    if read is None or read[2] < 2**63:
-        assert read == general(bytes(mutated), width)
+    assert fast(bytes(mutated), width) == general(bytes(mutated), width)
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
@@ -117,7 +115,7 @@ def test_finiteness_is_left_to_the_caller_only_in_messages_of_the_fixed_layout(v
         RoundCodec(RUN, "agent/4", 3).encode(0, 1, 2, 3, np.ones(3)),
         RoundCodec(RUN, SENDER, 2).encode(0, 1, 2, 3, np.ones(2)),
         RoundCodec(RUN, SENDER, 3).encode(0, 1, 2, 3, np.ones(3)) + b"\0",
-        encode(RUN, SENDER, 0, 1, {"k": 2**32, "l": 1, "payload": bytes(24)}),
+        encode(RUN, SENDER, 0, 1, {"k": 2**63, "l": 1, "payload": bytes(24)}),
         b"",
     ],
 )

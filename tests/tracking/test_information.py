@@ -89,9 +89,8 @@ def test_concluding_inverts_the_averaged_information(seed, space):
     information = np.linalg.inv(belief.covariance) / 5
     information = 0.5 * (information + np.swapaxes(information, 1, 2))
     vector = (information @ belief.state[:, :, None])[:, :, 0]
-    concluded = make_filter("sicf", settings_for(space, 5)).conclude(
-        np.concatenate([vector, pack_upper(information)], axis=1)
-    )
+    payload = np.concatenate([vector, pack_upper(information)], axis=1)
+    concluded = make_filter("sicf", settings_for(space, 5)).conclude(payload, np.full_like(payload, np.nan))
     np.testing.assert_allclose(concluded.state, belief.state, rtol=1e-7, atol=1e-7)
     np.testing.assert_allclose(concluded.covariance, belief.covariance, rtol=1e-7, atol=1e-7)
 
@@ -196,7 +195,7 @@ def test_rows_come_out_the_same_bits_alone_and_in_a_batch():
             belief, measurement = scene(8, space, 9)
             made = make_filter(kind, settings_for(space, 9))
             batch = made.update(belief, measurement)
-            concluded = made.conclude(batch.payload)
+            concluded = made.conclude(batch.payload, batch.payload)
             for row in range(9):
                 one = [row]
                 own = Measurement(
@@ -208,7 +207,26 @@ def test_rows_come_out_the_same_bits_alone_and_in_a_batch():
                 )
                 alone = made.update(Belief(belief.state[one], belief.covariance[one]), own)
                 assert alone.payload.tobytes() == batch.payload[row].tobytes()
-                assert made.conclude(alone.payload).covariance.tobytes() == concluded.covariance[row].tobytes()
+                assert (
+                    made.conclude(alone.payload, alone.payload).covariance.tobytes()
+                    == concluded.covariance[row].tobytes()
+                )
+
+
+def test_what_is_no_information_matrix_is_replaced_by_the_agents_own():
+    belief, measurement = scene(9, Space())
+    made = make_filter("sicf", settings_for(Space(), 4))
+    own = made.update(belief, measurement).payload
+    mixed = np.tile(own.mean(axis=0), (4, 1))
+    indefinite = unpack_upper(mixed[[1], 6:], 6)
+    indefinite[0] -= 1.001 * np.linalg.eigvalsh(indefinite[0])[0] * np.eye(6)
+    mixed[1, 6:] = pack_upper(indefinite)
+    mixed[2, 6:] = 0.0
+    concluded = made.conclude(mixed, own)
+    alone, together = made.conclude(own, own), made.conclude(np.tile(own.mean(axis=0), (4, 1)), own)
+    for row, expected in enumerate([together, alone, alone, together]):
+        assert concluded.state[row].tobytes() == expected.state[row].tobytes()
+        assert concluded.covariance[row].tobytes() == expected.covariance[row].tobytes()
 
 
 def test_an_information_filter_refuses_a_belief_without_covariance():

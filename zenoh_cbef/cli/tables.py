@@ -38,11 +38,15 @@ def metrics_table(metrics: dict[str, Any]) -> Table:
             f"{nees['inside']:.0%} in [{low:.3g}, {high:.3g}]",
         )
     table.add_row("disagreement", number(metrics["disagreement"], "m"), "", "")
-    lost, late = (sum(link[name] for link in metrics["links"]) for name in ("lost", "late"))
-    table.add_row(
-        "messages", f"{messages['sent']} sent", f"{messages['missing']} not logged", f"{messages['rejected']} rejected"
-    )
-    table.add_row("on links", f"{sum(link['sent'] for link in metrics['links'])} sent", f"{lost} lost", f"{late} late")
+    if messages["sent"]:
+        table.add_row(
+            "messages",
+            f"{messages['sent']} sent",
+            f"{messages['missing']} not logged",
+            f"{messages['rejected']} rejected",
+        )
+    sent, lost, late = (sum(link[name] for link in metrics["links"]) for name in ("sent", "lost", "late"))
+    table.add_row("on links", f"{sent} sent", f"{lost} lost", f"{late} late")
     return table
 
 

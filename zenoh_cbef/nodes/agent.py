@@ -76,7 +76,7 @@ class Agent:
 
         if not self.node.wait_for(lambda live: needed <= live and self._recorded(live), None, drain):
             return False
-        self.node.announce("ready", str(self.agent))
+        self.node.presence.announce(f"ready/{self.agent}")
         start = None
         while start is None:
             if self.node.stopping or "target/target" not in self.node.presence:
@@ -180,8 +180,8 @@ def run_agent(identity: Identity) -> int:
             raise UserError(f"run {identity.run!r} has agents 0 to {scenario.count - 1}, no agent {agent}")
         node.refuse_twin()
         process = Agent(node, scenario, agent)
-        node.announce("agent", identity.name)
+        node.presence.announce(f"agent/{identity.name}")
         last = process.run() if process.wait_for_start() else 0
         process.finish(last)
-        node.withdraw()
+        node.presence.withdraw()
     return last

@@ -11,8 +11,6 @@ from dataclasses import dataclass, field
 from types import FrameType, TracebackType
 from typing import Any, Self
 
-import zenoh
-
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.protocol.keys import Keys
 from zenoh_cbef.protocol.outbox import Outbox
@@ -47,7 +45,6 @@ class Node:
         self.keys = Keys(identity.run)
         self.stopping = False
         self._on_stop: list[Callable[[], None]] = []
-        self._tokens: list[zenoh.LivelinessToken] = []
 
     def __enter__(self) -> Self:
         if LEASH in os.environ:
@@ -72,19 +69,9 @@ class Node:
         """A publisher in this process's name."""
         return Outbox(self.session, key, run=self.identity.run, sender=self.identity.sender)
 
-    def announce(self, role: str, name: str) -> None:
-        """Declare a liveliness token; everybody sees it come, and go when this process goes."""
-        self._tokens.append(self.session.liveliness().declare_token(self.keys.live(role, name)))
-
-    def withdraw(self) -> None:
-        """Take this process's tokens back: it has said all it had to say."""
-        while self._tokens:
-            self._tokens.pop().undeclare()
-
     def refuse_twin(self) -> None:
         """Raise UserError where a process with this role and name is in the run already."""
-        me = self.keys.live(self.identity.role, self.identity.name)
-        if any(reply.ok is not None for reply in self.session.liveliness().get(me, timeout=2.0)):
+        if self.presence.asks_for(f"{self.identity.role}/{self.identity.name}"):
             raise UserError(
                 f"{self.identity.role} {self.identity.name} is already in run {self.identity.run!r}; "
                 "give another id, or end that process"

@@ -194,7 +194,7 @@ def run_recorder(
         )
         overview = _Overview(Status(identity.run, str(path), scenario.length), scenario.count)
         recorder = Recorder(node, log, overview, mailbox)
-        node.announce("record", identity.name)
+        node.presence.announce(f"record/{identity.name}")
         try:
             recorder.run(flush_seconds=settings.flush_seconds, sync=sync, report=report)
         finally:
@@ -202,7 +202,7 @@ def run_recorder(
             log.close({"status": "stopped" if node.stopping else "finished", **_text(status)})
         status.state = "done"
         report(status)
-        node.withdraw()
+        node.presence.withdraw()
     return status
 
 

@@ -159,9 +159,9 @@ def run_target(identity: Identity, loaded: Loaded) -> int:
         text = ScenarioText(loaded.source, to_toml(loaded.scenario), __version__)
         service = serve_scenario(node.session, identity.run, text)
         target = Target(node, loaded.scenario, make_world(loaded.scenario))
-        node.announce("target", identity.name)
+        node.presence.announce(f"target/{identity.name}")
         target.wait_for_everybody(identity.patience)
         last = 0 if node.stopping else target.run()
         service.undeclare()
-        node.withdraw()
+        node.presence.withdraw()
     return last

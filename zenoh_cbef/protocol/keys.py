@@ -62,10 +62,6 @@ class Keys:
         """An agent's result of a step."""
         return f"{self.root}/agent/{agent}/estimate"
 
-    def live(self, role: str, name: str | int) -> str:
-        """A process's liveliness token."""
-        return f"{self.root}/live/{role}/{name}"
-
 
 @dataclass(frozen=True)
 class Address:

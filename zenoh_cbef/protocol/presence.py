@@ -9,10 +9,12 @@ import zenoh
 
 
 class Presence:
-    """Who is there: the liveliness tokens of a run, kept up to date in the background."""
+    """Who is there: the liveliness tokens of a run, ours and others', kept up to date in the background."""
 
     def __init__(self, session: zenoh.Session, expression: str) -> None:
+        self._session = session
         self._prefix = expression.removesuffix("**")
+        self._tokens: list[zenoh.LivelinessToken] = []
         self._live: set[str] = set()
         self._changed = threading.Condition()
         self._listeners: list[Callable[[str, bool], None]] = []
@@ -26,6 +28,20 @@ class Presence:
             self._changed.notify_all()
         for listener in self._listeners:
             listener(name, joined)
+
+    def announce(self, name: str) -> None:
+        """Declare a token, as in "agent/3": everybody sees it come, and go when this process goes."""
+        self._tokens.append(self._session.liveliness().declare_token(self._prefix + name))
+
+    def withdraw(self) -> None:
+        """Take our tokens back."""
+        while self._tokens:
+            self._tokens.pop().undeclare()
+
+    def asks_for(self, name: str) -> bool:
+        """Whether somebody answers to a name now, asked of the whole network."""
+        replies = self._session.liveliness().get(self._prefix + name, timeout=2.0)
+        return any(reply.ok is not None for reply in replies)
 
     def on_change(self, listener: Callable[[str, bool], None]) -> None:
         """Call listener(name, joined) from a background thread at every change; name is as in "agent/3"."""

@@ -15,12 +15,13 @@ import msgpack
 import numpy as np
 from numpy.typing import NDArray
 
-from zenoh_cbef.protocol.messages import VERSION, BadMessage, decode, unpack_floats
+from zenoh_cbef.protocol.messages import VERSION, decode, unpack_floats
 
 Floats = NDArray[np.float64]
 
-_KEYS = (b"\xa3seq\xce", b"\xa4sent\xcf", b"\xa1k\xce", b"\xa1l\xcd")
+_KEYS = (b"\xa3seq\xcf", b"\xa4sent\xcf", b"\xa1k\xce", b"\xa1l\xcd")
 _LITTLE = sys.byteorder == "little"
+_MOST = 1 << 63
 _TAIL = b"\xa7payload\xc5"
 
 
@@ -34,7 +35,7 @@ class RoundCodec:
         # A map of 8 fields: v, run, from, seq, sent, k, l, payload.
         self._head = b"\x88" + packed + _KEYS[0]
         self._tail = _TAIL + struct.pack(">H", 8 * width)
-        self._numbers = struct.Struct(f">I{len(_KEYS[1])}sQ{len(_KEYS[2])}sI{len(_KEYS[3])}sH{len(self._tail)}s")
+        self._numbers = struct.Struct(f">Q{len(_KEYS[1])}sQ{len(_KEYS[2])}sI{len(_KEYS[3])}sH{len(self._tail)}s")
         self._begin = len(self._head)
         self._values = self._begin + self._numbers.size
         self._size = self._values + 8 * width
@@ -50,10 +51,9 @@ class RoundCodec:
         Raises BadMessage for anything else than a round message of this run and sender.
         """
         if len(data) == self._size and data.startswith(self._head):
-            _, key1, sent, key2, step, key3, round_, tail = self._numbers.unpack_from(data, self._begin)
-            if key1 == _KEYS[1] and key2 == _KEYS[2] and key3 == _KEYS[3] and tail == self._tail:
+            seq, key1, sent, key2, step, key3, round_, tail = self._numbers.unpack_from(data, self._begin)
+            fixed = key1 == _KEYS[1] and key2 == _KEYS[2] and key3 == _KEYS[3] and tail == self._tail
+            if fixed and seq < _MOST and sent < _MOST:
                 return step, round_, sent, np.frombuffer(data, "<f8", self._width, self._values)
         message: dict[str, Any] = decode("round", data, run=self._run, sender=self._sender)
-        if message["sent"] >= 1 << 64 or message["k"] >= 1 << 32:
-            raise BadMessage("a number that is too large")
         return message["k"], message["l"], message["sent"], unpack_floats(message["payload"], self._width)

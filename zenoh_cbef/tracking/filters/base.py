@@ -59,5 +59,5 @@ class Filter(Protocol):
     def update(self, belief: Belief, measurement: Measurement) -> Update:
         """Predict one step and take in the measurement."""
 
-    def conclude(self, payload: Floats) -> Belief:
-        """Turn the payload that consensus left back into a belief."""
+    def conclude(self, payload: Floats, own: Floats) -> Belief:
+        """Turn the payload that consensus left back into a belief; own: the payload before it was mixed."""

@@ -11,6 +11,9 @@ from zenoh_cbef.tracking.linalg import inverse, matvec, outer, pack_upper, unpac
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
 from zenoh_cbef.tracking.ranging import Measurement, Space, own_range
 
+_LEAST = 1e-12
+"""Least over largest eigenvalue of what passes for an information matrix."""
+
 
 @dataclass(frozen=True)
 class SaturatedInformation:
@@ -68,9 +71,16 @@ class SaturatedInformation:
         payload = np.concatenate([vector, pack_upper(matrix)], axis=1)
         return Update(payload, np.where(measured, np.abs(innovation), np.nan), np.where(measured, weight, np.nan))
 
-    def conclude(self, payload: Floats) -> Belief:
-        """State and covariance from the averaged information."""
+    def conclude(self, payload: Floats, own: Floats) -> Belief:
+        """State and covariance from the averaged information.
+
+        Accelerated averaging weighs some agents negatively, the more so where messages are lost, so now and then
+        the result is no information matrix. The agent then keeps to its own, as if all messages had been lost.
+        """
         size = self.motion.size
+        eigenvalues = np.linalg.eigvalsh(unpack_upper(payload[:, size:], size))
+        sound = eigenvalues[:, 0] > _LEAST * eigenvalues[:, -1]
+        payload = np.where(sound[:, None], payload, own)
         covariance = inverse(unpack_upper(payload[:, size:], size))
         return Belief(matvec(covariance, payload[:, :size]), covariance / self.network_size)
 

@@ -1,0 +1,120 @@
+"""A user's mistake gets one sentence on standard error and exit status 2, never a traceback."""
+
+import socket
+import subprocess
+import sys
+
+import pytest
+
+from zenoh_cbef.cli import main as command_line
+
+
+def call(monkeypatch, capsys, *arguments: str) -> tuple[int, str, str]:
+    monkeypatch.setattr(sys, "argv", ["zenoh-cbef", *arguments])
+    with pytest.raises(SystemExit) as ended:
+        command_line.main()
+    captured = capsys.readouterr()
+    return int(ended.value.code or 0), captured.out, captured.err
+
+
+MISTAKES = {
+    "unknown scenario": (["sim", "trakcing"], "did you mean 'tracking'"),
+    "unknown key": (["sim", "--set", "consensus.roundz=3"], "did you mean 'rounds'"),
+    "not a setting": (["sim", "--set", "consensus.rounds"], "a.b=value"),
+    "xi of zero": (["sim", "--set", "filter.xi=0"], "filter.xi"),
+    "disconnected": (["run", "--set", "network.edges=[[0,1]]"], "falls apart"),
+    "unstable epsilon": (
+        ["run", "--set", "consensus.weights=uniform", "--set", "consensus.epsilon=0.9"],
+        "stable limit",
+    ),
+    "more agents than positions": (["run", "--set", "agents.positions=[[0,0,0]]"], "add positions"),
+    "no dataset": (["run", "--set", "target.motion=dataset", "--set", "target.path=nowhere"], "anchors.csv"),
+    "no log": (["analyze", "nowhere.mcap"], "there is no log"),
+    "no endpoint": (["agent", "1", "--run", "x"], "--connect"),
+    "no such endpoint": (["agent", "1", "--run", "x", "--connect", "localhost"], "is no endpoint"),
+    "bad run name": (["agent", "1", "--run", "a/b", "--connect", "tcp/127.0.0.1:1"], "run name"),
+    "nobody answers": (
+        ["agent", "1", "--run", "x", "--connect", "tcp/127.0.0.1:9", "--patience", "0.3"],
+        "no target of run 'x' answers",
+    ),
+    "no folder": (["export", "nowhere.mcap", "--to", "npz"], "there is no log"),
+}
+
+
+@pytest.mark.parametrize("mistake", MISTAKES)
+def test_a_mistake_is_one_sentence_with_its_remedy(monkeypatch, capsys, tmp_path, mistake):
+    monkeypatch.chdir(tmp_path)
+    arguments, words = MISTAKES[mistake]
+    status, out, err = call(monkeypatch, capsys, *arguments)
+    assert status == 2
+    assert out == ""
+    assert words in err
+    assert len(err.strip().splitlines()) == 1
+    assert not list(tmp_path.iterdir()), "a refused command leaves nothing behind"
+
+
+@pytest.mark.parametrize("verb", ["info", "analyze", "verify", "export"])
+def test_a_file_that_is_no_mcap_is_refused(monkeypatch, capsys, tmp_path, verb):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "text.mcap").write_text("hello")
+    status, _, err = call(monkeypatch, capsys, verb, "text.mcap")
+    assert status == 2
+    assert "no MCAP file" in err
+    assert "Traceback" not in err
+
+
+def test_a_foreign_mcap_is_described_but_not_analysed(monkeypatch, capsys, tmp_path):
+    from mcap.writer import Writer  # noqa: PLC0415
+
+    path = tmp_path / "foreign.mcap"
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        channel = writer.register_channel("/x", "json", 0)
+        writer.add_message(channel, 1, b"{}", 1)
+        writer.finish()
+    assert call(monkeypatch, capsys, "info", str(path))[0] == 0
+    status, _, err = call(monkeypatch, capsys, "analyze", str(path))
+    assert status == 2
+    assert "no log of zenoh-cbef" in err
+
+
+def test_a_port_in_use_is_named(monkeypatch, capsys):
+    with socket.socket() as holder:
+        holder.bind(("127.0.0.1", 0))
+        holder.listen()
+        endpoint = f"tcp/127.0.0.1:{holder.getsockname()[1]}"
+        status, _, err = call(monkeypatch, capsys, "target", "--listen", endpoint)
+    assert status == 2
+    assert endpoint in err
+    assert "in use" in err
+
+
+def test_a_log_is_never_overwritten(monkeypatch, capsys, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "run.mcap").write_text("precious")
+    status, _, err = call(monkeypatch, capsys, "run", "--log", "run.mcap")
+    assert status == 2
+    assert "never overwritten" in err
+    assert (tmp_path / "run.mcap").read_text() == "precious"
+
+
+def test_cbef_warns_where_its_gain_cannot_contract(monkeypatch, capsys):
+    status, out, _ = call(monkeypatch, capsys, "scenario", "check", "--set", "filter.kind=cbef")
+    assert status == 0
+    assert "largest eigenvalue of H^T H" in out
+    status, out, _ = call(monkeypatch, capsys, "scenario", "check", "paper")
+    assert status == 0
+    assert "warning" not in out
+
+
+def test_a_new_scenario_can_be_checked_and_is_not_overwritten(monkeypatch, capsys, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    assert call(monkeypatch, capsys, "scenario", "new", "mine.toml", "--from", "outliers")[0] == 0
+    assert call(monkeypatch, capsys, "scenario", "check", "mine.toml")[0] == 0
+    assert call(monkeypatch, capsys, "scenario", "new", "mine.toml")[0] == 2
+
+
+def test_the_module_and_the_command_are_the_same_program():
+    done = subprocess.run([sys.executable, "-m", "zenoh_cbef", "--version"], capture_output=True, text=True, check=True)
+    assert done.stdout.startswith("zenoh-cbef ")

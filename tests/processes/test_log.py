@@ -1,0 +1,196 @@
+"""What the log of a real run can be used for: proof, analysis, arrays, also when it is cut off or tampered with."""
+
+import json
+from pathlib import Path
+
+import msgpack
+import numpy as np
+import pytest
+
+from tests.processes.conftest import World
+from zenoh_cbef.log.mcap_reader import McapFile
+from zenoh_cbef.log.mcap_writer import McapWriter
+
+STEPS, AGENTS = 40, 4
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory) -> World:
+    world = World(tmp_path_factory.mktemp("recorded"))
+    run = world.start_run("sensor.dropout_probability=0.1")
+    _, err = run.communicate(timeout=120)
+    assert run.returncode == 0, err
+    yield world
+    world.end()
+
+
+def copy_with(source: Path, target: Path, change) -> None:
+    """The same log, every message passed through change(topic, data); None leaves it out."""
+    file = McapFile(source)
+    writer = McapWriter(target, library="test")
+    for name, data in file.attachments.items():
+        writer.add_attachment(name, "application/toml", data)
+    for name, data in file.metadata.items():
+        writer.add_metadata(name, data)
+    channels = {}
+    for message in file.messages():
+        data = change(message.channel.topic, message.data)
+        if data is None:
+            continue
+        topic = message.channel.topic
+        if topic not in channels:
+            schema = writer.register_schema(message.channel.schema_name, "jsonschema", b"{}")
+            channels[topic] = writer.register_channel(topic, message.channel.message_encoding, schema)
+        writer.add_message(channels[topic], message.log_time, message.publish_time, message.sequence, data)
+    writer.close()
+
+
+def flip(kind: str, field: str, step: int):
+    """A change that flips the lowest bit of one number in one message."""
+
+    def change(topic: str, data: bytes) -> bytes:
+        if not topic.endswith(kind):
+            return data
+        message = msgpack.unpackb(data)
+        if message["k"] != step:
+            return data
+        value = message[field]
+        array = np.frombuffer(value, "<u8").copy() if isinstance(value, bytes) else np.array(value).view(np.uint64)
+        array.ravel()[0] ^= 1
+        message[field] = array.tobytes() if isinstance(value, bytes) else array.view(np.float64).tolist()
+        return msgpack.packb(message)
+
+    return change
+
+
+@pytest.mark.parametrize(
+    ("kind", "field"),
+    [
+        ("agent/2/estimate", "state"),
+        ("agent/2/estimate", "covariance"),
+        ("agent/1/round", "payload"),
+        ("beacon/0", "arrived"),
+    ],
+)
+def test_one_flipped_bit_is_found(recorded, tmp_path, kind, field):
+    step = 7
+    if kind == "beacon/0":  # one that was heard
+        heard = (msgpack.unpackb(m.data) for m in McapFile(recorded.log).messages() if m.channel.topic.endswith(kind))
+        step = next(m["k"] for m in heard if m["k"] >= 5 and m["arrived"] is not None)
+    tampered = tmp_path / "tampered.mcap"
+    copy_with(recorded.log, tampered, flip(kind, field, step))
+    verdict = recorded.call("verify", str(tampered))
+    assert verdict.returncode == 1, verdict.stdout
+    assert f"step {step}" in verdict.stdout
+    assert "in the log" in verdict.stdout
+
+
+def test_an_untouched_copy_is_equal(recorded, tmp_path):
+    copy = tmp_path / "copy.mcap"
+    copy_with(recorded.log, copy, lambda _, data: data)
+    assert recorded.call("verify", str(copy)).returncode == 0
+
+
+def test_a_log_without_beacons_cannot_be_judged(recorded, tmp_path):
+    poor = tmp_path / "poor.mcap"
+    copy_with(recorded.log, poor, lambda topic, data: None if "/beacon/" in topic else data)
+    verdict = recorded.call("verify", str(poor))
+    assert verdict.returncode == 2
+    assert "beacons" in verdict.stdout
+
+
+@pytest.mark.parametrize("share", [0.5, 0.9])
+def test_a_cut_log_is_described_analysed_and_verified_as_far_as_it_goes(recorded, tmp_path, share):
+    whole = recorded.log.read_bytes()
+    chunks = [record for record in McapFile(recorded.log)._records() if record.opcode == 6]  # noqa: SLF001
+    keep = chunks[0].end + int(share * (len(whole) - chunks[0].end)) if len(chunks) > 1 else chunks[0].end + 5
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(whole[:keep])
+    described = recorded.call("info", str(cut), "--json")
+    assert described.returncode == 0
+    assert json.loads(described.stdout)["complete"] is False
+    analysed = recorded.call("analyze", str(cut), "--json")
+    assert analysed.returncode == 0, analysed.stderr
+    assert json.loads(analysed.stdout)["complete"] is False
+    assert recorded.call("verify", str(cut)).returncode == 0
+
+
+def test_analyze_prints_one_object_with_the_promised_names(recorded):
+    done = recorded.call("analyze", str(recorded.log), "--json")
+    metrics = json.loads(done.stdout)
+    assert metrics["run"] == recorded.run
+    assert (metrics["filter"], metrics["agents"], metrics["steps"]) == ("sicf", AGENTS, STEPS)
+    assert len(metrics["msee"]["agents"]) == AGENTS
+    assert metrics["msee"]["average"] == pytest.approx(np.mean(metrics["msee"]["agents"]))
+    for name in ("position_rmse", "velocity_rmse"):
+        assert metrics[name] > 0
+        assert metrics["centralized"][name] > 0
+        assert metrics["bound"][name] > 0
+    ratio = metrics["position_rmse"] / metrics["centralized"]["position_rmse"]
+    assert metrics["ratio_to_centralized"] == pytest.approx(ratio)
+    assert set(metrics["messages"]) == {"sent", "recorded", "missing", "rejected"}
+    assert len(metrics["links"]) == 2 * AGENTS  # a ring, both directions
+    for link in metrics["links"]:
+        assert link["sent"] == link["delivered"] == STEPS * 3
+        assert link["lost"] == link["late"] == 0
+        assert 0 < link["latency"] < 10
+
+
+def test_skip_changes_the_window_but_not_the_msee(recorded):
+    full, late = (
+        json.loads(recorded.call("analyze", str(recorded.log), "--json", "--skip", skip).stdout)
+        for skip in ("0", "0.5")
+    )
+    assert full["msee"] == late["msee"]
+    assert full["position_rmse"] != late["position_rmse"]
+
+
+def test_exported_arrays_have_the_promised_shapes_and_agree_with_the_metrics(recorded, tmp_path):
+    output = tmp_path / "run.npz"
+    assert recorded.call("export", str(recorded.log), "--to", "npz", "--output", str(output)).returncode == 0
+    with np.load(output) as stored:
+        arrays = dict(stored)
+    expected = {
+        "time": (STEPS,),
+        "truth": (STEPS, 6),
+        "positions": (AGENTS, STEPS, 3),
+        "ranges": (AGENTS, STEPS),
+        "initial": (AGENTS, 6),
+        "estimates": (AGENTS, STEPS, 6),
+        "covariances": (AGENTS, STEPS, 6, 6),
+        "innovation": (AGENTS, STEPS),
+        "edges": (AGENTS, 2),
+    }
+    assert {name: arrays[name].shape for name in expected} == expected
+    missing = np.isnan(arrays["ranges"])
+    assert 0.02 < missing.mean() < 0.25
+    assert (np.isnan(arrays["innovation"]) == missing).all()
+    distance = np.linalg.norm(arrays["truth"][None, :, :3] - arrays["positions"], axis=2)
+    assert np.nanstd(arrays["ranges"] - distance) == pytest.approx(0.1, rel=0.3)
+    metrics = json.loads(recorded.call("analyze", str(recorded.log), "--json").stdout)
+    error = arrays["estimates"] - arrays["truth"]
+    assert np.sqrt((error[:, 10:, :3] ** 2).sum(axis=2).mean()) == pytest.approx(metrics["position_rmse"])
+    assert (error**2).sum(axis=2).mean(axis=1) == pytest.approx(metrics["msee"]["agents"])
+
+
+def test_csv_tables_carry_the_same_numbers(recorded, tmp_path):
+    npz, folder = tmp_path / "run.npz", tmp_path / "tables"
+    recorded.call("export", str(recorded.log), "--to", "npz", "--output", str(npz))
+    assert recorded.call("export", str(recorded.log), "--to", "csv", "--output", str(folder)).returncode == 0
+    table = np.genfromtxt(folder / "estimates.csv", delimiter=",", names=True)
+    with np.load(npz) as arrays:
+        x = table["x"].reshape(AGENTS, STEPS)
+        assert (x == arrays["estimates"][:, :, 0]).all()
+
+
+def test_every_message_carries_a_schema_its_sender_and_its_number(recorded):
+    seen = {}
+    for message in McapFile(recorded.log).messages():
+        assert message.channel.schema_encoding == "jsonschema"
+        assert message.channel.message_encoding == "msgpack"
+        body = msgpack.unpackb(message.data)
+        assert body["run"] == recorded.run
+        assert message.sequence == body["seq"]
+        assert message.publish_time == body["sent"] <= message.log_time
+        seen.setdefault((message.channel.topic, body["from"]), []).append(body["seq"])
+    assert all(numbers == list(range(len(numbers))) for numbers in seen.values())

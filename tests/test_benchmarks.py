@@ -1,0 +1,142 @@
+"""The benchmarks compute what they say; nothing here is timed."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+# The benchmarks are part of the repository, not of the installed package.
+sys.path.insert(0, str(ROOT))
+
+from benchmarks import accuracy, method_studies  # noqa: E402
+from benchmarks.common import Children, analyses, at_least, below, children  # noqa: E402
+from zenoh_cbef.scenario.load import load  # noqa: E402
+
+SHORT = ("steps=40",)
+
+
+@pytest.fixture(scope="module")
+def tracking():
+    return analyses("tracking", SHORT, seeds=3)
+
+
+def module(*arguments):
+    return subprocess.run(
+        [sys.executable, "-m", "benchmarks", *arguments], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+
+
+def test_the_list_names_every_benchmark():
+    listed = module("--list")
+    assert listed.returncode == 0
+    names = [line.split()[0] for line in listed.stdout.splitlines()]
+    assert names == ["accuracy", "lockstep", "startup", "recorder", "mcap", "method"]
+
+
+def test_an_unknown_benchmark_is_refused_by_name():
+    refused = module("acuracy")
+    assert refused.returncode == 2
+    assert "acuracy" in refused.stderr
+    assert "Traceback" not in refused.stderr
+
+
+def test_every_seed_is_a_run_of_its_own(tracking):
+    assert [run.trace.scenario.seed for run in tracking] == [1, 2, 3]
+    assert not np.array_equal(tracking[0].trace.truth, tracking[1].trace.truth)
+
+
+def test_the_ratio_is_that_of_the_window_s_position_errors(tracking):
+    expected = [
+        np.sqrt((run.position_error[:, 10:] ** 2).mean() / (run.centralized_position_error[10:] ** 2).mean())
+        for run in tracking
+    ]
+    np.testing.assert_allclose(accuracy.ratios(tracking), expected, rtol=1e-12)
+
+
+def test_anees_is_the_mean_over_seeds_of_the_squared_whitened_error(tracking):
+    found = accuracy.consistency(tracking)
+    agent, step, total = 2, 25, 0.0
+    for run in tracking:
+        error = run.trace.estimates[agent, step] - run.trace.truth[step]
+        total += error @ np.linalg.inv(run.trace.covariances[agent, step]) @ error
+    assert found.anees[agent, step] == pytest.approx(total / 3, rel=1e-6)
+    assert found.inside + found.under + found.over == pytest.approx(1.0)
+
+
+def test_the_band_is_that_of_18_degrees_for_3_seeds(tracking):
+    # Quantiles of the chi-squared distribution with 18 degrees of freedom, from a table.
+    assert accuracy.consistency(tracking).band == pytest.approx((8.2307 / 3, 31.5264 / 3), rel=1e-4)
+
+
+def test_covariances_that_are_too_small_fall_above_the_band(tracking):
+    boasting = [type(run)(**{**vars(run), "nees": 100.0 * run.nees}) for run in tracking]
+    assert accuracy.consistency(boasting).over > 0.9
+    assert accuracy.consistency(tracking).over < 0.9
+
+
+def test_outliers_are_compared_with_the_same_seeds():
+    dirty = analyses("outliers", SHORT, seeds=2)
+    clean = analyses("outliers", [*SHORT, "sensor.outlier_probability=0.0"], seeds=2)
+    np.testing.assert_array_equal(dirty[1].trace.truth, clean[1].trace.truth)
+    factor = accuracy.outlier_factors(dirty, clean)
+    assert factor[0] == pytest.approx(
+        (dirty[0].position_error[:, 10:] ** 2).mean() / (clean[0].position_error[:, 10:] ** 2).mean()
+    )
+
+
+def test_the_msee_factor_is_first_over_last():
+    runs = analyses("paper", SHORT, seeds=2)
+    first, last = runs[1].msee_average[[0, -1]]
+    assert accuracy.msee_factors(runs)[1] == pytest.approx(first / last)
+
+
+def test_the_error_radius_is_how_fast_unsaturated_errors_grow():
+    # Five times too large: 300 steps from a small error, without noise, grow by the spectral radius.
+    overrides = [
+        "steps=60", "agents.high=2.5", "target.position=[1.2, 1.2, 1.2]", "sensor.range_std=1e-9",
+        "target.acceleration_std=0.0", "filter.initial_velocity=[0.0, 0.0, 0.0]", method_studies.NO_SATURATION,
+        "sensor.signal_speed=1.0",
+    ]  # fmt: skip
+    (run,) = analyses("paper", overrides, seeds=1)
+    radius = method_studies.error_radius(run.trace.scenario)
+    assert radius > 1.0
+    grown = np.linalg.norm(run.position_error, axis=0)
+    assert grown[-1] / grown[-2] == pytest.approx(radius, rel=1e-3)
+
+
+def test_the_carried_velocity_is_the_literal_filter_s():
+    (run,) = analyses("paper", SHORT, seeds=1)
+    mean = run.trace.estimates[:, :, 3:].mean(axis=0) - run.trace.truth[:, 3:]
+    np.testing.assert_allclose(np.linalg.norm(mean, axis=1), method_studies.carried_velocity(run), atol=1e-12)
+
+
+def test_the_largest_eigenvalue_grows_with_the_square_of_the_size():
+    scenario = load("paper").scenario
+    twice = load("paper", ["agents.high=1.6"]).scenario
+    ratio = method_studies.largest_eigenvalue(twice) / method_studies.largest_eigenvalue(scenario)
+    assert ratio == pytest.approx(4.0)
+
+
+def test_targets_are_judged_on_the_value():
+    assert below("a", 0.9, 1.0).reached is True
+    assert below("a", 1.0, 1.0).reached is False
+    assert at_least("a", 1.0, 1.0).reached is True
+    assert at_least("a", 0.9, 1.0).reached is False
+
+
+def test_no_child_outlives_its_block():
+    family = Children()
+    with pytest.raises(KeyboardInterrupt), children() as family:
+        child = family.start("http.server", ["--bind", "127.0.0.1", "0"], {})
+        raise KeyboardInterrupt
+    assert child.returncode is not None
+
+
+def test_a_child_that_fails_is_quoted():
+    with children() as family, pytest.raises(RuntimeError, match="no_such_module"):
+        family.wait(family.start("no_such_module", [], {}, listen_to=True), 30.0)
