@@ -99,7 +99,10 @@ def _run(
     if path.exists():
         raise UserError(f"{path} exists and logs are never overwritten; choose another --log, or move it away")
     stops = _StopRequests()
-    deaths = _execute(arguments, loaded, run, path, sync, stops)
+    started, deaths = _execute(arguments, loaded, run, path, sync, stops)
+    if not started:
+        errors.print("stopped before the first step; nothing to analyse")
+        raise typer.Exit(_INTERRUPTED)
     for death in deaths:
         errors.print(f"[red]{death}[/red]", highlight=False, soft_wrap=True)
     _conclude(loaded, find_log(path), default=log is None, report=report)
@@ -109,7 +112,9 @@ def _run(
         raise typer.Exit(1)
 
 
-def _execute(arguments: list[str], loaded: Loaded, run: str, path: Path, sync: bool, stops: _StopRequests) -> list[str]:
+def _execute(
+    arguments: list[str], loaded: Loaded, run: str, path: Path, sync: bool, stops: _StopRequests
+) -> tuple[bool, list[str]]:
     display = _Display(loaded.scenario.length)
     stops.listen()
     errors.print(f"run {run}: {loaded.scenario.count} agents, log {path}", highlight=False, soft_wrap=True)
@@ -117,7 +122,7 @@ def _execute(arguments: list[str], loaded: Loaded, run: str, path: Path, sync: b
         launcher.watch(display.show, stops)
     started, deaths = launcher.started, launcher.deaths
     if started or stops.count:
-        return [str(death) for death in deaths]
+        return started, [str(death) for death in deaths]
     mistakes = [death for death in deaths if death.status == 2]
     first = (mistakes or deaths)[0] if deaths else None
     raise UserError(f"the run did not start: {first or 'no step was ever finished; see its log'}")
