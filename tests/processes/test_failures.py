@@ -2,9 +2,13 @@
 
 import os
 import signal
+import socket
+import sys
 import time
 
 import pytest
+
+from tests.processes.conftest import settings
 
 LONG = "steps=100000"
 
@@ -91,3 +95,24 @@ def test_a_launcher_that_is_killed_leaves_no_orphan_and_a_closed_log(world, numb
     assert not world.wait_until_gone(30)
     assert world.log.exists()
     assert world.call("verify", str(world.log)).returncode == 0
+
+
+def test_a_port_that_another_program_took_first_makes_the_run_start_again(monkeypatch, capsys, tmp_path):
+    from zenoh_cbef.cli import main as command_line  # noqa: PLC0415
+    from zenoh_cbef.nodes import launcher  # noqa: PLC0415
+
+    with socket.socket() as thief:
+        thief.bind(("127.0.0.1", 0))
+        thief.listen()
+        taken = thief.getsockname()[1]
+        offers = iter([[taken]])
+        honest = launcher.free_ports
+        monkeypatch.setattr(launcher, "free_ports", lambda count: (next(offers, []) + honest(count))[:count])
+        log = tmp_path / "run.mcap"
+        monkeypatch.setattr(
+            sys, "argv", ["zenoh-cbef", "run", "tracking", *settings(), "--log", str(log), "--no-report"]
+        )
+        with pytest.raises(SystemExit) as ended:
+            command_line.main()
+    assert not ended.value.code, capsys.readouterr().err
+    assert log.exists()

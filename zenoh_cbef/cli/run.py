@@ -8,7 +8,7 @@ import time
 from datetime import datetime
 from pathlib import Path
 from types import FrameType
-from typing import Annotated, Any
+from typing import Annotated, Any, Self
 
 import typer
 from rich.live import Live
@@ -26,6 +26,7 @@ from zenoh_cbef.scenario.checks import check
 from zenoh_cbef.scenario.load import Loaded, load, to_toml
 
 _INTERRUPTED = 130
+_ATTEMPTS = 4
 
 
 class _Display:
@@ -62,7 +63,7 @@ class _Display:
 
 
 class _StopRequests:
-    """Counts Ctrl-C and other polite signals instead of dying of them."""
+    """Counts Ctrl-C and other polite signals, while it is entered, instead of dying of them."""
 
     def __init__(self) -> None:
         self.count = 0
@@ -70,10 +71,13 @@ class _StopRequests:
     def __call__(self) -> int:
         return self.count
 
-    def listen(self) -> None:
-        """Take over the signals."""
-        for number_ in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-            signal.signal(number_, self._note)
+    def __enter__(self) -> Self:
+        self._before = {one: signal.signal(one, self._note) for one in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for one, handler in self._before.items():
+            signal.signal(one, handler)
 
     def _note(self, _signum: int, _frame: FrameType | None) -> None:
         self.count += 1
@@ -98,8 +102,8 @@ def _run(
     path = log or _new_folder(run) / "run.mcap"
     if path.exists():
         raise UserError(f"{path} exists and logs are never overwritten; choose another --log, or move it away")
-    stops = _StopRequests()
-    started, deaths = _execute(arguments, loaded, run, path, sync, stops)
+    with _StopRequests() as stops:
+        started, deaths = _execute(arguments, loaded, run, path, sync, stops)
     if not started:
         errors.print("stopped before the first step; nothing to analyse")
         raise typer.Exit(_INTERRUPTED)
@@ -116,10 +120,13 @@ def _execute(
     arguments: list[str], loaded: Loaded, run: str, path: Path, sync: bool, stops: _StopRequests
 ) -> tuple[bool, list[str]]:
     display = _Display(loaded.scenario.length)
-    stops.listen()
     errors.print(f"run {run}: {loaded.scenario.count} agents, log {path}", highlight=False, soft_wrap=True)
-    with Launcher(arguments, loaded, run, path, sync=sync) as launcher, display.live:
-        launcher.watch(display.show, stops)
+    for _ in range(_ATTEMPTS):
+        with Launcher(arguments, loaded, run, path, sync=sync) as launcher, display.live:
+            launcher.watch(display.show, stops)
+        if not launcher.lost_a_port:
+            break
+        path.unlink(missing_ok=True)  # the log of no step
     started, deaths = launcher.started, launcher.deaths
     if started or stops.count:
         return started, [str(death) for death in deaths]

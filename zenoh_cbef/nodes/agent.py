@@ -18,7 +18,7 @@ from zenoh_cbef.protocol.messages import nan_to_nil, pack_floats
 from zenoh_cbef.protocol.round_codec import RoundCodec
 from zenoh_cbef.protocol.scenario_service import fetch_scenario
 from zenoh_cbef.scenario import Scenario
-from zenoh_cbef.scenario.build import agent_tracker, fates_into, rounds_of
+from zenoh_cbef.scenario.build import agent_tracker, fates_into, message_size, rounds_of
 from zenoh_cbef.scenario.load import parse
 from zenoh_cbef.scenario.world import agent_positions
 from zenoh_cbef.simulator import measured
@@ -43,6 +43,7 @@ class Agent:
         self.tracker, neighbours = agent_tracker(scenario, agent)
         self.path = agent_positions(scenario)[agent]
         self.rejections = Rejections(node)
+        width = message_size(scenario)
         realtime = scenario.timing.mode == "realtime"
         alarm = Alarm()
         self.beacons: Inbox = beacon_inbox(node, agent, self.rejections, alarm)
@@ -51,7 +52,7 @@ class Agent:
             neighbours,
             fates_into(scenario, agent, neighbours),
             rounds=self.rounds,
-            width=self.tracker.filter.payload_size,
+            width=width,
             shares_ranges=self.tracker.filter.uses_neighbour_ranges,
             rejections=self.rejections,
             alarm=alarm,
@@ -59,7 +60,7 @@ class Agent:
         self._range_out, self._round_out, self._estimate_out = (
             node.outbox(key) for key in (node.keys.range(agent), node.keys.round(agent), node.keys.estimate(agent))
         )
-        self._codec = RoundCodec(node.identity.run, node.identity.sender, self.tracker.filter.payload_size)
+        self._codec = RoundCodec(node.identity.run, node.identity.sender, width)
         self._slot = scenario.dt / (self.rounds + 1)
         if scenario.timing.round_deadline_ms is not None:
             self._slot = 1e-3 * scenario.timing.round_deadline_ms

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-import random
 import selectors
-import socket
 import subprocess
 import sys
 import tempfile
@@ -17,8 +15,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import IO, Any, Self
 
-from zenoh_cbef.errors import UserError
 from zenoh_cbef.nodes.node import LEASH
+from zenoh_cbef.nodes.ports import free_ports
 from zenoh_cbef.protocol.session import ONE_RUNTIME
 from zenoh_cbef.scenario import network
 from zenoh_cbef.scenario.load import Loaded
@@ -45,22 +43,6 @@ class Death:
         else:
             how = f"was killed by signal {-self.status}" if self.status < 0 else f"ended with status {self.status}"
         return f"{self.name} {how}" + (f": {self.words}" if self.words else "")
-
-
-def free_ports(count: int) -> list[int]:
-    """TCP ports on loopback that nobody listens on, below the range that the kernel hands out by itself."""
-    ports: list[int] = []
-    candidates = random.sample(range(15_000, 32_000), 4000)
-    for port in candidates:
-        with socket.socket() as probe:
-            try:
-                probe.bind(("127.0.0.1", port))
-            except OSError:
-                continue
-        ports.append(port)
-        if len(ports) == count:
-            return ports
-    raise UserError(f"this host has no {count} free TCP ports between 15000 and 32000; end what holds them")
 
 
 class Launcher:
@@ -184,6 +166,11 @@ class Launcher:
     def _last_words(self, name: str) -> str:
         text = self._words(name).read_bytes()[-_TAIL:].decode(errors="replace").strip()
         return text.splitlines()[-1].removeprefix("zenoh-cbef: ") if text else ""
+
+    @property
+    def lost_a_port(self) -> bool:
+        """Whether the run did not start because another program took one of its ports first."""
+        return not self.started and any("in use" in death.words for death in self.deaths)
 
     @property
     def started(self) -> bool:

@@ -47,8 +47,8 @@ def beacon_inbox(node: Node, agent: int, rejections: Rejections, alarm: Alarm | 
 class Neighbourhood:
     """All neighbours of one agent.
 
-    ids: the neighbours, ascending. fates: of the messages from them, in the same order. rounds: L. width: d, the
-    payload's length. shares_ranges: whether neighbours' ranges are wanted.
+    ids: the neighbours, ascending. fates: of the messages from them, in the same order. rounds: L. width: of a
+    round's message. shares_ranges: whether neighbours' ranges are wanted.
     """
 
     def __init__(
