@@ -1,0 +1,117 @@
+"""The documentation names what there is: keys, verbs, files."""
+
+import re
+from pathlib import Path
+from typing import get_args
+
+import pytest
+from pydantic import BaseModel
+
+from zenoh_cbef.cli.main import build
+from zenoh_cbef.faults import AnyFault
+from zenoh_cbef.protocol.keys import Keys
+from zenoh_cbef.protocol.messages import BODIES, ENVELOPE
+from zenoh_cbef.scenario import Scenario
+
+ROOT = Path(__file__).resolve().parents[1]
+NAMED = ("README.md", "CHANGELOG.md", "CONTRIBUTING.md", "deploy/README.md", "docs/*.md")
+PAGES = sorted(path for pattern in NAMED for path in ROOT.glob(pattern))
+LINK = re.compile(r"\[[^\]]*\]\(([^)\s]+)\)")
+VERB = re.compile(r"zenoh-cbef +(-{0,2}[a-z]+)(?: +([a-z]+))?")
+
+
+def read(name: str) -> str:
+    return (ROOT / name).read_text(encoding="utf-8")
+
+
+def tables_of(annotation: object) -> list[type[BaseModel]]:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    return [table for part in get_args(annotation) for table in tables_of(part)]
+
+
+def keys_of(table: type[BaseModel]) -> list[str]:
+    return [field.alias or name for name, field in table.model_fields.items()]
+
+
+def sections() -> dict[str, str]:
+    parts = re.split(r"^## (.+)$", read("docs/scenario.md"), flags=re.MULTILINE)
+    return dict(zip(parts[1::2], parts[2::2], strict=True))
+
+
+def rows_of(section: str) -> set[str]:
+    """What the rows of a section's tables name, in the cells before the type."""
+    cells = [line.split(" | ")[:2] for line in section.splitlines() if line.startswith("| `")]
+    return {name for row in cells for cell in row for name in re.findall(r"`([^`]+)`", cell)}
+
+
+def test_every_table_of_the_scenario_is_documented_with_its_keys():
+    documented = sections()
+    for name, field in Scenario.model_fields.items():
+        tables = tables_of(field.annotation)
+        if not tables:
+            assert name in rows_of(documented["Top level"])
+        elif name != "fault":
+            assert set(keys_of(tables[0])) <= rows_of(documented[f"`[{name}]`"]), name
+
+
+def test_every_fault_is_documented_with_its_keys():
+    documented = rows_of(sections()["`[[fault]]`"])
+    for fault in tables_of(AnyFault):
+        (kind,) = get_args(fault.model_fields["kind"].annotation)
+        assert {kind, *keys_of(fault)} <= documented, kind
+
+
+@pytest.mark.parametrize("name", ["target", "agents", "sensor", "consensus", "filter", "timing", "record", "zenoh"])
+def test_documented_defaults_are_the_models(name):
+    table = tables_of(Scenario.model_fields[name].annotation)[0]
+    section = sections()[f"`[{name}]`"]
+    for key, field in table.model_fields.items():
+        row = next(line for line in section.splitlines() if line.startswith("|") and f"`{key}`" in line.split(" | ")[0])
+        default = row.split(" | ")[2].strip()
+        if isinstance(field.default, bool | int | float | str):
+            shown = f'"{field.default}"' if isinstance(field.default, str) else str(field.default)
+            assert shown.lower() in default.lower(), f"{name}.{key}"
+        elif field.default is None:
+            assert default in {"derived", "none"}, f"{name}.{key}"
+
+
+def test_every_key_expression_and_message_field_is_documented():
+    page = read("docs/log-format.md")
+    keys = Keys("{run}")
+    named = [keys.scenario, keys.truth, keys.event, keys.all_live.replace("**", "{role}/{name}")]
+    # The keys of an agent take its number; the page writes {id} for it.
+    named += [one(7).replace("/7", "/{id}") for one in (keys.beacon, keys.range, keys.round, keys.estimate)]
+    for key in named:
+        assert f"`{key}`" in page, key
+    for field in [*ENVELOPE, *(field for body in BODIES.values() for field in body)]:
+        assert f"`{field}`" in page, field
+
+
+@pytest.mark.parametrize("path", PAGES, ids=lambda path: path.name)
+def test_relative_links_lead_somewhere(path):
+    for target in LINK.findall(path.read_text(encoding="utf-8")):
+        if not target.startswith(("http://", "https://", "#")):
+            assert (path.parent / target.split("#")[0]).exists(), target
+
+
+@pytest.mark.parametrize("path", PAGES, ids=lambda path: path.name)
+def test_named_verbs_exist(path):
+    app = build(None)
+    verbs = {command.name for command in app.registered_commands}
+    groups = {
+        group.name: {command.name for command in group.typer_instance.registered_commands}
+        for group in app.registered_groups
+        if group.typer_instance is not None
+    }
+    text = path.read_text(encoding="utf-8")
+    blocks = re.findall(r"^```\n(.*?)^```", text, re.DOTALL | re.MULTILINE)
+    commands = [*"\n".join(blocks).splitlines(), *re.findall(r"`([^`\n]+)`", text)]
+    for command in commands:
+        for verb, second in VERB.findall(command):
+            assert verb.startswith("--") or verb in verbs or second in groups.get(verb, ()), command
+
+
+def test_documentation_names_no_place_of_the_machine_it_was_written_on():
+    for path in PAGES:
+        assert not re.search(r"/(work|home|root|tmp|Users)/", path.read_text(encoding="utf-8")), path.name
