@@ -1,5 +1,6 @@
 """Interrupted and killed: the log stays readable, the dead are named, nobody is left behind."""
 
+import json
 import os
 import signal
 import socket
@@ -47,7 +48,10 @@ def test_a_killed_agent_is_named_and_the_others_finish(world):
     out, err = run.communicate(timeout=120)
     assert run.returncode == 1
     assert "agent 2 was killed by signal 9" in err
-    assert "600 steps" in out
+    assert "600 steps (incomplete)" not in out
+    metrics = json.loads(world.call("analyze", str(world.log), "--json").stdout)
+    into_two = [link for link in metrics["links"] if link["source"] == 2]
+    assert all(link["sent"] < 3 * 600 and link["lost"] <= 3 for link in into_two), "the dead send nothing"
     verdict = world.call("verify", str(world.log))
     assert verdict.returncode == 2
     assert "agent 2 left" in verdict.stdout
@@ -73,7 +77,10 @@ def test_a_killed_target_leaves_the_agents_predicting_to_the_end(world):
     out, err = run.communicate(timeout=120)
     assert run.returncode == 1
     assert "target was killed by signal 9" in err
-    assert "400 steps" in out
+    assert "400 steps (incomplete)" in out
+    analysed = world.call("analyze", str(world.log), "--json")
+    assert "NaN" not in analysed.stdout
+    assert json.loads(analysed.stdout)["complete"] is False
 
 
 def test_a_hung_agent_is_left_behind_and_ended(world):

@@ -50,6 +50,13 @@ def attacks(run: str) -> list[tuple[str, bytes]]:
     return [(f"cbef/{run}/{key}", body) for key in keys for body in bodies]
 
 
+def wait_for(session: zenoh.Session, token: str) -> None:
+    until = time.monotonic() + 30
+    while not any(reply.ok is not None for reply in session.liveliness().get(token, timeout=1.0)):
+        assert time.monotonic() < until, "the target did not come"
+        time.sleep(0.05)
+
+
 @pytest.mark.parametrize("kind", ["sicf", "cbef"])
 def test_hostile_messages_change_no_bit_and_are_counted(world, free_port, kind):
     endpoint = f"tcp/127.0.0.1:{free_port}"
@@ -60,8 +67,10 @@ def test_hostile_messages_change_no_bit_and_are_counted(world, free_port, kind):
     config.insert_json5("connect/endpoints", json.dumps([endpoint]))
     config.insert_json5("listen/endpoints", '["tcp/127.0.0.1:0"]')
     config.insert_json5("scouting/multicast/enabled", "false")
+    config.insert_json5("connect/retry", '{"period_init_ms": 50, "period_max_ms": 100, "period_increase_factor": 1}')
     over = threading.Event()
     with zenoh.open(config) as session:
+        wait_for(session, f"cbef/{world.run}/live/target/target")
 
         def attack() -> None:
             while not over.is_set():

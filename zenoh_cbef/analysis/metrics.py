@@ -12,12 +12,10 @@ from numpy.typing import NDArray
 from zenoh_cbef.analysis.chi2 import chi2_quantile
 from zenoh_cbef.scenario.build import initial_std, motion_of, range_std_of, space_of
 from zenoh_cbef.trace import Trace
-from zenoh_cbef.tracking.filters import Belief
+from zenoh_cbef.tracking.filters import SATURATED, Belief
 from zenoh_cbef.tracking.reference import centralized, posterior_bound
 
 Floats = NDArray[np.float64]
-
-SATURATING = ("sicf", "local")
 
 
 @dataclass(frozen=True)
@@ -86,7 +84,7 @@ def _centralized(traces: Sequence[Trace]) -> Floats:
         ranges=_stacked(traces, "ranges"),
         age=_stacked(traces, "age"),
         range_std=range_std_of(scenario),
-        xi=scenario.filter.xi if scenario.filter.kind in SATURATING else np.inf,
+        xi=scenario.filter.xi if scenario.filter.kind in SATURATED else np.inf,
     )
     return states
 
@@ -188,8 +186,8 @@ def _metrics(analysis: Analysis) -> dict[str, Any]:
         },
         "ratio_to_centralized": position / central if position is not None and central else None,
         "bound": {
-            "position_rmse": float(np.sqrt(bound[:, :3].sum(axis=1).mean())),
-            "velocity_rmse": float(np.sqrt(bound[:, 3:].sum(axis=1).mean())),
+            "position_rmse": _rms(np.sqrt(bound[:, :3].sum(axis=1))),
+            "velocity_rmse": _rms(np.sqrt(bound[:, 3:].sum(axis=1))),
             "msee": _last(analysis.bound_msee),
         },
         "nees": _nees_metrics(analysis, window),

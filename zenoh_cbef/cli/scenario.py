@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import takewhile
 from pathlib import Path
 from typing import Annotated
 
@@ -17,8 +18,9 @@ from zenoh_cbef.scenario.load import builtin_names, load, read_source, to_toml
 def _list() -> None:
     """List the built-in scenarios."""
     for name in builtin_names():
-        comment = read_source(name)[0].splitlines()[0].removeprefix("# ")
-        typer.echo(f"{name:10} {comment}")
+        lines = takewhile(lambda line: line.startswith("#"), read_source(name)[0].splitlines())
+        sentence, _, _ = " ".join(line.removeprefix("# ") for line in lines).partition(". ")
+        typer.echo(f"{name:10} {sentence.rstrip('.')}")
 
 
 def _show(
@@ -38,10 +40,12 @@ def _check(scenario: ScenarioName = "tracking", overrides: Overrides = None) -> 
     loaded = load(scenario, overrides or ()).scenario
     for warning in check(loaded):
         typer.echo(f"warning: {warning}")
+    edges = network.edges(loaded).tolist()
     typer.echo(
-        f"{loaded.name}: {loaded.count} agents, {len(network.edges(loaded))} edges, {loaded.length} steps of "
+        f"{loaded.name}: {loaded.count} agents, {len(edges)} edges, {loaded.length} steps of "
         f"{loaded.dt} s, {loaded.filter.kind}: it can run"
     )
+    typer.echo("edges: " + " ".join(f"{first}-{second}" for first, second in edges))
 
 
 def _new(

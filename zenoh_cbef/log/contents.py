@@ -19,7 +19,7 @@ from zenoh_cbef.protocol.keys import address, agent_of
 from zenoh_cbef.protocol.messages import BadMessage, decode
 from zenoh_cbef.protocol.round_codec import RoundCodec
 from zenoh_cbef.scenario import Scenario
-from zenoh_cbef.scenario.build import filter_of
+from zenoh_cbef.scenario.build import message_size
 from zenoh_cbef.scenario.load import parse
 
 Floats = NDArray[np.float64]
@@ -91,7 +91,7 @@ class _Sorter:
     def __init__(self, header: Header, contents: Contents) -> None:
         self._run, self._count = header.run, header.scenario.count
         self._contents = contents
-        width = filter_of(header.scenario).payload_size
+        width = message_size(header.scenario)
         self._codecs = [RoundCodec(header.run, f"agent/{agent}", width) for agent in range(self._count)]
 
     def take(self, raw: RawMessage) -> None:

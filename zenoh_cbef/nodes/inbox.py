@@ -51,8 +51,9 @@ class Alarm:
 class Inbox:
     """One sender's messages by turn: a number that grows with every message of the key.
 
-    owner: the liveliness name of the sender. decode gives a message's turn, sending time (ns) and content, or
-    raises BadMessage. horizon: how many turns a sender can be ahead; what claims more is forged.
+    owner: the liveliness name of the sender; open: whether it is there. decode gives a message's turn, sending
+    time (ns) and content, or raises BadMessage. horizon: how many turns a sender can be ahead; what claims more is
+    forged.
     """
 
     def __init__(
@@ -72,7 +73,7 @@ class Inbox:
         self._rejections, self._alarm = rejections, alarm
         self._held: tuple[int, Any] | None = None
         self._missed: set[int] = set()
-        self._open = True
+        self.open = True
         self.waited = False
         self.late = 0
         self.delay_ns = 0
@@ -81,11 +82,11 @@ class Inbox:
     def _heed(self, node: Node, owner: str) -> None:
         def on_change(name: str, joined: bool) -> None:
             if name == owner:
-                self._open = joined and not node.stopping
+                self.open = joined and not node.stopping
                 self.mailbox.wake()
 
         def on_stop() -> None:
-            self._open = False
+            self.open = False
             self.mailbox.wake()
 
         node.presence.on_change(on_change)
@@ -109,7 +110,7 @@ class Inbox:
             if data is None:
                 data = self._wait(deadline)
                 if data is None:
-                    if self._open and (deadline is None or time.monotonic() < deadline):
+                    if self.open and (deadline is None or time.monotonic() < deadline):
                         continue
                     # The sender's last words may have come before the news that it left.
                     data = self._poll()
@@ -143,7 +144,7 @@ class Inbox:
 
     def _wait(self, deadline: float | None) -> bytes | None:
         self.waited = True
-        if not self._open:
+        if not self.open:
             return None
         if deadline is None:
             return self.mailbox.receive()

@@ -102,7 +102,7 @@ class Neighbourhood:
                 box.pass_over(step)
                 continue
             message = box.take(step, deadline)
-            self._counts["lost" if message is None else "received"][place] += 1
+            self._note(box, place, came=message is not None)
             if message is not None:
                 positions[0, place] = message["position"]
                 ranges[0, place] = nil_to_nan(message["range"])
@@ -113,7 +113,6 @@ class Neighbourhood:
         values, turn = self._received[0], step * (self._rounds + 1) + round_
         due = self._due(step, round_)
         delivered = [False] * len(self.ids)
-        received = self._counts["received"]
         slowest = self._order[0]
         for place in self._order:
             box = self._round_boxes[place]
@@ -124,10 +123,8 @@ class Neighbourhood:
                 payload = box.take(turn, deadline)
                 if box.waited:
                     slowest = place
-                if payload is None:
-                    self._counts["lost"][place] += 1
-                else:
-                    received[place] += 1
+                self._note(box, place, came=payload is not None)
+                if payload is not None:
                     delivered[place] = True
                     values[place] = payload
         # Whoever came last this time is waited for first next time: the others are there by then, and every
@@ -156,6 +153,13 @@ class Neighbourhood:
                     else:
                         self._counts["received"][place] -= 1
                         self._counts["lost"][place] += 1
+
+    def _note(self, box: Inbox, place: int, *, came: bool) -> None:
+        # Who is not there sends nothing that could be lost.
+        if came:
+            self._counts["received"][place] += 1
+        elif box.open:
+            self._counts["lost"][place] += 1
 
     def _due(self, step: int, round_: int) -> Sequence[bool]:
         """Which messages the faults let arrive in time; the others are not waited for."""

@@ -52,9 +52,9 @@ class Status:
 class _Overview:
     """Keeps a Status up to date from the messages that go by."""
 
-    def __init__(self, status: Status, count: int) -> None:
+    def __init__(self, status: Status, present: Callable[[], int]) -> None:
         self.status = status
-        self._count = count
+        self._present = present
         self._truth: dict[int, list[float]] = {}
         self._errors: dict[int, list[float]] = {}
         self._links: dict[int, tuple[int, int]] = {}
@@ -75,7 +75,7 @@ class _Overview:
             return
         errors = self._errors.setdefault(step, [])
         errors.append(sum((a - b) ** 2 for a, b in zip(message["state"][:3], truth[:3], strict=True)))
-        if len(errors) == self._count:
+        if len(errors) >= self._present() > 0:
             self.status.step = step
             self.status.error = float(np.sqrt(np.mean(errors)))
             self.status.lost = sum(lost for lost, _ in self._links.values())
@@ -192,14 +192,18 @@ def run_recorder(
                 "started": datetime.now(UTC).isoformat(),
             },
         )
-        overview = _Overview(Status(identity.run, str(path), scenario.length), scenario.count)
+        overview = _Overview(
+            Status(identity.run, str(path), scenario.length),
+            lambda: sum(name.startswith("agent/") for name in node.presence.names()),
+        )
         recorder = Recorder(node, log, overview, mailbox)
         node.presence.announce(f"record/{identity.name}")
         try:
             recorder.run(flush_seconds=settings.flush_seconds, sync=sync, report=report)
         finally:
             status = recorder.status()
-            log.close({"status": "stopped" if node.stopping else "finished", **_text(status)})
+            finished = status.step == scenario.length and not node.stopping
+            log.close({"status": "finished" if finished else "stopped", **_text(status)})
         status.state = "done"
         report(status)
         node.presence.withdraw()

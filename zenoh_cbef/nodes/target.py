@@ -89,9 +89,11 @@ class Target:
         needs_recorder = self.scenario.record.required
 
         def missing(live: set[str]) -> list[str]:
-            absent = [f"agent {name.removeprefix('ready/')}" for name in sorted(ready - live)]
             recorded = not needs_recorder or any(name.startswith("record/") for name in live)
-            return absent if recorded else [*absent, "the recorder"]
+            unready = [name.replace("ready/", "agent/") for name in sorted(ready - live)]
+            absent = [name for name in unready if name not in live]
+            others = absent or [f"{name} (here, but not linked to all it needs)" for name in unready]
+            return [name.replace("/", " ") for name in others] + ([] if recorded else ["the recorder"])
 
         everybody = self.node.wait_for(lambda live: not missing(live), patience, self._progress.drain)
         if not everybody and not self.node.stopping:
