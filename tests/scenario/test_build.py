@@ -11,9 +11,11 @@ from zenoh_cbef.scenario.build import (
     batch_tracker,
     initial_belief,
     initial_states,
+    message_size,
     motion_of,
     range_std_of,
     rounds_of,
+    scheme_of,
     space_of,
 )
 from zenoh_cbef.scenario.load import parse
@@ -63,6 +65,36 @@ def test_what_the_filter_is_not_told_it_takes_from_target_and_sensor():
 def test_a_filter_that_keeps_to_itself_has_no_rounds():
     assert rounds_of(scenario(filter={"kind": "local"})) == 0
     assert rounds_of(scenario(consensus={"rounds": 7})) == 7
+
+
+LOSS = {"kind": "loss", "probability": 0.1}
+
+
+@pytest.mark.parametrize(
+    ("keys", "chosen", "why"),
+    [
+        ({}, "average", "No link has a fault"),
+        ({"fault": [LOSS]}, "running-sums", "repairs"),
+        ({"fault": [LOSS], "filter": {"kind": "ci"}}, "running-sums", "repairs"),
+        ({"fault": [LOSS], "filter": {"kind": "kcf"}}, "average", "kcf does not average information"),
+        ({"fault": [LOSS], "filter": {"kind": "cbef"}}, "average", "cbef does not average information"),
+        ({"fault": [LOSS], "consensus": {"acceleration": "chebyshev"}}, "average", "cannot be accelerated"),
+        ({"fault": [LOSS], "consensus": {"scheme": "average"}}, "average", "was given"),
+        ({"consensus": {"scheme": "running-sums"}}, "running-sums", "was given"),
+    ],
+)
+def test_auto_picks_running_sums_where_links_fail_and_says_why(keys, chosen, why):
+    picked, reason = scheme_of(scenario(**keys))
+    assert picked == chosen
+    assert why in reason
+    assert reason.endswith(".")
+
+
+def test_running_sums_send_one_number_more():
+    for kind, size in (("sicf", 27), ("hcmci", 54), ("cbef", 6)):
+        keys = {"filter": {"kind": kind}}
+        assert message_size(scenario(**keys)) == size
+        assert message_size(scenario(**keys, consensus={"scheme": "running-sums"})) == size + 1
 
 
 def test_a_network_of_one_agent_has_nobody_to_talk_to():

@@ -74,9 +74,15 @@ REFUSED = {
     "consensus.rounds = 1e3": "consensus.rounds must be a whole number, not 1000.0",
     "consensus.epsilon = 0": "consensus.epsilon must be greater than 0, not 0",
     'consensus.weights = "equal"': "consensus.weights must be 'uniform' or 'metropolis', not 'equal'",
+    'consensus.scheme = "sums"': "consensus.scheme must be 'auto', 'average' or 'running-sums', not 'sums'",
+    'consensus = {scheme = "running-sums", acceleration = "chebyshev"}': "consensus.scheme = 'running-sums' cannot be "
+    "accelerated; set consensus.acceleration = 'none'",
     "filter.xi = 0": "filter.xi must be greater than 0, not 0",
     "filter.xi = inf": "filter.xi must be a finite number, not inf",
-    'filter.kind = "ekf"': "filter.kind must be one of sicf, icf, cbef, local, not 'ekf'",
+    'filter = {kind = "sicf", measurement = "difference"}': "filter.measurement = 'difference' would count ranges more "
+    "than once in 'sicf', as agents' differences share them; set filter.kind = 'ci'",
+    'filter.kind = "ekf"': "filter.kind must be one of sicf, icf, hcmci, ci, kcf, diffusion, cbef, cbef-scaled, "
+    "local, not 'ekf'",
     "filter.initial_position = []": "filter.initial_position lists 0 values for 6 agents",
     "filter.initial_position = [1, 2]": "filter.initial_position must have 3 items, not 2",
     "filter.initial_position = [[1, 2]]": "filter.initial_position[0] must have 3 items, not 2",

@@ -18,6 +18,7 @@ from zenoh_cbef.analysis.figures import Chart, Reference, agent_names, agent_sty
 from zenoh_cbef.analysis.metrics import Analysis
 from zenoh_cbef.analysis.plots import Plot, missed_share, network_plot, space_plot, time_plot, top_plot
 from zenoh_cbef.errors import UserError
+from zenoh_cbef.scenario.build import scheme_of
 
 _NOTHING = "n/a"
 _MOST_ROWS = 200
@@ -202,10 +203,11 @@ def _facts(analysis: Analysis) -> str:
     consensus, network = scenario.consensus, scenario.network
     graph = "given edges" if network.edges is not None else network.graph
     chebyshev = ", Chebyshev" if consensus.acceleration == "chebyshev" else ""
+    how = "running sums" if scheme_of(scenario)[0] == "running-sums" else f"{consensus.weights} weights"
     faults = [_fault(fault.model_dump(mode="json", by_alias=True, exclude_defaults=True)) for fault in scenario.fault]
     left = {
         "Filter": f"{scenario.filter.kind}, ξ = {scenario.filter.xi:g}",
-        "Consensus": f"{_counted(consensus.rounds, 'round')}, {consensus.weights} weights{chebyshev}",
+        "Consensus": f"{_counted(consensus.rounds, 'round')}, {how}{chebyshev}",
         "Agents": f"{len(trace.estimates)}, {scenario.agents.motion}",
         "Graph": f"{graph}, {_counted(len(trace.edges), 'edge')}",
         "Target": scenario.target.motion,

@@ -13,13 +13,14 @@ from zenoh_cbef.scenario import network
 from zenoh_cbef.scenario.model import Scenario
 from zenoh_cbef.scenario.world import target_start
 from zenoh_cbef.tracking import graph, weights
-from zenoh_cbef.tracking.consensus import Average, Chebyshev, Consensus
-from zenoh_cbef.tracking.filters import Belief, Filter, FilterSettings, make_filter
+from zenoh_cbef.tracking.consensus import Average, Chebyshev, Consensus, RunningSums
+from zenoh_cbef.tracking.filters import INFORMATION, Belief, Filter, FilterSettings, make_filter
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
 from zenoh_cbef.tracking.ranging import Space
 from zenoh_cbef.tracking.tracker import Tracker
 
 Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
 
 
 def space_of(scenario: Scenario) -> Space:
@@ -48,6 +49,8 @@ def filter_of(scenario: Scenario) -> Filter:
         range_std_of(scenario),
         scenario.filter.xi,
         scenario.count,
+        scenario.filter.omega,
+        scenario.filter.measurement == "difference",
     )
     return make_filter(scenario.filter.kind, settings)
 
@@ -55,6 +58,25 @@ def filter_of(scenario: Scenario) -> Filter:
 def rounds_of(scenario: Scenario) -> int:
     """Consensus rounds per step; none for a filter that keeps to itself."""
     return scenario.consensus.rounds if filter_of(scenario).cooperates else 0
+
+
+def scheme_of(scenario: Scenario) -> tuple[str, str]:
+    """The consensus scheme, average or running-sums, and one sentence on why it was chosen."""
+    chosen, kind = scenario.consensus.scheme, scenario.filter.kind
+    if chosen != "auto":
+        return chosen, f"consensus.scheme = {chosen!r} was given."
+    if not scenario.fault:
+        return "average", "No link has a fault, so averaging loses nothing."
+    if kind not in INFORMATION:
+        return "average", f"{kind} does not average information, and its exchange is defined by consensus weights."
+    if scenario.consensus.acceleration != "none":
+        return "average", f"Running sums cannot be accelerated, and {scenario.consensus.acceleration} was asked for."
+    return "running-sums", "Links have faults, and with running sums the next message repairs a lost one."
+
+
+def message_size(scenario: Scenario) -> int:
+    """How many numbers a consensus message holds: the payload's, and one more for running sums."""
+    return filter_of(scenario).payload_size + (scheme_of(scenario)[0] == "running-sums")
 
 
 def initial_std(scenario: Scenario) -> Floats:
@@ -104,7 +126,9 @@ def consensus_of(scenario: Scenario, neighbours: graph.Neighbours) -> tuple[Floa
     return chosen, np.tile(bounds, (scenario.count, 1))
 
 
-def _stage(scenario: Scenario, chosen: Floats, bounds: Floats) -> Consensus:
+def _stage(scenario: Scenario, present: Bools, chosen: Floats, bounds: Floats) -> Consensus:
+    if scheme_of(scenario)[0] == "running-sums":
+        return RunningSums(present)
     if scenario.consensus.acceleration == "chebyshev":
         return Chebyshev(chosen, bounds[:, :1], bounds[:, 1:])
     return Average(chosen)
@@ -118,7 +142,7 @@ def agent_tracker(scenario: Scenario, agent: int) -> tuple[Tracker, list[int]]:
     belief = initial_belief(scenario)
     tracker = Tracker(
         filter_of(scenario),
-        _stage(scenario, chosen[[agent]][:, neighbours.present[agent]], bounds[[agent]]),
+        _stage(scenario, row.present, chosen[[agent]][:, neighbours.present[agent]], bounds[[agent]]),
         space_of(scenario),
         Belief(belief.state[[agent]], belief.known_covariance[[agent]]),
     )
@@ -136,7 +160,7 @@ def batch_tracker(scenarios: Sequence[Scenario]) -> tuple[Tracker, graph.Neighbo
     beliefs = [initial_belief(one) for one in scenarios]
     tracker = Tracker(
         filter_of(first),
-        _stage(first, chosen, np.concatenate([bounds for _, bounds in stages])),
+        _stage(first, neighbours.present, chosen, np.concatenate([bounds for _, bounds in stages])),
         space_of(first),
         Belief(
             np.concatenate([one.state for one in beliefs]),

@@ -8,7 +8,7 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator, model_valida
 
 from zenoh_cbef.faults import AnyFault
 from zenoh_cbef.tracking import graph
-from zenoh_cbef.tracking.filters import KINDS
+from zenoh_cbef.tracking.filters import DIFFERENCED, KINDS
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
@@ -126,23 +126,36 @@ class Network(Table):
 
 
 class Consensus(Table):
-    """How payloads are averaged. epsilon None: 1/(largest degree + 1)."""
+    """How payloads are averaged. epsilon None: 1/(largest degree + 1). scheme auto: see build.scheme_of."""
 
     rounds: Annotated[int, Field(ge=0, le=10_000)] = 10
     weights: Literal["uniform", "metropolis"] = "metropolis"
     epsilon: Positive | None = None
     acceleration: Literal["none", "chebyshev"] = "none"
-    scheme: Literal["average"] = "average"
+    scheme: Literal["auto", "average", "running-sums"] = "auto"
+
+    @model_validator(mode="after")
+    def _combinable(self) -> Consensus:
+        if self.scheme == "running-sums" and self.acceleration != "none":
+            raise ValueError(
+                "consensus.scheme = 'running-sums' cannot be accelerated; "
+                "set consensus.acceleration = 'none', or consensus.scheme = 'average'"
+            )
+        return self
 
 
 class Filter(Table):
     """The estimation filter and what it is told. None: what target and sensor say.
 
-    xi: cbef saturates at this size of the whole innovation (m^2), the others at this many standard deviations.
+    xi: cbef saturates at this size of the whole innovation (m^2), cbef-scaled likewise (m), the others at this many
+    standard deviations. omega: what hcmci multiplies averaged measurements by; None: the number of agents.
+    measurement: the agent's own range, or differences with its neighbours', as cbef and cbef-scaled always have.
     """
 
     kind: str = "sicf"
     xi: Positive = 1.5
+    omega: Positive | None = None
+    measurement: Literal["range", "difference"] = "range"
     acceleration_std: Positive | None = None
     range_std: Positive | None = None
     bias: Literal["none"] = "none"
@@ -156,6 +169,15 @@ class Filter(Table):
     @classmethod
     def _known(cls, value: str) -> str:
         return _one_of(value, tuple(KINDS))
+
+    @model_validator(mode="after")
+    def _counted_once(self) -> Filter:
+        if self.measurement == "difference" and self.kind not in DIFFERENCED:
+            raise ValueError(
+                f"filter.measurement = 'difference' would count ranges more than once in {self.kind!r}, as agents' "
+                "differences share them; set filter.kind = 'ci', or filter.measurement = 'range'"
+            )
+        return self
 
 
 class Timing(Table):

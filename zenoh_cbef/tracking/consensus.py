@@ -15,7 +15,7 @@ Bools = NDArray[np.bool_]
 
 
 class Consensus(Protocol):
-    """A linear averaging scheme. What it returns is what the agents send next."""
+    """An averaging scheme. What it returns is what the agents send next."""
 
     def start(self, payload: Floats) -> Floats:
         """Begin a step with payloads (n, d); returns the first message (n, d)."""
@@ -109,3 +109,49 @@ class Chebyshev:
     def result(self) -> Floats:
         """The value after the last round."""
         return self._value
+
+
+@dataclass
+class RunningSums:
+    """Ratio consensus with running sums (Hadjicostis, Vaidya, Dominguez-Garcia, IEEE TAC 61(6), 2016, 1492-1507).
+
+    Every agent holds y_i = (payload, 1) and shares it equally with its d_i neighbours, D_i = d_i + 1 shares. It
+    sends not the share but the sum of all its shares in this step, so the next packet repairs a lost one:
+
+        sigma_i <- sigma_i + y_i/D_i                                  sent every round
+        y_i     <- y_i/D_i + sum_j (sigma_j - rho_ij),  rho_ij <- sigma_j     over the neighbours j that were delivered
+        result:  payload part of y_i / last component of y_i
+
+    rho_ij is what i last heard of sigma_j. Nothing is lost but for what is still on its way, and both parts of y lose
+    that alike: the ratio stays a convex combination of the payloads, and tends to their average. No weights are used.
+
+    present: (n, m), False where padded. Messages are one number longer than payloads, (n, d + 1).
+    """
+
+    present: Bools
+
+    def __post_init__(self) -> None:
+        self._shares: Floats = self.present.sum(axis=1)[:, None] + 1.0
+
+    def start(self, payload: Floats) -> Floats:
+        """Begin anew, with nothing heard from anybody; the first sum is y/D."""
+        self._mass: Floats = np.concatenate([payload, np.ones((len(payload), 1))], axis=1)
+        self._share: Floats = self._mass / self._shares
+        self._sent = self._share
+        self._heard = np.zeros((*self.present.shape, self._mass.shape[1]))
+        return self._sent
+
+    def mix(self, received: Floats, delivered: Bools | None) -> Floats:
+        """Keep one share, take in what neighbours have sent since they were last heard."""
+        arrived = (self.present if delivered is None else delivered & self.present)[:, :, None]
+        total = neighbour_sum(np.where(arrived, received - self._heard, 0.0))
+        self._heard = np.where(arrived, received, self._heard)
+        self._mass = self._share + total
+        self._share = self._mass / self._shares
+        # A new array: the message of the round before may still be on somebody's desk.
+        self._sent = self._sent + self._share
+        return self._sent
+
+    def result(self) -> Floats:
+        """The ratio; its divisor is positive, as an agent always keeps a share."""
+        return np.asarray(self._mass[:, :-1] / self._mass[:, -1:])

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zenoh_cbef.tracking.filters.base import Belief
-from zenoh_cbef.tracking.filters.information import saturation
+from zenoh_cbef.tracking.filters.information_form import saturation
 from zenoh_cbef.tracking.linalg import inverse, matvec
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
 from zenoh_cbef.tracking.ranging import Space, own_range

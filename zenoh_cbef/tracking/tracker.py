@@ -52,7 +52,7 @@ class Tracker:
         """End the step."""
         if self._update is None:
             raise RuntimeError("conclude() comes after measure()")
-        self.belief = self.filter.conclude(self.consensus.result(), self._update.payload)
+        self.belief = self.filter.conclude(self.consensus.result(), self._update)
         covariance = self.belief.covariance
         return Estimate(
             self.space.embed_state(self.belief.state),

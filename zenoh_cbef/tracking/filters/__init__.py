@@ -9,38 +9,82 @@ import numpy as np
 
 from zenoh_cbef.tracking.filters.base import Belief, Filter, Update
 from zenoh_cbef.tracking.filters.cbef import Cbef
+from zenoh_cbef.tracking.filters.cbef_scaled import ScaledCbef
+from zenoh_cbef.tracking.filters.ci import CovarianceIntersection
+from zenoh_cbef.tracking.filters.diffusion import Diffusion
+from zenoh_cbef.tracking.filters.hcmci import HybridConsensus
 from zenoh_cbef.tracking.filters.information import SaturatedInformation
+from zenoh_cbef.tracking.filters.kcf import KalmanConsensus
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
 from zenoh_cbef.tracking.ranging import Space
 
-__all__ = ["KINDS", "Belief", "Cbef", "Filter", "FilterSettings", "SaturatedInformation", "Update", "make_filter"]
+__all__ = [
+    "DIFFERENCED",
+    "INFORMATION",
+    "KINDS",
+    "SATURATED",
+    "Belief",
+    "Cbef",
+    "Filter",
+    "FilterSettings",
+    "SaturatedInformation",
+    "Update",
+    "make_filter",
+]
 
 
 @dataclass(frozen=True)
 class FilterSettings:
-    """What any filter may need to know. range_std: m. xi: see the filter. network_size: number of agents."""
+    """What any filter may need to know.
+
+    range_std: m. xi, omega: see the filter; omega None: network_size. network_size: number of agents. differenced:
+    whether ci and local take in differences of ranges in place of the agent's own range.
+    """
 
     motion: NearlyConstantVelocity
     space: Space
     range_std: float
     xi: float
     network_size: int
+    omega: float | None = None
+    differenced: bool = False
 
 
-def _cbef(settings: FilterSettings) -> Filter:
-    return Cbef(settings.motion, settings.space, settings.xi)
+def _information(settings: FilterSettings, xi: float) -> Filter:
+    return SaturatedInformation(settings.motion, settings.space, settings.range_std, settings.network_size, xi)
 
 
-def _information(settings: FilterSettings, network_size: int, xi: float) -> Filter:
-    return SaturatedInformation(settings.motion, settings.space, settings.range_std, network_size, xi)
+def _intersection(settings: FilterSettings, *, cooperates: bool) -> Filter:
+    return CovarianceIntersection(
+        settings.motion, settings.space, settings.range_std, settings.xi, settings.differenced, cooperates
+    )
+
+
+def _hcmci(settings: FilterSettings) -> Filter:
+    omega = float(settings.network_size) if settings.omega is None else settings.omega
+    return HybridConsensus(settings.motion, settings.space, settings.range_std, omega, settings.xi)
 
 
 KINDS: dict[str, Callable[[FilterSettings], Filter]] = {
-    "sicf": lambda settings: _information(settings, settings.network_size, settings.xi),
-    "icf": lambda settings: _information(settings, settings.network_size, np.inf),
-    "cbef": _cbef,
-    "local": lambda settings: _information(settings, 1, settings.xi),
+    "sicf": lambda settings: _information(settings, settings.xi),
+    "icf": lambda settings: _information(settings, np.inf),
+    "hcmci": _hcmci,
+    "ci": lambda settings: _intersection(settings, cooperates=True),
+    "kcf": lambda settings: KalmanConsensus(settings.motion, settings.space, settings.range_std),
+    "diffusion": lambda settings: Diffusion(settings.motion, settings.space, settings.range_std),
+    "cbef": lambda settings: Cbef(settings.motion, settings.space, settings.xi),
+    "cbef-scaled": lambda settings: ScaledCbef(settings.motion, settings.space, settings.xi),
+    "local": lambda settings: _intersection(settings, cooperates=False),
 }
+
+INFORMATION = ("sicf", "icf", "hcmci", "ci")
+"""The kinds whose payload is information, of which any convex combination is meaningful."""
+
+SATURATED = ("sicf", "hcmci", "ci", "local")
+"""The kinds that saturate ranges at xi of their standard deviations."""
+
+DIFFERENCED = ("cbef", "cbef-scaled", "ci", "local")
+"""The kinds that may take in differences of ranges; the others would count shared noise more than once."""
 
 
 def make_filter(kind: str, settings: FilterSettings) -> Filter:

@@ -33,12 +33,14 @@ class Update:
     """A filter's local update.
 
     payload: (n, d), what the consensus stage mixes. innovation: (n,), size of the innovation (NaN where nothing
-    was measured). weight: (n,), the saturation gain in (0, 1] that was applied (NaN likewise).
+    was measured). weight: (n,), the saturation gain in (0, 1] that was applied (NaN likewise). kept: arrays (n, ...)
+    that the filter needs to conclude and tells nobody.
     """
 
     payload: Floats
     innovation: Floats
     weight: Floats
+    kept: tuple[Floats, ...] = ()
 
 
 class Filter(Protocol):
@@ -59,5 +61,5 @@ class Filter(Protocol):
     def update(self, belief: Belief, measurement: Measurement) -> Update:
         """Predict one step and take in the measurement."""
 
-    def conclude(self, payload: Floats, own: Floats) -> Belief:
-        """Turn the payload that consensus left back into a belief; own: the payload before it was mixed."""
+    def conclude(self, payload: Floats, update: Update) -> Belief:
+        """Turn the payload that consensus left back into a belief; update: what the step began with."""

@@ -51,6 +51,6 @@ class Cbef:
         measured = present.any(axis=1)
         return Update(updated, np.where(measured, size, np.nan), np.where(measured, gain, np.nan))
 
-    def conclude(self, payload: Floats, own: Floats) -> Belief:  # noqa: ARG002 - as Filter has it
+    def conclude(self, payload: Floats, update: Update) -> Belief:  # noqa: ARG002 - as Filter has it
         """The state that consensus left; the paper's filter has no covariance."""
         return Belief(payload, None)

@@ -1,0 +1,162 @@
+"""What the information filters share: the information in ranges, its packing, and the way back to a belief."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from zenoh_cbef.tracking.filters.base import Belief, Floats
+from zenoh_cbef.tracking.linalg import inverse, matvec, neighbour_sum, outer, pack_upper, unpack_upper
+from zenoh_cbef.tracking.motion import NearlyConstantVelocity
+from zenoh_cbef.tracking.ranging import Measurement, Space, differenced_rows, own_range
+
+_LEAST = 1e-12
+"""Least over largest eigenvalue of what passes for an information matrix."""
+
+
+@dataclass(frozen=True)
+class RangeInformation:
+    """The information of ranges, for a prior x.
+
+    vector: u, (n, s), see the functions that make it. matrix: U = sum w H^T H / sigma^2, (n, s, s).
+    innovation: (n,), m, size of the own range's innovation. weight: (n,), its saturation gain. NaN without a range.
+    """
+
+    vector: Floats
+    matrix: Floats
+    innovation: Floats
+    weight: Floats
+
+
+def predict(motion: NearlyConstantVelocity, belief: Belief) -> tuple[Floats, Floats]:
+    """Prior state (n, s) and covariance (n, s, s) of a step."""
+    return motion.predict_state(belief.state), motion.predict_covariance(belief.known_covariance)
+
+
+def own_information(
+    space: Space, state: Floats, covariance: Floats, measurement: Measurement, *, range_std: float, xi: float
+) -> RangeInformation:
+    """Information of the agent's own range, linearised at the prior and saturated.
+
+        s = sqrt(H P H^T + sigma^2),  z = r - h(x),  w = min(1, xi s/|z|)
+        u = w H^T (z + H x)/sigma^2,  U = w H^T H / sigma^2
+
+    state: (n, s), covariance: (n, s, s), the prior. range_std: sigma, m. xi: saturation level in standard deviations.
+    """
+    predicted, row = own_range(space, state, measurement.position, measurement.age)
+    measured = np.isfinite(measurement.range)
+    innovation = np.where(measured, measurement.range - predicted, 0.0)
+    variance = range_std**2
+    spread = np.sqrt(np.sum(row * matvec(covariance, row), axis=1) + variance)
+    weight = saturation(innovation, xi * spread)
+    precision = np.where(measured, weight, 0.0) / variance
+    return RangeInformation(
+        (precision * (innovation + np.sum(row * state, axis=1)))[:, None] * row,
+        precision[:, None, None] * outer(row, row),
+        np.where(measured, np.abs(innovation), np.nan),
+        np.where(measured, weight, np.nan),
+    )
+
+
+def neighbourhood_information(
+    space: Space, state: Floats, measurement: Measurement, *, range_std: float
+) -> RangeInformation:
+    """Information of the agent's own and its neighbours' ranges, all linearised at the agent's own prior.
+
+        u = sum_j H_j^T (r_j - h_j(x))/sigma^2,  U = sum_j H_j^T H_j / sigma^2,  j = i and the neighbours delivered
+
+    The vector is of innovations, y - U x in the usual notation. One beacon is heard by all at once, so neighbours'
+    ranges are as old as the agent's own.
+    """
+    count, size = state.shape
+    positions = np.concatenate([measurement.position[:, None], measurement.neighbour_position], axis=1)
+    ranges = np.concatenate([measurement.range[:, None], measurement.neighbour_range], axis=1)
+    width = ranges.shape[1]
+    predicted, rows = own_range(
+        space, np.repeat(state, width, axis=0), positions.reshape(-1, 3), np.repeat(measurement.age, width)
+    )
+    measured = np.isfinite(ranges)
+    innovation = np.where(measured, ranges - predicted.reshape(count, width), 0.0)
+    precision = np.where(measured, 1.0 / range_std**2, 0.0)
+    vectors = (precision * innovation)[:, :, None] * rows.reshape(count, width, size)
+    matrices = precision[:, :, None] * outer(rows, rows).reshape(count, width, size * size)
+    return RangeInformation(
+        neighbour_sum(vectors),
+        neighbour_sum(matrices).reshape(count, size, size),
+        np.where(measured[:, 0], np.abs(innovation[:, 0]), np.nan),
+        np.where(measured[:, 0], 1.0, np.nan),
+    )
+
+
+def differenced_information(
+    space: Space, state: Floats, covariance: Floats, measurement: Measurement, *, range_std: float, xi: float
+) -> RangeInformation:
+    """Information of the paper's differenced rows with their exact covariance, saturated as a whole.
+
+        row j:  H_j = [h_j, -age h_j],  h_j = (p_j - p_i)^T;   z_j = y_j - H_j x
+        R = sigma^2 (r_i^2 11^T + diag r_j^2) + sigma^4/2 (11^T + I)
+        u = w H^T R^-1 (z + H x),  U = w H^T R^-1 H,  w = min(1, xi/sqrt(z^T (H P H^T + R)^-1 z / m))
+
+    R is a diagonal D and a rank one term a 11^T, so R^-1 = D^-1 - a D^-1 11^T D^-1/(1 + a 1^T D^-1 1), and only sums
+    over neighbours are needed. The measured ranges stand for the true ones in R. Rows of different agents share
+    noise, and row j at agent i is minus row i at agent j: their information must not be added up over agents.
+
+    innovation: root mean square of z whitened, which has no unit. m: rows there are this step.
+    """
+    rows, right, present = differenced_rows(space, measurement)
+    count = present.sum(axis=1)
+    rows = np.concatenate([rows, -measurement.age[:, None, None] * rows], axis=2)
+    innovation = np.where(present, right - np.sum(rows * state[:, None, :], axis=2), 0.0)
+    variance = range_std**2
+    common = variance * np.nan_to_num(measurement.range) ** 2 + 0.5 * variance**2
+    spread = variance * np.nan_to_num(measurement.neighbour_range) ** 2 + 0.5 * variance**2
+    precision = np.where(present, 1.0 / spread, 0.0)
+    damping = common / (1.0 + common * neighbour_sum(precision))
+    width, size = rows.shape[1:]
+    squares = outer(rows.reshape(-1, size), rows.reshape(-1, size)).reshape(-1, width, size * size)
+    mean_row, mean = neighbour_sum(precision[:, :, None] * rows), neighbour_sum(precision * innovation)
+    matrix = neighbour_sum(precision[:, :, None] * squares).reshape(-1, size, size)
+    matrix -= damping[:, None, None] * outer(mean_row, mean_row)
+    vector = neighbour_sum((precision * innovation)[:, :, None] * rows) - (damping * mean)[:, None] * mean_row
+    # The matrix inversion lemma brings the innovation's covariance down to the state's size.
+    remaining = inverse(inverse(covariance) + matrix)
+    nis = neighbour_sum(precision * innovation * innovation) - damping * mean * mean
+    nis = np.maximum(nis - np.sum(vector * matvec(remaining, vector), axis=1), 0.0)
+    deviation = np.sqrt(nis / np.maximum(count, 1))
+    weight = saturation(deviation, np.full_like(deviation, xi))
+    return RangeInformation(
+        weight[:, None] * (vector + matvec(matrix, state)),
+        weight[:, None, None] * matrix,
+        np.where(count > 0, deviation, np.nan),
+        np.where(count > 0, weight, np.nan),
+    )
+
+
+def packed_size(size: int) -> int:
+    """Numbers in an information vector and the upper triangle of its matrix."""
+    return size + size * (size + 1) // 2
+
+
+def pack(vector: Floats, matrix: Floats) -> Floats:
+    """Information vectors (n, s) and matrices (n, s, s) as payloads (n, s + s(s+1)/2)."""
+    return np.concatenate([vector, pack_upper(matrix)], axis=1)
+
+
+def belief_of(payload: Floats, own: Floats, size: int) -> Belief:
+    """State O^-1 V and covariance O^-1 of packed information.
+
+    Accelerated averaging weighs some agents negatively, the more so where messages are lost, so now and then
+    the result is no information matrix. The agent then keeps to its own, as if all messages had been lost.
+    """
+    eigenvalues = np.linalg.eigvalsh(unpack_upper(payload[:, size:], size))
+    sound = eigenvalues[:, 0] > _LEAST * eigenvalues[:, -1]
+    payload = np.where(sound[:, None], payload, own)
+    covariance = inverse(unpack_upper(payload[:, size:], size))
+    return Belief(matvec(covariance, payload[:, :size]), covariance)
+
+
+def saturation(innovation: Floats, level: Floats) -> Floats:
+    """Gain min(1, level/|innovation|) of the saturated innovation."""
+    size = np.abs(innovation)
+    return np.where(size <= level, 1.0, level / np.where(size > 0.0, size, 1.0))
