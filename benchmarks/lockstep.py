@@ -16,7 +16,7 @@ from benchmarks.bare_exchange import RUNTIMES, bare_rate
 from benchmarks.common import Row, at_least, results
 from zenoh_cbef.nodes.launcher import Launcher
 from zenoh_cbef.scenario import network
-from zenoh_cbef.scenario.build import filter_of, rounds_of
+from zenoh_cbef.scenario.build import message_size, rounds_of
 from zenoh_cbef.scenario.load import load
 
 STEPS = {"tracking": 1200, "scale24": 250}
@@ -61,7 +61,7 @@ def measure(name: str, repeats: int) -> dict[str, list[float]]:
     """Measure every arm's rounds per second, interleaved: a busy minute of the machine hits all alike."""
     scenario = load(name).scenario
     edges = [(first, second) for first, second in network.edges(scenario).tolist()]
-    size = 8 * filter_of(scenario).payload_size
+    size = 8 * message_size(scenario)
     rounds = rounds_of(scenario) * STEPS[name]
     rates: dict[str, list[float]] = {_OURS: [], **{arm: [] for arm in RUNTIMES}}
     for _ in range(repeats):
@@ -74,7 +74,7 @@ def measure(name: str, repeats: int) -> dict[str, list[float]]:
 def run(repeats: int) -> Iterator[Table]:
     for name in STEPS:
         scenario = load(name).scenario
-        edges, size = network.edges(scenario), 8 * filter_of(scenario).payload_size
+        edges, size = network.edges(scenario), 8 * message_size(scenario)
         busy = os.getloadavg()[0]
         rates = measure(name, repeats)
         title = f"{name}: {scenario.count} agents, {len(edges)} edges, {size} bytes, medians of {repeats}"

@@ -195,7 +195,7 @@ def saturation(folder: Path) -> Table:
 def _spreads(folder: Path, name: str, axis: str, many: dict[str, list[studies.Spread]], title: str) -> Table:
     figure, (axes,) = _canvas()
     rows: list[list[object]] = []
-    for (arm, found), colour, marker in zip(many.items(), (_BLUE, _ORANGE), ("o", "s"), strict=True):
+    for (arm, found), colour, marker in zip(many.items(), (_BLUE, _ORANGE, _GREEN), ("o", "s", "^"), strict=False):
         whole = [one for one in found if one.broken == 0]
         x = [one.setting for one in whole]
         for pick, dash, label in ((np.median, "-", "median"), (np.max, ":", "worst seed")):
@@ -207,7 +207,7 @@ def _spreads(folder: Path, name: str, axis: str, many: dict[str, list[studies.Sp
             for one in found
         ]
     axes.axhline(0.01, color=MUTED, linewidth=0.8, linestyle=":")
-    axes.set(xlabel=axis, ylabel="position RMSE / centralised - 1", yscale="log", ylim=(_FLOOR / 1.5, 20.0))
+    axes.set(xlabel=axis, ylabel="position RMSE / centralised - 1", yscale="log", ylim=(_FLOOR / 1.5, 300.0))
     axes.legend(frameon=False, ncols=2)
     _save(figure, folder, name)
     return plain_table(title, [axis, "median ratio", "worst", "seeds broken", "mean NEES"], rows)
@@ -221,7 +221,11 @@ def rounds(folder: Path) -> Table:
 
 def losses(folder: Path) -> Table:
     """Consensus error by lost messages."""
-    many = {"Metropolis": studies.losses("none"), "Chebyshev": studies.losses("chebyshev")}
+    many = {
+        "Metropolis": studies.losses("average", "none"),
+        "Chebyshev": studies.losses("average", "chebyshev"),
+        "running sums": studies.losses("running-sums", "none"),
+    }
     return _spreads(folder, "loss", "loss probability", many, f"(f) loss: tracking, L = 10, {SEEDS} seeds")
 
 

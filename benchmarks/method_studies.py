@@ -144,13 +144,14 @@ def rounds(acceleration: str) -> list[Spread]:
     return [_spread(count, [f"consensus.rounds={count}", f"consensus.acceleration={acceleration}"]) for count in ROUNDS]
 
 
-def losses(acceleration: str) -> list[Spread]:
+def losses(scheme: str, acceleration: str) -> list[Spread]:
     """Compare tracking at L = 10 with the centralised filter for every loss probability."""
     return [
         _spread(
             probability,
             [
                 f'fault=[{{kind="loss", probability={probability}}}]',
+                f"consensus.scheme={scheme}",
                 f"consensus.acceleration={acceleration}",
             ],
         )

@@ -94,7 +94,7 @@ class Chart:
 def paper_charts(analysis: Analysis) -> tuple[Chart, Chart, Chart]:
     """Describe the paper's figures: innovation per agent, MSEE per agent, average MSEE."""
     kind = analysis.trace.scenario.filter.kind
-    unit = "m²" if kind.startswith("cbef") else "m"
+    unit = "m²" if kind == "cbef" else "m"
     references = (
         Reference("centralised filter", "centralized", analysis.centralized_msee),
         Reference("posterior bound", "bound", analysis.bound_msee),

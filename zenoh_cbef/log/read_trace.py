@@ -56,12 +56,8 @@ def trace_of(header: Header, contents: Contents, *, complete: bool) -> Trace:
         links=_links(scenario, contents),
         traffic=_traffic(contents),
         events=[_event(message) for message in contents.events],
-        complete=complete and (header.end or {}).get("status") == "finished" and _ended_by_target(contents),
+        complete=complete and (header.end or {}).get("status") == "finished",
     )
-
-
-def _ended_by_target(contents: Contents) -> bool:
-    return any(message["kind"] == "finished" and message["from"] == "target" for message in contents.events)
 
 
 def heard_ranges(scenario: Scenario, contents: Contents, steps: int) -> tuple[Floats, Floats]:

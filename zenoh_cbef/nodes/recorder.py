@@ -10,6 +10,7 @@ from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from platform import node as host_name
+from typing import Any
 
 import numpy as np
 
@@ -55,6 +56,7 @@ class _Overview:
     def __init__(self, status: Status, present: Callable[[], int]) -> None:
         self.status = status
         self._present = present
+        self._expected = 1
         self._truth: dict[int, list[float]] = {}
         self._errors: dict[int, list[float]] = {}
         self._links: dict[int, tuple[int, int]] = {}
@@ -75,7 +77,9 @@ class _Overview:
             return
         errors = self._errors.setdefault(step, [])
         errors.append(sum((a - b) ** 2 for a, b in zip(message["state"][:3], truth[:3], strict=True)))
-        if len(errors) >= self._present() > 0:
+        # At the end everybody has left before their last words are read.
+        self._expected = self._present() or self._expected
+        if len(errors) >= self._expected:
             self.status.step = step
             self.status.error = float(np.sqrt(np.mean(errors)))
             self.status.lost = sum(lost for lost, _ in self._links.values())
@@ -96,6 +100,7 @@ class Recorder:
         self._seen_agents = False
         self._gone_at: float | None = None
         self._promised: dict[tuple[str, str], int] = {}
+        self.target_ended: int | None = None
         node.on_stop(self._mailbox.wake)
 
     def run(self, *, flush_seconds: float, sync: bool, report: Callable[[Status], None]) -> None:
@@ -145,7 +150,10 @@ class Recorder:
             message = decode("event", data, run=self.node.identity.run)
         except BadMessage:
             return
-        sent = message.get("data", {}).get("sent")
+        told: dict[Any, Any] = message.get("data", {})
+        sent = told.get("sent")
+        if message["kind"] == "finished" and message["from"] == "target" and isinstance(told.get("step"), int):
+            self.target_ended = told["step"]
         if message["kind"] == "finished" and isinstance(sent, dict):
             for key, count in sent.items():
                 if isinstance(key, str) and isinstance(count, int):
@@ -202,7 +210,7 @@ def run_recorder(
             recorder.run(flush_seconds=settings.flush_seconds, sync=sync, report=report)
         finally:
             status = recorder.status()
-            finished = status.step == scenario.length and not node.stopping
+            finished = recorder.target_ended == scenario.length
             log.close({"status": "finished" if finished else "stopped", **_text(status)})
         status.state = "done"
         report(status)
