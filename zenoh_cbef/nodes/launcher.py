@@ -10,6 +10,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -43,6 +44,16 @@ class Death:
         else:
             how = f"was killed by signal {-self.status}" if self.status < 0 else f"ended with status {self.status}"
         return f"{self.name} {how}" + (f": {self.words}" if self.words else "")
+
+
+def _keep_to_one_core(pid: int, agent: int, count: int) -> None:
+    """Where cores are fewer than agents, bind each to a core: moving between them costs more than waiting."""
+    if not hasattr(os, "sched_setaffinity"):
+        return
+    cores = sorted(os.sched_getaffinity(0))
+    if count > len(cores):
+        with suppress(OSError):  # it has ended already, which is noticed elsewhere
+            os.sched_setaffinity(pid, {cores[agent % len(cores)]})
 
 
 class Launcher:
@@ -96,6 +107,7 @@ class Launcher:
                 listen=[agents[agent]],
                 connect=[target, recorder, *lower[agent]],
             )
+            _keep_to_one_core(self._processes[f"agent {agent}"].pid, agent, count)
 
     def _start(self, name: str, command: list[str], *, listen: Sequence[str], connect: Sequence[str]) -> None:
         command += ["--run", self._run, "--no-gossip", "--lease-ms", str(self._loaded.scenario.zenoh.lease_ms)]

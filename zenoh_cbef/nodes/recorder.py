@@ -27,7 +27,7 @@ from zenoh_cbef.scenario.model import Record
 _CAPACITY = 1 << 18
 _REPORT_SECONDS = 0.2
 _GRACE_SECONDS = 2.0
-_GATHER_SECONDS = 0.002
+_GATHER_SECONDS = 0.005
 
 
 @dataclass

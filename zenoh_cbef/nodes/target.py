@@ -19,6 +19,7 @@ from zenoh_cbef.scenario.load import Loaded, to_toml
 from zenoh_cbef.scenario.world import World, make_world
 
 _LAST_WORD_SECONDS = 5.0
+_GATHER_SECONDS = 0.001
 
 
 class _Progress:
@@ -48,6 +49,9 @@ class _Progress:
             received = self._mailbox.receive_from()
             if received is not None:
                 self._note(*received)
+                # The window leaves time to let the others' estimates gather: a wake-up each would cost more.
+                time.sleep(_GATHER_SECONDS)
+                self.drain()
 
     def drain(self) -> None:
         """Take in what has come, without waiting."""
