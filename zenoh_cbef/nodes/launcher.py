@@ -191,7 +191,8 @@ class Launcher:
 
     def _obey(self, asked: int) -> None:
         now = time.monotonic()
-        over = {"target", "recorder"} <= self._ended
+        over = "target" in self._ended and len(self._processes.keys() - self._ended - {"recorder"}) == 0
+        over = over or {"target", "recorder"} <= self._ended
         if asked > 1:
             self.kill()
         elif self._asked_at is not None:

@@ -65,9 +65,9 @@ class Node:
         self.stop()
         self.session.close()
 
-    def outbox(self, key: str) -> Outbox:
+    def outbox(self, key: str, *, may_drop: bool = True) -> Outbox:
         """A publisher in this process's name."""
-        return Outbox(self.session, key, run=self.identity.run, sender=self.identity.sender)
+        return Outbox(self.session, key, run=self.identity.run, sender=self.identity.sender, may_drop=may_drop)
 
     def refuse_twin(self) -> None:
         """Raise UserError where a process with this role and name is in the run already."""

@@ -14,17 +14,18 @@ from zenoh_cbef.protocol.round_codec import Floats, RoundCodec
 class Outbox:
     """A publisher that numbers its messages.
 
-    What a receiver cannot take in time is dropped for that receiver rather than held against the others: a
-    sender never waits.
+    may_drop: what a receiver cannot take in time is dropped for that receiver, so the sender never waits. Without
+    it the sender waits, and a receiver that hangs loses its link after some seconds: in lockstep a message that
+    is dropped would be waited for in vain.
     """
 
-    def __init__(self, session: zenoh.Session, key: str, *, run: str, sender: str) -> None:
+    def __init__(self, session: zenoh.Session, key: str, *, run: str, sender: str, may_drop: bool) -> None:
         self.key = key
         self.sent = 0
         self._run, self._sender = run, sender
         self._publisher = session.declare_publisher(
             key,
-            congestion_control=zenoh.CongestionControl.DROP,
+            congestion_control=zenoh.CongestionControl.DROP if may_drop else zenoh.CongestionControl.BLOCK,
             allowed_destination=zenoh.Locality.REMOTE,
         )
 
