@@ -58,7 +58,8 @@ class Agent:
             alarm=alarm,
         )
         self._range_out, self._round_out, self._estimate_out = (
-            node.outbox(key) for key in (node.keys.range(agent), node.keys.round(agent), node.keys.estimate(agent))
+            node.outbox(key, may_drop=realtime)
+            for key in (node.keys.range(agent), node.keys.round(agent), node.keys.estimate(agent))
         )
         self._codec = RoundCodec(node.identity.run, node.identity.sender, width)
         self._slot = scenario.dt / (self.rounds + 1)

@@ -83,8 +83,9 @@ class Target:
 
     def __post_init__(self) -> None:
         agents = range(self.scenario.count)
-        self._truth = self.node.outbox(self.node.keys.truth)
-        self._beacons = [self.node.outbox(self.node.keys.beacon(agent)) for agent in agents]
+        realtime = self.scenario.timing.mode == "realtime"
+        self._truth = self.node.outbox(self.node.keys.truth, may_drop=realtime)
+        self._beacons = [self.node.outbox(self.node.keys.beacon(agent), may_drop=realtime) for agent in agents]
         self._progress = _Progress(self.node, self.scenario.count)
 
     def wait_for_everybody(self, patience: float) -> None:
