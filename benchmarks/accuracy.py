@@ -3,35 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from rich.table import Table
 
 from benchmarks.common import SEEDS, Row, analyses, at_least, below, results
-from zenoh_cbef.analysis.chi2 import chi2_quantile
+from zenoh_cbef.analysis.consistency import Consistency, over_seeds
 from zenoh_cbef.analysis.metrics import Analysis
 from zenoh_cbef.cli.tables import number
 from zenoh_cbef.scenario.build import space_of
 
 Floats = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class Consistency:
-    """NEES averaged over s seeds, per agent and step.
-
-    anees: (n, K). band: where it lies with 95 % probability if the covariances are right. mean: over agents
-    and the scored window. inside, under, over: shares of (agent, step) pairs of that window.
-    """
-
-    anees: Floats
-    band: tuple[float, float]
-    mean: float
-    inside: float
-    under: float
-    over: float
 
 
 def ratios(runs: Sequence[Analysis]) -> Floats:
@@ -45,17 +28,9 @@ def position_mse(runs: Sequence[Analysis]) -> Floats:
 
 
 def consistency(runs: Sequence[Analysis]) -> Consistency:
-    """Compare NEES with the chi-squared distribution of s x 6 degrees, divided by s.
-
-    The seeds are independent; agents that agree are not, so the average is over seeds only (Bar-Shalom, Li,
-    Kirubarajan, Estimation with Applications to Tracking and Navigation, section 5.4).
-    """
-    degrees = len(runs) * len(space_of(runs[0].trace.scenario).kept)
-    band = (chi2_quantile(0.025, degrees) / len(runs), chi2_quantile(0.975, degrees) / len(runs))
-    anees = np.stack([run.nees for run in runs]).mean(axis=0)
-    scored = anees[:, runs[0].first :]
-    under, over = float((scored < band[0]).mean()), float((scored > band[1]).mean())
-    return Consistency(anees, band, float(scored.mean()), 1.0 - under - over, under, over)
+    """Compare NEES with the chi-squared distribution of s x 6 degrees, divided by s."""
+    dimension = len(space_of(runs[0].trace.scenario).kept)
+    return over_seeds(np.stack([run.nees for run in runs]), dimension, runs[0].first)
 
 
 def outlier_factors(dirty: Sequence[Analysis], clean: Sequence[Analysis]) -> Floats:

@@ -64,7 +64,7 @@ def test_anees_is_the_mean_over_seeds_of_the_squared_whitened_error(tracking):
     for run in tracking:
         error = run.trace.estimates[agent, step] - run.trace.truth[step]
         total += error @ np.linalg.inv(run.trace.covariances[agent, step]) @ error
-    assert found.anees[agent, step] == pytest.approx(total / 3, rel=1e-6)
+    assert found.averaged[agent, step] == pytest.approx(total / 3, rel=1e-6)
     assert found.inside + found.under + found.over == pytest.approx(1.0)
 
 

@@ -18,7 +18,19 @@ from zenoh_cbef.tracking.ranging import Measurement
 LOSS = {"kind": "loss", "probability": 0.3}
 DELAY = {"kind": "delay", "milliseconds": 5.0, "jitter_ms": 10.0, "links": "agent:1"}
 FAULTS = {"no fault": [], "loss": [LOSS], "delay": [DELAY]}
-PARTS = ("truth", "positions", "ranges", "age", "initial", "estimates", "covariances", "innovation", "weight")
+PARTS = (
+    "truth",
+    "positions",
+    "ranges",
+    "age",
+    "initial",
+    "estimates",
+    "covariances",
+    "innovation",
+    "weight",
+    "nis",
+    "nis_degrees",
+)
 
 
 def scenario(seed=1, **keys):

@@ -174,6 +174,8 @@ class _Results:
         self.covariances = np.full((rows, steps, 6, 6), np.nan)
         self.innovation = np.empty((rows, steps))
         self.weight = np.empty((rows, steps))
+        self.nis = np.empty((rows, steps))
+        self.nis_degrees = np.empty((rows, steps), dtype=np.int64)
         self.payloads: Floats | None = None
 
     def put(self, k: int, step: Step, *, keep_payloads: bool) -> None:
@@ -183,6 +185,7 @@ class _Results:
         if estimate.covariance is not None:
             self.covariances[:, k] = estimate.covariance
         self.innovation[:, k], self.weight[:, k] = estimate.innovation, estimate.weight
+        self.nis[:, k], self.nis_degrees[:, k] = estimate.nis, estimate.nis_degrees
         if keep_payloads and step.sent:
             if self.payloads is None:
                 self.payloads = np.empty((*self._shape, len(step.sent), step.sent[0].shape[1]))
@@ -203,6 +206,8 @@ class _Results:
             covariances=self.covariances[mine],
             innovation=self.innovation[mine],
             weight=self.weight[mine],
+            nis=self.nis[mine],
+            nis_degrees=self.nis_degrees[mine],
             edges=network.edges(scenario),
             links=_links(self._simulation, mine),
             traffic=Traffic(0, 0, 0, 0),

@@ -114,6 +114,7 @@ def test_every_plot_has_its_place_and_is_valid(tmp_path: Path) -> None:
         "space",
         "top",
         "nees",
+        "nis",
         "disagreement",
         "network",
     }

@@ -54,7 +54,8 @@ BODY = {
             **{name: st.lists(COUNTS, max_size=5) for name in ("neighbours", "received", "lost", "late")},
             "latency": st.lists(NUMBERS_OR_NIL, max_size=5),
             "covariance": st.one_of(st.none(), DOUBLES),
-        }
+        },
+        optional={"nis": NUMBERS_OR_NIL, "nis_degrees": COUNTS},
     ),
     "event": st.fixed_dictionaries(
         {"kind": TEXTS, "text": TEXTS}, optional={"data": st.dictionaries(TEXTS, st.one_of(COUNTS, TEXTS))}

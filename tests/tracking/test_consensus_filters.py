@@ -167,6 +167,20 @@ def test_agents_that_all_hear_each_other_and_begin_alike_are_the_centralised_kal
         network.state, network.covariance = [expected] * network.count, [remaining] * network.count
 
 
+@pytest.mark.parametrize("kind", ["icf", "hcmci", "ci", "local", "kcf", "diffusion"])
+def test_the_nis_is_the_squared_innovation_over_its_predicted_variance(kind):
+    network = Network(kind, Space(), 11)
+    network.tracker.measure(network.measure())
+    estimate = network.tracker.conclude()
+    for agent in range(network.count):
+        state, covariance = network.prior(agent)
+        distance, row = network.row(agent, state)
+        variance = row @ covariance @ row + STD**2
+        np.testing.assert_allclose(estimate.nis[agent], (network.ranges[agent] - distance) ** 2 / variance)
+        assert estimate.nis_degrees[agent] == np.isfinite(network.ranges[agent])
+    assert 0 < estimate.nis_degrees.sum() < network.count
+
+
 @pytest.mark.parametrize(("same", "omega"), [("sicf", None), ("ci", 1.0)])
 def test_hcmci_is_the_information_weighted_filter_or_covariance_intersection_by_its_weight(same, omega):
     hybrid, other = Network("hcmci", Space(), 5, omega=omega), Network(same, Space(), 5)

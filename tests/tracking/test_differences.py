@@ -62,6 +62,8 @@ def test_the_information_is_that_of_the_full_covariance_inverted(seed, space, xi
     np.testing.assert_allclose(found.matrix[0], scaled @ rows, rtol=1e-6, atol=tolerance)
     np.testing.assert_allclose(found.vector[0], scaled @ right, rtol=1e-6, atol=tolerance)
     np.testing.assert_allclose([found.innovation[0], found.weight[0]], [np.sqrt(nis), weight], rtol=1e-5)
+    np.testing.assert_allclose(found.nis[0], nis * len(rows), rtol=1e-5)
+    assert found.nis_degrees[0] == len(rows)
 
 
 def test_an_agent_without_a_range_of_its_own_has_no_difference():

@@ -84,6 +84,10 @@ def test_the_payload_is_the_agents_share_of_the_information(seed, space, xi):
         np.testing.assert_allclose(unpack_upper(update.payload[[agent], size:], size)[0], matrix, rtol=1e-5, atol=1e-5)
         np.testing.assert_allclose(update.innovation[agent], innovation, rtol=1e-9)
         np.testing.assert_allclose(update.weight[agent], weight, rtol=1e-6)
+        # Where the innovation is saturated, its weight tells the square of what it was in its own deviations.
+        if weight < 1.0:
+            np.testing.assert_allclose(update.nis[agent], (xi / weight) ** 2, rtol=1e-6)
+        assert update.nis_degrees[agent] == np.isfinite(innovation)
 
 
 @settings(deadline=None)

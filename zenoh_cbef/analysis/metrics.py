@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from zenoh_cbef.analysis.chi2 import chi2_quantile
+from zenoh_cbef.analysis.consistency import agents_bands, chi2_band, described, nees_of
 from zenoh_cbef.scenario.build import initial_std, motion_of, range_std_of, space_of
 from zenoh_cbef.trace import Trace
 from zenoh_cbef.tracking.filters import SATURATED, Belief
@@ -105,16 +105,6 @@ def _bounds(traces: Sequence[Trace]) -> Floats:
     )
 
 
-def _nees(trace: Trace, error: Floats) -> Floats:
-    kept = space_of(trace.scenario).kept
-    covariance = trace.covariances[:, :, kept[:, None], kept]
-    known = np.asarray(np.isfinite(covariance).all(axis=(2, 3)))
-    safe = np.where(known[:, :, None, None], covariance, np.eye(len(kept)))
-    kept_error = error[:, :, kept]
-    scaled = np.linalg.solve(safe, np.nan_to_num(kept_error)[..., None])[..., 0]
-    return np.where(known, np.sum(kept_error * scaled, axis=2), np.nan)
-
-
 def _analyze(trace: Trace, states: Floats, bound: Floats, skip: float) -> Analysis:
     error = trace.estimates - trace.truth
     reference = states - trace.truth
@@ -123,7 +113,7 @@ def _analyze(trace: Trace, states: Floats, bound: Floats, skip: float) -> Analys
     counted = np.maximum(present.sum(axis=0), 1)
     mean = np.where(present[:, :, None], positions, 0.0).sum(axis=0) / counted[:, None]
     apart = np.where(present, np.sum((positions - mean) ** 2, axis=2), 0.0)
-    size = len(space_of(trace.scenario).kept)
+    kept = space_of(trace.scenario).kept
     msee = running_mean(np.sum(error**2, axis=2))
     analysis = Analysis(
         trace=trace,
@@ -132,8 +122,8 @@ def _analyze(trace: Trace, states: Floats, bound: Floats, skip: float) -> Analys
         msee_average=running_mean(_mean_over_agents(np.sum(error**2, axis=2))),
         position_error=np.linalg.norm(error[:, :, :3], axis=2),
         velocity_error=np.linalg.norm(error[:, :, 3:], axis=2),
-        nees=_nees(trace, error),
-        nees_band=(chi2_quantile(0.025, size), chi2_quantile(0.975, size)),
+        nees=nees_of(error[:, :, kept], trace.covariances[:, :, kept[:, None], kept]),
+        nees_band=chi2_band(len(kept)),
         disagreement=np.sqrt(apart.sum(axis=0) / counted),
         centralized_states=states,
         centralized_msee=running_mean(np.sum(reference**2, axis=1)),
@@ -190,7 +180,8 @@ def _metrics(analysis: Analysis) -> dict[str, Any]:
             "velocity_rmse": _rms(np.sqrt(bound[:, 3:].sum(axis=1))),
             "msee": _last(analysis.bound_msee),
         },
-        "nees": _nees_metrics(analysis, window),
+        "nees": _nees_metrics(analysis),
+        "nis": _nis_metrics(analysis),
         "disagreement": _rms(analysis.disagreement[window]),
         "messages": {
             "sent": trace.traffic.sent,
@@ -207,19 +198,15 @@ def _last(values: Floats) -> float | None:
     return float(finite[-1]) if finite.size else None
 
 
-def _nees_metrics(analysis: Analysis, window: slice) -> dict[str, Any] | None:
-    values = analysis.nees[:, window]
-    if not np.isfinite(values).any():
-        return None
-    low, high = analysis.nees_band
-    inside = np.where(np.isfinite(values), (values >= low) & (values <= high), np.nan)
-    return {
-        "average": _mean(values),
-        "agents": [_mean(row) for row in values],
-        "dimension": len(space_of(analysis.trace.scenario).kept),
-        "band": [low, high],
-        "inside": _mean(inside),
-    }
+def _nees_metrics(analysis: Analysis) -> dict[str, Any] | None:
+    degrees = np.full(analysis.nees.shape, len(space_of(analysis.trace.scenario).kept))
+    return described(analysis.nees, degrees, analysis.trace.time, analysis.first)
+
+
+def _nis_metrics(analysis: Analysis) -> dict[str, Any] | None:
+    trace, first = analysis.trace, analysis.first
+    found = described(trace.nis, trace.nis_degrees, trace.time, first)
+    return found and {**found, "agents_band": agents_bands(trace.nis_degrees, first)}
 
 
 def _links(trace: Trace) -> list[dict[str, Any]]:

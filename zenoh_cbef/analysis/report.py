@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 import tomli_w
 
-from zenoh_cbef.analysis.figures import Chart, Reference, agent_names, agent_style, paper_charts
+from zenoh_cbef.analysis.error_charts import error_charts
+from zenoh_cbef.analysis.figures import Chart, agent_names, agent_style, paper_charts
 from zenoh_cbef.analysis.metrics import Analysis
 from zenoh_cbef.analysis.plots import Plot, missed_share, network_plot, space_plot, time_plot, top_plot
 from zenoh_cbef.errors import UserError
@@ -54,50 +55,10 @@ def write_report(analysis: Analysis, path: Path) -> None:
     path.write_text(text, encoding="utf-8")
 
 
-def error_charts(analysis: Analysis) -> tuple[Chart, Chart, Chart]:
-    """Charts beyond the paper's: position error, NEES, disagreement."""
-    bound = np.sqrt(np.trace(analysis.bound[:, :3, :3], axis1=1, axis2=2))
-    average = np.ma.masked_invalid(analysis.nees).mean(axis=0).filled(np.nan)
-    return (
-        Chart(
-            "position-error",
-            "Position error of each agent",
-            "Distance of each agent's estimate from the truth. Bound: root of its position block's trace.",
-            "position error (m)",
-            analysis.position_error,
-            (
-                Reference("centralised filter", "centralized", analysis.centralized_position_error),
-                Reference("posterior bound", "bound", bound),
-            ),
-            scored=True,
-        ),
-        Chart(
-            "nees",
-            "Normalised estimation error squared (NEES)",
-            "The error measured by the agent's own covariance. An honest filter stays inside the shaded 95 % "
-            "band; above it is overconfident, below it too modest.",
-            "NEES",
-            analysis.nees,
-            (Reference("mean of the agents", "network", average),),
-            band=analysis.nees_band,
-            scored=True,
-        ),
-        Chart(
-            "disagreement",
-            "Disagreement",
-            "Root mean square distance of the agents' position estimates from their mean.",
-            "disagreement (m)",
-            None,
-            (Reference("network", "network", analysis.disagreement),),
-            scored=True,
-        ),
-    )
-
-
 def _sections(analysis: Analysis, plots: dict[str, Plot]) -> str:
     """Write the page below the summary; the plots it has places for are put into `plots`."""
     innovation, msee, average = paper_charts(analysis)
-    position, nees, disagreement = error_charts(analysis)
+    position, nees, nis, disagreement = error_charts(analysis)
 
     def timed(chart: Chart) -> str:
         if chart.empty:
@@ -113,6 +74,7 @@ def _sections(analysis: Analysis, plots: dict[str, Plot]) -> str:
             _maps(analysis, plots),
             "<h2>Honesty and agreement</h2>",
             timed(nees),
+            timed(nis),
             timed(disagreement),
             "<h2>Network</h2>",
             _network(analysis, plots),
@@ -242,14 +204,15 @@ def _summary(analysis: Analysis) -> str:
     skipped = _counted(analysis.first, "step")
     caption = f"Errors. RMSE, NEES and disagreement leave out the first {skipped}; MSEE starts at step 1."
     heads = ["", "network", "centralised", "bound", "network / centralised"]
-    nees, messages = metrics["nees"], metrics["messages"]
+    messages = metrics["messages"]
     rows = [["disagreement of the agents", f"{_number(metrics['disagreement'])} m"]]
-    if nees is None:
-        rows.append(["NEES", "the filter has no covariance"])
-    else:
-        low, high = nees["band"]
-        rows.append(["NEES, average", f"{_number(nees['average'])}, expected {nees['dimension']}"])
-        rows.append([f"NEES inside {low:.3g} to {high:.3g}", f"{100.0 * nees['inside']:.1f} %, expected 95 %"])
+    for name, found in (("NEES", metrics["nees"]), ("NIS", metrics["nis"])):
+        if found is None:
+            rows.append([name, "the filter has no covariance"])
+            continue
+        low, high = found["band"]
+        rows.append([f"{name}, average", f"{_number(found['average'])}, expected {found['dimension']}"])
+        rows.append([f"{name} inside {low:.3g} to {high:.3g}", f"{100.0 * found['inside']:.1f} %, expected 95 %"])
     traffic = [[f"messages {key}", f"{count:,}".replace(",", "\u2009")] for key, count in messages.items()]
     if not any(messages.values()):
         traffic = [["messages", "none logged: a simulated run"]]

@@ -14,6 +14,8 @@ SUMMARIZED = (
     "msee.average",
     "nees.average",
     "nees.inside",
+    "nis.average",
+    "nis.inside",
     "disagreement",
 )
 

@@ -20,7 +20,7 @@ def number(value: float | None, unit: str = "") -> str:
 
 def metrics_table(metrics: dict[str, Any]) -> Table:
     """A run's result."""
-    central, bound, nees, messages = (metrics[name] for name in ("centralized", "bound", "nees", "messages"))
+    central, bound, messages = (metrics[name] for name in ("centralized", "bound", "messages"))
     title = f"{metrics['run']}: {metrics['filter']}, {metrics['agents']} agents, {metrics['steps']} steps"
     table = Table(title=title if metrics["complete"] else title + " (incomplete)", title_justify="left")
     for column in ("", "network", "centralised", "bound"):
@@ -29,14 +29,11 @@ def metrics_table(metrics: dict[str, Any]) -> Table:
         table.add_row(name, *(number(source[key], unit) for source in (metrics, central, bound)))
     table.add_row("MSEE, average", number(metrics["msee"]["average"]), number(central["msee"]), number(bound["msee"]))
     table.add_row("ratio to centralised", number(metrics["ratio_to_centralized"]), "1", "")
-    if nees is not None:
-        low, high = nees["band"]
-        table.add_row(
-            "NEES",
-            number(nees["average"]),
-            f"ideal {nees['dimension']}",
-            f"{nees['inside']:.0%} in [{low:.3g}, {high:.3g}]",
-        )
+    for name in ("nees", "nis"):
+        found = metrics[name]
+        if found is not None:
+            inside = "{:.0%} in [{:.3g}, {:.3g}]".format(found["inside"], *found["band"])
+            table.add_row(name.upper(), number(found["average"]), f"ideal {found['dimension']}", inside)
     table.add_row("disagreement", number(metrics["disagreement"], "m"), "", "")
     if messages["sent"]:
         table.add_row(

@@ -26,6 +26,8 @@ def arrays_of(trace: Trace) -> dict[str, Array]:
         "covariances": trace.covariances,
         "innovation": trace.innovation,
         "weight": trace.weight,
+        "nis": trace.nis,
+        "nis_degrees": trace.nis_degrees,
         "edges": trace.edges,
     }
 
@@ -60,7 +62,7 @@ def _write_tables(trace: Trace, folder: Path) -> list[Path]:
             [agent, step, np.tile(trace.time, count), trace.positions.reshape(-1, 3), trace.ranges.ravel()],
         ),
         "estimates": (
-            ["agent", "k", "time", *state, "innovation", "weight", *upper],
+            ["agent", "k", "time", *state, "innovation", "weight", *upper, "nis", "nis_degrees"],
             [
                 agent,
                 step,
@@ -69,13 +71,15 @@ def _write_tables(trace: Trace, folder: Path) -> list[Path]:
                 trace.innovation.ravel(),
                 trace.weight.ravel(),
                 trace.covariances[:, :, rows, columns].reshape(count * steps, -1),
+                trace.nis.ravel(),
+                trace.nis_degrees.ravel(),
             ],
         ),
     }
     paths = []
     for name, (header, parts) in tables.items():
         path = folder / f"{name}.csv"
-        whole = {"agent", "k", "first", "second"}
+        whole = {"agent", "k", "first", "second", "nis_degrees"}
         formats = ["%d" if column in whole else "%.17g" for column in header]
         np.savetxt(path, np.column_stack(parts), formats, ",", header=",".join(header), comments="")
         paths.append(path)

@@ -52,6 +52,8 @@ def trace_of(header: Header, contents: Contents, *, complete: bool) -> Trace:
         covariances=estimates.covariance,
         innovation=estimates.innovation,
         weight=estimates.weight,
+        nis=estimates.nis,
+        nis_degrees=estimates.nis_degrees,
         edges=network.edges(scenario),
         links=_links(scenario, contents),
         traffic=_traffic(contents),
@@ -95,12 +97,15 @@ class _Estimates:
         self.covariance = np.full((count, steps, 6, 6), np.nan)
         self.innovation = np.full((count, steps), np.nan)
         self.weight = np.full((count, steps), np.nan)
+        self.nis = np.full((count, steps), np.nan)
+        self.nis_degrees = np.zeros((count, steps), dtype=np.int64)
 
     def put(self, agent: int, step: int, message: dict[str, Any]) -> None:
         at = (agent, step - 1)
         self.state[at] = message["state"]
         self.innovation[at] = nil_to_nan(message["innovation"])
         self.weight[at] = nil_to_nan(message["weight"])
+        self.nis[at], self.nis_degrees[at] = nil_to_nan(message.get("nis")), message.get("nis_degrees", 0)
         if message["covariance"] is not None:
             try:
                 self.covariance[at] = unpack_floats(message["covariance"], 6, 6)

@@ -64,9 +64,11 @@ class _Comparison:
         at = f"agent {agent}, step {number}: "
         estimate = step.estimate
         self._same(at + "state", np.array(message["state"]), estimate.state[agent])
-        for name, value in (("innovation", estimate.innovation), ("weight", estimate.weight)):
-            logged = message[name]
-            number_ = nil_to_nan(logged if isinstance(logged, float) else None)
+        for name in ("innovation", "weight", "nis", "nis_degrees"):
+            if name not in message:
+                continue
+            logged, value = message[name], getattr(estimate, name).astype(np.float64)
+            number_ = nil_to_nan(float(logged) if isinstance(logged, float | int) else None)
             self._same(at + name, np.array([number_]), value[agent : agent + 1])
         packed = message["covariance"]
         if (packed is None) != (estimate.covariance is None):

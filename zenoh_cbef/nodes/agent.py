@@ -150,6 +150,8 @@ class Agent:
             state=estimate.state[0].tolist(),
             innovation=nan_to_nil(estimate.innovation[0]),
             weight=nan_to_nil(estimate.weight[0]),
+            nis=nan_to_nil(estimate.nis[0]),
+            nis_degrees=int(estimate.nis_degrees[0]),
             **self.neighbourhood.take_counts(),
             covariance=None if covariance is None else pack_floats(covariance[0]),
         )

@@ -96,6 +96,9 @@ BODIES: dict[str, dict[str, Field]] = {
         "state": _numbers(6),
         "innovation": NUMBER_OR_NIL,
         "weight": NUMBER_OR_NIL,
+        # Optional, as logs of version 0.1.0 lack them.
+        "nis": Field(_number_or_nil, NUMBER_OR_NIL.schema, optional=True),
+        "nis_degrees": Field(_count, _INTEGER, optional=True),
         "neighbours": COUNTS,
         "received": COUNTS,
         "lost": COUNTS,

@@ -13,16 +13,19 @@ from zenoh_cbef.tracking.ranging import Measurement, Space
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
+Ints = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """A step's result: state (n, 6), covariance (n, 6, 6) or None, innovation (n,) and weight (n,)."""
+    """A step's result: state (n, 6), covariance (n, 6, 6) or None; innovation, weight, nis, nis_degrees (n,)."""
 
     state: Floats
     covariance: Floats | None
     innovation: Floats
     weight: Floats
+    nis: Floats
+    nis_degrees: Ints
 
 
 class Tracker:
@@ -53,10 +56,13 @@ class Tracker:
         if self._update is None:
             raise RuntimeError("conclude() comes after measure()")
         self.belief = self.filter.conclude(self.consensus.result(), self._update)
-        covariance = self.belief.covariance
+        covariance, update = self.belief.covariance, self._update
+        count = len(self.belief.state)
         return Estimate(
             self.space.embed_state(self.belief.state),
             None if covariance is None else self.space.embed_covariance(covariance),
-            self._update.innovation,
-            self._update.weight,
+            update.innovation,
+            update.weight,
+            np.full(count, np.nan) if update.nis is None else update.nis,
+            np.zeros(count, dtype=np.int64) if update.nis_degrees is None else update.nis_degrees,
         )

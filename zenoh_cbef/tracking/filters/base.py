@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from zenoh_cbef.tracking.ranging import Measurement
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -34,13 +35,17 @@ class Update:
 
     payload: (n, d), what the consensus stage mixes. innovation: (n,), size of the innovation (NaN where nothing
     was measured). weight: (n,), the saturation gain in (0, 1] that was applied (NaN likewise). kept: arrays (n, ...)
-    that the filter needs to conclude and tells nobody.
+    that the filter needs to conclude and tells nobody. nis: (n,), the innovation squared in units of the covariance
+    that the filter predicted for it, before saturation (NaN likewise), and nis_degrees: (n,), its degrees of freedom;
+    None for a filter without covariance.
     """
 
     payload: Floats
     innovation: Floats
     weight: Floats
     kept: tuple[Floats, ...] = ()
+    nis: Floats | None = None
+    nis_degrees: Ints | None = None
 
 
 class Filter(Protocol):

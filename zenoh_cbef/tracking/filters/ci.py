@@ -64,7 +64,7 @@ class CovarianceIntersection:
         measure = differenced_information if self.differenced else own_information
         own = measure(self.space, state, covariance, measurement, range_std=self.range_std, xi=self.xi)
         payload = pack(matvec(prior, state) + own.vector, prior + own.matrix)
-        return Update(payload, own.innovation, own.weight)
+        return Update(payload, own.innovation, own.weight, nis=own.nis, nis_degrees=own.nis_degrees)
 
     def conclude(self, payload: Floats, update: Update) -> Belief:
         """State and covariance of the averaged information, which is not multiplied by anything."""

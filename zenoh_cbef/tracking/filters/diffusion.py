@@ -41,9 +41,10 @@ class Diffusion:
     def update(self, belief: Belief, measurement: Measurement) -> Update:
         """The incremental update; the payload is psi (n, s)."""
         state, covariance = predict(self.motion, belief)
-        heard = neighbourhood_information(self.space, state, measurement, range_std=self.range_std)
+        heard = neighbourhood_information(self.space, state, covariance, measurement, range_std=self.range_std)
         updated = inverse(inverse(covariance) + heard.matrix)
-        return Update(state + matvec(updated, heard.vector), heard.innovation, heard.weight, (updated,))
+        psi = state + matvec(updated, heard.vector)
+        return Update(psi, heard.innovation, heard.weight, (updated,), heard.nis, heard.nis_degrees)
 
     def conclude(self, payload: Floats, update: Update) -> Belief:
         """The combined state, with the covariance of before."""

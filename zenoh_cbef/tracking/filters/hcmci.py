@@ -50,7 +50,7 @@ class HybridConsensus:
         prior = inverse(covariance)
         own = own_information(self.space, state, covariance, measurement, range_std=self.range_std, xi=self.xi)
         payload = np.concatenate([pack(matvec(prior, state), prior), pack(own.vector, own.matrix)], axis=1)
-        return Update(payload, own.innovation, own.weight)
+        return Update(payload, own.innovation, own.weight, nis=own.nis, nis_degrees=own.nis_degrees)
 
     def conclude(self, payload: Floats, update: Update) -> Belief:
         """State and covariance of averaged prior plus omega times averaged new information."""

@@ -57,7 +57,7 @@ class SaturatedInformation:
         prior = inverse(covariance) / self.network_size
         own = own_information(self.space, state, covariance, measurement, range_std=self.range_std, xi=self.xi)
         payload = pack(matvec(prior, state) + own.vector, prior + own.matrix)
-        return Update(payload, own.innovation, own.weight)
+        return Update(payload, own.innovation, own.weight, nis=own.nis, nis_degrees=own.nis_degrees)
 
     def conclude(self, payload: Floats, update: Update) -> Belief:
         """State and covariance from the averaged information, of which the network has n times as much."""

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from zenoh_cbef.tracking.filters.base import Belief, Floats
+from zenoh_cbef.tracking.filters.base import Belief, Floats, Ints
 from zenoh_cbef.tracking.linalg import inverse, matvec, neighbour_sum, outer, pack_upper, unpack_upper
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
 from zenoh_cbef.tracking.ranging import Measurement, Space, differenced_rows, own_range
@@ -20,13 +20,16 @@ class RangeInformation:
     """The information of ranges, for a prior x.
 
     vector: u, (n, s), see the functions that make it. matrix: U = sum w H^T H / sigma^2, (n, s, s).
-    innovation: (n,), m, size of the own range's innovation. weight: (n,), its saturation gain. NaN without a range.
+    innovation: (n,), m, size of the own range's innovation. weight: (n,), its saturation gain. nis: (n,), its square
+    in units of the predicted variance, before saturation. NaN without a range. nis_degrees: (n,), of freedom.
     """
 
     vector: Floats
     matrix: Floats
     innovation: Floats
     weight: Floats
+    nis: Floats
+    nis_degrees: Ints
 
 
 def predict(motion: NearlyConstantVelocity, belief: Belief) -> tuple[Floats, Floats]:
@@ -48,7 +51,7 @@ def own_information(
     measured = np.isfinite(measurement.range)
     innovation = np.where(measured, measurement.range - predicted, 0.0)
     variance = range_std**2
-    spread = np.sqrt(np.sum(row * matvec(covariance, row), axis=1) + variance)
+    spread = _spread(row, covariance, variance)
     weight = saturation(innovation, xi * spread)
     precision = np.where(measured, weight, 0.0) / variance
     return RangeInformation(
@@ -56,11 +59,18 @@ def own_information(
         precision[:, None, None] * outer(row, row),
         np.where(measured, np.abs(innovation), np.nan),
         np.where(measured, weight, np.nan),
+        np.where(measured, (innovation / spread) ** 2, np.nan),
+        measured.astype(np.int64),
     )
 
 
+def _spread(row: Floats, covariance: Floats, variance: float) -> Floats:
+    """Predicted standard deviation of the own range's innovation, (n,), m."""
+    return np.asarray(np.sqrt(np.sum(row * matvec(covariance, row), axis=1) + variance))
+
+
 def neighbourhood_information(
-    space: Space, state: Floats, measurement: Measurement, *, range_std: float
+    space: Space, state: Floats, covariance: Floats, measurement: Measurement, *, range_std: float
 ) -> RangeInformation:
     """Information of the agent's own and its neighbours' ranges, all linearised at the agent's own prior.
 
@@ -79,6 +89,7 @@ def neighbourhood_information(
     measured = np.isfinite(ranges)
     innovation = np.where(measured, ranges - predicted.reshape(count, width), 0.0)
     precision = np.where(measured, 1.0 / range_std**2, 0.0)
+    spread = _spread(rows.reshape(count, width, size)[:, 0], covariance, range_std**2)
     vectors = (precision * innovation)[:, :, None] * rows.reshape(count, width, size)
     matrices = precision[:, :, None] * outer(rows, rows).reshape(count, width, size * size)
     return RangeInformation(
@@ -86,6 +97,8 @@ def neighbourhood_information(
         neighbour_sum(matrices).reshape(count, size, size),
         np.where(measured[:, 0], np.abs(innovation[:, 0]), np.nan),
         np.where(measured[:, 0], 1.0, np.nan),
+        np.where(measured[:, 0], (innovation[:, 0] / spread) ** 2, np.nan),
+        measured[:, 0].astype(np.int64),
     )
 
 
@@ -130,6 +143,8 @@ def differenced_information(
         weight[:, None, None] * matrix,
         np.where(count > 0, deviation, np.nan),
         np.where(count > 0, weight, np.nan),
+        np.where(count > 0, nis, np.nan),
+        count.astype(np.int64),
     )
 
 

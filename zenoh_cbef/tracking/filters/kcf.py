@@ -45,13 +45,13 @@ class KalmanConsensus:
     def update(self, belief: Belief, measurement: Measurement) -> Update:
         """The payload is the prior state (n, s); what the neighbourhood measured waits for the end of the step."""
         state, covariance = predict(self.motion, belief)
-        heard = neighbourhood_information(self.space, state, measurement, range_std=self.range_std)
+        heard = neighbourhood_information(self.space, state, covariance, measurement, range_std=self.range_std)
         updated = inverse(inverse(covariance) + heard.matrix)
         # Summed as neighbours are, as any other order may differ between a batch and an agent alone.
         norm = np.sqrt(neighbour_sum((covariance * covariance).reshape(len(state), -1)))
         pull = covariance / (1.0 + norm)[:, None, None]
         kept = (state + matvec(updated, heard.vector), updated, pull)
-        return Update(state, heard.innovation, heard.weight, kept)
+        return Update(state, heard.innovation, heard.weight, kept, heard.nis, heard.nis_degrees)
 
     def conclude(self, payload: Floats, update: Update) -> Belief:
         """The measurement update, pulled towards the neighbours' priors."""

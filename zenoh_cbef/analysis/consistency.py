@@ -1,0 +1,128 @@
+"""Honesty of the covariance: NEES and NIS against the chi-squared distribution, per agent and over time.
+
+NEES is the error in units of the covariance that the agent claims, and needs the truth. NIS is the innovation in
+units of the covariance that the filter predicted for it, and needs no truth. For a consistent filter both are
+chi-squared (Bar-Shalom, Li, Kirubarajan, Estimation with Applications to Tracking and Navigation, section 5.4).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
+
+from zenoh_cbef.analysis.chi2 import chi2_quantile
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+_STRETCHES = 20
+
+
+@dataclass(frozen=True)
+class Consistency:
+    """A statistic averaged over s seeds, per agent and step.
+
+    averaged: (n, K). band: where it lies with 95 % probability if the covariances are right. mean: over agents
+    and the scored window. inside, under, over: shares of (agent, step) pairs of that window.
+    """
+
+    averaged: Floats
+    band: tuple[float, float]
+    mean: float
+    inside: float
+    under: float
+    over: float
+
+
+def chi2_band(degrees: float, count: int = 1) -> tuple[float, float]:
+    """Where the mean of `count` independent chi-squared values of so many degrees lies with 95 % probability."""
+    total = degrees * count
+    return chi2_quantile(0.025, total) / count, chi2_quantile(0.975, total) / count
+
+
+def nees_of(error: Floats, covariance: Floats) -> Floats:
+    """e^T P^-1 e of errors (n, K, s) and covariances (n, K, s, s); NaN where either is not known."""
+    known = np.asarray(np.isfinite(covariance).all(axis=(2, 3)))
+    safe = np.where(known[:, :, None, None], covariance, np.eye(error.shape[2]))
+    scaled = np.linalg.solve(safe, np.nan_to_num(error)[..., None])[..., 0]
+    return np.where(known, np.sum(error * scaled, axis=2), np.nan)
+
+
+def over_seeds(values: Floats, degrees: float, first: int) -> Consistency:
+    """Compare a statistic of independent runs, (s, n, K), with the chi-squared distribution of s x degrees.
+
+    Agents that agree are not independent of one another, so the average is over seeds only. first: index of the
+    first step of the scored window.
+    """
+    band = chi2_band(degrees, len(values))
+    averaged = values.mean(axis=0)
+    scored = averaged[:, first:]
+    under, over = float((scored < band[0]).mean()), float((scored > band[1]).mean())
+    return Consistency(averaged, band, float(scored.mean()), 1.0 - under - over, under, over)
+
+
+def described(values: Floats, degrees: Ints, time: Floats, first: int) -> dict[str, Any] | None:
+    """What the metrics say of a statistic (n, K) with degrees of freedom (n, K), 0 or more; None where it has none.
+
+    average, agents, band, inside: over the window that begins at index `first`. over_time: over all steps, in at
+    most twenty stretches of equal length. time: (K,), s.
+    """
+    known = np.isfinite(values)
+    if not known[:, first:].any():
+        return None
+    usual = float(np.median(degrees[:, first:][known[:, first:]]))
+    inside = _inside(values, degrees)
+    ends = np.unique(np.linspace(0, len(time), min(_STRETCHES, len(time)) + 1).astype(int))
+    stretches = [slice(start, end) for start, end in pairwise(ends.tolist())]
+    return {
+        "average": _mean(values[:, first:]),
+        "agents": [_mean(row) for row in values[:, first:]],
+        "dimension": int(usual) if usual.is_integer() else usual,
+        "band": list(chi2_band(usual)),
+        "inside": _mean(inside[:, first:]),
+        "over_time": {
+            "until": [float(time[end - 1]) for end in ends[1:]],
+            "agents": [[_mean(row[stretch]) for stretch in stretches] for row in values],
+            "inside": [_mean(inside[:, stretch]) for stretch in stretches],
+        },
+    }
+
+
+def agents_bands(degrees: Ints, first: int) -> list[list[float] | None]:
+    """Where each agent's mean NIS over the window lies with 95 % probability, as innovations are white."""
+    bands: list[list[float] | None] = []
+    for row in degrees[:, first:]:
+        count = int((row > 0).sum())
+        bands.append(list(chi2_band(float(row.sum()) / count, count)) if count else None)
+    return bands
+
+
+def trailing_mean(values: Floats, degrees: Ints, steps: int) -> Floats:
+    """Statistic per degree of freedom, (n, K), averaged over the last `steps` steps; NaN where there is no value."""
+    known = np.isfinite(values)
+
+    def summed(parts: Floats) -> Floats:
+        return np.asarray(sliding_window_view(np.pad(parts, ((0, 0), (steps - 1, 0))), steps, axis=1).sum(axis=2))
+
+    count = summed(np.where(known, degrees, 0).astype(np.float64))
+    return np.where(known, summed(np.where(known, values, 0.0)) / np.maximum(count, 1.0), np.nan)
+
+
+def _inside(values: Floats, degrees: Ints) -> Floats:
+    """1 where a value lies in the band of its own degrees of freedom, 0 where not, NaN where there is none."""
+    inside = np.full(values.shape, np.nan)
+    for each in np.unique(degrees[np.isfinite(values)]).tolist():
+        low, high = chi2_band(each)
+        chosen = np.isfinite(values) & (degrees == each)
+        inside[chosen] = (values[chosen] >= low) & (values[chosen] <= high)
+    return inside
+
+
+def _mean(values: Floats) -> float | None:
+    finite = values[np.isfinite(values)]
+    return float(finite.mean()) if finite.size else None

@@ -1,0 +1,70 @@
+"""The report's figures beyond the paper's: errors, and whether the claimed covariances are honest."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from zenoh_cbef.analysis.consistency import chi2_band, trailing_mean
+from zenoh_cbef.analysis.figures import Chart, Reference
+from zenoh_cbef.analysis.metrics import Analysis
+
+_NIS_STEPS = 20
+
+
+def error_charts(analysis: Analysis) -> tuple[Chart, Chart, Chart, Chart]:
+    """Describe the position error, NEES, NIS and disagreement of each agent or of all."""
+    bound = np.sqrt(np.trace(analysis.bound[:, :3, :3], axis1=1, axis2=2))
+    average = np.ma.masked_invalid(analysis.nees).mean(axis=0).filled(np.nan)
+    return (
+        Chart(
+            "position-error",
+            "Position error of each agent",
+            "Distance of each agent's estimate from the truth. Bound: root of its position block's trace.",
+            "position error (m)",
+            analysis.position_error,
+            (
+                Reference("centralised filter", "centralized", analysis.centralized_position_error),
+                Reference("posterior bound", "bound", bound),
+            ),
+            scored=True,
+        ),
+        Chart(
+            "nees",
+            "Normalised estimation error squared (NEES)",
+            "The error measured by the agent's own covariance. An honest filter stays inside the shaded 95 % "
+            "band; above it is overconfident, below it too modest.",
+            "NEES",
+            analysis.nees,
+            (Reference("mean of the agents", "network", average),),
+            band=analysis.nees_band,
+            scored=True,
+        ),
+        _nis_chart(analysis),
+        Chart(
+            "disagreement",
+            "Disagreement",
+            "Root mean square distance of the agents' position estimates from their mean.",
+            "disagreement (m)",
+            None,
+            (Reference("network", "network", analysis.disagreement),),
+            scored=True,
+        ),
+    )
+
+
+def _nis_chart(analysis: Analysis) -> Chart:
+    trace = analysis.trace
+    degrees = trace.nis_degrees[trace.nis_degrees > 0]
+    usual = float(np.median(degrees)) if degrees.size else 1.0
+    low, high = chi2_band(usual, _NIS_STEPS)
+    return Chart(
+        "nis",
+        "Normalised innovation squared (NIS)",
+        "How large innovations are, measured by the variance that the agent predicted for them, before saturation: "
+        f"per degree of freedom, mean of the last {_NIS_STEPS} steps. It needs no truth. An honest filter stays "
+        "inside the shaded 95 % band; above it is overconfident, or measurements are worse than assumed.",
+        "NIS per degree of freedom",
+        trailing_mean(trace.nis, trace.nis_degrees, _NIS_STEPS),
+        band=(low / usual, high / usual),
+        scored=True,
+    )
