@@ -26,6 +26,7 @@ BENCHMARKS = {
     "startup": ("startup", "seconds to the first step, CPU of a simulation and of idle agents"),
     "recorder": ("recorder_cost", "what the recorder costs the agents"),
     "mcap": ("mcap_speed", "the log's writer and reader against the public library's"),
+    "robust": ("robust", "what sensors and agents that fail cost, 50 seeds"),
     "method": ("method_figures", "the figures of docs/method.md, written to docs/figures, and their numbers"),
 }
 

@@ -35,7 +35,7 @@ def test_the_list_names_every_benchmark():
     listed = module("--list")
     assert listed.returncode == 0
     names = [line.split()[0] for line in listed.stdout.splitlines()]
-    assert names == ["accuracy", "lockstep", "startup", "recorder", "mcap", "method"]
+    assert names == ["accuracy", "lockstep", "startup", "recorder", "mcap", "robust", "method"]
 
 
 def test_an_unknown_benchmark_is_refused_by_name():

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from zenoh_cbef.analysis.metrics import analyze
-from zenoh_cbef.scenario.build import agent_tracker, fates_into, message_size, rounds_of
+from zenoh_cbef.scenario.build import agent_tracker, fates_into, message_size, outgoing_of, rounds_of
 from zenoh_cbef.scenario.load import load, parse
 from zenoh_cbef.scenario.world import make_world
 from zenoh_cbef.simulator import heard_in, simulate
@@ -17,7 +17,8 @@ from zenoh_cbef.tracking.ranging import Measurement
 
 LOSS = {"kind": "loss", "probability": 0.3}
 DELAY = {"kind": "delay", "milliseconds": 5.0, "jitter_ms": 10.0, "links": "agent:1"}
-FAULTS = {"no fault": [], "loss": [LOSS], "delay": [DELAY]}
+LIES = [{"kind": "byzantine", "agents": [1], "mode": mode, "steps": 2} for mode in ("random", "replay")]
+FAULTS = {"no fault": [], "loss": [LOSS], "delay": [DELAY], "liar": [*LIES, LOSS]}
 PARTS = (
     "truth",
     "positions",
@@ -69,7 +70,7 @@ def assert_same(first, second):
 STAGES = {
     f"{weights} {acceleration}": {"weights": weights, "acceleration": acceleration, "scheme": "average"}
     for weights, acceleration in itertools.product(["uniform", "metropolis"], ["none", "chebyshev"])
-} | {"running sums": {"scheme": "running-sums"}}
+} | {"running sums": {"scheme": "running-sums"}, "trimmed": {"trim": 1}}
 
 
 @pytest.mark.parametrize("kind", FILTERS)
@@ -97,15 +98,19 @@ class Agent:
     def __init__(self, one, number):
         self.tracker, self.others = agent_tracker(one, number)
         self.fates = fates_into(one, number, self.others)
+        self.outgoing = outgoing_of([one], [number])
         self.number = number
 
-    def measure(self, heard, step):
+    def told_range(self, heard, step):
+        return self.outgoing.ranges(step, heard.ranges[[self.number], step - 1])[0]
+
+    def measure(self, heard, step, told):
         own = self.number, step - 1
         positions, ranges = np.empty((1, 0, 3)), np.empty((1, 0))
         if self.tracker.filter.uses_neighbour_ranges:
             due, _ = self.fates.due(step, 0)
             positions = np.where(due[:, None], heard.positions[self.others, step - 1], 0.0)[None]
-            ranges = np.where(due, heard.ranges[self.others, step - 1], np.nan)[None]
+            ranges = np.where(due, told[self.others], np.nan)[None]
         return self.tracker.measure(
             Measurement(heard.positions[own][None], heard.ranges[own][None], heard.age[own][None], positions, ranges)
         )
@@ -120,7 +125,7 @@ class Agent:
 
 
 @pytest.mark.parametrize("kind", FILTERS)
-@pytest.mark.parametrize("stage", ["metropolis none", "metropolis chebyshev", "running sums"])
+@pytest.mark.parametrize("stage", ["metropolis none", "metropolis chebyshev", "running sums", "trimmed"])
 @pytest.mark.parametrize("fault", FAULTS)
 def test_agents_on_their_own_compute_the_bits_of_the_simulator(kind, stage, fault):
     one = scenario(3, filter=FILTERS[kind], consensus=STAGES[stage], fault=FAULTS[fault], steps=6)
@@ -128,8 +133,10 @@ def test_agents_on_their_own_compute_the_bits_of_the_simulator(kind, stage, faul
     agents = [Agent(one, number) for number in range(5)]
     heard = heard_in(one, make_world(one))
     for step in range(1, 7):
-        sent = [agent.measure(heard, step) for agent in agents]
+        told = np.array([agent.told_range(heard, step) for agent in agents])
+        sent = [agent.measure(heard, step, told) for agent in agents]
         for round_ in range(1, rounds_of(one) + 1):
+            sent = [agent.outgoing.message(step, round_, own) for agent, own in zip(agents, sent, strict=True)]
             assert sent[0].shape == (1, message_size(one))
             assert np.concatenate(sent).tobytes() == trace.payloads[:, step - 1, round_ - 1].tobytes()
             sent = [agent.exchange(sent, step, round_) for agent in agents]

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from zenoh_cbef.faults import Fates
 from zenoh_cbef.scenario import Scenario, network
-from zenoh_cbef.scenario.build import batch_tracker, initial_states, rounds_of
+from zenoh_cbef.scenario.build import batch_tracker, initial_states, outgoing_of, rounds_of
 from zenoh_cbef.scenario.world import World, make_world
 from zenoh_cbef.trace import Links, Trace, Traffic
 from zenoh_cbef.tracking.graph import Neighbours
@@ -97,6 +97,7 @@ class Simulation:
         )
         self.counts = _Counts(self.neighbours.present)
         self._fates = _all_fates(scenarios, self.neighbours)
+        self._outgoing = outgoing_of(scenarios, range(self.scenario.count))
 
     def __iter__(self) -> Iterator[Step]:
         for step in range(1, self.scenario.length + 1):
@@ -126,15 +127,15 @@ class Simulation:
             range_,
             age,
             np.where(delivered[:, :, None], position[index], 0.0),
-            np.where(delivered, range_[index], np.nan),
+            np.where(delivered, self._outgoing.ranges(step, range_)[index], np.nan),
         )
 
     def _step(self, step: int) -> Step:
         message = self.tracker.measure(self._measurement(step))
         sent = []
         for round_ in range(1, self.rounds + 1):
-            sent.append(message)
-            message = self.tracker.exchange(message[self.neighbours.index], self._delivered(step, round_))
+            sent.append(self._outgoing.message(step, round_, message))
+            message = self.tracker.exchange(sent[-1][self.neighbours.index], self._delivered(step, round_))
         return Step(sent, self.tracker.conclude())
 
 

@@ -102,9 +102,9 @@ def test_a_fault_is_on_the_links_it_names_in_the_direction_it_names(links, expec
 
 
 def test_agents_are_those_that_links_name():
-    assert loss(1.0).agents() == set()
-    assert loss(1.0, links="agent:12").agents() == {12}
-    assert loss(1.0, links=[[0, 1], [1, 5]]).agents() == {0, 1, 5}
+    assert loss(1.0).named() == set()
+    assert loss(1.0, links="agent:12").named() == {12}
+    assert loss(1.0, links=[[0, 1], [1, 5]]).named() == {0, 1, 5}
 
 
 def test_a_fault_is_on_from_its_beginning_until_before_its_end():

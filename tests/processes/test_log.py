@@ -91,6 +91,26 @@ def test_an_untouched_copy_is_equal(recorded, tmp_path):
     assert recorded.call("verify", str(copy)).returncode == 0
 
 
+@pytest.mark.parametrize(
+    "filter_", ["filter.kind=sicf", "filter.kind=ci,filter.measurement=difference"], ids=["rounds", "rounds and ranges"]
+)
+def test_a_run_with_liars_is_proved(tmp_path, filter_):
+    lies = ", ".join(
+        f'{{kind="byzantine", agents=[{agent}], mode="{mode}"}}' for agent, mode in ((1, "random"), (2, "replay"))
+    )
+    world = World(tmp_path)
+    try:
+        run = world.start_run("network.graph=complete", "consensus.trim=1", f"fault=[{lies}]", *filter_.split(","))
+        _, err = run.communicate(timeout=120)
+        assert run.returncode == 0, err
+        verdict = world.call("verify", str(world.log))
+        assert verdict.returncode == 0, verdict.stdout
+        assert "equal bit for bit" in verdict.stdout
+        assert json.loads(world.call("analyze", str(world.log), "--json").stdout)["left_out"] == [1, 2]
+    finally:
+        world.end()
+
+
 def test_a_log_without_beacons_cannot_be_judged(recorded, tmp_path):
     poor = tmp_path / "poor.mcap"
     copy_with(recorded.log, poor, lambda topic, data: None if "/beacon/" in topic else data)

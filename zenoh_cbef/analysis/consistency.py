@@ -19,6 +19,7 @@ from zenoh_cbef.analysis.chi2 import chi2_quantile
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
 
 _STRETCHES = 20
 
@@ -66,11 +67,11 @@ def over_seeds(values: Floats, degrees: float, first: int) -> Consistency:
     return Consistency(averaged, band, float(scored.mean()), 1.0 - under - over, under, over)
 
 
-def described(values: Floats, degrees: Ints, time: Floats, first: int) -> dict[str, Any] | None:
+def described(values: Floats, degrees: Ints, *, time: Floats, first: int, counted: Bools) -> dict[str, Any] | None:
     """What the metrics say of a statistic (n, K) with degrees of freedom (n, K), 0 or more; None where it has none.
 
     average, agents, band, inside: over the window that begins at index `first`. over_time: over all steps, in at
-    most twenty stretches of equal length. time: (K,), s.
+    most twenty stretches of equal length. time: (K,), s. counted: (n,), the agents that average and inside are over.
     """
     known = np.isfinite(values)
     if not known[:, first:].any():
@@ -80,15 +81,15 @@ def described(values: Floats, degrees: Ints, time: Floats, first: int) -> dict[s
     ends = np.unique(np.linspace(0, len(time), min(_STRETCHES, len(time)) + 1).astype(int))
     stretches = [slice(start, end) for start, end in pairwise(ends.tolist())]
     return {
-        "average": _mean(values[:, first:]),
+        "average": _mean(values[counted, first:]),
         "agents": [_mean(row) for row in values[:, first:]],
         "dimension": int(usual) if usual.is_integer() else usual,
         "band": list(chi2_band(usual)),
-        "inside": _mean(inside[:, first:]),
+        "inside": _mean(inside[counted, first:]),
         "over_time": {
             "until": [float(time[end - 1]) for end in ends[1:]],
             "agents": [[_mean(row[stretch]) for stretch in stretches] for row in values],
-            "inside": [_mean(inside[:, stretch]) for stretch in stretches],
+            "inside": [_mean(inside[counted, stretch]) for stretch in stretches],
         },
     }
 

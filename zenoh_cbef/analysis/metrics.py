@@ -10,19 +10,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zenoh_cbef.analysis.consistency import agents_bands, chi2_band, described, nees_of
+from zenoh_cbef.faults import SenderFault
 from zenoh_cbef.scenario.build import initial_std, motion_of, range_std_of, space_of
 from zenoh_cbef.trace import Trace
 from zenoh_cbef.tracking.filters import SATURATED, Belief
 from zenoh_cbef.tracking.reference import centralized, posterior_bound
 
 Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
 class Analysis:
     """A trace with its errors; n agents, K steps, errors in m and m/s.
 
-    first: index of the first step of the scored window. msee: (n, K), the paper's running mean of |xhat - x|^2;
+    first: index of the first step of the scored window. counted: (n,), the agents that averages are over: all but
+    those that the scenario lets send wrong values. msee: (n, K), the paper's running mean of |xhat - x|^2;
     msee_average: (K,). position_error, velocity_error: (n, K). nees: (n, K), NaN for a filter without covariance;
     nees_band: its 95 % band. disagreement: (K,), m, root mean square distance of the agents' positions from their
     mean. centralized_states: (K, 6), centralized_msee, centralized_position_error: (K,). bound: (K, 6, 6),
@@ -31,6 +34,7 @@ class Analysis:
 
     trace: Trace
     first: int
+    counted: Bools
     msee: Floats
     msee_average: Floats
     position_error: Floats
@@ -105,26 +109,35 @@ def _bounds(traces: Sequence[Trace]) -> Floats:
     )
 
 
+def counted_agents(trace: Trace) -> Bools:
+    """Which agents averages are over, (n,): a misbehaving one says nothing about the others; all, if none is left."""
+    wrong = {agent for fault in trace.scenario.fault if isinstance(fault, SenderFault) for agent in fault.agents}
+    counted = np.array([agent not in wrong for agent in range(len(trace.estimates))])
+    return counted if counted.any() else np.ones_like(counted)
+
+
 def _analyze(trace: Trace, states: Floats, bound: Floats, skip: float) -> Analysis:
     error = trace.estimates - trace.truth
     reference = states - trace.truth
     positions = trace.estimates[:, :, :3]
-    present = np.asarray(np.isfinite(positions).all(axis=2))
-    counted = np.maximum(present.sum(axis=0), 1)
-    mean = np.where(present[:, :, None], positions, 0.0).sum(axis=0) / counted[:, None]
+    counted = counted_agents(trace)
+    present = np.isfinite(positions).all(axis=2) & counted[:, None]
+    number = np.maximum(present.sum(axis=0), 1)
+    mean = np.where(present[:, :, None], positions, 0.0).sum(axis=0) / number[:, None]
     apart = np.where(present, np.sum((positions - mean) ** 2, axis=2), 0.0)
     kept = space_of(trace.scenario).kept
     msee = running_mean(np.sum(error**2, axis=2))
     analysis = Analysis(
         trace=trace,
         first=min(int(skip * len(trace.time)), len(trace.time) - 1),
+        counted=counted,
         msee=msee,
-        msee_average=running_mean(_mean_over_agents(np.sum(error**2, axis=2))),
+        msee_average=running_mean(_mean_over_agents(np.sum(error[counted] ** 2, axis=2))),
         position_error=np.linalg.norm(error[:, :, :3], axis=2),
         velocity_error=np.linalg.norm(error[:, :, 3:], axis=2),
         nees=nees_of(error[:, :, kept], trace.covariances[:, :, kept[:, None], kept]),
         nees_band=chi2_band(len(kept)),
-        disagreement=np.sqrt(apart.sum(axis=0) / counted),
+        disagreement=np.sqrt(apart.sum(axis=0) / number),
         centralized_states=states,
         centralized_msee=running_mean(np.sum(reference**2, axis=1)),
         centralized_position_error=np.linalg.norm(reference[:, :3], axis=1),
@@ -156,11 +169,16 @@ def _metrics(analysis: Analysis) -> dict[str, Any]:
     trace, window = analysis.trace, slice(analysis.first, None)
     reference = analysis.centralized_states[window] - trace.truth[window]
     bound = np.diagonal(analysis.bound[window], axis1=1, axis2=2)
-    position, central = _rms(analysis.position_error[:, window]), _rms(analysis.centralized_position_error[window])
+    counted = analysis.counted
+    position, central = (
+        _rms(analysis.position_error[counted, window]),
+        _rms(analysis.centralized_position_error[window]),
+    )
     return {
         "run": trace.name,
         "filter": trace.scenario.filter.kind,
         "agents": trace.scenario.count,
+        "left_out": np.flatnonzero(~counted).tolist(),
         "steps": len(trace.time),
         "seed": trace.scenario.seed,
         "timing": trace.scenario.timing.mode,
@@ -168,7 +186,7 @@ def _metrics(analysis: Analysis) -> dict[str, Any]:
         "skip": analysis.first,
         "msee": {"agents": [_last(row) for row in analysis.msee], "average": _last(analysis.msee_average)},
         "position_rmse": position,
-        "velocity_rmse": _rms(analysis.velocity_error[:, window]),
+        "velocity_rmse": _rms(analysis.velocity_error[counted, window]),
         "centralized": {
             "position_rmse": central,
             "velocity_rmse": _rms(np.linalg.norm(reference[:, 3:], axis=1)),
@@ -200,12 +218,12 @@ def _last(values: Floats) -> float | None:
 
 def _nees_metrics(analysis: Analysis) -> dict[str, Any] | None:
     degrees = np.full(analysis.nees.shape, len(space_of(analysis.trace.scenario).kept))
-    return described(analysis.nees, degrees, analysis.trace.time, analysis.first)
+    return described(analysis.nees, degrees, time=analysis.trace.time, first=analysis.first, counted=analysis.counted)
 
 
 def _nis_metrics(analysis: Analysis) -> dict[str, Any] | None:
     trace, first = analysis.trace, analysis.first
-    found = described(trace.nis, trace.nis_degrees, trace.time, first)
+    found = described(trace.nis, trace.nis_degrees, time=trace.time, first=first, counted=analysis.counted)
     return found and {**found, "agents_band": agents_bands(trace.nis_degrees, first)}
 
 

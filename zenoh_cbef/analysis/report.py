@@ -206,6 +206,8 @@ def _summary(analysis: Analysis) -> str:
     heads = ["", "network", "centralised", "bound", "network / centralised"]
     messages = metrics["messages"]
     rows = [["disagreement of the agents", f"{_number(metrics['disagreement'])} m"]]
+    if metrics["left_out"]:
+        rows.append(["left out: agents that send wrong values", ", ".join(map(str, metrics["left_out"]))])
     for name, found in (("NEES", metrics["nees"]), ("NIS", metrics["nis"])):
         if found is None:
             rows.append([name, "the filter has no covariance"])

@@ -35,6 +35,8 @@ def metrics_table(metrics: dict[str, Any]) -> Table:
             inside = "{:.0%} in [{:.3g}, {:.3g}]".format(found["inside"], *found["band"])
             table.add_row(name.upper(), number(found["average"]), f"ideal {found['dimension']}", inside)
     table.add_row("disagreement", number(metrics["disagreement"], "m"), "", "")
+    if metrics["left_out"]:
+        table.add_row("left out of all this", f"agent {', '.join(map(str, metrics['left_out']))}", "", "")
     if messages["sent"]:
         table.add_row(
             "messages",

@@ -6,11 +6,25 @@ from typing import Annotated
 
 from pydantic import Field
 
-from zenoh_cbef.faults.base import Fate, LinkFault, Messages
+from zenoh_cbef.faults.base import Fate, Fault, LinkFault, Messages
+from zenoh_cbef.faults.byzantine import Byzantine
 from zenoh_cbef.faults.delay import Delay
 from zenoh_cbef.faults.fates import Fates
 from zenoh_cbef.faults.loss import Loss
+from zenoh_cbef.faults.outgoing import Outgoing, SenderFault
 
-__all__ = ["AnyFault", "Delay", "Fate", "Fates", "LinkFault", "Loss", "Messages"]
+__all__ = [
+    "AnyFault",
+    "Byzantine",
+    "Delay",
+    "Fate",
+    "Fates",
+    "Fault",
+    "LinkFault",
+    "Loss",
+    "Messages",
+    "Outgoing",
+    "SenderFault",
+]
 
-AnyFault = Annotated[Loss | Delay, Field(discriminator="kind")]
+AnyFault = Annotated[Loss | Delay | Byzantine, Field(discriminator="kind")]

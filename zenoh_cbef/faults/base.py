@@ -1,4 +1,4 @@
-"""What every message fault is: a frozen description of when and where, and its effect on a message's fate."""
+"""What every fault is: a frozen description of when and where, and of its effect."""
 
 from __future__ import annotations
 
@@ -37,25 +37,34 @@ class Fate:
     delay: Floats
 
 
-class LinkFault(BaseModel):
-    """A fault of links while `from` <= time < `until` (s, run time).
-
-    links: "all", "agent:3" (every link into or out of agent 3), or directed pairs [[from, to], ...].
-    """
+class Fault(BaseModel):
+    """A fault that is on while `from` <= time < `until` (s, run time)."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     kind: str
     since: Seconds = Field(default=0.0, alias="from")
     until: Seconds | None = None
-    links: Annotated[
-        Literal["all"] | Annotated[str, Field(pattern=r"^agent:[0-9]+$")] | tuple[tuple[Agent, Agent], ...],
-        Field(description="'all', 'agent:3', or pairs [[from, to], ...]"),
-    ] = "all"
 
     def active(self, time: float) -> bool:
         """Whether the fault is on at a run time (s)."""
         return time >= self.since and (self.until is None or time < self.until)
+
+    def named(self) -> set[int]:
+        """The agents that the fault names, which the scenario must have."""
+        raise NotImplementedError
+
+
+class LinkFault(Fault):
+    """A fault of links.
+
+    links: "all", "agent:3" (every link into or out of agent 3), or directed pairs [[from, to], ...].
+    """
+
+    links: Annotated[
+        Literal["all"] | Annotated[str, Field(pattern=r"^agent:[0-9]+$")] | tuple[tuple[Agent, Agent], ...],
+        Field(description="'all', 'agent:3', or pairs [[from, to], ...]"),
+    ] = "all"
 
     def selects(self, source: Ids, destination: Ids) -> Bools:
         """Which directed links (e,) the fault is on."""
@@ -69,7 +78,7 @@ class LinkFault(BaseModel):
             chosen |= (source == first) & (destination == second)
         return chosen
 
-    def agents(self) -> set[int]:
+    def named(self) -> set[int]:
         """The agents that `links` names."""
         if self.links == "all":
             return set()

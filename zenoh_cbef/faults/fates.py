@@ -6,18 +6,19 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from zenoh_cbef.faults.base import Bools, Fate, Ids, LinkFault, Messages, Seeds
+from zenoh_cbef.faults.base import Bools, Fate, Fault, Ids, LinkFault, Messages, Seeds
 
 
 class Fates:
     """Fates of the messages on directed links, the same on any host and in any batch.
 
-    seed, source, destination: (e,). dt: s. rounds: L; a step has L + 1 slots, of which slot 0 carries ranges.
+    faults: all of a scenario; those of links count. seed, source, destination: (e,). dt: s. rounds: L; a step has
+    L + 1 slots, of which slot 0 carries ranges.
     """
 
     def __init__(
         self,
-        faults: Sequence[LinkFault],
+        faults: Sequence[Fault],
         *,
         seed: Seeds,
         source: Ids,
@@ -28,7 +29,7 @@ class Fates:
         self._faults = [
             (index, fault, chosen)
             for index, fault in enumerate(faults)
-            if (chosen := fault.selects(source, destination)).any()
+            if isinstance(fault, LinkFault) and (chosen := fault.selects(source, destination)).any()
         ]
         self._seed, self._source, self._destination = seed, source, destination
         self._dt = dt

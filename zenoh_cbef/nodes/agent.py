@@ -18,7 +18,7 @@ from zenoh_cbef.protocol.messages import nan_to_nil, pack_floats
 from zenoh_cbef.protocol.round_codec import RoundCodec
 from zenoh_cbef.protocol.scenario_service import fetch_scenario
 from zenoh_cbef.scenario import Scenario
-from zenoh_cbef.scenario.build import agent_tracker, fates_into, message_size, rounds_of
+from zenoh_cbef.scenario.build import agent_tracker, fates_into, message_size, outgoing_of, rounds_of
 from zenoh_cbef.scenario.load import parse
 from zenoh_cbef.scenario.world import agent_positions
 from zenoh_cbef.simulator import measured
@@ -41,6 +41,7 @@ class Agent:
         self.node, self.scenario, self.agent = node, scenario, agent
         self.rounds = rounds_of(scenario)
         self.tracker, neighbours = agent_tracker(scenario, agent)
+        self.outgoing = outgoing_of([scenario], [agent])
         self.path = agent_positions(scenario)[agent]
         self.rejections = Rejections(node)
         width = message_size(scenario)
@@ -124,7 +125,8 @@ class Agent:
 
     def _measurement(self, step: int, beacon: Beacon) -> Measurement:
         position = self.path[step - 1]
-        self._range_out.send(k=step, position=position.tolist(), range=nan_to_nil(beacon.range))
+        told = self.outgoing.ranges(step, np.array([beacon.range]))
+        self._range_out.send(k=step, position=position.tolist(), range=nan_to_nil(told[0]))
         heard = self.neighbourhood.ranges(step, self._deadline(step, 0))
         return Measurement(
             position[None].copy(), np.array([beacon.range]), np.array([beacon.age]), heard.positions, heard.ranges
@@ -133,7 +135,8 @@ class Agent:
     def _step(self, step: int, beacon: Beacon) -> None:
         message = self.tracker.measure(self._measurement(step, beacon))
         for round_ in range(1, self.rounds + 1):
-            self._round_out.send_round(self._codec, step, round_, message[0])
+            sent = self.outgoing.message(step, round_, message)
+            self._round_out.send_round(self._codec, step, round_, sent[0])
             received, delivered = self.neighbourhood.round(step, round_, self._deadline(step, round_))
             message = self.tracker.exchange(received, delivered)
         self._publish(step, self.tracker.conclude())

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zenoh_cbef import streams
-from zenoh_cbef.faults import Fates
+from zenoh_cbef.faults import Fates, LinkFault, Outgoing
 from zenoh_cbef.scenario import network
 from zenoh_cbef.scenario.model import Scenario
 from zenoh_cbef.scenario.world import target_start
@@ -16,8 +16,10 @@ from zenoh_cbef.tracking import graph, weights
 from zenoh_cbef.tracking.consensus import Average, Chebyshev, Consensus, RunningSums
 from zenoh_cbef.tracking.filters import INFORMATION, Belief, Filter, FilterSettings, make_filter
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
+from zenoh_cbef.tracking.payloads import InformationPayloads, StatePayloads
 from zenoh_cbef.tracking.ranging import Space
 from zenoh_cbef.tracking.tracker import Tracker
+from zenoh_cbef.tracking.trimmed import TrimmedComponents, TrimmedMessages
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -55,6 +57,15 @@ def filter_of(scenario: Scenario) -> Filter:
     return make_filter(scenario.filter.kind, settings)
 
 
+def payloads_of(scenario: Scenario) -> InformationPayloads | StatePayloads:
+    """How to read the payloads of the scenario's filter."""
+    axes, size, kind = space_of(scenario).axes, motion_of(scenario).size, scenario.filter.kind
+    if kind not in INFORMATION:
+        return StatePayloads(axes)
+    omega = float(scenario.count) if scenario.filter.omega is None else scenario.filter.omega
+    return InformationPayloads(axes, size, (1.0, omega) if kind == "hcmci" else (1.0,))
+
+
 def rounds_of(scenario: Scenario) -> int:
     """Consensus rounds per step; none for a filter that keeps to itself."""
     return scenario.consensus.rounds if filter_of(scenario).cooperates else 0
@@ -65,7 +76,9 @@ def scheme_of(scenario: Scenario) -> tuple[str, str]:
     chosen, kind = scenario.consensus.scheme, scenario.filter.kind
     if chosen != "auto":
         return chosen, f"consensus.scheme = {chosen!r} was given."
-    if not scenario.fault:
+    if scenario.consensus.trim:
+        return "average", "Neighbours' values are trimmed, which running sums cannot be."
+    if not any(isinstance(fault, LinkFault) for fault in scenario.fault):
         return "average", "No link has a fault, so averaging loses nothing."
     if kind not in INFORMATION:
         return "average", f"{kind} does not average information, and its exchange is defined by consensus weights."
@@ -129,6 +142,11 @@ def consensus_of(scenario: Scenario, neighbours: graph.Neighbours) -> tuple[Floa
 def _stage(scenario: Scenario, present: Bools, chosen: Floats, bounds: Floats) -> Consensus:
     if scheme_of(scenario)[0] == "running-sums":
         return RunningSums(present)
+    trim, payloads = scenario.consensus.trim, payloads_of(scenario)
+    if trim and isinstance(payloads, InformationPayloads):
+        return TrimmedMessages(chosen, trim, payloads.distance)
+    if trim:
+        return TrimmedComponents(chosen, trim)
     if scenario.consensus.acceleration == "chebyshev":
         return Chebyshev(chosen, bounds[:, :1], bounds[:, 1:])
     return Average(chosen)
@@ -180,4 +198,16 @@ def fates_into(scenario: Scenario, agent: int, sources: Sequence[int]) -> Fates:
         destination=np.full(width, agent, dtype=np.int64),
         dt=scenario.dt,
         rounds=rounds_of(scenario),
+    )
+
+
+def outgoing_of(scenarios: Sequence[Scenario], agents: Sequence[int]) -> Outgoing:
+    """What agents of runs that differ only in their seed really send: the same agents of each, run after run."""
+    first = scenarios[0]
+    return Outgoing(
+        first.fault,
+        seed=np.repeat(np.array([one.seed for one in scenarios], dtype=np.uint64), len(agents)),
+        agent=np.tile(np.array(agents, dtype=np.int64), len(scenarios)),
+        dt=first.dt,
+        displaced=payloads_of(first).displaced,
     )

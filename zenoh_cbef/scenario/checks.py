@@ -20,7 +20,8 @@ def check(scenario: Scenario) -> list[str]:
     _check_epsilon(scenario, neighbours)
     _check_faults(scenario)
     _check_signal(scenario)
-    return _literal_gain(scenario, neighbours) if scenario.filter.kind == "cbef" else []
+    warnings = _literal_gain(scenario, neighbours) if scenario.filter.kind == "cbef" else []
+    return warnings + _trimming(scenario, neighbours)
 
 
 def _check_edges(scenario: Scenario, edges: graph.Edges) -> None:
@@ -52,7 +53,7 @@ def _check_epsilon(scenario: Scenario, neighbours: graph.Neighbours) -> None:
 
 def _check_faults(scenario: Scenario) -> None:
     for number, fault in enumerate(scenario.fault):
-        unknown = sorted(agent for agent in fault.agents() if agent >= scenario.count)
+        unknown = sorted(agent for agent in fault.named() if agent >= scenario.count)
         if unknown:
             raise UserError(
                 f"fault {number} ({fault.kind}) names agent {unknown[0]}, but agents are 0 to {scenario.count - 1}"
@@ -72,6 +73,19 @@ def _check_signal(scenario: Scenario) -> None:
         )
 
 
+def _trimming(scenario: Scenario, neighbours: graph.Neighbours) -> list[str]:
+    # A (2F + 1)-robust graph is what W-MSR needs (LeBlanc et al. 2013); that many neighbours are necessary for it.
+    trim, least = scenario.consensus.trim, int(np.argmin(neighbours.degree))
+    needed = 2 * trim + 1
+    if trim == 0 or neighbours.degree[least] >= needed:
+        return []
+    warning = (
+        f"consensus.trim = {trim} needs a graph in which every agent has {needed} neighbours or more, but "
+        f"agent {least} has {neighbours.degree[least]}; add edges, or lower consensus.trim"
+    )
+    return [warning]
+
+
 def _literal_gain(scenario: Scenario, neighbours: graph.Neighbours) -> list[str]:
     positions = network.placement(scenario)
     axes = space_of(scenario).axes
@@ -83,8 +97,8 @@ def _literal_gain(scenario: Scenario, neighbours: graph.Neighbours) -> list[str]
     if largest[worst] < 2.0:
         return []
     warning = (
-        f"cbef will not converge: the largest eigenvalue of H^T H is {largest[worst]:.3g} at agent {worst} "
-        f"({int((largest >= 2.0).sum())} of {scenario.count} agents are at 2 or more); its gain is H^T itself, so "
-        "place agents about one unit apart, or use filter.kind = 'sicf'"
+        f"cbef may not converge: the largest eigenvalue of H^T H is {largest[worst]:.3g} at agent {worst} "
+        f"({int((largest >= 2.0).sum())} of {scenario.count} agents are at 2 or more; that all are below is sufficient, not "
+        "necessary); its gain is H^T itself, so place agents about one unit apart, or use filter.kind = 'sicf'"
     )
     return [warning]

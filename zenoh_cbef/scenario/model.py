@@ -126,13 +126,17 @@ class Network(Table):
 
 
 class Consensus(Table):
-    """How payloads are averaged. epsilon None: 1/(largest degree + 1). scheme auto: see build.scheme_of."""
+    """How payloads are averaged. epsilon None: 1/(largest degree + 1). scheme auto: see build.scheme_of.
+
+    trim: F, how many neighbours' values are left out in every round (W-MSR); 0: none.
+    """
 
     rounds: Annotated[int, Field(ge=0, le=10_000)] = 10
     weights: Literal["uniform", "metropolis"] = "metropolis"
     epsilon: Positive | None = None
     acceleration: Literal["none", "chebyshev"] = "none"
     scheme: Literal["auto", "average", "running-sums"] = "auto"
+    trim: Annotated[int, Field(ge=0, le=1000)] = 0
 
     @model_validator(mode="after")
     def _combinable(self) -> Consensus:
@@ -140,6 +144,11 @@ class Consensus(Table):
             raise ValueError(
                 "consensus.scheme = 'running-sums' cannot be accelerated; "
                 "set consensus.acceleration = 'none', or consensus.scheme = 'average'"
+            )
+        if self.trim and (self.scheme == "running-sums" or self.acceleration != "none"):
+            raise ValueError(
+                f"consensus.trim = {self.trim} needs plain averaging, in which no agent weighs negatively; "
+                "set consensus.acceleration = 'none' and consensus.scheme = 'average' or 'auto'"
             )
         return self
 

@@ -30,7 +30,8 @@ class Consensus(Protocol):
         """The mixed payload (n, d)."""
 
 
-def _averaged(weights: Floats, value: Floats, received: Floats, delivered: Bools | None) -> Floats:
+def averaged(weights: Floats, value: Floats, received: Floats, delivered: Bools | None) -> Floats:
+    """W y of values (n, d) and messages (n, m, d), of which some were delivered: (n, m), or (n, m, d) by component."""
     # The own value stands in for a missing one, so its term is zero and the rows of W always sum to one. The sum
     # is never -0.0, which padding in a larger batch would turn into 0.0.
     terms = received - value[:, None, :]
@@ -58,7 +59,7 @@ class Average:
 
     def mix(self, received: Floats, delivered: Bools | None) -> Floats:
         """One multiplication by W."""
-        self._value = _averaged(self.weights, self._value, received, delivered)
+        self._value = averaged(self.weights, self._value, received, delivered)
         return self._value
 
     def result(self) -> Floats:
@@ -95,8 +96,8 @@ class Chebyshev:
 
     def mix(self, received: Floats, delivered: Bools | None) -> Floats:
         """One step of the recurrence y(l+1) = y(l-1) + omega (a(W)/a(1) y(l) - y(l-1))."""
-        averaged = _averaged(self.weights, self._value, received, delivered)
-        scaled = (averaged - self._middle * self._value) / self._gap
+        mixed = averaged(self.weights, self._value, received, delivered)
+        scaled = (mixed - self._middle * self._value) / self._gap
         if self._rounds == 1:
             self._omega = 1.0 / (1.0 - 0.5 * self._ratio**2)
         elif self._rounds > 1:

@@ -1,0 +1,64 @@
+"""What sensors and agents that fail cost, over 50 seeds, in simulation."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.table import Table
+
+from benchmarks.common import Row, below, results
+from zenoh_cbef.analysis.metrics import Analysis, analyze
+from zenoh_cbef.cli.tables import number
+from zenoh_cbef.scenario.load import load
+from zenoh_cbef.simulator import simulate
+
+Floats = NDArray[np.float64]
+
+SEEDS = 50
+LIES = {
+    "5 m off": 'mode="constant"',
+    "0.1 m off": 'mode="constant", magnitude=0.1',
+    "random, 5 m": 'mode="random"',
+    "drift, 0.1 m/s": 'mode="drift", magnitude=0.1',
+    "ten times as certain": 'mode="scale", magnitude=10.0',
+    "messages of 10 steps ago": 'mode="replay"',
+}
+DENSE = ("agents.count=10", "network.probability=0.8")
+
+
+def runs_of(name: str, overrides: Sequence[str] = (), *, seeds: int = SEEDS) -> list[Analysis]:
+    """Simulate and analyse a scenario under seeds 1, 2, ..., as one batch; what breaks is seen in the figures."""
+    scenario = load(name, overrides).scenario
+    with np.errstate(all="ignore"):
+        return analyze(simulate([scenario.model_copy(update={"seed": seed}) for seed in range(1, seeds + 1)]))
+
+
+def spread(values: Floats) -> str:
+    """Median and worst."""
+    return f"{number(float(np.median(values)))}, worst {number(float(values.max()))}"
+
+
+def ratios(runs: Sequence[Analysis]) -> Floats:
+    """Position RMSE over that of the centralised filter, per seed; infinite where no estimate was finite."""
+    return np.array([run.metrics["ratio_to_centralized"] or np.inf for run in runs])
+
+
+def liars(seeds: int = SEEDS) -> Iterator[Row]:
+    """One agent of ten sends wrong values throughout; the other nine against a filter that has all ten ranges."""
+    clean = ratios(runs_of("tracking", [*DENSE, "consensus.trim=1"], seeds=seeds))
+    yield Row("no liar, F = 1", spread(clean))
+    for name, keys in LIES.items():
+        fault = f'fault=[{{kind="byzantine", agents=[3], {keys}}}]'
+        plain, trimmed = (
+            ratios(runs_of("tracking", [*DENSE, f"consensus.trim={trim}", fault], seeds=seeds)) for trim in (0, 1)
+        )
+        worst = f", worst {number(float(trimmed.max()))}; without trimming {number(float(np.median(plain)))}"
+        yield below(f"{name}, F = 1, median", float(np.median(trimmed)), 1.3, note=worst)
+
+
+def run(repeats: int) -> Iterator[Table]:
+    """Deterministic, so `repeats` is not used."""
+    del repeats
+    yield results(f"an agent of ten lies: position RMSE / centralised, {SEEDS} seeds", list(liars()))

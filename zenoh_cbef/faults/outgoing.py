@@ -1,0 +1,110 @@
+"""What misbehaving agents send in place of their messages."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from zenoh_cbef.faults.base import Agent, Fault, Floats, Ids, Seeds
+
+Displaced = Callable[[Floats, Floats], Floats]
+"""Messages (n, d) that say the target is elsewhere by offsets (n, 3), m."""
+
+
+@dataclass(frozen=True)
+class Sent:
+    """One round's messages of the agents that a fault is on.
+
+    seed, agent: (n,). step: from 1. round: 0 for ranges. elapsed: s since the fault began. message: (n, d), what the
+    agents would send. past: (n, d), what they would have sent in this round `memory` steps ago. displaced: see there.
+    """
+
+    seed: Seeds
+    agent: Ids
+    step: int
+    round: int
+    elapsed: float
+    message: Floats
+    past: Floats
+    displaced: Displaced
+
+
+class SenderFault(Fault):
+    """A fault of what agents send to all their neighbours. To themselves they stay honest."""
+
+    agents: Annotated[tuple[Agent, ...], Field(min_length=1, description="a list of agents, as in [3]")]
+
+    @property
+    def memory(self) -> int:
+        """How many steps back the fault looks; 0 where it does not."""
+        return 0
+
+    def named(self) -> set[int]:
+        """The agents that misbehave."""
+        return set(self.agents)
+
+    def sent(self, honest: Sent, index: int) -> Floats:
+        """What is sent instead, (n, d); index: the fault's place in the scenario, for its streams."""
+        raise NotImplementedError
+
+
+class Outgoing:
+    """What the agents of a batch really send, the same in any batch.
+
+    faults: all of a scenario; those of senders count. seed, agent: (n,). dt: s. displaced: for consensus messages.
+    """
+
+    def __init__(self, faults: Sequence[Fault], *, seed: Seeds, agent: Ids, dt: float, displaced: Displaced) -> None:
+        self._faults: list[tuple[int, SenderFault, NDArray[np.intp]]] = []
+        for index, fault in enumerate(faults):
+            if isinstance(fault, SenderFault) and (rows := np.flatnonzero(np.isin(agent, fault.agents))).size:
+                self._faults.append((index, fault, rows))
+        self._seed, self._agent, self._dt = seed, agent, dt
+        self._displaced = displaced
+        # The honest messages of each fault's rows, by step and round, as far back as it looks.
+        self._honest: list[dict[tuple[int, int], Floats]] = [{} for _ in self._faults]
+
+    def message(self, step: int, round_: int, message: Floats) -> Floats:
+        """What is sent in a round, (n, d), in place of the honest messages (n, d)."""
+        return self._sent(step, round_, message, self._displaced) if self._faults else message
+
+    def ranges(self, step: int, ranges: Floats) -> Floats:
+        """Ranges (n,) as they are sent, m; a displaced target is as much farther away as it is displaced.
+
+        Who measured nothing has nothing to falsify.
+        """
+        if not self._faults:
+            return ranges
+        wrong = self._sent(step, 0, np.nan_to_num(ranges)[:, None], _longer)[:, 0]
+        return np.where(np.isfinite(ranges), wrong, np.nan)
+
+    def _sent(self, step: int, round_: int, message: Floats, displaced: Displaced) -> Floats:
+        sent = message.copy()
+        for place, (index, fault, rows) in enumerate(self._faults):
+            past = self._past(place, fault.memory, step, round_, message[rows])
+            time = step * self._dt
+            if fault.active(time):
+                honest = Sent(
+                    self._seed[rows], self._agent[rows], step, round_, time - fault.since, sent[rows], past, displaced
+                )
+                sent[rows] = fault.sent(honest, index)
+        return sent
+
+    def _past(self, place: int, memory: int, step: int, round_: int, message: Floats) -> Floats:
+        """The message of the same round `memory` steps ago; the oldest there is where there is none so old."""
+        if memory == 0:
+            return message
+        kept = self._honest[place]
+        kept[step, round_] = message
+        old = next((kept[earlier, round_] for earlier in range(step - memory, step) if (earlier, round_) in kept), None)
+        kept.pop((step - memory, round_), None)
+        return message if old is None else old
+
+
+def _longer(ranges: Floats, offset: Floats) -> Floats:
+    return np.asarray(ranges + np.sqrt(np.sum(offset * offset, axis=1))[:, None])
