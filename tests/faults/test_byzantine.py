@@ -8,8 +8,10 @@ import pytest
 from zenoh_cbef.analysis.metrics import analyze
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.faults import Byzantine, Outgoing
+from zenoh_cbef.scenario import build
 from zenoh_cbef.scenario.load import load, parse
 from zenoh_cbef.simulator import simulate
+from zenoh_cbef.tracking.trimmed import TrimmedComponents
 
 AGENTS = np.array([0, 1, 2, 3])
 
@@ -115,6 +117,13 @@ def test_trimming_holds_off_one_liar_of_ten_where_plain_averaging_is_lost():
     )
     assert plain.metrics["ratio_to_centralized"] > 20
     assert trimmed.metrics["ratio_to_centralized"] < 1.3
+
+
+def test_components_of_information_must_not_be_trimmed_apart(monkeypatch):
+    keys = ["agents.count=10", "network.probability=0.8", "consensus.trim=1"]
+    monkeypatch.setattr(build, "TrimmedMessages", lambda weights, trim, _: TrimmedComponents(weights, trim))
+    [analysis] = analyze(simulate([load("tracking", keys).scenario]))
+    assert analysis.metrics["ratio_to_centralized"] > 10
 
 
 def test_trimming_is_not_combined_with_what_weighs_agents_negatively():
