@@ -98,7 +98,7 @@ def _literal_gain(scenario: Scenario, neighbours: graph.Neighbours) -> list[str]
         return []
     warning = (
         f"cbef may not converge: the largest eigenvalue of H^T H is {largest[worst]:.3g} at agent {worst} "
-        f"({int((largest >= 2.0).sum())} of {scenario.count} agents are at 2 or more; that all are below is sufficient, "
+        f"({int((largest >= 2.0).sum())} of {scenario.count} agents are at 2 or more; all below is sufficient, "
         "not necessary); its gain is H^T itself, so place agents about one unit apart, or use filter.kind = 'sicf'"
     )
     return [warning]
