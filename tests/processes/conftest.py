@@ -1,5 +1,6 @@
 """Real processes over real Zenoh sessions; whatever a test starts is gone when it ends, also when it fails."""
 
+import json
 import os
 import signal
 import socket
@@ -10,6 +11,7 @@ import uuid
 from pathlib import Path
 
 import pytest
+import zenoh
 
 COMMAND = [sys.executable, "-m", "zenoh_cbef"]
 SMALL = ["steps=40", "agents.count=4", "network.graph=ring", "consensus.rounds=3"]
@@ -17,6 +19,16 @@ SMALL = ["steps=40", "agents.count=4", "network.graph=ring", "consensus.rounds=3
 
 def settings(*overrides: str) -> list[str]:
     return [part for one in (*SMALL, *overrides) for part in ("--set", one)]
+
+
+def peer(endpoint: str) -> zenoh.Session:
+    """A foreign session that is linked to an endpoint."""
+    config = zenoh.Config()
+    config.insert_json5("connect/endpoints", json.dumps([endpoint]))
+    config.insert_json5("listen/endpoints", '["tcp/127.0.0.1:0"]')
+    config.insert_json5("scouting/multicast/enabled", "false")
+    config.insert_json5("connect/retry", '{"period_init_ms": 50, "period_max_ms": 100, "period_increase_factor": 1}')
+    return zenoh.open(config)
 
 
 def processes_of(run: str) -> dict[int, str]:

@@ -10,7 +10,7 @@ import msgpack
 import pytest
 import zenoh
 
-from tests.processes.conftest import settings
+from tests.processes.conftest import peer, settings
 
 
 def forged(run: str, sender: str, **body) -> bytes:
@@ -63,13 +63,8 @@ def test_hostile_messages_change_no_bit_and_are_counted(world, free_port, kind):
     overrides = settings("steps=400", f"filter.kind={kind}")
     join = ["--run", world.run, "--connect", endpoint, "--patience", "20"]
     target = world.start("target", "tracking", *overrides, "--run", world.run, "--listen", endpoint)
-    config = zenoh.Config()
-    config.insert_json5("connect/endpoints", json.dumps([endpoint]))
-    config.insert_json5("listen/endpoints", '["tcp/127.0.0.1:0"]')
-    config.insert_json5("scouting/multicast/enabled", "false")
-    config.insert_json5("connect/retry", '{"period_init_ms": 50, "period_max_ms": 100, "period_increase_factor": 1}')
     over = threading.Event()
-    with zenoh.open(config) as session:
+    with peer(endpoint) as session:
         wait_for(session, f"cbef/{world.run}/live/target/target")
 
         def attack() -> None:

@@ -104,7 +104,7 @@ class _Sorter:
         if found.kind == "round":
             agent = self._agent(key)
             step, round_, _, payload = self._codecs[agent].decode(raw.data)
-            contents.rounds.setdefault((agent, step, round_), payload)
+            contents.rounds.setdefault((agent, step, round_), np.frombuffer(payload))
             sender = found.owner
         else:
             message = decode(found.kind, raw.data, run=self._run, sender=found.owner)

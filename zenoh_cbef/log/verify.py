@@ -122,6 +122,9 @@ def _judgeable(header: Header, contents: Contents) -> tuple[int, str]:
         last[agent] = max(last[agent], step)
     if max(last) == 0:
         return 0, "the log holds no estimate to compare"
+    silences = [event["text"] for event in contents.events if event["kind"] == "silent"]
+    if silences:
+        return 0, f"{silences[0]}, which no scenario foretells"
     if max(last) - min(last) > _SKEW:
         agent = int(np.argmin(last))
         return 0, f"agent {agent} left after step {last[agent]}, which no scenario foretells"

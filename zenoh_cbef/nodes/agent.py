@@ -57,6 +57,7 @@ class Agent:
             shares_ranges=self.tracker.filter.uses_neighbour_ranges,
             rejections=self.rejections,
             alarm=alarm,
+            patience=scenario.timing.patience,
         )
         self._range_out, self._round_out, self._estimate_out = (
             node.outbox(key, may_drop=realtime)

@@ -5,47 +5,49 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
-from typing import Any
+from typing import Any, TypeVar
 
 from zenoh_cbef.nodes.node import Node
 from zenoh_cbef.nodes.rejections import Rejections
 from zenoh_cbef.protocol.mailbox import Mailbox
 from zenoh_cbef.protocol.messages import BadMessage
 
+T = TypeVar("T")
 Decoder = Callable[[bytes], tuple[int, int, Any]]
 
 
+_TICK_SECONDS = 2.0
+
+
 class Alarm:
-    """Ends a wait at its deadline: Zenoh's blocking receive has no timeout of its own."""
+    """Ends a wait at its deadline, and every now and then one without: Zenoh's blocking receive has no timeout."""
 
     def __init__(self) -> None:
-        self._waiting: tuple[float, Mailbox] | None = None
+        self._waiting: tuple[float | None, Mailbox] | None = None
         self._armed = threading.Event()
         threading.Thread(target=self._watch, daemon=True).start()
 
-    def receive(self, mailbox: Mailbox, deadline: float) -> bytes | None:
-        """The mailbox's next message; None at the deadline (monotonic s), or after a wake-up."""
+    def limit(self, receive: Callable[[], T], mailbox: Mailbox, deadline: float | None) -> T:
+        """What a blocking receive of the mailbox gives, woken at the deadline (monotonic s), or every other second."""
         self._waiting = (deadline, mailbox)
-        self._armed.set()
+        if deadline is not None:
+            self._armed.set()
         try:
-            return mailbox.receive()
+            return receive()
         finally:
             self._waiting = None
 
     def _watch(self) -> None:
         while True:
             waiting = self._waiting
-            if waiting is None:
-                self._armed.wait()
+            if waiting is not None and waiting[0] is not None:
+                time.sleep(max(0.0, waiting[0] - time.monotonic()))
+            elif self._armed.wait(_TICK_SECONDS):
                 self._armed.clear()
                 continue
-            deadline, mailbox = waiting
-            left = deadline - time.monotonic()
-            if left > 0.0:
-                time.sleep(left)
-            if self._waiting is waiting:
+            if waiting is not None and self._waiting is waiting:
                 self._waiting = None
-                mailbox.wake()
+                waiting[1].wake()
 
 
 class Inbox:
@@ -53,7 +55,7 @@ class Inbox:
 
     owner: the liveliness name of the sender; open: whether it is there. decode gives a message's turn, sending
     time (ns) and content, or raises BadMessage. horizon: how many turns a sender can be ahead; what claims more is
-    forged.
+    forged. patience: how long (s) a sender that is there may keep silent before it is no longer waited for.
     """
 
     def __init__(
@@ -65,12 +67,15 @@ class Inbox:
         owner: str,
         horizon: int,
         rejections: Rejections,
-        alarm: Alarm | None,
+        alarm: Alarm,
+        patience: float,
     ) -> None:
         self.mailbox = mailbox
+        self._node, self._owner = node, owner
         self._poll = mailbox.poll
         self._decode, self._horizon = decode, horizon
-        self._rejections, self._alarm = rejections, alarm
+        self._rejections, self._alarm, self._patience = rejections, alarm, patience
+        self._silent = False
         self._held: tuple[int, Any] | None = None
         self._missed: set[int] = set()
         self.open = True
@@ -97,6 +102,7 @@ class Inbox:
 
         None where it will not come in time. Older ones are passed over; a later one is kept for its turn.
         """
+        until = deadline
         while True:
             if self._held is not None:
                 held, content = self._held
@@ -110,12 +116,14 @@ class Inbox:
             if data is None:
                 data = self._wait(deadline)
                 if data is None:
-                    if self.open and (deadline is None or time.monotonic() < deadline):
+                    now = time.monotonic()
+                    until = now + self._patience if until is None else until
+                    if self.open and not self._silent and now < until:
                         continue
                     # The sender's last words may have come before the news that it left.
                     data = self._poll()
                     if data is None:
-                        self._missed.add(turn)
+                        self._miss(turn, silent=self.open and deadline is None)
                         return None
             self._read(data, turn)
 
@@ -133,6 +141,13 @@ class Inbox:
                 return
             self._read(data, turn)
 
+    def _miss(self, turn: int, *, silent: bool) -> None:
+        self._missed.add(turn)
+        if silent and not self._silent:
+            # Waiting for it again would cost as long in every round: it has to speak first.
+            self._silent = True
+            self._node.event("silent", f"{self._owner} is there but silent; going on without it", owner=self._owner)
+
     def _pass(self, turn: int) -> None:
         if turn in self._missed:
             self._missed.discard(turn)
@@ -144,15 +159,11 @@ class Inbox:
 
     def _wait(self, deadline: float | None) -> bytes | None:
         self.waited = True
-        if not self.open:
+        if not self.open or self._silent:
             return None
-        if deadline is None:
-            return self.mailbox.receive()
-        if time.monotonic() >= deadline:
+        if deadline is not None and time.monotonic() >= deadline:
             return None
-        if self._alarm is None:
-            raise RuntimeError("an inbox with deadlines needs an alarm")
-        return self._alarm.receive(self.mailbox, deadline)
+        return self._alarm.limit(self.mailbox.receive, self.mailbox, deadline)
 
     def _read(self, data: bytes, turn: int) -> None:
         try:
@@ -163,4 +174,5 @@ class Inbox:
             self.reject(str(error))
         else:
             self._held = found, content
+            self._silent = False
             self.delay_ns += time.time_ns() - sent

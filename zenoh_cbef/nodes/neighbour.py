@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import isfinite
+from math import inf, isnan
 from typing import Any
 
 import numpy as np
@@ -33,7 +33,7 @@ class Ranges:
     ranges: Floats
 
 
-def beacon_inbox(node: Node, agent: int, rejections: Rejections, alarm: Alarm | None) -> Inbox:
+def beacon_inbox(node: Node, agent: int, rejections: Rejections, alarm: Alarm) -> Inbox:
     """The beacons of an agent's own receiver; the turn is the step, 0 is the start signal."""
 
     def read(data: bytes) -> tuple[int, int, dict[str, Any]]:
@@ -41,7 +41,17 @@ def beacon_inbox(node: Node, agent: int, rejections: Rejections, alarm: Alarm | 
         return message["k"], message["sent"], message
 
     mailbox = Mailbox(node.session, node.keys.beacon(agent))
-    return Inbox(node, mailbox, read, owner="target/target", horizon=2 * WINDOW, rejections=rejections, alarm=alarm)
+    # The target waits for whoever is stuck, and its own patience ends the run.
+    return Inbox(
+        node,
+        mailbox,
+        read,
+        owner="target/target",
+        horizon=2 * WINDOW,
+        rejections=rejections,
+        alarm=alarm,
+        patience=inf,
+    )
 
 
 class Neighbourhood:
@@ -61,11 +71,14 @@ class Neighbourhood:
         width: int,
         shares_ranges: bool,
         rejections: Rejections,
-        alarm: Alarm | None,
+        alarm: Alarm,
+        patience: float,
     ) -> None:
         self.ids = list(ids)
         self._fates, self._rounds, self._width = fates, rounds, width
         self._received = np.zeros((1, len(self.ids), width))
+        self._rows = [memoryview(row).cast("B") for row in self._received[0]]
+        self._nothing = np.zeros(self._received.size)
         self._counts = {name: [0] * len(self.ids) for name in ("received", "lost", "late")}
         self._order = list(range(len(self.ids)))
         self._taken = [0] * len(self.ids)
@@ -75,7 +88,16 @@ class Neighbourhood:
         def inbox(agent: int, key: str, read: Decoder, turns_per_step: int) -> Inbox:
             ahead = (WINDOW + 1) * turns_per_step
             mailbox = Mailbox(node.session, key)
-            return Inbox(node, mailbox, read, owner=f"agent/{agent}", horizon=ahead, rejections=rejections, alarm=alarm)
+            return Inbox(
+                node,
+                mailbox,
+                read,
+                owner=f"agent/{agent}",
+                horizon=ahead,
+                rejections=rejections,
+                alarm=alarm,
+                patience=patience,
+            )
 
         run, keys = node.identity.run, node.keys
         self._round_boxes = [
@@ -110,28 +132,29 @@ class Neighbourhood:
 
     def round(self, step: int, round_: int, deadline: float | None) -> tuple[Floats, Bools | None]:
         """The neighbours' payloads of a round, (1, m, d), and which were delivered, (1, m), None for all."""
-        values, turn = self._received[0], step * (self._rounds + 1) + round_
+        turn, boxes, rows = step * (self._rounds + 1) + round_, self._round_boxes, self._rows
         due = self._due(step, round_)
-        delivered = [False] * len(self.ids)
+        delivered = [False] * len(boxes)
         slowest = self._order[0]
         for place in self._order:
-            box = self._round_boxes[place]
+            box = boxes[place]
             if not due[place]:
                 box.pass_over(turn)
-            else:
-                box.waited = False
-                payload = box.take(turn, deadline)
-                if box.waited:
-                    slowest = place
-                self._note(box, place, came=payload is not None)
-                if payload is not None:
-                    delivered[place] = True
-                    values[place] = payload
+                continue
+            payload = box.take(turn, deadline)
+            if box.waited:
+                slowest, box.waited = place, False
+            self._note(box, place, came=payload is not None)
+            if payload is not None:
+                delivered[place] = True
+                rows[place][:] = payload
         # Whoever came last this time is waited for first next time: the others are there by then, and every
         # wait that is not needed saves two context switches.
-        self._order.remove(slowest)
-        self._order.insert(0, slowest)
-        if not isfinite(np.add.reduce(values, axis=None)):
+        if slowest != self._order[0]:
+            self._order.remove(slowest)
+            self._order.insert(0, slowest)
+        # Zero times a value is NaN where the value is not finite: one call looks at all of them.
+        if isnan(self._received.ravel().dot(self._nothing)):
             self._refuse_infinite(turn, delivered, deadline)
         return self._received, None if all(delivered) else np.array([delivered])
 
@@ -149,7 +172,7 @@ class Neighbourhood:
                     payload = box.take(turn, deadline)
                     delivered[place] = payload is not None
                     if payload is not None:
-                        values[place] = payload
+                        self._rows[place][:] = payload
                     else:
                         self._counts["received"][place] -= 1
                         self._counts["lost"][place] += 1
@@ -192,7 +215,7 @@ class Neighbourhood:
 def _round_reader(run: str, agent: int, rounds: int, width: int) -> Decoder:
     codec, turns = RoundCodec(run, f"agent/{agent}", width), rounds + 1
 
-    def read(data: bytes) -> tuple[int, int, Floats]:
+    def read(data: bytes) -> tuple[int, int, bytes]:
         step, round_, sent, payload = codec.decode(data)
         if not 1 <= round_ <= rounds:
             raise BadMessage(f"round {round_} of a step of {rounds}")

@@ -28,6 +28,7 @@ _CAPACITY = 1 << 18
 _REPORT_SECONDS = 0.2
 _GRACE_SECONDS = 2.0
 _GATHER_SECONDS = 0.005
+_PORTION = 10_000
 
 
 @dataclass
@@ -109,18 +110,25 @@ class Recorder:
         ticker.start()
         try:
             while not self._finished():
-                received = self._mailbox.receive_from()
-                while received is not None:
-                    with self._lock:
-                        while received is not None:
-                            self._write(*received)
-                            received = self._mailbox.poll_from()
-                    # Being woken for every single message costs more than writing it: let a few gather.
-                    time.sleep(_GATHER_SECONDS)
-                    received = self._mailbox.poll_from()
+                self._write_waiting(self._mailbox.receive_from())
+                # Being woken for every single message costs more than writing it: let a few gather.
+                time.sleep(_GATHER_SECONDS)
+            self._write_waiting(self._mailbox.poll_from())
         finally:
             self._done.set()
             ticker.join()
+
+    def _write_waiting(self, received: tuple[str, bytes] | None) -> None:
+        """Write a message and those behind it.
+
+        No more than a portion: in a flood, too, the log is flushed and the end of the run is seen.
+        """
+        left = _PORTION
+        with self._lock:
+            while received is not None:
+                self._write(*received)
+                left -= 1
+                received = self._mailbox.poll_from() if left else None
 
     def _tick(self, flush_seconds: float, sync: bool, report: Callable[[Status], None]) -> None:
         flushed = time.monotonic()

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from zenoh_cbef import __version__
 from zenoh_cbef.errors import UserError
+from zenoh_cbef.nodes.inbox import Alarm
 from zenoh_cbef.nodes.neighbour import WINDOW
 from zenoh_cbef.nodes.node import Identity, Node
 from zenoh_cbef.nodes.rejections import Rejections
@@ -20,38 +21,58 @@ from zenoh_cbef.scenario.world import World, make_world
 
 _LAST_WORD_SECONDS = 5.0
 _GATHER_SECONDS = 0.001
+_LONGER = 4.0
+"""The target's patience over the agents' own, who may have to lose it one after the other."""
 
 
 class _Progress:
     """How far the agents are, by their estimates; agents that left are not waited for."""
 
-    def __init__(self, node: Node, count: int) -> None:
-        self._node = node
+    def __init__(self, node: Node, count: int, patience: float) -> None:
+        self._node, self._patience = node, patience
+        self._alarm = Alarm()
         self.rejections = Rejections(node)
         self._reached = [0] * count
+        self._silent: set[int] = set()
         self._mailbox = Mailbox(node.session, node.keys.all_estimates)
         node.presence.on_change(lambda _name, _joined: self._mailbox.wake())
         node.on_stop(self._mailbox.wake)
 
     def slowest(self) -> int | None:
         """The step that every agent still here has finished; None where none is left."""
-        here = [step for agent, step in enumerate(self._reached) if f"agent/{agent}" in self._node.presence]
-        return min(here) if here else None
+        return min((self._reached[agent] for agent in self._waited_for()), default=None)
+
+    def _waited_for(self) -> list[int]:
+        agents = range(len(self._reached))
+        return [one for one in agents if one not in self._silent and f"agent/{one}" in self._node.presence]
 
     def wait(self, step: int, *, even_stopping: bool = False) -> bool:
-        """Wait until every agent has finished a step; False where the run has no agents or is told to stop."""
+        """Wait until every agent has finished a step; False where the run has no agents or is told to stop.
+
+        Agents that do not get on for longer than the agents' own patience are waited for no more until they do.
+        """
+        until = time.monotonic() + self._patience
         while True:
             slowest = self.slowest()
             if slowest is None or (self._node.stopping and not even_stopping):
                 return False
             if slowest >= step:
                 return True
-            received = self._mailbox.receive_from()
+            if time.monotonic() >= until:
+                self._leave_behind(slowest)
+                continue
+            received = self._alarm.limit(self._mailbox.receive_from, self._mailbox, None)
             if received is not None:
                 self._note(*received)
                 # The window leaves time to let the others' estimates gather: a wake-up each would cost more.
                 time.sleep(_GATHER_SECONDS)
                 self.drain()
+
+    def _leave_behind(self, step: int) -> None:
+        behind = [agent for agent in self._waited_for() if self._reached[agent] == step]
+        self._silent.update(behind)
+        names = ", ".join(f"agent {agent}" for agent in behind)
+        self._node.event("silent", f"{names} did not get beyond step {step}; the run goes on without", step=step)
 
     def drain(self) -> None:
         """Take in what has come, without waiting."""
@@ -71,6 +92,7 @@ class _Progress:
             self.rejections.add(key, str(error))
         else:
             self._reached[agent] = max(self._reached[agent], message["k"])
+            self._silent.discard(agent)
 
 
 @dataclass
@@ -86,7 +108,7 @@ class Target:
         realtime = self.scenario.timing.mode == "realtime"
         self._truth = self.node.outbox(self.node.keys.truth, may_drop=realtime)
         self._beacons = [self.node.outbox(self.node.keys.beacon(agent), may_drop=realtime) for agent in agents]
-        self._progress = _Progress(self.node, self.scenario.count)
+        self._progress = _Progress(self.node, self.scenario.count, _LONGER * self.scenario.timing.patience)
 
     def wait_for_everybody(self, patience: float) -> None:
         """Wait until every agent is ready, and a recorder where one is required. Raises UserError otherwise."""

@@ -45,8 +45,8 @@ class RoundCodec:
         numbers = self._numbers.pack(seq, _KEYS[1], sent, _KEYS[2], step, _KEYS[3], round_, self._tail)
         return self._head + numbers + (payload if _LITTLE else payload.astype("<f8")).tobytes()
 
-    def decode(self, data: bytes) -> tuple[int, int, int, Floats]:
-        """Step, round, sending time (ns) and payload (d,), which the caller still has to find finite.
+    def decode(self, data: bytes) -> tuple[int, int, int, bytes]:
+        """Step, round, sending time (ns) and payload, d native float64 that the caller still has to find finite.
 
         Raises BadMessage for anything else than a round message of this run and sender.
         """
@@ -54,6 +54,11 @@ class RoundCodec:
             seq, key1, sent, key2, step, key3, round_, tail = self._numbers.unpack_from(data, self._begin)
             fixed = key1 == _KEYS[1] and key2 == _KEYS[2] and key3 == _KEYS[3] and tail == self._tail
             if fixed and seq < _MOST and sent < _MOST:
-                return step, round_, sent, np.frombuffer(data, "<f8", self._width, self._values)
+                return step, round_, sent, _native(data[self._values :])
         message: dict[str, Any] = decode("round", data, run=self._run, sender=self._sender)
-        return message["k"], message["l"], message["sent"], unpack_floats(message["payload"], self._width)
+        payload = unpack_floats(message["payload"], self._width)
+        return message["k"], message["l"], message["sent"], payload.tobytes()
+
+
+def _native(payload: bytes) -> bytes:
+    return payload if _LITTLE else np.frombuffer(payload, "<f8").astype("=f8").tobytes()

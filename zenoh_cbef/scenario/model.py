@@ -190,9 +190,13 @@ class Filter(Table):
 
 
 class Timing(Table):
-    """lockstep: a round ends when all that is due has come. realtime: rounds have deadlines, late is late."""
+    """lockstep: a round ends when all that is due has come. realtime: rounds have deadlines, late is late.
+
+    patience: how long (s) an agent in lockstep waits for a neighbour that is there but silent.
+    """
 
     mode: Literal["lockstep", "realtime"] = "lockstep"
+    patience: Positive = 30.0
     round_deadline_ms: Positive | None = None
     start_delay: NotNegative = 0.2
 

@@ -42,20 +42,19 @@ def neighbour_sum(terms: Floats) -> Floats:
 
 @cache
 def _upper(size: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Where the upper triangle stands in a matrix laid out flat, and where each entry of the matrix stands in it."""
     rows, columns = np.triu_indices(size)
-    return rows, columns
+    place = np.empty((size, size), dtype=np.intp)
+    place[rows, columns] = place[columns, rows] = np.arange(len(rows))
+    return rows * size + columns, place.ravel()
 
 
 def pack_upper(matrices: Floats) -> Floats:
     """The upper triangles of symmetric matrices, row by row: (n, s, s) to (n, s(s+1)/2)."""
-    rows, columns = _upper(matrices.shape[-1])
-    return matrices[..., rows, columns]
+    count, size, _ = matrices.shape
+    return matrices.reshape(count, size * size).take(_upper(size)[0], axis=1)
 
 
 def unpack_upper(packed: Floats, size: int) -> Floats:
     """Inverse of pack_upper: (n, s(s+1)/2) to (n, s, s)."""
-    rows, columns = _upper(size)
-    matrices = np.empty((*packed.shape[:-1], size, size))
-    matrices[..., rows, columns] = packed
-    matrices[..., columns, rows] = packed
-    return matrices
+    return packed.take(_upper(size)[1], axis=1).reshape(len(packed), size, size)

@@ -1,0 +1,34 @@
+"""Who is there but says nothing is waited for, then left behind."""
+
+import json
+
+from tests.processes.conftest import peer, settings
+
+
+def test_a_mute_agent_holds_the_others_up_only_as_long_as_their_patience(world, free_port):
+    endpoint = f"tcp/127.0.0.1:{free_port}"
+    overrides = settings("steps=12", "agents.count=3", "network.graph=complete", "timing.patience=1")
+    join = ["--run", world.run, "--connect", endpoint, "--patience", "20"]
+    target = world.start("target", "tracking", *overrides, "--run", world.run, "--listen", endpoint)
+    others = [world.start("agent", str(agent), *join) for agent in range(2)]
+    others.append(world.start("record", *join, "--output", str(world.log)))
+    live = f"cbef/{world.run}/live"
+    with peer(endpoint) as session:
+        tokens = [session.liveliness().declare_token(f"{live}/{name}") for name in ("agent/2", "ready/2")]
+        _, err = target.communicate(timeout=100)
+        assert target.returncode == 0, err
+        for token in tokens:
+            token.undeclare()
+        for process in others:
+            _, err = process.communicate(timeout=60)
+            assert process.returncode == 0, err
+    metrics = json.loads(world.call("analyze", str(world.log), "--json").stdout)
+    assert metrics["steps"] == 12
+    for link in metrics["links"]:
+        if link["source"] == 2:
+            assert (link["delivered"], link["lost"]) == (0, 36)
+        elif link["destination"] != 2:
+            assert (link["delivered"], link["lost"]) == (36, 0)
+    verdict = world.call("verify", str(world.log))
+    assert verdict.returncode == 2
+    assert "agent/2 is there but silent" in verdict.stdout
