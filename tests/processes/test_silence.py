@@ -7,7 +7,7 @@ from tests.processes.conftest import peer, settings
 
 def test_a_mute_agent_holds_the_others_up_only_as_long_as_their_patience(world, free_port):
     endpoint = f"tcp/127.0.0.1:{free_port}"
-    overrides = settings("steps=12", "agents.count=3", "network.graph=complete", "timing.patience=1")
+    overrides = settings("steps=12", "agents.count=3", "network.graph=complete", "timing.patience=2")
     join = ["--run", world.run, "--connect", endpoint, "--patience", "20"]
     target = world.start("target", "tracking", *overrides, "--run", world.run, "--listen", endpoint)
     others = [world.start("agent", str(agent), *join) for agent in range(2)]

@@ -38,38 +38,43 @@ class _Progress:
         node.presence.on_change(lambda _name, _joined: self._mailbox.wake())
         node.on_stop(self._mailbox.wake)
 
-    def slowest(self) -> int | None:
-        """The step that every agent still here has finished; None where none is left."""
-        return min((self._reached[agent] for agent in self._waited_for()), default=None)
+    def anyone(self) -> bool:
+        """Whether an agent is still here."""
+        return bool(self._here())
 
-    def _waited_for(self) -> list[int]:
-        agents = range(len(self._reached))
-        return [one for one in agents if one not in self._silent and f"agent/{one}" in self._node.presence]
+    def _here(self) -> list[int]:
+        return [agent for agent in range(len(self._reached)) if f"agent/{agent}" in self._node.presence]
+
+    def _slowest(self) -> int | None:
+        """The step that every agent here that is not silent has finished; None where all are."""
+        return min((self._reached[agent] for agent in self._here() if agent not in self._silent), default=None)
 
     def wait(self, step: int, *, even_stopping: bool = False) -> bool:
         """Wait until every agent has finished a step; False where the run has no agents or is told to stop.
 
-        Agents that do not get on for longer than the agents' own patience are waited for no more until they do.
+        Agents that do not get on for longer than the agents' own patience are waited for no more until they do. When
+        that is all of them, and goes on for as long again, the run is over.
         """
         until = time.monotonic() + self._patience
-        while True:
-            slowest = self.slowest()
-            if slowest is None or (self._node.stopping and not even_stopping):
-                return False
-            if slowest >= step:
+        while self.anyone() and (even_stopping or not self._node.stopping):
+            slowest = self._slowest()
+            if slowest is not None and slowest >= step:
                 return True
             if time.monotonic() >= until:
+                if slowest is None:
+                    return False
                 self._leave_behind(slowest)
-                continue
+                until = time.monotonic() + self._patience
             received = self._alarm.limit(self._mailbox.receive_from, self._mailbox, None)
             if received is not None:
                 self._note(*received)
                 # The window leaves time to let the others' estimates gather: a wake-up each would cost more.
                 time.sleep(_GATHER_SECONDS)
                 self.drain()
+        return False
 
     def _leave_behind(self, step: int) -> None:
-        behind = [agent for agent in self._waited_for() if self._reached[agent] == step]
+        behind = [agent for agent in self._here() if agent not in self._silent and self._reached[agent] == step]
         self._silent.update(behind)
         names = ", ".join(f"agent {agent}" for agent in behind)
         self._node.event("silent", f"{names} did not get beyond step {step}; the run goes on without", step=step)
@@ -144,7 +149,7 @@ class Target:
             if realtime:
                 self._progress.drain()
                 self._sleep_until(epoch + step * self.scenario.dt)
-                if self.node.stopping or self._progress.slowest() is None:
+                if self.node.stopping or not self._progress.anyone():
                     break
             elif not self._progress.wait(step - WINDOW):
                 break
