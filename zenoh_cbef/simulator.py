@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from zenoh_cbef.faults import Fates
+from zenoh_cbef.faults import Fate, Fates
 from zenoh_cbef.scenario import Scenario, network
-from zenoh_cbef.scenario.build import batch_tracker, initial_states, outgoing_of, rounds_of
+from zenoh_cbef.scenario.build import batch_tracker, fates_of, initial_states, outgoing_of, rounds_of
 from zenoh_cbef.scenario.world import World, make_world
 from zenoh_cbef.trace import Links, Trace, Traffic
 from zenoh_cbef.tracking.graph import Neighbours
@@ -19,6 +19,7 @@ from zenoh_cbef.tracking.tracker import Estimate
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
+Ints = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -57,15 +58,39 @@ class _Counts:
     """Messages per directed link (N, m), as the receivers count them."""
 
     def __init__(self, present: Bools) -> None:
-        self.present = present
-        self.sent = np.zeros(present.shape, dtype=np.int64)
-        self.late = np.zeros(present.shape, dtype=np.int64)
-        self.delivered = np.zeros(present.shape, dtype=np.int64)
+        self._present = present
+        self._sent = 0
+        self._fates = {
+            name: np.zeros(present.shape, dtype=np.int64) for name in ("lost", "late", "corrupted", "duplicated")
+        }
 
-    def add(self, delivered: Bools, late: Bools) -> None:
-        self.sent += self.present
-        self.delivered += delivered
-        self.late += late & self.present
+    def sent(self) -> None:
+        """Every neighbour has sent a message."""
+        self._sent += 1
+
+    def add(self, fate: Fate) -> None:
+        """What became of the messages, arrays (N m,)."""
+        for name in self._fates:
+            self._fates[name] += getattr(fate, name).reshape(self._present.shape)
+
+    def links(self, mine: slice, source: Ints, destination: Ints) -> Links:
+        """The counts of one run's links."""
+        present = self._present[mine]
+        lost, late, corrupted, duplicated = (count[mine][present] for count in self._fates.values())
+        sent = np.full(len(source), self._sent)
+        return Links(
+            source=source,
+            destination=destination,
+            sent=sent,
+            delivered=sent - lost - corrupted - late,
+            lost=lost + corrupted,
+            late=late,
+            injected_lost=lost,
+            injected_late=late,
+            corrupted=corrupted,
+            duplicated=duplicated,
+            latency=np.full(len(sent), np.nan),
+        )
 
 
 def _all_fates(scenarios: Sequence[Scenario], neighbours: Neighbours) -> Fates:
@@ -73,13 +98,11 @@ def _all_fates(scenarios: Sequence[Scenario], neighbours: Neighbours) -> Fates:
     rows = np.arange(len(neighbours.index))
     seeds = np.array([one.seed for one in scenarios], dtype=np.uint64)[rows // count]
     width = neighbours.index.shape[1]
-    return Fates(
-        first.fault,
-        seed=np.repeat(seeds, width),
-        source=(neighbours.index % count).ravel().astype(np.int64),
-        destination=np.repeat(rows % count, width).astype(np.int64),
-        dt=first.dt,
-        rounds=rounds_of(first),
+    return fates_of(
+        first,
+        np.repeat(seeds, width),
+        (neighbours.index % count).ravel().astype(np.int64),
+        np.repeat(rows % count, width).astype(np.int64),
     )
 
 
@@ -105,13 +128,12 @@ class Simulation:
 
     def _delivered(self, step: int, round_: int) -> Bools:
         present = self.neighbours.present
+        self.counts.sent()
         if self._fates.quiet:
-            self.counts.add(present, np.zeros_like(present))
             return present
-        due, late = (flags.reshape(present.shape) for flags in self._fates.due(step, round_))
-        delivered = due & present
-        self.counts.add(delivered, late)
-        return delivered
+        fate = self._fates.of(step, round_)
+        self.counts.add(fate)
+        return np.asarray(fate.due.reshape(present.shape) & present)
 
     def _measurement(self, step: int) -> Measurement:
         position, range_, age = (
@@ -217,17 +239,8 @@ class _Results:
 
 
 def _links(simulation: Simulation, mine: slice) -> Links:
-    counts, neighbours = simulation.counts, simulation.neighbours
+    neighbours = simulation.neighbours
     present = neighbours.present[mine]
-    count = len(present)
-    destination = np.repeat(np.arange(count), present.sum(axis=1))
-    sent, delivered, late = (part[mine][present] for part in (counts.sent, counts.delivered, counts.late))
-    return Links(
-        source=(neighbours.index[mine][present] - mine.start).astype(np.int64),
-        destination=destination.astype(np.int64),
-        sent=sent,
-        delivered=delivered,
-        lost=sent - delivered - late,
-        late=late,
-        latency=np.full(len(sent), np.nan),
-    )
+    source = (neighbours.index[mine][present] - mine.start).astype(np.int64)
+    destination = np.repeat(np.arange(len(present)), present.sum(axis=1)).astype(np.int64)
+    return simulation.counts.links(mine, source, destination)

@@ -54,10 +54,11 @@ def uniform(key: Keys, step: ArrayLike, lane: ArrayLike = 0) -> Floats:
     return np.asarray((bits(key, step, lane) >> np.uint64(11)) * 2.0**-53, dtype=np.float64)
 
 
-def normal(key: Keys, step: ArrayLike, lane: int = 0) -> Floats:
+def normal(key: Keys, step: ArrayLike, lane: ArrayLike = 0) -> Floats:
     """Standard normal draws (Box and Muller 1958); uses lanes 2*lane and 2*lane + 1."""
-    radius = np.sqrt(-2.0 * np.log(1.0 - uniform(key, step, 2 * lane)))
-    return np.asarray(radius * np.cos(2.0 * np.pi * uniform(key, step, 2 * lane + 1)))
+    even = 2 * np.asarray(lane)
+    radius = np.sqrt(-2.0 * np.log(1.0 - uniform(key, step, even)))
+    return np.asarray(radius * np.cos(2.0 * np.pi * uniform(key, step, even + 1)))
 
 
 def exponential(key: Keys, step: ArrayLike, lane: ArrayLike = 0) -> Floats:

@@ -17,8 +17,10 @@ Ints = NDArray[np.int64]
 class Links:
     """Messages on every directed link, arrays (e,).
 
-    sent: published by the source while it ran. delivered: in time. lost: never came, or came too late to tell.
-    late: came after their round. latency: mean time from sending to use, s; NaN where unknown.
+    sent: published by the source while it ran. delivered: in time. lost: never came, came too late to tell, or were
+    rejected as damaged. late: came after their round. injected_lost, injected_late: of these, what the scenario's
+    faults did. corrupted: damaged by faults and rejected. duplicated: delivered, and by faults once more. latency:
+    mean time from sending to use, s; NaN where unknown.
     """
 
     source: Ints
@@ -27,7 +29,21 @@ class Links:
     delivered: Ints
     lost: Ints
     late: Ints
+    injected_lost: Ints
+    injected_late: Ints
+    corrupted: Ints
+    duplicated: Ints
     latency: Floats
+
+    @property
+    def real_lost(self) -> Ints:
+        """Lost without a fault of the scenario: gaps in the sequence of what came."""
+        return self.lost - self.injected_lost - self.corrupted
+
+    @property
+    def deadline_missed(self) -> Ints:
+        """Late without a fault of the scenario."""
+        return self.late - self.injected_late
 
 
 @dataclass(frozen=True)

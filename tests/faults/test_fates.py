@@ -27,8 +27,8 @@ def delay(milliseconds, jitter_ms=0.0, **keys):
 
 
 def due_flags(all_fates, step=1, round_=1):
-    due, late = all_fates.due(step, round_)
-    return due.tolist(), late.tolist()
+    fate = all_fates.of(step, round_)
+    return fate.due.tolist(), fate.late.tolist()
 
 
 NONE, EVERY = [False] * 6, [True] * 6
@@ -44,21 +44,21 @@ def test_certain_loss_loses_everything_and_no_loss_nothing():
 def test_the_share_of_lost_messages_is_the_probability(probability):
     count = 20_000
     numbers = np.arange(count)
-    due, late = fates(loss(probability), source=numbers, destination=numbers[::-1]).due(3, 2)
-    assert not late.any()
-    assert abs(1.0 - due.mean() - probability) < 6 * np.sqrt(probability * (1 - probability) / count)
+    fate = fates(loss(probability), source=numbers, destination=numbers[::-1]).of(3, 2)
+    assert not fate.late.any()
+    assert abs(1.0 - fate.due.mean() - probability) < 6 * np.sqrt(probability * (1 - probability) / count)
 
 
 def test_losses_of_different_rounds_steps_links_and_faults_are_independent():
     numbers = np.arange(20_000)
     half, same = loss(0.5), {"source": numbers, "destination": numbers + 1}
     draws = [
-        fates(half, **same).due(1, 1)[0],
-        fates(half, **same).due(1, 2)[0],
-        fates(half, **same).due(2, 1)[0],
-        fates(half, source=numbers + 1, destination=numbers).due(1, 1)[0],
-        fates(half, seed=8, **same).due(1, 1)[0],
-        fates(loss(0.0), half, **same).due(1, 1)[0],
+        fates(half, **same).of(1, 1).due,
+        fates(half, **same).of(1, 2).due,
+        fates(half, **same).of(2, 1).due,
+        fates(half, source=numbers + 1, destination=numbers).of(1, 1).due,
+        fates(half, seed=8, **same).of(1, 1).due,
+        fates(loss(0.0), half, **same).of(1, 1).due,
     ]
     correlation = np.corrcoef(np.array(draws, dtype=float)) - np.eye(len(draws))
     assert np.abs(correlation).max() < 6 / np.sqrt(len(numbers))
@@ -67,9 +67,9 @@ def test_losses_of_different_rounds_steps_links_and_faults_are_independent():
 def test_two_losses_lose_what_either_of_them_loses():
     numbers = np.arange(1000)
     same = {"source": numbers, "destination": numbers + 1}
-    both = fates(loss(0.3), loss(0.2), **same).due(5, 1)[0]
-    first = fates(loss(0.3), **same).due(5, 1)[0]
-    second = fates(loss(0.0), loss(0.2), **same).due(5, 1)[0]
+    both = fates(loss(0.3), loss(0.2), **same).of(5, 1).due
+    first = fates(loss(0.3), **same).of(5, 1).due
+    second = fates(loss(0.0), loss(0.2), **same).of(5, 1).due
     np.testing.assert_array_equal(both, first & second)
 
 
@@ -109,10 +109,10 @@ def test_agents_are_those_that_links_name():
 
 def test_a_fault_is_on_from_its_beginning_until_before_its_end():
     faulty = fates(loss(1.0, **{"from": 1.0, "until": 2.0}), dt=0.5)
-    lost = [step for step in range(1, 8) if not faulty.due(step, 1)[0].any()]
+    lost = [step for step in range(1, 8) if not faulty.of(step, 1).due.any()]
     assert lost == [2, 3]
     open_ended = fates(loss(1.0, **{"from": 1.0}), dt=0.5)
-    assert [step for step in range(1, 6) if not open_ended.due(step, 1)[0].any()] == [2, 3, 4, 5]
+    assert [step for step in range(1, 6) if not open_ended.of(step, 1).due.any()] == [2, 3, 4, 5]
 
 
 @pytest.mark.parametrize("milliseconds", [0.001, 5.0, 20.0, 21.0, 100.0])

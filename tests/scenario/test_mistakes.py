@@ -13,6 +13,10 @@ from zenoh_cbef.scenario.checks import check
 from zenoh_cbef.scenario.load import load, parse
 
 UNKNOWN = "is not a key of a scenario"
+FAULTS = (
+    "loss, burst-loss, delay, duplicate, reorder, corrupt, rate-limit, partition, outage, byzantine, clock, "
+    "sensor-bias, sensor-spikes, sensor-dropout, sensor-stuck"
+)
 
 REFUSED = {
     'steps = "300"': "steps must be a whole number, not '300'",
@@ -96,8 +100,8 @@ REFUSED = {
     "fault = 3": "fault must be a list of tables, each written [[fault]], not 3",
     'fault = {kind = "loss"}': "fault must be a list of tables, each written [[fault]], not a table",
     "fault = [3]": "fault[0] must be a table of keys, not 3",
-    'fault = [{kind = "fire"}]': "fault[0].kind must be one of loss, delay, byzantine, not 'fire'",
-    "fault = [{probability = 1}]": "fault[0].kind must be one of loss, delay, byzantine",
+    'fault = [{kind = "fire"}]': f"fault[0].kind must be one of {FAULTS}, not 'fire'",
+    "fault = [{probability = 1}]": f"fault[0].kind must be one of {FAULTS}",
     'fault = [{kind = "loss"}]': "fault[0].probability is missing; add it",
     'fault = [{kind = "loss", probability = 2}]': "fault[0].probability must be less than or equal to 1, not 2",
     'fault = [{kind = "loss", probability = nan}]': "fault[0].probability must be a finite number, not nan",
@@ -106,8 +110,26 @@ REFUSED = {
     "did you mean 'jitter_ms'?",
     'fault = [{kind = "loss", probability = 1, form = 1}]': f"fault[0].form {UNKNOWN}; did you mean 'from'?",
     'fault = [{kind = "loss", probability = 1, links = "agnt:1"}]': "fault[0].links must be 'all', 'agent:3', "
-    "or pairs [[from, to], ...], not 'agnt:1'",
+    "pairs [[from, to], ...], or { between = [[0, 1, 2], [3, 4, 5]] }, not 'agnt:1'",
     'fault = [{kind = "loss", probability = 1, links = [[0, "a"]]}]': "fault[0].links[0][1] must be a whole number",
+    'fault = [{kind = "partition", links = {between = [[0, 1]]}}]': "fault[0].links.between must be two or more lists",
+    'fault = [{kind = "partition", links = {between = [[0, 1], ["a"]]}}]': "fault[0].links.between[1][0] must be a whole",
+    'fault = [{kind = "partition", links = {betwen = [[0], [1]]}}]': "fault[0].links.between is missing; add it",
+    'fault = [{kind = "partition", links = {between = [[0, 1], [2, 1]]}}]': "fault.links.between has agent 1 in two groups",
+    'fault = [{kind = "outage"}]': "fault[0].agents is missing; add it",
+    'fault = [{kind = "outage", agents = []}]': "fault[0].agents must be a list of agents, as in [3], not a list",
+    'fault = [{kind = "outage", agents = [-1]}]': "fault[0].agents[0] must be greater than or equal to 0, not -1",
+    'fault = [{kind = "sensor-bias", bias = 1, agents = "some"}]': "fault[0].agents must be 'all', or a list of agents",
+    'fault = [{kind = "sensor-spikes", probability = 0.1, std = 0}]': "fault[0].std must be greater than 0, not 0",
+    'fault = [{kind = "burst-loss", good_to_bad = 0, bad_to_good = 1}]': "fault[0].good_to_bad must be greater than 0, not 0",
+    'fault = [{kind = "burst-loss", good_to_bad = 1e-4, bad_to_good = 1e-4}]': "fault.good_to_bad + fault.bad_to_good must lie",
+    'fault = [{kind = "burst-loss", good_to_bad = 1, bad_to_good = 1}]': "fault.good_to_bad + fault.bad_to_good must lie",
+    'fault = [{kind = "delay", milliseconds = 1, distribution = "gamma"}]': "fault[0].distribution must be 'constant', ",
+    'fault = [{kind = "delay", milliseconds = 1, distribution = "normal"}]': "fault.std_ms is missing",
+    'fault = [{kind = "delay", milliseconds = 1, std_ms = 1}]': "fault.std_ms is for distribution 'normal', not 'constant'",
+    'fault = [{kind = "delay", milliseconds = 1, shape = 1}]': "fault[0].shape must be greater than 1, not 1",
+    'fault = [{kind = "rate-limit", messages_per_second = -1}]': "fault[0].messages_per_second must be greater than or",
+    'fault = [{kind = "clock", drift = inf}]': "fault[0].drift must be a finite number, not inf",
 }
 
 IMPOSSIBLE = {
@@ -121,6 +143,9 @@ IMPOSSIBLE = {
     "is at or above the stable limit 1/(largest degree) = 0.5 of this graph; lower it",
     'fault = [{kind = "loss", probability = 1, links = "agent:6"}]': "names agent 6, but agents are 0 to 5",
     'fault = [{kind = "loss", probability = 1, links = [[0, 9]]}]': "names agent 9, but agents are 0 to 5",
+    'fault = [{kind = "outage", agents = [6]}]': "names agent 6, but agents are 0 to 5",
+    'fault = [{kind = "sensor-stuck", agents = [1, 7]}]': "names agent 7, but agents are 0 to 5",
+    'fault = [{kind = "partition", links = {between = [[0, 1], [2, 8]]}}]': "names agent 8, but agents are 0 to 5",
     'fault = [{kind = "loss", probability = 1, from = 2, until = 2}]': "until must be later than from",
     "steps = 10_000_000\ndt = 10_000\nsensor.range_std = 0.001": "the clock resolves ranges to",
 }

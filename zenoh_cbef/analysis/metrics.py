@@ -19,6 +19,21 @@ from zenoh_cbef.tracking.reference import centralized, posterior_bound
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
+LINK_COUNTS = (
+    "source",
+    "destination",
+    "sent",
+    "delivered",
+    "lost",
+    "late",
+    "injected_lost",
+    "injected_late",
+    "real_lost",
+    "deadline_missed",
+    "corrupted",
+    "duplicated",
+)
+
 
 @dataclass(frozen=True)
 class Analysis:
@@ -229,15 +244,9 @@ def _nis_metrics(analysis: Analysis) -> dict[str, Any] | None:
 
 def _links(trace: Trace) -> list[dict[str, Any]]:
     links = trace.links
+    counts = {name: getattr(links, name).tolist() for name in LINK_COUNTS}
+    latency = [one if np.isfinite(one) else None for one in links.latency.tolist()]
     return [
-        {
-            "source": int(links.source[row]),
-            "destination": int(links.destination[row]),
-            "sent": int(links.sent[row]),
-            "delivered": int(links.delivered[row]),
-            "lost": int(links.lost[row]),
-            "late": int(links.late[row]),
-            "latency": float(links.latency[row]) if np.isfinite(links.latency[row]) else None,
-        }
+        {**{name: values[row] for name, values in counts.items()}, "latency": latency[row]}
         for row in range(len(links.source))
     ]

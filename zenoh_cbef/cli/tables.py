@@ -7,6 +7,8 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
+from zenoh_cbef.analysis.metrics import LINK_COUNTS
+
 console = Console()
 errors = Console(stderr=True)
 
@@ -44,8 +46,11 @@ def metrics_table(metrics: dict[str, Any]) -> Table:
             f"{messages['missing']} not logged",
             f"{messages['rejected']} rejected",
         )
-    sent, lost, late = (sum(link[name] for link in metrics["links"]) for name in ("sent", "lost", "late"))
-    table.add_row("on links", f"{sent} sent", f"{lost} lost", f"{late} late")
+    links = {name: sum(link[name] for link in metrics["links"]) for name in LINK_COUNTS}
+    table.add_row("on links", f"{links['sent']} sent", f"{links['lost']} lost", f"{links['late']} late")
+    lost, late, doubled = links["injected_lost"] + links["corrupted"], links["injected_late"], links["duplicated"]
+    if lost or late or doubled:
+        table.add_row("of these by faults", f"{doubled} doubled", f"{lost} lost", f"{late} late")
     return table
 
 

@@ -6,25 +6,74 @@ from typing import Annotated
 
 from pydantic import Field
 
-from zenoh_cbef.faults.base import Fate, Fault, LinkFault, Messages
+from zenoh_cbef.faults.base import Effect, Fault, LinkFault, MessageFault, Messages
+from zenoh_cbef.faults.burst_loss import BurstLoss
 from zenoh_cbef.faults.byzantine import Byzantine
+from zenoh_cbef.faults.clock import Clock, ahead, clocks_of
+from zenoh_cbef.faults.corrupt import Corrupt
 from zenoh_cbef.faults.delay import Delay
-from zenoh_cbef.faults.fates import Fates
+from zenoh_cbef.faults.duplicate import Duplicate
+from zenoh_cbef.faults.fates import Fate, Fates
 from zenoh_cbef.faults.loss import Loss
+from zenoh_cbef.faults.outage import Outage
 from zenoh_cbef.faults.outgoing import Outgoing, SenderFault
+from zenoh_cbef.faults.partition import Partition
+from zenoh_cbef.faults.rate_limit import RateLimit
+from zenoh_cbef.faults.reorder import Reorder
+from zenoh_cbef.faults.sensing import Readings, SensorFault, measured_ranges
+from zenoh_cbef.faults.sensor_bias import SensorBias
+from zenoh_cbef.faults.sensor_dropout import SensorDropout
+from zenoh_cbef.faults.sensor_spikes import SensorSpikes
+from zenoh_cbef.faults.sensor_stuck import SensorStuck
 
 __all__ = [
     "AnyFault",
+    "BurstLoss",
     "Byzantine",
+    "Clock",
+    "Corrupt",
     "Delay",
+    "Duplicate",
+    "Effect",
     "Fate",
     "Fates",
     "Fault",
     "LinkFault",
     "Loss",
+    "MessageFault",
     "Messages",
+    "Outage",
     "Outgoing",
+    "Partition",
+    "RateLimit",
+    "Readings",
+    "Reorder",
     "SenderFault",
+    "SensorBias",
+    "SensorDropout",
+    "SensorFault",
+    "SensorSpikes",
+    "SensorStuck",
+    "ahead",
+    "clocks_of",
+    "measured_ranges",
 ]
 
-AnyFault = Annotated[Loss | Delay | Byzantine, Field(discriminator="kind")]
+AnyFault = Annotated[
+    Loss
+    | BurstLoss
+    | Delay
+    | Duplicate
+    | Reorder
+    | Corrupt
+    | RateLimit
+    | Partition
+    | Outage
+    | Byzantine
+    | Clock
+    | SensorBias
+    | SensorSpikes
+    | SensorDropout
+    | SensorStuck,
+    Field(discriminator="kind"),
+]

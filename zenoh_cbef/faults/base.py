@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 Bools = NDArray[np.bool_]
 Floats = NDArray[np.float64]
@@ -16,25 +16,54 @@ Seeds = NDArray[np.uint64]
 
 Agent = Annotated[int, Field(ge=0)]
 Seconds = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
+Probability = Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)]
 
 
 @dataclass(frozen=True)
 class Messages:
-    """One round's messages over directed links, all arrays (e,): whose, from where to where, and when sent."""
+    """One round's messages over directed links, all arrays (e,): whose, from where to where, and when sent.
+
+    step: from 1. round: 0 for the ranges. dt: s. per_step: how many messages a link carries in a step; they count
+    as sent in equal intervals of `spacing` s. number: how many a link has carried before this one.
+    """
 
     seed: Seeds
     source: Ids
     destination: Ids
     step: int
     round: int
+    dt: float
+    per_step: int
+    ranges: bool
+
+    @property
+    def number(self) -> int:
+        """The place of these messages in the sequence of their links."""
+        return self.step * self.per_step + self.round - (not self.ranges)
+
+    @property
+    def spacing(self) -> float:
+        """Time from one message of a link to the next, s."""
+        return self.dt / self.per_step
+
+    def when(self, number: Ids) -> tuple[Ids, Ids]:
+        """Step and round of the messages with these numbers."""
+        return number // self.per_step, number % self.per_step + (not self.ranges)
 
 
 @dataclass(frozen=True)
-class Fate:
-    """What the faults do to messages: lost, (e,), and delay in seconds, (e,)."""
+class Effect:
+    """What one fault does to messages, arrays (e,); None: nothing of the kind.
 
-    lost: Bools
-    delay: Floats
+    lost: never arrive. delay: s. overtaken: arrive after the next message of their link. corrupted: arrive with
+    flipped bytes. duplicated: arrive twice.
+    """
+
+    lost: Bools | None = None
+    delay: Floats | None = None
+    overtaken: Bools | None = None
+    corrupted: Bools | None = None
+    duplicated: Bools | None = None
 
 
 class Fault(BaseModel):
@@ -50,26 +79,73 @@ class Fault(BaseModel):
         """Whether the fault is on at a run time (s)."""
         return time >= self.since and (self.until is None or time < self.until)
 
+    def during(self, time: Floats) -> Bools:
+        """At which run times (s) the fault is on."""
+        return np.asarray((time >= self.since) & (time < (np.inf if self.until is None else self.until)))
+
     def named(self) -> set[int]:
         """The agents that the fault names, which the scenario must have."""
         raise NotImplementedError
 
 
-class LinkFault(Fault):
-    """A fault of links.
+class MessageFault(Fault):
+    """A fault of messages on some directed links."""
 
-    links: "all", "agent:3" (every link into or out of agent 3), or directed pairs [[from, to], ...].
+    def selects(self, source: Ids, destination: Ids) -> Bools:
+        """Which directed links (e,) the fault is on."""
+        raise NotImplementedError
+
+    def effect(self, messages: Messages, index: int) -> Effect:
+        """What happens to messages on selected links; index: the fault's place in the scenario, for its streams."""
+        raise NotImplementedError
+
+
+class Between(BaseModel):
+    """The links from an agent of one group to an agent of another, in both directions."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    between: Annotated[
+        tuple[tuple[Agent, ...], ...],
+        Field(min_length=2, description="two or more lists of agents, as in [[0, 1, 2], [3, 4, 5]]"),
+    ]
+
+    @model_validator(mode="after")
+    def _apart(self) -> Self:
+        everybody = [agent for group in self.between for agent in set(group)]
+        twice = sorted({agent for agent in everybody if everybody.count(agent) > 1})
+        if twice:
+            raise ValueError(f"fault.links.between has agent {twice[0]} in two groups; leave it in one")
+        return self
+
+    def selects(self, source: Ids, destination: Ids) -> Bools:
+        """Which directed links (e,) lead from one group to another."""
+        chosen = np.zeros(source.shape, dtype=bool)
+        everybody = [agent for group in self.between for agent in group]
+        for group in self.between:
+            others = [agent for agent in everybody if agent not in group]
+            chosen |= np.isin(source, group) & np.isin(destination, others)
+        return chosen
+
+
+class LinkFault(MessageFault):
+    """A fault of chosen links.
+
+    links: "all", "agent:3" (every link into or out of agent 3), directed pairs [[from, to], ...], or
+    {between = [[0, 1, 2], [3, 4, 5]]}.
     """
 
     links: Annotated[
-        Literal["all"] | Annotated[str, Field(pattern=r"^agent:[0-9]+$")] | tuple[tuple[Agent, Agent], ...],
-        Field(description="'all', 'agent:3', or pairs [[from, to], ...]"),
+        Literal["all"] | Annotated[str, Field(pattern=r"^agent:[0-9]+$")] | tuple[tuple[Agent, Agent], ...] | Between,
+        Field(description="'all', 'agent:3', pairs [[from, to], ...], or { between = [[0, 1, 2], [3, 4, 5]] }"),
     ] = "all"
 
     def selects(self, source: Ids, destination: Ids) -> Bools:
         """Which directed links (e,) the fault is on."""
         if self.links == "all":
             return np.ones(source.shape, dtype=bool)
+        if isinstance(self.links, Between):
+            return self.links.selects(source, destination)
         if isinstance(self.links, str):
             agent = int(self.links.removeprefix("agent:"))
             return np.asarray((source == agent) | (destination == agent))
@@ -84,8 +160,5 @@ class LinkFault(Fault):
             return set()
         if isinstance(self.links, str):
             return {int(self.links.removeprefix("agent:"))}
-        return {agent for pair in self.links for agent in pair}
-
-    def fate(self, messages: Messages, index: int) -> Fate:
-        """The fate of messages on selected links; index: the fault's place in the scenario, for its streams."""
-        raise NotImplementedError
+        pairs = self.links.between if isinstance(self.links, Between) else self.links
+        return {agent for pair in pairs for agent in pair}

@@ -3,17 +3,39 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from zenoh_cbef.faults.base import Bools, Fate, Fault, Ids, LinkFault, Messages, Seeds
+from zenoh_cbef.faults.base import Bools, Fault, Floats, Ids, MessageFault, Messages, Seeds
+
+
+@dataclass(frozen=True)
+class Fate:
+    """What becomes of messages, arrays (e,); a message is at most one of lost, late and corrupted.
+
+    lost: never arrives. late: arrives when its round is over. corrupted: arrives in time, but damaged, and is rejected.
+    duplicated: is used, and arrives once more. delay: of those that arrive, s.
+    """
+
+    lost: Bools
+    late: Bools
+    corrupted: Bools
+    duplicated: Bools
+    delay: Floats
+
+    @property
+    def due(self) -> Bools:
+        """Which messages arrive intact within their own round."""
+        return ~(self.lost | self.late | self.corrupted)
 
 
 class Fates:
     """Fates of the messages on directed links, the same on any host and in any batch.
 
-    faults: all of a scenario; those of links count. seed, source, destination: (e,). dt: s. rounds: L; a step has
-    L + 1 slots, of which slot 0 carries ranges.
+    faults: all of a scenario, of which those of messages count. seed, source, destination: (e,). dt: s. rounds: L.
+    ranges: whether neighbours' ranges are sent before the rounds. realtime: a delay is real time, so that the
+    receiver finds out whether the message is late; otherwise a message that is delayed at all misses its round.
     """
 
     def __init__(
@@ -25,34 +47,41 @@ class Fates:
         destination: Ids,
         dt: float,
         rounds: int,
+        ranges: bool = True,
+        realtime: bool = False,
     ) -> None:
         self._faults = [
             (index, fault, chosen)
             for index, fault in enumerate(faults)
-            if isinstance(fault, LinkFault) and (chosen := fault.selects(source, destination)).any()
+            if isinstance(fault, MessageFault) and (chosen := fault.selects(source, destination)).any()
         ]
         self._seed, self._source, self._destination = seed, source, destination
-        self._dt = dt
-        self._slot = dt / (rounds + 1)
+        self._dt, self._per_step, self._ranges = dt, max(1, rounds + ranges), ranges
+        self._realtime = realtime
 
     def of(self, step: int, round_: int) -> Fate:
-        """Loss and delay (s) of the messages sent in one round of a step (round 0: the ranges)."""
-        fate = Fate(np.zeros(self._source.shape, dtype=bool), np.zeros(self._source.shape))
-        messages = Messages(self._seed, self._source, self._destination, step, round_)
+        """What becomes of the messages sent in one round of a step (round 0: the ranges)."""
+        links = self._source.shape
+        flags = {name: np.zeros(links, dtype=bool) for name in ("lost", "overtaken", "corrupted", "duplicated")}
+        delay = np.zeros(links)
+        messages = Messages(
+            self._seed, self._source, self._destination, step, round_, self._dt, self._per_step, self._ranges
+        )
         for index, fault, chosen in self._faults:
-            if fault.active(step * self._dt):
-                effect = fault.fate(messages, index)
-                fate = Fate(fate.lost | (chosen & effect.lost), fate.delay + np.where(chosen, effect.delay, 0.0))
-        return fate
-
-    def due(self, step: int, round_: int) -> tuple[Bools, Bools]:
-        """Which messages arrive within their own round, and which are late, (e,) each; the rest are lost.
-
-        In lockstep a message delayed by d counts as arriving ceil(d/slot) rounds later, slot = dt/(L + 1).
-        """
-        fate = self.of(step, round_)
-        late = ~fate.lost & (np.ceil(fate.delay / self._slot) > 0)
-        return ~fate.lost & ~late, late
+            if not fault.active(step * self._dt):
+                continue
+            effect = fault.effect(messages, index)
+            for name, before in flags.items():
+                struck = getattr(effect, name)
+                if struck is not None:
+                    np.logical_or(before, chosen & struck, out=before)
+            if effect.delay is not None:
+                delay += np.where(chosen, effect.delay, 0.0)
+        lost = flags["lost"]
+        late = ~lost & (flags["overtaken"] if self._realtime else flags["overtaken"] | (delay > 0.0))
+        corrupted = flags["corrupted"] & ~(lost | late)
+        duplicated = flags["duplicated"] & ~(lost | late | corrupted)
+        return Fate(lost, late, corrupted, duplicated, delay)
 
     @property
     def quiet(self) -> bool:

@@ -20,6 +20,11 @@ from zenoh_cbef.trace import Links, Trace, Traffic
 Floats = NDArray[np.float64]
 
 
+_COUNTS = {"received": "delivered"} | {
+    name: name for name in ("lost", "late", "injected_lost", "injected_late", "corrupted", "duplicated")
+}
+
+
 def read_trace(path: Path) -> Trace:
     """Read a log, complete or cut off. Raises UserError where it is no log of a run, or holds no step."""
     file = open_log(path)
@@ -127,12 +132,14 @@ def _links(scenario: Scenario, contents: Contents) -> Links:
         for source, destination in ((first, second), (second, first)):
             message = last.get(destination, {})
             place = message["neighbours"].index(source) if source in message.get("neighbours", []) else None
-            counts = [0 if place is None else message[name][place] for name in ("received", "lost", "late")]
+            counts = [0 if place is None or name not in message else message[name][place] for name in _COUNTS]
             delays = latency.get((source, destination))
             rows.append((destination, source, *counts, np.mean(delays) if delays else np.nan))
-    table = np.array(sorted(rows), dtype=np.float64).reshape(-1, 6)
-    destination, source, delivered, lost, late = table[:, :5].astype(np.int64).T
-    return Links(source, destination, delivered + lost + late, delivered, lost, late, table[:, 5])
+    table = np.array(sorted(rows), dtype=np.float64).reshape(-1, 3 + len(_COUNTS))
+    destination, source = table[:, :2].astype(np.int64).T
+    columns = dict(zip(_COUNTS.values(), table[:, 2:-1].astype(np.int64).T, strict=True))
+    sent = columns["delivered"] + columns["lost"] + columns["late"]
+    return Links(source=source, destination=destination, sent=sent, **columns, latency=table[:, -1])
 
 
 def _traffic(contents: Contents) -> Traffic:

@@ -10,6 +10,7 @@ import numpy as np
 
 from zenoh_cbef import __version__
 from zenoh_cbef.errors import UserError
+from zenoh_cbef.faults import ahead, clocks_of
 from zenoh_cbef.nodes.inbox import Alarm, Inbox
 from zenoh_cbef.nodes.neighbour import Neighbourhood, beacon_inbox
 from zenoh_cbef.nodes.node import Identity, Node
@@ -44,6 +45,10 @@ class Agent:
         self.outgoing = outgoing_of([scenario], [agent])
         self.path = agent_positions(scenario)[agent]
         self.rejections = Rejections(node)
+        self._wrong_clocks = clocks_of(scenario.fault, agent)
+        self._ahead_ns = 0
+        if self._wrong_clocks:
+            node.clock = lambda: time.time_ns() + self._ahead_ns
         width = message_size(scenario)
         realtime = scenario.timing.mode == "realtime"
         alarm = Alarm()
@@ -100,6 +105,8 @@ class Agent:
         last = 0
         # One more than there are steps: leaving before all are done would look like a death to the others.
         for step in range(1, self.scenario.length + 2):
+            if self._wrong_clocks:
+                self._ahead_ns = round(1e9 * ahead(self._wrong_clocks, step * self.scenario.dt))
             beacon = self._listen(step)
             if beacon is None or self.node.stopping or step > self.scenario.length:
                 break

@@ -17,6 +17,8 @@ Decoder = Callable[[bytes], tuple[int, int, Any]]
 
 
 _TICK_SECONDS = 2.0
+_FLIPPED = 8
+"""How many bytes of a message are damaged; they begin with the map's size, so no damaged message is well formed."""
 
 
 class Alarm:
@@ -72,16 +74,17 @@ class Inbox:
     ) -> None:
         self.mailbox = mailbox
         self._node, self._owner = node, owner
-        self._poll = mailbox.poll
+        self._poll, self._clock = mailbox.poll, node.clock
         self._decode, self._horizon = decode, horizon
         self._rejections, self._alarm, self._patience = rejections, alarm, patience
         self._silent = False
         self._held: tuple[int, Any] | None = None
+        self._raw = b""
         self._missed: set[int] = set()
         self.open = True
         self.waited = False
         self.late = 0
-        self.delay_ns = 0
+        self.delay_ns = self.read = 0
         self._heed(node, owner)
 
     def _heed(self, node: Node, owner: str) -> None:
@@ -157,6 +160,24 @@ class Inbox:
         """Count a message that was taken and then found to be none."""
         self._rejections.add(self.mailbox.key, reason)
 
+    def spoil(self, turn: int, deadline: float | None) -> None:
+        """Receive the message of a turn with flipped bytes, so that it must be rejected."""
+        if self.take(turn, deadline) is not None:
+            self._read(bytes(byte ^ 0xFF for byte in self._raw[:_FLIPPED]) + self._raw[_FLIPPED:], turn)
+
+    def repeat(self, turn: int) -> None:
+        """Receive the message of a turn, which was just taken, once more."""
+        self._read(self._raw, turn)
+
+    def hold(self, turn: int, deadline: float) -> bool:
+        """Wait for the message of a turn and keep it to be taken; False where it is not there at the deadline."""
+        content = self.take(turn, deadline)
+        if content is None:
+            return False
+        self._missed.discard(turn)
+        self._held = turn, content
+        return True
+
     def _wait(self, deadline: float | None) -> bytes | None:
         self.waited = True
         if not self.open or self._silent:
@@ -173,6 +194,7 @@ class Inbox:
         except BadMessage as error:
             self.reject(str(error))
         else:
-            self._held = found, content
+            self._held, self._raw = (found, content), data
             self._silent = False
-            self.delay_ns += time.time_ns() - sent
+            self.delay_ns += self._clock() - sent
+            self.read += 1

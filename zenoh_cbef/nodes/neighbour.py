@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import inf, isnan
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 
 from zenoh_cbef.faults import Fates
 from zenoh_cbef.nodes.inbox import Alarm, Decoder, Inbox
+from zenoh_cbef.nodes.injected import Injected
 from zenoh_cbef.nodes.node import Node
 from zenoh_cbef.nodes.rejections import Rejections
 from zenoh_cbef.protocol.mailbox import Mailbox
@@ -80,8 +82,9 @@ class Neighbourhood:
         self._rows = [memoryview(row).cast("B") for row in self._received[0]]
         self._nothing = np.zeros(self._received.size)
         self._counts = {name: [0] * len(self.ids) for name in ("received", "lost", "late")}
+        self._injected = Injected(len(self.ids))
+        self._twice: Sequence[int] = ()
         self._order = list(range(len(self.ids)))
-        self._taken = [0] * len(self.ids)
         self._everyone = [True] * len(self.ids)
         turns = rounds + 1
 
@@ -118,7 +121,7 @@ class Neighbourhood:
         """The neighbours' positions and ranges of a step; none where the filter does not want them."""
         count = len(self._range_boxes)
         positions, ranges = np.zeros((1, count, 3)), np.full((1, count), np.nan)
-        due = self._due(step, 0) if count else []
+        due = self._due(self._range_boxes, step, (step, 0), deadline) if count else []
         for place, box in enumerate(self._range_boxes):
             if not due[place]:
                 box.pass_over(step)
@@ -128,12 +131,14 @@ class Neighbourhood:
             if message is not None:
                 positions[0, place] = message["position"]
                 ranges[0, place] = nil_to_nan(message["range"])
+                if place in self._twice:
+                    box.repeat(step)
         return Ranges(positions, ranges)
 
     def round(self, step: int, round_: int, deadline: float | None) -> tuple[Floats, Bools | None]:
         """The neighbours' payloads of a round, (1, m, d), and which were delivered, (1, m), None for all."""
         turn, boxes, rows = step * (self._rounds + 1) + round_, self._round_boxes, self._rows
-        due = self._due(step, round_)
+        due = self._due(boxes, turn, (step, round_), deadline)
         delivered = [False] * len(boxes)
         slowest = self._order[0]
         for place in self._order:
@@ -148,6 +153,9 @@ class Neighbourhood:
             if payload is not None:
                 delivered[place] = True
                 rows[place][:] = payload
+        for place in self._twice:
+            if delivered[place]:
+                boxes[place].repeat(turn)
         # Whoever came last this time is waited for first next time: the others are there by then, and every
         # wait that is not needed saves two context switches.
         if slowest != self._order[0]:
@@ -184,14 +192,45 @@ class Neighbourhood:
         elif box.open:
             self._counts["lost"][place] += 1
 
-    def _due(self, step: int, round_: int) -> Sequence[bool]:
-        """Which messages the faults let arrive in time; the others are not waited for."""
+    def _due(self, boxes: Sequence[Inbox], turn: int, when: tuple[int, int], deadline: float | None) -> Sequence[bool]:
+        """Which messages of a step and round the faults let arrive intact in time; the others are not waited for."""
         if self._fates.quiet:
             return self._everyone
-        due, late = self._fates.due(step, round_)
-        for place in np.flatnonzero(~due):
-            self._counts["late" if late[place] else "lost"][place] += 1
-        return [bool(one) for one in due]
+        fate = self._fates.of(*when)
+        self._injected.note(fate)
+        due: list[bool] = fate.due.tolist()
+        for place in np.flatnonzero(~fate.due).tolist():
+            self._counts["late" if fate.late[place] else "lost"][place] += 1
+        if deadline is not None:
+            self._delay(boxes, turn, np.where(fate.due, fate.delay, 0.0), due, deadline)
+        for place in np.flatnonzero(fate.corrupted).tolist():
+            boxes[place].spoil(turn, deadline)
+        self._twice = np.flatnonzero(fate.duplicated).tolist()
+        return due
+
+    def _delay(self, boxes: Sequence[Inbox], turn: int, delay: Floats, due: list[bool], deadline: float) -> None:
+        """Hold messages back for their delays (m,), s, and strike from `due` those that are late by them.
+
+        A message must have come by the deadline less its delay. Whoever has the earliest limit is waited for first,
+        so no limit passes unseen; the others arrive meanwhile.
+        """
+        ready, late = time.monotonic(), []
+        for place in sorted(np.flatnonzero(delay).tolist(), key=lambda one: -delay[one]):
+            came = boxes[place].hold(turn, deadline - delay[place])
+            usable = time.monotonic() + delay[place]
+            if came and usable <= deadline:
+                ready = max(ready, usable)
+                boxes[place].delay_ns += int(1e9 * delay[place])
+            else:
+                late.append(place)
+        time.sleep(max(0.0, (deadline if late else ready) - time.monotonic()))
+        for place in late:
+            due[place] = False
+            if boxes[place].hold(turn, deadline):
+                self._counts["late"][place] += 1
+                self._injected.add("injected_late", place)
+            elif boxes[place].open:
+                self._counts["lost"][place] += 1
 
     def take_counts(self) -> dict[str, list[Any]]:
         """What became of the neighbours' messages: counts since the start, and mean latency since the last call.
@@ -199,17 +238,23 @@ class Neighbourhood:
         A message that came after it was given up was counted as lost then, and is late instead.
         """
         received, lost, late = (self._counts[name].copy() for name in ("received", "lost", "late"))
-        delay = [0] * len(self.ids)
+        delay, read = [0] * len(self.ids), [0] * len(self.ids)
         for boxes in (self._round_boxes, self._range_boxes):
             for place, box in enumerate(boxes):
                 delay[place] += box.delay_ns
+                read[place] += box.read
                 late[place] += box.late
                 lost[place] -= box.late
-                box.delay_ns = 0
-        taken = [now - before for now, before in zip(received, self._taken, strict=True)]
-        self._taken = received
-        latency = [1e-9 * total / n if n else None for total, n in zip(delay, taken, strict=True)]
-        return {"neighbours": self.ids, "received": received, "lost": lost, "late": late, "latency": latency}
+                box.delay_ns = box.read = 0
+        latency = [1e-9 * total / n if n else None for total, n in zip(delay, read, strict=True)]
+        counts: dict[str, list[Any]] = {
+            "neighbours": self.ids,
+            "received": received,
+            "lost": lost,
+            "late": late,
+            "latency": latency,
+        }
+        return counts if self._fates.quiet else counts | self._injected.take()
 
 
 def _round_reader(run: str, agent: int, rounds: int, width: int) -> Decoder:

@@ -43,6 +43,7 @@ class Node:
     def __init__(self, identity: Identity) -> None:
         self.identity = identity
         self.keys = Keys(identity.run)
+        self.clock: Callable[[], int] = time.time_ns
         self.stopping = False
         self._on_stop: list[Callable[[], None]] = []
 
@@ -67,7 +68,8 @@ class Node:
 
     def outbox(self, key: str, *, may_drop: bool = True) -> Outbox:
         """A publisher in this process's name."""
-        return Outbox(self.session, key, run=self.identity.run, sender=self.identity.sender, may_drop=may_drop)
+        run, sender = self.identity.run, self.identity.sender
+        return Outbox(self.session, key, run=run, sender=sender, may_drop=may_drop, clock=self.clock)
 
     def refuse_twin(self) -> None:
         """Raise UserError where a process with this role and name is in the run already."""

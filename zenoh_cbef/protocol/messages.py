@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import msgpack
@@ -71,6 +71,7 @@ _DOUBLES = {"type": "string", "contentEncoding": "binary", "description": "littl
 
 COUNT = Field(_count, _INTEGER)
 COUNTS = Field(_list_of(_count), {"type": "array", "items": _INTEGER})
+COUNTS_IF_ANY = replace(COUNTS, optional=True)
 NUMBER = Field(_number, {"type": "number"})
 NUMBER_OR_NIL = Field(_number_or_nil, {"type": ["number", "null"]})
 NUMBERS_OR_NIL = Field(_list_of(_number_or_nil), {"type": "array", "items": {"type": ["number", "null"]}})
@@ -103,6 +104,11 @@ BODIES: dict[str, dict[str, Field]] = {
         "received": COUNTS,
         "lost": COUNTS,
         "late": COUNTS,
+        "injected_lost": COUNTS_IF_ANY,
+        "injected_late": COUNTS_IF_ANY,
+        "corrupted": COUNTS_IF_ANY,
+        "duplicated": COUNTS_IF_ANY,
+        "fates": Field(_list_of(_text), {"type": "array", "items": {"type": "string"}}, optional=True),
         "latency": NUMBERS_OR_NIL,
         "covariance": DOUBLES_OR_NIL,
     },

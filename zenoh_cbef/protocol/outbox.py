@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import time
+from collections.abc import Callable
 from typing import Any
 
 import zenoh
@@ -16,11 +16,14 @@ class Outbox:
 
     may_drop: what a receiver cannot take in time is dropped for that receiver, so the sender never waits. Without
     it the sender waits, and a receiver that hangs loses its link after some seconds: in lockstep a message that
-    is dropped would be waited for in vain.
+    is dropped would be waited for in vain. clock: gives the sending time, ns since the Unix epoch.
     """
 
-    def __init__(self, session: zenoh.Session, key: str, *, run: str, sender: str, may_drop: bool) -> None:
+    def __init__(
+        self, session: zenoh.Session, key: str, *, run: str, sender: str, may_drop: bool, clock: Callable[[], int]
+    ) -> None:
         self.key = key
+        self._clock = clock
         self.sent = 0
         self._run, self._sender = run, sender
         self._publisher = session.declare_publisher(
@@ -31,10 +34,10 @@ class Outbox:
 
     def send(self, **body: Any) -> None:
         """Publish one message; bin fields last."""
-        self._publisher.put(encode(self._run, self._sender, self.sent, time.time_ns(), body))
+        self._publisher.put(encode(self._run, self._sender, self.sent, self._clock(), body))
         self.sent += 1
 
     def send_round(self, codec: RoundCodec, step: int, round_: int, payload: Floats) -> None:
         """Publish one consensus message; payload: (d,)."""
-        self._publisher.put(codec.encode(self.sent, time.time_ns(), step, round_, payload))
+        self._publisher.put(codec.encode(self.sent, self._clock(), step, round_, payload))
         self.sent += 1

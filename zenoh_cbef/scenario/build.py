@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zenoh_cbef import streams
-from zenoh_cbef.faults import Fates, LinkFault, Outgoing
+from zenoh_cbef.faults import Fates, MessageFault, Outgoing
 from zenoh_cbef.scenario import network
 from zenoh_cbef.scenario.model import Scenario
 from zenoh_cbef.scenario.world import target_start
@@ -23,6 +23,8 @@ from zenoh_cbef.tracking.trimmed import TrimmedComponents, TrimmedMessages
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
+Ids = NDArray[np.int64]
+Seeds = NDArray[np.uint64]
 
 
 def space_of(scenario: Scenario) -> Space:
@@ -78,7 +80,7 @@ def scheme_of(scenario: Scenario) -> tuple[str, str]:
         return chosen, f"consensus.scheme = {chosen!r} was given."
     if scenario.consensus.trim:
         return "average", "Neighbours' values are trimmed, which running sums cannot be."
-    if not any(isinstance(fault, LinkFault) for fault in scenario.fault):
+    if not any(isinstance(fault, MessageFault) for fault in scenario.fault):
         return "average", "No link has a fault, so averaging loses nothing."
     if kind not in INFORMATION:
         return "average", f"{kind} does not average information, and its exchange is defined by consensus weights."
@@ -188,16 +190,29 @@ def batch_tracker(scenarios: Sequence[Scenario]) -> tuple[Tracker, graph.Neighbo
     return tracker, neighbours
 
 
+def fates_of(scenario: Scenario, seed: Seeds, source: Ids, destination: Ids, *, realtime: bool = False) -> Fates:
+    """The fates of the messages on directed links (e,) of runs that differ only in their seed (e,)."""
+    return Fates(
+        scenario.fault,
+        seed=seed,
+        source=source,
+        destination=destination,
+        dt=scenario.dt,
+        rounds=rounds_of(scenario),
+        ranges=filter_of(scenario).uses_neighbour_ranges,
+        realtime=realtime,
+    )
+
+
 def fates_into(scenario: Scenario, agent: int, sources: Sequence[int]) -> Fates:
     """The fates of the messages from neighbours into one agent, in the order of `sources`."""
     width = len(sources)
-    return Fates(
-        scenario.fault,
-        seed=np.full(width, scenario.seed, dtype=np.uint64),
-        source=np.array(sources, dtype=np.int64),
-        destination=np.full(width, agent, dtype=np.int64),
-        dt=scenario.dt,
-        rounds=rounds_of(scenario),
+    return fates_of(
+        scenario,
+        np.full(width, scenario.seed, dtype=np.uint64),
+        np.array(sources, dtype=np.int64),
+        np.full(width, agent, dtype=np.int64),
+        realtime=scenario.timing.mode == "realtime",
     )
 
 

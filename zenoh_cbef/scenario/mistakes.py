@@ -29,9 +29,10 @@ def sentence(error: ValidationError) -> str:
     """Say the first mistake of a validation in one sentence."""
     mistakes = error.errors(include_url=False)
     keys = [_key(one["loc"]) for one in mistakes]
-    # All branches of a union complain of the same key; the one that got furthest is the one that was meant.
+    # All branches of a union complain of the same key; the one that got furthest is the one that was meant. A check
+    # of our own comes after all others have passed.
     same = [one for one, key in zip(mistakes, keys, strict=True) if key[: len(keys[0])] == keys[0]]
-    meant = max(same, key=lambda one: len(one["loc"]))
+    meant = max(same, key=lambda one: (len(one["loc"]), one["type"] == "value_error"))
     more = len({tuple(key[:2]) for key in keys}) - 1
     return _text(meant, same) + (f" ({more} more)" if more else "")
 
@@ -106,16 +107,20 @@ def _key(place: Place) -> list[str | int]:
 def _walk(place: Place) -> Iterator[tuple[list[type[BaseModel]], str | int]]:
     """Yield the parts of a place that a user wrote, each with the tables that may stand there."""
     models: list[type[BaseModel]] = [Scenario]
-    inside = False
+    inside = branch = False
     for part in place:
         if isinstance(part, int):
             yield models, part
+        elif branch and part != "?":
+            # One of several things that may stand there names itself; only a table has keys.
+            models, inside, branch = [model for model in models if model.__name__ in part], False, False
         elif tagged := [model for model in models if inside and _tag(model) == part]:
             models, inside = tagged, False
         elif models:
             yield models, part
             field = _named(models, part)
             models, inside = (_tables(field.annotation), True) if field else ([], False)
+            branch = field is not None and _tables_or_values(field.annotation)
 
 
 def _models(place: Place) -> list[type[BaseModel]]:
@@ -145,6 +150,12 @@ def _tables(annotation: Any) -> list[type[BaseModel]]:
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return [annotation]
     return [model for part in get_args(annotation) for model in _tables(part)]
+
+
+def _tables_or_values(annotation: Any) -> bool:
+    """Whether a key takes a table, or something else."""
+    kinds = {isinstance(part, type) and issubclass(part, BaseModel) for part in get_args(annotation)}
+    return len(kinds) == 2
 
 
 def _tag(model: type[BaseModel]) -> str | None:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from zenoh_cbef import streams
 from zenoh_cbef.datasets import read_dataset
+from zenoh_cbef.faults import measured_ranges
 from zenoh_cbef.scenario.model import Scenario, Target
 from zenoh_cbef.scenario.network import placement
 
@@ -41,19 +42,16 @@ def make_world(scenario: Scenario) -> World:
     if scenario.target.motion == "dataset":
         dataset = read_dataset(Path(scenario.target.path or ""))
         origin = dataset.origin(scenario.dt)
+        truth = dataset.truth_at(origin + time)
         emitted, ranges = dataset.beacons(origin + time)
-        emitted = np.where(np.isfinite(emitted), emitted - origin, np.nan)
-        return World(
-            time,
-            dataset.truth_at(origin + time),
-            positions,
-            emitted,
-            emitted + ranges / scenario.sensor.signal_speed,
-        )
-    truth = target_path(scenario)[1:]
-    ranges = _sensed(scenario, np.linalg.norm(truth[None, :, :3] - positions, axis=2))
-    emitted = np.where(np.isfinite(ranges), time, np.nan)
-    return World(time, truth, positions, emitted, emitted + ranges / scenario.sensor.signal_speed)
+        emitted = emitted - origin
+    else:
+        truth = target_path(scenario)[1:]
+        emitted, ranges = time, _sensed(scenario, np.linalg.norm(truth[None, :, :3] - positions, axis=2))
+    speed = scenario.sensor.signal_speed
+    ranges = measured_ranges(scenario.fault, ranges, seed=scenario.seed, time=time, signal_speed=speed)
+    emitted = np.where(np.isfinite(ranges), emitted, np.nan)
+    return World(time, truth, positions, emitted, emitted + ranges / speed)
 
 
 def step_times(scenario: Scenario, steps: int) -> Floats:

@@ -1,0 +1,36 @@
+"""Whatever faults a scenario has, it runs, stays finite, and gives the same bits alone and in a batch."""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import HealthCheck, given, settings
+
+from tests.faults.strategies import scenarios
+from tests.test_simulator import assert_same
+from zenoh_cbef.analysis.metrics import analyze
+from zenoh_cbef.scenario.checks import check
+from zenoh_cbef.scenario.load import parse
+from zenoh_cbef.simulator import simulate
+
+
+@settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@given(scenarios())
+def test_a_faulty_run_is_finite_and_the_same_alone_and_in_a_batch(given):
+    one = parse(given, "test")
+    check(one)
+    other = one.model_copy(update={"seed": one.seed + 1})
+    together = simulate([one, other], keep_payloads=True)
+    for expected in together:
+        [alone] = simulate([expected.scenario], keep_payloads=True)
+        assert_same(alone, expected)
+        assert np.isfinite(alone.estimates).all()
+        assert np.isfinite(alone.covariances).all() or np.isnan(alone.covariances).all()
+        if alone.payloads is not None:
+            assert np.isfinite(alone.payloads).all()
+            assert alone.payloads.tobytes() == expected.payloads.tobytes()
+        links = alone.links
+        assert (links.sent == links.delivered + links.lost + links.late).all()
+        assert not links.real_lost.any()
+        assert not links.deadline_missed.any()
+        assert (links.duplicated <= links.delivered).all()
+    assert all(np.isfinite(one.metrics["position_rmse"]) for one in analyze(together))

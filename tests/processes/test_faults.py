@@ -1,0 +1,138 @@
+"""Faulty runs as processes: the bits and the fates of the simulator, stated in the log and proved by verify."""
+
+from collections import Counter
+
+import numpy as np
+import pytest
+import tomli_w
+from hypothesis import HealthCheck, given, settings
+
+from tests.faults.strategies import scenarios
+from tests.processes.conftest import World
+from zenoh_cbef.analysis.metrics import analyze
+from zenoh_cbef.faults import Fates
+from zenoh_cbef.log.contents import open_log, read_contents, read_header
+from zenoh_cbef.log.read_trace import read_trace
+from zenoh_cbef.log.verify import verify
+from zenoh_cbef.scenario.build import fates_into
+from zenoh_cbef.scenario.load import load, parse
+from zenoh_cbef.simulator import simulate
+
+EVERY_KIND = {
+    "steps": 30,
+    "agents": {"count": 4},
+    "network": {"graph": "ring"},
+    "consensus": {"rounds": 3},
+    "fault": [
+        {"kind": "burst-loss", "good_to_bad": 0.1, "bad_to_good": 0.4},
+        {"kind": "corrupt", "probability": 0.15},
+        {"kind": "duplicate", "probability": 0.2},
+        {"kind": "reorder", "probability": 0.1, "links": {"between": [[0], [1, 2]]}},
+        {"kind": "delay", "milliseconds": 4.0, "distribution": "normal", "std_ms": 5.0, "reorder": False, "until": 1.0},
+        {"kind": "outage", "agents": [3], "from": 1.0, "until": 2.0},
+        {"kind": "rate-limit", "messages_per_second": 25.0, "links": "agent:0"},
+        {"kind": "partition", "links": {"between": [[0, 1], [2, 3]]}, "from": 2.0, "until": 2.5},
+        {"kind": "sensor-stuck", "agents": [1], "from": 2.0},
+        {"kind": "clock", "offset": 1e-9},
+    ],
+}
+
+
+def run(world: World, scenario: dict) -> dict:
+    """Run a scenario as processes, prove its log, and give its metrics, which must be the simulator's."""
+    path = world.folder / "scenario.toml"
+    path.write_text(tomli_w.dumps(scenario))
+    done = world.call("run", str(path), "--run", world.run, "--log", str(world.log), "--no-report")
+    assert done.returncode == 0, done.stderr
+    verdict = verify(world.log)
+    assert verdict.result == "equal", verdict.text
+    traces = [read_trace(world.log), *simulate([load(str(path)).scenario])]
+    metrics, simulated = (one.metrics for one in analyze(traces))
+    for link in (*metrics["links"], *simulated["links"]):
+        del link["latency"]
+    assert metrics["links"] == simulated["links"]
+    assert metrics["position_rmse"] == simulated["position_rmse"]
+    assert metrics["messages"]["missing"] == 0
+    assert metrics["messages"]["rejected"] == sum(link["corrupted"] for link in metrics["links"])
+    return metrics
+
+
+@pytest.mark.parametrize("kind", ["sicf", "ci"])
+def test_every_kind_of_fault_gives_the_simulators_bits_and_is_counted_and_marked_in_the_log(world, kind):
+    measurement = {"measurement": "difference"} if kind == "ci" else {}
+    scenario = EVERY_KIND | {"filter": {"kind": kind, **measurement}}
+    metrics = run(world, scenario)
+    totals = Counter()
+    for link in metrics["links"]:
+        totals.update(link)
+    for name in ("injected_lost", "injected_late", "corrupted", "duplicated"):
+        assert totals[name] > 20, name
+    assert totals["real_lost"] == totals["deadline_missed"] == 0
+
+    file = open_log(world.log)
+    header = read_header(file, world.log)
+    logged = read_contents(file, header)
+    assert len(logged.estimates) == 30 * 4
+    for (agent, step), message in logged.estimates.items():
+        assert message.get("fates", ["...", "..."]) == marks(parse(scenario, "test"), agent, step, message, kind)
+
+
+def marks(scenario, agent: int, step: int, message: dict, kind: str) -> list[str]:
+    """What the log should say of a step, from the scenario alone."""
+    fates: Fates = fates_into(scenario, agent, message["neighbours"])
+    told = [fates.of(step, round_) for round_ in range(kind != "ci", 4)]
+    signs = {"lost": "x", "late": ">", "corrupted": "!", "duplicated": "+"}
+    expected = np.full((len(message["neighbours"]), len(told)), ".")
+    for round_, fate in enumerate(told):
+        for name, sign in signs.items():
+            expected[getattr(fate, name), round_] = sign
+    if (expected == ".").all():
+        return ["...", "..."]
+    return ["".join(row) for row in expected.tolist()]
+
+
+@settings(max_examples=4, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(scenario=scenarios())
+def test_random_faulty_scenarios_run_as_processes_and_verify(tmp_path_factory, scenario):
+    world = World(tmp_path_factory.mktemp("faulty"))
+    try:
+        run(world, scenario)
+    finally:
+        world.end()
+
+
+def test_in_realtime_a_delay_is_real_time_and_only_what_exceeds_the_deadline_is_late(world):
+    scenario = {
+        "steps": 15,
+        "dt": 0.4,
+        "agents": {"count": 4},
+        "network": {"graph": "ring"},
+        "consensus": {"rounds": 3},
+        "timing": {"mode": "realtime"},
+        "fault": [
+            {"kind": "delay", "milliseconds": 5.0, "links": [[0, 1]]},
+            {"kind": "delay", "milliseconds": 1000.0, "links": [[1, 0]]},
+            {"kind": "corrupt", "probability": 1.0, "links": [[2, 3]]},
+            {"kind": "clock", "offset": -1000.0, "agents": [2], "from": 2.0},
+        ],
+    }
+    path = world.folder / "scenario.toml"
+    path.write_text(tomli_w.dumps(scenario))
+    done = world.call("run", str(path), "--run", world.run, "--log", str(world.log), "--no-report")
+    assert done.returncode == 0, done.stderr
+    [analysis] = analyze([read_trace(world.log)])
+    links = {(one["source"], one["destination"]): one for one in analysis.metrics["links"]}
+    assert links[0, 1]["delivered"] > 0
+    assert links[0, 1]["latency"] is not None
+    assert links[1, 0]["delivered"] == 0
+    assert links[1, 0]["injected_late"] > 0
+    assert links[2, 3]["corrupted"] == links[2, 3]["sent"] == 45
+    for link in links.values():
+        assert link["lost"] == link["injected_lost"] + link["corrupted"] + link["real_lost"]
+        assert link["late"] == link["injected_late"] + link["deadline_missed"]
+        assert link["sent"] == link["delivered"] + link["lost"] + link["late"] == 45
+        assert link["real_lost"] >= 0
+    # The clock of agent 2 is a quarter of an hour behind from step 5 on, which is 11 of 15 steps.
+    assert links[2, 1]["latency"] > 600.0
+    assert links[1, 2]["latency"] < -600.0
+    assert all(link["injected_late"] == 0 for at, link in links.items() if at not in {(0, 1), (1, 0)})
