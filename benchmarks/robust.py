@@ -58,7 +58,39 @@ def liars(seeds: int = SEEDS) -> Iterator[Row]:
         yield below(f"{name}, F = 1, median", float(np.median(trimmed)), 1.3, note=worst)
 
 
+def outliers(seeds: int = SEEDS) -> Iterator[Row]:
+    """Ranges too long by an exponential error of 5 m on average, against a centralised filter on clean ranges."""
+    plain = runs_of("outliers", ["sensor.outlier_probability=0.0", "filter.kind=icf"], seeds=seeds)
+    clean = np.array([run.metrics["centralized"]["position_rmse"] for run in plain])
+    for share, limit, worst in ((0.1, 1.2, None), (0.3, 1.8, 4.0)):
+        for saturation in ("redescending", "bounded"):
+            keys = [f"sensor.outlier_probability={share}", f"filter.saturation={saturation}"]
+            runs = runs_of("outliers", keys, seeds=seeds)
+            factor = np.array([run.metrics["position_rmse"] or np.inf for run in runs]) / clean
+            nees = float(np.median([run.metrics["nees"]["average"] for run in runs]))
+            name = f"{share:.0%} outliers, {saturation}"
+            yield below(f"{name}, median", float(np.median(factor)), limit, note=f"; NEES {number(nees)}")
+            yield (
+                Row(f"{name}, worst seed", number(float(factor.max())))
+                if worst is None
+                else below(f"{name}, worst seed", float(factor.max()), worst)
+            )
+
+
+def cut_off(seeds: int = SEEDS) -> Iterator[Row]:
+    """Agent 2 of six hears nobody, and nobody hears it, from 8 s to 20 s."""
+    fault = 'fault=[{kind="loss", probability=1.0, links="agent:2", from=8.0, until=20.0}]'
+    runs, others = runs_of("tracking", [fault], seeds=seeds), [0, 1, 3, 4, 5]
+    yield Row("NEES while cut off (ideal 6)", spread(np.array([run.nees[2, 100:199].mean() for run in runs])))
+    yield Row("NEES afterwards", spread(np.array([run.nees[2, 210:].mean() for run in runs])))
+    for name, agents in (("the agent", [2]), ("the others", others)):
+        rmse = [np.sqrt((run.position_error[agents, 100:199] ** 2).mean()) for run in runs]
+        yield Row(f"position RMSE of {name} meanwhile, m", spread(np.array(rmse)))
+
+
 def run(repeats: int) -> Iterator[Table]:
     """Deterministic, so `repeats` is not used."""
     del repeats
+    yield results(f"outliers: position RMSE / clean centralised, {SEEDS} seeds", list(outliers()))
+    yield results(f"an agent cut off, {SEEDS} seeds", list(cut_off()))
     yield results(f"an agent of ten lies: position RMSE / centralised, {SEEDS} seeds", list(liars()))

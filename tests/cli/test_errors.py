@@ -108,6 +108,15 @@ def test_cbef_warns_where_its_gain_cannot_contract(monkeypatch, capsys):
     assert "warning" not in out
 
 
+def test_sim_says_which_scheme_was_picked_and_why(monkeypatch, capsys):
+    short = ("sim", "--set", "steps=2")
+    loss = ("--set", 'fault=[{kind="loss", probability=0.1}]')
+    assert "consensus.scheme = average: no link has a fault" in call(monkeypatch, capsys, *short)[2]
+    assert "consensus.scheme = running-sums: links have faults" in call(monkeypatch, capsys, *short, *loss)[2]
+    given = call(monkeypatch, capsys, *short, *loss, "--set", "consensus.scheme=average")[2]
+    assert "consensus.scheme" not in given
+
+
 def test_a_new_scenario_can_be_checked_and_is_not_overwritten(monkeypatch, capsys, tmp_path):
     monkeypatch.chdir(tmp_path)
     assert call(monkeypatch, capsys, "scenario", "new", "mine.toml", "--from", "outliers")[0] == 0

@@ -9,10 +9,13 @@ from zenoh_cbef.scenario import network
 from zenoh_cbef.scenario.build import (
     agent_tracker,
     batch_tracker,
+    consensus_of,
+    filter_of,
     initial_belief,
     initial_states,
     message_size,
     motion_of,
+    power_of,
     range_std_of,
     rounds_of,
     scheme_of,
@@ -135,3 +138,35 @@ def test_uniform_weights_use_epsilon_or_the_largest_degree():
     lists = graph.neighbours(4, np.array([[0, 1], [0, 2], [0, 3]]))
     assert network.epsilon(parse(keys, "test"), lists) == 0.25
     assert network.epsilon(parse({**keys, "consensus": {"epsilon": 0.1}}, "test"), lists) == 0.1
+
+
+@pytest.mark.parametrize(
+    ("keys", "power"),
+    [
+        ({}, 1),
+        ({"sensor": {"outlier_probability": 0.1}}, 2),
+        ({"sensor": {"outlier_probability": 0.1}, "filter": {"saturation": "bounded"}}, 1),
+        ({"filter": {"saturation": "redescending"}}, 2),
+    ],
+)
+def test_saturation_redescends_where_outliers_are_expected(keys, power):
+    assert power_of(scenario(**keys)) == power
+    assert filter_of(scenario(**keys)).power == power
+
+
+def test_eigenvalue_bounds_are_the_graphs_unless_given():
+    chebyshev = {"acceleration": "chebyshev", "rounds": 5}
+    ring = {"consensus": chebyshev, "network": {"graph": "ring"}}
+    values = []
+    for keys in ({}, {"bounds": [-0.4, 0.9]}):
+        one = scenario(**{**ring, "consensus": {**chebyshev, **keys}})
+        lists = graph.neighbours(one.count, network.edges(one))
+        values.append(consensus_of(one, lists)[1][0].tolist())
+    # Five agents on a ring with weights of a third.
+    ring_values = [1 / 3 + 2 / 3 * np.cos(2 * np.pi * k / 5) for k in (2, 1)]
+    np.testing.assert_allclose(values, [ring_values, [-0.4, 0.9]])
+
+
+def test_without_rounds_everybody_is_a_network_of_one():
+    assert filter_of(scenario(consensus={"rounds": 0})).network_size == 1
+    assert rounds_of(scenario(consensus={"rounds": 0})) == 0

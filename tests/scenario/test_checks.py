@@ -55,3 +55,17 @@ def test_the_built_in_paper_scenario_stays_where_its_filter_contracts():
     for seed in range(20):
         assert check(load("paper", [f"seed={seed}"]).scenario) == []
     assert check(load("tracking", ["filter.kind=cbef"]).scenario)
+
+
+def test_chebyshev_on_links_that_lose_messages_is_warned_of():
+    loss, chebyshev = [{"kind": "loss", "probability": 0.1}], {"acceleration": "chebyshev"}
+    assert "plain averaging" in check(parse({"consensus": chebyshev, "fault": loss}, "test"))[0]
+    assert check(parse({"consensus": chebyshev}, "test")) == []
+    assert check(parse({"fault": loss}, "test")) == []
+    assert check(parse({"fault": [{"kind": "byzantine", "agents": [0]}]}, "test")) == []
+
+
+def test_a_graph_too_sparse_for_trimming_is_warned_of():
+    ring = {"network": {"graph": "ring"}, "consensus": {"trim": 1}}
+    assert "3 neighbours or more, but agent 0 has 2" in check(parse(ring, "test"))[0]
+    assert check(parse({**ring, "network": {"graph": "complete"}}, "test")) == []

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -9,6 +11,7 @@ from hypothesis import strategies as st
 
 from zenoh_cbef.tracking.consensus import Average
 from zenoh_cbef.tracking.filters import KINDS, Belief, FilterSettings, Update, make_filter
+from zenoh_cbef.tracking.filters.information_form import saturation
 from zenoh_cbef.tracking.graph import make_edges, neighbours
 from zenoh_cbef.tracking.linalg import pack_upper, unpack_upper
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
@@ -240,3 +243,35 @@ def test_an_information_filter_refuses_a_belief_without_covariance():
     belief, measurement = scene(1, Space())
     with pytest.raises(ValueError, match="covariance"):
         make_filter("sicf", settings_for(Space(), 4)).update(Belief(belief.state, None), measurement)
+
+
+@pytest.mark.parametrize("kind", ["sicf", "icf", "hcmci"])
+def test_an_agent_that_heard_nobody_goes_on_by_prediction(kind):
+    belief, measurement = scene(4, Space())
+    made = make_filter(kind, settings_for(Space(), 4))
+    update = made.update(belief, measurement)
+    mixed = update.payload.copy()
+    mixed[0] = update.payload.mean(axis=0)  # agent 0 heard the others
+    concluded, heard = made.conclude(mixed, update), made.conclude(mixed, began(update.payload))
+    transition, noise = made.motion.transition, made.motion.process_noise
+    assert concluded.state[0].tobytes() == heard.state[0].tobytes()
+    assert concluded.covariance[0].tobytes() == heard.covariance[0].tobytes()
+    for agent in (1, 2, 3):
+        np.testing.assert_allclose(concluded.state[agent], transition @ belief.state[agent])
+        np.testing.assert_allclose(
+            concluded.covariance[agent], transition @ belief.covariance[agent] @ transition.T + noise
+        )
+
+
+@pytest.mark.parametrize("xi", [0.5, 1.5])
+def test_a_redescending_saturation_squares_the_weight_and_its_pull_falls_off(xi):
+    belief, measurement = scene(6, Space())
+    bounded, redescending = (
+        make_filter("sicf", replace(settings_for(Space(), 4, xi), power=power)).update(belief, measurement)
+        for power in (1, 2)
+    )
+    np.testing.assert_allclose(redescending.weight, bounded.weight**2)
+    assert (bounded.weight < 1.0).any()
+    innovation = np.array([0.1, 1.0, 10.0, 100.0])
+    for power, pulls in ((1, [0.1, 1.0, 2.0, 2.0]), (2, [0.1, 1.0, 0.4, 0.04])):
+        np.testing.assert_allclose(innovation * saturation(innovation, np.full(4, 2.0), power), pulls)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from zenoh_cbef.analysis.consistency import agents_bands, chi2_band, described, nees_of
 from zenoh_cbef.faults import SenderFault
-from zenoh_cbef.scenario.build import initial_std, motion_of, range_std_of, space_of
+from zenoh_cbef.scenario.build import initial_std, motion_of, power_of, range_std_of, space_of
 from zenoh_cbef.trace import Trace
 from zenoh_cbef.tracking.filters import SATURATED, Belief
 from zenoh_cbef.tracking.reference import centralized, posterior_bound
@@ -104,6 +104,7 @@ def _centralized(traces: Sequence[Trace]) -> Floats:
         age=_stacked(traces, "age"),
         range_std=range_std_of(scenario),
         xi=scenario.filter.xi if scenario.filter.kind in SATURATED else np.inf,
+        power=power_of(scenario),
     )
     return states
 

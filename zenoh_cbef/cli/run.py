@@ -17,7 +17,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from zenoh_cbef.analysis.metrics import analyze
 from zenoh_cbef.analysis.outputs import write_outputs
 from zenoh_cbef.cli.options import Overrides, ScenarioName
-from zenoh_cbef.cli.tables import console, errors, metrics_table, number
+from zenoh_cbef.cli.tables import console, errors, metrics_table, number, scheme_line
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.contents import find_log
 from zenoh_cbef.log.read_trace import read_trace
@@ -98,6 +98,8 @@ def _run(
     loaded = load(scenario, overrides or ())
     for warning in check(loaded.scenario):
         errors.print(f"warning: {warning}", highlight=False, soft_wrap=True)
+    if line := scheme_line(loaded.scenario):
+        errors.print(line, highlight=False, soft_wrap=True)
     run = name or f"{loaded.scenario.name}-{datetime.now().astimezone():%Y%m%d-%H%M%S}"
     path = log or _new_folder(run) / "run.mcap"
     if path.exists():

@@ -12,7 +12,7 @@ from rich.progress import Progress
 from zenoh_cbef.analysis.metrics import analyze
 from zenoh_cbef.analysis.summary import summarize
 from zenoh_cbef.cli.options import AsJson, Overrides, ScenarioName, Skip
-from zenoh_cbef.cli.tables import console, errors, metrics_table, summary_table
+from zenoh_cbef.cli.tables import console, errors, metrics_table, scheme_line, summary_table
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.export import export
 from zenoh_cbef.scenario.checks import check
@@ -32,6 +32,8 @@ def _sim(
     loaded = load(scenario, overrides or ()).scenario
     for warning in check(loaded):
         errors.print(f"warning: {warning}", highlight=False, soft_wrap=True)
+    if line := scheme_line(loaded):
+        errors.print(line, highlight=False, soft_wrap=True)
     if output is not None and seeds > 1:
         raise UserError("--output writes the arrays of one run; leave out --seeds")
     scenarios = [loaded.model_copy(update={"seed": loaded.seed + more}) for more in range(seeds)]

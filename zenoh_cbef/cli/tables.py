@@ -8,9 +8,19 @@ from rich.console import Console
 from rich.table import Table
 
 from zenoh_cbef.analysis.metrics import LINK_COUNTS
+from zenoh_cbef.scenario import Scenario
+from zenoh_cbef.scenario.build import rounds_of, scheme_of
 
 console = Console()
 errors = Console(stderr=True)
+
+
+def scheme_line(scenario: Scenario) -> str:
+    """What consensus.scheme = "auto" picked, and why; empty where nothing was picked."""
+    if scenario.consensus.scheme != "auto" or rounds_of(scenario) == 0:
+        return ""
+    scheme, reason = scheme_of(scenario)
+    return f"consensus.scheme = {scheme}: {reason[0].lower()}{reason[1:]}"
 
 
 def number(value: float | None, unit: str = "") -> str:

@@ -45,6 +45,14 @@ def range_std_of(scenario: Scenario) -> float:
     return scenario.filter.range_std or scenario.sensor.range_std
 
 
+def power_of(scenario: Scenario) -> int:
+    """The power of the saturation: 1 bounds the pull of an outlier, 2 lets it fall (redescending)."""
+    chosen = scenario.filter.saturation
+    if chosen == "auto":
+        chosen = "redescending" if scenario.sensor.outlier_probability > 0.0 else "bounded"
+    return 2 if chosen == "redescending" else 1
+
+
 def filter_of(scenario: Scenario) -> Filter:
     """The scenario's filter."""
     settings = FilterSettings(
@@ -52,9 +60,11 @@ def filter_of(scenario: Scenario) -> Filter:
         space_of(scenario),
         range_std_of(scenario),
         scenario.filter.xi,
-        scenario.count,
+        # Without rounds everybody is a network of one.
+        scenario.count if scenario.consensus.rounds else 1,
         scenario.filter.omega,
         scenario.filter.measurement == "difference",
+        power_of(scenario),
     )
     return make_filter(scenario.filter.kind, settings)
 
@@ -137,7 +147,8 @@ def consensus_of(scenario: Scenario, neighbours: graph.Neighbours) -> tuple[Floa
     chosen = network.consensus_weights(scenario, neighbours)
     bounds = (0.0, 0.0)
     if scenario.consensus.acceleration == "chebyshev":
-        bounds = weights.spectrum_bounds(weights.weight_matrix(neighbours, chosen))
+        given = scenario.consensus.bounds
+        bounds = weights.spectrum_bounds(weights.weight_matrix(neighbours, chosen)) if given is None else given
     return chosen, np.tile(bounds, (scenario.count, 1))
 
 

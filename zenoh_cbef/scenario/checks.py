@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from zenoh_cbef.errors import UserError
+from zenoh_cbef.faults import MessageFault
 from zenoh_cbef.scenario import network
 from zenoh_cbef.scenario.build import space_of
 from zenoh_cbef.scenario.model import Scenario
@@ -21,7 +22,7 @@ def check(scenario: Scenario) -> list[str]:
     _check_faults(scenario)
     _check_signal(scenario)
     warnings = _literal_gain(scenario, neighbours) if scenario.filter.kind == "cbef" else []
-    return warnings + _trimming(scenario, neighbours)
+    return warnings + _trimming(scenario, neighbours) + _chebyshev(scenario)
 
 
 def _check_edges(scenario: Scenario, edges: graph.Edges) -> None:
@@ -82,6 +83,17 @@ def _trimming(scenario: Scenario, neighbours: graph.Neighbours) -> list[str]:
     warning = (
         f"consensus.trim = {trim} needs a graph in which every agent has {needed} neighbours or more, but "
         f"agent {least} has {neighbours.degree[least]}; add edges, or lower consensus.trim"
+    )
+    return [warning]
+
+
+def _chebyshev(scenario: Scenario) -> list[str]:
+    links = [fault.kind for fault in scenario.fault if isinstance(fault, MessageFault)]
+    if scenario.consensus.acceleration != "chebyshev" or not links:
+        return []
+    warning = (
+        f"Chebyshev acceleration presumes that no message is missing, and with {links[0]} it is worse than plain "
+        "averaging; set consensus.acceleration = 'none', and consensus.scheme = 'auto' repairs what is lost"
     )
     return [warning]
 

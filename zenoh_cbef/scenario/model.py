@@ -14,6 +14,9 @@ Finite = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
 Probability = Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)]
+Eigenvalue = Annotated[
+    float, Field(gt=-1.0, lt=1.0, allow_inf_nan=False, description="a number between -1 and 1, both excluded")
+]
 Vector = tuple[Finite, Finite, Finite]
 Name = Annotated[
     str,
@@ -128,6 +131,7 @@ class Network(Table):
 class Consensus(Table):
     """How payloads are averaged. epsilon None: 1/(largest degree + 1). scheme auto: see build.scheme_of.
 
+    bounds: least and largest eigenvalue of W other than 1, for chebyshev; None: those of the graph.
     trim: F, how many neighbours' values are left out in every round (W-MSR); 0: none.
     """
 
@@ -135,11 +139,17 @@ class Consensus(Table):
     weights: Literal["uniform", "metropolis"] = "metropolis"
     epsilon: Positive | None = None
     acceleration: Literal["none", "chebyshev"] = "none"
+    bounds: tuple[Eigenvalue, Eigenvalue] | None = None
     scheme: Literal["auto", "average", "running-sums"] = "auto"
     trim: Annotated[int, Field(ge=0, le=1000)] = 0
 
     @model_validator(mode="after")
     def _combinable(self) -> Consensus:
+        if self.bounds is not None and (self.acceleration != "chebyshev" or self.bounds[0] > self.bounds[1]):
+            raise ValueError(
+                f"consensus.bounds = {list(self.bounds)} are the least and the largest eigenvalue for "
+                "consensus.acceleration = 'chebyshev'; set that and give the lower one first, or leave bounds out"
+            )
         if self.scheme == "running-sums" and self.acceleration != "none":
             raise ValueError(
                 "consensus.scheme = 'running-sums' cannot be accelerated; "
@@ -157,12 +167,14 @@ class Filter(Table):
     """The estimation filter and what it is told. None: what target and sensor say.
 
     xi: cbef saturates at this size of the whole innovation (m^2), cbef-scaled likewise (m), the others at this many
-    standard deviations. omega: what hcmci multiplies averaged measurements by; None: the number of agents.
+    standard deviations. saturation auto: redescending where the sensor is said to have outliers. omega: what hcmci
+    multiplies averaged measurements by; None: the number of agents.
     measurement: the agent's own range, or differences with its neighbours', as cbef and cbef-scaled always have.
     """
 
     kind: str = "sicf"
     xi: Positive = 1.5
+    saturation: Literal["auto", "bounded", "redescending"] = "auto"
     omega: Positive | None = None
     measurement: Literal["range", "difference"] = "range"
     acceleration_std: Positive | None = None

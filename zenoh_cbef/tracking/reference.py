@@ -24,11 +24,13 @@ def centralized_step(
     age: Floats,
     range_std: float,
     xi: float,
+    power: int = 1,
 ) -> Belief:
     """One step of the extended information filter on all agents' ranges, for r runs at once.
 
     belief: (r, s), (r, s, s). positions: (r, n, 3), m. ranges, age: (r, n), m and s; NaN ranges are left out.
-    Each range is saturated at xi of its own standard deviations, as in sicf; infinite xi turns that off.
+    Each range is saturated at xi of its own standard deviations, as in sicf; infinite xi turns that off. power:
+    of the saturation.
     """
     runs, agents = ranges.shape
     state = motion.predict_state(belief.state)
@@ -40,7 +42,7 @@ def centralized_step(
     measured = np.isfinite(ranges)
     innovation = np.where(measured, ranges - predicted.reshape(runs, agents), 0.0)
     spread = np.sqrt(np.sum(rows * (rows @ covariance), axis=2) + range_std**2)
-    precision = np.where(measured, saturation(innovation, xi * spread), 0.0) / range_std**2
+    precision = np.where(measured, saturation(innovation, xi * spread, power), 0.0) / range_std**2
     weighted = precision[:, :, None] * rows
     information = inverse(covariance) + np.swapaxes(weighted, 1, 2) @ rows
     updated = inverse(information)
@@ -57,6 +59,7 @@ def centralized(
     age: Floats,
     range_std: float,
     xi: float,
+    power: int = 1,
 ) -> tuple[Floats, Floats]:
     """The centralised filter over K steps: states (r, K, 6) and covariances (r, K, 6, 6).
 
@@ -75,6 +78,7 @@ def centralized(
             age=age[:, :, k],
             range_std=range_std,
             xi=xi,
+            power=power,
         )
         states[:, k] = space.embed_state(belief.state)
         covariances[:, k] = space.embed_covariance(belief.known_covariance)

@@ -38,7 +38,7 @@ class FilterSettings:
     """What any filter may need to know.
 
     range_std: m. xi, omega: see the filter; omega None: network_size. network_size: number of agents. differenced:
-    whether ci and local take in differences of ranges in place of the agent's own range.
+    whether ci and local take in differences of ranges in place of the agent's own range. power: of the saturation.
     """
 
     motion: NearlyConstantVelocity
@@ -48,21 +48,30 @@ class FilterSettings:
     network_size: int
     omega: float | None = None
     differenced: bool = False
+    power: int = 1
 
 
 def _information(settings: FilterSettings, xi: float) -> Filter:
-    return SaturatedInformation(settings.motion, settings.space, settings.range_std, settings.network_size, xi)
+    return SaturatedInformation(
+        settings.motion, settings.space, settings.range_std, settings.network_size, xi, settings.power
+    )
 
 
 def _intersection(settings: FilterSettings, *, cooperates: bool) -> Filter:
     return CovarianceIntersection(
-        settings.motion, settings.space, settings.range_std, settings.xi, settings.differenced, cooperates
+        settings.motion,
+        settings.space,
+        settings.range_std,
+        settings.xi,
+        settings.differenced,
+        cooperates,
+        settings.power,
     )
 
 
 def _hcmci(settings: FilterSettings) -> Filter:
     omega = float(settings.network_size) if settings.omega is None else settings.omega
-    return HybridConsensus(settings.motion, settings.space, settings.range_std, omega, settings.xi)
+    return HybridConsensus(settings.motion, settings.space, settings.range_std, omega, settings.xi, settings.power)
 
 
 KINDS: dict[str, Callable[[FilterSettings], Filter]] = {

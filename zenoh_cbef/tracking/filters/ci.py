@@ -34,9 +34,9 @@ class CovarianceIntersection:
 
     For the same reason it is the one that may take in the paper's differenced rows, whose noise the agents share.
 
-    range_std: sigma (m). xi: saturation level in standard deviations, infinite to turn it off. differenced: whether
-    u and U are of the differenced rows. cooperates: False leaves every agent with its own posterior, the filter
-    `local`, which bounds from below what cooperation is worth.
+    range_std: sigma (m). xi: saturation level in standard deviations, infinite to turn it off. power: of the
+    saturation, see `sicf`. differenced: whether u and U are of the differenced rows. cooperates: False leaves every
+    agent with its own posterior, the filter `local`, which bounds from below what cooperation is worth.
     """
 
     motion: NearlyConstantVelocity
@@ -46,6 +46,7 @@ class CovarianceIntersection:
 
     differenced: bool = False
     cooperates: bool = True
+    power: int = 1
 
     @property
     def uses_neighbour_ranges(self) -> bool:
@@ -62,7 +63,9 @@ class CovarianceIntersection:
         state, covariance = predict(self.motion, belief)
         prior = inverse(covariance)
         measure = differenced_information if self.differenced else own_information
-        own = measure(self.space, state, covariance, measurement, range_std=self.range_std, xi=self.xi)
+        own = measure(
+            self.space, state, covariance, measurement, range_std=self.range_std, xi=self.xi, power=self.power
+        )
         payload = pack(matvec(prior, state) + own.vector, prior + own.matrix)
         return Update(payload, own.innovation, own.weight, nis=own.nis, nis_degrees=own.nis_degrees)
 

@@ -7,7 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from zenoh_cbef.tracking.filters.base import Belief, Floats, Update
-from zenoh_cbef.tracking.filters.information_form import belief_of, own_information, pack, packed_size, predict
+from zenoh_cbef.tracking.filters.information_form import (
+    belief_of,
+    own_information,
+    pack,
+    packed_size,
+    predict,
+    unless_alone,
+)
 from zenoh_cbef.tracking.linalg import inverse, matvec
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
 from zenoh_cbef.tracking.ranging import Measurement, Space
@@ -27,7 +34,8 @@ class HybridConsensus:
     (icf, sicf) computed from twice as many numbers. With fewer rounds it is somewhat too sure of itself, as that
     one is; omega = 1 is `ci`, conservative; between them it trades one for the other, where n is not known.
 
-    range_std: sigma (m). omega: weight of the new information. xi: saturation level in standard deviations.
+    range_std: sigma (m). omega: weight of the new information. xi: saturation level in standard
+    deviations. power: of the saturation, see `sicf`.
     """
 
     motion: NearlyConstantVelocity
@@ -35,6 +43,7 @@ class HybridConsensus:
     range_std: float
     omega: float
     xi: float = np.inf
+    power: int = 1
 
     uses_neighbour_ranges = False
     cooperates = True
@@ -48,13 +57,18 @@ class HybridConsensus:
         """Payload rows are [q, upper triangle of Omega, u, upper triangle of U]."""
         state, covariance = predict(self.motion, belief)
         prior = inverse(covariance)
-        own = own_information(self.space, state, covariance, measurement, range_std=self.range_std, xi=self.xi)
+        own = own_information(
+            self.space, state, covariance, measurement, range_std=self.range_std, xi=self.xi, power=self.power
+        )
         payload = np.concatenate([pack(matvec(prior, state), prior), pack(own.vector, own.matrix)], axis=1)
-        return Update(payload, own.innovation, own.weight, nis=own.nis, nis_degrees=own.nis_degrees)
+        return Update(
+            payload, own.innovation, own.weight, (state, covariance), nis=own.nis, nis_degrees=own.nis_degrees
+        )
 
     def conclude(self, payload: Floats, update: Update) -> Belief:
         """State and covariance of averaged prior plus omega times averaged new information."""
-        return belief_of(self._joined(payload), self._joined(update.payload), self.motion.size)
+        belief = belief_of(self._joined(payload), self._joined(update.payload), self.motion.size)
+        return unless_alone(belief, payload, update)
 
     def _joined(self, payload: Floats) -> Floats:
         half = packed_size(self.motion.size)

@@ -7,7 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from zenoh_cbef.tracking.filters.base import Belief, Floats, Update
-from zenoh_cbef.tracking.filters.information_form import belief_of, own_information, pack, packed_size, predict
+from zenoh_cbef.tracking.filters.information_form import (
+    belief_of,
+    own_information,
+    pack,
+    packed_size,
+    predict,
+    unless_alone,
+)
 from zenoh_cbef.tracking.linalg import inverse, matvec
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
 from zenoh_cbef.tracking.ranging import Measurement, Space
@@ -21,7 +28,7 @@ class SaturatedInformation:
     statistical: in units of the innovation's own standard deviation.
 
         s_i = sqrt(H P_i H^T + sigma^2)
-        z_i = r_i - h(x_i),                  w_i = min(1, xi s_i/|z_i|)
+        z_i = r_i - h(x_i),                  w_i = min(1, xi s_i/|z_i|)^power
         V_i = P_i^-1 x_i / n + w_i H^T (z_i + H x_i)/sigma^2
         O_i = P_i^-1 / n     + w_i H^T H / sigma^2
         after averaging V and O:  xhat_i = O_i^-1 V_i,  P_i = (n O_i)^-1
@@ -30,7 +37,7 @@ class SaturatedInformation:
     rounds the covariance is somewhat too small, as it is of an average that was not quite reached.
 
     range_std: sigma (m). network_size: n. xi: saturation level in standard
-    deviations, infinite for the plain ICF.
+    deviations, infinite for the plain ICF. power: 1 bounds the pull of an outlier, 2 lets it fall (redescending).
     """
 
     motion: NearlyConstantVelocity
@@ -38,6 +45,7 @@ class SaturatedInformation:
     range_std: float
     network_size: int
     xi: float = np.inf
+    power: int = 1
 
     uses_neighbour_ranges = False
 
@@ -55,11 +63,16 @@ class SaturatedInformation:
         """The agent's share of the network's information; payload rows are [V, upper triangle of O]."""
         state, covariance = predict(self.motion, belief)
         prior = inverse(covariance) / self.network_size
-        own = own_information(self.space, state, covariance, measurement, range_std=self.range_std, xi=self.xi)
+        own = own_information(
+            self.space, state, covariance, measurement, range_std=self.range_std, xi=self.xi, power=self.power
+        )
         payload = pack(matvec(prior, state) + own.vector, prior + own.matrix)
-        return Update(payload, own.innovation, own.weight, nis=own.nis, nis_degrees=own.nis_degrees)
+        return Update(
+            payload, own.innovation, own.weight, (state, covariance), nis=own.nis, nis_degrees=own.nis_degrees
+        )
 
     def conclude(self, payload: Floats, update: Update) -> Belief:
         """State and covariance from the averaged information, of which the network has n times as much."""
         averaged = belief_of(payload, update.payload, self.motion.size)
-        return Belief(averaged.state, averaged.known_covariance / self.network_size)
+        belief = Belief(averaged.state, averaged.known_covariance / self.network_size)
+        return unless_alone(belief, payload, update) if self.cooperates else belief

@@ -6,13 +6,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from zenoh_cbef.tracking.filters.base import Belief, Floats, Ints
+from zenoh_cbef.tracking.filters.base import Belief, Floats, Ints, Update
 from zenoh_cbef.tracking.linalg import inverse, matvec, neighbour_sum, outer, pack_upper, unpack_upper
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
 from zenoh_cbef.tracking.ranging import Measurement, Space, differenced_rows, own_range
 
 _LEAST = 1e-12
 """Least over largest eigenvalue of what passes for an information matrix."""
+
+_ROUNDING = 1e-9
+"""What averaging a value with itself may change in it, relative to the largest component."""
 
 
 @dataclass(frozen=True)
@@ -38,21 +41,29 @@ def predict(motion: NearlyConstantVelocity, belief: Belief) -> tuple[Floats, Flo
 
 
 def own_information(
-    space: Space, state: Floats, covariance: Floats, measurement: Measurement, *, range_std: float, xi: float
+    space: Space,
+    state: Floats,
+    covariance: Floats,
+    measurement: Measurement,
+    *,
+    range_std: float,
+    xi: float,
+    power: int = 1,
 ) -> RangeInformation:
     """Information of the agent's own range, linearised at the prior and saturated.
 
-        s = sqrt(H P H^T + sigma^2),  z = r - h(x),  w = min(1, xi s/|z|)
+        s = sqrt(H P H^T + sigma^2),  z = r - h(x),  w = min(1, xi s/|z|)^power
         u = w H^T (z + H x)/sigma^2,  U = w H^T H / sigma^2
 
-    state: (n, s), covariance: (n, s, s), the prior. range_std: sigma, m. xi: saturation level in standard deviations.
+    state: (n, s), covariance: (n, s, s), the prior. range_std: sigma, m. xi: saturation level in
+    standard deviations. power: see `saturation`.
     """
     predicted, row = own_range(space, state, measurement.position, measurement.age)
     measured = np.isfinite(measurement.range)
     innovation = np.where(measured, measurement.range - predicted, 0.0)
     variance = range_std**2
     spread = _spread(row, covariance, variance)
-    weight = saturation(innovation, xi * spread)
+    weight = saturation(innovation, xi * spread, power)
     precision = np.where(measured, weight, 0.0) / variance
     return RangeInformation(
         (precision * (innovation + np.sum(row * state, axis=1)))[:, None] * row,
@@ -103,13 +114,20 @@ def neighbourhood_information(
 
 
 def differenced_information(
-    space: Space, state: Floats, covariance: Floats, measurement: Measurement, *, range_std: float, xi: float
+    space: Space,
+    state: Floats,
+    covariance: Floats,
+    measurement: Measurement,
+    *,
+    range_std: float,
+    xi: float,
+    power: int = 1,
 ) -> RangeInformation:
     """Information of the paper's differenced rows with their exact covariance, saturated as a whole.
 
         row j:  H_j = [h_j, -age h_j],  h_j = (p_j - p_i)^T;   z_j = y_j - H_j x
         R = sigma^2 (r_i^2 11^T + diag r_j^2) + sigma^4/2 (11^T + I)
-        u = w H^T R^-1 (z + H x),  U = w H^T R^-1 H,  w = min(1, xi/sqrt(z^T (H P H^T + R)^-1 z / m))
+        u = w H^T R^-1 (z + H x),  U = w H^T R^-1 H,  w = min(1, xi/sqrt(z^T (H P H^T + R)^-1 z / m))^power
 
     R is a diagonal D and a rank one term a 11^T, so R^-1 = D^-1 - a D^-1 11^T D^-1/(1 + a 1^T D^-1 1), and only sums
     over neighbours are needed. The measured ranges stand for the true ones in R. Rows of different agents share
@@ -118,12 +136,11 @@ def differenced_information(
     innovation: root mean square of z whitened, which has no unit. m: rows there are this step.
     """
     rows, right, present = differenced_rows(space, measurement)
-    count = present.sum(axis=1)
+    count, variance = present.sum(axis=1), range_std**2
     rows = np.concatenate([rows, -measurement.age[:, None, None] * rows], axis=2)
     innovation = np.where(present, right - np.sum(rows * state[:, None, :], axis=2), 0.0)
-    variance = range_std**2
-    common = variance * np.nan_to_num(measurement.range) ** 2 + 0.5 * variance**2
-    spread = variance * np.nan_to_num(measurement.neighbour_range) ** 2 + 0.5 * variance**2
+    ranges = measurement.range, measurement.neighbour_range
+    common, spread = (variance * np.nan_to_num(each) ** 2 + 0.5 * variance**2 for each in ranges)
     precision = np.where(present, 1.0 / spread, 0.0)
     damping = common / (1.0 + common * neighbour_sum(precision))
     width, size = rows.shape[1:]
@@ -137,7 +154,7 @@ def differenced_information(
     nis = neighbour_sum(precision * innovation * innovation) - damping * mean * mean
     nis = np.maximum(nis - np.sum(vector * matvec(remaining, vector), axis=1), 0.0)
     deviation = np.sqrt(nis / np.maximum(count, 1))
-    weight = saturation(deviation, np.full_like(deviation, xi))
+    weight = saturation(deviation, np.full_like(deviation, xi), power)
     return RangeInformation(
         weight[:, None] * (vector + matvec(matrix, state)),
         weight[:, None, None] * matrix,
@@ -171,7 +188,28 @@ def belief_of(payload: Floats, own: Floats, size: int) -> Belief:
     return Belief(matvec(covariance, payload[:, :size]), covariance)
 
 
-def saturation(innovation: Floats, level: Floats) -> Floats:
-    """Gain min(1, level/|innovation|) of the saturated innovation."""
+def unless_alone(belief: Belief, payload: Floats, update: Update) -> Belief:
+    """The belief, or the prior that the update kept, for agents whose payload nobody has changed in the whole step.
+
+    Who heard nobody would count its own range once for every agent there is. Counted once, one range a step still
+    makes an agent alone too sure of itself, as its linearisation moves with the estimate. So it goes on by
+    prediction, which is honest, until it hears somebody again.
+    """
+    if not update.kept:
+        return belief
+    own, (state, covariance) = update.payload, update.kept
+    alone = (np.abs(payload - own) <= _ROUNDING * np.abs(own).max(axis=1)[:, None]).all(axis=1)
+    return Belief(
+        np.where(alone[:, None], state, belief.state),
+        np.where(alone[:, None, None], 0.5 * (covariance + np.swapaxes(covariance, 1, 2)), belief.known_covariance),
+    )
+
+
+def saturation(innovation: Floats, level: Floats, power: int = 1) -> Floats:
+    """Gain min(1, level/|innovation|)^power of the saturated innovation.
+
+    Times the innovation it is Huber's function for power 1, which bounds it, and falls off again for power 2.
+    """
     size = np.abs(innovation)
-    return np.where(size <= level, 1.0, level / np.where(size > 0.0, size, 1.0))
+    gain = np.where(size <= level, 1.0, level / np.where(size > 0.0, size, 1.0))
+    return gain if power == 1 else gain**power
