@@ -77,6 +77,19 @@ def outliers(seeds: int = SEEDS) -> Iterator[Row]:
             )
 
 
+def lost(seeds: int = SEEDS) -> Iterator[Row]:
+    """All agents begin 12 m from the target and believe it within 1 m."""
+    for share in (0.0, 0.3):
+        for recovery in ("false", "true"):
+            keys = ["filter.initial_position=[8.0, -8.0, 4.0]", f"sensor.outlier_probability={share}"]
+            runs = runs_of("tracking", [*keys, f"filter.recovery={recovery}"], seeds=seeds)
+            error = np.array([np.sqrt((run.position_error**2).mean(axis=0)) for run in runs])
+            name = f"{share:.0%} outliers, recovery = {recovery}"
+            yield Row(f"{name}: after 3 s, m", spread(error[:, 29]))
+            yield Row(f"{name}: after 10 s, m", spread(error[:, 99]))
+            yield Row(f"{name}: seeds beyond 1 m in the end", str(int((error[:, -1] > 1.0).sum())))
+
+
 def cut_off(seeds: int = SEEDS) -> Iterator[Row]:
     """Agent 2 of six hears nobody, and nobody hears it, from 8 s to 20 s."""
     fault = 'fault=[{kind="loss", probability=1.0, links="agent:2", from=8.0, until=20.0}]'
@@ -92,5 +105,6 @@ def run(repeats: int) -> Iterator[Table]:
     """Deterministic, so `repeats` is not used."""
     del repeats
     yield results(f"outliers: position RMSE / clean centralised, {SEEDS} seeds", list(outliers()))
+    yield results(f"a wrong start: position RMSE, {SEEDS} seeds", list(lost()))
     yield results(f"an agent cut off, {SEEDS} seeds", list(cut_off()))
     yield results(f"an agent of ten lies: position RMSE / centralised, {SEEDS} seeds", list(liars()))

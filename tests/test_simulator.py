@@ -55,9 +55,11 @@ def scenario(seed=1, **keys):
     )
 
 
-FILTERS = {kind: {"kind": kind} for kind in KINDS} | {
-    f"{kind} of differences": {"kind": kind, "measurement": "difference"} for kind in ("ci", "local")
-}
+FILTERS = (
+    {kind: {"kind": kind} for kind in KINDS}
+    | {"sicf that recovers": {"kind": "sicf", "recovery": True}}
+    | {f"{kind} of differences": {"kind": kind, "measurement": "difference"} for kind in ("ci", "local")}
+)
 
 
 def assert_same(first, second):

@@ -65,6 +65,7 @@ def filter_of(scenario: Scenario) -> Filter:
         scenario.filter.omega,
         scenario.filter.measurement == "difference",
         power_of(scenario),
+        scenario.filter.recovery,
     )
     return make_filter(scenario.filter.kind, settings)
 

@@ -8,7 +8,7 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator, model_valida
 
 from zenoh_cbef.faults import AnyFault
 from zenoh_cbef.tracking import graph
-from zenoh_cbef.tracking.filters import DIFFERENCED, KINDS
+from zenoh_cbef.tracking.filters import DIFFERENCED, INFORMATION, KINDS
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
@@ -175,6 +175,7 @@ class Filter(Table):
     kind: str = "sicf"
     xi: Positive = 1.5
     saturation: Literal["auto", "bounded", "redescending"] = "auto"
+    recovery: bool = False
     omega: Positive | None = None
     measurement: Literal["range", "difference"] = "range"
     acceleration_std: Positive | None = None
@@ -190,6 +191,15 @@ class Filter(Table):
     @classmethod
     def _known(cls, value: str) -> str:
         return _one_of(value, tuple(KINDS))
+
+    @model_validator(mode="after")
+    def _recovers(self) -> Filter:
+        if self.recovery and self.kind not in INFORMATION:
+            raise ValueError(
+                f"filter.recovery is for filters that average information, not for {self.kind!r}; "
+                "set filter.kind = 'sicf', or leave filter.recovery out"
+            )
+        return self
 
     @model_validator(mode="after")
     def _counted_once(self) -> Filter:

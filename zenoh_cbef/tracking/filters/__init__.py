@@ -15,6 +15,7 @@ from zenoh_cbef.tracking.filters.diffusion import Diffusion
 from zenoh_cbef.tracking.filters.hcmci import HybridConsensus
 from zenoh_cbef.tracking.filters.information import SaturatedInformation
 from zenoh_cbef.tracking.filters.kcf import KalmanConsensus
+from zenoh_cbef.tracking.filters.recovering import Recovering
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
 from zenoh_cbef.tracking.ranging import Space
 
@@ -39,6 +40,7 @@ class FilterSettings:
 
     range_std: m. xi, omega: see the filter; omega None: network_size. network_size: number of agents. differenced:
     whether ci and local take in differences of ranges in place of the agent's own range. power: of the saturation.
+    recovers: whether the network widens its covariances where most agents are surprised.
     """
 
     motion: NearlyConstantVelocity
@@ -49,6 +51,7 @@ class FilterSettings:
     omega: float | None = None
     differenced: bool = False
     power: int = 1
+    recovers: bool = False
 
 
 def _information(settings: FilterSettings, xi: float) -> Filter:
@@ -97,5 +100,6 @@ DIFFERENCED = ("cbef", "cbef-scaled", "ci", "local")
 
 
 def make_filter(kind: str, settings: FilterSettings) -> Filter:
-    """The filter of one kind."""
-    return KINDS[kind](settings)
+    """The filter of one kind, with what the settings put around it."""
+    chosen = KINDS[kind](settings)
+    return Recovering(chosen) if settings.recovers else chosen

@@ -132,7 +132,6 @@ def differenced_information(
     R is a diagonal D and a rank one term a 11^T, so R^-1 = D^-1 - a D^-1 11^T D^-1/(1 + a 1^T D^-1 1), and only sums
     over neighbours are needed. The measured ranges stand for the true ones in R. Rows of different agents share
     noise, and row j at agent i is minus row i at agent j: their information must not be added up over agents.
-
     innovation: root mean square of z whitened, which has no unit. m: rows there are this step.
     """
     rows, right, present = differenced_rows(space, measurement)
