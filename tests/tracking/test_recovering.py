@@ -1,4 +1,4 @@
-"""A network whose innovations are implausible almost everywhere makes room for them; one with a few outliers does not."""
+"""A network in which most innovations are implausible makes room for them; one with a few outliers does not."""
 
 from __future__ import annotations
 
