@@ -27,6 +27,7 @@ BENCHMARKS = {
     "recorder": ("recorder_cost", "what the recorder costs the agents"),
     "mcap": ("mcap_speed", "the log's writer and reader against the public library's"),
     "robust": ("robust", "what sensors and agents that fail cost, 50 seeds"),
+    "design": ("design", "errors that `zenoh-cbef design` predicts, against simulations"),
     "method": ("method_figures", "the figures of docs/method.md, written to docs/figures, and their numbers"),
 }
 

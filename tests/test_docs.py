@@ -1,9 +1,12 @@
 """The documentation names what there is: keys, verbs, files."""
 
 import re
+import sys
 from pathlib import Path
+from types import ModuleType
 from typing import get_args
 
+import numpy as np
 import pytest
 from pydantic import BaseModel
 
@@ -12,6 +15,9 @@ from zenoh_cbef.faults import AnyFault
 from zenoh_cbef.protocol.keys import Keys
 from zenoh_cbef.protocol.messages import BODIES, ENVELOPE
 from zenoh_cbef.scenario import Scenario
+from zenoh_cbef.scenario.load import load
+from zenoh_cbef.simulator import simulate
+from zenoh_cbef.tracking.filters import KINDS
 
 ROOT = Path(__file__).resolve().parents[1]
 NAMED = ("README.md", "CHANGELOG.md", "CONTRIBUTING.md", "deploy/README.md", "docs/*.md")
@@ -110,6 +116,19 @@ def test_named_verbs_exist(path):
     for command in commands:
         for verb, second in VERB.findall(command):
             assert verb.startswith("--") or verb in verbs or second in groups.get(verb, ()), command
+
+
+def test_the_example_of_a_new_filter_works_as_it_stands(monkeypatch):
+    page = read("docs/adding-a-filter.md")
+    code, line = re.findall(r"^```python\n(.*?)^```", page, re.DOTALL | re.MULTILINE)
+    names: dict[str, object] = {"__name__": "alpha_beta"}
+    monkeypatch.setitem(sys.modules, "alpha_beta", ModuleType("alpha_beta"))
+    exec(compile(code, "alpha_beta.py", "exec"), names)  # noqa: S102 - the documentation's own code
+    (added,) = eval(f"{{{line}}}", names).items()  # noqa: S307 - likewise
+    monkeypatch.setitem(KINDS, *added)
+    traces = simulate([load("tracking", ["filter.kind=alpha-beta", f"seed={seed}"]).scenario for seed in range(5)])
+    errors = [np.linalg.norm((one.estimates - one.truth)[:, 75:, :3], axis=2) for one in traces]
+    assert np.median(errors) < 1.0
 
 
 def test_documentation_names_no_place_of_the_machine_it_was_written_on():

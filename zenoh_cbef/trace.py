@@ -48,12 +48,16 @@ class Links:
 
 @dataclass(frozen=True)
 class Traffic:
-    """Messages of a whole run: sent (by sequence numbers), recorded, missing from the log, and rejected."""
+    """Messages of a whole run: sent (by sequence numbers), recorded, missing from the log, and rejected.
+
+    agent_bytes: of the agents' recorded messages together, as they were encoded.
+    """
 
     sent: int
     recorded: int
     missing: int
     rejected: int
+    agent_bytes: int = 0
 
 
 @dataclass(frozen=True)

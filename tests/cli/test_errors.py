@@ -37,6 +37,9 @@ MISTAKES = {
         ["agent", "1", "--run", "x", "--connect", "tcp/127.0.0.1:9", "--patience", "0.3"],
         "no target of run 'x' answers",
     ),
+    "nothing to compare": (["compare", "nowhere.mcap"], "there is no log"),
+    "no such picture": (["compare", "nowhere.mcap", "-o", "x.gif"], ".csv for the rows or .html"),
+    "no percentage": (["design", "--within", "little"], "--within 1%"),
     "no folder": (["export", "nowhere.mcap", "--to", "npz"], "there is no log"),
 }
 

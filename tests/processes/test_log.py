@@ -1,5 +1,6 @@
 """What the log of a real run can be used for: proof, analysis, arrays, also when it is cut off or tampered with."""
 
+import csv
 import json
 from pathlib import Path
 
@@ -8,6 +9,8 @@ import numpy as np
 import pytest
 
 from tests.processes.conftest import World
+from zenoh_cbef.analysis.design import design
+from zenoh_cbef.log.contents import open_log, read_header
 from zenoh_cbef.log.mcap_reader import McapFile
 from zenoh_cbef.log.mcap_writer import McapWriter
 
@@ -154,6 +157,45 @@ def test_analyze_prints_one_object_with_the_promised_names(recorded):
         assert link["sent"] == link["delivered"] == STEPS * 3
         assert link["lost"] == link["late"] == 0
         assert 0 < link["latency"] < 10
+
+
+def test_the_bytes_of_a_step_are_those_that_were_foretold(recorded):
+    scenario = read_header(open_log(recorded.log), recorded.log).scenario.model_copy(update={"name": recorded.run})
+    metrics = json.loads(recorded.call("analyze", str(recorded.log), "--json").stdout)
+    told = design(scenario, search=False)["configured"]["bytes_per_step"]
+    assert metrics["bytes_per_step"] == pytest.approx(told, rel=0.01)
+
+
+def test_runs_are_compared_side_by_side_and_differences_are_told(recorded, tmp_path):
+    sibling = World(tmp_path)
+    run = sibling.start_run("sensor.dropout_probability=0.1", "filter.kind=ci")
+    assert run.wait(timeout=120) == 0
+    page, table = tmp_path / "curves.html", tmp_path / "rows.csv"
+    logs = [str(recorded.log), str(tmp_path)]
+    done = sibling.call("compare", *logs, "--json", "-o", str(page), "-o", str(table))
+    sibling.end()
+    assert done.returncode == 0, done.stderr
+    assert done.stderr == ""
+    rows = json.loads(done.stdout)
+    assert [row["filter"] for row in rows] == ["sicf", "ci"]
+    metrics = json.loads(recorded.call("analyze", str(recorded.log), "--json").stdout)
+    for name in ("position_rmse", "velocity_rmse", "ratio_to_centralized", "disagreement", "bytes_per_step"):
+        assert rows[0][name] == metrics[name]
+    assert rows[0]["nees.average"] == metrics["nees"]["average"]
+    assert rows[0]["missed"] == 0.0
+    written = list(csv.DictReader(table.read_text().splitlines()))
+    assert [float(row["position_rmse"]) for row in written] == [row["position_rmse"] for row in rows]
+    text = page.read_text()
+    assert recorded.run in text
+    assert sibling.run in text
+    other = World(tmp_path / "other")
+    other.folder.mkdir()
+    run = other.start_run("sensor.dropout_probability=0.1", "seed=2")
+    assert run.wait(timeout=120) == 0
+    done = other.call("compare", str(recorded.log), str(other.log))
+    other.end()
+    assert done.returncode == 0
+    assert "another truth, other measurements" in done.stderr
 
 
 def test_skip_changes_the_window_but_not_the_msee(recorded):

@@ -69,3 +69,11 @@ def test_a_graph_too_sparse_for_trimming_is_warned_of():
     ring = {"network": {"graph": "ring"}, "consensus": {"trim": 1}}
     assert "3 neighbours or more, but agent 0 has 2" in check(parse(ring, "test"))[0]
     assert check(parse({**ring, "network": {"graph": "complete"}}, "test")) == []
+
+
+def test_a_fault_on_agents_that_are_no_neighbours_is_warned_of():
+    overrides = ["network.graph=path", "fault=[{kind='loss', probability=0.5, links=[[1, 0], [0, 3]]}]"]
+    [warning] = check(load("tracking", overrides).scenario)
+    assert "names the link [0, 3]" in warning
+    overrides[1] = "fault=[{kind='loss', probability=0.5, links=[[1, 0], [2, 3]]}]"
+    assert check(load("tracking", overrides).scenario) == []

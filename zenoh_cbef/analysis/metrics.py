@@ -217,6 +217,7 @@ def _metrics(analysis: Analysis) -> dict[str, Any]:
         "nees": _nees_metrics(analysis),
         "nis": _nis_metrics(analysis),
         "disagreement": _rms(analysis.disagreement[window]),
+        "bytes_per_step": trace.traffic.agent_bytes / (trace.scenario.count * len(trace.time)) or None,
         "messages": {
             "sent": trace.traffic.sent,
             "recorded": trace.traffic.recorded,

@@ -10,7 +10,20 @@ import typer
 from zenoh_cbef import __version__
 from zenoh_cbef.errors import UserError
 
-_VERBS = ("run", "sim", "agent", "target", "record", "scenario", "analyze", "verify", "info", "export")
+_VERBS = (
+    "run",
+    "sim",
+    "agent",
+    "target",
+    "record",
+    "scenario",
+    "analyze",
+    "verify",
+    "info",
+    "export",
+    "design",
+    "compare",
+)
 
 
 def _version(wanted: bool) -> None:

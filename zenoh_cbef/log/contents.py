@@ -26,7 +26,9 @@ Floats = NDArray[np.float64]
 
 
 def find_log(path: Path) -> Path:
-    """The log meant by a file, a run's folder, or the name that a killed recorder left unfinished."""
+    """The log meant by a file, a run's folder or its name in logs/, or the name that a killed recorder left."""
+    if not path.exists() and len(path.parts) == 1 and (Path("logs") / path).is_dir():
+        path = Path("logs") / path
     candidates = [path / "run.mcap"] if path.is_dir() else [path]
     candidates += [one.with_name(one.name + ACTIVE) for one in candidates]
     for candidate in candidates:
@@ -73,7 +75,7 @@ class Contents:
 
     truth: by step. beacons, ranges, estimates: by (agent, step). rounds: payloads (d,) by (agent, step, round).
     next_seq: by (key, sender), one past the last sequence number. recorded: messages that are what their key
-    promises; undecodable: the others.
+    promises; undecodable: the others. agent_bytes: of the recorded messages that agents own.
     """
 
     truth: dict[int, dict[str, Any]] = field(default_factory=dict)
@@ -84,6 +86,7 @@ class Contents:
     events: list[dict[str, Any]] = field(default_factory=list)
     next_seq: dict[tuple[str, str], int] = field(default_factory=dict)
     recorded: int = 0
+    agent_bytes: int = 0
     undecodable: int = 0
 
 
@@ -117,6 +120,8 @@ class _Sorter:
                 table = {"beacon": contents.beacons, "range": contents.ranges, "estimate": contents.estimates}
                 table[found.kind].setdefault((self._agent(key), message["k"]), message)
         contents.recorded += 1
+        if found.owner.startswith("agent/"):
+            contents.agent_bytes += len(raw.data)
         name = (key, sender)
         contents.next_seq[name] = max(contents.next_seq.get(name, 0), raw.sequence + 1)
 

@@ -159,6 +159,7 @@ def _traffic(contents: Contents) -> Traffic:
         recorded=contents.recorded,
         missing=max(0, total - contents.recorded),
         rejected=max(contents.undecodable, sum(rejected.values())),
+        agent_bytes=contents.agent_bytes,
     )
 
 

@@ -22,7 +22,8 @@ def check(scenario: Scenario) -> list[str]:
     _check_faults(scenario)
     _check_signal(scenario)
     warnings = _literal_gain(scenario, neighbours) if scenario.filter.kind == "cbef" else []
-    return warnings + _trimming(scenario, neighbours) + _chebyshev(scenario)
+    warnings += _trimming(scenario, neighbours) + _chebyshev(scenario)
+    return warnings + _faults_of_no_link(scenario, edges)
 
 
 def _check_edges(scenario: Scenario, edges: graph.Edges) -> None:
@@ -61,6 +62,20 @@ def _check_faults(scenario: Scenario) -> None:
             )
         if fault.until is not None and fault.until <= fault.since:
             raise UserError(f"fault {number} ({fault.kind}): until must be later than from")
+
+
+def _faults_of_no_link(scenario: Scenario, edges: graph.Edges) -> list[str]:
+    joined = {frozenset(edge) for edge in edges.tolist()}
+    warnings = []
+    for number, fault in enumerate(scenario.fault):
+        links = getattr(fault, "links", "all")
+        apart = [] if isinstance(links, str) else [list(link) for link in links if frozenset(link) not in joined]
+        if apart:
+            warnings.append(
+                f"fault {number} ({fault.kind}) names the link {apart[0]}, but these agents are not neighbours in "
+                "this graph, so it does nothing there; 'scenario check' lists the edges"
+            )
+    return warnings
 
 
 def _check_signal(scenario: Scenario) -> None:

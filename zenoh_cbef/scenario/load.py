@@ -95,10 +95,12 @@ def _override(data: dict[str, Any], override: str) -> None:
     except (ValueError, RecursionError):
         value = text.strip()
     table = data
-    for part in keys[:-1]:
+    for depth, part in enumerate(keys[:-1], 1):
         table = table.setdefault(part, {})
         if not isinstance(table, dict):
-            raise UserError(f"--set {override!r}: {part} is not a table of the scenario; see docs/scenario.md")
+            raise UserError(
+                f"--set {override!r}: {'.'.join(keys[:depth])} is not a table of the scenario; see docs/scenario.md"
+            )
     table[keys[-1]] = value
 
 

@@ -24,6 +24,7 @@ __all__ = [
     "INFORMATION",
     "KINDS",
     "SATURATED",
+    "WITHOUT_COVARIANCE",
     "Belief",
     "Cbef",
     "Filter",
@@ -97,6 +98,9 @@ SATURATED = ("sicf", "hcmci", "ci", "local")
 
 DIFFERENCED = ("cbef", "cbef-scaled", "ci", "local")
 """The kinds that may take in differences of ranges; the others would count shared noise more than once."""
+
+WITHOUT_COVARIANCE = ("cbef", "cbef-scaled")
+"""The kinds that claim nothing about their error."""
 
 
 def make_filter(kind: str, settings: FilterSettings) -> Filter:

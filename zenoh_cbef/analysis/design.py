@@ -1,0 +1,208 @@
+"""What a scenario can be expected to reach, before any run: observability, errors at each number of rounds, bytes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zenoh_cbef.analysis.mixing import SCHEMES, Scheme, configured_scheme, contraction, mixing, with_scheme
+from zenoh_cbef.analysis.observability import observability
+from zenoh_cbef.analysis.prediction import Clipping, Sight, propagate
+from zenoh_cbef.analysis.traffic import other_bytes, round_bytes
+from zenoh_cbef.scenario import Scenario, network
+from zenoh_cbef.scenario.build import initial_std, motion_of, range_std_of, rounds_of, space_of
+from zenoh_cbef.scenario.world import make_world
+from zenoh_cbef.tracking.filters import SATURATED
+from zenoh_cbef.tracking.ranging import own_range
+
+Floats = NDArray[np.float64]
+
+LADDER = (1, 2, 3, 4, 5, 6, 8, 10, 13, 16, 20, 25, 32, 40, 50, 64)
+"""Numbers of rounds that are tried; gaps are filled where the smallest sufficient number lies."""
+
+_AT_FIRST = 8
+_MOST_STATES = 240
+_PREDICTED = ("sicf", "icf", "hcmci", "ci", "local")
+
+
+def design(scenario: Scenario, *, within: float = 0.01, skip: float = 0.25, search: bool = True) -> dict[str, Any]:
+    """Everything that `zenoh-cbef design` tells, as one JSON object.
+
+    within: wanted excess of the position RMSE over the centralised filter's. skip: share of steps left out at the
+    start. search: also predict other numbers of rounds and schemes than the configured ones.
+    """
+    first = min(int(skip * scenario.length), scenario.length - 1)
+    sight, initial = sight_of(scenario), np.diag(initial_std(scenario)[space_of(scenario).kept] ** 2)
+    edges = network.edges(scenario)
+    scheme = configured_scheme(scenario)
+    told: dict[str, Any] = {
+        "name": scenario.name,
+        "filter": scenario.filter.kind,
+        "agents": scenario.count,
+        "steps": scenario.length,
+        "skip": first,
+        "edges": len(edges),
+        "within": within,
+        "observability": observability(initial, motion_of(scenario), sight, first),
+        "spectral_gap": {each: 1.0 - contraction(scenario, each) for each in SCHEMES},
+        "bytes": {
+            "round": {each: round_bytes(with_scheme(scenario, each)) for each in SCHEMES},
+            "other": other_bytes(scenario),
+        },
+        "cannot": cannot(scenario),
+        "configured": {"scheme": scheme, "rounds": rounds_of(scenario)},
+    }
+    told["configured"]["bytes_per_step"] = _bytes(told, scheme, rounds_of(scenario))
+    if not _predictable(scenario):
+        return {**told, "centralized": None, "rounds": [], "smallest": dict.fromkeys(SCHEMES)}
+    predictor = _Predictor(scenario, sight, first)
+    smallest = _search(predictor, within) if search and rounds_of(scenario) else dict.fromkeys(SCHEMES)
+    predictor.predict([(scheme, rounds_of(scenario))])
+    told["configured"] |= _compared(predictor, scheme, rounds_of(scenario))
+    rows = [
+        {
+            "rounds": rounds,
+            **{
+                each: {**_compared(predictor, each, rounds), "bytes_per_step": _bytes(told, each, rounds)}
+                for each in SCHEMES
+                if (each, rounds) in predictor.found
+            },
+        }
+        for rounds in sorted({rounds for _, rounds in predictor.found})
+    ]
+    return {**told, "centralized": predictor.centralized, "rounds": rows, "smallest": smallest}
+
+
+def sight_of(scenario: Scenario) -> Sight:
+    """What the agents will measure along the path that the scenario describes, linearised at the truth."""
+    world, space = make_world(scenario), space_of(scenario)
+    steps, agents = scenario.length, scenario.count
+    heard = np.isfinite(world.arrived).T
+    age = np.where(heard, (world.time - world.emitted).T, 0.0)
+    state = np.repeat(world.truth[:, space.kept], agents, axis=0)
+    positions = np.swapaxes(world.positions, 0, 1).reshape(-1, 3)
+    _, rows = own_range(space, state, positions, age.ravel())
+    return Sight(np.where(heard[:, :, None], rows.reshape(steps, agents, -1), 0.0), range_std_of(scenario))
+
+
+def cannot(scenario: Scenario) -> list[str]:
+    """What the prediction leaves out of account, one sentence each."""
+    chosen, sensor, recorded = scenario.filter, scenario.sensor, scenario.target.motion == "dataset"
+    said = {
+        f"The error of {chosen.kind} is not predicted, as it is no linear average of information; try 'sim'.": (
+            chosen.kind not in _PREDICTED
+        ),
+        "Errors from differenced ranges are not predicted, as agents share their noise; try 'sim'.": (
+            chosen.measurement == "difference"
+        ),
+        f"Errors of more than {_MOST_STATES // motion_of(scenario).size} agents are not predicted; try 'sim'.": (
+            scenario.count * motion_of(scenario).size > _MOST_STATES
+        ),
+        "Recorded ranges have biases and outliers that nobody knows beforehand: errors are those of noise of "
+        f"{range_std_of(scenario):g} m alone, so expect more.": recorded,
+        "Outliers are not in the prediction: expect larger errors.": (
+            not recorded and sensor.outlier_probability > 0.0
+        ),
+        "Range biases are not in the prediction: expect larger errors.": (
+            not recorded and (sensor.bias_std > 0.0 or bool(np.any(sensor.bias)))
+        ),
+        "The filter assumes another range noise than the receivers have; the prediction believes the filter.": (
+            not recorded and range_std_of(scenario) != sensor.range_std
+        ),
+        "Trimmed consensus is not linear; the prediction is of averaging without it.": scenario.consensus.trim > 0,
+        "Agents that send wrong values are not in the prediction.": any(
+            fault.kind == "byzantine" for fault in scenario.fault
+        ),
+    }
+    return [sentence for sentence, holds in said.items() if holds]
+
+
+def _predictable(scenario: Scenario) -> bool:
+    states = scenario.count * motion_of(scenario).size
+    plain = scenario.filter.kind in _PREDICTED and scenario.filter.measurement == "range"
+    return plain and states <= _MOST_STATES
+
+
+def _bytes(told: dict[str, Any], scheme: Scheme, rounds: int) -> float:
+    return float(told["bytes"]["other"] + rounds * told["bytes"]["round"][scheme])
+
+
+def _search(predictor: _Predictor, within: float) -> dict[Scheme, int | None]:
+    """The smallest sufficient number of rounds for each scheme; None where 64 are not enough."""
+    limit = (1.0 + within) * predictor.centralized["position_rmse"]
+
+    def enough(scheme: Scheme) -> int | None:
+        tried = sorted(rounds for each, rounds in predictor.found if each == scheme)
+        return next((one for one in tried if predictor.found[scheme, one]["position_rmse"] <= limit), None)
+
+    predictor.predict([(scheme, rounds) for scheme in SCHEMES for rounds in LADDER[:_AT_FIRST]])
+    late = [scheme for scheme in SCHEMES if enough(scheme) is None]
+    # One probe far out tells whether more rounds help at all.
+    predictor.predict([(scheme, LADDER[-1]) for scheme in late])
+    predictor.predict([(each, rounds) for each in late if enough(each) for rounds in LADDER[_AT_FIRST:-1]])
+    for scheme in SCHEMES:
+        reached = enough(scheme)
+        if reached in LADDER and reached != LADDER[0]:
+            below = LADDER[LADDER.index(reached) - 1]
+            predictor.predict([(scheme, rounds) for rounds in range(below + 1, reached)])
+    return {scheme: enough(scheme) for scheme in SCHEMES}
+
+
+def _compared(predictor: _Predictor, scheme: Scheme, rounds: int) -> dict[str, float]:
+    found = predictor.found[scheme, rounds]
+    return {**found, "ratio_to_centralized": found["position_rmse"] / predictor.centralized["position_rmse"]}
+
+
+class _Predictor:
+    """Expected errors of a scenario, by scheme and number of rounds."""
+
+    def __init__(self, scenario: Scenario, sight: Sight, first: int) -> None:
+        self.scenario, self._sight, self._first = scenario, sight, first
+        self._initial = np.diag(initial_std(scenario)[space_of(scenario).kept] ** 2)
+        self._motion = motion_of(scenario)
+        kind, count = scenario.filter.kind, float(scenario.count)
+        omega = count if scenario.filter.omega is None else scenario.filter.omega
+        self._weight = {"sicf": count, "icf": count, "hcmci": omega}.get(kind, 1.0)
+        self._clipping = Clipping.at(scenario.filter.xi if kind in SATURATED else np.inf)
+        self._mixing: dict[Scheme, Floats] = {}
+        everybody = np.full((1, 1, scenario.count, scenario.count), 1.0 / scenario.count)
+        [self.centralized] = self._errors(everybody, count)
+        self.found: dict[tuple[Scheme, int], dict[str, float]] = {}
+
+    def predict(self, wanted: Sequence[tuple[Scheme, int]]) -> None:
+        """Add predictions for these schemes and numbers of rounds."""
+        new = [one for one in dict.fromkeys(wanted) if one not in self.found]
+        if not new:
+            return
+        # The most rounds first: fewer are contained in them.
+        new.sort(key=lambda one: -one[1])
+        matrices = np.stack([self._rounds(scheme, rounds) for scheme, rounds in new])
+        self.found.update(zip(new, self._errors(matrices, self._weight), strict=True))
+
+    def _rounds(self, scheme: Scheme, rounds: int) -> Floats:
+        if rounds == 0:
+            return np.eye(self.scenario.count)[None]
+        if len(self._mixing.get(scheme, ())) < rounds:
+            self._mixing[scheme] = mixing(self.scenario, scheme, rounds)
+        matrices: Floats = self._mixing[scheme][rounds - 1]
+        return matrices
+
+    def _errors(self, matrices: Floats, weight: float) -> list[dict[str, float]]:
+        expected = propagate(
+            self._initial,
+            self._motion,
+            self._sight,
+            matrices,
+            weight=np.full(len(matrices), weight),
+            clipping=self._clipping,
+        )
+        position, velocity, nees = (
+            part[:, self._first :].mean(axis=1) for part in (expected.position, expected.velocity, expected.nees)
+        )
+        return [
+            {"position_rmse": float(np.sqrt(p)), "velocity_rmse": float(np.sqrt(v)), "nees": float(e)}
+            for p, v, e in zip(position, velocity, nees, strict=True)
+        ]

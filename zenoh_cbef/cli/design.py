@@ -1,0 +1,55 @@
+"""design: what a scenario can be expected to reach, before any run."""
+
+from __future__ import annotations
+
+import json
+from typing import Annotated
+
+import typer
+
+from zenoh_cbef.analysis.design import design
+from zenoh_cbef.cli.design_tables import design_lines
+from zenoh_cbef.cli.options import AsJson, Overrides, ScenarioName, Skip
+from zenoh_cbef.cli.tables import console, errors
+from zenoh_cbef.errors import UserError
+from zenoh_cbef.scenario.checks import check
+from zenoh_cbef.scenario.load import load
+
+Within = Annotated[
+    str, typer.Option(metavar="PERCENT", help="Wanted excess of the position RMSE over the centralised filter's.")
+]
+
+
+def _design(
+    scenario: ScenarioName = "tracking",
+    overrides: Overrides = None,
+    within: Within = "1%",
+    as_json: AsJson = False,
+    skip: Skip = 0.25,
+) -> None:
+    """Predict errors, bytes and the rounds that are needed, without a run, from the scenario's geometry and graph."""
+    wanted = _share(within)
+    loaded = load(scenario, overrides or ()).scenario
+    for warning in check(loaded):
+        errors.print(f"warning: {warning}", highlight=False, soft_wrap=True)
+    told = design(loaded, within=wanted, skip=skip)
+    if as_json:
+        print(json.dumps(told))
+        return
+    for part in design_lines(told):
+        console.print(part, highlight=False, soft_wrap=isinstance(part, str))
+
+
+def _share(text: str) -> float:
+    try:
+        percent = float(text.strip().removesuffix("%"))
+    except ValueError:
+        percent = -1.0
+    if not 0.0 < percent <= 1000.0:
+        raise UserError(f"--within {text!r} is no percentage above 0; write it as in --within 1%")
+    return percent / 100.0
+
+
+def register(app: typer.Typer) -> None:
+    """Add the verb."""
+    app.command("design")(_design)
