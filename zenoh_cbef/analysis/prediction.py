@@ -132,7 +132,8 @@ def _scores(error: Floats, joined: Floats, axes: int) -> Floats:
     own = np.einsum("caiaj->caij", error.reshape(ways, agents, size, agents, size))
     spreads = np.einsum("caii->cai", own)
     nees = np.einsum("caij,caji->ca", joined, own)
-    return np.stack([spreads[:, :, :axes].sum(axis=2), spreads[:, :, axes:].sum(axis=2), nees]).mean(axis=2)
+    parts = [spreads[:, :, :axes].sum(axis=2), spreads[:, :, axes:].sum(axis=2), nees]
+    return np.asarray(np.stack(parts).mean(axis=2))
 
 
 def _mixed(how: Floats, shared: Floats) -> tuple[Floats, Floats]:
