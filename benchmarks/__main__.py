@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import importlib
 from collections.abc import Iterable
+from pathlib import Path
 from typing import Protocol, cast
 
 from rich.console import Console
@@ -16,8 +17,8 @@ from benchmarks.common import interrupt_on_terminate
 class Benchmark(Protocol):
     """What every module named below has."""
 
-    def run(self, repeats: int) -> Iterable[Table]:
-        """Measure, timed parts `repeats` times, and yield tables as they are done."""
+    def run(self, repeats: int, **options: Path | None) -> Iterable[Table]:
+        """Measure, timed parts `repeats` times, and yield tables as they are done. Options are for `filters` alone."""
 
 
 BENCHMARKS = {
@@ -28,6 +29,7 @@ BENCHMARKS = {
     "mcap": ("mcap_speed", "the log's writer and reader against the public library's"),
     "robust": ("robust", "what sensors and agents that fail cost, 50 seeds"),
     "design": ("design", "errors that `zenoh-cbef design` predicts, against simulations"),
+    "filters": ("filters", "every filter, 50 seeds and recorded data; --write docs/filters.md --data FOLDER"),
     "method": ("method_figures", "the figures of docs/method.md, written to docs/figures, and their numbers"),
 }
 
@@ -37,6 +39,8 @@ def main() -> None:
     parser.add_argument("names", nargs="*", metavar="NAME", help="which to run; default: all")
     parser.add_argument("--list", action="store_true", help="name them and stop")
     parser.add_argument("--repeats", type=int, default=5, help="how often what is timed is repeated")
+    parser.add_argument("--data", type=Path, help="filters: the folder that holds the recorded sets")
+    parser.add_argument("--write", type=Path, help="filters: the page to bring up to date")
     arguments = parser.parse_args()
     # Tables that are piped into a file keep their columns.
     console = Console(highlight=False, width=None if Console().is_terminal else 110)
@@ -50,7 +54,8 @@ def main() -> None:
     interrupt_on_terminate()
     for name in arguments.names or BENCHMARKS:
         benchmark = cast("Benchmark", importlib.import_module(f"benchmarks.{BENCHMARKS[name][0]}"))
-        for table in benchmark.run(arguments.repeats):
+        options = {"data": arguments.data, "write": arguments.write} if name == "filters" else {}
+        for table in benchmark.run(arguments.repeats, **options):
             console.print(table)
 
 
