@@ -51,7 +51,7 @@ def mixing(scenario: Scenario, scheme: Scheme, most: int) -> Floats:
             if scenario.fault:
                 delivered = neighbours.present.copy()
                 for agent, one in enumerate(fates):
-                    delivered[agent, neighbours.present[agent]] = one.due(step, round_)[0]
+                    delivered[agent, neighbours.present[agent]] = one.of(step, round_).due
             message = stage.mix(message[neighbours.index], delivered)
             found.append(stage.result().copy())
     return np.swapaxes(np.reshape(found, (-1, most, count, count)), 0, 1)
