@@ -12,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from zenoh_cbef.protocol.messages import (
+    BIAS,
     BODIES,
     LARGEST,
     VERSION,
@@ -55,7 +56,7 @@ BODY = {
             "latency": st.lists(NUMBERS_OR_NIL, max_size=5),
             "covariance": st.one_of(st.none(), DOUBLES),
         },
-        optional={"nis": NUMBERS_OR_NIL, "nis_degrees": COUNTS},
+        optional={"nis": NUMBERS_OR_NIL, "nis_degrees": COUNTS, **dict.fromkeys(BIAS, NUMBERS_OR_NIL)},
     ),
     "event": st.fixed_dictionaries(
         {"kind": TEXTS, "text": TEXTS}, optional={"data": st.dictionaries(TEXTS, st.one_of(COUNTS, TEXTS))}

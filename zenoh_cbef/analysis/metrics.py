@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 
 from zenoh_cbef.analysis.consistency import agents_bands, chi2_band, described, nees_of
 from zenoh_cbef.faults import SenderFault
-from zenoh_cbef.scenario.build import initial_std, motion_of, power_of, range_std_of, space_of
+from zenoh_cbef.scenario.build import initial_std, motion_of, power_of, range_std_of, settings_of, space_of
 from zenoh_cbef.trace import Trace
 from zenoh_cbef.tracking.filters import SATURATED, Belief
+from zenoh_cbef.tracking.joint import joint_centralized
 from zenoh_cbef.tracking.reference import centralized, posterior_bound
 
 Floats = NDArray[np.float64]
@@ -92,21 +93,17 @@ def _centralized(traces: Sequence[Trace]) -> Floats:
     scenario = traces[0].scenario
     kept = space_of(scenario).kept
     covariance = np.diag(initial_std(scenario)[kept] ** 2)
-    states, _ = centralized(
-        Belief(
-            _stacked(traces, "initial").mean(axis=1)[:, kept],
-            np.broadcast_to(covariance, (len(traces), *covariance.shape)),
-        ),
-        motion_of(scenario),
-        space_of(scenario),
-        positions=_stacked(traces, "positions"),
-        ranges=_stacked(traces, "ranges"),
-        age=_stacked(traces, "age"),
-        range_std=range_std_of(scenario),
-        xi=scenario.filter.xi if scenario.filter.kind in SATURATED else np.inf,
-        power=power_of(scenario),
+    initial = Belief(
+        _stacked(traces, "initial").mean(axis=1)[:, kept],
+        np.broadcast_to(covariance, (len(traces), *covariance.shape)),
     )
-    return states
+    xi = scenario.filter.xi if scenario.filter.kind in SATURATED else np.inf
+    seen = {part: _stacked(traces, part) for part in ("positions", "ranges", "age")}
+    settings = settings_of(scenario)
+    if settings.bias != "none" or settings.first_fix or settings.learns_noise:
+        return joint_centralized(initial, settings, xi, **seen)[0]
+    motion, space, range_std = motion_of(scenario), space_of(scenario), range_std_of(scenario)
+    return centralized(initial, motion, space, range_std=range_std, xi=xi, power=power_of(scenario), **seen)[0]
 
 
 def _bounds(traces: Sequence[Trace]) -> Floats:
@@ -133,8 +130,7 @@ def counted_agents(trace: Trace) -> Bools:
 
 
 def _analyze(trace: Trace, states: Floats, bound: Floats, skip: float) -> Analysis:
-    error = trace.estimates - trace.truth
-    reference = states - trace.truth
+    error, reference = (_estimated_only(trace, each - trace.truth) for each in (trace.estimates, states))
     positions = trace.estimates[:, :, :3]
     counted = counted_agents(trace)
     present = np.isfinite(positions).all(axis=2) & counted[:, None]
@@ -165,6 +161,12 @@ def _analyze(trace: Trace, states: Floats, bound: Floats, skip: float) -> Analys
     return analysis
 
 
+def _estimated_only(trace: Trace, error: Floats) -> Floats:
+    """Errors (..., 6) along the estimated axes; in a plane the height is given, so it is no error of the tracker's."""
+    counted = np.isin(np.arange(6), space_of(trace.scenario).kept)
+    return np.where(counted, error, 0.0)
+
+
 def _mean_over_agents(values: Floats) -> Floats:
     present = np.isfinite(values)
     count = present.sum(axis=0)
@@ -183,7 +185,7 @@ def _rms(values: Floats) -> float | None:
 
 def _metrics(analysis: Analysis) -> dict[str, Any]:
     trace, window = analysis.trace, slice(analysis.first, None)
-    reference = analysis.centralized_states[window] - trace.truth[window]
+    reference = _estimated_only(trace, analysis.centralized_states - trace.truth)[window]
     bound = np.diagonal(analysis.bound[window], axis1=1, axis2=2)
     counted = analysis.counted
     position, central = (
@@ -216,6 +218,7 @@ def _metrics(analysis: Analysis) -> dict[str, Any]:
         },
         "nees": _nees_metrics(analysis),
         "nis": _nis_metrics(analysis),
+        "bias": _bias_metrics(trace, analysis.first),
         "disagreement": _rms(analysis.disagreement[window]),
         "bytes_per_step": trace.traffic.agent_bytes / (trace.scenario.count * len(trace.time)) or None,
         "messages": {
@@ -242,6 +245,17 @@ def _nis_metrics(analysis: Analysis) -> dict[str, Any] | None:
     trace, first = analysis.trace, analysis.first
     found = described(trace.nis, trace.nis_degrees, time=trace.time, first=first, counted=analysis.counted)
     return found and {**found, "agents_band": agents_bands(trace.nis_degrees, first)}
+
+
+def _bias_metrics(trace: Trace, first: int) -> dict[str, Any] | None:
+    if not np.isfinite(trace.bias).any():
+        return None
+    value, std, weight = np.moveaxis(trace.bias, 2, 0)
+    return {
+        "agents": [_last(row) for row in value],
+        "std": [_last(row) for row in std],
+        "weight": [_mean(row) for row in weight[:, first:]],
+    }
 
 
 def _links(trace: Trace) -> list[dict[str, Any]]:

@@ -46,6 +46,13 @@ def metrics_table(metrics: dict[str, Any]) -> Table:
         if found is not None:
             inside = "{:.0%} in [{:.3g}, {:.3g}]".format(found["inside"], *found["band"])
             table.add_row(name.upper(), number(found["average"]), f"ideal {found['dimension']}", inside)
+    if (bias := metrics["bias"]) is not None:
+        known = [value for value in bias["agents"] if value is not None]
+        weights = [value for value in bias["weight"] if value is not None]
+        relied = f"relied on: {sum(weights) / len(weights):.0%}" if weights else ""
+        table.add_row(
+            "bias of ranges", f"{number(min(known))} to {number(max(known), 'm')}" if known else "-", relied, ""
+        )
     table.add_row("disagreement", number(metrics["disagreement"], "m"), "", "")
     if metrics["left_out"]:
         table.add_row("left out of all this", f"agent {', '.join(map(str, metrics['left_out']))}", "", "")

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zenoh_cbef.errors import UserError
+from zenoh_cbef.protocol.messages import BIAS
 from zenoh_cbef.trace import Trace
 
 Array = NDArray[np.float64] | NDArray[np.int64]
@@ -28,6 +29,7 @@ def arrays_of(trace: Trace) -> dict[str, Array]:
         "weight": trace.weight,
         "nis": trace.nis,
         "nis_degrees": trace.nis_degrees,
+        "bias": trace.bias,
         "edges": trace.edges,
     }
 
@@ -62,7 +64,7 @@ def _write_tables(trace: Trace, folder: Path) -> list[Path]:
             [agent, step, np.tile(trace.time, count), trace.positions.reshape(-1, 3), trace.ranges.ravel()],
         ),
         "estimates": (
-            ["agent", "k", "time", *state, "innovation", "weight", *upper, "nis", "nis_degrees"],
+            ["agent", "k", "time", *state, "innovation", "weight", *upper, "nis", "nis_degrees", *BIAS],
             [
                 agent,
                 step,
@@ -73,6 +75,7 @@ def _write_tables(trace: Trace, folder: Path) -> list[Path]:
                 trace.covariances[:, :, rows, columns].reshape(count * steps, -1),
                 trace.nis.ravel(),
                 trace.nis_degrees.ravel(),
+                trace.bias.reshape(-1, 3),
             ],
         ),
     }

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from zenoh_cbef.log.contents import Contents, Header, open_log, read_contents, read_header
 from zenoh_cbef.log.read_trace import heard_ranges, logged_positions
-from zenoh_cbef.protocol.messages import BadMessage, nil_to_nan, unpack_floats
+from zenoh_cbef.protocol.messages import BIAS, BadMessage, nil_to_nan, unpack_floats
 from zenoh_cbef.simulator import Heard, Simulation, Step
 
 Floats = NDArray[np.float64]
@@ -64,12 +64,14 @@ class _Comparison:
         at = f"agent {agent}, step {number}: "
         estimate = step.estimate
         self._same(at + "state", np.array(message["state"]), estimate.state[agent])
-        for name in ("innovation", "weight", "nis", "nis_degrees"):
+        values = {name: getattr(estimate, name) for name in ("innovation", "weight", "nis", "nis_degrees")}
+        values |= dict(zip(BIAS, estimate.bias.T, strict=True))
+        for name, value in values.items():
             if name not in message:
                 continue
-            logged, value = message[name], getattr(estimate, name).astype(np.float64)
+            logged = message[name]
             number_ = nil_to_nan(float(logged) if isinstance(logged, float | int) else None)
-            self._same(at + name, np.array([number_]), value[agent : agent + 1])
+            self._same(at + name, np.array([number_]), value[agent : agent + 1].astype(np.float64))
         packed = message["covariance"]
         if (packed is None) != (estimate.covariance is None):
             raise _Different(at + "covariance is there in one only")

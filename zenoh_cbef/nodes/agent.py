@@ -15,7 +15,7 @@ from zenoh_cbef.nodes.inbox import Alarm, Inbox
 from zenoh_cbef.nodes.neighbour import Neighbourhood, beacon_inbox
 from zenoh_cbef.nodes.node import Identity, Node
 from zenoh_cbef.nodes.rejections import Rejections
-from zenoh_cbef.protocol.messages import nan_to_nil, pack_floats
+from zenoh_cbef.protocol.messages import BIAS, nan_to_nil, pack_floats
 from zenoh_cbef.protocol.round_codec import RoundCodec
 from zenoh_cbef.protocol.scenario_service import fetch_scenario
 from zenoh_cbef.scenario import Scenario
@@ -163,6 +163,7 @@ class Agent:
             weight=nan_to_nil(estimate.weight[0]),
             nis=nan_to_nil(estimate.nis[0]),
             nis_degrees=int(estimate.nis_degrees[0]),
+            **{name: nan_to_nil(value) for name, value in zip(BIAS, estimate.bias[0].tolist(), strict=True)},
             **self.neighbourhood.take_counts(),
             covariance=None if covariance is None else pack_floats(covariance[0]),
         )

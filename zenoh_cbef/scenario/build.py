@@ -8,13 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zenoh_cbef import streams
-from zenoh_cbef.faults import Fates, MessageFault, Outgoing
+from zenoh_cbef.faults import Fates, MessageFault, Outgoing, SenderFault
 from zenoh_cbef.scenario import network
 from zenoh_cbef.scenario.model import Scenario
 from zenoh_cbef.scenario.world import target_start
 from zenoh_cbef.tracking import graph, weights
 from zenoh_cbef.tracking.consensus import Average, Chebyshev, Consensus, RunningSums
-from zenoh_cbef.tracking.filters import INFORMATION, Belief, Filter, FilterSettings, make_filter
+from zenoh_cbef.tracking.filters import BIASED, INFORMATION, Belief, Filter, FilterSettings, make_filter
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
 from zenoh_cbef.tracking.payloads import InformationPayloads, StatePayloads
 from zenoh_cbef.tracking.ranging import Space
@@ -41,8 +41,48 @@ def motion_of(scenario: Scenario) -> NearlyConstantVelocity:
 
 
 def range_std_of(scenario: Scenario) -> float:
-    """The range noise that the filter assumes, m."""
-    return scenario.filter.range_std or scenario.sensor.range_std
+    """The range noise that the filter assumes, m; where it is learned, what it begins with."""
+    assumed = scenario.filter.range_std
+    return scenario.sensor.range_std if assumed is None or assumed == "auto" else assumed
+
+
+def bias_of(scenario: Scenario) -> str:
+    """What the filter does about biases: none, estimate, or auto where it can weigh them."""
+    chosen = scenario.filter
+    if chosen.kind not in BIASED or (chosen.bias == "auto" and (chosen.recovery or _distrusts(scenario))):
+        return "none"
+    return chosen.bias
+
+
+def _distrusts(scenario: Scenario) -> bool:
+    """Whether neighbours may send wrong values: what is then compared and trimmed is one filter's information."""
+    return scenario.consensus.trim > 0 or any(isinstance(fault, SenderFault) for fault in scenario.fault)
+
+
+def settings_of(scenario: Scenario) -> FilterSettings:
+    """What the scenario's filter is told."""
+    chosen, range_std = scenario.filter, range_std_of(scenario)
+    common, own = chosen.bias_common_std, chosen.bias_own_std
+    return FilterSettings(
+        motion_of(scenario),
+        space_of(scenario),
+        range_std,
+        chosen.xi,
+        # Without rounds everybody is a network of one.
+        scenario.count if scenario.consensus.rounds else 1,
+        chosen.omega,
+        chosen.measurement == "difference",
+        power_of(scenario),
+        chosen.recovery,
+        bias_of(scenario),
+        1.5 * range_std if common is None else common,
+        0.15 * range_std if own is None else own,
+        chosen.range_std == "auto",
+        scenario.target.motion == "dataset"
+        and chosen.initial_position is None
+        and chosen.kind in BIASED
+        and not _distrusts(scenario),
+    )
 
 
 def power_of(scenario: Scenario) -> int:
@@ -55,19 +95,7 @@ def power_of(scenario: Scenario) -> int:
 
 def filter_of(scenario: Scenario) -> Filter:
     """The scenario's filter."""
-    settings = FilterSettings(
-        motion_of(scenario),
-        space_of(scenario),
-        range_std_of(scenario),
-        scenario.filter.xi,
-        # Without rounds everybody is a network of one.
-        scenario.count if scenario.consensus.rounds else 1,
-        scenario.filter.omega,
-        scenario.filter.measurement == "difference",
-        power_of(scenario),
-        scenario.filter.recovery,
-    )
-    return make_filter(scenario.filter.kind, settings)
+    return make_filter(scenario.filter.kind, settings_of(scenario))
 
 
 def payloads_of(scenario: Scenario) -> InformationPayloads | StatePayloads:
@@ -76,6 +104,7 @@ def payloads_of(scenario: Scenario) -> InformationPayloads | StatePayloads:
     if kind not in INFORMATION:
         return StatePayloads(axes)
     omega = float(scenario.count) if scenario.filter.omega is None else scenario.filter.omega
+    size += bias_of(scenario) == "estimate"  # The common part of the bias is one more state.
     return InformationPayloads(axes, size, (1.0, omega) if kind == "hcmci" else (1.0,))
 
 

@@ -8,7 +8,7 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator, model_valida
 
 from zenoh_cbef.faults import AnyFault
 from zenoh_cbef.tracking import graph
-from zenoh_cbef.tracking.filters import DIFFERENCED, INFORMATION, KINDS
+from zenoh_cbef.tracking.filters import BIASED, DIFFERENCED, INFORMATION, KINDS, NOISE_LEARNED
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
@@ -170,6 +170,8 @@ class Filter(Table):
     standard deviations. saturation auto: redescending where the sensor is said to have outliers. omega: what hcmci
     multiplies averaged measurements by; None: the number of agents.
     measurement: the agent's own range, or differences with its neighbours', as cbef and cbef-scaled always have.
+    bias_common_std, bias_own_std: prior of the network's and of the agents' own part of the bias, m; None: 1.5 and
+    0.15 of range_std.
     """
 
     kind: str = "sicf"
@@ -179,8 +181,10 @@ class Filter(Table):
     omega: Positive | None = None
     measurement: Literal["range", "difference"] = "range"
     acceleration_std: Positive | None = None
-    range_std: Positive | None = None
-    bias: Literal["none"] = "none"
+    range_std: Annotated[Positive | Literal["auto"] | None, Field(description="a number, or 'auto'")] = None
+    bias: Literal["none", "estimate", "auto"] = "auto"
+    bias_common_std: NotNegative | None = None
+    bias_own_std: NotNegative | None = None
     planar_height: Finite | None = None
     initial_position: EachVector = None
     initial_velocity: EachVector = None
@@ -199,6 +203,11 @@ class Filter(Table):
                 f"filter.recovery is for filters that average information, not for {self.kind!r}; "
                 "set filter.kind = 'sicf', or leave filter.recovery out"
             )
+        if self.recovery and self.bias == "estimate":
+            raise ValueError(
+                "filter.recovery widens the covariance of position and velocity alone; "
+                "set filter.bias = 'auto' or 'none', or leave filter.recovery out"
+            )
         return self
 
     @model_validator(mode="after")
@@ -207,6 +216,16 @@ class Filter(Table):
             raise ValueError(
                 f"filter.measurement = 'difference' would count ranges more than once in {self.kind!r}, as agents' "
                 "differences share them; set filter.kind = 'ci', or filter.measurement = 'range'"
+            )
+        if self.bias == "estimate" and self.kind not in BIASED:
+            raise ValueError(
+                f"filter.bias = 'estimate' is not for {self.kind!r}; set filter.kind = 'sicf' or 'icf', or filter.bias "
+                "= 'auto', which leaves biases alone in other filters"
+            )
+        if self.range_std == "auto" and (self.kind not in NOISE_LEARNED or self.measurement == "difference"):
+            raise ValueError(
+                f"filter.range_std = 'auto' is not for {self.kind!r} on {self.measurement}s; give a number, or set "
+                "filter.kind = 'sicf'"
             )
         return self
 

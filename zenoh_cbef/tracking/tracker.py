@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zenoh_cbef.tracking.consensus import Consensus
-from zenoh_cbef.tracking.filters.base import Belief, Filter, Update
+from zenoh_cbef.tracking.filters.base import Belief, Bias, Filter, Update
 from zenoh_cbef.tracking.ranging import Measurement, Space
 
 Floats = NDArray[np.float64]
@@ -18,7 +18,10 @@ Ints = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Estimate:
-    """A step's result: state (n, 6), covariance (n, 6, 6) or None; innovation, weight, nis, nis_degrees (n,)."""
+    """A step's result: state (n, 6), covariance (n, 6, 6) or None; innovation, weight, nis, nis_degrees (n,).
+
+    bias: (n, 3), of the agent's ranges: value, std (m) and weight, see filters.base.Bias; NaN where there is none.
+    """
 
     state: Floats
     covariance: Floats | None
@@ -26,6 +29,7 @@ class Estimate:
     weight: Floats
     nis: Floats
     nis_degrees: Ints
+    bias: Floats
 
 
 class Tracker:
@@ -65,4 +69,11 @@ class Tracker:
             update.weight,
             np.full(count, np.nan) if update.nis is None else update.nis,
             np.zeros(count, dtype=np.int64) if update.nis_degrees is None else update.nis_degrees,
+            _bias_columns(self.belief.bias, count),
         )
+
+
+def _bias_columns(bias: Bias | None, count: int) -> Floats:
+    if bias is None:
+        return np.full((count, 3), np.nan)
+    return np.stack([bias.value, bias.std, bias.weight], axis=1)

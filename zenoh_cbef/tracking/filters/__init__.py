@@ -7,22 +7,28 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from zenoh_cbef.tracking.filters.auto_bias import AutoBias
 from zenoh_cbef.tracking.filters.base import Belief, Filter, Update
+from zenoh_cbef.tracking.filters.biased_information import BiasedInformation
 from zenoh_cbef.tracking.filters.cbef import Cbef
 from zenoh_cbef.tracking.filters.cbef_scaled import ScaledCbef
 from zenoh_cbef.tracking.filters.ci import CovarianceIntersection
 from zenoh_cbef.tracking.filters.diffusion import Diffusion
+from zenoh_cbef.tracking.filters.first_fix import FirstFix
 from zenoh_cbef.tracking.filters.hcmci import HybridConsensus
 from zenoh_cbef.tracking.filters.information import SaturatedInformation
 from zenoh_cbef.tracking.filters.kcf import KalmanConsensus
+from zenoh_cbef.tracking.filters.learned_noise import LearnedNoise
 from zenoh_cbef.tracking.filters.recovering import Recovering
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
 from zenoh_cbef.tracking.ranging import Space
 
 __all__ = [
+    "BIASED",
     "DIFFERENCED",
     "INFORMATION",
     "KINDS",
+    "NOISE_LEARNED",
     "SATURATED",
     "WITHOUT_COVARIANCE",
     "Belief",
@@ -39,9 +45,11 @@ __all__ = [
 class FilterSettings:
     """What any filter may need to know.
 
-    range_std: m. xi, omega: see the filter; omega None: network_size. network_size: number of agents. differenced:
-    whether ci and local take in differences of ranges in place of the agent's own range. power: of the saturation.
-    recovers: whether the network widens its covariances where most agents are surprised.
+    range_std: m; learns_noise: it is where learning it begins. xi, omega: see the filter; omega None: network_size.
+    network_size: number of agents. differenced: whether ci and local take in differences of ranges in place of the
+    agent's own range. power: of the saturation. recovers: whether the network widens its covariances where most
+    agents are surprised. bias: none, estimate or auto; common_bias_std, own_bias_std: its prior, m. first_fix: the
+    initial estimate is a guess, to be improved by least squares on the first ranges.
     """
 
     motion: NearlyConstantVelocity
@@ -53,12 +61,28 @@ class FilterSettings:
     differenced: bool = False
     power: int = 1
     recovers: bool = False
+    bias: str = "none"
+    common_bias_std: float = 0.0
+    own_bias_std: float = 0.0
+    learns_noise: bool = False
+    first_fix: bool = False
 
 
 def _information(settings: FilterSettings, xi: float) -> Filter:
-    return SaturatedInformation(
+    plain = SaturatedInformation(
         settings.motion, settings.space, settings.range_std, settings.network_size, xi, settings.power
     )
+    biased = BiasedInformation(
+        settings.motion,
+        settings.space,
+        settings.range_std,
+        settings.network_size,
+        settings.common_bias_std,
+        settings.own_bias_std,
+        xi,
+        settings.power,
+    )
+    return {"none": plain, "estimate": biased, "auto": AutoBias(plain, biased)}[settings.bias]
 
 
 def _intersection(settings: FilterSettings, *, cooperates: bool) -> Filter:
@@ -103,7 +127,24 @@ WITHOUT_COVARIANCE = ("cbef", "cbef-scaled")
 """The kinds that claim nothing about their error."""
 
 
+BIASED = ("sicf", "icf")
+"""The kinds that estimate biases of ranges, and that begin with a first fix."""
+
+NOISE_LEARNED = ("sicf", "icf", "hcmci", "ci", "local")
+"""The kinds for which the range noise can be learned online."""
+
+
+def first_fix_of(settings: FilterSettings, then: Filter, xi: float) -> FirstFix:
+    """The first fix before a filter."""
+    bias_std = 0.0 if settings.bias == "none" else float(np.hypot(settings.common_bias_std, settings.own_bias_std))
+    return FirstFix(then, settings.motion, settings.space, settings.range_std, bias_std, settings.network_size, xi)
+
+
 def make_filter(kind: str, settings: FilterSettings) -> Filter:
     """The filter of one kind, with what the settings put around it."""
     chosen = KINDS[kind](settings)
-    return Recovering(chosen) if settings.recovers else chosen
+    if settings.recovers:
+        chosen = Recovering(chosen)
+    if settings.first_fix:
+        chosen = first_fix_of(settings, chosen, settings.xi if kind in SATURATED else np.inf)
+    return LearnedNoise(chosen, settings.range_std) if settings.learns_noise else chosen

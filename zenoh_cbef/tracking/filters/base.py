@@ -15,11 +15,30 @@ Ints = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
+class Bias:
+    """What an agent estimates of the constant error of its own ranges, arrays (n,).
+
+    value, std: m. weight: how far the state relies on it, from 0 (the ranges are taken as they are) to 1.
+    """
+
+    value: Floats
+    std: Floats
+    weight: Floats
+
+
+@dataclass(frozen=True)
 class Belief:
-    """State (n, s) with covariance (n, s, s); a filter without a covariance carries None."""
+    """State (n, s) with covariance (n, s, s); a filter without a covariance carries None.
+
+    bias: of the agent's ranges, None for a filter that does not estimate it. memory: arrays (n, ...), and parts:
+    beliefs, that a filter carries to the next step beyond its state; a belief without them is an initial one.
+    """
 
     state: Floats
     covariance: Floats | None
+    bias: Bias | None = None
+    memory: tuple[Floats, ...] = ()
+    parts: tuple[Belief, ...] = ()
 
     @property
     def known_covariance(self) -> Floats:
@@ -37,7 +56,7 @@ class Update:
     was measured). weight: (n,), the saturation gain in (0, 1] that was applied (NaN likewise). kept: arrays (n, ...)
     that the filter needs to conclude and tells nobody. nis: (n,), the innovation squared in units of the covariance
     that the filter predicted for it, before saturation (NaN likewise), and nis_degrees: (n,), its degrees of freedom;
-    None for a filter without covariance.
+    None for a filter without covariance. parts: the updates of the filters that a filter is made of.
     """
 
     payload: Floats
@@ -46,6 +65,7 @@ class Update:
     kept: tuple[Floats, ...] = ()
     nis: Floats | None = None
     nis_degrees: Ints | None = None
+    parts: tuple[Update, ...] = ()
 
 
 class Filter(Protocol):

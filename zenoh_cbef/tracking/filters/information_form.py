@@ -55,13 +55,13 @@ def own_information(
         s = sqrt(H P H^T + sigma^2),  z = r - h(x),  w = min(1, xi s/|z|)^power
         u = w H^T (z + H x)/sigma^2,  U = w H^T H / sigma^2
 
-    state: (n, s), covariance: (n, s, s), the prior. range_std: sigma, m. xi: saturation level in
-    standard deviations. power: see `saturation`.
+    state: (n, s), covariance: (n, s, s), the prior. range_std: sigma, m, unless the measurement
+    says otherwise. xi: saturation level in standard deviations. power: see `saturation`.
     """
     predicted, row = own_range(space, state, measurement.position, measurement.age)
     measured = np.isfinite(measurement.range)
     innovation = np.where(measured, measurement.range - predicted, 0.0)
-    variance = range_std**2
+    variance = variance_of(measurement, range_std)
     spread = _spread(row, covariance, variance)
     weight = saturation(innovation, xi * spread, power)
     precision = np.where(measured, weight, 0.0) / variance
@@ -75,7 +75,13 @@ def own_information(
     )
 
 
-def _spread(row: Floats, covariance: Floats, variance: float) -> Floats:
+def variance_of(measurement: Measurement, range_std: float) -> Floats:
+    """Variance of the own range's noise, (n,), m^2: what is known of it, or else what the filter was told."""
+    known = measurement.range_std
+    return np.full(len(measurement.range), range_std**2) if known is None else known**2
+
+
+def _spread(row: Floats, covariance: Floats, variance: float | Floats) -> Floats:
     """Predicted standard deviation of the own range's innovation, (n,), m."""
     return np.asarray(np.sqrt(np.sum(row * matvec(covariance, row), axis=1) + variance))
 

@@ -1,0 +1,80 @@
+"""Least squares on squared ranges, which are linear in the position and its square: a fix without a first guess."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from zenoh_cbef.tracking.filters.base import Belief, Floats
+from zenoh_cbef.tracking.filters.information_form import belief_of, pack, packed_size, saturation
+from zenoh_cbef.tracking.linalg import matvec, neighbour_sum, outer
+from zenoh_cbef.tracking.ranging import Space
+
+_LOOSE = 100.0
+"""Prior standard deviation of |q|^2, in squares of the unit: no information."""
+
+
+@dataclass(frozen=True)
+class Frame:
+    """Where positions are counted from, (n, axes), and the unit of length, (n,), both m."""
+
+    middle: Floats
+    unit: Floats
+
+
+@dataclass(frozen=True)
+class SquaredRanges:
+    """A target at rest at p = m + L q, with agents at p_i = m + L a_i: every squared range is a linear equation.
+
+        (r_i^2 - (height differences)^2)/L^2 - |a_i|^2 = -2 a_i^T q + |q|^2
+
+    linear in y = (q, |q|^2) (Smith and Abel, IEEE TASSP 35(12), 1987). Agents add their rows' information up by
+    averaging; there is one solution wherever the agents' geometry shows the position, however far the guess m.
+    A row's noise is 2 r sigma/L^2. Where rows are too few, the prior q ~ N(0, I) decides.
+
+    network_size: n. xi: saturation of a row's residual in standard deviations, at the latest solution.
+    """
+
+    space: Space
+    network_size: int
+    xi: float
+
+    @property
+    def size(self) -> int:
+        """Numbers in a payload."""
+        return packed_size(self.space.axes + 1)
+
+    def payload(self, frame: Frame, fix: Belief, *, positions: Floats, ranges: Floats, variance: Floats) -> Floats:
+        """The agent's share of the information on y, (n, size).
+
+        fix: the latest position (n, axes), and its covariance, at which residuals are weighed. positions: (n, k, 3).
+        ranges, variance: (n, k), m and m^2; NaN ranges are left out.
+        """
+        axes, unit = self.space.axes, frame.unit[:, None]
+        measured = np.isfinite(ranges)
+        ranges = np.where(measured, ranges, 0.0)
+        at = (positions[:, :, :axes] - frame.middle[:, None]) / unit[:, :, None]
+        square = ranges**2 / unit**2 - np.sum(at * at, axis=2)
+        if self.space.height is not None:
+            square -= (self.space.height - positions[:, :, 2]) ** 2 / unit**2
+        rows = np.concatenate([-2.0 * at, np.ones_like(at[:, :, :1])], axis=2)
+        noise = (2.0 * ranges / unit**2) ** 2 * variance + 2.0 * (variance / unit**2) ** 2
+        place = (fix.state - frame.middle) / unit
+        residual = square + 2.0 * np.sum(at * place[:, None], axis=2) - np.sum(place * place, axis=1)[:, None]
+        slope = 2.0 * (place[:, None] - at) / unit[:, :, None]
+        spread = np.sqrt(noise + np.sum(slope * matvec(fix.known_covariance[:, None], slope), axis=2))
+        precision = np.where(measured, saturation(residual, self.xi * spread), 0.0) / noise
+        information = neighbour_sum(precision[:, :, None] * outer(rows, rows).reshape(*measured.shape, -1))
+        prior = np.diag([1.0] * axes + [_LOOSE**-2]) / self.network_size
+        return pack(
+            neighbour_sum((precision * square)[:, :, None] * rows),
+            information.reshape(-1, axes + 1, axes + 1) + prior,
+        )
+
+    def solve(self, payload: Floats, own: Floats, frame: Frame) -> Belief:
+        """Position and its covariance from averaged payloads; own: the agent's, to fall back on."""
+        axes, unit = self.space.axes, frame.unit[:, None]
+        solved = belief_of(payload[:, : self.size], own[:, : self.size], axes + 1)
+        spread = solved.known_covariance[:, :axes, :axes] / self.network_size
+        return Belief(frame.middle + unit * solved.state[:, :axes], unit[:, :, None] ** 2 * spread)

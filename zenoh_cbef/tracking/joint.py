@@ -1,0 +1,174 @@
+"""The centralised filter with the network's options: biases, first fix, learned noise; the yardstick for those."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zenoh_cbef.tracking.filters import FilterSettings, first_fix_of, make_filter
+from zenoh_cbef.tracking.filters.auto_bias import BEGIN, LARGEST, MEMORY, mixed, weight_of
+from zenoh_cbef.tracking.filters.base import Belief, Update
+from zenoh_cbef.tracking.filters.biased_information import FORGETTING
+from zenoh_cbef.tracking.filters.information_form import saturation
+from zenoh_cbef.tracking.filters.learned_noise import learned
+from zenoh_cbef.tracking.linalg import matvec
+from zenoh_cbef.tracking.ranging import Measurement, own_range
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Ranges:
+    """One step of r runs: positions (r, n, 3), ranges, ages and their noise (r, n); NaN ranges are missing."""
+
+    position: Floats
+    range: Floats
+    age: Floats
+    std: Floats
+
+
+def joint_centralized(
+    initial: Belief, settings: FilterSettings, xi: float, *, positions: Floats, ranges: Floats, age: Floats
+) -> tuple[Floats, Floats]:
+    """One filter that sees every range at once, over K steps: states (r, K, 6) and covariances (r, K, 6, 6).
+
+    With biases its state is (p, v, c, d_1 ... d_n): a plain Kalman filter in which all correlations are kept, unlike
+    the network's. The bias is weighed as in auto_bias.py, the noise learned as in learned_noise.py, and the first
+    fix is the network's with an exact average. initial: (r, s), (r, s, s). positions: (r, n, K, 3). ranges, age:
+    (r, n, K). xi: saturation level in standard deviations.
+    """
+    runs, agents, steps = ranges.shape
+    states, covariances = np.empty((runs, steps, 6)), np.empty((runs, steps, 6, 6))
+    fix = Belief(*(np.repeat(part, agents, axis=0) for part in (initial.state, initial.known_covariance)))
+    fixing = settings.first_fix
+    filter_ = _Joint(settings, xi, initial, agents)
+    for k in range(steps):
+        step = Ranges(positions[:, :, k], ranges[:, :, k], np.nan_to_num(age[:, :, k]), filter_.noise)
+        if fixing:
+            fix, update = _first_fix(settings, xi, fix, step)
+            filter_.learn(update.innovation.reshape(runs, agents), np.asarray(update.nis).reshape(runs, agents))
+            belief = Belief(fix.state[::agents], fix.known_covariance[::agents])
+            if fix.parts:
+                fixing = False
+                filter_.begin(belief)
+        else:
+            belief = filter_.step(step)
+        states[:, k] = settings.space.embed_state(belief.state)
+        covariances[:, k] = settings.space.embed_covariance(belief.known_covariance)
+    return states, covariances
+
+
+def _first_fix(settings: FilterSettings, xi: float, fix: Belief, step: Ranges) -> tuple[Belief, Update]:
+    runs, agents = step.range.shape
+    rows = runs * agents
+    measurement = Measurement(
+        step.position.reshape(rows, 3),
+        step.range.ravel(),
+        step.age.ravel(),
+        np.empty((rows, 0, 3)),
+        np.empty((rows, 0)),
+        step.std.ravel(),
+    )
+    filter_ = first_fix_of(settings, make_filter("sicf", replace(settings, first_fix=False, learns_noise=False)), xi)
+    update = filter_.update(fix, measurement)
+    average = update.payload.reshape(runs, agents, -1).mean(axis=1)
+    return filter_.conclude(np.repeat(average, agents, axis=0), update), update
+
+
+class _Joint:
+    """The filter's state: a belief with biases, one without, what weighs them, and the noise of every receiver."""
+
+    def __init__(self, settings: FilterSettings, xi: float, initial: Belief, agents: int) -> None:
+        self.settings, self.xi, self.agents = settings, xi, agents
+        runs = len(initial.state)
+        self._sums = np.full((runs, 3), BEGIN)
+        self._scale, self._seen = np.zeros((runs, agents)), np.zeros((runs, agents))
+        self.begin(initial)
+
+    @property
+    def noise(self) -> Floats:
+        """Standard deviations of the ranges, (r, n), m."""
+        return np.asarray(self.settings.range_std * np.exp(self._scale))
+
+    def begin(self, initial: Belief) -> None:
+        """Start from a belief about (p, v)."""
+        size, prior = self.settings.motion.size, np.zeros(1 + self.agents)
+        prior[0], prior[1:] = self.settings.common_bias_std**2, self.settings.own_bias_std**2
+        covariance = np.zeros((len(initial.state), size + len(prior), size + len(prior)))
+        covariance[:, :size, :size] = initial.known_covariance
+        covariance[:, size:, size:] = np.diag(prior)
+        self._biased = Belief(np.pad(initial.state, ((0, 0), (0, len(prior)))), covariance)
+        self._plain = initial
+
+    def learn(self, innovation: Floats, nis: Floats) -> None:
+        """Learn the noise from innovations (r, n) and their NIS."""
+        if self.settings.learns_noise:
+            update = Update(np.empty(0), innovation, np.empty(0), nis=nis)
+            self._scale, self._seen = learned(self._scale, self._seen, self.noise, update)
+
+    def step(self, step: Ranges) -> Belief:
+        """One step of both filters."""
+        size, weight = self.settings.motion.size, weight_of(*(self._sums[:, :2] / self._sums[:, 2:]).T)
+        self._plain, innovation, plain = self._kalman(self._plain, step, biased=False)
+        if self.settings.bias == "none":
+            self.learn(innovation, plain)
+            return self._plain
+        self._biased, other, biased = self._kalman(self._biased, step, biased=True)
+        belief = Belief(self._biased.state[:, :size], self._biased.known_covariance[:, :size, :size])
+        if self.settings.bias == "estimate":
+            self.learn(other, biased)
+            return belief
+        chosen = weight[:, None] > 0.5
+        self.learn(np.where(chosen, other, innovation), np.where(chosen, biased, plain))
+        measured = np.isfinite(step.range)
+        cut = [np.minimum(np.nan_to_num(nis), LARGEST).sum(axis=1) for nis in (plain, biased)]
+        new = np.stack([*cut, measured.sum(axis=1)], axis=1)
+        self._sums = np.exp(-new[:, 2:] / MEMORY) * self._sums + new
+        return Belief(*mixed(self._plain, belief, weight_of(*(self._sums[:, :2] / self._sums[:, 2:]).T)))
+
+    def _kalman(self, belief: Belief, step: Ranges, *, biased: bool) -> tuple[Belief, Floats, Floats]:
+        """Predict and take in all ranges; returns innovations' sizes and NIS (r, n) too."""
+        state, covariance = self._predicted(belief, step, biased=biased)
+        agents, size = self.agents, self.settings.motion.size
+        predicted, rows = own_range(
+            self.settings.space,
+            np.repeat(state[:, :size], agents, axis=0),
+            step.position.reshape(-1, 3),
+            step.age.ravel(),
+        )
+        rows, predicted = rows.reshape(-1, agents, size), predicted.reshape(-1, agents)
+        if biased:
+            own = np.broadcast_to(np.eye(agents), (len(state), agents, agents))
+            rows = np.concatenate([rows, np.ones_like(rows[:, :, :1]), own], axis=2)
+            predicted = predicted + state[:, size, None] + state[:, size + 1 :]
+        measured = np.isfinite(step.range)
+        innovation = np.where(measured, step.range - predicted, 0.0)
+        spread = np.sqrt(np.sum(rows * (rows @ covariance), axis=2) + step.std**2)
+        weight = saturation(innovation, self.xi * spread, self.settings.power)
+        # The covariance form: the inverse of a covariance that holds a known bias does not exist.
+        noise = np.where(measured, step.std**2 / weight, 1.0)
+        rows = np.where(measured[:, :, None], rows, 0.0)
+        cross = covariance @ np.swapaxes(rows, 1, 2)
+        total = rows @ cross + noise[:, :, None] * np.eye(agents)
+        gain = np.swapaxes(np.linalg.solve(total, np.swapaxes(cross, 1, 2)), 1, 2)
+        covariance = covariance - gain @ np.swapaxes(cross, 1, 2)
+        covariance = 0.5 * (covariance + np.swapaxes(covariance, 1, 2))
+        nis = np.where(measured, (innovation / spread) ** 2, np.nan)
+        return Belief(state + matvec(gain, innovation), covariance), np.abs(innovation), nis
+
+    def _predicted(self, belief: Belief, step: Ranges, *, biased: bool) -> tuple[Floats, Floats]:
+        motion = self.settings.motion
+        if not biased:
+            return motion.predict_state(belief.state), motion.predict_covariance(belief.known_covariance)
+        size = motion.size
+        transition = np.eye(size + 1 + self.agents)
+        transition[:size, :size] = motion.transition
+        covariance = transition @ belief.known_covariance @ transition.T
+        covariance[:, :size, :size] += motion.process_noise
+        own = np.arange(size + 1, len(transition))
+        variance = covariance[:, own, own]
+        widened = np.minimum((1.0 + FORGETTING) * variance, np.maximum(variance, self.settings.own_bias_std**2))
+        covariance[:, own, own] = np.where(np.isfinite(step.range), widened, variance)
+        return matvec(transition, belief.state), covariance
