@@ -215,6 +215,10 @@ def _summary(analysis: Analysis) -> str:
         low, high = found["band"]
         rows.append([f"{name}, average", f"{_number(found['average'])}, expected {found['dimension']}"])
         rows.append([f"{name} inside {low:.3g} to {high:.3g}", f"{100.0 * found['inside']:.1f} %, expected 95 %"])
+    if (bias := metrics["bias"]) is not None:
+        for name, values in (("estimated bias of ranges", bias["agents"]), ("its standard deviation", bias["std"])):
+            rows.append([f"{name}, each agent (m)", ", ".join(map(_number, values))])
+        rows.append(["how far it is relied on (0 to 1)", ", ".join(map(_number, bias["weight"]))])
     traffic = [[f"messages {key}", f"{count:,}".replace(",", "\u2009")] for key, count in messages.items()]
     if not any(messages.values()):
         traffic = [["messages", "none logged: a simulated run"]]

@@ -41,7 +41,7 @@ def joint_centralized(
     """
     runs, agents, steps = ranges.shape
     states, covariances = np.empty((runs, steps, 6)), np.empty((runs, steps, 6, 6))
-    fix = Belief(*(np.repeat(part, agents, axis=0) for part in (initial.state, initial.known_covariance)))
+    fix = Belief(np.repeat(initial.state, agents, axis=0), np.repeat(initial.known_covariance, agents, axis=0))
     fixing = settings.first_fix
     filter_ = _Joint(settings, xi, initial, agents)
     for k in range(steps):

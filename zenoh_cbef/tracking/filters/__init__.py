@@ -82,7 +82,9 @@ def _information(settings: FilterSettings, xi: float) -> Filter:
         xi,
         settings.power,
     )
-    return {"none": plain, "estimate": biased, "auto": AutoBias(plain, biased)}[settings.bias]
+    if settings.bias == "none":
+        return plain
+    return biased if settings.bias == "estimate" else AutoBias(plain, biased)
 
 
 def _intersection(settings: FilterSettings, *, cooperates: bool) -> Filter:

@@ -122,7 +122,7 @@ class FirstFix:
         return replace(fix, memory=(*history, fix.state - predicted))
 
     def _at_rest(self, payload: Floats, update: Update) -> Belief:
-        axes, prior = self.space.axes, Belief(*update.kept[:2])
+        axes, prior = self.space.axes, Belief(update.kept[0], update.kept[1])
         place = self._squared.solve(payload, update.payload, self._frame(prior))
         covariance = np.array(prior.known_covariance)
         covariance[:, :axes] = covariance[:, :, :axes] = 0.0
@@ -180,7 +180,7 @@ class _Seen:
 
     @property
     def steps(self) -> int:
-        return self.ranges.shape[1]
+        return int(self.ranges.shape[1])
 
 
 @dataclass(frozen=True)

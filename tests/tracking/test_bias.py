@@ -1,0 +1,120 @@
+"""Biases of ranges, the first fix and learned noise, against independent derivations."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from zenoh_cbef.analysis.metrics import analyze
+from zenoh_cbef.errors import UserError
+from zenoh_cbef.scenario.load import load
+from zenoh_cbef.simulator import simulate
+from zenoh_cbef.tracking.filters.auto_bias import weight_of
+from zenoh_cbef.tracking.filters.base import Belief
+from zenoh_cbef.tracking.filters.biased_information import BiasedInformation
+from zenoh_cbef.tracking.filters.first_fix import STEPS, FirstFix
+from zenoh_cbef.tracking.filters.information import SaturatedInformation
+from zenoh_cbef.tracking.filters.learned_noise import LearnedNoise
+from zenoh_cbef.tracking.motion import NearlyConstantVelocity
+from zenoh_cbef.tracking.ranging import Measurement, Space
+
+MOTION, SPACE = NearlyConstantVelocity(0.1, 0.5), Space()
+
+
+def heard(position, ranges):
+    count = len(position)
+    return Measurement(position, ranges, np.zeros(count), np.empty((count, 0, 3)), np.empty((count, 0)))
+
+
+def joint_kalman(mean, covariance, agent, range_, *, motion, std):
+    """A plain Kalman step on (p, v, c, d) for one agent, in covariance form."""
+    step = np.eye(8)
+    step[:6, :6] = motion.transition
+    mean, covariance = step @ mean, step @ covariance @ step.T
+    covariance[:6, :6] += motion.process_noise
+    offset = mean[:3] - agent
+    distance = np.linalg.norm(offset)
+    row = np.concatenate([offset / distance, np.zeros(3), [1.0, 1.0]])
+    gain = covariance @ row / (row @ covariance @ row + std**2)
+    mean = mean + gain * (range_ - distance - mean[6] - mean[7])
+    return mean, covariance - np.outer(gain, row @ covariance)
+
+
+def test_one_agent_is_the_joint_kalman_filter_of_state_and_bias():
+    rng = np.random.default_rng(3)
+    # The own variance stays below its prior, which widening would otherwise restore: compare without it.
+    filter_ = BiasedInformation(MOTION, SPACE, 0.1, 1, 0.3, 0.2)
+    agent = np.array([4.0, 1.0, -2.0])
+    belief = Belief(np.array([[0.5, 0.0, 0.2, 0.1, 0.0, 0.0]]), np.eye(6)[None])
+    mean = np.concatenate([belief.state[0], [0.0, 0.0]])
+    covariance = np.diag([1.0] * 6 + [0.09, 0.04])
+    for _ in range(5):
+        range_ = 4.6 + rng.normal(0.0, 0.1)
+        before = belief.memory[3][0] if belief.memory else 0.04
+        update = filter_.update(belief, heard(agent[None], np.array([range_])))
+        belief = filter_.conclude(update.payload, update)
+        covariance[7, 7] = min(1.004 * before, 0.04)
+        mean, covariance = joint_kalman(mean, covariance, agent, range_, motion=MOTION, std=0.1)
+        np.testing.assert_allclose(belief.state[0], mean[:6], atol=1e-8)
+        np.testing.assert_allclose(belief.known_covariance[0], covariance[:6, :6], atol=1e-8)
+        assert belief.bias is not None
+        assert belief.bias.value[0] == pytest.approx(mean[6] + mean[7], abs=1e-8)
+        assert belief.bias.std[0] == pytest.approx(np.sqrt(covariance[6:, 6:].sum()), abs=1e-8)
+
+
+def test_a_consistent_filter_without_bias_is_kept_and_an_excess_that_bias_explains_is_believed():
+    weights = weight_of(np.array([0.5, 0.92, 2.0, 2.0]), np.array([0.2, 0.92, 0.9, 2.0]))
+    assert weights.tolist() == [0.0, 0.0, 1.0, 0.0]
+
+
+def test_the_first_fix_finds_the_side_of_the_agents_that_the_target_is_on():
+    agents = np.array([[2.6, -0.9, 2.0], [-2.6, 0.9, 2.0], [-1.8, 0.9, 0.5], [-2.6, -0.9, 2.0]])
+    space, motion = Space(1.0), NearlyConstantVelocity(0.1, 1.0, 2)
+    then = SaturatedInformation(motion, space, 0.1, 4, 1.5)
+    filter_ = FirstFix(then, motion, space, 0.1, 0.0, 4, 1.5)
+    target = np.array([0.3, -7.0, 1.0])
+    rng = np.random.default_rng(1)
+    belief = Belief(np.zeros((4, 4)), np.repeat(np.diag([9.0, 9.0, 1.0, 1.0])[None], 4, axis=0))
+    for _ in range(STEPS):
+        ranges = np.linalg.norm(agents - target, axis=1) + rng.normal(0.0, 0.1, 4)
+        update = filter_.update(belief, heard(agents, ranges))
+        average = np.repeat(update.payload.mean(axis=0)[None], 4, axis=0)
+        belief = filter_.conclude(average, update)
+    assert belief.parts
+    assert np.linalg.norm(belief.state[0, :2] - target[:2]) < 0.5
+
+
+def test_noise_is_learned_from_half_and_from_twice_of_it():
+    rng = np.random.default_rng(2)
+    agents = rng.uniform(-10.0, 10.0, (8, 3))
+    for initial in (0.05, 0.2):
+        filter_ = LearnedNoise(SaturatedInformation(MOTION, SPACE, initial, 8, 1.5), initial)
+        belief = Belief(np.zeros((8, 6)), np.repeat(np.eye(6)[None], 8, axis=0))
+        for _ in range(400):
+            ranges = np.linalg.norm(agents, axis=1) + rng.normal(0.0, 0.1, 8)
+            update = filter_.update(belief, heard(agents, ranges))
+            belief = filter_.conclude(np.repeat(update.payload.mean(axis=0)[None], 8, axis=0), update)
+        learned = initial * np.exp(belief.memory[0])
+        assert 0.08 < np.median(learned) < 0.125
+
+
+def rmse(bias, *overrides):
+    scenario = load("tracking", [f"filter.bias={bias}", "steps=200", *overrides]).scenario
+    return analyze(simulate([scenario]))[0].metrics
+
+
+def test_without_a_bias_auto_changes_hardly_anything_and_with_one_it_gains():
+    clean = rmse("auto")["position_rmse"] / rmse("none")["position_rmse"]
+    assert clean == pytest.approx(1.0, abs=0.01)
+    offset = ["sensor.bias=0.5", "agents.count=10"]
+    biased = rmse("auto", *offset)
+    assert biased["position_rmse"] < 0.5 * rmse("none", *offset)["position_rmse"]
+    assert biased["ratio_to_centralized"] < 1.1
+    np.testing.assert_allclose(biased["bias"]["agents"], 0.5, atol=0.2)
+
+
+def test_what_cannot_be_estimated_is_refused():
+    with pytest.raises(UserError, match=r"filter\.bias = 'estimate' is not for 'kcf'"):
+        load("tracking", ["filter.kind=kcf", "filter.bias=estimate"])
+    with pytest.raises(UserError, match=r"filter\.range_std = 'auto' is not for 'cbef'"):
+        load("tracking", ["filter.kind=cbef", "filter.range_std=auto"])
