@@ -47,11 +47,22 @@ def range_std_of(scenario: Scenario) -> float:
 
 
 def bias_of(scenario: Scenario) -> str:
-    """What the filter does about biases: none, estimate, or auto where it can weigh them."""
+    """What the filter does about biases: none, estimate, or auto where it can weigh them.
+
+    As with the noise, a filter that is told nothing knows of emulated receivers what the scenario says: those that
+    have no bias need no states for it, and cost half the arithmetic and half the bytes.
+    """
     chosen = scenario.filter
-    if chosen.kind not in BIASED or (chosen.bias == "auto" and (chosen.recovery or _distrusts(scenario))):
+    if chosen.kind not in BIASED:
+        return "none"
+    if chosen.bias == "auto" and (chosen.recovery or _distrusts(scenario) or not _may_be_biased(scenario)):
         return "none"
     return chosen.bias
+
+
+def _may_be_biased(scenario: Scenario) -> bool:
+    sensor = scenario.sensor
+    return scenario.target.motion == "dataset" or bool(np.any(np.array(sensor.bias))) or sensor.bias_std > 0.0
 
 
 def _distrusts(scenario: Scenario) -> bool:
