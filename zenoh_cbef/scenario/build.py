@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zenoh_cbef import streams
-from zenoh_cbef.faults import Fates, MessageFault, Outgoing, SenderFault
+from zenoh_cbef.faults import Fates, MessageFault, Outgoing, SenderFault, SensorFault
 from zenoh_cbef.scenario import network
 from zenoh_cbef.scenario.model import Scenario
 from zenoh_cbef.scenario.world import target_start
@@ -62,7 +62,9 @@ def bias_of(scenario: Scenario) -> str:
 
 def _may_be_biased(scenario: Scenario) -> bool:
     sensor = scenario.sensor
-    return scenario.target.motion == "dataset" or bool(np.any(np.array(sensor.bias))) or sensor.bias_std > 0.0
+    biased = bool(np.any(np.array(sensor.bias))) or sensor.bias_std > 0.0
+    disturbed = any(isinstance(fault, SensorFault) for fault in scenario.fault)
+    return biased or disturbed or scenario.target.motion == "dataset"
 
 
 def _distrusts(scenario: Scenario) -> bool:
