@@ -67,9 +67,9 @@ class _Comparison:
         values = {name: getattr(estimate, name) for name in ("innovation", "weight", "nis", "nis_degrees")}
         values |= dict(zip(BIAS, estimate.bias.T, strict=True))
         for name, value in values.items():
-            if name not in message:
-                continue
-            logged = message[name]
+            if name not in message and name not in BIAS:
+                continue  # A log of version 0.1.0.
+            logged = message.get(name)
             number_ = nil_to_nan(float(logged) if isinstance(logged, float | int) else None)
             self._same(at + name, np.array([number_]), value[agent : agent + 1].astype(np.float64))
         packed = message["covariance"]

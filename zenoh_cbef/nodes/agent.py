@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 import tomllib
 from dataclasses import dataclass
+from math import isfinite
 
 import numpy as np
 
@@ -155,7 +156,7 @@ class Agent:
                 f"agent {self.agent}'s estimate is no longer finite at step {step}; "
                 "the filter diverges in this scenario, see docs/method.md"
             )
-        covariance = estimate.covariance
+        covariance, bias = estimate.covariance, estimate.bias[0].tolist()
         self._estimate_out.send(
             k=step,
             state=estimate.state[0].tolist(),
@@ -163,7 +164,7 @@ class Agent:
             weight=nan_to_nil(estimate.weight[0]),
             nis=nan_to_nil(estimate.nis[0]),
             nis_degrees=int(estimate.nis_degrees[0]),
-            **{name: nan_to_nil(value) for name, value in zip(BIAS, estimate.bias[0].tolist(), strict=True)},
+            **{name: value for name, value in zip(BIAS, bias, strict=True) if isfinite(value)},
             **self.neighbourhood.take_counts(),
             covariance=None if covariance is None else pack_floats(covariance[0]),
         )

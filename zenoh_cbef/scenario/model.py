@@ -4,40 +4,24 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from zenoh_cbef.faults import AnyFault
+from zenoh_cbef.scenario.estimation import Filter
+from zenoh_cbef.scenario.table import (
+    Corner,
+    Eigenvalue,
+    Finite,
+    Name,
+    NotNegative,
+    Point,
+    Positive,
+    Probability,
+    Table,
+    Vector,
+    one_of,
+)
 from zenoh_cbef.tracking import graph
-from zenoh_cbef.tracking.filters import BIASED, DIFFERENCED, INFORMATION, KINDS, NOISE_LEARNED
-
-Finite = Annotated[float, Field(allow_inf_nan=False)]
-Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
-NotNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
-Probability = Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)]
-Eigenvalue = Annotated[
-    float, Field(gt=-1.0, lt=1.0, allow_inf_nan=False, description="a number between -1 and 1, both excluded")
-]
-Vector = tuple[Finite, Finite, Finite]
-Name = Annotated[
-    str,
-    Field(
-        pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$",
-        max_length=100,
-        description="at most 100 letters, digits, dots, dashes and underscores, the first a letter or digit",
-    ),
-]
-Point = Annotated[Vector, Field(description="a list of three numbers, as in [1.0, 2.0, 3.0]")]
-Corner = Annotated[Finite | Vector, Field(description="a number, or three numbers [x, y, z]")]
-EachVector = Annotated[
-    Vector | tuple[Vector, ...] | None,
-    Field(description="three numbers [x, y, z], or a list with three numbers for each agent"),
-]
-
-
-class Table(BaseModel):
-    """A table of the scenario file: unknown keys are refused, values never change."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
 
 class Target(Table):
@@ -125,7 +109,7 @@ class Network(Table):
     @field_validator("graph")
     @classmethod
     def _known(cls, value: str) -> str:
-        return _one_of(value, graph.KINDS)
+        return one_of(value, graph.KINDS)
 
 
 class Consensus(Table):
@@ -159,73 +143,6 @@ class Consensus(Table):
             raise ValueError(
                 f"consensus.trim = {self.trim} needs plain averaging, in which no agent weighs negatively; "
                 "set consensus.acceleration = 'none' and consensus.scheme = 'average' or 'auto'"
-            )
-        return self
-
-
-class Filter(Table):
-    """The estimation filter and what it is told. None: what target and sensor say.
-
-    xi: cbef saturates at this size of the whole innovation (m^2), cbef-scaled likewise (m), the others at this many
-    standard deviations. saturation auto: redescending where the sensor is said to have outliers. omega: what hcmci
-    multiplies averaged measurements by; None: the number of agents.
-    measurement: the agent's own range, or differences with its neighbours', as cbef and cbef-scaled always have.
-    bias_common_std, bias_own_std: prior of the network's and of the agents' own part of the bias, m; None: 1.5 and
-    0.15 of range_std.
-    """
-
-    kind: str = "sicf"
-    xi: Positive = 1.5
-    saturation: Literal["auto", "bounded", "redescending"] = "auto"
-    recovery: bool = False
-    omega: Positive | None = None
-    measurement: Literal["range", "difference"] = "range"
-    acceleration_std: Positive | None = None
-    range_std: Annotated[Positive | Literal["auto"] | None, Field(description="a number, or 'auto'")] = None
-    bias: Literal["none", "estimate", "auto"] = "auto"
-    bias_common_std: NotNegative | None = None
-    bias_own_std: NotNegative | None = None
-    planar_height: Finite | None = None
-    initial_position: EachVector = None
-    initial_velocity: EachVector = None
-    initial_position_std: Positive | None = None
-    initial_velocity_std: Positive | None = None
-
-    @field_validator("kind")
-    @classmethod
-    def _known(cls, value: str) -> str:
-        return _one_of(value, tuple(KINDS))
-
-    @model_validator(mode="after")
-    def _recovers(self) -> Filter:
-        if self.recovery and self.kind not in INFORMATION:
-            raise ValueError(
-                f"filter.recovery is for filters that average information, not for {self.kind!r}; "
-                "set filter.kind = 'sicf', or leave filter.recovery out"
-            )
-        if self.recovery and self.bias == "estimate":
-            raise ValueError(
-                "filter.recovery widens the covariance of position and velocity alone; "
-                "set filter.bias = 'auto' or 'none', or leave filter.recovery out"
-            )
-        return self
-
-    @model_validator(mode="after")
-    def _counted_once(self) -> Filter:
-        if self.measurement == "difference" and self.kind not in DIFFERENCED:
-            raise ValueError(
-                f"filter.measurement = 'difference' would count ranges more than once in {self.kind!r}, as agents' "
-                "differences share them; set filter.kind = 'ci', or filter.measurement = 'range'"
-            )
-        if self.bias == "estimate" and self.kind not in BIASED:
-            raise ValueError(
-                f"filter.bias = 'estimate' is not for {self.kind!r}; set filter.kind = 'sicf' or 'icf', or filter.bias "
-                "= 'auto', which leaves biases alone in other filters"
-            )
-        if self.range_std == "auto" and (self.kind not in NOISE_LEARNED or self.measurement == "difference"):
-            raise ValueError(
-                f"filter.range_std = 'auto' is not for {self.kind!r} on {self.measurement}s; give a number, or set "
-                "filter.kind = 'sicf'"
             )
         return self
 
@@ -308,9 +225,3 @@ class Scenario(Table):
             if isinstance(value, tuple) and one_each and len(value) != count:
                 raise ValueError(f"{key} lists {len(value)} values for {count} agents; give one, or one per agent")
         return self
-
-
-def _one_of(value: str, choices: tuple[str, ...]) -> str:
-    if value not in choices:
-        raise ValueError(f"must be one of {', '.join(choices)}, not {value!r}")
-    return value

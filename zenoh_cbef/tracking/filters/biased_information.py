@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from zenoh_cbef.tracking.filters.base import Belief, Bias, Floats, Update
-from zenoh_cbef.tracking.filters.information_form import belief_of, pack, packed_size, saturation, variance_of
+from zenoh_cbef.tracking.filters.information_form import (
+    belief_of,
+    pack,
+    packed_size,
+    saturation,
+    unless_alone,
+    variance_of,
+)
 from zenoh_cbef.tracking.linalg import inverse, matvec, outer
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
 from zenoh_cbef.tracking.ranging import Measurement, Space, own_range
@@ -104,16 +111,19 @@ class BiasedInformation:
             payload,
             np.where(measured, np.abs(innovation), np.nan),
             np.where(measured, weight, np.nan),
-            kept=(offset, slope - gain[:, None] * row, (1.0 - gain) * given),
+            kept=(offset, slope - gain[:, None] * row, (1.0 - gain) * given, state, covariance),
             nis=np.where(measured, (innovation / spread) ** 2, np.nan),
             nis_degrees=measured.astype(np.int64),
         )
 
     def conclude(self, payload: Floats, update: Update) -> Belief:
         """State and covariance from the averaged information, and the own bias that goes with them."""
+        offset, slope, given, *prior = update.kept
         averaged = belief_of(payload, update.payload, self.motion.size + 1)
-        state, covariance = averaged.state, averaged.known_covariance / self.network_size
-        offset, slope, given = update.kept
+        averaged = Belief(averaged.state, averaged.known_covariance / self.network_size)
+        if self.cooperates:
+            averaged = unless_alone(averaged, payload, replace(update, kept=tuple(prior)))
+        state, covariance = averaged.state, averaged.known_covariance
         cross = matvec(covariance, slope)
         own = offset + np.sum(slope * state, axis=1)
         own_variance = given + np.sum(slope * cross, axis=1)
