@@ -215,15 +215,21 @@ def _summary(analysis: Analysis) -> str:
         low, high = found["band"]
         rows.append([f"{name}, average", f"{_number(found['average'])}, expected {found['dimension']}"])
         rows.append([f"{name} inside {low:.3g} to {high:.3g}", f"{100.0 * found['inside']:.1f} %, expected 95 %"])
-    if (bias := metrics["bias"]) is not None:
-        for name, values in (("estimated bias of ranges", bias["agents"]), ("its standard deviation", bias["std"])):
-            rows.append([f"{name}, each agent (m)", ", ".join(map(_number, values))])
-        rows.append(["how far it is relied on (0 to 1)", ", ".join(map(_number, bias["weight"]))])
     traffic = [[f"messages {key}", f"{count:,}".replace(",", "\u2009")] for key, count in messages.items()]
     if not any(messages.values()):
         traffic = [["messages", "none logged: a simulated run"]]
     tables = _table("Honesty and agreement", [], rows) + _table("Traffic", [], traffic)
-    return f'{_table(caption, heads, errors)}<div class="pair">{tables}</div>'
+    return f'{_table(caption, heads, errors)}<div class="pair">{tables}</div>{_each_agent(analysis)}'
+
+
+def _each_agent(analysis: Analysis) -> str:
+    metrics = analysis.metrics
+    columns = {"MSEE at the end": metrics["msee"]["agents"]}
+    columns |= {name: found["agents"] for name in ("NEES", "NIS") if (found := metrics[name.lower()]) is not None}
+    if (bias := metrics["bias"]) is not None:
+        columns |= {"bias of ranges (m)": bias["agents"], "its std (m)": bias["std"], "relied on": bias["weight"]}
+    rows = zip(agent_names(analysis), *(map(_number, values) for values in columns.values()), strict=True)
+    return f'<div class="scroll">{_table("Each agent", ["agent", *columns], list(rows))}</div>'
 
 
 def _agents(analysis: Analysis) -> str:
