@@ -25,6 +25,13 @@ LIES = {
     "ten times as certain": 'mode="scale", magnitude=10.0',
     "messages of 10 steps ago": 'mode="replay"',
 }
+RECEIVERS = {
+    "bias 2 m": '"sensor-bias", bias=2.0',
+    "bias 0.5 m": '"sensor-bias", bias=0.5',
+    "stuck": '"sensor-stuck"',
+    "spikes, every range": '"sensor-spikes", probability=1.0',
+    "spikes, 30 %": '"sensor-spikes", probability=0.3',
+}
 DENSE = ("agents.count=10", "network.probability=0.8")
 
 
@@ -101,10 +108,29 @@ def cut_off(seeds: int = SEEDS) -> Iterator[Row]:
         yield Row(f"position RMSE of {name} meanwhile, m", spread(np.array(rmse)))
 
 
+def wrong_receiver(seeds: int = SEEDS) -> Iterator[Row]:
+    """Agent 3 of six has a faulty receiver from 8 s to 20 s: with distrust against without."""
+    for name, keys in {"none": "", **RECEIVERS}.items():
+        fault = f"fault=[{{kind={keys}, agents=[3], from=8.0, until=20.0}}]" if keys else "fault=[]"
+        false, true = (
+            np.array(
+                [run.position_error for run in runs_of("tracking", [fault, f"filter.distrust={value}"], seeds=seeds)]
+            )
+            for value in ("false", "true")
+        )
+        for when, steps in (("during", slice(79, 199)), ("after", slice(199, None))):
+            before, now = (np.sqrt((error[:, :, steps] ** 2).mean(axis=(1, 2))) for error in (false, true))
+            beyond = f"; beyond 1 m: {(now > 1.0).sum()} seeds in place of {(before > 1.0).sum()}"
+            yield Row(f"{name}, {when}", spread(now / before) + beyond)
+
+
 def run(repeats: int) -> Iterator[Table]:
     """Deterministic, so `repeats` is not used."""
     del repeats
     yield results(f"outliers: position RMSE / clean centralised, {SEEDS} seeds", list(outliers()))
     yield results(f"a wrong start: position RMSE, {SEEDS} seeds", list(lost()))
     yield results(f"an agent cut off, {SEEDS} seeds", list(cut_off()))
+    yield results(
+        f"a receiver of six is wrong: position RMSE with distrust / without, {SEEDS} seeds", list(wrong_receiver())
+    )
     yield results(f"an agent of ten lies: position RMSE / centralised, {SEEDS} seeds", list(liars()))

@@ -58,6 +58,7 @@ def scenario(seed=1, **keys):
 FILTERS = (
     {kind: {"kind": kind} for kind in KINDS}
     | {"sicf that recovers": {"kind": "sicf", "recovery": True}}
+    | {"icf that distrusts": {"kind": "icf", "distrust": True}}
     | {f"{kind} of differences": {"kind": kind, "measurement": "difference"} for kind in ("ci", "local")}
 )
 

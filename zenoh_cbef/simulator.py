@@ -199,6 +199,7 @@ class _Results:
         self.weight = np.empty((rows, steps))
         self.nis = np.empty((rows, steps))
         self.nis_degrees = np.empty((rows, steps), dtype=np.int64)
+        self.distrust = np.empty((rows, steps))
         self.bias = np.empty((rows, steps, 3))
         self.payloads: Floats | None = None
 
@@ -210,7 +211,7 @@ class _Results:
             self.covariances[:, k] = estimate.covariance
         self.innovation[:, k], self.weight[:, k] = estimate.innovation, estimate.weight
         self.nis[:, k], self.nis_degrees[:, k] = estimate.nis, estimate.nis_degrees
-        self.bias[:, k] = estimate.bias
+        self.distrust[:, k], self.bias[:, k] = estimate.distrust, estimate.bias
         if keep_payloads and step.sent:
             if self.payloads is None:
                 self.payloads = np.empty((*self._shape, len(step.sent), step.sent[0].shape[1]))
@@ -233,6 +234,7 @@ class _Results:
             weight=self.weight[mine],
             nis=self.nis[mine],
             nis_degrees=self.nis_degrees[mine],
+            distrust=self.distrust[mine],
             bias=self.bias[mine],
             edges=network.edges(scenario),
             links=_links(self._simulation, mine),

@@ -66,9 +66,10 @@ class Trace:
 
     time: (K,), s. truth: (K, 6). positions: (n, K, 3). ranges: (n, K), m. age: (n, K), s, of each range at its
     step. initial: (n, 6), before step 1's update. estimates: (n, K, 6). covariances: (n, K, 6, 6). innovation,
-    weight, nis: (n, K). nis_degrees: (n, K), of freedom, 0 without a NIS. bias: (n, K, 3), of each agent's ranges:
-    estimate, its standard deviation (m), and how far the state relies on it (0 to 1). edges: (m, 2). NaN where there
-    is nothing. payloads, where kept: (n, K, L, d), as sent. events: what nodes reported, in order. complete: the log
+    weight, nis: (n, K). nis_degrees: (n, K), of freedom, 0 without a NIS. distrust: (n, K), how far each agent
+    distrusted its own range (0 to 1). bias: (n, K, 3), of each agent's ranges: estimate, its standard deviation (m),
+    and how far the state relies on it (0 to 1). edges: (m, 2). NaN where there is nothing. payloads, where kept:
+    (n, K, L, d), as sent. events: what nodes reported, in order. complete: the log
     was closed, and the run ended as planned.
     """
 
@@ -86,6 +87,7 @@ class Trace:
     weight: Floats
     nis: Floats
     nis_degrees: Ints
+    distrust: Floats
     bias: Floats
     edges: Ints
     links: Links

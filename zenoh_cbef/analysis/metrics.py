@@ -35,6 +35,9 @@ LINK_COUNTS = (
     "duplicated",
 )
 
+FLAGGED = 0.5
+"""Distrust from which on an agent's receiver counts as flagged."""
+
 
 @dataclass(frozen=True)
 class Analysis:
@@ -219,6 +222,7 @@ def _metrics(analysis: Analysis) -> dict[str, Any]:
         "nees": _nees_metrics(analysis),
         "nis": _nis_metrics(analysis),
         "bias": _bias_metrics(trace, analysis.first),
+        "distrust": _distrust_metrics(trace, analysis.first),
         "disagreement": _rms(analysis.disagreement[window]),
         "bytes_per_step": trace.traffic.agent_bytes / (trace.scenario.count * len(trace.time)) or None,
         "messages": {
@@ -255,6 +259,17 @@ def _bias_metrics(trace: Trace, first: int) -> dict[str, Any] | None:
         "agents": [_last(row) for row in value],
         "std": [_last(row) for row in std],
         "weight": [_mean(row) for row in weight[:, first:]],
+    }
+
+
+def _distrust_metrics(trace: Trace, first: int) -> dict[str, Any] | None:
+    if not np.isfinite(trace.distrust).any():
+        return None
+    flagged = trace.distrust > FLAGGED
+    return {
+        "agents": [float(row.mean()) for row in flagged[:, first:]],
+        "first": [float(trace.time[row.argmax()]) if row.any() else None for row in flagged],
+        "last": [float(trace.time[len(row) - 1 - row[::-1].argmax()]) if row.any() else None for row in flagged],
     }
 
 

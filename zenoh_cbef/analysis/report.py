@@ -228,6 +228,8 @@ def _each_agent(analysis: Analysis) -> str:
     columns |= {name: found["agents"] for name in ("NEES", "NIS") if (found := metrics[name.lower()]) is not None}
     if (bias := metrics["bias"]) is not None:
         columns |= {"bias of ranges (m)": bias["agents"], "its std (m)": bias["std"], "relied on": bias["weight"]}
+    if (distrust := metrics["distrust"]) is not None:
+        columns["steps of distrust (%)"] = [100.0 * share for share in distrust["agents"]]
     rows = zip(agent_names(analysis), *(map(_number, values) for values in columns.values()), strict=True)
     return f'<div class="scroll">{_table("Each agent", ["agent", *columns], list(rows))}</div>'
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from zenoh_cbef.protocol.messages import BIAS, encode, pack_floats
+from zenoh_cbef.protocol.messages import BIAS, DISTRUST, encode, pack_floats
 from zenoh_cbef.protocol.round_codec import RoundCodec
 from zenoh_cbef.scenario import Scenario, network
-from zenoh_cbef.scenario.build import bias_of, message_size
+from zenoh_cbef.scenario.build import bias_of, distrusts_own, message_size
 from zenoh_cbef.tracking.filters import WITHOUT_COVARIANCE
 
 _SENT = 1_700_000_000_000_000_000
@@ -27,6 +27,8 @@ def other_bytes(scenario: Scenario) -> float:
     counts = {name: [step * scenario.consensus.rounds] * degree for name in ("received", "lost", "late")}
     estimate = {"k": step, "state": [0.5] * 6, "innovation": 0.5, "weight": 0.5, "nis": 0.5, "nis_degrees": 1}
     estimate |= {"neighbours": [0] * degree, **counts, "latency": [0.5] * degree, "covariance": None}
+    if distrusts_own(scenario):
+        estimate[DISTRUST] = 0.0
     if bias_of(scenario) != "none":
         estimate |= dict.fromkeys(BIAS, 0.5)
     if scenario.filter.kind not in WITHOUT_COVARIANCE:

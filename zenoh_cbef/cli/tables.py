@@ -53,6 +53,9 @@ def metrics_table(metrics: dict[str, Any]) -> Table:
         table.add_row(
             "bias of ranges", f"{number(min(known))} to {number(max(known), 'm')}" if known else "-", relied, ""
         )
+    if (distrust := metrics["distrust"]) is not None:
+        flagged = [f"{agent}: {share:.0%}" for agent, share in enumerate(distrust["agents"]) if share > 0.0]
+        table.add_row("agents that distrust their ranges", ", ".join(flagged) or "none", "of the steps", "")
     table.add_row("disagreement", number(metrics["disagreement"], "m"), "", "")
     if metrics["left_out"]:
         table.add_row("left out of all this", f"agent {', '.join(map(str, metrics['left_out']))}", "", "")

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.protocol.messages import BIAS
+from zenoh_cbef.protocol.messages import BIAS, DISTRUST
 from zenoh_cbef.trace import Trace
 
 Array = NDArray[np.float64] | NDArray[np.int64]
@@ -29,6 +29,7 @@ def arrays_of(trace: Trace) -> dict[str, Array]:
         "weight": trace.weight,
         "nis": trace.nis,
         "nis_degrees": trace.nis_degrees,
+        "distrust": trace.distrust,
         "bias": trace.bias,
         "edges": trace.edges,
     }
@@ -64,7 +65,7 @@ def _write_tables(trace: Trace, folder: Path) -> list[Path]:
             [agent, step, np.tile(trace.time, count), trace.positions.reshape(-1, 3), trace.ranges.ravel()],
         ),
         "estimates": (
-            ["agent", "k", "time", *state, "innovation", "weight", *upper, "nis", "nis_degrees", *BIAS],
+            ["agent", "k", "time", *state, "innovation", "weight", *upper, "nis", "nis_degrees", *BIAS, DISTRUST],
             [
                 agent,
                 step,
@@ -76,6 +77,7 @@ def _write_tables(trace: Trace, folder: Path) -> list[Path]:
                 trace.nis.ravel(),
                 trace.nis_degrees.ravel(),
                 trace.bias.reshape(-1, 3),
+                trace.distrust.ravel(),
             ],
         ),
     }

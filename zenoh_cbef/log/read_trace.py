@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.contents import Contents, Header, open_log, read_contents, read_header
-from zenoh_cbef.protocol.messages import BIAS, BadMessage, nil_to_nan, unpack_floats
+from zenoh_cbef.protocol.messages import BIAS, DISTRUST, BadMessage, nil_to_nan, unpack_floats
 from zenoh_cbef.scenario import Scenario, network
 from zenoh_cbef.scenario.build import initial_states
 from zenoh_cbef.scenario.world import agent_positions, step_times
@@ -59,6 +59,7 @@ def trace_of(header: Header, contents: Contents, *, complete: bool) -> Trace:
         weight=estimates.weight,
         nis=estimates.nis,
         nis_degrees=estimates.nis_degrees,
+        distrust=estimates.distrust,
         bias=estimates.bias,
         edges=network.edges(scenario),
         links=_links(scenario, contents),
@@ -105,6 +106,7 @@ class _Estimates:
         self.weight = np.full((count, steps), np.nan)
         self.nis = np.full((count, steps), np.nan)
         self.nis_degrees = np.zeros((count, steps), dtype=np.int64)
+        self.distrust = np.full((count, steps), np.nan)
         self.bias = np.full((count, steps, 3), np.nan)
 
     def put(self, agent: int, step: int, message: dict[str, Any]) -> None:
@@ -113,6 +115,7 @@ class _Estimates:
         self.innovation[at] = nil_to_nan(message["innovation"])
         self.weight[at] = nil_to_nan(message["weight"])
         self.nis[at], self.nis_degrees[at] = nil_to_nan(message.get("nis")), message.get("nis_degrees", 0)
+        self.distrust[at] = nil_to_nan(message.get(DISTRUST))
         self.bias[at] = [nil_to_nan(message.get(name)) for name in BIAS]
         if message["covariance"] is not None:
             try:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from zenoh_cbef.log.contents import Contents, Header, open_log, read_contents, read_header
 from zenoh_cbef.log.read_trace import heard_ranges, logged_positions
-from zenoh_cbef.protocol.messages import BIAS, BadMessage, nil_to_nan, unpack_floats
+from zenoh_cbef.protocol.messages import BIAS, DISTRUST, BadMessage, nil_to_nan, unpack_floats
 from zenoh_cbef.simulator import Heard, Simulation, Step
 
 Floats = NDArray[np.float64]
@@ -65,9 +65,9 @@ class _Comparison:
         estimate = step.estimate
         self._same(at + "state", np.array(message["state"]), estimate.state[agent])
         values = {name: getattr(estimate, name) for name in ("innovation", "weight", "nis", "nis_degrees")}
-        values |= dict(zip(BIAS, estimate.bias.T, strict=True))
+        values |= {DISTRUST: estimate.distrust, **dict(zip(BIAS, estimate.bias.T, strict=True))}
         for name, value in values.items():
-            if name not in message and name not in BIAS:
+            if name not in message and name not in (DISTRUST, *BIAS):
                 continue  # A log of version 0.1.0.
             logged = message.get(name)
             number_ = nil_to_nan(float(logged) if isinstance(logged, float | int) else None)

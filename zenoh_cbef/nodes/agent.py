@@ -16,7 +16,7 @@ from zenoh_cbef.nodes.inbox import Alarm, Inbox
 from zenoh_cbef.nodes.neighbour import Neighbourhood, beacon_inbox
 from zenoh_cbef.nodes.node import Identity, Node
 from zenoh_cbef.nodes.rejections import Rejections
-from zenoh_cbef.protocol.messages import BIAS, nan_to_nil, pack_floats
+from zenoh_cbef.protocol.messages import BIAS, DISTRUST, nan_to_nil, pack_floats
 from zenoh_cbef.protocol.round_codec import RoundCodec
 from zenoh_cbef.protocol.scenario_service import fetch_scenario
 from zenoh_cbef.scenario import Scenario
@@ -156,7 +156,8 @@ class Agent:
                 f"agent {self.agent}'s estimate is no longer finite at step {step}; "
                 "the filter diverges in this scenario, see docs/method.md"
             )
-        covariance, bias = estimate.covariance, estimate.bias[0].tolist()
+        covariance = estimate.covariance
+        sometimes = zip((DISTRUST, *BIAS), (estimate.distrust[0], *estimate.bias[0]), strict=True)
         self._estimate_out.send(
             k=step,
             state=estimate.state[0].tolist(),
@@ -164,7 +165,7 @@ class Agent:
             weight=nan_to_nil(estimate.weight[0]),
             nis=nan_to_nil(estimate.nis[0]),
             nis_degrees=int(estimate.nis_degrees[0]),
-            **{name: value for name, value in zip(BIAS, bias, strict=True) if isfinite(value)},
+            **{name: float(value) for name, value in sometimes if isfinite(value)},
             **self.neighbourhood.take_counts(),
             covariance=None if covariance is None else pack_floats(covariance[0]),
         )

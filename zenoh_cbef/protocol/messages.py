@@ -81,6 +81,9 @@ DOUBLES_OR_NIL = Field(lambda value: value is None or _doubles(value), {**_DOUBL
 
 ENVELOPE = {"v": COUNT, "run": TEXT, "from": TEXT, "seq": COUNT, "sent": COUNT}
 
+DISTRUST = "distrust"
+"""Field of an estimate that says how far the agent distrusted its own range."""
+
 BIAS = ("bias", "bias_std", "bias_weight")
 """Fields of an estimate that say what is estimated of the constant error of the agent's ranges."""
 
@@ -103,7 +106,7 @@ BODIES: dict[str, dict[str, Field]] = {
         # Optional, as logs of version 0.1.0 lack them.
         "nis": Field(_number_or_nil, NUMBER_OR_NIL.schema, optional=True),
         "nis_degrees": Field(_count, _INTEGER, optional=True),
-        **{name: Field(_number_or_nil, NUMBER_OR_NIL.schema, optional=True) for name in BIAS},
+        **{name: Field(_number_or_nil, NUMBER_OR_NIL.schema, optional=True) for name in (DISTRUST, *BIAS)},
         "neighbours": COUNTS,
         "received": COUNTS,
         "lost": COUNTS,

@@ -72,6 +72,15 @@ def _distrusts(scenario: Scenario) -> bool:
     return scenario.consensus.trim > 0 or any(isinstance(fault, SenderFault) for fault in scenario.fault)
 
 
+def distrusts_own(scenario: Scenario) -> bool:
+    """Whether agents distrust their own receivers while these are implausible; auto: where receivers have faults."""
+    chosen = scenario.filter
+    if chosen.distrust != "auto":
+        return chosen.distrust
+    comparable = chosen.kind in INFORMATION and chosen.measurement == "range" and not _distrusts(scenario)
+    return comparable and any(isinstance(fault, SensorFault) for fault in scenario.fault)
+
+
 def settings_of(scenario: Scenario) -> FilterSettings:
     """What the scenario's filter is told."""
     chosen, range_std = scenario.filter, range_std_of(scenario)
@@ -87,6 +96,7 @@ def settings_of(scenario: Scenario) -> FilterSettings:
         chosen.measurement == "difference",
         power_of(scenario),
         chosen.recovery,
+        distrusts_own(scenario),
         bias_of(scenario),
         1.5 * range_std if common is None else common,
         0.15 * range_std if own is None else own,

@@ -25,6 +25,7 @@ class Filter(Table):
     xi: Positive = 1.5
     saturation: Literal["auto", "bounded", "redescending"] = "auto"
     recovery: bool = False
+    distrust: Annotated[bool | Literal["auto"], Field(description="true, false or 'auto'")] = "auto"
     omega: Positive | None = None
     measurement: Literal["range", "difference"] = "range"
     acceleration_std: Positive | None = None
@@ -54,6 +55,15 @@ class Filter(Table):
             raise ValueError(
                 "filter.recovery widens the covariance of position and velocity alone; "
                 "set filter.bias = 'auto' or 'none', or leave filter.recovery out"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _may_distrust(self) -> Filter:
+        if self.distrust is True and (self.kind not in INFORMATION or self.measurement == "difference"):
+            raise ValueError(
+                f"filter.distrust compares what neighbours say of their own ranges, so it is not for {self.kind!r} on "
+                f"{self.measurement}s; set filter.kind = 'sicf', or leave filter.distrust out"
             )
         return self
 

@@ -20,6 +20,7 @@ Ints = NDArray[np.int64]
 class Estimate:
     """A step's result: state (n, 6), covariance (n, 6, 6) or None; innovation, weight, nis, nis_degrees (n,).
 
+    distrust: (n,), how far the agent distrusted its range, from 0 to 1; NaN for a filter that always trusts.
     bias: (n, 3), of the agent's ranges: value, std (m) and weight, see filters.base.Bias; NaN where there is none.
     """
 
@@ -29,6 +30,7 @@ class Estimate:
     weight: Floats
     nis: Floats
     nis_degrees: Ints
+    distrust: Floats
     bias: Floats
 
 
@@ -69,6 +71,7 @@ class Tracker:
             update.weight,
             np.full(count, np.nan) if update.nis is None else update.nis,
             np.zeros(count, dtype=np.int64) if update.nis_degrees is None else update.nis_degrees,
+            np.full(count, np.nan) if update.distrust is None else update.distrust,
             _bias_columns(self.belief.bias, count),
         )
 

@@ -14,6 +14,7 @@ from zenoh_cbef.tracking.filters.cbef import Cbef
 from zenoh_cbef.tracking.filters.cbef_scaled import ScaledCbef
 from zenoh_cbef.tracking.filters.ci import CovarianceIntersection
 from zenoh_cbef.tracking.filters.diffusion import Diffusion
+from zenoh_cbef.tracking.filters.distrusting import Distrusting
 from zenoh_cbef.tracking.filters.first_fix import FirstFix
 from zenoh_cbef.tracking.filters.hcmci import HybridConsensus
 from zenoh_cbef.tracking.filters.information import SaturatedInformation
@@ -48,8 +49,9 @@ class FilterSettings:
     range_std: m; learns_noise: it is where learning it begins. xi, omega: see the filter; omega None: network_size.
     network_size: number of agents. differenced: whether ci and local take in differences of ranges in place of the
     agent's own range. power: of the saturation. recovers: whether the network widens its covariances where most
-    agents are surprised. bias: none, estimate or auto; common_bias_std, own_bias_std: its prior, m. first_fix: the
-    initial estimate is a guess, to be improved by least squares on the first ranges.
+    agents are surprised. distrusts: whether agents weigh down their own ranges while these stay implausible. bias:
+    none, estimate or auto; common_bias_std, own_bias_std: its prior, m. first_fix: the initial estimate is a guess,
+    to be improved by least squares on the first ranges.
     """
 
     motion: NearlyConstantVelocity
@@ -61,6 +63,7 @@ class FilterSettings:
     differenced: bool = False
     power: int = 1
     recovers: bool = False
+    distrusts: bool = False
     bias: str = "none"
     common_bias_std: float = 0.0
     own_bias_std: float = 0.0
@@ -145,6 +148,8 @@ def first_fix_of(settings: FilterSettings, then: Filter, xi: float) -> FirstFix:
 def make_filter(kind: str, settings: FilterSettings) -> Filter:
     """The filter of one kind, with what the settings put around it."""
     chosen = KINDS[kind](settings)
+    if settings.distrusts:
+        chosen = Distrusting(chosen, settings.range_std)
     if settings.recovers:
         chosen = Recovering(chosen)
     if settings.first_fix:

@@ -56,7 +56,8 @@ class Update:
     was measured). weight: (n,), the saturation gain in (0, 1] that was applied (NaN likewise). kept: arrays (n, ...)
     that the filter needs to conclude and tells nobody. nis: (n,), the innovation squared in units of the covariance
     that the filter predicted for it, before saturation (NaN likewise), and nis_degrees: (n,), its degrees of freedom;
-    None for a filter without covariance. parts: the updates of the filters that a filter is made of.
+    None for a filter without covariance. distrust: (n,), how far the range was distrusted, from 0 to 1; None for a
+    filter that always trusts. parts: the updates of the filters that a filter is made of.
     """
 
     payload: Floats
@@ -65,6 +66,7 @@ class Update:
     kept: tuple[Floats, ...] = ()
     nis: Floats | None = None
     nis_degrees: Ints | None = None
+    distrust: Floats | None = None
     parts: tuple[Update, ...] = ()
 
 

@@ -1,0 +1,147 @@
+"""A receiver that stays wrong is weighed down by its own agent, and trusted again; a wrong estimate is not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from zenoh_cbef.analysis.metrics import analyze
+from zenoh_cbef.errors import UserError
+from zenoh_cbef.scenario.build import distrusts_own
+from zenoh_cbef.scenario.load import load, parse
+from zenoh_cbef.simulator import simulate
+from zenoh_cbef.tracking.filters import Belief, SaturatedInformation
+from zenoh_cbef.tracking.filters.distrusting import Distrusting
+from zenoh_cbef.tracking.motion import NearlyConstantVelocity
+from zenoh_cbef.tracking.ranging import Measurement, Space
+
+MOTION, STD, AGENTS = NearlyConstantVelocity(0.1, 0.5), 0.1, 6
+PLAIN = SaturatedInformation(MOTION, Space(), STD, AGENTS, 1.5)
+PLACES = np.random.default_rng(4).uniform(-10.0, 10.0, (AGENTS, 3))
+BEGIN = Belief(np.zeros((AGENTS, 6)), np.tile(0.25 * np.eye(6), (AGENTS, 1, 1)))
+
+
+def measured(errors, seed):
+    ranges = np.linalg.norm(PLACES, axis=1) + np.random.default_rng(seed).normal(0.0, STD, AGENTS) + errors
+    return Measurement(PLACES, ranges, np.zeros(AGENTS), np.empty((AGENTS, 0, 3)), np.empty((AGENTS, 0)))
+
+
+def updates(errors, *, hear=True):
+    """Updates of a network whose ranges are off by errors (K, n), and the belief that each begins with."""
+    filter_, belief = Distrusting(PLAIN, STD), BEGIN
+    for seed, row in enumerate(errors):
+        update = filter_.update(belief, measured(row, seed))
+        yield belief, measured(row, seed), update
+        mixed = np.tile(update.payload.mean(axis=0), (AGENTS, 1)) if hear else update.payload
+        belief = filter_.conclude(mixed, update)
+
+
+def errors_of(agent, size, steps=40, until=20):
+    errors = np.zeros((steps, AGENTS))
+    errors[5:until, agent] = size
+    return errors
+
+
+def test_every_step_is_what_the_equations_say_of_each_agent():
+    errors = errors_of(2, 3.0)
+    errors[12, 2] = np.nan
+    means, average, seen = [1.0] * AGENTS, 1.0, set()
+    for belief, measurement, update in updates(errors):
+        for agent in range(AGENTS):
+            way = min(max((means[agent] - max(average, 1.0) - 3.0) / 2.0, 0.0), 1.0)
+            distrust = 3.0 * way**2 - 2.0 * way**3
+            assert update.distrust[agent] == pytest.approx(distrust, abs=1e-9)
+            seen.add(round(distrust))
+            # The filter itself, told of this noise, sends the same information.
+            row = {name: getattr(measurement, name)[[agent]] for name in vars(measurement) if name != "range_std"}
+            told = Measurement(**row, range_std=np.array([(1.0 + 29.0 * update.distrust[agent]) * STD]))
+            alone = PLAIN.update(Belief(belief.state[[agent]], belief.covariance[[agent]]), told)
+            np.testing.assert_array_equal(update.payload[agent, :-1], alone.payload[0])
+            state = MOTION.transition @ belief.state[agent]
+            covariance = MOTION.transition @ belief.covariance[agent] @ MOTION.transition.T + MOTION.process_noise
+            offset = state[:3] - PLACES[agent]
+            distance = np.sqrt(offset @ offset)
+            row = np.append(offset / distance, np.zeros(3))
+            nis = (measurement.range[agent] - distance) ** 2 / (row @ covariance @ row + STD**2)
+            if np.isfinite(nis):
+                means[agent] += (min(nis, 9.0) - means[agent]) / 5.0
+            assert update.payload[agent, -1] == pytest.approx(means[agent], rel=1e-6)
+        average = sum(means) / AGENTS
+    assert seen == {0, 1}
+
+
+def test_a_wrong_receiver_is_distrusted_within_ten_steps_alone_and_trusted_again_within_ten():
+    distrust = np.array([update.distrust for _, _, update in updates(errors_of(2, 3.0))])
+    assert (distrust[15:20, 2] == 1.0).all()
+    assert (distrust[30:, 2] == 0.0).all()
+    assert (np.delete(distrust, 2, axis=1) == 0.0).all()
+
+
+@pytest.mark.parametrize("hear", [True, False])
+def test_nobody_distrusts_where_all_are_surprised_or_nobody_is_heard(hear):
+    errors = np.tile(np.where(np.arange(AGENTS) % 2, 8.0, -8.0), (10, 1)) if hear else errors_of(2, 3.0, 10)
+    for _, _, update in updates(errors, hear=hear):
+        np.testing.assert_array_equal(update.distrust, 0.0)
+
+
+def test_the_network_is_better_off_and_says_who_was_wrong():
+    fault = 'fault=[{kind="sensor-bias", bias=2.0, agents=[3], from=3.0, until=6.0}]'
+    scenario = load("tracking", [fault, "steps=100"]).scenario
+    assert distrusts_own(scenario)
+    trusting = scenario.model_copy(update={"filter": scenario.filter.model_copy(update={"distrust": False})})
+    runs, others = (
+        analyze(simulate([one.model_copy(update={"seed": seed}) for seed in range(1, 9)]))
+        for one in (scenario, trusting)
+    )
+    errors = [np.median([run.position_error[:, 40:60].mean() for run in each]) for each in (runs, others)]
+    assert errors[0] < 0.5 * errors[1]
+    for run in runs:
+        told = run.metrics["distrust"]
+        assert told["agents"][3] > 0.25
+        assert max(told["agents"][:3] + told["agents"][4:]) == 0.0
+        assert told["first"][0] is None
+        assert 3.0 < told["first"][3] < 4.5
+        assert 5.9 <= told["last"][3] < 7.5
+    assert all(run.metrics["distrust"] is None for run in others)
+
+
+def test_auto_is_for_receivers_with_faults_and_neighbours_that_are_trusted():
+    stuck = {"kind": "sensor-stuck", "agents": [1]}
+    liar = {"kind": "byzantine", "agents": [1], "mode": "random"}
+    for keys, wanted in (
+        ({"fault": [stuck]}, True),
+        ({}, False),
+        ({"fault": [{"kind": "loss", "probability": 0.1}]}, False),
+        ({"fault": [stuck, liar]}, False),
+        ({"fault": [stuck], "filter": {"kind": "kcf"}}, False),
+        ({"fault": [stuck], "filter": {"kind": "ci", "measurement": "difference"}}, False),
+        ({"filter": {"distrust": True}}, True),
+        ({"fault": [stuck], "filter": {"distrust": False}}, False),
+    ):
+        assert distrusts_own(parse(keys, "test")) is wanted
+
+
+def test_without_a_fault_the_estimates_are_those_of_a_filter_that_always_trusts():
+    [first], [second] = (
+        simulate([load("tracking", ["steps=60", f"filter.distrust={value}"]).scenario]) for value in ("true", "false")
+    )
+    assert np.isnan(second.distrust).all()
+    np.testing.assert_array_equal(first.distrust, 0.0)
+    np.testing.assert_allclose(first.estimates, second.estimates, rtol=0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize("keys", [{"kind": "kcf"}, {"kind": "ci", "measurement": "difference"}])
+def test_distrust_is_for_filters_that_average_information_of_own_ranges(keys):
+    with pytest.raises(UserError, match=r"filter\.distrust compares"):
+        parse({"filter": {**keys, "distrust": True}}, "test")
+
+
+def test_a_filter_without_covariance_is_no_filter_to_distrust_by():
+    class Blind(SaturatedInformation):
+        def update(self, belief, measurement):
+            return replace(super().update(belief, measurement), nis=None)
+
+    with pytest.raises(ValueError, match="without a covariance"):
+        Distrusting(Blind(MOTION, Space(), STD, AGENTS), STD).update(BEGIN, measured(0.0, 1))

@@ -1,0 +1,95 @@
+"""A receiver that stays implausible is distrusted by its own agent, until it is plausible again."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from zenoh_cbef.tracking.filters.base import Belief, Filter, Floats, Update
+from zenoh_cbef.tracking.ranging import Measurement
+
+LARGEST = 9.0
+"""Where a NIS is cut off, so that one wild range is no proof: three standard deviations."""
+
+MEMORY = 5.0
+"""How many of its own ranges an agent remembers."""
+
+EXCESS = (3.0, 5.0)
+"""By how much the mean cut NIS must be above the network's for distrust to begin, and for it to be full."""
+
+WIDEST = 30.0
+"""Factor of sigma at full distrust."""
+
+
+@dataclass(frozen=True)
+class Distrusting:
+    """Any filter of information on own ranges, with one number more in its payload: how implausible its ranges are.
+
+        S_i = H P_i H^T + sigma^2                           as if the range were trusted
+        e_i <- e_i + (min(z_i^2/S_i, 9) - e_i)/5            where a range was measured; at first 1
+        d_i = step(e_i - max(average of e, 1); 3, 5)        step(x; a, b): smooth, 0 up to a and 1 from b on
+        sigma_i = (1 + 29 d_i) sigma                        in the next step
+
+    Saturation bounds what a single wrong range can do, but one that is wrong in every step pulls in every step. An
+    agent cannot tell by itself whether its ranges are wrong or its estimate is. The network can: a wrong estimate
+    is implausible to all, and then nobody stands out. So an agent distrusts itself only as far as the others are
+    not surprised, and one that hears nobody does not. e is that of a trusted range, so distrust does not feed itself,
+    and ends when ranges are plausible again.
+
+    range_std: sigma (m), unless the measurement says otherwise.
+    """
+
+    filter: Filter
+    range_std: float
+
+    @property
+    def uses_neighbour_ranges(self) -> bool:
+        """As the filter."""
+        return self.filter.uses_neighbour_ranges
+
+    @property
+    def cooperates(self) -> bool:
+        """As the filter."""
+        return self.filter.cooperates
+
+    @property
+    def payload_size(self) -> int:
+        """One more than the filter's."""
+        return self.filter.payload_size + 1
+
+    def update(self, belief: Belief, measurement: Measurement) -> Update:
+        """The filter's update with the noise that the distrust so far asks for, and the number."""
+        inner = belief.parts[0] if belief.parts else belief
+        count = len(belief.state)
+        mean, excess = belief.memory or (np.ones(count), np.zeros(count))
+        distrust = _step(excess)
+        std = np.full(count, self.range_std) if measurement.range_std is None else measurement.range_std
+        wide = (1.0 + (WIDEST - 1.0) * distrust) * std
+        update = self.filter.update(inner, replace(measurement, range_std=wide))
+        nis = trusted_nis(update, wide**2 - std**2)
+        mean = np.where(np.isfinite(nis), mean + (np.minimum(nis, LARGEST) - mean) / MEMORY, mean)
+        payload = np.concatenate([update.payload, mean[:, None]], axis=1)
+        return replace(update, payload=payload, kept=(mean,), parts=(update,), distrust=distrust)
+
+    def conclude(self, payload: Floats, update: Update) -> Belief:
+        """The filter's belief."""
+        inner = self.filter.conclude(np.ascontiguousarray(payload[:, :-1]), update.parts[0])
+        (mean,) = update.kept
+        return replace(inner, memory=(mean, mean - np.maximum(payload[:, -1], 1.0)), parts=(inner,))
+
+
+def trusted_nis(update: Update, added: Floats) -> Floats:
+    """NIS (n,) without the variance (n,), m^2, that was added to the range's; NaN where nothing was measured."""
+    if update.nis is None:
+        raise ValueError("a filter without a covariance cannot tell what is plausible")
+    square = update.innovation**2
+    usable = update.nis > 0.0
+    predicted = square / np.where(usable, update.nis, 1.0) - added
+    return np.where(usable, square / np.where(usable, predicted, 1.0), update.nis)
+
+
+def _step(excess: Floats) -> Floats:
+    low, high = EXCESS
+    way = np.clip((excess - low) / (high - low), 0.0, 1.0)
+    return np.asarray(way * way * (3.0 - 2.0 * way))
