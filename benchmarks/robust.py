@@ -124,6 +124,31 @@ def wrong_receiver(seeds: int = SEEDS) -> Iterator[Row]:
             yield Row(f"{name}, {when}", spread(now / before) + beyond)
 
 
+def late(seeds: int = SEEDS) -> Iterator[Row]:
+    """All messages take nearly a step, or a step on average: own value in place, against old estimates predicted."""
+    own, lagged = "filter.kind=ci", ["filter.kind=ci", "consensus.lag=1"]
+    settings = {
+        "sicf": [],
+        "ci": [own],
+        "ci, lag 1, one round": [*lagged, "consensus.rounds=1"],
+        "ci, lag 1, ten rounds": lagged,
+        "ci, lag 2, one round": [own, "consensus.lag=2", "consensus.rounds=1"],
+    }
+    yield Row("no delay, ci, one round: position RMSE, m", spread(_rmse([own, "consensus.rounds=1"], seeds)[0]))
+    for name, keys in {
+        "90 ms": "milliseconds=90.0",
+        "exponential": 'milliseconds=100.0, distribution="exponential"',
+    }.items():
+        for setting, overrides in settings.items():
+            error, nees = _rmse([f'fault=[{{kind="delay", {keys}}}]', *overrides], seeds)
+            yield Row(f"{name}, {setting}: position RMSE, m", f"{spread(error)}; NEES {number(float(np.median(nees)))}")
+
+
+def _rmse(keys: Sequence[str], seeds: int) -> tuple[Floats, Floats]:
+    metrics = [run.metrics for run in runs_of("tracking", keys, seeds=seeds)]
+    return np.array([one["position_rmse"] for one in metrics]), np.array([one["nees"]["average"] for one in metrics])
+
+
 def run(repeats: int) -> Iterator[Table]:
     """Deterministic, so `repeats` is not used."""
     del repeats
@@ -133,4 +158,5 @@ def run(repeats: int) -> Iterator[Table]:
     yield results(
         f"a receiver of six is wrong: position RMSE with distrust / without, {SEEDS} seeds", list(wrong_receiver())
     )
+    yield results(f"messages that come steps late, {SEEDS} seeds", list(late()))
     yield results(f"an agent of ten lies: position RMSE / centralised, {SEEDS} seeds", list(liars()))

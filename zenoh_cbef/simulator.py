@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
@@ -121,6 +122,8 @@ class Simulation:
         self.counts = _Counts(self.neighbours.present)
         self._fates = _all_fates(scenarios, self.neighbours)
         self._outgoing = outgoing_of(scenarios, range(self.scenario.count))
+        # What was sent in the steps from the one whose messages are used to the present one.
+        self._sent: deque[list[Floats]] = deque(maxlen=1 + self.scenario.consensus.lag)
 
     def __iter__(self) -> Iterator[Step]:
         for step in range(1, self.scenario.length + 1):
@@ -154,10 +157,14 @@ class Simulation:
 
     def _step(self, step: int) -> Step:
         message = self.tracker.measure(self._measurement(step))
-        sent = []
+        sent: list[Floats] = []
+        self._sent.append(sent)
+        used = step - self.scenario.consensus.lag
+        nobody = np.zeros_like(self.neighbours.present)
         for round_ in range(1, self.rounds + 1):
             sent.append(self._outgoing.message(step, round_, message))
-            message = self.tracker.exchange(sent[-1][self.neighbours.index], self._delivered(step, round_))
+            delivered = self._delivered(used, round_) if used >= 1 else nobody
+            message = self.tracker.exchange(self._sent[0][round_ - 1][self.neighbours.index], delivered)
         return Step(sent, self.tracker.conclude())
 
 

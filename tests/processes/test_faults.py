@@ -101,6 +101,18 @@ def test_random_faulty_scenarios_run_as_processes_and_verify(tmp_path_factory, s
         world.end()
 
 
+def test_messages_of_the_step_before_give_the_simulators_bits(world):
+    fault = [
+        {"kind": "delay", "milliseconds": 80.0, "distribution": "exponential"},
+        {"kind": "loss", "probability": 0.1},
+        {"kind": "sensor-bias", "bias": 4.0, "agents": [1], "from": 3.0, "until": 5.0},
+    ]
+    network = {"agents": {"count": 5}, "network": {"graph": "complete"}, "consensus": {"rounds": 1, "lag": 1}}
+    metrics = run(world, {**network, "filter": {"kind": "ci"}, "steps": 60, "fault": fault})
+    assert 0 < sum(link["late"] for link in metrics["links"]) < sum(link["delivered"] for link in metrics["links"])
+    assert metrics["distrust"]["agents"][1] > 0.0
+
+
 def test_in_realtime_a_delay_is_real_time_and_only_what_exceeds_the_deadline_is_late(world):
     scenario = {
         "steps": 15,

@@ -112,6 +112,9 @@ def cannot(scenario: Scenario) -> list[str]:
         "The filter assumes another range noise than the receivers have; the prediction believes the filter.": (
             not recorded and range_std_of(scenario) != sensor.range_std
         ),
+        "Messages of earlier steps are not in the prediction, which is of consensus.lag = 0.": (
+            scenario.consensus.lag > 0
+        ),
         "Trimmed consensus is not linear; the prediction is of averaging without it.": scenario.consensus.trim > 0,
         "Agents that send wrong values are not in the prediction.": any(
             fault.kind == "byzantine" for fault in scenario.fault

@@ -15,7 +15,7 @@ class Fate:
     """What becomes of messages, arrays (e,); a message is at most one of lost, late and corrupted.
 
     lost: never arrives. late: arrives when its round is over. corrupted: arrives in time, but damaged, and is rejected.
-    duplicated: is used, and arrives once more. delay: of those that arrive, s.
+    duplicated: is used, and arrives once more. delay: of those that arrive, beyond the lag, s.
     """
 
     lost: Bools
@@ -36,6 +36,7 @@ class Fates:
     faults: all of a scenario, of which those of messages count. seed, source, destination: (e,). dt: s. rounds: L.
     ranges: whether neighbours' ranges are sent before the rounds. realtime: a delay is real time, so that the
     receiver finds out whether the message is late; otherwise a message that is delayed at all misses its round.
+    lag: how many steps after its own a message is used; it may be on its way for so long.
     """
 
     def __init__(
@@ -49,6 +50,7 @@ class Fates:
         rounds: int,
         ranges: bool = True,
         realtime: bool = False,
+        lag: int = 0,
     ) -> None:
         self._faults = [
             (index, fault, chosen)
@@ -57,7 +59,7 @@ class Fates:
         ]
         self._seed, self._source, self._destination = seed, source, destination
         self._dt, self._per_step, self._ranges = dt, max(1, rounds + ranges), ranges
-        self._realtime = realtime
+        self._realtime, self._spare = realtime, lag * dt
 
     def of(self, step: int, round_: int) -> Fate:
         """What becomes of the messages sent in one round of a step (round 0: the ranges)."""
@@ -77,8 +79,9 @@ class Fates:
                     np.logical_or(before, chosen & struck, out=before)
             if effect.delay is not None:
                 delay += np.where(chosen, effect.delay, 0.0)
-        lost = flags["lost"]
-        late = ~lost & (flags["overtaken"] if self._realtime else flags["overtaken"] | (delay > 0.0))
+        lost, overtaken = flags["lost"], flags["overtaken"] & (self._spare == 0.0)
+        delay = np.maximum(delay - self._spare, 0.0)
+        late = ~lost & (overtaken if self._realtime else overtaken | (delay > 0.0))
         corrupted = flags["corrupted"] & ~(lost | late)
         duplicated = flags["duplicated"] & ~(lost | late | corrupted)
         return Fate(lost, late, corrupted, duplicated, delay)

@@ -59,6 +59,7 @@ class Agent:
             neighbours,
             fates_into(scenario, agent, neighbours),
             rounds=self.rounds,
+            lag=scenario.consensus.lag,
             width=width,
             shares_ranges=self.tracker.filter.uses_neighbour_ranges,
             rejections=self.rejections,

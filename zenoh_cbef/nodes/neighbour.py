@@ -59,8 +59,9 @@ def beacon_inbox(node: Node, agent: int, rejections: Rejections, alarm: Alarm) -
 class Neighbourhood:
     """All neighbours of one agent.
 
-    ids: the neighbours, ascending. fates: of the messages from them, in the same order. rounds: L. width: of a
-    round's message. shares_ranges: whether neighbours' ranges are wanted.
+    ids: the neighbours, ascending. fates: of the messages from them, in the same order. rounds: L. lag: of what step
+    before an agent's own it takes its neighbours' messages. width: of a round's message. shares_ranges: whether
+    neighbours' ranges are wanted.
     """
 
     def __init__(
@@ -70,6 +71,7 @@ class Neighbourhood:
         fates: Fates,
         *,
         rounds: int,
+        lag: int,
         width: int,
         shares_ranges: bool,
         rejections: Rejections,
@@ -77,7 +79,7 @@ class Neighbourhood:
         patience: float,
     ) -> None:
         self.ids = list(ids)
-        self._fates, self._rounds, self._width = fates, rounds, width
+        self._fates, self._rounds, self._lag, self._width = fates, rounds, lag, width
         self._received = np.zeros((1, len(self.ids), width))
         self._rows = [memoryview(row).cast("B") for row in self._received[0]]
         self._nothing = np.zeros(self._received.size)
@@ -89,7 +91,7 @@ class Neighbourhood:
         turns = rounds + 1
 
         def inbox(agent: int, key: str, read: Decoder, turns_per_step: int) -> Inbox:
-            ahead = (WINDOW + 1) * turns_per_step
+            ahead = (WINDOW + 1 + lag) * turns_per_step
             mailbox = Mailbox(node.session, key)
             return Inbox(
                 node,
@@ -136,7 +138,10 @@ class Neighbourhood:
         return Ranges(positions, ranges)
 
     def round(self, step: int, round_: int, deadline: float | None) -> tuple[Floats, Bools | None]:
-        """The neighbours' payloads of a round, (1, m, d), and which were delivered, (1, m), None for all."""
+        """The neighbours' payloads for a round, (1, m, d), and which were delivered, (1, m), None for all."""
+        step -= self._lag
+        if step < 1:
+            return self._received, np.zeros((1, len(self.ids)), dtype=bool)
         turn, boxes, rows = step * (self._rounds + 1) + round_, self._round_boxes, self._rows
         due = self._due(boxes, turn, (step, round_), deadline)
         delivered = [False] * len(boxes)

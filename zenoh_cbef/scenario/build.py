@@ -18,6 +18,7 @@ from zenoh_cbef.tracking.filters import BIASED, INFORMATION, Belief, Filter, Fil
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
 from zenoh_cbef.tracking.payloads import InformationPayloads, StatePayloads
 from zenoh_cbef.tracking.ranging import Space
+from zenoh_cbef.tracking.stale import StaleAverage
 from zenoh_cbef.tracking.tracker import Tracker
 from zenoh_cbef.tracking.trimmed import TrimmedComponents, TrimmedMessages
 
@@ -61,9 +62,8 @@ def bias_of(scenario: Scenario) -> str:
 
 
 def _may_be_biased(scenario: Scenario) -> bool:
-    sensor = scenario.sensor
+    sensor, disturbed = scenario.sensor, any(isinstance(fault, SensorFault) for fault in scenario.fault)
     biased = bool(np.any(np.array(sensor.bias))) or sensor.bias_std > 0.0
-    disturbed = any(isinstance(fault, SensorFault) for fault in scenario.fault)
     return biased or disturbed or scenario.target.motion == "dataset"
 
 
@@ -138,17 +138,21 @@ def rounds_of(scenario: Scenario) -> int:
 
 def scheme_of(scenario: Scenario) -> tuple[str, str]:
     """The consensus scheme, average or running-sums, and one sentence on why it was chosen."""
-    chosen, kind = scenario.consensus.scheme, scenario.filter.kind
-    if chosen != "auto":
-        return chosen, f"consensus.scheme = {chosen!r} was given."
-    if scenario.consensus.trim:
-        return "average", "Neighbours' values are trimmed, which running sums cannot be."
-    if not any(isinstance(fault, MessageFault) for fault in scenario.fault):
-        return "average", "No link has a fault, so averaging loses nothing."
-    if kind not in INFORMATION:
-        return "average", f"{kind} does not average information, and its exchange is defined by consensus weights."
-    if scenario.consensus.acceleration != "none":
-        return "average", f"Running sums cannot be accelerated, and {scenario.consensus.acceleration} was asked for."
+    stage, kind = scenario.consensus, scenario.filter.kind
+    if stage.scheme != "auto":
+        return stage.scheme, f"consensus.scheme = {stage.scheme!r} was given."
+    quiet = not any(isinstance(fault, MessageFault) for fault in scenario.fault)
+    stateful = kind not in INFORMATION
+    reasons = {
+        "Messages of earlier steps are predicted forward, which running sums cannot be.": stage.lag > 0,
+        "Neighbours' values are trimmed, which running sums cannot be.": stage.trim > 0,
+        "No link has a fault, so averaging loses nothing.": quiet,
+        f"{kind} does not average information, and its exchange is defined by consensus weights.": stateful,
+        f"Running sums cannot be accelerated, and {stage.acceleration} was asked for.": stage.acceleration != "none",
+    }
+    for reason, holds in reasons.items():
+        if holds:
+            return "average", reason
     return "running-sums", "Links have faults, and with running sums the next message repairs a lost one."
 
 
@@ -208,6 +212,8 @@ def consensus_of(scenario: Scenario, neighbours: graph.Neighbours) -> tuple[Floa
 def _stage(scenario: Scenario, present: Bools, chosen: Floats, bounds: Floats) -> Consensus:
     if scheme_of(scenario)[0] == "running-sums":
         return RunningSums(present)
+    if scenario.consensus.lag:
+        return StaleAverage(chosen, motion_of(scenario), scenario.consensus.lag)
     trim, payloads = scenario.consensus.trim, payloads_of(scenario)
     if trim and isinstance(payloads, InformationPayloads):
         return TrimmedMessages(chosen, trim, payloads.distance)
@@ -265,6 +271,7 @@ def fates_of(scenario: Scenario, seed: Seeds, source: Ids, destination: Ids, *, 
         rounds=rounds_of(scenario),
         ranges=filter_of(scenario).uses_neighbour_ranges,
         realtime=realtime,
+        lag=scenario.consensus.lag,
     )
 
 

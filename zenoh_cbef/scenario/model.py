@@ -117,6 +117,7 @@ class Consensus(Table):
 
     bounds: least and largest eigenvalue of W other than 1, for chebyshev; None: those of the graph.
     trim: F, how many neighbours' values are left out in every round (W-MSR); 0: none.
+    lag: how many steps after its own a message is used, predicted forward; 0: in its own round.
     """
 
     rounds: Annotated[int, Field(ge=0, le=10_000)] = 10
@@ -126,6 +127,16 @@ class Consensus(Table):
     bounds: tuple[Eigenvalue, Eigenvalue] | None = None
     scheme: Literal["auto", "average", "running-sums"] = "auto"
     trim: Annotated[int, Field(ge=0, le=1000)] = 0
+    lag: Annotated[int, Field(ge=0, le=100)] = 0
+
+    @model_validator(mode="after")
+    def _plain_with_lag(self) -> Consensus:
+        if self.lag and (self.scheme == "running-sums" or self.acceleration != "none" or self.trim):
+            raise ValueError(
+                f"consensus.lag = {self.lag} needs plain averaging, as only that intersects covariances; set "
+                "consensus.acceleration = 'none', consensus.trim = 0 and consensus.scheme = 'average' or 'auto'"
+            )
+        return self
 
     @model_validator(mode="after")
     def _combinable(self) -> Consensus:
@@ -207,6 +218,15 @@ class Scenario(Table):
     def length(self) -> int:
         """Number of steps."""
         return 300 if self.steps is None else self.steps
+
+    @model_validator(mode="after")
+    def _counted_once(self) -> Scenario:
+        if self.consensus.lag and (self.filter.kind != "ci" or self.filter.measurement != "range"):
+            raise ValueError(
+                f"consensus.lag = {self.consensus.lag} fuses estimates that share their past, which only covariance "
+                "intersection may; set filter.kind = 'ci' and filter.measurement = 'range', or leave lag out"
+            )
+        return self
 
     @model_validator(mode="after")
     def _consistent(self) -> Scenario:
