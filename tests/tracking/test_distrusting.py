@@ -56,7 +56,9 @@ def test_every_step_is_what_the_equations_say_of_each_agent():
             seen.add(round(distrust))
             # The filter itself, told of this noise, sends the same information.
             row = {name: getattr(measurement, name)[[agent]] for name in vars(measurement) if name != "range_std"}
-            told = Measurement(**row, range_std=np.array([(1.0 + 29.0 * update.distrust[agent]) * STD]))
+            told = Measurement(
+                **row, range_std=np.array([(1.0 + 29.0 * update.distrust[agent] * update.distrust[agent]) * STD])
+            )
             alone = PLAIN.update(Belief(belief.state[[agent]], belief.covariance[[agent]]), told)
             np.testing.assert_array_equal(update.payload[agent, :-1], alone.payload[0])
             state = MOTION.transition @ belief.state[agent]

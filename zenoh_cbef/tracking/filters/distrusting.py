@@ -29,7 +29,7 @@ class Distrusting:
         S_i = H P_i H^T + sigma^2                           as if the range were trusted
         e_i <- e_i + (min(z_i^2/S_i, 9) - e_i)/5            where a range was measured; at first 1
         d_i = step(e_i - max(average of e, 1); 3, 5)        step(x; a, b): smooth, 0 up to a and 1 from b on
-        sigma_i = (1 + 29 d_i) sigma                        in the next step
+        sigma_i = (1 + 29 d_i^2) sigma                      in the next step
 
     Saturation bounds what a single wrong range can do, but one that is wrong in every step pulls in every step. An
     agent cannot tell by itself whether its ranges are wrong or its estimate is. The network can: a wrong estimate
@@ -65,7 +65,7 @@ class Distrusting:
         mean, excess = belief.memory or (np.ones(count), np.zeros(count))
         distrust = _step(excess)
         std = np.full(count, self.range_std) if measurement.range_std is None else measurement.range_std
-        wide = (1.0 + (WIDEST - 1.0) * distrust) * std
+        wide = (1.0 + (WIDEST - 1.0) * distrust * distrust) * std
         update = self.filter.update(inner, replace(measurement, range_std=wide))
         nis = trusted_nis(update, wide**2 - std**2)
         mean = np.where(np.isfinite(nis), mean + (np.minimum(nis, LARGEST) - mean) / MEMORY, mean)
