@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
+from io import StringIO
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 from zenoh_cbef.analysis.metrics import analyze
+from zenoh_cbef.analysis.report import write_report
+from zenoh_cbef.cli.tables import metrics_table
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.scenario.build import distrusts_own
 from zenoh_cbef.scenario.load import load, parse
@@ -67,9 +72,11 @@ def test_every_step_is_what_the_equations_say_of_each_agent():
             distance = np.sqrt(offset @ offset)
             row = np.append(offset / distance, np.zeros(3))
             nis = (measurement.range[agent] - distance) ** 2 / (row @ covariance @ row + STD**2)
+            before = means[agent]
             if np.isfinite(nis):
                 means[agent] += (min(nis, 9.0) - means[agent]) / 5.0
-            assert update.payload[agent, -1] == pytest.approx(means[agent], rel=1e-6)
+            assert update.payload[agent, -1] == pytest.approx(means[agent] + 0.9 * (average - before), rel=1e-6)
+        # All hear all, so the network's average is exact, and stays so.
         average = sum(means) / AGENTS
     assert seen == {0, 1}
 
@@ -88,7 +95,18 @@ def test_nobody_distrusts_where_all_are_surprised_or_nobody_is_heard(hear):
         np.testing.assert_array_equal(update.distrust, 0.0)
 
 
-def test_the_network_is_better_off_and_says_who_was_wrong():
+def test_one_round_a_step_is_enough_to_stand_out():
+    keys = ["steps=90", "consensus.rounds=1", 'fault=[{kind="sensor-bias", bias=2.0, agents=[3], from=3.0}]']
+    scenario = load("tracking", keys).scenario
+    distrust = np.array(
+        [one.distrust for one in simulate([scenario.model_copy(update={"seed": seed}) for seed in range(1, 9)])]
+    )
+    flagged = np.median(distrust[:, :, 50:].mean(axis=2), axis=0)
+    assert flagged[3] > 0.9
+    assert np.delete(flagged, 3).max() == 0.0
+
+
+def test_the_network_is_better_off_and_says_who_was_wrong(tmp_path):
     fault = 'fault=[{kind="sensor-bias", bias=2.0, agents=[3], from=3.0, until=6.0}]'
     scenario = load("tracking", [fault, "steps=100"]).scenario
     assert distrusts_own(scenario)
@@ -99,6 +117,11 @@ def test_the_network_is_better_off_and_says_who_was_wrong():
     )
     errors = [np.median([run.position_error[:, 40:60].mean() for run in each]) for each in (runs, others)]
     assert errors[0] < 0.5 * errors[1]
+    write_report(runs[0], tmp_path / "report.html")
+    page = Console(width=200, file=StringIO())
+    page.print(metrics_table(runs[0].metrics))
+    assert re.search(r"agents that distrust their ranges +│ +3: \d+%", page.file.getvalue())
+    assert re.search(r"distrusted its ranges.*0\.0 %, 0\.0 %, 0\.0 %, [1-9]", (tmp_path / "report.html").read_text())
     for run in runs:
         told = run.metrics["distrust"]
         assert told["agents"][3] > 0.25
