@@ -121,7 +121,8 @@ def test_the_network_is_better_off_and_says_who_was_wrong(tmp_path):
     page = Console(width=200, file=StringIO())
     page.print(metrics_table(runs[0].metrics))
     assert re.search(r"agents that distrust their ranges +│ +3: \d+%", page.file.getvalue())
-    assert re.search(r"distrusted its ranges.*0\.0 %, 0\.0 %, 0\.0 %, [1-9]", (tmp_path / "report.html").read_text())
+    assert "steps of distrust (%)" in (tmp_path / "report.html").read_text()
+    assert f"<td>{100.0 * runs[0].metrics['distrust']['agents'][3]:.4g}</td>" in (tmp_path / "report.html").read_text()
     for run in runs:
         told = run.metrics["distrust"]
         assert told["agents"][3] > 0.25
