@@ -9,7 +9,7 @@ import pytest
 
 from zenoh_cbef.datasets import read_dataset
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.scenario.build import initial_states, initial_std
+from zenoh_cbef.scenario.build import initial_states, initial_std, motion_of
 from zenoh_cbef.scenario.checks import check
 from zenoh_cbef.scenario.load import load
 from zenoh_cbef.scenario.world import make_world
@@ -46,11 +46,32 @@ def test_each_range_goes_to_the_first_free_step_at_or_after_it(tmp_path):
     np.testing.assert_array_equal(emitted, [[10.0, nan, 10.2, 10.25, nan], [nan, 10.1, nan, 10.4, nan]])
 
 
-def test_a_range_that_waits_for_more_than_a_step_is_dropped(tmp_path):
+def test_ranges_for_which_there_is_no_step_become_one(tmp_path):
     rows = "".join(f"{10.0 + 0.01 * number},3,{number}\n" for number in range(1, 5))
     dataset = read_dataset(write(tmp_path, ranges="t,anchor_id,range\n" + rows))
-    _, ranges = dataset.beacons(np.array([10.0, 10.1, 10.2, 10.3]))
-    np.testing.assert_array_equal(ranges[0], [np.nan, 1.0, 2.0, np.nan])
+    emitted, ranges = dataset.beacons(np.array([10.0, 10.1, 10.2, 10.3]))
+    np.testing.assert_array_equal(ranges[0], [np.nan, 2.0, 4.0, np.nan])
+    np.testing.assert_allclose(emitted[0], [np.nan, 10.02, 10.04, np.nan])
+
+
+def test_twice_as_many_ranges_as_steps_are_averaged_in_pairs_and_never_late(tmp_path):
+    rows = "".join(f"{10.0 + 0.05 * number:.2f},3,{number}\n" for number in range(1, 41))
+    dataset = read_dataset(write(tmp_path, ranges="t,anchor_id,range\n" + rows))
+    emitted, ranges = dataset.beacons(10.0 + 0.1 * np.arange(1, 21))
+    np.testing.assert_array_equal(ranges[0], np.arange(1.5, 41.0, 2.0))
+    # A target that recedes at a constant rate: time and range of a mean still belong together.
+    np.testing.assert_allclose(emitted[0], 10.0 + 0.05 * ranges[0])
+    assert dataset.interval == pytest.approx(0.05)
+
+
+def test_the_noise_of_the_motion_of_a_recorded_target_does_not_hang_on_the_step(tmp_path):
+    rows = "".join(f"{10.0 + 0.2 * number:.2f},3,{number}\n" for number in range(1, 41))
+    folder = write(tmp_path, ranges="t,anchor_id,range\n" + rows)
+    for dt in (0.05, 0.1, 0.4):
+        scenario = scenario_of(folder, f"dt={dt}", "filter.acceleration_std=2.0")
+        assert scenario.filter.acceleration_interval == pytest.approx(0.2)
+        # Variance of the velocity after a second.
+        assert motion_of(scenario).process_noise[3, 3] / dt == pytest.approx(2.0**2 * 0.2)
 
 
 def test_a_range_after_the_last_step_is_dropped(tmp_path):

@@ -26,6 +26,15 @@ Bools = NDArray[np.bool_]
 Ids = NDArray[np.int64]
 Seeds = NDArray[np.uint64]
 
+_RECORDED_ACCELERATION = 1.0
+"""What is assumed of a real target of which nothing is said, m/s^2: somebody walking, a trolley, a slow vehicle."""
+
+_FARTHEST = 10.0
+"""Where a first fix looks for the target: least standard deviation in half diagonals of the box around the agents."""
+
+_FASTEST = 3.0
+"""Least standard deviation of the target's velocity before the first fix, m/s."""
+
 
 def space_of(scenario: Scenario) -> Space:
     """Three axes, or the plane at filter.planar_height."""
@@ -34,9 +43,13 @@ def space_of(scenario: Scenario) -> Space:
 
 def motion_of(scenario: Scenario) -> NearlyConstantVelocity:
     """The filter's model of the target's motion."""
-    assumed = scenario.filter.acceleration_std
+    chosen, assumed = scenario.filter, scenario.filter.acceleration_std
     if assumed is None:
-        assumed = scenario.target.acceleration_std
+        recorded = scenario.target.motion == "dataset"
+        assumed = _RECORDED_ACCELERATION if recorded else scenario.target.acceleration_std
+    if chosen.acceleration_interval is not None:
+        # The same power of the noise in a second, however long a step is.
+        assumed *= float(np.sqrt(chosen.acceleration_interval / scenario.dt))
     return NearlyConstantVelocity(scenario.dt, assumed, space_of(scenario).axes)
 
 
@@ -91,18 +104,29 @@ def settings_of(scenario: Scenario) -> FilterSettings:
         1.5 * range_std if common is None else common,
         0.15 * range_std if own is None else own,
         chosen.range_std == "auto",
-        scenario.target.motion == "dataset"
-        and chosen.initial_position is None
-        and chosen.kind in BIASED
-        and not _distrusts(scenario),
+        _first_fix_steps(scenario) if _seeks(scenario) else 0,
     )
+
+
+def _seeks(scenario: Scenario) -> bool:
+    """Whether nothing is known of a recorded target's start, so that the network begins with a first fix."""
+    chosen = scenario.filter
+    unknown = scenario.target.motion == "dataset" and chosen.initial_position is None
+    return unknown and chosen.kind in BIASED and not _distrusts(scenario)
+
+
+def _first_fix_steps(scenario: Scenario) -> int:
+    """At least 20 steps, for so many iterations, and until every agent has had about five ranges."""
+    interval = scenario.filter.acceleration_interval or scenario.dt
+    return max(20, int(np.ceil(5.0 * interval / scenario.dt)))
 
 
 def power_of(scenario: Scenario) -> int:
     """The power of the saturation: 1 bounds the pull of an outlier, 2 lets it fall (redescending)."""
     chosen = scenario.filter.saturation
     if chosen == "auto":
-        chosen = "redescending" if scenario.sensor.outlier_probability > 0.0 else "bounded"
+        outliers = scenario.sensor.outlier_probability > 0.0 or scenario.target.motion == "dataset"
+        chosen = "redescending" if outliers else "bounded"
     return 2 if chosen == "redescending" else 1
 
 
@@ -151,8 +175,12 @@ def initial_std(scenario: Scenario) -> Floats:
     """Standard deviations of the initial estimate, (6,): m, then m/s."""
     position, velocity = scenario.filter.initial_position_std, scenario.filter.initial_velocity_std
     if position is None and scenario.target.motion == "dataset":
-        position = float(np.linalg.norm(np.ptp(network.placement(scenario), axis=0))) / 2.0 or None
+        position = _half_diagonal(scenario) or None
     return np.repeat([position or 1.0, velocity or 1.0], 3)
+
+
+def _half_diagonal(scenario: Scenario) -> float:
+    return float(np.linalg.norm(np.ptp(network.placement(scenario), axis=0))) / 2.0
 
 
 def initial_states(scenario: Scenario) -> Floats:
@@ -180,8 +208,10 @@ def initial_states(scenario: Scenario) -> Floats:
 
 def initial_belief(scenario: Scenario) -> Belief:
     """The agents' initial estimates along the estimated axes: states (n, s), covariances (n, s, s)."""
-    kept = space_of(scenario).kept
-    covariance = np.diag(initial_std(scenario)[kept] ** 2)
+    kept, std = space_of(scenario).kept, initial_std(scenario)
+    if _seeks(scenario):
+        std = np.maximum(std, np.repeat([_FARTHEST * _half_diagonal(scenario), _FASTEST], 3))
+    covariance = np.diag(std[kept] ** 2)
     return Belief(initial_states(scenario)[:, kept], np.broadcast_to(covariance, (scenario.count, *covariance.shape)))
 
 
