@@ -9,9 +9,10 @@ import pytest
 
 from zenoh_cbef.datasets import read_dataset
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.scenario.build import initial_states, initial_std, motion_of
+from zenoh_cbef.scenario.build import motion_of
 from zenoh_cbef.scenario.checks import check
 from zenoh_cbef.scenario.load import load
+from zenoh_cbef.scenario.start import initial_states, initial_std
 from zenoh_cbef.scenario.world import make_world
 from zenoh_cbef.simulator import heard_in, simulate
 

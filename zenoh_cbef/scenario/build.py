@@ -7,17 +7,15 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from zenoh_cbef import streams
-from zenoh_cbef.faults import Fates, MessageFault, Outgoing, SenderFault, SensorFault
+from zenoh_cbef.faults import Fates, MessageFault, Outgoing, SensorFault
 from zenoh_cbef.scenario import network
 from zenoh_cbef.scenario.model import Scenario
-from zenoh_cbef.scenario.world import target_start
+from zenoh_cbef.scenario.start import distrusts, first_fix_steps, initial_belief, space_of
 from zenoh_cbef.tracking import graph, weights
 from zenoh_cbef.tracking.consensus import Average, Chebyshev, Consensus, RunningSums
 from zenoh_cbef.tracking.filters import BIASED, INFORMATION, Belief, Filter, FilterSettings, make_filter
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
 from zenoh_cbef.tracking.payloads import InformationPayloads, StatePayloads
-from zenoh_cbef.tracking.ranging import Space
 from zenoh_cbef.tracking.tracker import Tracker
 from zenoh_cbef.tracking.trimmed import TrimmedComponents, TrimmedMessages
 
@@ -28,17 +26,6 @@ Seeds = NDArray[np.uint64]
 
 _RECORDED_ACCELERATION = 1.0
 """What is assumed of a real target of which nothing is said, m/s^2: somebody walking, a trolley, a slow vehicle."""
-
-_FARTHEST = 10.0
-"""Where a first fix looks for the target: least standard deviation in half diagonals of the box around the agents."""
-
-_FASTEST = 3.0
-"""Least standard deviation of the target's velocity before the first fix, m/s."""
-
-
-def space_of(scenario: Scenario) -> Space:
-    """Three axes, or the plane at filter.planar_height."""
-    return Space(scenario.filter.planar_height)
 
 
 def motion_of(scenario: Scenario) -> NearlyConstantVelocity:
@@ -68,7 +55,7 @@ def bias_of(scenario: Scenario) -> str:
     chosen = scenario.filter
     if chosen.kind not in BIASED:
         return "none"
-    if chosen.bias == "auto" and (chosen.recovery or _distrusts(scenario) or not _may_be_biased(scenario)):
+    if chosen.bias == "auto" and (chosen.recovery or distrusts(scenario) or not _may_be_biased(scenario)):
         return "none"
     return chosen.bias
 
@@ -78,11 +65,6 @@ def _may_be_biased(scenario: Scenario) -> bool:
     biased = bool(np.any(np.array(sensor.bias))) or sensor.bias_std > 0.0
     disturbed = any(isinstance(fault, SensorFault) for fault in scenario.fault)
     return biased or disturbed or scenario.target.motion == "dataset"
-
-
-def _distrusts(scenario: Scenario) -> bool:
-    """Whether neighbours may send wrong values: what is then compared and trimmed is one filter's information."""
-    return scenario.consensus.trim > 0 or any(isinstance(fault, SenderFault) for fault in scenario.fault)
 
 
 def settings_of(scenario: Scenario) -> FilterSettings:
@@ -104,21 +86,8 @@ def settings_of(scenario: Scenario) -> FilterSettings:
         1.5 * range_std if common is None else common,
         0.15 * range_std if own is None else own,
         chosen.range_std == "auto",
-        _first_fix_steps(scenario) if _seeks(scenario) else 0,
+        first_fix_steps(scenario),
     )
-
-
-def _seeks(scenario: Scenario) -> bool:
-    """Whether nothing is known of a recorded target's start, so that the network begins with a first fix."""
-    chosen = scenario.filter
-    unknown = scenario.target.motion == "dataset" and chosen.initial_position is None
-    return unknown and chosen.kind in BIASED and not _distrusts(scenario)
-
-
-def _first_fix_steps(scenario: Scenario) -> int:
-    """At least 20 steps, for so many iterations, and until every agent has had about five ranges."""
-    interval = scenario.filter.acceleration_interval or scenario.dt
-    return max(20, int(np.ceil(5.0 * interval / scenario.dt)))
 
 
 def power_of(scenario: Scenario) -> int:
@@ -169,50 +138,6 @@ def scheme_of(scenario: Scenario) -> tuple[str, str]:
 def message_size(scenario: Scenario) -> int:
     """How many numbers a consensus message holds: the payload's, and one more for running sums."""
     return filter_of(scenario).payload_size + (scheme_of(scenario)[0] == "running-sums")
-
-
-def initial_std(scenario: Scenario) -> Floats:
-    """Standard deviations of the initial estimate, (6,): m, then m/s."""
-    position, velocity = scenario.filter.initial_position_std, scenario.filter.initial_velocity_std
-    if position is None and scenario.target.motion == "dataset":
-        position = _half_diagonal(scenario) or None
-    return np.repeat([position or 1.0, velocity or 1.0], 3)
-
-
-def _half_diagonal(scenario: Scenario) -> float:
-    return float(np.linalg.norm(np.ptp(network.placement(scenario), axis=0))) / 2.0
-
-
-def initial_states(scenario: Scenario) -> Floats:
-    """The agents' estimates before step 1, as configured, (n, 6).
-
-    A given position or velocity is taken as it is. What is not given is drawn around the target's own start with
-    the initial standard deviations; for recorded data it is the middle of the agents, at rest.
-    """
-    count, chosen = scenario.count, scenario.filter
-    if scenario.target.motion == "dataset":
-        derived = np.zeros((count, 6))
-        derived[:, :3] = network.placement(scenario).mean(axis=0)
-    else:
-        key = streams.stream(scenario.seed, "initial estimate", np.arange(count))[:, None]
-        noise = np.concatenate([streams.normal(key, axis) for axis in range(6)], axis=1)
-        derived = target_start(scenario) + initial_std(scenario) * noise
-    if chosen.initial_position is not None:
-        derived[:, :3] = np.array(chosen.initial_position)
-    if chosen.initial_velocity is not None:
-        derived[:, 3:] = np.array(chosen.initial_velocity)
-    if chosen.planar_height is not None:
-        derived[:, 2], derived[:, 5] = chosen.planar_height, 0.0
-    return derived
-
-
-def initial_belief(scenario: Scenario) -> Belief:
-    """The agents' initial estimates along the estimated axes: states (n, s), covariances (n, s, s)."""
-    kept, std = space_of(scenario).kept, initial_std(scenario)
-    if _seeks(scenario):
-        std = np.maximum(std, np.repeat([_FARTHEST * _half_diagonal(scenario), _FASTEST], 3))
-    covariance = np.diag(std[kept] ** 2)
-    return Belief(initial_states(scenario)[:, kept], np.broadcast_to(covariance, (scenario.count, *covariance.shape)))
 
 
 def consensus_of(scenario: Scenario, neighbours: graph.Neighbours) -> tuple[Floats, Floats]:
