@@ -9,10 +9,10 @@ import pytest
 
 from zenoh_cbef.datasets import read_dataset
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.scenario.build import motion_of
+from zenoh_cbef.scenario.build import motion_of, settings_of
 from zenoh_cbef.scenario.checks import check
 from zenoh_cbef.scenario.load import load
-from zenoh_cbef.scenario.start import initial_states, initial_std
+from zenoh_cbef.scenario.start import initial_covariance, initial_states, initial_std
 from zenoh_cbef.scenario.world import make_world
 from zenoh_cbef.simulator import heard_in, simulate
 
@@ -206,6 +206,23 @@ def test_the_initial_estimate_is_the_middle_of_the_anchors_at_rest(tmp_path):
     scenario = scenario_of(write(tmp_path), "filter.initial_position_std=3")
     assert initial_states(scenario).tolist() == [[2.0, 0.0, 1.0, 0.0, 0.0, 0.0]] * 2
     assert initial_std(scenario)[0] == 3.0
+
+
+def test_a_first_fix_is_sought_farther_off_than_a_given_start(tmp_path):
+    folder = write(tmp_path)
+    sought, given = (scenario_of(folder, *more) for more in ([], ["filter.initial_position=[1, 1, 1]"]))
+    # Half a diagonal is 2 m; tracking.toml gives 1 m and 0.5 m/s.
+    np.testing.assert_allclose(np.sqrt(np.diag(initial_covariance(sought))), [20.0] * 3 + [3.0] * 3)
+    np.testing.assert_allclose(np.sqrt(np.diag(initial_covariance(given))), [1.0] * 3 + [0.5] * 3)
+    assert (settings_of(sought).first_fix, settings_of(given).first_fix) == (20, 0)
+    assert settings_of(scenario_of(folder, "dt=0.03")).first_fix == 34
+
+
+def test_what_is_assumed_of_recorded_ranges(tmp_path):
+    folder = write(tmp_path)
+    assert settings_of(scenario_of(folder)).power == 2
+    assert settings_of(scenario_of(folder, "filter.range_std=auto")).power == 1
+    assert motion_of(scenario_of(folder, "dt=0.2")).acceleration_std == pytest.approx(1.0)
 
 
 RECORDED = Path(__file__).resolve().parents[2] / "shared" / "data"

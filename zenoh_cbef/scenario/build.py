@@ -91,11 +91,14 @@ def settings_of(scenario: Scenario) -> FilterSettings:
 
 
 def power_of(scenario: Scenario) -> int:
-    """The power of the saturation: 1 bounds the pull of an outlier, 2 lets it fall (redescending)."""
+    """The power of the saturation: 1 bounds the pull of an outlier, 2 lets it fall (redescending).
+
+    Real ranges have outliers. While the noise is still learned, though, good ranges may look like outliers too.
+    """
     chosen = scenario.filter.saturation
     if chosen == "auto":
-        outliers = scenario.sensor.outlier_probability > 0.0 or scenario.target.motion == "dataset"
-        chosen = "redescending" if outliers else "bounded"
+        recorded = scenario.target.motion == "dataset" and scenario.filter.range_std != "auto"
+        chosen = "redescending" if recorded or scenario.sensor.outlier_probability > 0.0 else "bounded"
     return 2 if chosen == "redescending" else 1
 
 
