@@ -221,7 +221,8 @@ def test_a_first_fix_is_sought_farther_off_than_a_given_start(tmp_path):
 def test_what_is_assumed_of_recorded_ranges(tmp_path):
     folder = write(tmp_path)
     assert settings_of(scenario_of(folder)).power == 2
-    assert settings_of(scenario_of(folder, "filter.range_std=auto")).power == 1
+    for unknown in ("filter.range_std=auto", "filter.bias=none", "filter.kind=ci"):
+        assert settings_of(scenario_of(folder, unknown)).power == 1
     assert motion_of(scenario_of(folder, "dt=0.2")).acceleration_std == pytest.approx(1.0)
 
 

@@ -202,6 +202,7 @@ def _metrics(analysis: Analysis) -> dict[str, Any]:
         "timing": trace.scenario.timing.mode,
         "complete": trace.complete,
         "skip": analysis.first,
+        "planar": trace.scenario.filter.planar_height is not None,
         "msee": {"agents": [_last(row) for row in analysis.msee], "average": _last(analysis.msee_average)},
         "position_rmse": position,
         "velocity_rmse": _rms(analysis.velocity_error[counted, window]),

@@ -93,11 +93,12 @@ def settings_of(scenario: Scenario) -> FilterSettings:
 def power_of(scenario: Scenario) -> int:
     """The power of the saturation: 1 bounds the pull of an outlier, 2 lets it fall (redescending).
 
-    Real ranges have outliers. While the noise is still learned, though, good ranges may look like outliers too.
+    Real ranges have outliers. But where biases are left alone or the noise is still learned, good ones may look alike.
     """
     chosen = scenario.filter.saturation
     if chosen == "auto":
-        recorded = scenario.target.motion == "dataset" and scenario.filter.range_std != "auto"
+        known = bias_of(scenario) != "none" and scenario.filter.range_std != "auto"
+        recorded = scenario.target.motion == "dataset" and known
         chosen = "redescending" if recorded or scenario.sensor.outlier_probability > 0.0 else "bounded"
     return 2 if chosen == "redescending" else 1
 
