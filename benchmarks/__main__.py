@@ -30,7 +30,8 @@ BENCHMARKS = {
     "robust": ("robust", "what sensors and agents that fail cost, 50 seeds"),
     "design": ("design", "errors that `zenoh-cbef design` predicts, against simulations"),
     "filters": ("filters", "every filter, 50 seeds and recorded data; --write docs/filters.md --data FOLDER"),
-    "recorded": ("recorded", "recorded ranges, with biases left alone, estimated and weighed"),
+    "recorded": ("recorded", "recorded ranges, with biases left alone, estimated and weighed, and other settings"),
+    "held-out": ("held_out", "made-up sets of the same kinds, with known biases"),
     "method": ("method_figures", "the figures of docs/method.md, written to docs/figures, and their numbers"),
 }
 

@@ -12,7 +12,7 @@ from benchmarks.common import SEEDS, Row, analyses, at_least, below, results
 from zenoh_cbef.analysis.consistency import Consistency, over_seeds
 from zenoh_cbef.analysis.metrics import Analysis
 from zenoh_cbef.cli.tables import number
-from zenoh_cbef.scenario.build import space_of
+from zenoh_cbef.scenario.start import space_of
 
 Floats = NDArray[np.float64]
 

@@ -13,9 +13,10 @@ ROOT = Path(__file__).resolve().parents[1]
 # The benchmarks are part of the repository, not of the installed package.
 sys.path.insert(0, str(ROOT))
 
-from benchmarks import accuracy, method_studies  # noqa: E402
+from benchmarks import accuracy, held_out, method_studies  # noqa: E402
 from benchmarks.__main__ import BENCHMARKS  # noqa: E402
 from benchmarks.common import analyses, at_least, below, children  # noqa: E402
+from zenoh_cbef.datasets import read_dataset  # noqa: E402
 from zenoh_cbef.scenario.load import load  # noqa: E402
 
 SHORT = ("steps=40",)
@@ -151,3 +152,17 @@ def test_no_child_outlives_its_block():
 def test_a_child_that_fails_is_quoted():
     with children() as family, pytest.raises(RuntimeError, match="no_such_module"):
         family.wait(family.start("no_such_module", [], {}, listen_to=True), 30.0)
+
+
+def test_a_made_up_set_has_the_bias_noise_and_outliers_it_claims(tmp_path):
+    kind = held_out.KINDS["large field"]
+    held_out.write(kind, 4, tmp_path)
+    dataset = read_dataset(tmp_path)
+    places = dataset.truth_at(dataset.range_time)[:, :3]
+    errors = dataset.ranges - np.linalg.norm(places - dataset.anchors[dataset.range_anchor], axis=1)
+    assert abs(np.median(errors) - kind.common) < 3.0 * kind.own
+    low, high = np.percentile(errors, [5, 95])
+    assert np.median(errors) - low == pytest.approx(1.645 * kind.std, rel=0.2)
+    # Outliers are late only.
+    assert high - np.median(errors) > 1.3 * (np.median(errors) - low)
+    assert dataset.interval == pytest.approx(1.0 / np.mean(kind.rate), rel=0.05)

@@ -9,9 +9,10 @@ import pytest
 
 from zenoh_cbef.datasets import read_dataset
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.scenario.build import initial_states, initial_std
+from zenoh_cbef.scenario.build import motion_of, settings_of
 from zenoh_cbef.scenario.checks import check
 from zenoh_cbef.scenario.load import load
+from zenoh_cbef.scenario.start import initial_covariance, initial_states, initial_std
 from zenoh_cbef.scenario.world import make_world
 from zenoh_cbef.simulator import heard_in, simulate
 
@@ -46,11 +47,32 @@ def test_each_range_goes_to_the_first_free_step_at_or_after_it(tmp_path):
     np.testing.assert_array_equal(emitted, [[10.0, nan, 10.2, 10.25, nan], [nan, 10.1, nan, 10.4, nan]])
 
 
-def test_a_range_that_waits_for_more_than_a_step_is_dropped(tmp_path):
+def test_ranges_for_which_there_is_no_step_become_one(tmp_path):
     rows = "".join(f"{10.0 + 0.01 * number},3,{number}\n" for number in range(1, 5))
     dataset = read_dataset(write(tmp_path, ranges="t,anchor_id,range\n" + rows))
-    _, ranges = dataset.beacons(np.array([10.0, 10.1, 10.2, 10.3]))
-    np.testing.assert_array_equal(ranges[0], [np.nan, 1.0, 2.0, np.nan])
+    emitted, ranges = dataset.beacons(np.array([10.0, 10.1, 10.2, 10.3]))
+    np.testing.assert_array_equal(ranges[0], [np.nan, 2.0, 4.0, np.nan])
+    np.testing.assert_allclose(emitted[0], [np.nan, 10.02, 10.04, np.nan])
+
+
+def test_twice_as_many_ranges_as_steps_are_averaged_in_pairs_and_never_late(tmp_path):
+    rows = "".join(f"{10.0 + 0.05 * number:.2f},3,{number}\n" for number in range(1, 41))
+    dataset = read_dataset(write(tmp_path, ranges="t,anchor_id,range\n" + rows))
+    emitted, ranges = dataset.beacons(10.0 + 0.1 * np.arange(1, 21))
+    np.testing.assert_array_equal(ranges[0], np.arange(1.5, 41.0, 2.0))
+    # A target that recedes at a constant rate: time and range of a mean still belong together.
+    np.testing.assert_allclose(emitted[0], 10.0 + 0.05 * ranges[0])
+    assert dataset.interval == pytest.approx(0.05)
+
+
+def test_the_noise_of_the_motion_of_a_recorded_target_does_not_hang_on_the_step(tmp_path):
+    rows = "".join(f"{10.0 + 0.2 * number:.2f},3,{number}\n" for number in range(1, 41))
+    folder = write(tmp_path, ranges="t,anchor_id,range\n" + rows)
+    for dt in (0.05, 0.1, 0.4):
+        scenario = scenario_of(folder, f"dt={dt}", "filter.acceleration_std=2.0")
+        assert scenario.filter.acceleration_interval == pytest.approx(0.2)
+        # Variance of the velocity after a second.
+        assert motion_of(scenario).process_noise[3, 3] / dt == pytest.approx(2.0**2 * 0.2)
 
 
 def test_a_range_after_the_last_step_is_dropped(tmp_path):
@@ -184,6 +206,24 @@ def test_the_initial_estimate_is_the_middle_of_the_anchors_at_rest(tmp_path):
     scenario = scenario_of(write(tmp_path), "filter.initial_position_std=3")
     assert initial_states(scenario).tolist() == [[2.0, 0.0, 1.0, 0.0, 0.0, 0.0]] * 2
     assert initial_std(scenario)[0] == 3.0
+
+
+def test_a_first_fix_is_sought_farther_off_than_a_given_start(tmp_path):
+    folder = write(tmp_path)
+    sought, given = (scenario_of(folder, *more) for more in ([], ["filter.initial_position=[1, 1, 1]"]))
+    # Half a diagonal is 2 m; tracking.toml gives 1 m and 0.5 m/s.
+    np.testing.assert_allclose(np.sqrt(np.diag(initial_covariance(sought))), [20.0] * 3 + [3.0] * 3)
+    np.testing.assert_allclose(np.sqrt(np.diag(initial_covariance(given))), [1.0] * 3 + [0.5] * 3)
+    assert (settings_of(sought).first_fix, settings_of(given).first_fix) == (20, 0)
+    assert settings_of(scenario_of(folder, "dt=0.03")).first_fix == 34
+
+
+def test_what_is_assumed_of_recorded_ranges(tmp_path):
+    folder = write(tmp_path)
+    assert settings_of(scenario_of(folder)).power == 2
+    for unknown in ("filter.range_std=auto", "filter.bias=none", "filter.kind=ci"):
+        assert settings_of(scenario_of(folder, unknown)).power == 1
+    assert motion_of(scenario_of(folder, "dt=0.2")).acceleration_std == pytest.approx(1.0)
 
 
 RECORDED = Path(__file__).resolve().parents[2] / "shared" / "data"

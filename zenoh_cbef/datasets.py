@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -40,6 +41,13 @@ class Dataset:
         """How many whole steps the ranges fill."""
         return max(1, int(np.floor((self.range_time[-1] - self.origin(dt)) / dt + 1e-9)))
 
+    @property
+    def interval(self) -> float | None:
+        """The time from one range of an anchor to its next, s, median of all; None where there is none."""
+        times = (self.range_time[self.range_anchor == anchor] for anchor in range(len(self.anchors)))
+        median = float(np.median(np.concatenate([np.diff(each) for each in times] or [[np.inf]])))
+        return median if 0.0 < median < np.inf else None
+
     def truth_at(self, times: Floats) -> Floats:
         """True states (k, 6) at dataset times (k,), velocities by central differences."""
         base = _VELOCITY_BASE
@@ -53,20 +61,36 @@ class Dataset:
     def beacons(self, times: Floats) -> tuple[Floats, Floats]:
         """The ranges laid onto steps that end at dataset times (k,): (emission time, range), both (n, k).
 
-        Each range goes to the first step at or after it that has no range of that anchor yet, so two ranges
-        within one step are both used; one that waits for more than a step is dropped. NaN where nothing came.
+        A range belongs to the first step that ends at or after it. Where an anchor has several in one step, the last
+        of them waits for the following step, if that lets all ranges keep a step of their own. The others become one:
+        the mean of their times and ranges, which the mean velocity makes exact. NaN where nothing came.
         """
         emitted = np.full((len(self.anchors), len(times)), np.nan)
         ranges = np.full_like(emitted, np.nan)
-        first = np.searchsorted(times, self.range_time - 1e-9)
-        for at, anchor, value, step in zip(
-            self.range_time, self.range_anchor, self.ranges, first.tolist(), strict=True
-        ):
-            for slot in (step, step + 1):
-                if slot < len(times) and np.isnan(ranges[anchor, slot]):
-                    emitted[anchor, slot], ranges[anchor, slot] = at, value
-                    break
+        steps = np.searchsorted(times, self.range_time - 1e-9)
+        for anchor in range(len(self.anchors)):
+            mine = (self.range_anchor == anchor) & (steps < len(times))
+            for step, chosen in _shared_out(steps[mine], len(times)):
+                emitted[anchor, step] = self.range_time[mine][chosen].mean()
+                ranges[anchor, step] = self.ranges[mine][chosen].mean()
         return emitted, ranges
+
+
+def _shared_out(steps: NDArray[np.intp], length: int) -> Iterator[tuple[int, list[int]]]:
+    """Which of the ranges that fall into ascending steps (r,) each step gets."""
+    count = np.bincount(steps, minlength=length)
+    # A step has room for one more if it is empty, or if its own range can move on in turn.
+    room = np.zeros(length + 1, dtype=bool)
+    for step in range(length - 1, -1, -1):
+        room[step] = count[step] == 0 or (count[step] == 1 and room[step + 1])
+    waiting: list[int] = []
+    at = 0
+    for step in range(length):
+        here = [*waiting, *range(at, at + count[step])]
+        at += count[step]
+        waiting = [here.pop()] if len(here) > 1 and room[step + 1] else []
+        if here:
+            yield step, here
 
 
 def read_dataset(folder: Path) -> Dataset:

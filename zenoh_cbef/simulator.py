@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from zenoh_cbef.faults import Fate, Fates
 from zenoh_cbef.scenario import Scenario, network
-from zenoh_cbef.scenario.build import batch_tracker, fates_of, initial_states, outgoing_of, rounds_of
+from zenoh_cbef.scenario.build import batch_tracker, fates_of, outgoing_of, rounds_of
+from zenoh_cbef.scenario.start import initial_states
 from zenoh_cbef.scenario.world import World, make_world
 from zenoh_cbef.trace import Links, Trace, Traffic
 from zenoh_cbef.tracking.graph import Neighbours

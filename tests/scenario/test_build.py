@@ -11,8 +11,6 @@ from zenoh_cbef.scenario.build import (
     batch_tracker,
     consensus_of,
     filter_of,
-    initial_belief,
-    initial_states,
     message_size,
     motion_of,
     power_of,
@@ -22,6 +20,7 @@ from zenoh_cbef.scenario.build import (
     space_of,
 )
 from zenoh_cbef.scenario.load import parse
+from zenoh_cbef.scenario.start import initial_belief, initial_states
 from zenoh_cbef.tracking import graph
 
 

@@ -12,7 +12,7 @@ from zenoh_cbef.simulator import simulate
 from zenoh_cbef.tracking.filters.auto_bias import weight_of
 from zenoh_cbef.tracking.filters.base import Belief
 from zenoh_cbef.tracking.filters.biased_information import BiasedInformation
-from zenoh_cbef.tracking.filters.first_fix import STEPS, FirstFix
+from zenoh_cbef.tracking.filters.first_fix import FirstFix
 from zenoh_cbef.tracking.filters.information import SaturatedInformation
 from zenoh_cbef.tracking.filters.learned_noise import LearnedNoise
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
@@ -67,21 +67,24 @@ def test_a_consistent_filter_without_bias_is_kept_and_an_excess_that_bias_explai
     assert weights.tolist() == [0.0, 0.0, 1.0, 0.0]
 
 
-def test_the_first_fix_finds_the_side_of_the_agents_that_the_target_is_on():
+@pytest.mark.parametrize(("start", "velocity"), [((0.3, -7.0), (0.0, 0.0)), ((5.0, 45.0), (-1.0, 1.0))])
+def test_the_first_fix_finds_the_side_of_the_agents_that_the_target_is_on(start, velocity):
     agents = np.array([[2.6, -0.9, 2.0], [-2.6, 0.9, 2.0], [-1.8, 0.9, 0.5], [-2.6, -0.9, 2.0]])
     space, motion = Space(1.0), NearlyConstantVelocity(0.1, 1.0, 2)
     then = SaturatedInformation(motion, space, 0.1, 4, 1.5)
-    filter_ = FirstFix(then, motion, space, 0.1, 0.0, 4, 1.5)
-    target = np.array([0.3, -7.0, 1.0])
+    filter_ = FirstFix(then, motion, space, 0.1, 0.0, 4, 20, 1.5)
     rng = np.random.default_rng(1)
-    belief = Belief(np.zeros((4, 4)), np.repeat(np.diag([9.0, 9.0, 1.0, 1.0])[None], 4, axis=0))
-    for _ in range(STEPS):
+    belief = Belief(np.zeros((4, 4)), np.repeat(np.diag([900.0, 900.0, 9.0, 9.0])[None], 4, axis=0))
+    for k in range(20):
+        target = np.array([*(np.array(start) + 0.1 * k * np.array(velocity)), 1.0])
         ranges = np.linalg.norm(agents - target, axis=1) + rng.normal(0.0, 0.1, 4)
         update = filter_.update(belief, heard(agents, ranges))
         average = np.repeat(update.payload.mean(axis=0)[None], 4, axis=0)
         belief = filter_.conclude(average, update)
     assert belief.parts
-    assert np.linalg.norm(belief.state[0, :2] - target[:2]) < 0.5
+    error, covariance = belief.state[0, :2] - target[:2], belief.known_covariance[0, :2, :2]
+    assert np.linalg.norm(error) < 0.02 * np.linalg.norm(target[:2]) + 0.4
+    assert error @ np.linalg.solve(covariance, error) < 13.8  # 99.9 % of two degrees of freedom.
 
 
 def test_noise_is_learned_from_half_and_from_twice_of_it():

@@ -13,7 +13,8 @@ from zenoh_cbef.analysis.observability import observability
 from zenoh_cbef.analysis.prediction import Clipping, Sight, propagate
 from zenoh_cbef.analysis.traffic import other_bytes, round_bytes
 from zenoh_cbef.scenario import Scenario, network
-from zenoh_cbef.scenario.build import initial_std, motion_of, range_std_of, rounds_of, space_of
+from zenoh_cbef.scenario.build import motion_of, range_std_of, rounds_of
+from zenoh_cbef.scenario.start import initial_covariance, space_of
 from zenoh_cbef.scenario.world import make_world
 from zenoh_cbef.tracking.filters import SATURATED
 from zenoh_cbef.tracking.ranging import own_range
@@ -35,7 +36,7 @@ def design(scenario: Scenario, *, within: float = 0.01, skip: float = 0.25, sear
     start. search: also predict other numbers of rounds and schemes than the configured ones.
     """
     first = min(int(skip * scenario.length), scenario.length - 1)
-    sight, initial = sight_of(scenario), np.diag(initial_std(scenario)[space_of(scenario).kept] ** 2)
+    sight, initial = sight_of(scenario), initial_covariance(scenario)
     edges = network.edges(scenario)
     scheme = configured_scheme(scenario)
     told: dict[str, Any] = {
@@ -164,7 +165,7 @@ class _Predictor:
 
     def __init__(self, scenario: Scenario, sight: Sight, first: int) -> None:
         self.scenario, self._sight, self._first = scenario, sight, first
-        self._initial = np.diag(initial_std(scenario)[space_of(scenario).kept] ** 2)
+        self._initial = initial_covariance(scenario)
         self._motion = motion_of(scenario)
         kind, count = scenario.filter.kind, float(scenario.count)
         omega = count if scenario.filter.omega is None else scenario.filter.omega

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from zenoh_cbef.analysis.consistency import agents_bands, chi2_band, described, nees_of
 from zenoh_cbef.faults import SenderFault
-from zenoh_cbef.scenario.build import initial_std, motion_of, power_of, range_std_of, settings_of, space_of
+from zenoh_cbef.scenario.build import motion_of, power_of, range_std_of, settings_of
+from zenoh_cbef.scenario.start import initial_covariance, space_of
 from zenoh_cbef.trace import Trace
 from zenoh_cbef.tracking.filters import SATURATED, Belief
 from zenoh_cbef.tracking.joint import joint_centralized
@@ -95,7 +96,7 @@ def _stacked(traces: Sequence[Trace], part: str) -> Floats:
 def _centralized(traces: Sequence[Trace]) -> Floats:
     scenario = traces[0].scenario
     kept = space_of(scenario).kept
-    covariance = np.diag(initial_std(scenario)[kept] ** 2)
+    covariance = initial_covariance(scenario)
     initial = Belief(
         _stacked(traces, "initial").mean(axis=1)[:, kept],
         np.broadcast_to(covariance, (len(traces), *covariance.shape)),
@@ -111,8 +112,7 @@ def _centralized(traces: Sequence[Trace]) -> Floats:
 
 def _bounds(traces: Sequence[Trace]) -> Floats:
     scenario = traces[0].scenario
-    kept = space_of(scenario).kept
-    covariance = np.diag(initial_std(scenario)[kept] ** 2)
+    covariance = initial_covariance(scenario)
     return posterior_bound(
         np.broadcast_to(covariance, (len(traces), *covariance.shape)),
         motion_of(scenario),
@@ -205,6 +205,7 @@ def _metrics(analysis: Analysis) -> dict[str, Any]:
         "timing": trace.scenario.timing.mode,
         "complete": trace.complete,
         "skip": analysis.first,
+        "planar": trace.scenario.filter.planar_height is not None,
         "msee": {"agents": [_last(row) for row in analysis.msee], "average": _last(analysis.msee_average)},
         "position_rmse": position,
         "velocity_rmse": _rms(analysis.velocity_error[counted, window]),

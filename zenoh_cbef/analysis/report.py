@@ -203,6 +203,7 @@ def _summary(analysis: Analysis) -> str:
     ]
     skipped = _counted(analysis.first, "step")
     caption = f"Errors. RMSE, NEES and disagreement leave out the first {skipped}; MSEE starts at step 1."
+    caption += " The target moves in a plane: errors are those of x and y alone." if metrics["planar"] else ""
     heads = ["", "network", "centralised", "bound", "network / centralised"]
     messages = metrics["messages"]
     rows = [["disagreement of the agents", f"{_number(metrics['disagreement'])} m"]]

@@ -34,6 +34,7 @@ def metrics_table(metrics: dict[str, Any]) -> Table:
     """A run's result."""
     central, bound, messages = (metrics[name] for name in ("centralized", "bound", "messages"))
     title = f"{metrics['run']}: {metrics['filter']}, {metrics['agents']} agents, {metrics['steps']} steps"
+    title += ", errors of x and y alone" if metrics["planar"] else ""
     table = Table(title=title if metrics["complete"] else title + " (incomplete)", title_justify="left")
     for column in ("", "network", "centralised", "bound"):
         table.add_column(column, justify="left" if not column else "right")

@@ -7,17 +7,15 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from zenoh_cbef import streams
-from zenoh_cbef.faults import Fates, MessageFault, Outgoing, SenderFault, SensorFault
+from zenoh_cbef.faults import Fates, MessageFault, Outgoing, SensorFault
 from zenoh_cbef.scenario import network
 from zenoh_cbef.scenario.model import Scenario
-from zenoh_cbef.scenario.world import target_start
+from zenoh_cbef.scenario.start import distrusts, first_fix_steps, initial_belief, space_of
 from zenoh_cbef.tracking import graph, weights
 from zenoh_cbef.tracking.consensus import Average, Chebyshev, Consensus, RunningSums
 from zenoh_cbef.tracking.filters import BIASED, INFORMATION, Belief, Filter, FilterSettings, make_filter
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
 from zenoh_cbef.tracking.payloads import InformationPayloads, StatePayloads
-from zenoh_cbef.tracking.ranging import Space
 from zenoh_cbef.tracking.stale import StaleAverage
 from zenoh_cbef.tracking.tracker import Tracker
 from zenoh_cbef.tracking.trimmed import TrimmedComponents, TrimmedMessages
@@ -27,17 +25,19 @@ Bools = NDArray[np.bool_]
 Ids = NDArray[np.int64]
 Seeds = NDArray[np.uint64]
 
-
-def space_of(scenario: Scenario) -> Space:
-    """Three axes, or the plane at filter.planar_height."""
-    return Space(scenario.filter.planar_height)
+_RECORDED_ACCELERATION = 1.0
+"""What is assumed of a real target of which nothing is said, m/s^2: somebody walking, a trolley, a slow vehicle."""
 
 
 def motion_of(scenario: Scenario) -> NearlyConstantVelocity:
     """The filter's model of the target's motion."""
-    assumed = scenario.filter.acceleration_std
+    chosen, assumed = scenario.filter, scenario.filter.acceleration_std
     if assumed is None:
-        assumed = scenario.target.acceleration_std
+        recorded = scenario.target.motion == "dataset"
+        assumed = _RECORDED_ACCELERATION if recorded else scenario.target.acceleration_std
+    if chosen.acceleration_interval is not None:
+        # The same power of the noise in a second, however long a step is.
+        assumed *= float(np.sqrt(chosen.acceleration_interval / scenario.dt))
     return NearlyConstantVelocity(scenario.dt, assumed, space_of(scenario).axes)
 
 
@@ -56,7 +56,7 @@ def bias_of(scenario: Scenario) -> str:
     chosen = scenario.filter
     if chosen.kind not in BIASED:
         return "none"
-    if chosen.bias == "auto" and (chosen.recovery or _distrusts(scenario) or not _may_be_biased(scenario)):
+    if chosen.bias == "auto" and (chosen.recovery or distrusts(scenario) or not _may_be_biased(scenario)):
         return "none"
     return chosen.bias
 
@@ -67,17 +67,12 @@ def _may_be_biased(scenario: Scenario) -> bool:
     return biased or disturbed or scenario.target.motion == "dataset"
 
 
-def _distrusts(scenario: Scenario) -> bool:
-    """Whether neighbours may send wrong values: what is then compared and trimmed is one filter's information."""
-    return scenario.consensus.trim > 0 or any(isinstance(fault, SenderFault) for fault in scenario.fault)
-
-
 def distrusts_own(scenario: Scenario) -> bool:
     """Whether agents distrust their own receivers while these are implausible; auto: where receivers have faults."""
     chosen = scenario.filter
     if chosen.distrust != "auto":
         return chosen.distrust
-    comparable = chosen.kind in INFORMATION and chosen.measurement == "range" and not _distrusts(scenario)
+    comparable = chosen.kind in INFORMATION and chosen.measurement == "range" and not distrusts(scenario)
     return comparable and any(isinstance(fault, SensorFault) for fault in scenario.fault)
 
 
@@ -101,18 +96,20 @@ def settings_of(scenario: Scenario) -> FilterSettings:
         1.5 * range_std if common is None else common,
         0.15 * range_std if own is None else own,
         chosen.range_std == "auto",
-        scenario.target.motion == "dataset"
-        and chosen.initial_position is None
-        and chosen.kind in BIASED
-        and not _distrusts(scenario),
+        first_fix_steps(scenario),
     )
 
 
 def power_of(scenario: Scenario) -> int:
-    """The power of the saturation: 1 bounds the pull of an outlier, 2 lets it fall (redescending)."""
+    """The power of the saturation: 1 bounds the pull of an outlier, 2 lets it fall (redescending).
+
+    Real ranges have outliers. But where biases are left alone or the noise is still learned, good ones may look alike.
+    """
     chosen = scenario.filter.saturation
     if chosen == "auto":
-        chosen = "redescending" if scenario.sensor.outlier_probability > 0.0 else "bounded"
+        known = bias_of(scenario) != "none" and scenario.filter.range_std != "auto"
+        recorded = scenario.target.motion == "dataset" and known
+        chosen = "redescending" if recorded or scenario.sensor.outlier_probability > 0.0 else "bounded"
     return 2 if chosen == "redescending" else 1
 
 
@@ -159,44 +156,6 @@ def scheme_of(scenario: Scenario) -> tuple[str, str]:
 def message_size(scenario: Scenario) -> int:
     """How many numbers a consensus message holds: the payload's, and one more for running sums."""
     return filter_of(scenario).payload_size + (scheme_of(scenario)[0] == "running-sums")
-
-
-def initial_std(scenario: Scenario) -> Floats:
-    """Standard deviations of the initial estimate, (6,): m, then m/s."""
-    position, velocity = scenario.filter.initial_position_std, scenario.filter.initial_velocity_std
-    if position is None and scenario.target.motion == "dataset":
-        position = float(np.linalg.norm(np.ptp(network.placement(scenario), axis=0))) / 2.0 or None
-    return np.repeat([position or 1.0, velocity or 1.0], 3)
-
-
-def initial_states(scenario: Scenario) -> Floats:
-    """The agents' estimates before step 1, as configured, (n, 6).
-
-    A given position or velocity is taken as it is. What is not given is drawn around the target's own start with
-    the initial standard deviations; for recorded data it is the middle of the agents, at rest.
-    """
-    count, chosen = scenario.count, scenario.filter
-    if scenario.target.motion == "dataset":
-        derived = np.zeros((count, 6))
-        derived[:, :3] = network.placement(scenario).mean(axis=0)
-    else:
-        key = streams.stream(scenario.seed, "initial estimate", np.arange(count))[:, None]
-        noise = np.concatenate([streams.normal(key, axis) for axis in range(6)], axis=1)
-        derived = target_start(scenario) + initial_std(scenario) * noise
-    if chosen.initial_position is not None:
-        derived[:, :3] = np.array(chosen.initial_position)
-    if chosen.initial_velocity is not None:
-        derived[:, 3:] = np.array(chosen.initial_velocity)
-    if chosen.planar_height is not None:
-        derived[:, 2], derived[:, 5] = chosen.planar_height, 0.0
-    return derived
-
-
-def initial_belief(scenario: Scenario) -> Belief:
-    """The agents' initial estimates along the estimated axes: states (n, s), covariances (n, s, s)."""
-    kept = space_of(scenario).kept
-    covariance = np.diag(initial_std(scenario)[kept] ** 2)
-    return Belief(initial_states(scenario)[:, kept], np.broadcast_to(covariance, (scenario.count, *covariance.shape)))
 
 
 def consensus_of(scenario: Scenario, neighbours: graph.Neighbours) -> tuple[Floats, Floats]:

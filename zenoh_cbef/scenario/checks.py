@@ -7,8 +7,8 @@ import numpy as np
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.faults import MessageFault
 from zenoh_cbef.scenario import network
-from zenoh_cbef.scenario.build import space_of
 from zenoh_cbef.scenario.model import Scenario
+from zenoh_cbef.scenario.start import space_of
 from zenoh_cbef.tracking import graph
 from zenoh_cbef.tracking.linalg import neighbour_sum, outer
 

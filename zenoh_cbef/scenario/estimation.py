@@ -17,8 +17,9 @@ class Filter(Table):
     standard deviations. saturation auto: redescending where the sensor is said to have outliers. omega: what hcmci
     multiplies averaged measurements by; None: the number of agents.
     measurement: the agent's own range, or differences with its neighbours', as cbef and cbef-scaled always have.
-    bias_common_std, bias_own_std: prior of the network's and of the agents' own part of the bias, m; None: 1.5 and
-    0.15 of range_std.
+    acceleration_interval: how long a random acceleration lasts, s; None: one step, or for recorded ranges their own
+    interval. bias_common_std, bias_own_std: prior of the network's and of the agents' own part of the bias, m; None:
+    1.5 and 0.15 of range_std.
     """
 
     kind: str = "sicf"
@@ -29,6 +30,7 @@ class Filter(Table):
     omega: Positive | None = None
     measurement: Literal["range", "difference"] = "range"
     acceleration_std: Positive | None = None
+    acceleration_interval: Positive | None = None
     range_std: Annotated[Positive | Literal["auto"] | None, Field(description="a number, or 'auto'")] = None
     bias: Literal["none", "estimate", "auto"] = "auto"
     bias_common_std: NotNegative | None = None

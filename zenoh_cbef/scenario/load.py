@@ -118,4 +118,6 @@ def _lay_out(scenario: Scenario, folder: Path) -> Scenario:
     if scenario.steps is not None and scenario.steps > most:
         raise UserError(f"steps = {scenario.steps}, but {path} fills only {most} steps of {scenario.dt} s; lower it")
     data["steps"] = scenario.steps or most
+    if scenario.filter.acceleration_interval is None:
+        data["filter"]["acceleration_interval"] = dataset.interval
     return parse(data, str(path))

@@ -42,7 +42,7 @@ def joint_centralized(
     runs, agents, steps = ranges.shape
     states, covariances = np.empty((runs, steps, 6)), np.empty((runs, steps, 6, 6))
     fix = Belief(np.repeat(initial.state, agents, axis=0), np.repeat(initial.known_covariance, agents, axis=0))
-    fixing = settings.first_fix
+    fixing = settings.first_fix > 0
     filter_ = _Joint(settings, xi, initial, agents)
     for k in range(steps):
         step = Ranges(positions[:, :, k], ranges[:, :, k], np.nan_to_num(age[:, :, k]), filter_.noise)
@@ -71,7 +71,7 @@ def _first_fix(settings: FilterSettings, xi: float, fix: Belief, step: Ranges) -
         np.empty((rows, 0)),
         step.std.ravel(),
     )
-    filter_ = first_fix_of(settings, make_filter("sicf", replace(settings, first_fix=False, learns_noise=False)), xi)
+    filter_ = first_fix_of(settings, make_filter("sicf", replace(settings, first_fix=0, learns_noise=False)), xi)
     update = filter_.update(fix, measurement)
     average = update.payload.reshape(runs, agents, -1).mean(axis=1)
     return filter_.conclude(np.repeat(average, agents, axis=0), update), update

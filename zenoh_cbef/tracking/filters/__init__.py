@@ -50,8 +50,8 @@ class FilterSettings:
     network_size: number of agents. differenced: whether ci and local take in differences of ranges in place of the
     agent's own range. power: of the saturation. recovers: whether the network widens its covariances where most
     agents are surprised. distrusts: whether agents weigh down their own ranges while these stay implausible. bias:
-    none, estimate or auto; common_bias_std, own_bias_std: its prior, m. first_fix: the initial estimate is a guess,
-    to be improved by least squares on the first ranges.
+    none, estimate or auto; common_bias_std, own_bias_std: its prior, m. first_fix: over how many steps the initial
+    estimate, a guess, is improved by least squares on the first ranges; 0: it is none.
     """
 
     motion: NearlyConstantVelocity
@@ -68,7 +68,7 @@ class FilterSettings:
     common_bias_std: float = 0.0
     own_bias_std: float = 0.0
     learns_noise: bool = False
-    first_fix: bool = False
+    first_fix: int = 0
 
 
 def _information(settings: FilterSettings, xi: float) -> Filter:
@@ -142,7 +142,16 @@ NOISE_LEARNED = ("sicf", "icf", "hcmci", "ci", "local")
 def first_fix_of(settings: FilterSettings, then: Filter, xi: float) -> FirstFix:
     """The first fix before a filter."""
     bias_std = 0.0 if settings.bias == "none" else float(np.hypot(settings.common_bias_std, settings.own_bias_std))
-    return FirstFix(then, settings.motion, settings.space, settings.range_std, bias_std, settings.network_size, xi)
+    return FirstFix(
+        then,
+        settings.motion,
+        settings.space,
+        settings.range_std,
+        bias_std,
+        settings.network_size,
+        settings.first_fix,
+        xi,
+    )
 
 
 def make_filter(kind: str, settings: FilterSettings) -> Filter:

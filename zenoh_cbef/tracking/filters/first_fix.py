@@ -15,13 +15,10 @@ from zenoh_cbef.tracking.filters.information_form import (
     saturation,
     variance_of,
 )
-from zenoh_cbef.tracking.filters.squared_ranges import Frame, SquaredRanges
+from zenoh_cbef.tracking.filters.squared_ranges import Frame, Seen, SquaredRanges
 from zenoh_cbef.tracking.linalg import inverse, matvec, neighbour_sum, outer
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
 from zenoh_cbef.tracking.ranging import Measurement, Space, own_range
-
-STEPS = 20
-"""How many steps the first fix takes: the first half on squared ranges, the second on ranges."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +38,8 @@ class FirstFix:
     of the variance is what the target may have done since, the third keeps a bias of variance beta^2 from averaging
     out over the m ranges that an agent has. After the last of these steps `then` starts from the fix.
 
-    range_std: sigma (m). bias_std: beta (m). network_size: n. xi: saturation level in standard deviations.
+    range_std: sigma (m). bias_std: beta (m). network_size: n. steps: how many it takes, half of
+    them on squared ranges. xi: saturation level in standard deviations.
     """
 
     then: Filter
@@ -50,6 +48,7 @@ class FirstFix:
     range_std: float
     bias_std: float
     network_size: int
+    steps: int
     xi: float = np.inf
 
     uses_neighbour_ranges = False
@@ -79,7 +78,7 @@ class FirstFix:
         variance = (variance_of(measurement, self.range_std) + alike)[:, None]
         drift = 0.5 * self.motion.acceleration_std * seen.ages**2
         rows = self._rows(seen, state, covariance, correction, variance + drift**2)
-        if seen.steps > STEPS // 2:
+        if seen.steps > self.steps // 2:
             information = inverse(prior.known_covariance) / self.network_size
             payload = pack(
                 matvec(information, prior.state) + neighbour_sum(rows.vectors),
@@ -87,13 +86,12 @@ class FirstFix:
             )
         else:
             axes = self.space.axes
-            moved = prior.known_covariance[:, axes, axes, None] * seen.ages**2
             payload = self._squared.payload(
                 self._frame(prior),
                 Belief(state[:, :axes], covariance[:, :axes, :axes]),
-                positions=seen.positions,
-                ranges=seen.ranges,
-                variance=variance + moved,
+                seen,
+                variance=variance,
+                speed=np.sqrt(prior.known_covariance[:, axes, axes]),
             )
         return Update(
             np.pad(payload, ((0, 0), (0, self.payload_size - payload.shape[1]))),
@@ -111,13 +109,13 @@ class FirstFix:
             return Belief(inner.state, inner.covariance, inner.bias, parts=(inner,))
         *history, predicted = update.kept
         steps, size = history[-1].shape[1], self.motion.size
-        if steps <= STEPS // 2:
+        if steps <= self.steps // 2:
             fix = self._at_rest(payload, update)
         else:
             own, mixed = (np.ascontiguousarray(part[:, : packed_size(size)]) for part in (update.payload, payload))
             averaged = belief_of(mixed, own, size)
             fix = Belief(averaged.state, averaged.known_covariance / self.network_size)
-        if steps >= STEPS:
+        if steps >= self.steps:
             return Belief(fix.state, fix.covariance, parts=(fix,))
         return replace(fix, memory=(*history, fix.state - predicted))
 
@@ -132,20 +130,20 @@ class FirstFix:
     def _frame(self, prior: Belief) -> Frame:
         return Frame(prior.state[:, : self.space.axes], np.sqrt(prior.known_covariance[:, 0, 0]))
 
-    def _history(self, belief: Belief, measurement: Measurement) -> tuple[Belief, _Seen, Floats]:
+    def _history(self, belief: Belief, measurement: Measurement) -> tuple[Belief, Seen, Floats]:
         """The initial estimate carried to this step, what was measured so far, and the latest correction (n, s)."""
-        new = _Seen(measurement.position[:, None], measurement.age[:, None], measurement.range[:, None])
+        new = Seen(measurement.position[:, None], measurement.age[:, None], measurement.range[:, None])
         if not belief.memory:
             return Belief(*predict(self.motion, belief)), new, np.zeros_like(belief.state)
         state, covariance, positions, ages, ranges, correction = belief.memory
-        seen = _Seen(
+        seen = Seen(
             np.concatenate([positions, new.positions], axis=1),
             np.concatenate([ages + self.motion.dt, new.ages], axis=1),
             np.concatenate([ranges, new.ranges], axis=1),
         )
         return Belief(*predict(self.motion, Belief(state, covariance))), seen, correction
 
-    def _rows(self, seen: _Seen, state: Floats, covariance: Floats, correction: Floats, variance: Floats) -> _Rows:
+    def _rows(self, seen: Seen, state: Floats, covariance: Floats, correction: Floats, variance: Floats) -> _Rows:
         """All ranges linearised at a state."""
         count, kept = seen.ranges.shape
         predicted, rows = own_range(
@@ -168,19 +166,6 @@ class FirstFix:
             np.where(latest, weight[:, -1], np.nan),
             np.where(latest, (innovation[:, -1] / spread[:, -1]) ** 2, np.nan),
         )
-
-
-@dataclass(frozen=True)
-class _Seen:
-    """Positions (n, k, 3), ages and ranges (n, k) of the steps so far; NaN ranges are missing."""
-
-    positions: Floats
-    ages: Floats
-    ranges: Floats
-
-    @property
-    def steps(self) -> int:
-        return int(self.ranges.shape[1])
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from zenoh_cbef.tracking.linalg import matvec, neighbour_sum, outer
 from zenoh_cbef.tracking.ranging import Space
 
 _LOOSE = 100.0
-"""Prior standard deviation of |q|^2, in squares of the unit: no information."""
+"""Prior standard deviation of |q|^2 and of its change, in squares of the unit (and seconds): no information."""
 
 
 @dataclass(frozen=True)
@@ -24,14 +24,30 @@ class Frame:
 
 
 @dataclass(frozen=True)
+class Seen:
+    """Agents' positions (n, k, 3), ages and ranges (n, k) of k steps; NaN ranges are missing."""
+
+    positions: Floats
+    ages: Floats
+    ranges: Floats
+
+    @property
+    def steps(self) -> int:
+        """How many steps there are, k."""
+        return int(self.ranges.shape[1])
+
+
+@dataclass(frozen=True)
 class SquaredRanges:
-    """A target at rest at p = m + L q, with agents at p_i = m + L a_i: every squared range is a linear equation.
+    """A target at p = m + L q, with agents at p_i = m + L a_i: every squared range is a linear equation.
 
-        (r_i^2 - (height differences)^2)/L^2 - |a_i|^2 = -2 a_i^T q + |q|^2
+        (r_i^2 - (height differences)^2)/L^2 - |a_i|^2 = -2 a_i^T q + |q|^2 - t d|q|^2/dt
 
-    linear in y = (q, |q|^2) (Smith and Abel, IEEE TASSP 35(12), 1987). Agents add their rows' information up by
-    averaging; there is one solution wherever the agents' geometry shows the position, however far the guess m.
-    A row's noise is 2 r sigma/L^2. Where rows are too few, the prior q ~ N(0, I) decides.
+    linear in y = (q, |q|^2, d|q|^2/dt) (Smith and Abel, IEEE TASSP 35(12), 1987). Agents add their rows' information
+    up by averaging; there is one solution wherever the agents' geometry shows the position, however far the guess m.
+    A row's noise is 2 r sigma/L^2. The last term, with the range's age t, is how far a target that moves has come
+    nearer to all agents; what is left of its motion, noise of 2 |a_i| |v| t/L, is small where the agents are close
+    together. Where rows are too few, the prior q ~ N(0, I) decides.
 
     network_size: n. xi: saturation of a row's residual in standard deviations, at the latest solution.
     """
@@ -43,38 +59,42 @@ class SquaredRanges:
     @property
     def size(self) -> int:
         """Numbers in a payload."""
-        return packed_size(self.space.axes + 1)
+        return packed_size(self.space.axes + 2)
 
-    def payload(self, frame: Frame, fix: Belief, *, positions: Floats, ranges: Floats, variance: Floats) -> Floats:
+    def payload(self, frame: Frame, fix: Belief, seen: Seen, *, variance: Floats, speed: Floats) -> Floats:
         """The agent's share of the information on y, (n, size).
 
-        fix: the latest position (n, axes), and its covariance, at which residuals are weighed. positions: (n, k, 3).
-        ranges, variance: (n, k), m and m^2; NaN ranges are left out.
+        fix: the latest position (n, axes), and its covariance, at which residuals are weighed. variance: of the
+        ranges, m^2, as wide as (n, k). speed: (n,), standard deviation of the target's velocity along an axis, m/s.
         """
         axes, unit = self.space.axes, frame.unit[:, None]
-        measured = np.isfinite(ranges)
-        ranges = np.where(measured, ranges, 0.0)
-        at = (positions[:, :, :axes] - frame.middle[:, None]) / unit[:, :, None]
-        square = ranges**2 / unit**2 - np.sum(at * at, axis=2)
+        measured = np.isfinite(seen.ranges)
+        ranges = np.where(measured, seen.ranges, 0.0)
+        at = (seen.positions[:, :, :axes] - frame.middle[:, None]) / unit[:, :, None]
+        reach = np.sum(at * at, axis=2)
+        square = ranges**2 / unit**2 - reach
         if self.space.height is not None:
-            square -= (self.space.height - positions[:, :, 2]) ** 2 / unit**2
-        rows = np.concatenate([-2.0 * at, np.ones_like(at[:, :, :1])], axis=2)
+            square -= (self.space.height - seen.positions[:, :, 2]) ** 2 / unit**2
+        rows = np.concatenate([-2.0 * at, np.ones_like(at[:, :, :1]), -seen.ages[:, :, None]], axis=2)
+        moved = speed[:, None] * seen.ages / unit
         noise = (2.0 * ranges / unit**2) ** 2 * variance + 2.0 * (variance / unit**2) ** 2
+        noise = noise + 4.0 * reach * moved**2 + moved**4
         place = (fix.state - frame.middle) / unit
         residual = square + 2.0 * np.sum(at * place[:, None], axis=2) - np.sum(place * place, axis=1)[:, None]
         slope = 2.0 * (place[:, None] - at) / unit[:, :, None]
-        spread = np.sqrt(noise + np.sum(slope * matvec(fix.known_covariance[:, None], slope), axis=2))
+        tolerance = noise + (2.0 * ranges / unit * moved) ** 2
+        spread = np.sqrt(tolerance + np.sum(slope * matvec(fix.known_covariance[:, None], slope), axis=2))
         precision = np.where(measured, saturation(residual, self.xi * spread), 0.0) / noise
         information = neighbour_sum(precision[:, :, None] * outer(rows, rows).reshape(*measured.shape, -1))
-        prior = np.diag([1.0] * axes + [_LOOSE**-2]) / self.network_size
+        prior = np.diag([1.0] * axes + [_LOOSE**-2] * 2) / self.network_size
         return pack(
             neighbour_sum((precision * square)[:, :, None] * rows),
-            information.reshape(-1, axes + 1, axes + 1) + prior,
+            information.reshape(-1, axes + 2, axes + 2) + prior,
         )
 
     def solve(self, payload: Floats, own: Floats, frame: Frame) -> Belief:
         """Position and its covariance from averaged payloads; own: the agent's, to fall back on."""
         axes, unit = self.space.axes, frame.unit[:, None]
-        solved = belief_of(payload[:, : self.size], own[:, : self.size], axes + 1)
+        solved = belief_of(payload[:, : self.size], own[:, : self.size], axes + 2)
         spread = solved.known_covariance[:, :axes, :axes] / self.network_size
         return Belief(frame.middle + unit * solved.state[:, :axes], unit[:, :, None] ** 2 * spread)

@@ -1,0 +1,153 @@
+"""Made-up sets of the same kinds as the recorded ones, with known biases, on which no setting was chosen."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.table import Table
+
+from benchmarks.common import plain_table
+from benchmarks.recorded import errors
+
+Floats = NDArray[np.float64]
+SEEDS = 3
+
+
+@dataclass(frozen=True)
+class Kind:
+    """Anchors (n, 3), a walk (speed m/s, area low and high, m), and what is wrong with the ranges.
+
+    rate: ranges of an anchor per second, least and most. std: of their noise, m. common: the bias of all anchors, own:
+    standard deviation of what each has besides, m. outliers: the share of ranges that are too long, and by how much
+    on average, m. height: what the filter is told of it, m; None: it estimates three axes.
+    """
+
+    anchors: Callable[[np.random.Generator], Floats]
+    low: tuple[float, float, float]
+    high: tuple[float, float, float]
+    speed: float
+    seconds: float
+    dt: float
+    rate: tuple[float, float]
+    std: float
+    common: float = 0.0
+    own: float = 0.0
+    outliers: tuple[float, float] = (0.0, 0.0)
+    height: float | None = None
+
+
+def _room(rng: np.random.Generator) -> Floats:
+    """Eight anchors on the walls of a room of 12 m by 8 m by 3 m, high and low in turn."""
+    x, y = np.array([0, 4, 8, 12, 12, 8, 4, 0]) * 1.0, np.array([0, 0, 0, 0, 8, 8, 8, 8]) * 1.0
+    z = np.where(np.arange(8) % 2, 0.3, 2.7) + rng.uniform(-0.2, 0.2, 8)
+    return np.stack([x, y, z], axis=1)
+
+
+def _box(rng: np.random.Generator) -> Floats:
+    """Four anchors at the corners of a box of 5 m by 2 m, at two heights."""
+    del rng
+    return np.array([[2.6, -0.9, 2.0], [-2.6, 0.9, 2.0], [-1.8, 0.9, 0.5], [1.8, -0.9, 0.5]])
+
+
+def _field(rng: np.random.Generator) -> Floats:
+    """Four anchors around a field of 70 m by 60 m."""
+    corners = np.array([[-35.0, -30.0, 0.0], [35.0, -30.0, 0.0], [35.0, 30.0, 0.0], [-35.0, 30.0, 0.0]])
+    corners[:, :2] += rng.uniform(-8.0, 8.0, (4, 2))
+    return corners
+
+
+_WALK: dict[str, Any] = {"speed": 1.0, "seconds": 120.0, "dt": 0.1, "rate": (10.0, 20.0), "std": 0.07}
+KINDS = {
+    "indoors, biased": Kind(_room, (1.0, 1.0, 0.8), (11.0, 7.0, 1.6), **_WALK, common=0.15, own=0.05),
+    "indoors, unbiased": Kind(_room, (1.0, 1.0, 0.8), (11.0, 7.0, 1.6), **_WALK),
+    "indoors, plane, biased": Kind(
+        _room, (1.0, 1.0, 1.0), (11.0, 7.0, 1.0), **_WALK, common=0.15, own=0.05, height=1.0
+    ),
+    "far from a small box": Kind(
+        _box, (-25.0, 4.0, 1.0), (25.0, 45.0, 1.0), 1.2, 180.0, 0.1, (9.0, 10.0), 0.09, 0.05, 0.0, (0.006, 30.0), 1.0
+    ),
+    "large field": Kind(
+        _field, (-30.0, -25.0, 0.0), (30.0, 25.0, 0.0), 1.0, 400.0, 0.25, (1.1, 1.3), 1.5, 2.5, 0.4, (0.2, 4.0), 0.0
+    ),
+}
+
+
+def write(kind: Kind, seed: int, folder: Path) -> None:
+    """A set of one kind as the folder of CSV files that target.path names."""
+    rng = np.random.default_rng(seed)
+    anchors, time = kind.anchors(rng), np.arange(0.0, kind.seconds, 0.02)
+    truth = _walk(kind, rng, time)
+    rows = []
+    bias = kind.common + kind.own * rng.standard_normal(len(anchors))
+    for anchor, place in enumerate(anchors):
+        gaps = 1.0 / rng.uniform(*kind.rate, size=int(kind.seconds * kind.rate[1]))
+        at = rng.uniform(0.0, gaps[0]) + np.cumsum(gaps)
+        at = at[at < kind.seconds - 0.5]
+        position = np.stack([np.interp(at, time, truth[:, axis]) for axis in range(3)], axis=1)
+        error = bias[anchor] + kind.std * rng.standard_normal(len(at))
+        late = rng.uniform(size=len(at)) < kind.outliers[0]
+        error += late * rng.exponential(kind.outliers[1] or 1.0, len(at))
+        ranges = np.linalg.norm(position - place, axis=1) + error
+        rows += [(t, anchor, value) for t, value in zip(at.tolist(), ranges.tolist(), strict=True)]
+    folder.mkdir(parents=True, exist_ok=True)
+    _csv(folder / "anchors.csv", "id,x,y,z", [(row, *place) for row, place in enumerate(anchors.tolist())])
+    _csv(folder / "ranges.csv", "t,anchor_id,range", sorted(rows))
+    _csv(folder / "truth.csv", "t,x,y,z", [(t, *place) for t, place in zip(time.tolist(), truth.tolist(), strict=True)])
+
+
+def _walk(kind: Kind, rng: np.random.Generator, time: Floats) -> Floats:
+    """A walk from one random point of the area to the next, turns rounded over about a second, (k, 3)."""
+    low, high = np.array(kind.low), np.array(kind.high)
+    points, lengths = [rng.uniform(low, high)], [0.0]
+    while lengths[-1] < kind.speed * (time[-1] + 4.0):
+        points.append(rng.uniform(low, high))
+        lengths.append(lengths[-1] + float(np.linalg.norm(points[-1] - points[-2])))
+    path = np.array(points)
+    step = float(time[1] - time[0])
+    window = np.hanning(max(3, int(1.5 / step)) + 2)
+    fine = np.arange(-len(window), len(time) + len(window)) * step
+    raw = np.stack([np.interp(kind.speed * fine, lengths, path[:, axis]) for axis in range(3)], axis=1)
+    smooth = [np.convolve(raw[:, axis], window / window.sum(), mode="same") for axis in range(3)]
+    return np.stack(smooth, axis=1)[len(window) : len(window) + len(time)]
+
+
+def _csv(path: Path, header: str, rows: list[tuple[float, ...]]) -> None:
+    lines = [f"{first:.6f}".rstrip("0").rstrip(".") + "".join(f",{each:.6f}".rstrip("0").rstrip(".") for each in rest)
+             for first, *rest in rows]  # fmt: skip
+    path.write_text("\n".join([header, *lines]) + "\n")
+
+
+def settings(kind: Kind, folder: Path) -> dict[str, object]:
+    """The keys of `tracking` that a set changes; all others are the defaults."""
+    given: dict[str, object] = {
+        "target.motion": "dataset",
+        "target.path": str(folder),
+        "dt": kind.dt,
+        "filter.range_std": kind.std,
+    }
+    return given if kind.height is None else given | {"filter.planar_height": kind.height}
+
+
+def run(repeats: int) -> Iterator[Table]:
+    """Per kind and setting of filter.bias, over some seeds; nothing is timed."""
+    del repeats
+    rows = []
+    with tempfile.TemporaryDirectory() as place:
+        for name, kind in KINDS.items():
+            folders = [Path(place) / f"{name} {seed}" for seed in range(SEEDS)]
+            for seed, folder in enumerate(folders):
+                write(kind, seed, folder)
+            for bias in ("none", "estimate", "auto"):
+                found = [errors(settings(kind, folder) | {"filter.bias": bias}) for folder in folders]
+                each = [
+                    f"{middle(column):.4f}" for column in zip(*found, strict=True) for middle in (np.median, np.max)
+                ]
+                rows.append([name, bias, *each])
+    heads = ["set", "filter.bias", "RMSE (m), median", "worst", "ratio to centralised, median", "worst"]
+    yield plain_table(f"made-up sets, {SEEDS} seeds, last 75 %", heads, rows)
