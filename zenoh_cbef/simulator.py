@@ -157,7 +157,7 @@ class Simulation:
         sent = []
         for round_ in range(1, self.rounds + 1):
             sent.append(self._outgoing.message(step, round_, message))
-            message = self.tracker.exchange(sent[-1][self.neighbours.index], self._delivered(step, round_))
+            message = self.tracker.exchange(sent[-1].take(self.neighbours.index, axis=0), self._delivered(step, round_))
         return Step(sent, self.tracker.conclude())
 
 
