@@ -15,7 +15,7 @@ from zenoh_cbef.cli.tables import console, errors, number
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.experiment.cells import cells_of
 from zenoh_cbef.experiment.figures import short_names, written_value
-from zenoh_cbef.experiment.file import builtin_names, purpose_of, read_experiment, read_source
+from zenoh_cbef.experiment.file import Written, builtin_names, purpose_of, read_experiment, read_source
 from zenoh_cbef.experiment.page import limits_of, values_of, write_outputs
 from zenoh_cbef.experiment.summary import EXIT_STATUS, check_expectations, summarize
 from zenoh_cbef.experiment.sweep import Sweep
@@ -43,6 +43,9 @@ def _experiment(
         str | None, typer.Option(metavar="N", help="Other seeds than the file's: a number, or a list as [1, 5].")
     ] = None,
     jobs: Annotated[int, typer.Option(min=0, help="Processes that simulate at a time; 0: one per core.")] = 0,
+    dask: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="Simulate on the workers of this Dask scheduler.")
+    ] = None,
     skip: Skip = 0.25,
     as_json: AsJson = False,
 ) -> None:
@@ -56,7 +59,11 @@ def _experiment(
             "give one experiment, as in 'zenoh-cbef experiment loss', or: experiment list, or: experiment show NAME"
         )
     else:
-        _run(what, output, _changes(seeds), jobs=jobs, skip=skip, as_json=as_json)
+        written = read_experiment(what, _changes(seeds))
+        cells = cells_of(written)
+        check_expectations(written, cells)
+        sweep = Sweep(written.experiment, cells, skip, jobs, dask)
+        _run(written, sweep, output or Path("experiments") / written.name, as_json=as_json)
 
 
 def _changes(seeds: str | None) -> dict[str, Any]:
@@ -74,12 +81,7 @@ def _list() -> None:
         typer.echo(f"{name:10} {sentence.rstrip('.')}")
 
 
-def _run(what: str, output: Path | None, changes: dict[str, Any], *, jobs: int, skip: float, as_json: bool) -> None:
-    written = read_experiment(what, changes)
-    cells = cells_of(written)
-    check_expectations(written, cells)
-    folder = output or Path("experiments") / written.name
-    sweep = Sweep(written.experiment, cells, skip, jobs)
+def _run(written: Written, sweep: Sweep, folder: Path, *, as_json: bool) -> None:
     columns = (TextColumn("runs"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     try:
         with Progress(*columns, console=errors, transient=True, disable=not errors.is_terminal) as bar:
@@ -88,8 +90,8 @@ def _run(what: str, output: Path | None, changes: dict[str, Any], *, jobs: int, 
     except KeyboardInterrupt:
         errors.print(f"interrupted; what is finished is in {folder}, and the same command goes on from there")
         raise typer.Exit(_INTERRUPTED) from None
-    summary = summarize(written, cells, outcomes)
-    for sentence in write_outputs(summary, rows_of(cells, outcomes), written.source, folder):
+    summary = summarize(written, sweep.cells, outcomes)
+    for sentence in write_outputs(summary, rows_of(sweep.cells, outcomes), written.source, folder):
         errors.print(sentence, highlight=False, soft_wrap=True)
     if as_json:
         print((folder / "summary.json").read_text(encoding="utf-8"), end="")

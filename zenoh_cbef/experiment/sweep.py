@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from importlib import import_module
@@ -41,12 +42,17 @@ class Work:
 
 @dataclass(frozen=True)
 class Sweep:
-    """What is common to all runs of an experiment. jobs: processes that simulate at a time; 0: one per core."""
+    """What is common to all runs of an experiment.
+
+    jobs: processes that simulate at a time; 0: one per core. dask: the address of a Dask scheduler, whose workers
+    simulate in place of processes on this host.
+    """
 
     experiment: Experiment
     cells: Sequence[Cell]
     skip: float
-    jobs: int
+    jobs: int = 0
+    dask: str | None = None
 
     def run(self, folder: Path, progress: Callable[[int, int], None]) -> list[list[Outcome]]:
         """The outcomes of every cell, in the order of its seeds; progress gets how many are finished, of how many."""
@@ -76,17 +82,13 @@ class Sweep:
         do = partial(_do, engine=self.experiment.engine, skip=self.skip, logs=logs)
         # A run's processes fill the cores by themselves.
         jobs = 1 if self.experiment.engine == "processes" else self.jobs or len(os.sched_getaffinity(0))
-        if min(jobs, len(work)) <= 1:
+        if self.dask is None and min(jobs, len(work)) <= 1:
             yield from map(do, work)
             return
-        try:
-            joblib = import_module("joblib")
-        except ImportError:
-            raise UserError(
-                "spreading over cores needs joblib; run: pip install 'zenoh-cbef[experiment]', or give --jobs 1"
-            ) from None
-        parallel = joblib.Parallel(n_jobs=jobs, return_as="generator_unordered", batch_size=1)
-        yield from parallel(joblib.delayed(do)(one) for one in work)
+        with _back_end(self.dask) as joblib:
+            jobs = jobs if self.dask is None else -1
+            parallel = joblib.Parallel(n_jobs=jobs, return_as="generator_unordered", batch_size=1)
+            yield from parallel(joblib.delayed(do)(one) for one in work)
 
     def _outcomes(self, cell: Cell, journal: Journal) -> list[Outcome]:
         seeds = seeds_of(cell, self.experiment.seeds)
@@ -95,6 +97,28 @@ class Sweep:
         key = key_of(cell.scenario, self.experiment.engine, self.skip)
         nothing: dict[str, Any] = {"error": "the run left no outcome"}
         return [journal.outcome(key, seed) or {"seed": seed, **nothing} for seed in seeds]
+
+
+@contextmanager
+def _back_end(dask: str | None) -> Iterator[Any]:
+    """Joblib, told where to simulate."""
+    try:
+        joblib = import_module("joblib")
+        if dask is None:
+            yield joblib
+            return
+        distributed = import_module("distributed")
+    except ImportError as error:
+        raise UserError(
+            f"this needs {error.name}; run: pip install 'zenoh-cbef[{'dask' if dask else 'experiment'}]', "
+            "or give --jobs 1 and no --dask"
+        ) from None
+    try:
+        client = distributed.Client(dask, timeout=10)
+    except (OSError, ValueError, TimeoutError) as error:
+        raise UserError(f"no Dask scheduler answers at {dask}: {error}; start one, or leave out --dask") from None
+    with client, joblib.parallel_config("dask"):
+        yield joblib
 
 
 def _do(work: Work, *, engine: str, skip: float, logs: Path) -> tuple[Work, list[Outcome]]:
