@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass
@@ -93,7 +94,8 @@ def facts_of(values: Mapping[str, Any], data: Mapping[str, Any]) -> dict[str, An
 
 
 def _of_faults(data: Mapping[str, Any]) -> dict[str, Any]:
-    faults = [one for one in data.get("fault", ()) if isinstance(one, dict)]
+    listed = data.get("fault")
+    faults = [one for one in listed if isinstance(one, dict)] if isinstance(listed, list) else []
     kinds = [str(one.get("kind")) for one in faults]
     facts: dict[str, Any] = {}
     for kind, one in zip(kinds, faults, strict=True):
@@ -133,6 +135,9 @@ def _kind(data: Mapping[str, Any], part: str) -> str:
 
 
 def _distinct(cells: Sequence[Cell]) -> None:
+    met: set[str] = set()
     for cell in cells:
-        if any(other.values == cell.values for other in cells[: cell.index]):
+        before = len(met)
+        met.add(json.dumps(cell.values))
+        if len(met) == before:
             raise UserError(f"the values {cell.label} are listed twice in [[vary]]; list each once")

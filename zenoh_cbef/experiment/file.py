@@ -172,6 +172,8 @@ def _sentence(error: ValidationError) -> str:
         return f"{key} is missing; add it"
     if kind == "value_error":
         return str(mistake["ctx"]["error"])
+    if kind == "model_type":
+        return f"{key} must be a table of keys"
     field = next((table.model_fields[str(part)] for part in reversed(parts) if part in table.model_fields), None)
     field = field or (Experiment.model_fields.get(str(place[0])) if place else None)
     said = str(mistake["msg"]).replace("Input should", "must", 1)

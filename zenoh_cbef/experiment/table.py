@@ -40,7 +40,8 @@ def write_table(rows: Sequence[dict[str, Any]], folder: Path) -> str:
         arrow, parquet = import_module("pyarrow"), import_module("pyarrow.parquet")
     except ImportError:
         return "results.parquet needs pyarrow; run: pip install 'zenoh-cbef[experiment]'"
-    columns = {name: _uniform([row[name] for row in rows]) for name in rows[0]}
+    columns: dict[str, Any] = {name: _uniform([row[name] for row in rows]) for name in rows[0]}
+    columns["seed"] = arrow.array(columns["seed"], arrow.uint64())
     parquet.write_table(arrow.table(columns), folder / "results.parquet")
     return ""
 
