@@ -57,13 +57,13 @@ def heard_in(scenario: Scenario, world: World) -> Heard:
 
 
 class _Counts:
-    """Messages per directed link (N, m), as the receivers count them."""
+    """Messages per directed link (e,), the present ones of (N, m) in order, as the receivers count them."""
 
     def __init__(self, present: Bools) -> None:
         self._present = present
         self._sent = 0
         self._fates = {
-            name: np.zeros(present.shape, dtype=np.int64) for name in ("lost", "late", "corrupted", "duplicated")
+            name: np.zeros(present.sum(), dtype=np.int64) for name in ("lost", "late", "corrupted", "duplicated")
         }
 
     def sent(self) -> None:
@@ -71,14 +71,15 @@ class _Counts:
         self._sent += 1
 
     def add(self, fate: Fate) -> None:
-        """What became of the messages, arrays (N m,)."""
+        """What became of the messages, arrays (e,)."""
         for name in self._fates:
-            self._fates[name] += getattr(fate, name).reshape(self._present.shape)
+            self._fates[name] += getattr(fate, name)
 
     def links(self, mine: slice, source: Ints, destination: Ints) -> Links:
         """The counts of one run's links."""
-        present = self._present[mine]
-        lost, late, corrupted, duplicated = (count[mine][present] for count in self._fates.values())
+        first = int(self._present[: mine.start].sum())
+        chosen = slice(first, first + len(source))
+        lost, late, corrupted, duplicated = (count[chosen] for count in self._fates.values())
         sent = np.full(len(source), self._sent)
         return Links(
             source=source,
@@ -97,15 +98,10 @@ class _Counts:
 
 def _all_fates(scenarios: Sequence[Scenario], neighbours: Neighbours) -> Fates:
     first, count = scenarios[0], scenarios[0].count
-    rows = np.arange(len(neighbours.index))
+    rows, _ = np.nonzero(neighbours.present)
     seeds = np.array([one.seed for one in scenarios], dtype=np.uint64)[rows // count]
-    width = neighbours.index.shape[1]
-    return fates_of(
-        first,
-        np.repeat(seeds, width),
-        (neighbours.index % count).ravel().astype(np.int64),
-        np.repeat(rows % count, width).astype(np.int64),
-    )
+    source = (neighbours.index[neighbours.present] % count).astype(np.int64)
+    return fates_of(first, seeds, source, (rows % count).astype(np.int64))
 
 
 class Simulation:
@@ -137,7 +133,9 @@ class Simulation:
             return present
         fate = self._fates.of(step, round_)
         self.counts.add(fate)
-        return np.asarray(fate.due.reshape(present.shape) & present)
+        due = np.zeros_like(present)
+        due[present] = fate.due
+        return due
 
     def _measurement(self, step: int) -> Measurement:
         position, range_, age = (
@@ -165,7 +163,7 @@ class Simulation:
         for round_ in range(1, self.rounds + 1):
             sent.append(self._outgoing.message(step, round_, message))
             delivered = self._delivered(used, round_) if used >= 1 else nobody
-            message = self.tracker.exchange(self._sent[0][round_ - 1][self.neighbours.index], delivered)
+            message = self.tracker.exchange(self._sent[0][round_ - 1].take(self.neighbours.index, axis=0), delivered)
         return Step(sent, self.tracker.conclude())
 
 

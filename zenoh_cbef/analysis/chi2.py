@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from math import exp, lgamma, log, sqrt
 from statistics import NormalDist
 
@@ -20,6 +21,7 @@ def chi2_cdf(value: float, degrees: float) -> float:
     return min(1.0, total * exp(shape * log(half) - half - lgamma(shape)))
 
 
+@lru_cache(maxsize=4096)
 def chi2_quantile(probability: float, degrees: float) -> float:
     """The value that X stays below with a probability, by bisection from the Wilson-Hilferty estimate."""
     spread = 2.0 / (9.0 * degrees)

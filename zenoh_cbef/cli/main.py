@@ -23,6 +23,7 @@ _VERBS = (
     "export",
     "design",
     "compare",
+    "experiment",
 )
 
 

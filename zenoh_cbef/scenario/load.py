@@ -52,14 +52,24 @@ def read_source(name: str) -> tuple[str, Path]:
 
 def load(name: str, overrides: Sequence[str] = ()) -> Loaded:
     """Read a scenario, apply `a.b=c` overrides, lay out recorded data. Raises UserError with the remedy."""
-    source, folder = read_source(name)
-    try:
-        data = tomllib.loads(source)
-    except (ValueError, RecursionError) as error:
-        raise UserError(f"{name} is not valid TOML: {error}; mend that line") from None
+    source, data, folder = read_tables(name)
     for override in overrides:
         _override(data, override)
-    return Loaded(source, _lay_out(parse(data, name), folder))
+    return Loaded(source, complete(data, name, folder))
+
+
+def read_tables(name: str) -> tuple[str, dict[str, Any], Path]:
+    """As `read_source`, with the text's tables between the two."""
+    source, folder = read_source(name)
+    try:
+        return source, tomllib.loads(source), folder
+    except (ValueError, RecursionError) as error:
+        raise UserError(f"{name} is not valid TOML: {error}; mend that line") from None
+
+
+def complete(data: Mapping[str, Any], name: str, folder: Path) -> Scenario:
+    """The scenario of these tables, with recorded data laid out; relative paths start from the folder."""
+    return _lay_out(parse(data, name), folder)
 
 
 def parse(data: Mapping[str, Any], name: str) -> Scenario:
@@ -85,23 +95,48 @@ def _dated(value: Any) -> list[list[str]]:
     return [[str(value)]]
 
 
+def put(data: dict[str, Any], key: str, value: Any) -> None:
+    """Put a value at `a.b.c`; a table of a list is named by its place, or by its kind (fault.loss.probability).
+
+    Raises UserError where the way there does not lead through tables.
+    """
+    *way, last = (part.strip() for part in key.split("."))
+    place: Any = data
+    for depth, part in enumerate(way, 1):
+        place = (
+            place[_entry(place, part, key)]
+            if isinstance(place, list)
+            else place.setdefault(part, [] if part == "fault" else {})
+        )
+        if not isinstance(place, dict | list):
+            raise UserError(f"{key}: {'.'.join(way[:depth])} is not a table of the scenario; see docs/scenario.md")
+    place[_entry(place, last, key) if isinstance(place, list) else last] = value
+
+
+def _entry(entries: list[Any], part: str, key: str) -> int:
+    if part.isdecimal() and int(part) < len(entries):
+        return int(part)
+    kinds = [one.get("kind") if isinstance(one, dict) else None for one in entries]
+    if kinds.count(part) == 1:
+        return kinds.index(part)
+    if part in kinds:
+        raise UserError(f"{key}: {kinds.count(part)} entries are of the kind {part}; name one by its place, from 0")
+    there = ", ".join(f"{place} ({kind})" for place, kind in enumerate(kinds)) or "none"
+    raise UserError(f"{key}: there is no entry {part}; there is {there}; add it, or name one of these")
+
+
 def _override(data: dict[str, Any], override: str) -> None:
     key, separator, text = override.partition("=")
-    keys = [part.strip() for part in key.split(".")]
-    if not separator or not all(keys):
+    if not separator or not all(part.strip() for part in key.split(".")):
         raise UserError(f"--set {override!r} is not of the form a.b=value, as in --set consensus.rounds=5")
     try:
         value = tomllib.loads(f"value = {text}")["value"]
     except (ValueError, RecursionError):
         value = text.strip()
-    table = data
-    for depth, part in enumerate(keys[:-1], 1):
-        table = table.setdefault(part, {})
-        if not isinstance(table, dict):
-            raise UserError(
-                f"--set {override!r}: {'.'.join(keys[:depth])} is not a table of the scenario; see docs/scenario.md"
-            )
-    table[keys[-1]] = value
+    try:
+        put(data, key, value)
+    except UserError as error:
+        raise UserError(f"--set {override!r}: {error}") from None
 
 
 def _lay_out(scenario: Scenario, folder: Path) -> Scenario:

@@ -144,9 +144,11 @@ class RunningSums:
 
     def mix(self, received: Floats, delivered: Bools | None) -> Floats:
         """Keep one share, take in what neighbours have sent since they were last heard."""
-        arrived = (self.present if delivered is None else delivered & self.present)[:, :, None]
-        total = neighbour_sum(np.where(arrived, received - self._heard, 0.0))
-        self._heard = np.where(arrived, received, self._heard)
+        arrived = self.present if delivered is None else delivered & self.present
+        news = received - self._heard
+        news[~arrived] = 0.0
+        total = neighbour_sum(news)
+        self._heard[arrived] = received[arrived]
         self._mass = self._share + total
         self._share = self._mass / self._shares
         # A new array: the message of the round before may still be on somebody's desk.

@@ -1,0 +1,236 @@
+"""Small experiments from the command line: what they leave, how they judge, fail and go on."""
+
+import csv
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.cli.test_errors import call
+from zenoh_cbef.analysis.metrics import analyze
+from zenoh_cbef.scenario.load import load
+from zenoh_cbef.simulator import simulate
+
+SMALL = """
+# A small experiment. It is a test's.
+base = "tracking"
+seeds = 3
+engine = "simulate"
+[set]
+steps = 12
+"agents.count" = 4
+"network.graph" = "ring"
+[[fault]]
+kind = "loss"
+probability = 0.0
+[[vary]]
+key = "fault.0.probability"
+values = [0.0, 0.3]
+[[vary]]
+key = "consensus.rounds"
+values = [2, 5]
+"""
+
+
+def expect(metric: str, limit: str, where: str = "") -> str:
+    return f'[[expect]]\nmetric = "{metric}"\n{limit}\n{where}\n'
+
+
+def run(monkeypatch, capsys, folder: Path, text: str, *options: str) -> tuple[int, str, str]:
+    monkeypatch.chdir(folder)
+    (folder / "mine.toml").write_text(text)
+    return call(monkeypatch, capsys, "experiment", "mine.toml", "-o", "out", *(options or ("--jobs", "1")))
+
+
+def rows_of(folder: Path) -> list[dict[str, str]]:
+    with (folder / "out" / "results.csv").open() as stream:
+        return list(csv.DictReader(stream))
+
+
+def summary_of(folder: Path) -> dict:
+    return json.loads((folder / "out" / "summary.json").read_text())
+
+
+def test_an_experiment_leaves_its_tables_figures_and_page(monkeypatch, capsys, tmp_path):
+    status, out, _ = run(monkeypatch, capsys, tmp_path, SMALL + expect("ratio_to_centralized", "at_most = 9.0"))
+    assert status == 0
+    assert "verdict met" in out
+    rows = rows_of(tmp_path)
+    assert len(rows) == 4 * 3
+    assert {(row["fault.0.probability"], row["consensus.rounds"], row["seed"]) for row in rows} == {
+        (loss, rounds, seed) for loss in ("0.0", "0.3") for rounds in ("2", "5") for seed in ("1", "2", "3")
+    }
+    assert {"msee.average", "centralized.position_rmse", "nees.inside", "links.lost", "bytes_per_step"} <= set(rows[0])
+    page = (tmp_path / "out" / "index.html").read_text()
+    assert "A small experiment" in page
+    assert "Plotly.newPlot" in page
+    figures = {path.name for path in (tmp_path / "out" / "figures").iterdir()}
+    assert {"position-rmse.html", "position-rmse-map.html", "position-error-over-time.html"} <= figures
+
+
+def test_the_parquet_table_is_the_csv_table(monkeypatch, capsys, tmp_path):
+    parquet = pytest.importorskip("pyarrow.parquet")
+    run(monkeypatch, capsys, tmp_path, SMALL.replace("seeds = 3", "seeds = [3, 18446744073709551615]"))
+    table = parquet.read_table(tmp_path / "out" / "results.parquet").to_pylist()
+    assert [{name: "" if value is None else str(value) for name, value in row.items()} for row in table] == rows_of(
+        tmp_path
+    )
+
+
+def test_every_row_and_median_is_that_of_single_simulations(monkeypatch, capsys, tmp_path):
+    run(monkeypatch, capsys, tmp_path, SMALL, "--jobs", "2")
+    found: dict[tuple[str, str], list[float]] = {}
+    for row in rows_of(tmp_path):
+        cell = row["fault.0.probability"], row["consensus.rounds"]
+        settings = [f'fault=[{{kind="loss", probability={cell[0]}}}]', f"consensus.rounds={cell[1]}", "steps=12"]
+        settings += ["agents.count=4", "network.graph=ring", f"seed={row['seed']}"]
+        metrics = analyze(simulate([load("tracking", settings).scenario]))[0].metrics
+        assert float(row["position_rmse"]) == metrics["position_rmse"]
+        assert int(row["links.lost"]) == sum(link["lost"] for link in metrics["links"])
+        found.setdefault(cell, []).append(metrics["position_rmse"])
+    for cell in summary_of(tmp_path)["cells"]:
+        values = found[tuple(map(str, cell["values"].values()))]
+        assert cell["metrics"]["position_rmse"]["median"] == np.median(values)
+
+
+@pytest.mark.parametrize(
+    ("rules", "verdict"),
+    [
+        ("", "met"),
+        (expect("ratio_to_centralized", "at_most = 9.0", "where = { loss = 0.3 }"), "met"),
+        (expect("ratio_to_centralized", "at_least = 9.0"), "not met"),
+        (expect("bytes_per_step", "at_least = 1\nat_most = 1e9", "where = { rounds = 5 }"), "met"),
+        (expect("ratio_to_centralised", "at_most = 9.0"), "cannot be judged"),
+        (expect("agents", "at_most = 4") + expect("agents", "at_most = 3"), "not met"),
+        (expect("nothing", "at_most = 4") + expect("agents", "at_most = 3"), "not met"),
+    ],
+)
+def test_the_exit_status_is_the_verdict(monkeypatch, capsys, tmp_path, rules, verdict):
+    found, _, err = run(monkeypatch, capsys, tmp_path, SMALL + rules)
+    assert found == {"met": 0, "not met": 1, "cannot be judged": 2}[verdict]
+    assert summary_of(tmp_path)["verdict"] == verdict
+    assert "Traceback" not in err
+    if "centralised" in rules:
+        assert "did you mean 'ratio_to_centralized'" in err
+
+
+def test_a_cell_that_cannot_run_is_reported_and_the_rest_goes_on(monkeypatch, capsys, tmp_path):
+    bad = SMALL.replace("values = [2, 5]", "values = [2, -1]")
+    judged = expect("agents", "at_most = 4", "where = { rounds = 2 }")
+    status, _, err = run(monkeypatch, capsys, tmp_path, bad + judged)
+    assert status == 0
+    assert "failed: 3 of 3 runs with fault.0.probability = 0.0, consensus.rounds = -1" in err
+    summary = summary_of(tmp_path)
+    assert [cell["failed"] for cell in summary["cells"]] == [0, 3, 0, 3]
+    assert sum(bool(row["error"]) for row in rows_of(tmp_path)) == 6
+    assert run(monkeypatch, capsys, tmp_path, bad)[0] == 2
+    assert run(monkeypatch, capsys, tmp_path, bad + expect("agents", "at_most = 4"))[0] == 2
+
+
+def test_a_seed_that_cannot_run_fails_alone(monkeypatch, capsys, tmp_path):
+    # Whether such a small radius joins all agents is a question of where the seed places them.
+    text = 'seeds = 12\n[set]\nsteps = 4\nnetwork.graph = "geometric"\nnetwork.radius = 11.0\n'
+    status, _, err = run(monkeypatch, capsys, tmp_path, text)
+    failed = [row["error"] for row in rows_of(tmp_path) if row["error"]]
+    assert 0 < len(failed) < 12
+    assert all("falls apart" in error for error in failed)
+    assert status == 2
+    assert "falls apart" in err
+
+
+def test_finished_runs_are_not_done_again_and_what_is_missing_is(monkeypatch, capsys, tmp_path):
+    run(monkeypatch, capsys, tmp_path, SMALL)
+    rows, journal = rows_of(tmp_path), tmp_path / "out" / "finished.jsonl"
+    lines = journal.read_text().splitlines()
+    assert len(lines) == 12
+    # As if it had been killed in the middle of a line; a kept result is marked, to be known again.
+    marked = json.loads(lines[0])
+    marked["metrics"]["position_rmse"] = 123.0
+    journal.write_text("\n".join([json.dumps(marked), *lines[1:5], lines[5][:40]]))
+    run(monkeypatch, capsys, tmp_path, SMALL)
+    again = rows_of(tmp_path)
+    assert again[0]["position_rmse"] == "123.0"
+    assert again[1:] == rows[1:]
+    assert len(journal.read_text().splitlines()) == 13
+    # Other seeds and values are added to what is there; other settings share nothing with it.
+    assert "123.0" in {row["position_rmse"] for row in _rows(run, monkeypatch, capsys, tmp_path, "seeds = 4")}
+    assert "123.0" not in {row["position_rmse"] for row in _rows(run, monkeypatch, capsys, tmp_path, "seeds = [2]")}
+    run(monkeypatch, capsys, tmp_path, SMALL.replace("steps = 12", "steps = 13"))
+    assert "123.0" not in {row["position_rmse"] for row in rows_of(tmp_path)}
+
+
+def _rows(run, monkeypatch, capsys, folder: Path, seeds: str) -> list[dict[str, str]]:
+    run(monkeypatch, capsys, folder, SMALL.replace("seeds = 3", seeds))
+    return rows_of(folder)
+
+
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGKILL])
+def test_an_interrupted_experiment_goes_on(tmp_path, how):
+    text = SMALL.replace("seeds = 3", "seeds = 400").replace("steps = 12", "steps = 100")
+    (tmp_path / "mine.toml").write_text(text)
+    command = [sys.executable, "-m", "zenoh_cbef", "experiment", "mine.toml", "-o", "out", "--jobs", "1"]
+    process = subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True)
+    journal = tmp_path / "out" / "finished.jsonl"
+    try:
+        until = time.monotonic() + 60
+        while not (journal.exists() and journal.stat().st_size > 100) and time.monotonic() < until:
+            time.sleep(0.01)
+        os.kill(process.pid, how)
+        _, err = process.communicate(timeout=60)
+    finally:
+        process.kill()
+    assert process.returncode == (130 if how == signal.SIGINT else -how)
+    assert ("the same command goes on from there" in err) == (how == signal.SIGINT)
+    assert "Traceback" not in err
+    kept = len(journal.read_text().splitlines())
+    assert 0 < kept < 1600
+    (tmp_path / "mine.toml").write_text(text.replace("values = [2, 5]", "values = [2]").replace("[0.0, 0.3]", "[0.0]"))
+    subprocess.run(command, cwd=tmp_path, check=True, capture_output=True)
+    assert len(rows_of(tmp_path)) == 400
+
+
+def test_seeds_can_be_given_and_json_is_the_summary(monkeypatch, capsys, tmp_path):
+    status, out, _ = run(monkeypatch, capsys, tmp_path, SMALL, "--seeds", "[5, 9]", "--json", "--jobs", "1")
+    assert status == 0
+    assert json.loads(out) == summary_of(tmp_path)
+    assert {row["seed"] for row in rows_of(tmp_path)} == {"5", "9"}
+
+
+def test_values_may_be_tables_and_words(monkeypatch, capsys, tmp_path):
+    text = 'seeds = 1\n[set]\nsteps = 5\n[[vary]]\nkey = "network"\nvalues = [{ graph = "ring" }, { graph = "star" }]\n'
+    status, _, _ = run(monkeypatch, capsys, tmp_path, text)
+    assert status == 0
+    assert [json.loads(row["network"]) for row in rows_of(tmp_path)] == [{"graph": "ring"}, {"graph": "star"}]
+
+
+def test_built_in_experiments_are_listed_and_shown(monkeypatch, capsys):
+    status, out, _ = call(monkeypatch, capsys, "experiment", "list")
+    assert status == 0
+    names = [line.split()[0] for line in out.splitlines()]
+    assert {"loss", "delay", "bursts", "partition", "rounds", "topology", "scale", "outliers"} <= set(names)
+    assert 'base = "tracking"' in call(monkeypatch, capsys, "experiment", "show", "loss")[1]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["los"], "did you mean 'loss'"),
+        (["show"], "give one experiment"),
+        (["loss", "delay"], "give one experiment"),
+        (["loss", "--seeds", "many"], "neither a number nor a list"),
+        (["loss", "--seeds", "0"], "at least 1"),
+    ],
+)
+def test_a_wrong_command_is_one_sentence(monkeypatch, capsys, tmp_path, arguments, words):
+    monkeypatch.chdir(tmp_path)
+    status, out, err = call(monkeypatch, capsys, "experiment", *arguments)
+    assert (status, out) == (2, "")
+    assert words in err
+    assert len(err.strip().splitlines()) == 1
+    assert not list(tmp_path.iterdir())

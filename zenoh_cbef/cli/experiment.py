@@ -1,0 +1,132 @@
+"""experiment: sweeps of scenarios with a verdict; list, show."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+from zenoh_cbef.cli.options import AsJson, Skip
+from zenoh_cbef.cli.tables import console, errors, number
+from zenoh_cbef.errors import UserError
+from zenoh_cbef.experiment.cells import cells_of
+from zenoh_cbef.experiment.figures import short_names, written_value
+from zenoh_cbef.experiment.file import Written, builtin_names, purpose_of, read_experiment, read_source
+from zenoh_cbef.experiment.page import limits_of, values_of, write_outputs
+from zenoh_cbef.experiment.summary import EXIT_STATUS, check_expectations, summarize
+from zenoh_cbef.experiment.sweep import Sweep
+from zenoh_cbef.experiment.table import rows_of
+
+_INTERRUPTED = 130
+_COLUMNS = {
+    "position_rmse": "position RMSE (m)",
+    "ratio_to_centralized": "ratio",
+    "nees.average": "NEES",
+    "disagreement": "apart (m)",
+    "links.missed": "missed",
+}
+
+
+def _experiment(
+    what: Annotated[
+        str, typer.Argument(metavar="FILE", help="A built-in experiment or a TOML file; or: list; or: show NAME.")
+    ],
+    name: Annotated[str | None, typer.Argument(metavar="[NAME]", help="What to show.")] = None,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", metavar="DIR", help="Where results go; default: experiments/NAME.")
+    ] = None,
+    seeds: Annotated[
+        str | None, typer.Option(metavar="N", help="Other seeds than the file's: a number, or a list as [1, 5].")
+    ] = None,
+    jobs: Annotated[int, typer.Option(min=0, help="Processes that simulate at a time; 0: one per core.")] = 0,
+    dask: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="Simulate on the workers of this Dask scheduler.")
+    ] = None,
+    skip: Skip = 0.25,
+    as_json: AsJson = False,
+) -> None:
+    """Run a sweep of scenarios; exit status 0: as expected, 1: not, 2: cannot be judged."""
+    if what == "list" and name is None:
+        _list()
+    elif what == "show" and name is not None:
+        typer.echo(read_source(name)[0], nl=False)
+    elif name is not None or what in {"list", "show"}:
+        raise UserError(
+            "give one experiment, as in 'zenoh-cbef experiment loss', or: experiment list, or: experiment show NAME"
+        )
+    else:
+        written = read_experiment(what, _changes(seeds))
+        cells = cells_of(written)
+        check_expectations(written, cells)
+        sweep = Sweep(written.experiment, cells, skip, jobs, dask)
+        _run(written, sweep, output or Path("experiments") / written.name, as_json=as_json)
+
+
+def _changes(seeds: str | None) -> dict[str, Any]:
+    if seeds is None:
+        return {}
+    try:
+        return tomllib.loads(f"seeds = {seeds}")
+    except ValueError:
+        raise UserError(f"--seeds {seeds} is neither a number nor a list as [1, 2, 3]; give one of these") from None
+
+
+def _list() -> None:
+    for name in builtin_names():
+        sentence, _, _ = purpose_of(read_source(name)[0]).partition(". ")
+        typer.echo(f"{name:10} {sentence.rstrip('.')}")
+
+
+def _run(written: Written, sweep: Sweep, folder: Path, *, as_json: bool) -> None:
+    columns = (TextColumn("runs"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    try:
+        with Progress(*columns, console=errors, transient=True, disable=not errors.is_terminal) as bar:
+            task = bar.add_task("", total=None)
+            outcomes = sweep.run(folder, lambda done, total: bar.update(task, completed=done, total=total))
+    except KeyboardInterrupt:
+        errors.print(f"interrupted; what is finished is in {folder}, and the same command goes on from there")
+        raise typer.Exit(_INTERRUPTED) from None
+    summary = summarize(written, sweep.cells, outcomes)
+    for sentence in write_outputs(summary, rows_of(sweep.cells, outcomes), written.source, folder):
+        errors.print(sentence, highlight=False, soft_wrap=True)
+    if as_json:
+        print((folder / "summary.json").read_text(encoding="utf-8"), end="")
+    else:
+        _tell(summary, folder)
+    raise typer.Exit(EXIT_STATUS[summary["verdict"]])
+
+
+def _tell(summary: dict[str, Any], folder: Path) -> None:
+    table = Table(title=f"{summary['experiment']}: medians of {summary['runs']} runs", title_justify="left")
+    for name in short_names(summary["varied"]):
+        table.add_column(name, overflow="fold")
+    metrics = {name: head for name, head in _COLUMNS.items() if any(name in one["metrics"] for one in summary["cells"])}
+    for head in metrics.values():
+        table.add_column(head, justify="right")
+    for cell in summary["cells"]:
+        found = [cell["metrics"].get(name, {}).get("median") for name in metrics]
+        table.add_row(*map(written_value, cell["values"].values()), *map(number, found))
+    console.print(table)
+    for cell in summary["cells"]:
+        if cell["failed"]:
+            why = cell["failures"][0]["error"]
+            said = f"failed: {cell['failed']} of {cell['runs']} runs with {values_of(cell)}: {why}"
+            errors.print(said, highlight=False, soft_wrap=True, markup=False)
+    for one in summary["expect"]:
+        for cell in one["cells"]:
+            median = number(cell.get("median"))
+            said = f"{cell['verdict']}: {one['metric']} {limits_of(one)} with {values_of(cell)}: {median}"
+            console.print(said, highlight=False, soft_wrap=True, markup=False)
+        if one["why"]:
+            errors.print(f"{one['metric']}: {one['why']}", highlight=False, soft_wrap=True, markup=False)
+    console.print(f"verdict {summary['verdict']}", highlight=False)
+    console.print(f"page    {folder / 'index.html'}", highlight=False, soft_wrap=True)
+
+
+def register(app: typer.Typer) -> None:
+    """Add the verb."""
+    app.command("experiment")(_experiment)

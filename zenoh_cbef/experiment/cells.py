@@ -1,0 +1,143 @@
+"""The grid of an experiment: one cell per combination of varied values, and how `where` names cells."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from copy import deepcopy
+from dataclasses import dataclass
+from itertools import product
+from typing import Any
+
+from zenoh_cbef.errors import UserError
+from zenoh_cbef.experiment.file import Written, changed
+from zenoh_cbef.scenario import Scenario
+from zenoh_cbef.scenario.checks import check
+from zenoh_cbef.scenario.load import builtin_names, complete, put, read_tables
+
+# What `loss = 0.3` means, where a kind of fault has several numbers.
+_SHARED = ("kind", "from", "until", "links", "agents")
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One combination of varied values. facts: what `where` may name. scenario: None where `error` says why not."""
+
+    index: int
+    values: dict[str, Any]
+    facts: dict[str, Any]
+    scenario: Scenario | None
+    error: str = ""
+
+    @property
+    def label(self) -> str:
+        """The varied values in words."""
+        return ", ".join(f"{key} = {value}" for key, value in self.values.items()) or "all runs"
+
+
+def cells_of(written: Written) -> list[Cell]:
+    """Every cell, the last varied key changing fastest.
+
+    A mistake that all cells share is the file's, and raised as UserError; another is its cell's alone.
+    """
+    experiment = written.experiment
+    base = experiment.base
+    if base not in builtin_names():
+        base = str(written.folder / base)
+        if not (written.folder / experiment.base).is_file():
+            base = experiment.base  # its own sentence says that there is none, and what is near
+    _, tables, folder = read_tables(base)
+    tables = changed(tables, experiment)
+    axes = [[(one.key, value) for value in one.values] for one in experiment.vary]
+    cells = []
+    for index, chosen in enumerate(product(*axes)):
+        values, data = dict(chosen), deepcopy(tables)
+        try:
+            for key, value in values.items():
+                put(data, key, deepcopy(value))
+            scenario = complete(data, written.name, folder)
+            check(scenario)
+        except UserError as error:
+            cells.append(Cell(index, values, facts_of(values, data), None, str(error)))
+        else:
+            cells.append(Cell(index, values, facts_of(values, data), scenario))
+    if all(cell.scenario is None for cell in cells):
+        raise UserError(cells[0].error)
+    _distinct(cells)
+    return cells
+
+
+def seeds_of(cell: Cell, seeds: int | Sequence[int]) -> list[int]:
+    """The seeds of a cell's runs."""
+    first = cell.scenario.seed if cell.scenario else 1
+    return list(range(first, first + seeds)) if isinstance(seeds, int) else list(seeds)
+
+
+def facts_of(values: Mapping[str, Any], data: Mapping[str, Any]) -> dict[str, Any]:
+    """What `where` may name in a cell, from the strongest claim on a name to the weakest.
+
+    A varied key in full; its last parts (fault.0.probability: probability); the kind of the fault it belongs to
+    (loss, loss.probability); a fault that is not varied by its kind. A name that two varied keys claim is nobody's.
+    """
+    claims: dict[str, set[str]] = {}
+    for key in values:
+        parts = key.split(".")
+        names = {".".join(parts[start:]) for start in range(1, len(parts))}
+        if parts[0] == "fault" and len(parts) == 3:
+            kind = _kind(data, parts[1])
+            names |= {kind, f"{kind}.{parts[2]}", f"fault.{kind}.{parts[2]}"}
+        for name in names:
+            claims.setdefault(name, set()).add(key)
+    facts = {name: value for name, value in _of_faults(data).items() if name not in claims}
+    facts |= {name: values[next(iter(keys))] for name, keys in claims.items() if len(keys) == 1}
+    return facts | dict(values)
+
+
+def _of_faults(data: Mapping[str, Any]) -> dict[str, Any]:
+    listed = data.get("fault")
+    faults = [one for one in listed if isinstance(one, dict)] if isinstance(listed, list) else []
+    kinds = [str(one.get("kind")) for one in faults]
+    facts: dict[str, Any] = {}
+    for kind, one in zip(kinds, faults, strict=True):
+        numbers = {key: value for key, value in one.items() if key not in _SHARED}
+        if kinds.count(kind) == 1:
+            facts |= {f"{kind}.{key}": value for key, value in numbers.items()}
+        if kinds.count(kind) == 1 and len(numbers) == 1:
+            facts[kind] = next(iter(numbers.values()))
+    return facts
+
+
+def selected(cells: Sequence[Cell], where: Mapping[str, Any], metric: str) -> list[Cell]:
+    """The cells that `where` names. Raises UserError where a name or a value is in none."""
+    found = list(cells)
+    for name, value in where.items():
+        known = {fact for cell in cells for fact in cell.facts}
+        if name not in known:
+            told = ", ".join(sorted({key for cell in cells for key in cell.values})) or "none"
+            raise UserError(
+                f"the expectation of {metric}: where.{name} names no varied key, or more than one; varied is {told}"
+            )
+        found = [cell for cell in found if name in cell.facts and _same(cell.facts[name], value)]
+    if not found:
+        raise UserError(f"the expectation of {metric}: no cell has where = {dict(where)}; use values that are varied")
+    return found
+
+
+def _same(first: Any, second: Any) -> bool:
+    return isinstance(first, bool) == isinstance(second, bool) and bool(first == second)
+
+
+def _kind(data: Mapping[str, Any], part: str) -> str:
+    faults = data["fault"] if isinstance(data.get("fault"), list) else []
+    if part.isdecimal() and int(part) < len(faults) and isinstance(faults[int(part)], dict):
+        return str(faults[int(part)].get("kind"))
+    return part
+
+
+def _distinct(cells: Sequence[Cell]) -> None:
+    met: set[str] = set()
+    for cell in cells:
+        before = len(met)
+        met.add(json.dumps(cell.values))
+        if len(met) == before:
+            raise UserError(f"the values {cell.label} are listed twice in [[vary]]; list each once")

@@ -1,0 +1,154 @@
+"""How the runs of a cell are done: simulated as one batch, or as processes one after the other."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zenoh_cbef.analysis.metrics import Analysis, analyze
+from zenoh_cbef.analysis.traffic import other_bytes, round_bytes
+from zenoh_cbef.errors import UserError
+from zenoh_cbef.log.contents import find_log
+from zenoh_cbef.log.read_trace import read_trace
+from zenoh_cbef.nodes.launcher import Launcher
+from zenoh_cbef.scenario import Scenario
+from zenoh_cbef.scenario.build import rounds_of
+from zenoh_cbef.scenario.checks import check
+from zenoh_cbef.scenario.load import Loaded, to_toml
+from zenoh_cbef.simulator import simulate
+
+Floats = NDArray[np.float64]
+Outcome = dict[str, Any]
+
+_CURVE_POINTS = 100
+_ATTEMPTS = 4
+_SUMMED = ("sent", "delivered", "lost", "late", "injected_lost", "injected_late", "corrupted", "duplicated")
+
+
+def simulated(scenario: Scenario, seeds: Sequence[int], skip: float) -> list[Outcome]:
+    """The outcomes of a cell's seeds, simulated and analysed as one batch."""
+    scenarios, outcomes = [], []
+    for seed in seeds:
+        one = scenario.model_copy(update={"seed": seed})
+        try:
+            check(one)
+        except UserError as error:
+            outcomes.append({"seed": seed, "error": str(error)})
+        else:
+            scenarios.append(one)
+    if not scenarios:
+        return outcomes
+    try:
+        with np.errstate(all="ignore"):
+            analyses = analyze(simulate(scenarios), skip)
+        sent = _bytes(scenarios[0])
+        return outcomes + [outcome_of(one, sent) for one in analyses]
+    except Exception as error:  # noqa: BLE001 - one run's failure is reported, and the others go on
+        if len(scenarios) == 1:
+            return [*outcomes, {"seed": scenarios[0].seed, "error": described(error)}]
+    for one in scenarios:
+        outcomes += simulated(scenario, [one.seed], skip)
+    return outcomes
+
+
+def executed(scenario: Scenario, seed: int, skip: float, folder: Path) -> Outcome:
+    """The outcome of one run as processes, whose log stays in the folder."""
+    one = scenario.model_copy(update={"seed": seed})
+    folder.mkdir(parents=True, exist_ok=True)
+    source, log = folder / "scenario.toml", folder / "run.mcap"
+    for stale in folder.glob("run.mcap*"):
+        stale.unlink()
+    try:
+        check(one)
+        text = to_toml(one)
+        source.write_text(text, encoding="utf-8")
+        deaths = _launched([str(source)], Loaded(text, one), f"{one.name}-{folder.name}"[:100], log)
+        if deaths:
+            return {"seed": seed, "error": deaths[0]}
+        return outcome_of(analyze([read_trace(find_log(log))], skip)[0], None)
+    except Exception as error:  # noqa: BLE001 - likewise
+        return {"seed": seed, "error": described(error)}
+
+
+def _launched(arguments: list[str], loaded: Loaded, run: str, log: Path) -> list[str]:
+    for _ in range(_ATTEMPTS):
+        with Launcher(arguments, loaded, run, log) as launcher:
+            launcher.watch(lambda _: None, lambda: 0)
+        if not launcher.lost_a_port:
+            break
+        log.unlink(missing_ok=True)
+    if not launcher.started and not launcher.deaths:
+        return ["the run did not start"]
+    return [str(death) for death in launcher.deaths]
+
+
+def outcome_of(analysis: Analysis, bytes_per_step: float | None) -> Outcome:
+    """What is kept of a run: its scalar metrics by dotted names, and its error over time.
+
+    curve: time, position_error (root mean square of the agents) and disagreement, at no more than 100 steps.
+    """
+    metrics = scalars(analysis.metrics)
+    metrics["bytes_per_step"] = metrics.get("bytes_per_step") or bytes_per_step
+    links = analysis.metrics["links"]
+    metrics |= {f"links.{name}": sum(link[name] for link in links) for name in _SUMMED}
+    sent = metrics["links.sent"]
+    metrics["links.missed"] = (sent - metrics["links.delivered"]) / sent if sent else None
+    metrics |= _final(analysis)
+    steps = np.unique(np.linspace(0, len(analysis.trace.time) - 1, _CURVE_POINTS).round().astype(int))
+    curve = {
+        "time": analysis.trace.time[steps],
+        "position_error": _rms(analysis.position_error[analysis.counted][:, steps]),
+        "disagreement": analysis.disagreement[steps],
+    }
+    rounded = {name: [_short(value) for value in values.tolist()] for name, values in curve.items()}
+    return {"seed": analysis.trace.scenario.seed, "metrics": metrics, "curve": rounded}
+
+
+def _final(analysis: Analysis) -> dict[str, float | None]:
+    """The last tenth of the run by itself: what errors have come back to after a fault."""
+    last = slice(-max(1, len(analysis.trace.time) // 10), None)
+    position = float(_rms(analysis.position_error[analysis.counted, last].ravel()))
+    central = float(_rms(analysis.centralized_position_error[last]))
+    found = {
+        "final.position_rmse": position,
+        "final.ratio_to_centralized": position / central if central else np.nan,
+        "final.disagreement": float(_rms(analysis.disagreement[last])),
+    }
+    return {name: value if np.isfinite(value) else None for name, value in found.items()}
+
+
+def _rms(error: Floats) -> Floats:
+    present = np.isfinite(error)
+    squares = np.where(present, error, 0.0) ** 2
+    mean = squares.sum(axis=0) / np.maximum(present.sum(axis=0), 1)
+    return np.where(present.any(axis=0), np.sqrt(mean), np.nan)
+
+
+def _short(value: float) -> float | None:
+    return float(f"{value:.4g}") if np.isfinite(value) else None
+
+
+def scalars(metrics: dict[str, Any], above: str = "") -> dict[str, Any]:
+    """Numbers, words and truths by dotted names; lists are left out."""
+    found: dict[str, Any] = {}
+    for name, value in metrics.items():
+        if isinstance(value, dict):
+            found |= scalars(value, f"{above}{name}.")
+        elif not isinstance(value, list):
+            found[above + name] = None if isinstance(value, float) and not np.isfinite(value) else value
+    return found
+
+
+def described(error: Exception) -> str:
+    """An error in one sentence."""
+    first = (str(error).strip().splitlines() or [""])[0]
+    return first if isinstance(error, UserError) else f"{type(error).__name__}: {first}"
+
+
+def _bytes(scenario: Scenario) -> float:
+    """Bytes that an agent would publish in a step, which a simulation does not send."""
+    return other_bytes(scenario) + rounds_of(scenario) * round_bytes(scenario)

@@ -1,0 +1,191 @@
+"""The figures of an experiment, as the plain data and layout that plotly.js draws."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from html import escape
+from typing import Any
+
+from zenoh_cbef.analysis.figures import INK, MUTED, agent_style
+
+Plot = dict[str, Any]
+
+# Metric, what it is called, and the metrics of the yardsticks that are drawn with it.
+SHOWN = (
+    ("position_rmse", "position RMSE (m)", (("centralized.position_rmse", "centralised"),)),
+    ("ratio_to_centralized", "position RMSE / centralised", ()),
+    ("velocity_rmse", "velocity RMSE (m/s)", (("centralized.velocity_rmse", "centralised"),)),
+    ("disagreement", "disagreement (m)", ()),
+    ("nees.average", "NEES", ()),
+    ("links.missed", "share of messages lost or late", ()),
+    ("bytes_per_step", "bytes per agent and step", ()),
+)
+_MOST_CURVES = 12
+_CURVES = (("position_error", "position error (m)"), ("disagreement", "disagreement (m)"))
+
+
+@dataclass(frozen=True)
+class Figure:
+    """One picture: a name for its file, a title, what to see in it, and plotly's description."""
+
+    name: str
+    title: str
+    caption: str
+    plot: Plot
+
+
+def figures_of(summary: dict[str, Any]) -> list[Figure]:
+    """All figures of a summary: every metric against the varied keys, and errors over time."""
+    cells, varied = summary["cells"], summary["varied"]
+    figures = []
+    for metric, title, yardsticks in SHOWN:
+        if not varied or not any(metric in cell["metrics"] for cell in cells):
+            continue
+        caption = f"Medians over the seeds with {summary['level']:.0%} bootstrap intervals."
+        plot = _lines(cells, varied, metric, title, yardsticks)
+        figures.append(Figure(_file(metric), f"{title} against {varied[0]}", caption, plot))
+        if len(varied) == 2:
+            caption = "Medians over the seeds."
+            plot = _heat_map(cells, varied, metric, title)
+            figures.append(Figure(f"{_file(metric)}-map", f"{title} over {' and '.join(varied)}", caption, plot))
+    for name, title in _CURVES:
+        if any(cell["curve"] for cell in cells):
+            caption = "Median over the seeds at each step: how fast errors settle, and recover."
+            shown = f", the first {_MOST_CURVES} cells" if len(cells) > _MOST_CURVES else ""
+            figures.append(
+                Figure(f"{_file(name)}-over-time", f"{title} over time{shown}", caption, _curves(cells, name, title))
+            )
+    return figures
+
+
+def written_value(value: Any) -> str:
+    """A varied value as words; a fault as its kind and its numbers."""
+    if isinstance(value, dict):
+        parts = [str(each) if key == "kind" else f"{key}={written_value(each)}" for key, each in value.items()]
+        return " ".join(parts)
+    if isinstance(value, list) and any(isinstance(one, dict) for one in value):
+        return "; ".join(map(written_value, value))
+    return value if isinstance(value, str) else json.dumps(value)
+
+
+def short_names(varied: Sequence[str]) -> list[str]:
+    """The last part of each varied key, or all of it where that is a number or not unique."""
+    last = [key.rpartition(".")[2] for key in varied]
+    alone = [last.count(name) == 1 and not name.isdecimal() for name in last]
+    return [name if unique else key for key, name, unique in zip(varied, last, alone, strict=True)]
+
+
+def _file(metric: str) -> str:
+    return metric.replace(".", "-").replace("_", "-")
+
+
+def _median(cell: Plot, metric: str) -> float | None:
+    found = cell["metrics"].get(metric)
+    return None if found is None else float(found["median"])
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _axis(values: Sequence[Any], key: str) -> Plot:
+    """Choose an axis: numbers to scale (logarithmic where they span more than two decades), the rest in order."""
+    axis: Plot = {"title": {"text": escape(key)}}
+    if not all(map(_is_number, values)):
+        return axis | {"type": "category"}
+    return axis | {"type": "log" if min(values) > 0 and max(values) >= 100 * min(values) else "linear"}
+
+
+def _places(values: Sequence[Any]) -> list[Any]:
+    return list(values) if all(map(_is_number, values)) else [escape(written_value(value)) for value in values]
+
+
+def _lines(cells: Sequence[Plot], varied: Sequence[str], metric: str, title: str, yardsticks: Any) -> Plot:
+    """One line per combination of the other keys against the first."""
+    first, *others = varied
+    groups: dict[str, list[Plot]] = {}
+    for cell in cells:
+        name = ", ".join(f"{key} = {written_value(cell['values'][key])}" for key in others)
+        groups.setdefault(name, []).append(cell)
+    lines = []
+    for place, (name, members) in enumerate(groups.items()):
+        colour, dash = agent_style(place)
+        known = [cell for cell in members if metric in cell["metrics"]]
+        found = [cell["metrics"][metric] for cell in known]
+        error = {
+            "type": "data",
+            "array": [one["high"] - one["median"] for one in found],
+            "arrayminus": [one["median"] - one["low"] for one in found],
+        }
+        lines.append(
+            {
+                "type": "scatter",
+                "mode": "lines+markers",
+                "name": escape(name) or "network",
+                "x": _places([cell["values"][first] for cell in known]),
+                "y": [one["median"] for one in found],
+                "error_y": error,
+                "line": {"color": colour, "dash": dash},
+            }
+        )
+        lines += [
+            {
+                "type": "scatter",
+                "mode": "lines",
+                "name": f"{escape(name)} {label}".strip(),
+                "x": lines[-1]["x"],
+                "y": [_median(cell, yardstick) for cell in known],
+                "line": {"color": INK if len(groups) == 1 else MUTED, "dash": "dash", "width": 1},
+            }
+            for yardstick, label in yardsticks
+        ]
+    values = [cell["values"][first] for cell in cells]
+    return {"data": lines, "layout": _layout(_axis(values, first), title)}
+
+
+def _heat_map(cells: Sequence[Plot], varied: Sequence[str], metric: str, title: str) -> Plot:
+    across, along = varied
+    rows: dict[str, dict[str, float | None]] = {}
+    for cell in cells:
+        row = rows.setdefault(written_value(cell["values"][along]), {})
+        row[written_value(cell["values"][across])] = _median(cell, metric)
+    columns = list(dict.fromkeys(name for row in rows.values() for name in row))
+    heat = {
+        "type": "heatmap",
+        "x": list(map(escape, columns)),
+        "y": list(map(escape, rows)),
+        "z": [[row.get(name) for name in columns] for row in rows.values()],
+        "colorscale": "Viridis",
+        "colorbar": {"title": {"text": title, "side": "right"}},
+        "texttemplate": "%{z:.3g}",
+    }
+    layout = _layout({"title": {"text": escape(across)}, "type": "category"}, escape(along))
+    layout["yaxis"]["type"] = "category"
+    return {"data": [heat], "layout": layout}
+
+
+def _curves(cells: Sequence[Plot], name: str, title: str) -> Plot:
+    lines = []
+    for place, cell in enumerate([cell for cell in cells if cell["curve"]][:_MOST_CURVES]):
+        colour, dash = agent_style(place)
+        label = ", ".join(f"{key} = {written_value(value)}" for key, value in cell["values"].items())
+        shown = [value if value and value > 0.0 else None for value in cell["curve"][name]]
+        line: Plot = {"type": "scatter", "mode": "lines", "name": escape(label) or "network"}
+        line |= {"line": {"color": colour, "dash": dash, "width": 1.5}}
+        lines.append(line | {"x": cell["curve"]["time"], "y": shown})
+    layout = _layout({"title": {"text": "time (s)"}}, title)
+    layout["yaxis"]["type"] = "log"
+    return {"data": lines, "layout": layout}
+
+
+def _layout(axis: Plot, title: str) -> Plot:
+    return {
+        "template": "plotly_white",
+        "height": 420,
+        "margin": {"t": 20, "b": 60},
+        "xaxis": axis,
+        "yaxis": {"title": {"text": title}, "rangemode": "tozero"},
+        "legend": {"font": {"size": 11}},
+    }

@@ -1,0 +1,180 @@
+"""The experiment file: its keys, reading it, and the mistakes one can make in it."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from difflib import get_close_matches
+from importlib.resources import files
+from itertools import takewhile
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, Field, ValidationError, model_validator
+
+from zenoh_cbef.errors import UserError
+from zenoh_cbef.scenario.load import put
+from zenoh_cbef.scenario.table import Finite, Table
+
+_BUILTIN = files("zenoh_cbef.experiment") / "builtin"
+
+Seed = Annotated[int, Field(ge=0, lt=2**64)]
+Key = Annotated[str, Field(min_length=1, pattern=r"^[^.\s]+(\.[^.\s]+)*$", description="a key as in consensus.rounds")]
+
+
+class Vary(Table):
+    """One axis of the grid: a scenario key and the values that it takes in turn."""
+
+    key: Key
+    values: Annotated[tuple[Any, ...], Field(min_length=1, description="a list of one or more values")]
+
+
+class Expect(Table):
+    """What the median over the seeds of every cell that `where` selects has to satisfy."""
+
+    metric: Annotated[str, Field(min_length=1)]
+    at_most: Finite | None = None
+    at_least: Finite | None = None
+    where: dict[str, Any] = Field(default={}, description="a table of varied keys and their values")
+
+    @model_validator(mode="after")
+    def _limited(self) -> Expect:
+        if self.at_most is None and self.at_least is None:
+            raise ValueError(f"the expectation of {self.metric} has no limit; give at_most or at_least")
+        return self
+
+    def holds(self, value: float) -> bool:
+        """Whether a value keeps the limits."""
+        above = self.at_least is None or value >= self.at_least
+        return above and (self.at_most is None or value <= self.at_most)
+
+
+class Experiment(Table):
+    """An experiment. seeds: how many, from the base scenario's on, or which. fault: None leaves the base's."""
+
+    base: str = "tracking"
+    seeds: Annotated[int, Field(ge=1, le=1_000_000)] | Annotated[tuple[Seed, ...], Field(min_length=1)] = Field(
+        default=20, description="a number of at least 1, or a list of seeds"
+    )
+    engine: Literal["simulate", "processes"] = "simulate"
+    set: dict[str, Any] = Field(default={}, description="a table of scenario keys and their values")
+    fault: tuple[dict[str, Any], ...] | None = Field(default=None, description="a list of tables, written [[fault]]")
+    vary: tuple[Vary, ...] = Field(default=(), description="a list of tables, each written [[vary]]")
+    expect: tuple[Expect, ...] = Field(default=(), description="a list of tables, each written [[expect]]")
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Experiment:
+        keys = [one.key for one in self.vary]
+        twice = next((key for key in keys if keys.count(key) > 1), None)
+        if twice is not None:
+            raise ValueError(f"{twice} is varied twice; list all its values in one [[vary]]")
+        if "seed" in {*keys, *self.set}:
+            raise ValueError("seed is not varied or set; give the seeds as seeds = 20 or seeds = [1, 2, 3]")
+        if isinstance(self.seeds, tuple) and len(set(self.seeds)) < len(self.seeds):
+            raise ValueError("seeds lists a seed twice; list each once")
+        return self
+
+
+@dataclass(frozen=True)
+class Written:
+    """An experiment with its name, its text, and the folder that its relative paths start from."""
+
+    name: str
+    source: str
+    folder: Path
+    experiment: Experiment
+
+    @property
+    def purpose(self) -> str:
+        """The comment that the file begins with."""
+        return purpose_of(self.source)
+
+
+def builtin_names() -> list[str]:
+    """The built-in experiments."""
+    return sorted(entry.name.removesuffix(".toml") for entry in _BUILTIN.iterdir() if entry.name.endswith(".toml"))
+
+
+def read_source(name: str) -> tuple[str, Path]:
+    """The text of a built-in experiment or a file, and the folder that its relative paths start from."""
+    if name in builtin_names():
+        return (_BUILTIN / f"{name}.toml").read_text(encoding="utf-8"), Path.cwd()
+    path = Path(name)
+    if not path.is_file():
+        near = get_close_matches(name, builtin_names(), 1)
+        hint = f"did you mean {near[0]!r}?" if near else "see 'zenoh-cbef experiment list', or give a file"
+        raise UserError(f"there is no built-in experiment and no file named {name!r}; {hint}")
+    try:
+        return path.read_text(encoding="utf-8"), path.resolve().parent
+    except UnicodeDecodeError:
+        raise UserError(f"{path} is not a text file; an experiment is written in TOML") from None
+
+
+def purpose_of(source: str) -> str:
+    """The comment that a file begins with, as one line."""
+    lines = takewhile(lambda line: line.startswith("#"), source.splitlines())
+    return " ".join(line.removeprefix("#").strip() for line in lines)
+
+
+def read_experiment(name: str, changes: Mapping[str, Any] | None = None) -> Written:
+    """Read an experiment; changes: top-level keys that replace the file's. Raises UserError with the remedy."""
+    source, folder = read_source(name)
+    try:
+        data = tomllib.loads(source)
+        data = {**data, **(changes or {})}
+        text = json.dumps(data, allow_nan=True)
+    except TypeError:
+        raise UserError(f"{name} holds a date, which no key takes; write it as text or number") from None
+    except (ValueError, RecursionError) as error:
+        raise UserError(f"{name} is not valid TOML: {error}; mend that line") from None
+    try:
+        experiment = Experiment.model_validate_json(text, strict=True)
+    except ValidationError as error:
+        raise UserError(f"{name}: {_sentence(error)}") from None
+    return Written(Path(name).stem if name not in builtin_names() else name, source, folder, experiment)
+
+
+def flat(table: Mapping[str, Any]) -> dict[str, Any]:
+    """A [set] table by dotted keys, however its tables were written."""
+    found: dict[str, Any] = {}
+    for key, value in table.items():
+        if isinstance(value, Mapping):
+            found |= {f"{key}.{rest}": each for rest, each in flat(value).items()}
+        else:
+            found[key] = value
+    return found
+
+
+def changed(data: dict[str, Any], experiment: Experiment) -> dict[str, Any]:
+    """Apply the experiment's faults and settings to the base's tables."""
+    if experiment.fault is not None:
+        data["fault"] = [dict(one) for one in experiment.fault]
+    for key, value in flat(experiment.set).items():
+        put(data, key, value)
+    return data
+
+
+def _sentence(error: ValidationError) -> str:
+    mistake = max(error.errors(include_url=False), key=lambda one: one["type"] == "extra_forbidden")
+    place, kind = mistake["loc"], mistake["type"]
+    parts = [part for part in place if isinstance(part, int) or not part.startswith(("constrained", "tuple", "int"))]
+    key = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in parts).removeprefix(".")
+    tables: dict[str, type[BaseModel]] = {"vary": Vary, "expect": Expect}
+    table = tables.get(str(place[0]) if place else "", Experiment)
+    if kind == "extra_forbidden":
+        known = list((table if len(place) > 1 else Experiment).model_fields)
+        near = get_close_matches(str(place[-1]), known, 1)
+        hint = f"did you mean {near[0]!r}?" if near else f"the keys are {', '.join(known)}"
+        return f"{key} is not a key of an experiment; {hint}"
+    if kind == "missing":
+        return f"{key} is missing; add it"
+    if kind == "value_error":
+        return str(mistake["ctx"]["error"])
+    if kind == "model_type":
+        return f"{key} must be a table of keys"
+    field = next((table.model_fields[str(part)] for part in reversed(parts) if part in table.model_fields), None)
+    field = field or (Experiment.model_fields.get(str(place[0])) if place else None)
+    said = str(mistake["msg"]).replace("Input should", "must", 1)
+    return f"{key} must be {field.description}" if field and field.description else f"{key} {said}"

@@ -1,0 +1,71 @@
+"""What an experiment has finished, a line per run in its folder: an interrupted one goes on from there."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from hashlib import sha256
+from pathlib import Path
+from typing import Any, Self
+
+from zenoh_cbef import __version__
+from zenoh_cbef.errors import UserError
+from zenoh_cbef.scenario import Scenario
+
+
+def key_of(scenario: Scenario, engine: str, skip: float) -> str:
+    """A name for everything that a cell's results follow from, but for the seed."""
+    meant = scenario.model_dump(mode="json", by_alias=True, exclude={"seed"})
+    text = json.dumps([__version__, engine, skip, meant], sort_keys=True)
+    return sha256(text.encode()).hexdigest()[:16]
+
+
+class Journal:
+    """Outcomes by cell key and seed, in `finished.jsonl`; failures are not kept, so that they are tried again."""
+
+    def __init__(self, folder: Path) -> None:
+        self._path = folder / "finished.jsonl"
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            self._found = dict(_read(self._path))
+            self._stream = self._path.open("a", encoding="utf-8")
+        except OSError as error:
+            raise UserError(f"cannot write into {folder}: {error.strerror}; choose another --output") from None
+        if self._stream.tell() and not _ends_a_line(self._path):
+            self._stream.write("\n")  # the line that an interruption cut off
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stream.close()
+
+    def outcome(self, key: str, seed: int) -> dict[str, Any] | None:
+        """What became of a run, if it is finished."""
+        return self._found.get((key, seed))
+
+    def add(self, key: str, outcomes: Iterable[dict[str, Any]]) -> None:
+        """Keep what became of some runs of one cell."""
+        for one in outcomes:
+            self._found[key, one["seed"]] = one
+            if "error" not in one:
+                self._stream.write(json.dumps({"key": key, **one}, separators=(",", ":")) + "\n")
+        self._stream.flush()
+
+
+def _read(path: Path) -> Iterable[tuple[tuple[str, int], dict[str, Any]]]:
+    if not path.exists():
+        return
+    with path.open(encoding="utf-8", errors="replace") as lines:
+        for line in lines:
+            try:
+                one = json.loads(line)
+                yield (one.pop("key"), one["seed"]), {name: one[name] for name in ("seed", "metrics", "curve")}
+            except (ValueError, KeyError, TypeError, AttributeError):
+                continue  # cut off, so it has to be done again
+
+
+def _ends_a_line(path: Path) -> bool:
+    with path.open("rb") as stream:
+        stream.seek(-1, 2)
+        return stream.read(1) == b"\n"

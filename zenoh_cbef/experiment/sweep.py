@@ -1,0 +1,125 @@
+"""All runs of an experiment: what is left to do, spread over the cores, kept as it is finished."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from zenoh_cbef.errors import UserError
+from zenoh_cbef.experiment.cells import Cell, seeds_of
+from zenoh_cbef.experiment.engines import Outcome, executed, simulated
+from zenoh_cbef.experiment.file import Experiment
+from zenoh_cbef.experiment.journal import Journal, key_of
+
+# Rows times steps of one batch. Larger ones are no faster per run, as they leave the processor's caches.
+_BATCH = 100_000
+
+
+@dataclass(frozen=True)
+class Work:
+    """Some runs of one cell that are done together."""
+
+    cell: Cell
+    key: str
+    seeds: list[int]
+
+    def __call__(self, engine: str, skip: float, logs: Path) -> tuple[Work, list[Outcome]]:
+        """Do them. Never raises for what a run does: an outcome then holds its `error`."""
+        if self.cell.scenario is None:
+            raise RuntimeError("a cell without a scenario cannot be run")
+        if engine == "simulate":
+            return self, simulated(self.cell.scenario, self.seeds, skip)
+        folders = [logs / f"cell-{self.cell.index}-seed-{seed}" for seed in self.seeds]
+        runs = zip(self.seeds, folders, strict=True)
+        return self, [executed(self.cell.scenario, seed, skip, folder) for seed, folder in runs]
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """What is common to all runs of an experiment.
+
+    jobs: processes that simulate at a time; 0: one per core. dask: the address of a Dask scheduler, whose workers
+    simulate in place of processes on this host.
+    """
+
+    experiment: Experiment
+    cells: Sequence[Cell]
+    skip: float
+    jobs: int = 0
+    dask: str | None = None
+
+    def run(self, folder: Path, progress: Callable[[int, int], None]) -> list[list[Outcome]]:
+        """The outcomes of every cell, in the order of its seeds; progress gets how many are finished, of how many."""
+        with Journal(folder) as journal:
+            work = [one for cell in self.cells for one in self._left(cell, journal)]
+            total = sum(len(seeds_of(cell, self.experiment.seeds)) for cell in self.cells if cell.scenario)
+            finished = total - sum(len(one.seeds) for one in work)
+            progress(finished, total)
+            for done, outcomes in self._spread(work, folder / "logs"):
+                journal.add(done.key, outcomes)
+                finished += len(outcomes)
+                progress(finished, total)
+            return [self._outcomes(cell, journal) for cell in self.cells]
+
+    def _left(self, cell: Cell, journal: Journal) -> Iterator[Work]:
+        if cell.scenario is None:
+            return
+        key = key_of(cell.scenario, self.experiment.engine, self.skip)
+        seeds = [seed for seed in seeds_of(cell, self.experiment.seeds) if journal.outcome(key, seed) is None]
+        most = 1
+        if self.experiment.engine == "simulate":
+            most = max(1, _BATCH // (cell.scenario.count * cell.scenario.length))
+        for start in range(0, len(seeds), most):
+            yield Work(cell, key, seeds[start : start + most])
+
+    def _spread(self, work: Sequence[Work], logs: Path) -> Iterator[tuple[Work, list[Outcome]]]:
+        do = partial(_do, engine=self.experiment.engine, skip=self.skip, logs=logs)
+        # A run's processes fill the cores by themselves.
+        jobs = 1 if self.experiment.engine == "processes" else self.jobs or len(os.sched_getaffinity(0))
+        if self.dask is None and min(jobs, len(work)) <= 1:
+            yield from map(do, work)
+            return
+        with _back_end(self.dask) as joblib:
+            jobs = jobs if self.dask is None else -1
+            parallel = joblib.Parallel(n_jobs=jobs, return_as="generator_unordered", batch_size=1)
+            yield from parallel(joblib.delayed(do)(one) for one in work)
+
+    def _outcomes(self, cell: Cell, journal: Journal) -> list[Outcome]:
+        seeds = seeds_of(cell, self.experiment.seeds)
+        if cell.scenario is None:
+            return [{"seed": seed, "error": cell.error} for seed in seeds]
+        key = key_of(cell.scenario, self.experiment.engine, self.skip)
+        nothing: dict[str, Any] = {"error": "the run left no outcome"}
+        return [journal.outcome(key, seed) or {"seed": seed, **nothing} for seed in seeds]
+
+
+@contextmanager
+def _back_end(dask: str | None) -> Iterator[Any]:
+    """Joblib, told where to simulate."""
+    try:
+        joblib = import_module("joblib")
+        if dask is None:
+            yield joblib
+            return
+        distributed = import_module("distributed")
+    except ImportError as error:
+        raise UserError(
+            f"this needs {error.name}; run: pip install 'zenoh-cbef[{'dask' if dask else 'experiment'}]', "
+            "or give --jobs 1 and no --dask"
+        ) from None
+    try:
+        client = distributed.Client(dask, timeout=10)
+    except (OSError, ValueError, TimeoutError) as error:
+        raise UserError(f"no Dask scheduler answers at {dask}: {error}; start one, or leave out --dask") from None
+    with client, joblib.parallel_config("dask"):
+        yield joblib
+
+
+def _do(work: Work, *, engine: str, skip: float, logs: Path) -> tuple[Work, list[Outcome]]:
+    return work(engine, skip, logs)
