@@ -154,3 +154,24 @@ def test_a_scenario_written_as_toml_is_read_back_equal(data):
 
 def test_an_empty_scenario_is_the_default_one():
     assert parse({}, "empty") == Scenario()
+
+
+def test_an_override_reaches_a_fault_by_its_place_or_kind():
+    faults = 'fault=[{kind="loss", probability=0.1}, {kind="delay", milliseconds=3.0}]'
+    loaded = load("tracking", [faults, "fault.0.probability=0.2", "fault.delay.milliseconds=4.0"]).scenario
+    assert (loaded.fault[0].probability, loaded.fault[1].milliseconds) == (0.2, 4.0)
+
+
+@pytest.mark.parametrize(
+    ("key", "words"),
+    [
+        ("fault.2.probability", "there is no entry 2; there is 0 (loss), 1 (loss)"),
+        ("fault.loss.probability", "2 entries are of the kind loss"),
+        ("fault.0.probability.x", "fault.0.probability is not a table"),
+    ],
+)
+def test_an_override_of_a_fault_that_is_not_there_says_which_are(key, words):
+    faults = 'fault=[{kind="loss", probability=0.1}, {kind="loss", probability=0.2}]'
+    with pytest.raises(UserError) as refused:
+        load("tracking", [faults, f"{key}=0.2"])
+    assert words in str(refused.value)
