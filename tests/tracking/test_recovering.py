@@ -39,8 +39,10 @@ def test_covariances_double_in_deviation_where_most_of_those_who_measured_are_su
     np.testing.assert_array_equal(concluded.covariance, (4.0 if widened else 1.0) * plain.covariance)
 
 
-def test_a_network_that_begins_elsewhere_finds_its_target_sooner():
-    start = ["filter.initial_position=[8.0, -8.0, 4.0]", "steps=40"]
+@pytest.mark.parametrize("others", [(), ("filter.distrust=true",), ("filter.range_std=auto",)])
+def test_a_network_that_begins_elsewhere_finds_its_target_sooner(others):
+    """Whatever else is put around the filter."""
+    start = ["filter.initial_position=[8.0, -8.0, 4.0]", "steps=40", *others]
     errors = []
     for recovery in ("false", "true"):
         scenario = load("tracking", [*start, f"filter.recovery={recovery}"]).scenario

@@ -157,10 +157,11 @@ def first_fix_of(settings: FilterSettings, then: Filter, xi: float) -> FirstFix:
 def make_filter(kind: str, settings: FilterSettings) -> Filter:
     """The filter of one kind, with what the settings put around it."""
     chosen = KINDS[kind](settings)
-    if settings.distrusts:
-        chosen = Distrusting(chosen, settings.range_std)
+    # Recovery widens the belief that the filter goes on from, so nothing else may stand between the two.
     if settings.recovers:
         chosen = Recovering(chosen)
+    if settings.distrusts:
+        chosen = Distrusting(chosen, settings.range_std)
     if settings.first_fix:
         chosen = first_fix_of(settings, chosen, settings.xi if kind in SATURATED else np.inf)
     return LearnedNoise(chosen, settings.range_std) if settings.learns_noise else chosen

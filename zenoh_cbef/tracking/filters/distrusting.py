@@ -6,7 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from zenoh_cbef.tracking.filters.base import Belief, Filter, Floats, Update
+from zenoh_cbef.tracking.filters.base import Belief, Floats, Update
+from zenoh_cbef.tracking.filters.wrapping import Wrapping
 from zenoh_cbef.tracking.ranging import Measurement
 
 LARGEST = 9.0
@@ -26,7 +27,7 @@ WIDEST = 30.0
 
 
 @dataclass(frozen=True)
-class Distrusting:
+class Distrusting(Wrapping):
     """Any filter of information on own ranges, with one number more in its payload: how implausible its ranges are.
 
         S_i = H P_i H^T + sigma^2                           as if the range were trusted
@@ -45,23 +46,9 @@ class Distrusting:
     range_std: sigma (m), unless the measurement says otherwise.
     """
 
-    filter: Filter
     range_std: float
 
-    @property
-    def uses_neighbour_ranges(self) -> bool:
-        """As the filter."""
-        return self.filter.uses_neighbour_ranges
-
-    @property
-    def cooperates(self) -> bool:
-        """As the filter."""
-        return self.filter.cooperates
-
-    @property
-    def payload_size(self) -> int:
-        """One more than the filter's."""
-        return self.filter.payload_size + 1
+    more = 1
 
     def update(self, belief: Belief, measurement: Measurement) -> Update:
         """The filter's update with the noise that the distrust so far asks for, and the number."""

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from zenoh_cbef.tracking.filters.base import Belief, Filter, Floats, Update
+from zenoh_cbef.tracking.filters.base import Belief, Floats, Update
 from zenoh_cbef.tracking.filters.information_form import (
     belief_of,
     pack,
@@ -16,13 +16,14 @@ from zenoh_cbef.tracking.filters.information_form import (
     variance_of,
 )
 from zenoh_cbef.tracking.filters.squared_ranges import Frame, Seen, SquaredRanges
+from zenoh_cbef.tracking.filters.wrapping import Wrapping
 from zenoh_cbef.tracking.linalg import inverse, matvec, neighbour_sum, outer
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
 from zenoh_cbef.tracking.ranging import Measurement, Space, own_range
 
 
 @dataclass(frozen=True)
-class FirstFix:
+class FirstFix(Wrapping):
     """Least squares on all ranges of the first steps, one iteration a step, then another filter.
 
     A recursive filter that starts far off linearises where it should not, is sure of the result, and saturation then
@@ -36,13 +37,12 @@ class FirstFix:
 
     dx is the latest iteration's correction: while the iteration still moves, nothing is an outlier. The second term
     of the variance is what the target may have done since, the third keeps a bias of variance beta^2 from averaging
-    out over the m ranges that an agent has. After the last of these steps `then` starts from the fix.
+    out over the m ranges that an agent has. After the last of these steps `filter` starts from the fix.
 
     range_std: sigma (m). bias_std: beta (m). network_size: n. steps: how many it takes, half of
     them on squared ranges. xi: saturation level in standard deviations.
     """
 
-    then: Filter
     motion: NearlyConstantVelocity
     space: Space
     range_std: float
@@ -51,18 +51,6 @@ class FirstFix:
     steps: int
     xi: float = np.inf
 
-    uses_neighbour_ranges = False
-
-    @property
-    def cooperates(self) -> bool:
-        """As the filter that follows."""
-        return self.then.cooperates
-
-    @property
-    def payload_size(self) -> int:
-        """As the filter that follows; what is not needed is zero."""
-        return self.then.payload_size
-
     @property
     def _squared(self) -> SquaredRanges:
         return SquaredRanges(self.space, self.network_size, self.xi)
@@ -70,7 +58,7 @@ class FirstFix:
     def update(self, belief: Belief, measurement: Measurement) -> Update:
         """The agent's share of the information in all ranges so far."""
         if belief.parts:
-            return replace(inner := self.then.update(belief.parts[0], measurement), parts=(inner,))
+            return replace(inner := self.filter.update(belief.parts[0], measurement), parts=(inner,))
         state, covariance = predict(self.motion, belief)
         prior, seen, correction = self._history(belief, measurement)
         measured = np.isfinite(seen.ranges)
@@ -105,7 +93,7 @@ class FirstFix:
     def conclude(self, payload: Floats, update: Update) -> Belief:
         """The fix so far; after the last step of it, where the filter that follows begins."""
         if update.parts:
-            inner = self.then.conclude(payload, update.parts[0])
+            inner = self.filter.conclude(payload, update.parts[0])
             return Belief(inner.state, inner.covariance, inner.bias, parts=(inner,))
         *history, predicted = update.kept
         steps, size = history[-1].shape[1], self.motion.size

@@ -6,7 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from zenoh_cbef.tracking.filters.base import Belief, Filter, Floats, Update
+from zenoh_cbef.tracking.filters.base import Belief, Floats, Update
+from zenoh_cbef.tracking.filters.wrapping import Wrapping
 from zenoh_cbef.tracking.ranging import Measurement
 
 _MEDIAN = 0.67448975
@@ -20,7 +21,7 @@ _WIDEST = 30.0
 
 
 @dataclass(frozen=True)
-class LearnedNoise:
+class LearnedNoise(Wrapping):
     """Stochastic approximation (Robbins and Monro, 1951) of the noise at which half of the innovations are small.
 
         log sigma <- log sigma + g f (1[z^2/S > 0.6745^2] - 1/2) 2,   f = sigma^2/S,  g = max(1/(1 + m/5), 0.02)
@@ -29,26 +30,10 @@ class LearnedNoise:
     not mind how large outliers are: with a share of 30 % of them it is too large by a factor 1.6. Where the
     innovation says more of the state than of the range, f is small and little is learned. m: ranges so far.
 
-    then: the filter that uses it. initial_std: sigma to begin with (m).
+    initial_std: sigma to begin with (m).
     """
 
-    then: Filter
     initial_std: float
-
-    @property
-    def payload_size(self) -> int:
-        """As the filter's."""
-        return self.then.payload_size
-
-    @property
-    def uses_neighbour_ranges(self) -> bool:
-        """As the filter."""
-        return self.then.uses_neighbour_ranges
-
-    @property
-    def cooperates(self) -> bool:
-        """As the filter."""
-        return self.then.cooperates
 
     def update(self, belief: Belief, measurement: Measurement) -> Update:
         """The filter's update with the noise known so far; kept: the noise known after it."""
@@ -56,12 +41,12 @@ class LearnedNoise:
         count = len(belief.state)
         scale, seen = belief.memory or (np.zeros(count), np.zeros(count))
         std = self.initial_std * np.exp(scale)
-        update = self.then.update(inner, replace(measurement, range_std=std))
+        update = self.filter.update(inner, replace(measurement, range_std=std))
         return replace(update, kept=learned(scale, seen, std, update), parts=(update,))
 
     def conclude(self, payload: Floats, update: Update) -> Belief:
         """The filter's belief."""
-        inner = self.then.conclude(payload, update.parts[0])
+        inner = self.filter.conclude(payload, update.parts[0])
         return Belief(inner.state, inner.covariance, inner.bias, update.kept, (inner,))
 
 

@@ -6,7 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from zenoh_cbef.tracking.filters.base import Belief, Filter, Floats, Update
+from zenoh_cbef.tracking.filters.base import Belief, Floats, Update
+from zenoh_cbef.tracking.filters.wrapping import Wrapping
 from zenoh_cbef.tracking.ranging import Measurement
 
 _IMPLAUSIBLE = 9.0
@@ -20,7 +21,7 @@ _INFLATION = 4.0
 
 
 @dataclass(frozen=True)
-class Recovering:
+class Recovering(Wrapping):
     """Any filter that saturates, with one number more in its payload: whether its own innovation is implausible.
 
         y_i = [NIS_i > 9] - 0.5 where a range was measured, otherwise 0
@@ -32,22 +33,7 @@ class Recovering:
     decides differently has a covariance that is too large, which does no harm.
     """
 
-    filter: Filter
-
-    @property
-    def uses_neighbour_ranges(self) -> bool:
-        """As the filter."""
-        return self.filter.uses_neighbour_ranges
-
-    @property
-    def cooperates(self) -> bool:
-        """As the filter."""
-        return self.filter.cooperates
-
-    @property
-    def payload_size(self) -> int:
-        """One more than the filter's."""
-        return self.filter.payload_size + 1
+    more = 1
 
     def update(self, belief: Belief, measurement: Measurement) -> Update:
         """The filter's update, and the number."""

@@ -1,0 +1,36 @@
+"""What filters that stand around another one have in common."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from zenoh_cbef.tracking.filters.base import Filter
+
+
+@dataclass(frozen=True)
+class Wrapping:
+    """A filter around another one, which it resembles but for `more` numbers at the end of its payload.
+
+    What the inner filter carries from step to step is its own belief, in `parts` of the outer one: an outer filter
+    that changes a belief only on its way out changes nothing for the filter around it.
+    """
+
+    filter: Filter
+
+    more: ClassVar[int] = 0
+
+    @property
+    def uses_neighbour_ranges(self) -> bool:
+        """As the filter."""
+        return self.filter.uses_neighbour_ranges
+
+    @property
+    def cooperates(self) -> bool:
+        """As the filter."""
+        return self.filter.cooperates
+
+    @property
+    def payload_size(self) -> int:
+        """The filter's, and what is sent besides."""
+        return self.filter.payload_size + self.more
