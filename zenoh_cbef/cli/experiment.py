@@ -15,11 +15,12 @@ from zenoh_cbef.cli.tables import console, errors, number
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.experiment.cells import cells_of
 from zenoh_cbef.experiment.figures import short_names, written_value
-from zenoh_cbef.experiment.file import Written, builtin_names, purpose_of, read_experiment, read_source
+from zenoh_cbef.experiment.file import Written, builtin_names, read_experiment, read_source
 from zenoh_cbef.experiment.page import limits_of, values_of, write_outputs
 from zenoh_cbef.experiment.summary import EXIT_STATUS, check_expectations, summarize
 from zenoh_cbef.experiment.sweep import Sweep
 from zenoh_cbef.experiment.table import rows_of
+from zenoh_cbef.scenario.library import purpose_of
 
 _INTERRUPTED = 130
 _COLUMNS = {

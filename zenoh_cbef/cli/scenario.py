@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import takewhile
 from pathlib import Path
 from typing import Annotated
 
@@ -12,14 +11,14 @@ from zenoh_cbef.cli.options import Overrides, ScenarioName
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.scenario import network
 from zenoh_cbef.scenario.checks import check
+from zenoh_cbef.scenario.library import purpose_of
 from zenoh_cbef.scenario.load import builtin_names, load, read_source, to_toml
 
 
 def _list() -> None:
     """List the built-in scenarios."""
     for name in builtin_names():
-        lines = takewhile(lambda line: line.startswith("#"), read_source(name)[0].splitlines())
-        sentence, _, _ = " ".join(line.removeprefix("# ") for line in lines).partition(". ")
+        sentence, _, _ = purpose_of(read_source(name)[0]).partition(". ")
         typer.echo(f"{name:10} {sentence.rstrip('.')}")
 
 

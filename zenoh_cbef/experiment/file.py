@@ -8,17 +8,18 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
 from importlib.resources import files
-from itertools import takewhile
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, Field, ValidationError, model_validator
 
 from zenoh_cbef.errors import UserError
+from zenoh_cbef.scenario.library import Library, purpose_of
 from zenoh_cbef.scenario.load import put
 from zenoh_cbef.scenario.table import Finite, Table
 
-_BUILTIN = files("zenoh_cbef.experiment") / "builtin"
+_LIBRARY = Library(files("zenoh_cbef.experiment") / "builtin", "experiment")
+builtin_names, read_source = _LIBRARY.names, _LIBRARY.read
 
 Seed = Annotated[int, Field(ge=0, lt=2**64)]
 Key = Annotated[str, Field(min_length=1, pattern=r"^[^.\s]+(\.[^.\s]+)*$", description="a key as in consensus.rounds")]
@@ -90,32 +91,6 @@ class Written:
     def purpose(self) -> str:
         """The comment that the file begins with."""
         return purpose_of(self.source)
-
-
-def builtin_names() -> list[str]:
-    """The built-in experiments."""
-    return sorted(entry.name.removesuffix(".toml") for entry in _BUILTIN.iterdir() if entry.name.endswith(".toml"))
-
-
-def read_source(name: str) -> tuple[str, Path]:
-    """The text of a built-in experiment or a file, and the folder that its relative paths start from."""
-    if name in builtin_names():
-        return (_BUILTIN / f"{name}.toml").read_text(encoding="utf-8"), Path.cwd()
-    path = Path(name)
-    if not path.is_file():
-        near = get_close_matches(name, builtin_names(), 1)
-        hint = f"did you mean {near[0]!r}?" if near else "see 'zenoh-cbef experiment list', or give a file"
-        raise UserError(f"there is no built-in experiment and no file named {name!r}; {hint}")
-    try:
-        return path.read_text(encoding="utf-8"), path.resolve().parent
-    except UnicodeDecodeError:
-        raise UserError(f"{path} is not a text file; an experiment is written in TOML") from None
-
-
-def purpose_of(source: str) -> str:
-    """The comment that a file begins with, as one line."""
-    lines = takewhile(lambda line: line.startswith("#"), source.splitlines())
-    return " ".join(line.removeprefix("#").strip() for line in lines)
 
 
 def read_experiment(name: str, changes: Mapping[str, Any] | None = None) -> Written:

@@ -6,7 +6,6 @@ import json
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from difflib import get_close_matches
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -16,10 +15,12 @@ from pydantic import ValidationError
 
 from zenoh_cbef.datasets import read_dataset
 from zenoh_cbef.errors import UserError
+from zenoh_cbef.scenario.library import Library
 from zenoh_cbef.scenario.mistakes import sentence
 from zenoh_cbef.scenario.model import Scenario
 
-_BUILTIN = files("zenoh_cbef.scenario") / "builtin"
+_LIBRARY = Library(files("zenoh_cbef.scenario") / "builtin", "scenario")
+builtin_names, read_source = _LIBRARY.names, _LIBRARY.read
 
 
 @dataclass(frozen=True)
@@ -28,26 +29,6 @@ class Loaded:
 
     source: str
     scenario: Scenario
-
-
-def builtin_names() -> list[str]:
-    """The built-in scenarios."""
-    return sorted(entry.name.removesuffix(".toml") for entry in _BUILTIN.iterdir() if entry.name.endswith(".toml"))
-
-
-def read_source(name: str) -> tuple[str, Path]:
-    """The TOML text of a built-in scenario or a file, and the folder that its relative paths start from."""
-    if name in builtin_names():
-        return (_BUILTIN / f"{name}.toml").read_text(encoding="utf-8"), Path.cwd()
-    path = Path(name)
-    if not path.is_file():
-        near = get_close_matches(name, builtin_names(), 1)
-        hint = f"did you mean {near[0]!r}?" if near else "see 'zenoh-cbef scenario list', or give a file"
-        raise UserError(f"there is no built-in scenario and no file named {name!r}; {hint}")
-    try:
-        return path.read_text(encoding="utf-8"), path.resolve().parent
-    except UnicodeDecodeError:
-        raise UserError(f"{path} is not a text file; a scenario is written in TOML") from None
 
 
 def load(name: str, overrides: Sequence[str] = ()) -> Loaded:

@@ -1,0 +1,46 @@
+"""TOML files that come with the program, beside those that users write."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from difflib import get_close_matches
+from importlib.resources.abc import Traversable
+from itertools import takewhile
+from pathlib import Path
+
+from zenoh_cbef.errors import UserError
+
+
+@dataclass(frozen=True)
+class Library:
+    """The built-in files of one kind. kind: what they are, also the verb that lists them."""
+
+    folder: Traversable
+    kind: str
+
+    def names(self) -> list[str]:
+        """The built-in ones."""
+        return sorted(
+            entry.name.removesuffix(".toml") for entry in self.folder.iterdir() if entry.name.endswith(".toml")
+        )
+
+    def read(self, name: str) -> tuple[str, Path]:
+        """The text of a built-in one or of a file, and the folder that its relative paths start from."""
+        known = self.names()
+        if name in known:
+            return (self.folder / f"{name}.toml").read_text(encoding="utf-8"), Path.cwd()
+        path = Path(name)
+        if not path.is_file():
+            near = get_close_matches(name, known, 1)
+            hint = f"did you mean {near[0]!r}?" if near else f"see 'zenoh-cbef {self.kind} list', or give a file"
+            raise UserError(f"there is no built-in {self.kind} and no file named {name!r}; {hint}")
+        try:
+            return path.read_text(encoding="utf-8"), path.resolve().parent
+        except UnicodeDecodeError:
+            raise UserError(f"{path} is not a text file; {self.kind}s are written in TOML") from None
+
+
+def purpose_of(source: str) -> str:
+    """The comment that a file begins with, as one line."""
+    lines = takewhile(lambda line: line.startswith("#"), source.splitlines())
+    return " ".join(line.removeprefix("#").strip() for line in lines)
