@@ -175,8 +175,7 @@ class Agent:
         """Say what was done and sent, so that the log can be checked for completeness."""
         self.rejections.report()
         boxes = (self._range_out, self._round_out, self._estimate_out)
-        self.node.event(
-            "finished",
+        self.node.last_words(
             f"agent {self.agent} ended after step {last}",
             step=last,
             sent={box.key: box.sent for box in boxes},

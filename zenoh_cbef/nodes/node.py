@@ -18,6 +18,7 @@ from zenoh_cbef.protocol.presence import Presence
 from zenoh_cbef.protocol.session import Connection, open_session, yield_to_others
 
 LEASH = "ZENOH_CBEF_LEASH"
+_FAREWELLS = 10
 _PATIENCE_WITHOUT_LAUNCHER = {"target": 0.0, "agent": 4.0, "record": 6.0}
 
 
@@ -82,6 +83,21 @@ class Node:
     def event(self, kind: str, text: str, **data: Any) -> None:
         """Tell the log what happened."""
         self.events.send(kind=kind, text=text, data=data)
+
+    def last_words(self, text: str, **data: Any) -> None:
+        """Tell the log that we are done, until a recorder says that it has heard it.
+
+        Zenoh keeps the order of a session's messages, so by then the recorder has all the others too: what is still
+        on its way to a busy one when a session closes would be lost.
+        """
+
+        def heard(live: set[str]) -> bool:
+            return f"heard/{self.identity.sender}" in live or not any(name.startswith("record/") for name in live)
+
+        for _ in range(_FAREWELLS):
+            self.event("finished", text, **data)
+            if self.presence.wait(heard, 1.0):
+                return
 
     def on_stop(self, action: Callable[[], None]) -> None:
         """Call an action, from another thread, when the process is told to stop."""

@@ -101,6 +101,7 @@ class Recorder:
         self._seen_agents = False
         self._gone_at: float | None = None
         self._promised: dict[tuple[str, str], int] = {}
+        self._acknowledged: set[str] = set()
         self.target_ended: int | None = None
         node.on_stop(self._mailbox.wake)
 
@@ -158,6 +159,8 @@ class Recorder:
             message = decode("event", data, run=self.node.identity.run)
         except BadMessage:
             return
+        if message["kind"] == "finished":
+            self._acknowledge(message["from"])
         told: dict[Any, Any] = message.get("data", {})
         sent = told.get("sent")
         if message["kind"] == "finished" and message["from"] == "target" and isinstance(told.get("step"), int):
@@ -166,6 +169,13 @@ class Recorder:
             for key, count in sent.items():
                 if isinstance(key, str) and isinstance(count, int):
                     self._promised[key, message["from"]] = count
+
+    def _acknowledge(self, sender: str) -> None:
+        """Tell a process that is about to leave that all it sent has come."""
+        known = self.node.presence.names() | {"target"}
+        if sender in known and sender not in self._acknowledged:
+            self._acknowledged.add(sender)
+            self.node.presence.announce(f"heard/{sender}")
 
     def _finished(self) -> bool:
         """Whether all who were here have left and what they say they sent has come, or we are told to stop."""

@@ -175,8 +175,7 @@ class Target:
             beacon.send(k=last + 1, emitted=None, arrived=None, signal="end")
         boxes = [self._truth, *self._beacons]
         self._progress.rejections.report()
-        self.node.event(
-            "finished",
+        self.node.last_words(
             f"the target ended after step {last}",
             step=last,
             sent={box.key: box.sent for box in boxes},
