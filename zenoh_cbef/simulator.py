@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 
 from zenoh_cbef.faults import Fate, Fates
 from zenoh_cbef.scenario import Scenario, network
-from zenoh_cbef.scenario.build import batch_tracker, fates_of, outgoing_of, rounds_of
+from zenoh_cbef.scenario.build import absences_of, batch_tracker, fates_of, outgoing_of, rounds_of
 from zenoh_cbef.scenario.start import initial_states
 from zenoh_cbef.scenario.world import World, make_world
 from zenoh_cbef.trace import Links, Trace, Traffic
 from zenoh_cbef.tracking.graph import Neighbours
+from zenoh_cbef.tracking.newcomer import belief_from
 from zenoh_cbef.tracking.ranging import Measurement
 from zenoh_cbef.tracking.tracker import Estimate
 
@@ -35,10 +36,14 @@ class Heard:
 
 @dataclass(frozen=True)
 class Step:
-    """One simulated step: the messages sent in every round (L, N, d), and the estimates."""
+    """One simulated step: the messages sent in every round (L, N, d), and the estimates.
+
+    absent: (N,), the agents that were not there, and what they would have sent and estimated is nobody's business.
+    """
 
     sent: list[Floats]
     estimate: Estimate
+    absent: Bools
 
 
 def measured(scenario: Scenario, emitted: Floats, arrived: Floats, step: int | Floats) -> tuple[Floats, Floats]:
@@ -63,7 +68,8 @@ class _Counts:
         self._present = present
         self._sent = 0
         self._fates = {
-            name: np.zeros(present.sum(), dtype=np.int64) for name in ("lost", "late", "corrupted", "duplicated")
+            name: np.zeros(present.sum(), dtype=np.int64)
+            for name in ("absent", "lost", "late", "corrupted", "duplicated")
         }
 
     def sent(self) -> None:
@@ -79,8 +85,8 @@ class _Counts:
         """The counts of one run's links."""
         first = int(self._present[: mine.start].sum())
         chosen = slice(first, first + len(source))
-        lost, late, corrupted, duplicated = (count[chosen] for count in self._fates.values())
-        sent = np.full(len(source), self._sent)
+        absent, lost, late, corrupted, duplicated = (count[chosen] for count in self._fates.values())
+        sent = self._sent - absent
         return Links(
             source=source,
             destination=destination,
@@ -120,6 +126,9 @@ class Simulation:
         self._fates = _all_fates(scenarios, self.neighbours)
         self._outgoing = outgoing_of(scenarios, range(self.scenario.count))
         # What was sent in the steps from the one whose messages are used to the present one.
+        self.absences, self._runs = absences_of(self.scenario), len(scenarios)
+        self._initial = self.tracker.belief
+        self._estimate: Estimate | None = None
         self._sent: deque[list[Floats]] = deque(maxlen=1 + self.scenario.consensus.lag)
 
     def __iter__(self) -> Iterator[Step]:
@@ -154,7 +163,22 @@ class Simulation:
             np.where(delivered, self._outgoing.ranges(step, range_)[index], np.nan),
         )
 
+    def _welcome(self, step: int) -> None:
+        """Who comes back without a memory begins with what its neighbours know, as far as they can be asked."""
+        if self._estimate is None:
+            return
+        present, index = self.neighbours.present, self.neighbours.index
+        told = np.zeros_like(present)
+        told[present] = self._fates.reaches(step)
+        told &= ~np.tile(self.absences.at(step - 1), self._runs)[index]
+        known, covariance = self._estimate.state[index], self._estimate.covariance
+        covariance = None if covariance is None else covariance[index]
+        belief = belief_from(self.tracker.space, known, covariance, told, self._initial)
+        self.tracker.adopt(belief, np.tile(self.absences.reborn(step), self._runs))
+
     def _step(self, step: int) -> Step:
+        if self.absences.reborn(step).any():
+            self._welcome(step)
         message = self.tracker.measure(self._measurement(step))
         sent: list[Floats] = []
         self._sent.append(sent)
@@ -164,7 +188,8 @@ class Simulation:
             sent.append(self._outgoing.message(step, round_, message))
             delivered = self._delivered(used, round_) if used >= 1 else nobody
             message = self.tracker.exchange(self._sent[0][round_ - 1].take(self.neighbours.index, axis=0), delivered)
-        return Step(sent, self.tracker.conclude())
+        estimate = self._estimate = self.tracker.conclude()
+        return Step(sent, estimate, np.tile(self.absences.at(step), self._runs))
 
 
 def simulate(
@@ -222,6 +247,16 @@ class _Results:
             if self.payloads is None:
                 self.payloads = np.empty((*self._shape, len(step.sent), step.sent[0].shape[1]))
             self.payloads[:, k] = np.stack(step.sent, axis=1)
+        if step.absent.any():
+            self._leave_out(k, step.absent)
+
+    def _leave_out(self, k: int, absent: Bools) -> None:
+        """Who is not there says nothing."""
+        for values in (self.estimates, self.covariances, self.innovation, self.weight, self.nis, self.distrust):
+            values[absent, k] = np.nan
+        self.bias[absent, k], self.nis_degrees[absent, k] = np.nan, 0
+        if self.payloads is not None:
+            self.payloads[absent, k] = np.nan
 
     def trace(self, scenario: Scenario, world: World, heard: Heard, mine: slice) -> Trace:
         """The rows of one run."""

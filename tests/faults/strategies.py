@@ -50,6 +50,8 @@ _KEYS: dict[str, dict[str, st.SearchStrategy[Any]]] = {
     "sensor-dropout": {"probability": _chance},
     "sensor-stuck": {},
     "outage": {},
+    "pause": {},
+    "crash": {},
     "byzantine": {
         "mode": st.sampled_from(["constant", "random", "drift", "scale", "replay"]),
         "magnitude": st.floats(-10.0, 10.0),
@@ -73,15 +75,15 @@ def faults(draw: st.DrawFn) -> dict[str, Any]:
     if kind == "delay":
         distribution = draw(st.sampled_from(sorted(_DISTRIBUTIONS)))
         fault |= {"distribution": distribution, **draw(st.fixed_dictionaries(_DISTRIBUTIONS[distribution]))}
-    if kind in {"outage", "byzantine"}:
+    if kind in {"outage", "byzantine", "pause", "crash"}:
         fault["agents"] = draw(_agents)
     elif kind.startswith("sensor") or kind == "clock":
         fault["agents"] = draw(st.one_of(st.just("all"), _agents))
     else:
         fault["links"] = draw(_links)
-    if draw(st.booleans()):
+    if draw(st.booleans()) or kind == "pause":
         fault["from"] = draw(st.floats(0.0, SECONDS))
-        if draw(st.booleans()):
+        if draw(st.booleans()) or kind == "pause":
             fault["until"] = fault["from"] + draw(st.floats(0.05, SECONDS))
     return fault
 

@@ -113,6 +113,25 @@ def test_messages_of_the_step_before_give_the_simulators_bits(world):
     assert metrics["distrust"]["agents"][1] > 0.0
 
 
+def test_a_killed_and_a_stopped_process_come_back_and_the_bits_are_the_simulators(world):
+    fault = [
+        {"kind": "crash", "agents": [1], "from": 1.0, "until": 2.0},
+        {"kind": "pause", "agents": [3], "from": 2.5, "until": 3.0},
+        {"kind": "loss", "probability": 0.2},
+        {"kind": "crash", "agents": [0], "from": 3.5},
+    ]
+    run(world, EVERY_KIND | {"steps": 40, "fault": fault})
+    events = [(event["kind"], event["data"]) for event in read_trace(world.log).events if event["kind"] != "finished"]
+    told = [(kind, data.get("agent"), data.get("step")) for kind, data in events if kind != "rejected"]
+    assert told[1:] == [
+        ("killed", 1, 10),
+        ("joined", 1, 20),
+        ("paused", 3, 25),
+        ("continued", 3, 25),
+        ("killed", 0, 35),
+    ]
+
+
 def test_in_realtime_a_delay_is_real_time_and_only_what_exceeds_the_deadline_is_late(world):
     scenario = {
         "steps": 15,

@@ -6,11 +6,13 @@ from typing import Annotated
 
 from pydantic import Field
 
+from zenoh_cbef.faults.absence import Absence, Absences
 from zenoh_cbef.faults.base import Effect, Fault, LinkFault, MessageFault, Messages
 from zenoh_cbef.faults.burst_loss import BurstLoss
 from zenoh_cbef.faults.byzantine import Byzantine
 from zenoh_cbef.faults.clock import Clock, ahead, clocks_of
 from zenoh_cbef.faults.corrupt import Corrupt
+from zenoh_cbef.faults.crash import Crash
 from zenoh_cbef.faults.delay import Delay
 from zenoh_cbef.faults.duplicate import Duplicate
 from zenoh_cbef.faults.fates import Fate, Fates
@@ -18,6 +20,7 @@ from zenoh_cbef.faults.loss import Loss
 from zenoh_cbef.faults.outage import Outage
 from zenoh_cbef.faults.outgoing import Outgoing, SenderFault
 from zenoh_cbef.faults.partition import Partition
+from zenoh_cbef.faults.pause import Pause
 from zenoh_cbef.faults.rate_limit import RateLimit
 from zenoh_cbef.faults.reorder import Reorder
 from zenoh_cbef.faults.sensing import Readings, SensorFault, measured_ranges
@@ -27,11 +30,14 @@ from zenoh_cbef.faults.sensor_spikes import SensorSpikes
 from zenoh_cbef.faults.sensor_stuck import SensorStuck
 
 __all__ = [
+    "Absence",
+    "Absences",
     "AnyFault",
     "BurstLoss",
     "Byzantine",
     "Clock",
     "Corrupt",
+    "Crash",
     "Delay",
     "Duplicate",
     "Effect",
@@ -45,6 +51,7 @@ __all__ = [
     "Outage",
     "Outgoing",
     "Partition",
+    "Pause",
     "RateLimit",
     "Readings",
     "Reorder",
@@ -69,6 +76,8 @@ AnyFault = Annotated[
     | RateLimit
     | Partition
     | Outage
+    | Pause
+    | Crash
     | Byzantine
     | Clock
     | SensorBias

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Literal, Self
+from typing import Annotated, ClassVar, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,7 +56,7 @@ class Effect:
     """What one fault does to messages, arrays (e,); None: nothing of the kind.
 
     lost: never arrive. delay: s. overtaken: arrive after the next message of their link. corrupted: arrive with
-    flipped bytes. duplicated: arrive twice.
+    flipped bytes. duplicated: arrive twice. absent: were never sent, or have nobody to receive them.
     """
 
     lost: Bools | None = None
@@ -64,6 +64,7 @@ class Effect:
     overtaken: Bools | None = None
     corrupted: Bools | None = None
     duplicated: Bools | None = None
+    absent: Bools | None = None
 
 
 class Fault(BaseModel):
@@ -89,7 +90,9 @@ class Fault(BaseModel):
 
 
 class MessageFault(Fault):
-    """A fault of messages on some directed links."""
+    """A fault of messages on some directed links. cuts: nothing at all gets through while it is on."""
+
+    cuts: ClassVar[bool] = False
 
     def selects(self, source: Ids, destination: Ids) -> Bools:
         """Which directed links (e,) the fault is on."""

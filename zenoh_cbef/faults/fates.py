@@ -12,9 +12,10 @@ from zenoh_cbef.faults.base import Bools, Fault, Floats, Ids, MessageFault, Mess
 
 @dataclass(frozen=True)
 class Fate:
-    """What becomes of messages, arrays (e,); a message is at most one of lost, late and corrupted.
+    """What becomes of messages, arrays (e,); a message is at most one of absent, lost, late and corrupted.
 
-    lost: never arrives. late: arrives when its round is over. corrupted: arrives in time, but damaged, and is rejected.
+    absent: never sent, or nobody is there to receive it. lost: never arrives. late: arrives when its round is over.
+    corrupted: arrives in time, but damaged, and is rejected.
     duplicated: is used, and arrives once more. delay: of those that arrive, beyond the lag, s.
     """
 
@@ -23,11 +24,12 @@ class Fate:
     corrupted: Bools
     duplicated: Bools
     delay: Floats
+    absent: Bools
 
     @property
     def due(self) -> Bools:
         """Which messages arrive intact within their own round."""
-        return ~(self.lost | self.late | self.corrupted)
+        return ~(self.absent | self.lost | self.late | self.corrupted)
 
 
 class Fates:
@@ -64,7 +66,9 @@ class Fates:
     def of(self, step: int, round_: int) -> Fate:
         """What becomes of the messages sent in one round of a step (round 0: the ranges)."""
         links = self._source.shape
-        flags = {name: np.zeros(links, dtype=bool) for name in ("lost", "overtaken", "corrupted", "duplicated")}
+        flags = {
+            name: np.zeros(links, dtype=bool) for name in ("lost", "overtaken", "corrupted", "duplicated", "absent")
+        }
         delay = np.zeros(links)
         messages = Messages(
             self._seed, self._source, self._destination, step, round_, self._dt, self._per_step, self._ranges
@@ -79,12 +83,21 @@ class Fates:
                     np.logical_or(before, chosen & struck, out=before)
             if effect.delay is not None:
                 delay += np.where(chosen, effect.delay, 0.0)
-        lost, overtaken = flags["lost"], flags["overtaken"] & (self._spare == 0.0)
+        absent = flags["absent"]
+        lost, overtaken = flags["lost"] & ~absent, flags["overtaken"] & (self._spare == 0.0)
         delay = np.maximum(delay - self._spare, 0.0)
-        late = ~lost & (overtaken if self._realtime else overtaken | (delay > 0.0))
-        corrupted = flags["corrupted"] & ~(lost | late)
-        duplicated = flags["duplicated"] & ~(lost | late | corrupted)
-        return Fate(lost, late, corrupted, duplicated, delay)
+        late = ~(lost | absent) & (overtaken if self._realtime else overtaken | (delay > 0.0))
+        corrupted = flags["corrupted"] & ~(absent | lost | late)
+        duplicated = flags["duplicated"] & ~(absent | lost | late | corrupted)
+        return Fate(lost, late, corrupted, duplicated, delay, absent)
+
+    def reaches(self, step: int) -> Bools:
+        """Over which links (e,) somebody who keeps asking is answered in a step: those that nothing cuts."""
+        open_ = np.ones(self._source.shape, dtype=bool)
+        for _, fault, chosen in self._faults:
+            if fault.cuts and fault.active(step * self._dt):
+                open_ &= ~chosen
+        return open_
 
     @property
     def quiet(self) -> bool:

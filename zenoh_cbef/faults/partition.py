@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 
@@ -13,6 +13,8 @@ class Partition(LinkFault):
     """The links are cut: every message on them is lost, until they heal."""
 
     kind: Literal["partition"]
+
+    cuts: ClassVar[bool] = True
 
     def effect(self, messages: Messages, index: int) -> Effect:  # noqa: ARG002 - nothing is drawn
         """All lost."""

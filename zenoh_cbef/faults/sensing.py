@@ -9,6 +9,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
+from zenoh_cbef.faults.absence import absent
 from zenoh_cbef.faults.base import Agent, Bools, Fault, Floats, Ids
 
 
@@ -50,7 +51,10 @@ class SensorFault(Fault):
 
 
 def measured_ranges(faults: Sequence[Fault], ranges: Floats, *, seed: int, time: Floats, signal_speed: float) -> Floats:
-    """Ranges (n, K) under a scenario's faults, which act one after the other. time: (K,), of the steps, s."""
+    """Ranges (n, K) under a scenario's faults, which act one after the other. time: (K,), of the steps, s.
+
+    Who is not there measures nothing.
+    """
     count, steps = ranges.shape
     agent, step = np.arange(count)[:, None], np.arange(1, steps + 1)
     for index, fault in enumerate(faults):
@@ -58,4 +62,5 @@ def measured_ranges(faults: Sequence[Fault], ranges: Floats, *, seed: int, time:
             on = fault.selects(agent) & fault.during(time)
             readings = Readings(seed, agent, step, time, ranges, signal_speed, on)
             ranges = np.where(on, fault.measured(readings, index), ranges)
-    return ranges
+    gone = absent(faults, count, time)
+    return np.where(gone, np.nan, ranges) if gone.any() else ranges

@@ -125,20 +125,22 @@ class _Estimates:
 
 
 def _links(scenario: Scenario, contents: Contents) -> Links:
-    """What the receivers counted: the last counts of each, and the mean of their latencies."""
-    last: dict[int, dict[str, Any]] = {}
+    """What the receivers counted: the last counts of each of their lives, and the mean of their latencies."""
+    last: dict[int, list[dict[str, Any]]] = {}
     latency: dict[tuple[int, int], list[float]] = {}
     for (agent, _), message in sorted(contents.estimates.items(), key=lambda item: item[0]):
-        last[agent] = message
+        lives = last.setdefault(agent, [message])
+        if message["seq"] < lives[-1]["seq"]:
+            lives.append(message)  # It was started again, and counts anew.
+        lives[-1] = message
         for source, delay in zip(message["neighbours"], message["latency"], strict=False):
             if delay is not None:
                 latency.setdefault((source, agent), []).append(delay)
     rows = []
     for first, second in network.edges(scenario).tolist():
         for source, destination in ((first, second), (second, first)):
-            message = last.get(destination, {})
-            place = message["neighbours"].index(source) if source in message.get("neighbours", []) else None
-            counts = [0 if place is None or name not in message else message[name][place] for name in _COUNTS]
+            each = [_counts(message, source) for message in last.get(destination, [])]
+            counts = np.sum(each, axis=0).tolist() if each else [0] * len(_COUNTS)
             delays = latency.get((source, destination))
             rows.append((destination, source, *counts, np.mean(delays) if delays else np.nan))
     table = np.array(sorted(rows), dtype=np.float64).reshape(-1, 3 + len(_COUNTS))
@@ -146,6 +148,13 @@ def _links(scenario: Scenario, contents: Contents) -> Links:
     columns = dict(zip(_COUNTS.values(), table[:, 2:-1].astype(np.int64).T, strict=True))
     sent = columns["delivered"] + columns["lost"] + columns["late"]
     return Links(source=source, destination=destination, sent=sent, **columns, latency=table[:, -1])
+
+
+def _counts(message: dict[str, Any], source: int) -> list[int]:
+    if source not in message["neighbours"]:
+        return [0] * len(_COUNTS)
+    place = message["neighbours"].index(source)
+    return [message[name][place] if name in message else 0 for name in _COUNTS]
 
 
 def _traffic(contents: Contents) -> Traffic:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from zenoh_cbef.log.contents import Contents, Header, open_log, read_contents, read_header
 from zenoh_cbef.log.read_trace import heard_ranges, logged_positions
 from zenoh_cbef.protocol.messages import BIAS, DISTRUST, BadMessage, nil_to_nan, unpack_floats
+from zenoh_cbef.scenario.build import absences_of
 from zenoh_cbef.simulator import Heard, Simulation, Step
 
 Floats = NDArray[np.float64]
@@ -124,9 +125,11 @@ def _judgeable(header: Header, contents: Contents) -> tuple[int, str]:
         last[agent] = max(last[agent], step)
     if max(last) == 0:
         return 0, "the log holds no estimate to compare"
-    silences = [event["text"] for event in contents.events if event["kind"] == "silent"]
-    if silences:
-        return 0, f"{silences[0]}, which no scenario foretells"
+    surprises = [event["text"] for event in contents.events if _surprising(event)]
+    if surprises:
+        return 0, f"{surprises[0]}, which no scenario foretells"
+    absent = absences_of(header.scenario).at(max(last))
+    last = [max(last) if away else step for step, away in zip(last, absent.tolist(), strict=True)]
     if max(last) - min(last) > _SKEW:
         agent = int(np.argmin(last))
         return 0, f"agent {agent} left after step {last[agent]}, which no scenario foretells"
@@ -136,6 +139,11 @@ def _judgeable(header: Header, contents: Contents) -> tuple[int, str]:
     if steps < min(last):
         return 0, f"the log lacks beacons of step {steps + 1}, without which the run cannot be executed again"
     return steps, ""
+
+
+def _surprising(event: dict[str, Any]) -> bool:
+    """Whether something happened that lockstep does not know: somebody fell silent, or came unasked."""
+    return bool(event["kind"] == "silent" or (event["kind"] == "joined" and not event.get("data", {}).get("planned")))
 
 
 def _execute(header: Header, contents: Contents, steps: int, tolerance: float, cut: str) -> Verdict:

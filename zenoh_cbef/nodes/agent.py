@@ -12,20 +12,26 @@ import numpy as np
 from zenoh_cbef import __version__
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.faults import ahead, clocks_of
+from zenoh_cbef.nodes.entrance import Entrance, Entry
 from zenoh_cbef.nodes.inbox import Alarm, Inbox
-from zenoh_cbef.nodes.neighbour import Neighbourhood, beacon_inbox
+from zenoh_cbef.nodes.neighbour import Neighbourhood
 from zenoh_cbef.nodes.node import Identity, Node
+from zenoh_cbef.nodes.readers import beacon_inbox
 from zenoh_cbef.nodes.rejections import Rejections
+from zenoh_cbef.nodes.standstill import die, stand_still
+from zenoh_cbef.protocol.latest import Latest
 from zenoh_cbef.protocol.messages import BIAS, DISTRUST, nan_to_nil, pack_floats
 from zenoh_cbef.protocol.round_codec import RoundCodec
 from zenoh_cbef.protocol.scenario_service import fetch_scenario
 from zenoh_cbef.scenario import Scenario
-from zenoh_cbef.scenario.build import agent_tracker, fates_into, message_size, outgoing_of, rounds_of
+from zenoh_cbef.scenario.build import absences_of, agent_tracker, fates_into, message_size, outgoing_of, rounds_of
 from zenoh_cbef.scenario.load import parse
 from zenoh_cbef.scenario.world import agent_positions
 from zenoh_cbef.simulator import measured
 from zenoh_cbef.tracking.ranging import Measurement
 from zenoh_cbef.tracking.tracker import Estimate
+
+_LEASE_SHARE = 0.4
 
 
 @dataclass(frozen=True)
@@ -41,6 +47,7 @@ class Agent:
 
     def __init__(self, node: Node, scenario: Scenario, agent: int) -> None:
         self.node, self.scenario, self.agent = node, scenario, agent
+        self.absences = absences_of(scenario)
         self.rounds = rounds_of(scenario)
         self.tracker, neighbours = agent_tracker(scenario, agent)
         self.outgoing = outgoing_of([scenario], [agent])
@@ -70,6 +77,7 @@ class Agent:
             node.outbox(key, may_drop=realtime)
             for key in (node.keys.range(agent), node.keys.round(agent), node.keys.estimate(agent))
         )
+        self._latest = Latest(node.session, node.keys.estimate(agent))
         self._codec = RoundCodec(node.identity.run, node.identity.sender, width)
         self._slot = scenario.dt / (self.rounds + 1)
         if scenario.timing.round_deadline_ms is not None:
@@ -77,44 +85,46 @@ class Agent:
         self._realtime = realtime
         self._epoch = 0.0
 
-    def wait_for_start(self) -> bool:
-        """Wait until everybody this agent deals with is there, then for the target's start signal."""
-        needed = {"target/target"} | {f"agent/{other}" for other in self.neighbourhood.ids}
-
-        def drain() -> None:
-            self.beacons.pass_over(-1)
-            self.neighbourhood.drain()
-
-        if not self.node.wait_for(lambda live: needed <= live and self._recorded(live), None, drain):
-            return False
-        self.node.presence.announce(f"ready/{self.agent}")
-        start = None
-        while start is None:
-            if self.node.stopping or "target/target" not in self.node.presence:
-                return False
-            start = self.beacons.take(0, time.monotonic() + 0.1)
-            self.neighbourhood.drain()
-        self.rejections.start()
-        # Steps are counted on the monotonic clock: a clock that is set while we run must not move them.
-        self._epoch = start.get("at", time.time()) - time.time() + time.monotonic()
-        return True
-
-    def _recorded(self, live: set[str]) -> bool:
-        return not self.scenario.record.required or any(name.startswith("record/") for name in live)
-
-    def run(self) -> int:
+    def run(self, entry: Entry) -> int:
         """All steps until the target ends the run; returns the last one."""
-        last = 0
+        self._epoch = entry.epoch
+        last = entry.before
         # One more than there are steps: leaving before all are done would look like a death to the others.
-        for step in range(1, self.scenario.length + 2):
+        for step in range(entry.before + 1, self.scenario.length + 2):
             if self._wrong_clocks:
                 self._ahead_ns = round(1e9 * ahead(self._wrong_clocks, step * self.scenario.dt))
             beacon = self._listen(step)
             if beacon is None or self.node.stopping or step > self.scenario.length:
                 break
+            if self.absences:
+                self._heed_absences(step)
             self._step(step, beacon)
             last = step
         return last
+
+    def _heed_absences(self, step: int) -> None:
+        """Be killed, or stopped for a while, where the scenario says so; wait for those who come back."""
+        gone, forgotten = self.absences.begun(step), self.absences.crashed(step) & ~self.absences.crashed(step - 1)
+        if gone[self.agent] or forgotten[self.agent]:
+            if not self._realtime:
+                self.neighbourhood.outwait(step, self.absences.at(step))
+            if forgotten[self.agent]:
+                self.node.last_words(
+                    "killed", f"agent {self.agent} is killed at step {step}", agent=self.agent, step=step
+                )
+                die(step)
+            self._pause(step)
+        self.neighbourhood.expect(self.absences.ended(step))
+
+    def _pause(self, step: int) -> None:
+        back = self.absences.return_of(self.agent, step) or self.scenario.length
+        seconds = (back - step) * self.scenario.dt
+        if not self._realtime:
+            # Nobody waits for wall-clock time, but a link that is silent for longer would be given up.
+            seconds = min(seconds, _LEASE_SHARE * 1e-3 * self.scenario.zenoh.lease_ms)
+        self.node.last_words("paused", f"agent {self.agent} is stopped at step {step}", agent=self.agent, step=step)
+        stand_still(seconds)
+        self.node.event("continued", f"agent {self.agent} goes on", agent=self.agent, step=step)
 
     def _deadline(self, step: int, round_: int) -> float | None:
         if not self._realtime:
@@ -136,20 +146,25 @@ class Agent:
     def _measurement(self, step: int, beacon: Beacon) -> Measurement:
         position = self.path[step - 1]
         told = self.outgoing.ranges(step, np.array([beacon.range]))
-        self._range_out.send(k=step, position=position.tolist(), range=nan_to_nil(told[0]))
+        if not self.absences.at(step)[self.agent]:
+            self._range_out.send(k=step, position=position.tolist(), range=nan_to_nil(told[0]))
         heard = self.neighbourhood.ranges(step, self._deadline(step, 0))
         return Measurement(
             position[None].copy(), np.array([beacon.range]), np.array([beacon.age]), heard.positions, heard.ranges
         )
 
     def _step(self, step: int, beacon: Beacon) -> None:
+        away = self.absences.at(step)[self.agent]
         message = self.tracker.measure(self._measurement(step, beacon))
         for round_ in range(1, self.rounds + 1):
             sent = self.outgoing.message(step, round_, message)
-            self._round_out.send_round(self._codec, step, round_, sent[0])
+            if not away:
+                self._round_out.send_round(self._codec, step, round_, sent[0])
             received, delivered = self.neighbourhood.round(step, round_, self._deadline(step, round_))
             message = self.tracker.exchange(received, delivered)
-        self._publish(step, self.tracker.conclude())
+        estimate = self.tracker.conclude()
+        if not away:
+            self._publish(step, estimate)
 
     def _publish(self, step: int, estimate: Estimate) -> None:
         if not np.isfinite(estimate.state).all():
@@ -159,7 +174,7 @@ class Agent:
             )
         covariance = estimate.covariance
         sometimes = zip((DISTRUST, *BIAS), (estimate.distrust[0], *estimate.bias[0]), strict=True)
-        self._estimate_out.send(
+        data = self._estimate_out.send(
             k=step,
             state=estimate.state[0].tolist(),
             innovation=nan_to_nil(estimate.innovation[0]),
@@ -170,12 +185,14 @@ class Agent:
             **self.neighbourhood.take_counts(),
             covariance=None if covariance is None else pack_floats(covariance[0]),
         )
+        self._latest.keep(step, data)
 
     def finish(self, last: int) -> None:
         """Say what was done and sent, so that the log can be checked for completeness."""
         self.rejections.report()
         boxes = (self._range_out, self._round_out, self._estimate_out)
         self.node.last_words(
+            "finished",
             f"agent {self.agent} ended after step {last}",
             step=last,
             sent={box.key: box.sent for box in boxes},
@@ -199,7 +216,8 @@ def run_agent(identity: Identity) -> int:
         node.refuse_twin()
         process = Agent(node, scenario, agent)
         node.presence.announce(f"agent/{identity.name}")
-        last = process.run() if process.wait_for_start() else 0
+        entry = Entrance(process, None if text.step is None else text.agents).wait()
+        last = 0 if entry is None else process.run(entry)
         process.finish(last)
         node.presence.withdraw()
     return last

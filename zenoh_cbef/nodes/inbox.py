@@ -17,6 +17,7 @@ Decoder = Callable[[bytes], tuple[int, int, Any]]
 
 
 _TICK_SECONDS = 2.0
+_ANY = 1 << 63
 _FLIPPED = 8
 """How many bytes of a message are damaged; they begin with the map's size, so no damaged message is well formed."""
 
@@ -73,7 +74,7 @@ class Inbox:
         patience: float,
     ) -> None:
         self.mailbox = mailbox
-        self._node, self._owner = node, owner
+        self._node, self.owner = node, owner
         self._poll, self._clock = mailbox.poll, node.clock
         self._decode, self._horizon = decode, horizon
         self._rejections, self._alarm, self._patience = rejections, alarm, patience
@@ -90,6 +91,8 @@ class Inbox:
     def _heed(self, node: Node, owner: str) -> None:
         def on_change(name: str, joined: bool) -> None:
             if name == owner:
+                # Who comes back joins at a later step than the present one: it has to speak before it is waited for.
+                self._silent = joined
                 self.open = joined and not node.stopping
                 self.mailbox.wake()
 
@@ -99,6 +102,20 @@ class Inbox:
 
         node.presence.on_change(on_change)
         node.on_stop(on_stop)
+
+    def expect(self, *, there: bool) -> None:
+        """From now on wait for the sender, if it is there."""
+        self.open, self._silent = there and not self._node.stopping, False
+
+    def next(self, seconds: float) -> Any | None:
+        """The next message, whatever its turn, waited for so many seconds; None where none came."""
+        until = time.monotonic() + seconds
+        while self._held is None and self.open and time.monotonic() < until:
+            data = self._poll() or self._alarm.limit(self.mailbox.receive, self.mailbox, until)
+            if data is not None:
+                self._read(data, _ANY)
+        held, self._held = self._held, None
+        return None if held is None else held[1]
 
     def take(self, turn: int, deadline: float | None = None) -> Any | None:
         """The message of a turn, waited for until the deadline (monotonic s; None: as long as its sender lives).
@@ -149,7 +166,7 @@ class Inbox:
         if silent and not self._silent:
             # Waiting for it again would cost as long in every round: it has to speak first.
             self._silent = True
-            self._node.event("silent", f"{self._owner} is there but silent; going on without it", owner=self._owner)
+            self._node.event("silent", f"{self.owner} is there but silent; going on without it", owner=self.owner)
 
     def _pass(self, turn: int) -> None:
         if turn in self._missed:

@@ -9,6 +9,7 @@ import numpy as np
 from zenoh_cbef.faults import Fate
 
 _IN_TIME = "."
+_ABSENT = "-"
 _MARKS = {"injected_lost": "x", "injected_late": ">", "corrupted": "!", "duplicated": "+"}
 
 
@@ -21,7 +22,8 @@ class Injected:
 
     def note(self, fate: Fate) -> None:
         """Take in one round's fates."""
-        self._marks = [marks + _IN_TIME for marks in self._marks]
+        pairs = zip(self._marks, fate.absent.tolist(), strict=True)
+        self._marks = [marks + (_ABSENT if absent else _IN_TIME) for marks, absent in pairs]
         for name in _MARKS:
             for place in np.flatnonzero(getattr(fate, name.removeprefix("injected_"))):
                 self.add(name, int(place))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import selectors
+import signal
 import subprocess
 import sys
 import tempfile
@@ -18,8 +19,10 @@ from typing import IO, Any, Self
 
 from zenoh_cbef.nodes.node import LEASH
 from zenoh_cbef.nodes.ports import free_ports
+from zenoh_cbef.nodes.standstill import KILLED
 from zenoh_cbef.protocol.session import ONE_RUNTIME
 from zenoh_cbef.scenario import network
+from zenoh_cbef.scenario.build import absences_of
 from zenoh_cbef.scenario.load import Loaded
 
 _POLITE_SECONDS = 6.0
@@ -67,6 +70,8 @@ class Launcher:
         self._arguments, self._loaded, self._run = list(arguments), loaded, run
         self._log, self._sync = log, sync
         self._processes: dict[str, subprocess.Popen[bytes]] = {}
+        self._commands: dict[str, list[str]] = {}
+        self._restarts: dict[str, float] = {}
         self._ended: set[str] = set()
         self._told: set[str] = set()
         self._status: dict[str, Any] = {}
@@ -101,22 +106,21 @@ class Launcher:
         for first, second in network.edges(self._loaded.scenario).tolist():
             lower[second].append(agents[first])
         for agent in range(count):
-            self._start(
-                f"agent {agent}",
-                ["agent", str(agent)],
-                listen=[agents[agent]],
-                connect=[target, recorder, *lower[agent]],
-            )
-            _keep_to_one_core(self._processes[f"agent {agent}"].pid, agent, count)
+            connect = [target, recorder, *lower[agent]]
+            self._start(f"agent {agent}", ["agent", str(agent)], listen=[agents[agent]], connect=connect)
 
     def _start(self, name: str, command: list[str], *, listen: Sequence[str], connect: Sequence[str]) -> None:
         command += ["--run", self._run, "--no-gossip", "--lease-ms", str(self._loaded.scenario.zenoh.lease_ms)]
         for option, endpoints in (("--listen", listen), ("--connect", connect)):
             for endpoint in endpoints:
                 command += [option, endpoint]
+        self._spawn(name, command)
+
+    def _spawn(self, name: str, command: list[str]) -> None:
+        self._commands[name] = command
         # One thread per process: the matrices are six by six, and cores are few.
         environment = os.environ | {LEASH: "1", "OPENBLAS_NUM_THREADS": "1", "ZENOH_RUNTIME": ONE_RUNTIME}
-        with self._words(name).open("wb") as words:
+        with self._words(name).open("ab") as words:
             self._processes[name] = subprocess.Popen(
                 [sys.executable, "-m", "zenoh_cbef", *command],
                 stdin=subprocess.PIPE,
@@ -125,6 +129,9 @@ class Launcher:
                 env=environment,
                 start_new_session=True,
             )
+        if name.startswith("agent"):
+            agent = int(name.removeprefix("agent "))
+            _keep_to_one_core(self._processes[name].pid, agent, self._loaded.scenario.count)
 
     def _words(self, name: str) -> Path:
         return Path(self._folder.name) / name.replace(" ", "-")
@@ -145,11 +152,12 @@ class Launcher:
                 raise RuntimeError("the recorder was started without a pipe")
             os.set_blocking(output.fileno(), False)
             selector.register(output, selectors.EVENT_READ)
-            while len(self._ended) < len(self._processes):
+            while len(self._ended) < len(self._processes) or self._restarts:
                 for _ in selector.select(0.05):
                     if not self._read_status(output, on_status):
                         selector.unregister(output)
                 self._note_ends()
+                self._restart()
                 self._obey(asked_to_stop())
         return self._status
 
@@ -172,8 +180,28 @@ class Launcher:
             if status is None or name in self._ended:
                 continue
             self._ended.add(name)
-            if status != 0 and not (status < 0 and name in self._told):
-                self.deaths.append(Death(name, status, self._last_words(name)))
+            words = self._last_words(name)
+            if status == -signal.SIGKILL and words.startswith(KILLED):
+                self._plan_restart(name, int(words.rsplit(" ", 1)[-1]))
+            elif status != 0 and not (status < 0 and name in self._told):
+                self.deaths.append(Death(name, status, words))
+
+    def _plan_restart(self, name: str, step: int) -> None:
+        """Where the scenario has an agent come back: at once in lockstep, as nobody goes on without it."""
+        scenario = self._loaded.scenario
+        back = absences_of(scenario).return_of(int(name.removeprefix("agent ")), step)
+        if back is not None:
+            away = (back - step) * scenario.dt if scenario.timing.mode == "realtime" else 0.0
+            self._restarts[name] = time.monotonic() + away
+
+    def _restart(self) -> None:
+        if "target" in self._ended or self._asked_at is not None:
+            self._restarts.clear()
+        for name in [name for name, due in self._restarts.items() if time.monotonic() >= due]:
+            del self._restarts[name]
+            self._ended.discard(name)
+            self._close_pipes(self._processes[name])
+            self._spawn(name, self._commands[name])
 
     def _last_words(self, name: str) -> str:
         text = self._words(name).read_bytes()[-_TAIL:].decode(errors="replace").strip()
@@ -231,6 +259,10 @@ class Launcher:
             except subprocess.TimeoutExpired:
                 process.kill()
                 process.wait()
-            for pipe in (process.stdin, process.stdout):
-                if pipe is not None:
-                    pipe.close()
+            self._close_pipes(process)
+
+    @staticmethod
+    def _close_pipes(process: subprocess.Popen[bytes]) -> None:
+        for pipe in (process.stdin, process.stdout):
+            if pipe is not None:
+                pipe.close()

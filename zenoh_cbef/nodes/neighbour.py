@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import inf, isnan
+from math import isnan
 from typing import Any
 
 import numpy as np
@@ -15,16 +15,15 @@ from zenoh_cbef.faults import Fates
 from zenoh_cbef.nodes.inbox import Alarm, Decoder, Inbox
 from zenoh_cbef.nodes.injected import Injected
 from zenoh_cbef.nodes.node import Node
+from zenoh_cbef.nodes.readers import WINDOW, range_reader, round_reader
 from zenoh_cbef.nodes.rejections import Rejections
 from zenoh_cbef.protocol.mailbox import Mailbox
-from zenoh_cbef.protocol.messages import BadMessage, decode, nil_to_nan
-from zenoh_cbef.protocol.round_codec import RoundCodec
+from zenoh_cbef.protocol.messages import nil_to_nan
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
-WINDOW = 4
-"""How many steps the target, and so any agent, can be ahead of the slowest agent in lockstep."""
+_OUTWAIT_SECONDS = 5.0
 
 
 @dataclass(frozen=True)
@@ -33,27 +32,6 @@ class Ranges:
 
     positions: Floats
     ranges: Floats
-
-
-def beacon_inbox(node: Node, agent: int, rejections: Rejections, alarm: Alarm) -> Inbox:
-    """The beacons of an agent's own receiver; the turn is the step, 0 is the start signal."""
-
-    def read(data: bytes) -> tuple[int, int, dict[str, Any]]:
-        message = decode("beacon", data, run=node.identity.run)
-        return message["k"], message["sent"], message
-
-    mailbox = Mailbox(node.session, node.keys.beacon(agent))
-    # The target waits for whoever is stuck, and its own patience ends the run.
-    return Inbox(
-        node,
-        mailbox,
-        read,
-        owner="target/target",
-        horizon=2 * WINDOW,
-        rejections=rejections,
-        alarm=alarm,
-        patience=inf,
-    )
 
 
 class Neighbourhood:
@@ -78,8 +56,8 @@ class Neighbourhood:
         alarm: Alarm,
         patience: float,
     ) -> None:
-        self.ids = list(ids)
-        self._fates, self._rounds, self._lag, self._width = fates, rounds, lag, width
+        self._node, self.ids = node, list(ids)
+        self.fates, self._rounds, self._lag, self._width = fates, rounds, lag, width
         self._received = np.zeros((1, len(self.ids), width))
         self._rows = [memoryview(row).cast("B") for row in self._received[0]]
         self._nothing = np.zeros(self._received.size)
@@ -106,18 +84,43 @@ class Neighbourhood:
 
         run, keys = node.identity.run, node.keys
         self._round_boxes = [
-            inbox(agent, keys.round(agent), _round_reader(run, agent, rounds, width), turns)
+            inbox(agent, keys.round(agent), round_reader(run, agent, rounds, width), turns)
             for agent in (self.ids if rounds else [])
         ]
         self._range_boxes = [
-            inbox(agent, keys.range(agent), _range_reader(run, agent), 1)
+            inbox(agent, keys.range(agent), range_reader(run, agent), 1)
             for agent in (self.ids if shares_ranges else [])
         ]
 
-    def drain(self) -> None:
-        """Drop what has come before the first step."""
+    def drain(self, step: int = 0) -> None:
+        """Drop what has come up to a step, 0: what came before the first one."""
+        for box in self._round_boxes:
+            box.pass_over(step * (self._rounds + 1) + self._rounds)
+        for box in self._range_boxes:
+            box.pass_over(step)
+
+    def look_around(self) -> None:
+        """From now on wait for those neighbours who are there."""
         for box in (*self._round_boxes, *self._range_boxes):
-            box.pass_over(0)
+            box.expect(there=box.owner in self._node.presence)
+
+    def expect(self, agents: Bools) -> None:
+        """From now on wait for those of all agents (n,) who come back in this step."""
+        for boxes in (self._round_boxes, self._range_boxes):
+            for agent, box in zip(self.ids, boxes, strict=False):
+                if agents[agent]:
+                    box.expect(there=True)
+
+    def outwait(self, step: int, absent: Bools) -> None:
+        """Wait until all neighbours who are there in a step have begun it.
+
+        Then what they had to hear before it has reached them. absent: (n,), which agents are not there.
+        """
+        until = time.monotonic() + _OUTWAIT_SECONDS
+        for boxes, turn in ((self._range_boxes, step), (self._round_boxes, step * (self._rounds + 1) + 1)):
+            for agent, box in zip(self.ids, boxes, strict=False):
+                if not absent[agent]:
+                    box.hold(turn, until)
 
     def ranges(self, step: int, deadline: float | None) -> Ranges:
         """The neighbours' positions and ranges of a step; none where the filter does not want them."""
@@ -199,12 +202,12 @@ class Neighbourhood:
 
     def _due(self, boxes: Sequence[Inbox], turn: int, when: tuple[int, int], deadline: float | None) -> Sequence[bool]:
         """Which messages of a step and round the faults let arrive intact in time; the others are not waited for."""
-        if self._fates.quiet:
+        if self.fates.quiet:
             return self._everyone
-        fate = self._fates.of(*when)
+        fate = self.fates.of(*when)
         self._injected.note(fate)
         due: list[bool] = fate.due.tolist()
-        for place in np.flatnonzero(~fate.due).tolist():
+        for place in np.flatnonzero(~(fate.due | fate.absent)).tolist():
             self._counts["late" if fate.late[place] else "lost"][place] += 1
         if deadline is not None:
             self._delay(boxes, turn, np.where(fate.due, fate.delay, 0.0), due, deadline)
@@ -259,24 +262,4 @@ class Neighbourhood:
             "late": late,
             "latency": latency,
         }
-        return counts if self._fates.quiet else counts | self._injected.take()
-
-
-def _round_reader(run: str, agent: int, rounds: int, width: int) -> Decoder:
-    codec, turns = RoundCodec(run, f"agent/{agent}", width), rounds + 1
-
-    def read(data: bytes) -> tuple[int, int, bytes]:
-        step, round_, sent, payload = codec.decode(data)
-        if not 1 <= round_ <= rounds:
-            raise BadMessage(f"round {round_} of a step of {rounds}")
-        return step * turns + round_, sent, payload
-
-    return read
-
-
-def _range_reader(run: str, agent: int) -> Decoder:
-    def read(data: bytes) -> tuple[int, int, dict[str, Any]]:
-        message = decode("range", data, run=run, sender=f"agent/{agent}")
-        return message["k"], message["sent"], message
-
-    return read
+        return counts if self.fates.quiet else counts | self._injected.take()

@@ -38,6 +38,11 @@ class Identity:
         return f"{self.role}/{self.name}" if self.role == "agent" else self.role
 
 
+def heard_token(sender: str, word: int) -> str:
+    """The liveliness name with which a recorder says that it has heard somebody's last words."""
+    return f"heard/{sender}/{word}"
+
+
 class Node:
     """A process on the network. Use as a context manager: leaving it closes the session whatever happened."""
 
@@ -84,18 +89,21 @@ class Node:
         """Tell the log what happened."""
         self.events.send(kind=kind, text=text, data=data)
 
-    def last_words(self, text: str, **data: Any) -> None:
+    def last_words(self, kind: str, text: str, **data: Any) -> None:
         """Tell the log that we are done, until a recorder says that it has heard it.
 
         Zenoh keeps the order of a session's messages, so by then the recorder has all the others too: what is still
         on its way to a busy one when a session closes would be lost.
         """
+        word = time.time_ns()
 
         def heard(live: set[str]) -> bool:
-            return f"heard/{self.identity.sender}" in live or not any(name.startswith("record/") for name in live)
+            return heard_token(self.identity.sender, word) in live or not any(
+                name.startswith("record/") for name in live
+            )
 
         for _ in range(_FAREWELLS):
-            self.event("finished", text, **data)
+            self.event(kind, text, word=word, **data)
             if self.presence.wait(heard, 1.0):
                 return
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from zenoh_cbef import __version__
 from zenoh_cbef.log.run_log import RunLog
-from zenoh_cbef.nodes.node import Identity, Node
+from zenoh_cbef.nodes.node import Identity, Node, heard_token
 from zenoh_cbef.protocol.keys import agent_of
 from zenoh_cbef.protocol.mailbox import Mailbox
 from zenoh_cbef.protocol.messages import BadMessage, decode
@@ -159,9 +159,8 @@ class Recorder:
             message = decode("event", data, run=self.node.identity.run)
         except BadMessage:
             return
-        if message["kind"] == "finished":
-            self._acknowledge(message["from"])
         told: dict[Any, Any] = message.get("data", {})
+        self._acknowledge(message["from"], told.get("word"))
         sent = told.get("sent")
         if message["kind"] == "finished" and message["from"] == "target" and isinstance(told.get("step"), int):
             self.target_ended = told["step"]
@@ -170,12 +169,12 @@ class Recorder:
                 if isinstance(key, str) and isinstance(count, int):
                     self._promised[key, message["from"]] = count
 
-    def _acknowledge(self, sender: str) -> None:
+    def _acknowledge(self, sender: str, word: object) -> None:
         """Tell a process that is about to leave that all it sent has come."""
-        known = self.node.presence.names() | {"target"}
-        if sender in known and sender not in self._acknowledged:
-            self._acknowledged.add(sender)
-            self.node.presence.announce(f"heard/{sender}")
+        known = sender == "target" or sender in self.node.presence
+        if known and isinstance(word, int) and (token := heard_token(sender, word)) not in self._acknowledged:
+            self._acknowledged.add(token)
+            self.node.presence.announce(token)
 
     def _finished(self) -> bool:
         """Whether all who were here have left and what they say they sent has come, or we are told to stop."""

@@ -7,97 +7,20 @@ from dataclasses import dataclass
 
 from zenoh_cbef import __version__
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.nodes.inbox import Alarm
-from zenoh_cbef.nodes.neighbour import WINDOW
 from zenoh_cbef.nodes.node import Identity, Node
-from zenoh_cbef.nodes.rejections import Rejections
-from zenoh_cbef.protocol.keys import address
-from zenoh_cbef.protocol.mailbox import Mailbox
-from zenoh_cbef.protocol.messages import BadMessage, nan_to_nil, peek
+from zenoh_cbef.nodes.progress import Progress
+from zenoh_cbef.nodes.readers import WINDOW
+from zenoh_cbef.protocol.messages import nan_to_nil
 from zenoh_cbef.protocol.scenario_service import ScenarioText, serve_scenario
 from zenoh_cbef.scenario import Scenario
+from zenoh_cbef.scenario.build import absences_of
 from zenoh_cbef.scenario.load import Loaded, to_toml
+from zenoh_cbef.scenario.start import first_fix_steps
 from zenoh_cbef.scenario.world import World, make_world
 
 _LAST_WORD_SECONDS = 5.0
-_GATHER_SECONDS = 0.001
 _LONGER = 4.0
 """The target's patience over the agents' own, who may have to lose it one after the other."""
-
-
-class _Progress:
-    """How far the agents are, by their estimates; agents that left are not waited for."""
-
-    def __init__(self, node: Node, count: int, patience: float) -> None:
-        self._node, self._patience = node, patience
-        self._alarm = Alarm()
-        self.rejections = Rejections(node)
-        self._reached = [0] * count
-        self._silent: set[int] = set()
-        self._mailbox = Mailbox(node.session, node.keys.all_estimates)
-        node.presence.on_change(lambda _name, _joined: self._mailbox.wake())
-        node.on_stop(self._mailbox.wake)
-
-    def anyone(self) -> bool:
-        """Whether an agent is still here."""
-        return bool(self._here())
-
-    def _here(self) -> list[int]:
-        return [agent for agent in range(len(self._reached)) if f"agent/{agent}" in self._node.presence]
-
-    def _slowest(self) -> int | None:
-        """The step that every agent here that is not silent has finished; None where all are."""
-        return min((self._reached[agent] for agent in self._here() if agent not in self._silent), default=None)
-
-    def wait(self, step: int, *, even_stopping: bool = False) -> bool:
-        """Wait until every agent has finished a step; False where the run has no agents or is told to stop.
-
-        Agents that do not get on for longer than the agents' own patience are waited for no more until they do. When
-        that is all of them, and goes on for as long again, the run is over.
-        """
-        until = time.monotonic() + self._patience
-        while self.anyone() and (even_stopping or not self._node.stopping):
-            slowest = self._slowest()
-            if slowest is not None and slowest >= step:
-                return True
-            if time.monotonic() >= until:
-                if slowest is None:
-                    return False
-                self._leave_behind(slowest)
-                until = time.monotonic() + self._patience
-            received = self._alarm.limit(self._mailbox.receive_from, self._mailbox, None)
-            if received is not None:
-                self._note(*received)
-                # The window leaves time to let the others' estimates gather: a wake-up each would cost more.
-                time.sleep(_GATHER_SECONDS)
-                self.drain()
-        return False
-
-    def _leave_behind(self, step: int) -> None:
-        behind = [agent for agent in self._here() if agent not in self._silent and self._reached[agent] == step]
-        self._silent.update(behind)
-        names = ", ".join(f"agent {agent}" for agent in behind)
-        self._node.event("silent", f"{names} did not get beyond step {step}; the run goes on without", step=step)
-
-    def drain(self) -> None:
-        """Take in what has come, without waiting."""
-        while (received := self._mailbox.poll_from()) is not None:
-            self._note(*received)
-
-    def _note(self, key: str, data: bytes) -> None:
-        at = address(key)
-        try:
-            if at is None or at.kind != "estimate":
-                raise BadMessage("not an estimate key")
-            message = peek("estimate", data, run=self._node.identity.run, sender=at.owner)
-            agent = int(at.owner.removeprefix("agent/"))
-            if agent >= len(self._reached):
-                raise BadMessage("from an agent that the scenario does not have")
-        except BadMessage as error:
-            self.rejections.add(key, str(error))
-        else:
-            self._reached[agent] = max(self._reached[agent], message["k"])
-            self._silent.discard(agent)
 
 
 @dataclass
@@ -113,7 +36,19 @@ class Target:
         realtime = self.scenario.timing.mode == "realtime"
         self._truth = self.node.outbox(self.node.keys.truth, may_drop=realtime)
         self._beacons = [self.node.outbox(self.node.keys.beacon(agent), may_drop=realtime) for agent in agents]
-        self._progress = _Progress(self.node, self.scenario.count, _LONGER * self.scenario.timing.patience)
+        self._progress = Progress(self.node, self.scenario.count, self._patience)
+        self._absences = absences_of(self.scenario)
+        self._first_fix = first_fix_steps(self.scenario)
+        self._start = 0.0
+        self.step: int | None = None
+
+    @property
+    def _patience(self) -> float:
+        return _LONGER * self.scenario.timing.patience
+
+    def members(self) -> list[int]:
+        """Who takes part in the run, and is here."""
+        return self._progress.members()
 
     def wait_for_everybody(self, patience: float) -> None:
         """Wait until every agent is ready, and a recorder where one is required. Raises UserError otherwise."""
@@ -138,25 +73,70 @@ class Target:
     def run(self) -> int:
         """Emit all beacons; returns the last step emitted."""
         realtime = self.scenario.timing.mode == "realtime"
-        start = time.time() + (self.scenario.timing.start_delay if realtime else 0.0)
-        epoch = start - time.time() + time.monotonic()
-        self.node.event("started", f"run {self.node.identity.run} started", at=start)
+        self._start = time.time() + (self.scenario.timing.start_delay if realtime else 0.0)
+        epoch = self._start - time.time() + time.monotonic()
+        self.node.event("started", f"run {self.node.identity.run} started", at=self._start)
         self._progress.rejections.start()
-        for beacon in self._beacons:
-            beacon.send(k=0, emitted=None, arrived=None, signal="start", at=start)
-        last = 0
+        self._progress.begin()
+        self.step = 0
+        for agent in range(self.scenario.count):
+            self._signal_start(agent, 0)
         for step in range(1, self.scenario.length + 1):
             if realtime:
                 self._progress.drain()
                 self._sleep_until(epoch + step * self.scenario.dt)
-                if self.node.stopping or not self._progress.anyone():
-                    break
-            elif not self._progress.wait(step - WINDOW):
+                going_on = bool(self.members())
+            else:
+                going_on = self._progress.wait(step - WINDOW) and self._await_return(step)
+            if self.node.stopping or not (going_on or self._someone_returns(step)):
                 break
+            self._admit(step)
             self._emit(step)
-            last = step
-        self._end(last)
-        return last
+            self._progress.excuse(self._absences.at(step), step)
+            self.step = step
+        self._end(self.step)
+        return self.step
+
+    def _signal_start(self, agent: int, step: int) -> None:
+        """Tell an agent that its first step is the one after this."""
+        self._beacons[agent].send(k=step, emitted=None, arrived=None, signal="start", at=self._start)
+
+    def _someone_returns(self, step: int) -> bool:
+        gone = self._absences.at(step - 1).nonzero()[0].tolist()
+        return any(self._absences.return_of(agent, step) is not None for agent in gone)
+
+    def _await_return(self, step: int) -> bool:
+        """In lockstep, wait for those who the scenario says are started again for this step."""
+        back = self._absences.reborn(step).nonzero()[0].tolist()
+        until = time.monotonic() + self._patience
+
+        def lacking() -> list[int]:
+            here = {*self._progress.newcomers(), *self.members()}
+            return [agent for agent in back if agent not in here]
+
+        while back and lacking() and not self.node.stopping:
+            if time.monotonic() > until:
+                names = ", ".join(f"agent {agent}" for agent in lacking())
+                self.node.event(
+                    "silent", f"{names} did not come back for step {step}; the run goes on without", step=step
+                )
+                return True
+            self.node.presence.wait(lambda _live: not lacking(), 0.1)
+            self._progress.drain()
+        return True
+
+    def _admit(self, step: int) -> None:
+        """Let those who came since begin with this step, unless the scenario has them away."""
+        if step <= self._first_fix + 1:
+            return
+        for agent in self._progress.newcomers():
+            if not self._absences.at(step)[agent]:
+                planned = bool(self._absences.ended(step)[agent])
+                self._progress.admit(agent, step)
+                self.node.event(
+                    "joined", f"agent {agent} joined at step {step}", agent=agent, step=step, planned=planned
+                )
+                self._signal_start(agent, step - 1)
 
     def _sleep_until(self, moment: float) -> None:
         while not self.node.stopping and (left := moment - time.monotonic()) > 0.0:
@@ -176,6 +156,7 @@ class Target:
         boxes = [self._truth, *self._beacons]
         self._progress.rejections.report()
         self.node.last_words(
+            "finished",
             f"the target ended after step {last}",
             step=last,
             sent={box.key: box.sent for box in boxes},
@@ -189,9 +170,13 @@ def run_target(identity: Identity, loaded: Loaded) -> int:
     """Run the target process of a scenario to its end; returns the last step."""
     with Node(identity) as node:
         node.refuse_twin()
-        text = ScenarioText(loaded.source, to_toml(loaded.scenario), __version__)
-        service = serve_scenario(node.session, identity.run, text)
         target = Target(node, loaded.scenario, make_world(loaded.scenario))
+        resolved = to_toml(loaded.scenario)
+
+        def text() -> ScenarioText:
+            return ScenarioText(loaded.source, resolved, __version__, target.step, tuple(target.members()))
+
+        service = serve_scenario(node.session, identity.run, text)
         node.presence.announce(f"target/{identity.name}")
         target.wait_for_everybody(identity.patience)
         last = 0 if node.stopping else target.run()

@@ -32,10 +32,12 @@ class Outbox:
             allowed_destination=zenoh.Locality.REMOTE,
         )
 
-    def send(self, **body: Any) -> None:
-        """Publish one message; bin fields last."""
-        self._publisher.put(encode(self._run, self._sender, self.sent, self._clock(), body))
+    def send(self, **body: Any) -> bytes:
+        """Publish one message, bin fields last; returns it as it was sent."""
+        data = encode(self._run, self._sender, self.sent, self._clock(), body)
+        self._publisher.put(data)
         self.sent += 1
+        return data
 
     def send_round(self, codec: RoundCodec, step: int, round_: int, payload: Floats) -> None:
         """Publish one consensus message; payload: (d,)."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 import msgpack
 import zenoh
@@ -16,23 +16,25 @@ from zenoh_cbef.protocol.messages import VERSION, BadMessage, unpack
 
 @dataclass(frozen=True)
 class ScenarioText:
-    """A scenario as written and as resolved, both TOML, and the version of the program that serves it."""
+    """A scenario as written and as resolved, both TOML, and the version of the program that serves it.
+
+    step: the last one that the run has begun, None before its start. agents: who takes part in it then.
+    """
 
     source: str
     resolved: str
     program: str
+    step: int | None = None
+    agents: tuple[int, ...] = ()
 
 
-def serve_scenario(session: zenoh.Session, run: str, text: ScenarioText) -> zenoh.Queryable[None]:
-    """Answer queries for the scenario until the returned queryable is dropped."""
+def serve_scenario(session: zenoh.Session, run: str, text: Callable[[], ScenarioText]) -> zenoh.Queryable[None]:
+    """Answer queries for the scenario, as it is then, until the returned queryable is dropped."""
     key = Keys(run).scenario
-    answer = msgpack.packb(
-        {"v": VERSION, "run": run, "program": text.program, "source": text.source, "resolved": text.resolved}
-    )
 
     def reply(query: zenoh.Query) -> None:
         with query:
-            query.reply(key, answer)
+            query.reply(key, msgpack.packb({"v": VERSION, "run": run, **asdict(text())}))
 
     return session.declare_queryable(key, reply)
 
@@ -68,4 +70,12 @@ def _read(data: bytes, run: str) -> ScenarioText:
     parts = [answer.get(name) for name in ("source", "resolved", "program")]
     if not all(isinstance(part, str) for part in parts):
         raise UserError(f"run {run!r} answers with something that is no scenario; is its target a zenoh-cbef?")
-    return ScenarioText(*(str(part) for part in parts))
+    step, agents = answer.get("step"), answer.get("agents")
+    source, resolved, program = (str(part) for part in parts)
+    return ScenarioText(
+        source,
+        resolved,
+        program,
+        step=step if isinstance(step, int) else None,
+        agents=tuple(one for one in agents if isinstance(one, int)) if isinstance(agents, list) else (),
+    )

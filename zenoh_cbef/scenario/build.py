@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from zenoh_cbef.faults import Fates, MessageFault, Outgoing, SensorFault
+from zenoh_cbef.faults import Absences, Fates, MessageFault, Outgoing, SensorFault
 from zenoh_cbef.scenario import network
 from zenoh_cbef.scenario.model import Scenario
 from zenoh_cbef.scenario.start import distrusts, first_fix_steps, initial_belief, space_of
@@ -217,6 +217,11 @@ def batch_tracker(scenarios: Sequence[Scenario]) -> tuple[Tracker, graph.Neighbo
         ),
     )
     return tracker, neighbours
+
+
+def absences_of(scenario: Scenario) -> Absences:
+    """When the scenario's agents are not there."""
+    return Absences(scenario.fault, agents=scenario.count, dt=scenario.dt, steps=scenario.length)
 
 
 def fates_of(scenario: Scenario, seed: Seeds, source: Ids, destination: Ids, *, realtime: bool = False) -> Fates:

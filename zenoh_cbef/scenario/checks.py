@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.faults import MessageFault
+from zenoh_cbef.faults import Crash, MessageFault, SenderFault
 from zenoh_cbef.scenario import network
+from zenoh_cbef.scenario.build import absences_of
 from zenoh_cbef.scenario.model import Scenario
-from zenoh_cbef.scenario.start import space_of
+from zenoh_cbef.scenario.start import first_fix_steps, space_of
 from zenoh_cbef.tracking import graph
 from zenoh_cbef.tracking.linalg import neighbour_sum, outer
 
@@ -62,6 +63,32 @@ def _check_faults(scenario: Scenario) -> None:
             )
         if fault.until is not None and fault.until <= fault.since:
             raise UserError(f"fault {number} ({fault.kind}): until must be later than from")
+    _check_absences(scenario)
+
+
+def _check_absences(scenario: Scenario) -> None:
+    absences, settled = absences_of(scenario), first_fix_steps(scenario)
+    if not absences:
+        return
+    for step in range(1, scenario.length + 1):
+        if absences.at(step).all():
+            raise UserError(
+                f"at {step * scenario.dt:g} s none of the {scenario.count} agents is there to track; "
+                "leave one of them out of the faults of kind crash and pause"
+            )
+        if step <= settled and absences.reborn(step).any():
+            agent = int(absences.reborn(step).argmax())
+            raise UserError(
+                f"agent {agent} comes back after a crash at {step * scenario.dt:g} s, when the network still looks for "
+                f"its first fix; let it come back after {settled * scenario.dt:g} s, or give filter.initial_position"
+            )
+    crashed = {agent for fault in scenario.fault if isinstance(fault, Crash) for agent in fault.agents}
+    for number, fault in enumerate(scenario.fault):
+        if isinstance(fault, SenderFault) and fault.memory and crashed & fault.named():
+            raise UserError(
+                f"fault {number} ({fault.kind}) replays what agent {min(crashed & fault.named())} sent, but that one "
+                "crashes and remembers nothing; let another agent replay or crash"
+            )
 
 
 def _faults_of_no_link(scenario: Scenario, edges: graph.Edges) -> list[str]:

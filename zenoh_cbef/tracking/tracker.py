@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 from zenoh_cbef.tracking.consensus import Consensus
 from zenoh_cbef.tracking.filters.base import Belief, Bias, Filter, Update
+from zenoh_cbef.tracking.filters.wrapping import resumed
+from zenoh_cbef.tracking.newcomer import merged
 from zenoh_cbef.tracking.ranging import Measurement, Space
 
 Floats = NDArray[np.float64]
@@ -47,10 +49,19 @@ class Tracker:
         self.space = space
         self.belief = initial
         self._update: Update | None = None
+        self._newcomers: tuple[Belief, Bools] | None = None
+
+    def adopt(self, belief: Belief, rows: Bools) -> None:
+        """Let some agents (n,) begin the next step with a belief that is not their own."""
+        self._newcomers = resumed(self.filter, belief), rows
 
     def measure(self, measurement: Measurement) -> Floats:
         """Begin a step with what was measured; returns the first consensus message."""
         self._update = self.filter.update(self.belief, measurement)
+        if self._newcomers is not None:
+            belief, rows = self._newcomers
+            self._update = merged(self._update, self.filter.update(belief, measurement), rows)
+            self._newcomers = None
         return self.consensus.start(self._update.payload)
 
     def exchange(self, received: Floats, delivered: Bools | None) -> Floats:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from zenoh_cbef.tracking.filters.base import Belief, Floats, Update
-from zenoh_cbef.tracking.filters.wrapping import Wrapping
+from zenoh_cbef.tracking.filters.wrapping import Wrapping, resumed
 from zenoh_cbef.tracking.ranging import Measurement
 
 _IMPLAUSIBLE = 9.0
@@ -47,3 +47,7 @@ class Recovering(Wrapping):
         belief = self.filter.conclude(payload[:, :-1], replace(update, payload=update.payload[:, :-1]))
         factor = np.where(payload[:, -1] > 0.0, _INFLATION, 1.0)
         return replace(belief, covariance=belief.known_covariance * factor[:, None, None])
+
+    def resumed(self, belief: Belief) -> Belief:
+        """What the filter around which this stands carries: nothing is added to it."""
+        return resumed(self.filter, belief)

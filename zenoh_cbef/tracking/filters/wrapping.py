@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from zenoh_cbef.tracking.filters.base import Filter
+from zenoh_cbef.tracking.filters.base import Belief, Filter
 
 
 @dataclass(frozen=True)
@@ -34,3 +34,12 @@ class Wrapping:
     def payload_size(self) -> int:
         """The filter's, and what is sent besides."""
         return self.filter.payload_size + self.more
+
+    def resumed(self, belief: Belief) -> Belief:
+        """A belief that did not begin here, as this filter carries it from step to step."""
+        return Belief(belief.state, belief.covariance, parts=(resumed(self.filter, belief),))
+
+
+def resumed(chosen: Filter, belief: Belief) -> Belief:
+    """A belief from elsewhere, as a filter needs it that is past its beginning."""
+    return chosen.resumed(belief) if isinstance(chosen, Wrapping) else belief

@@ -1,0 +1,52 @@
+"""Whoever comes back begins with what its neighbours know."""
+
+import numpy as np
+
+from zenoh_cbef.tracking.filters import Belief
+from zenoh_cbef.tracking.newcomer import belief_from
+from zenoh_cbef.tracking.ranging import Space
+
+RNG = np.random.default_rng(3)
+INITIAL = Belief(np.full((2, 6), 7.0), np.tile(9.0 * np.eye(6), (2, 1, 1)))
+
+
+def random_estimates(count: int) -> tuple[np.ndarray, np.ndarray]:
+    roots = RNG.normal(size=(2, count, 6, 6))
+    return RNG.normal(size=(2, count, 6)), roots @ np.swapaxes(roots, 2, 3) + 0.1 * np.eye(6)
+
+
+def test_neighbours_estimates_are_intersected_with_equal_weights():
+    states, covariances = random_estimates(3)
+    told = np.array([[True, False, True], [False, False, False]])
+    belief = belief_from(Space(), states, covariances, told, INITIAL)
+    information = [np.linalg.inv(covariances[0, place]) for place in (0, 2)]
+    expected = np.linalg.inv(sum(information) / 2.0)
+    np.testing.assert_allclose(belief.known_covariance[0], expected, rtol=1e-9)
+    mean = expected @ (information[0] @ states[0, 0] + information[1] @ states[0, 2]) / 2.0
+    np.testing.assert_allclose(belief.state[0], mean, rtol=1e-9)
+    # Whom nobody answers begins as at the start.
+    np.testing.assert_array_equal(belief.state[1], INITIAL.state[1])
+    np.testing.assert_array_equal(belief.known_covariance[1], INITIAL.known_covariance[1])
+
+
+def test_without_covariances_it_is_the_mean_and_in_a_plane_the_height_is_left_out():
+    states, _ = random_estimates(2)
+    told = np.ones((2, 2), dtype=bool)
+    plane = Belief(INITIAL.state[:, :4], INITIAL.known_covariance[:, :4, :4])
+    belief = belief_from(Space(1.5), states, None, told, plane)
+    np.testing.assert_allclose(belief.state, states.mean(axis=1)[:, [0, 1, 3, 4]])
+
+
+def test_a_row_does_not_depend_on_padding():
+    states, covariances = random_estimates(2)
+    told = np.ones((2, 2), dtype=bool)
+    narrow = belief_from(Space(), states, covariances, told, INITIAL)
+    wide = belief_from(
+        Space(),
+        np.pad(states, ((0, 0), (0, 3), (0, 0)), constant_values=5.0),
+        np.pad(covariances, ((0, 0), (0, 3), (0, 0), (0, 0)), constant_values=2.0),
+        np.pad(told, ((0, 0), (0, 3))),
+        INITIAL,
+    )
+    assert narrow.state.tobytes() == wide.state.tobytes()
+    assert narrow.known_covariance.tobytes() == wide.known_covariance.tobytes()

@@ -1,0 +1,18 @@
+"""Agents that are killed."""
+
+from __future__ import annotations
+
+from typing import ClassVar, Literal
+
+from zenoh_cbef.faults.absence import Absence
+
+
+class Crash(Absence):
+    """Agents' processes are killed (SIGKILL), and started again at `until`, if there is one.
+
+    Who comes back knows nothing, and begins with what its neighbours know.
+    """
+
+    kind: Literal["crash"]
+
+    forgets: ClassVar[bool] = True

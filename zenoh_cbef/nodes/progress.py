@@ -1,0 +1,114 @@
+"""How far the agents of a run are, as their estimates show, and who of them takes part."""
+
+from __future__ import annotations
+
+import time
+
+from zenoh_cbef.faults.base import Bools
+from zenoh_cbef.nodes.inbox import Alarm
+from zenoh_cbef.nodes.node import Node
+from zenoh_cbef.nodes.rejections import Rejections
+from zenoh_cbef.protocol.keys import address
+from zenoh_cbef.protocol.mailbox import Mailbox
+from zenoh_cbef.protocol.messages import BadMessage, peek
+
+_GATHER_SECONDS = 0.001
+
+
+class Progress:
+    """How far the agents are; who left, or is not there for a while, is not waited for."""
+
+    def __init__(self, node: Node, count: int, patience: float) -> None:
+        self._node, self._patience = node, patience
+        self._alarm = Alarm()
+        self.rejections = Rejections(node)
+        self._reached = [0] * count
+        self._silent: set[int] = set()
+        self._members = set(range(count))
+        self._mailbox = Mailbox(node.session, node.keys.all_estimates)
+        node.presence.on_change(self._note_change)
+        node.on_stop(self._mailbox.wake)
+
+    def _note_change(self, name: str, joined: bool) -> None:
+        role, _, agent = name.partition("/")
+        if role == "agent" and agent.isdecimal() and not joined:
+            self._members.discard(int(agent))
+        self._mailbox.wake()
+
+    def begin(self) -> None:
+        """The run starts: everybody takes part."""
+        self._members = set(range(len(self._reached)))
+
+    def members(self) -> list[int]:
+        """Who takes part, and is here."""
+        return [agent for agent in sorted(self._members) if f"agent/{agent}" in self._node.presence]
+
+    def newcomers(self) -> list[int]:
+        """Who is here and ready, but does not take part yet."""
+        everybody, live = range(len(self._reached)), self._node.presence
+        return [agent for agent in everybody if agent not in self._members and f"ready/{agent}" in live]
+
+    def admit(self, agent: int, step: int) -> None:
+        """An agent takes part from a step on."""
+        self._members.add(agent)
+        self._silent.discard(agent)
+        self._reached[agent] = max(self._reached[agent], step - 1)
+
+    def excuse(self, absent: Bools, step: int) -> None:
+        """Do not wait for a step of those agents (n,) who are not there in it."""
+        for agent in absent.nonzero()[0].tolist():
+            self._reached[agent] = max(self._reached[agent], step)
+
+    def _slowest(self) -> int | None:
+        """The step that every agent here that is not silent has finished; None where all are."""
+        return min((self._reached[agent] for agent in self.members() if agent not in self._silent), default=None)
+
+    def wait(self, step: int, *, even_stopping: bool = False) -> bool:
+        """Wait until every agent has finished a step; False where the run has no agents or is told to stop.
+
+        Agents that do not get on for longer than the agents' own patience are waited for no more until they do. When
+        that is all of them, and goes on for as long again, the run is over.
+        """
+        until = time.monotonic() + self._patience
+        while self.members() and (even_stopping or not self._node.stopping):
+            slowest = self._slowest()
+            if slowest is not None and slowest >= step:
+                return True
+            if time.monotonic() >= until:
+                if slowest is None:
+                    return False
+                self._leave_behind(slowest)
+                until = time.monotonic() + self._patience
+            received = self._alarm.limit(self._mailbox.receive_from, self._mailbox, None)
+            if received is not None:
+                self._note(*received)
+                # The window leaves time to let the others' estimates gather: a wake-up each would cost more.
+                time.sleep(_GATHER_SECONDS)
+                self.drain()
+        return False
+
+    def _leave_behind(self, step: int) -> None:
+        behind = [agent for agent in self.members() if agent not in self._silent and self._reached[agent] == step]
+        self._silent.update(behind)
+        names = ", ".join(f"agent {agent}" for agent in behind)
+        self._node.event("silent", f"{names} did not get beyond step {step}; the run goes on without", step=step)
+
+    def drain(self) -> None:
+        """Take in what has come, without waiting."""
+        while (received := self._mailbox.poll_from()) is not None:
+            self._note(*received)
+
+    def _note(self, key: str, data: bytes) -> None:
+        at = address(key)
+        try:
+            if at is None or at.kind != "estimate":
+                raise BadMessage("not an estimate key")
+            message = peek("estimate", data, run=self._node.identity.run, sender=at.owner)
+            agent = int(at.owner.removeprefix("agent/"))
+            if agent >= len(self._reached):
+                raise BadMessage("from an agent that the scenario does not have")
+        except BadMessage as error:
+            self.rejections.add(key, str(error))
+        else:
+            self._reached[agent] = max(self._reached[agent], message["k"])
+            self._silent.discard(agent)

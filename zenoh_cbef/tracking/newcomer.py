@@ -1,0 +1,57 @@
+"""How an agent that comes back without a memory begins: with what its neighbours know."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zenoh_cbef.tracking.filters.base import Belief, Floats, Update
+from zenoh_cbef.tracking.linalg import inverse, matvec, neighbour_sum
+from zenoh_cbef.tracking.ranging import Space
+
+Bools = NDArray[np.bool_]
+
+
+def belief_from(space: Space, states: Floats, covariances: Floats | None, told: Bools, initial: Belief) -> Belief:
+    """Covariance intersection, with equal weights, of the neighbours' estimates (Julier, Uhlmann, ACC 1997).
+
+    states: (n, m, 6), covariances: (n, m, 6, 6), None for filters without one; told: (n, m), which there are.
+    Where no neighbour says anything it is `initial`, (n, s) and (n, s, s). Their estimates have nearly everything in
+    common, so they count as one.
+    """
+    kept, count = space.kept, told.sum(axis=1)
+    safe = np.maximum(count, 1)
+    nobody = (count == 0)[:, None]
+    state = np.where(told[:, :, None], states[:, :, kept], 0.0)
+    if covariances is None:
+        mean = neighbour_sum(state) / safe[:, None]
+        return replace(initial, state=np.where(nobody, initial.state, mean))
+    unit = np.broadcast_to(np.eye(len(kept)), (*told.shape, len(kept), len(kept)))
+    known = np.where(told[:, :, None, None], covariances[:, :, kept[:, None], kept], unit)
+    information = np.where(told[:, :, None, None], inverse(known), 0.0)
+    vectors = np.sum(information * state[:, :, None, :], axis=3)
+    total = neighbour_sum(information.reshape(*told.shape, -1)).reshape(known.shape[0], *known.shape[2:])
+    total = np.where(nobody[:, :, None], np.eye(len(kept)), total / safe[:, None, None])
+    covariance = inverse(total)
+    state = matvec(covariance, neighbour_sum(vectors) / safe[:, None])
+    return Belief(
+        np.where(nobody, initial.state, state),
+        np.where(nobody[:, :, None], initial.known_covariance, covariance),
+    )
+
+
+def merged(old: Update, new: Update, rows: Bools) -> Update:
+    """An update with some rows (n,) taken from another one."""
+
+    def pick(first: Any, second: Any) -> Any:
+        return None if first is None else np.where(rows.reshape(-1, *(1,) * (first.ndim - 1)), second, first)
+
+    names = ("payload", "innovation", "weight", "nis", "nis_degrees", "distrust")
+    return Update(
+        **{name: pick(getattr(old, name), getattr(new, name)) for name in names},
+        kept=tuple(pick(*pair) for pair in zip(old.kept, new.kept, strict=True)),
+        parts=tuple(merged(*pair, rows) for pair in zip(old.parts, new.parts, strict=True)),
+    )
