@@ -39,10 +39,13 @@ class Step:
     """One simulated step: the messages sent in every round (L, N, d), and the estimates.
 
     absent: (N,), the agents that were not there, and what they would have sent and estimated is nobody's business.
+    fates: of the messages that were to be used, round by round, over the present neighbours of all rows in order;
+    none where no fault touches any link.
     """
 
     sent: list[Floats]
     estimate: Estimate
+    fates: list[Fate]
     absent: Bools
 
 
@@ -130,6 +133,7 @@ class Simulation:
         self._initial = self.tracker.belief
         self._estimate: Estimate | None = None
         self._sent: deque[list[Floats]] = deque(maxlen=1 + self.scenario.consensus.lag)
+        self._noted: list[Fate] = []
 
     def __iter__(self) -> Iterator[Step]:
         for step in range(1, self.scenario.length + 1):
@@ -142,6 +146,7 @@ class Simulation:
             return present
         fate = self._fates.of(step, round_)
         self.counts.add(fate)
+        self._noted.append(fate)
         due = np.zeros_like(present)
         due[present] = fate.due
         return due
@@ -177,6 +182,7 @@ class Simulation:
         self.tracker.adopt(belief, np.tile(self.absences.reborn(step), self._runs))
 
     def _step(self, step: int) -> Step:
+        self._noted = []
         if self.absences.reborn(step).any():
             self._welcome(step)
         message = self.tracker.measure(self._measurement(step))
@@ -189,7 +195,7 @@ class Simulation:
             delivered = self._delivered(used, round_) if used >= 1 else nobody
             message = self.tracker.exchange(self._sent[0][round_ - 1].take(self.neighbours.index, axis=0), delivered)
         estimate = self._estimate = self.tracker.conclude()
-        return Step(sent, estimate, np.tile(self.absences.at(step), self._runs))
+        return Step(sent, estimate, self._noted, np.tile(self.absences.at(step), self._runs))
 
 
 def simulate(

@@ -42,4 +42,6 @@ def test_a_faulty_run_is_finite_and_the_same_alone_and_in_a_batch(given):
         assert not links.real_lost.any()
         assert not links.deadline_missed.any()
         assert (links.duplicated <= links.delivered).all()
-    assert all(np.isfinite(one.metrics["position_rmse"]) for one in analyze(together))
+    # Where all honest agents are away in the scored window there is no error to tell.
+    errors = [one.metrics["position_rmse"] for one in analyze(together)]
+    assert all(error is None or np.isfinite(error) for error in errors)

@@ -2,6 +2,7 @@
 
 from collections import Counter
 
+import msgpack
 import numpy as np
 import pytest
 import tomli_w
@@ -9,11 +10,12 @@ from hypothesis import HealthCheck, given, settings
 
 from tests.faults.strategies import scenarios
 from tests.processes.conftest import World
+from tests.processes.test_log import copy_with
 from zenoh_cbef.analysis.metrics import analyze
 from zenoh_cbef.faults import Fates
 from zenoh_cbef.log.contents import open_log, read_contents, read_header
 from zenoh_cbef.log.read_trace import read_trace
-from zenoh_cbef.log.verify import verify
+from zenoh_cbef.log.verify import Verdict, verify
 from zenoh_cbef.scenario.build import fates_into
 from zenoh_cbef.scenario.load import load, parse
 from zenoh_cbef.simulator import simulate
@@ -75,6 +77,38 @@ def test_every_kind_of_fault_gives_the_simulators_bits_and_is_counted_and_marked
     assert len(logged.estimates) == 30 * 4
     for (agent, step), message in logged.estimates.items():
         assert message.get("fates", ["...", "..."]) == marks(parse(scenario, "test"), agent, step, message, kind)
+
+    tampered = {
+        "injected_lost": lambda counts: [counts[0] + 1, *counts[1:]],
+        "duplicated": lambda counts: [0 for _ in counts],
+        "fates": lambda fates: [one.replace("x", ">") for one in fates],
+    }
+    for name, change in tampered.items():
+        verdict = verify_changed(world, name, change)
+        assert verdict.result == "different", name
+        assert f": {name} is" in verdict.text
+    # A log from before agents told what faults did.
+    verdict = verify_changed(world, None, None)
+    assert verdict.result == "equal", verdict.text
+
+
+def verify_changed(world: World, name: str | None, change) -> Verdict:
+    """Verify a copy of the log in which one field of agent 1's estimates is changed; None: it lacks all of them."""
+
+    def told(topic: str, data: bytes) -> bytes:
+        if not topic.endswith("/estimate"):
+            return data
+        message = msgpack.unpackb(data)
+        if name is None:
+            for field in ("injected_lost", "injected_late", "corrupted", "duplicated", "fates"):
+                message.pop(field, None)
+        elif topic.endswith("agent/1/estimate") and message["k"] == 20 and name in message:
+            message[name] = change(message[name])
+        return msgpack.packb(message)
+
+    copy = world.folder / f"{name}.mcap"
+    copy_with(world.log, copy, told)
+    return verify(copy)
 
 
 def marks(scenario, agent: int, step: int, message: dict, kind: str) -> list[str]:

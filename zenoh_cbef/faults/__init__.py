@@ -16,6 +16,7 @@ from zenoh_cbef.faults.crash import Crash
 from zenoh_cbef.faults.delay import Delay
 from zenoh_cbef.faults.duplicate import Duplicate
 from zenoh_cbef.faults.fates import Fate, Fates
+from zenoh_cbef.faults.injected import Injected
 from zenoh_cbef.faults.loss import Loss
 from zenoh_cbef.faults.outage import Outage
 from zenoh_cbef.faults.outgoing import Outgoing, SenderFault
@@ -44,6 +45,7 @@ __all__ = [
     "Fate",
     "Fates",
     "Fault",
+    "Injected",
     "LinkFault",
     "Loss",
     "MessageFault",

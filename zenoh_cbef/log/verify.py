@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from zenoh_cbef.faults.injected import FATES, IN_TIME, Injected
 from zenoh_cbef.log.contents import Contents, Header, open_log, read_contents, read_header
 from zenoh_cbef.log.read_trace import heard_ranges, logged_positions
 from zenoh_cbef.protocol.messages import BIAS, DISTRUST, BadMessage, nil_to_nan, unpack_floats
 from zenoh_cbef.scenario.build import absences_of
 from zenoh_cbef.simulator import Heard, Simulation, Step
 
+Bools = NDArray[np.bool_]
 Floats = NDArray[np.float64]
 
 _SKEW = 8
@@ -39,16 +42,47 @@ class _Different(Exception):
     """The first difference."""
 
 
+class _Faults:
+    """Compares what agents say that faults did to their neighbours' messages with what the scenario says."""
+
+    def __init__(self, present: Bools) -> None:
+        self._injected = Injected(int(present.sum()))
+        ends = np.cumsum(present.sum(axis=1)).tolist()
+        self._links = [slice(start, end) for start, end in pairwise([0, *ends])]
+        self._told: dict[str, list[Any]] = {}
+
+    def step(self, step: Step, crashed: Bools) -> None:
+        """Take in the fates of one executed step; crashed: (n,), the agents that will count anew."""
+        for fate in step.fates:
+            self._injected.note(fate)
+        for agent in np.flatnonzero(crashed).tolist():
+            self._injected.forget(self._links[agent])
+        self._told = self._injected.take()
+
+    def compare(self, at: str, agent: int, message: dict[str, Any]) -> None:
+        """Compare an agent's estimate of that step. Raises _Different."""
+        executed = {name: values[self._links[agent]] for name, values in self._told.items()}
+        if executed.keys().isdisjoint(message):
+            return  # No fault is on the agent's links, or the log is of version 0.1.0.
+        if not any(marks.strip(IN_TIME) for marks in executed.get(FATES, [])):
+            executed.pop(FATES, None)
+        for name in (*self._told, FATES):
+            if message.get(name) != executed.get(name):
+                raise _Different(f"{at}{name} is {message.get(name)} in the log and {executed.get(name)} when executed")
+
+
 class _Comparison:
     """Compares logged messages with executed ones, bit for bit or within a relative tolerance."""
 
-    def __init__(self, contents: Contents, tolerance: float) -> None:
+    def __init__(self, contents: Contents, simulation: Simulation, tolerance: float) -> None:
         self._contents, self._tolerance = contents, tolerance
+        self._absences, self._faults = simulation.absences, _Faults(simulation.neighbours.present)
         self.compared = 0
         self.largest = 0.0
 
     def step(self, number: int, step: Step) -> None:
         """Compare one step of all agents. Raises _Different."""
+        self._faults.step(step, self._absences.crashed(number))
         for round_, sent in enumerate(step.sent, 1):
             for agent, payload in enumerate(sent):
                 logged = self._contents.rounds.get((agent, number, round_))
@@ -61,9 +95,10 @@ class _Comparison:
                 self._estimate(agent, number, message, step)
                 self.compared += 1
 
-    def _estimate(self, agent: int, number: int, message: dict[str, object], step: Step) -> None:
+    def _estimate(self, agent: int, number: int, message: dict[str, Any], step: Step) -> None:
         at = f"agent {agent}, step {number}: "
         estimate = step.estimate
+        self._faults.compare(at, agent, message)
         self._same(at + "state", np.array(message["state"]), estimate.state[agent])
         values = {name: getattr(estimate, name) for name in ("innovation", "weight", "nis", "nis_degrees")}
         values |= {DISTRUST: estimate.distrust, **dict(zip(BIAS, estimate.bias.T, strict=True))}
@@ -150,9 +185,10 @@ def _execute(header: Header, contents: Contents, steps: int, tolerance: float, c
     scenario = header.scenario.model_copy(update={"steps": steps})
     ranges, age = heard_ranges(scenario, contents, steps)
     heard = Heard(logged_positions(scenario, contents, steps), ranges, age)
-    comparison = _Comparison(contents, tolerance)
+    simulation = Simulation([scenario], [heard])
+    comparison = _Comparison(contents, simulation, tolerance)
     try:
-        for number, step in enumerate(Simulation([scenario], [heard]), 1):
+        for number, step in enumerate(simulation, 1):
             comparison.step(number, step)
     except _Different as difference:
         return Verdict("different", f"different: {difference}", comparison.compared)

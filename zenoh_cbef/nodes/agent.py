@@ -163,7 +163,9 @@ class Agent:
             received, delivered = self.neighbourhood.round(step, round_, self._deadline(step, round_))
             message = self.tracker.exchange(received, delivered)
         estimate = self.tracker.conclude()
-        if not away:
+        if away:
+            self.neighbourhood.take_counts()  # of a step of which nothing is told
+        else:
             self._publish(step, estimate)
 
     def _publish(self, step: int, estimate: Estimate) -> None:

@@ -11,9 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from zenoh_cbef.faults import Fates
+from zenoh_cbef.faults import Fates, Injected
 from zenoh_cbef.nodes.inbox import Alarm, Decoder, Inbox
-from zenoh_cbef.nodes.injected import Injected
 from zenoh_cbef.nodes.node import Node
 from zenoh_cbef.nodes.readers import WINDOW, range_reader, round_reader
 from zenoh_cbef.nodes.rejections import Rejections

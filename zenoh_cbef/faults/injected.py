@@ -1,0 +1,54 @@
+"""What the scenario's faults did to the messages on some links, as estimates tell it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from zenoh_cbef.faults.fates import Fate
+
+FATES = "fates"
+"""Field of an estimate with a mark for every message of the step, where faults touched any."""
+
+IN_TIME = "."
+"""The mark of a message that no fault touched."""
+
+ABSENT = "-"
+"""The mark of a message that was not sent, or had nobody to receive it."""
+
+_MARKS = {"injected_lost": "x", "injected_late": ">", "corrupted": "!", "duplicated": "+"}
+
+
+class Injected:
+    """Counts per link since the start, and a mark for every message of the present step."""
+
+    def __init__(self, links: int) -> None:
+        self._counts = {name: [0] * links for name in _MARKS}
+        self._marks = [""] * links
+
+    def note(self, fate: Fate) -> None:
+        """Take in one round's fates."""
+        pairs = zip(self._marks, fate.absent.tolist(), strict=True)
+        self._marks = [marks + (ABSENT if absent else IN_TIME) for marks, absent in pairs]
+        for name in _MARKS:
+            for place in np.flatnonzero(getattr(fate, name.removeprefix("injected_"))):
+                self.add(name, int(place))
+
+    def forget(self, links: slice) -> None:
+        """Count some links from now on: their receiver was started again."""
+        for counts in self._counts.values():
+            counts[links] = [0] * len(counts[links])
+
+    def add(self, name: str, place: int) -> None:
+        """Count what a fault did to the message last noted of a link."""
+        self._counts[name][place] += 1
+        self._marks[place] = self._marks[place][:-1] + _MARKS[name]
+
+    def take(self) -> dict[str, list[Any]]:
+        """The counts, and the marks of the step that ends, where a fault did anything in it."""
+        taken: dict[str, list[Any]] = {name: count.copy() for name, count in self._counts.items()}
+        if any(marks.strip(IN_TIME) for marks in self._marks):
+            taken[FATES] = self._marks
+        self._marks = [""] * len(self._marks)
+        return taken
