@@ -85,7 +85,14 @@ def test_documented_defaults_are_the_models(name):
 def test_every_key_expression_and_message_field_is_documented():
     page = read("docs/log-format.md")
     keys = Keys("{run}")
-    named = [keys.scenario, keys.truth, keys.event, keys.all_live.replace("**", "{role}/{name}")]
+    named = [
+        keys.scenario,
+        keys.control,
+        keys.truth,
+        keys.event,
+        keys.faults,
+        keys.all_live.replace("**", "{role}/{name}"),
+    ]
     # The keys of an agent take its number; the page writes {id} for it.
     named += [one(7).replace("/7", "/{id}") for one in (keys.beacon, keys.range, keys.round, keys.estimate)]
     for key in named:

@@ -16,6 +16,7 @@ _VERBS = (
     "agent",
     "target",
     "record",
+    "fault",
     "scenario",
     "analyze",
     "verify",

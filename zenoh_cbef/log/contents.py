@@ -74,8 +74,9 @@ class Contents:
     """All valid messages of a run, the first of each kind, agent, step and round.
 
     truth: by step. beacons, ranges, estimates: by (agent, step). rounds: payloads (d,) by (agent, step, round).
-    next_seq: by (key, sender), one past the last sequence number. recorded: messages that are what their key
-    promises; undecodable: the others. agent_bytes: of the recorded messages that agents own.
+    faults: the last list of injected ones, JSON, or empty. next_seq: by (key, sender), one past the last sequence
+    number. recorded: messages that are what their key promises; undecodable: the others. agent_bytes: of the recorded
+    messages that agents own.
     """
 
     truth: dict[int, dict[str, Any]] = field(default_factory=dict)
@@ -84,6 +85,7 @@ class Contents:
     estimates: dict[tuple[int, int], dict[str, Any]] = field(default_factory=dict)
     rounds: dict[tuple[int, int, int], Floats] = field(default_factory=dict)
     events: list[dict[str, Any]] = field(default_factory=list)
+    faults: str = ""
     next_seq: dict[tuple[str, str], int] = field(default_factory=dict)
     recorded: int = 0
     agent_bytes: int = 0
@@ -114,6 +116,8 @@ class _Sorter:
             sender = message["from"]
             if found.kind == "event":
                 contents.events.append(message)
+            elif found.kind == "faults":
+                contents.faults = message["tables"]
             elif found.kind == "truth":
                 contents.truth.setdefault(message["k"], message)
             else:

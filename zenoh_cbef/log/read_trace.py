@@ -12,6 +12,7 @@ from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.contents import Contents, Header, open_log, read_contents, read_header
 from zenoh_cbef.protocol.messages import BIAS, DISTRUST, BadMessage, nil_to_nan, unpack_floats
 from zenoh_cbef.scenario import Scenario, network
+from zenoh_cbef.scenario.injected import read_tables, with_faults
 from zenoh_cbef.scenario.start import initial_states
 from zenoh_cbef.scenario.world import agent_positions, step_times
 from zenoh_cbef.simulator import measured
@@ -36,6 +37,8 @@ def read_trace(path: Path) -> Trace:
 def trace_of(header: Header, contents: Contents, *, complete: bool) -> Trace:
     """The arrays of a log's messages, as far as any agent got."""
     scenario, count = header.scenario, header.scenario.count
+    if contents.faults:
+        scenario = with_faults(scenario, read_tables(contents.faults))
     steps = max((step for _, step in contents.estimates if step <= scenario.length), default=0)
     if steps == 0:
         raise UserError(f"the log of run {header.run!r} holds no estimate; the run ended before its first step")

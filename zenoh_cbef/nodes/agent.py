@@ -20,11 +20,13 @@ from zenoh_cbef.nodes.readers import beacon_inbox
 from zenoh_cbef.nodes.rejections import Rejections
 from zenoh_cbef.nodes.standstill import die, stand_still
 from zenoh_cbef.protocol.latest import Latest
-from zenoh_cbef.protocol.messages import BIAS, DISTRUST, nan_to_nil, pack_floats
+from zenoh_cbef.protocol.mailbox import Mailbox
+from zenoh_cbef.protocol.messages import BIAS, DISTRUST, BadMessage, decode, nan_to_nil, pack_floats
 from zenoh_cbef.protocol.round_codec import RoundCodec
 from zenoh_cbef.protocol.scenario_service import fetch_scenario
 from zenoh_cbef.scenario import Scenario
 from zenoh_cbef.scenario.build import absences_of, agent_tracker, fates_into, message_size, outgoing_of, rounds_of
+from zenoh_cbef.scenario.injected import read_tables, with_faults
 from zenoh_cbef.scenario.load import parse
 from zenoh_cbef.scenario.world import agent_positions
 from zenoh_cbef.simulator import measured
@@ -53,9 +55,10 @@ class Agent:
         self.outgoing = outgoing_of([scenario], [agent])
         self.path = agent_positions(scenario)[agent]
         self.rejections = Rejections(node)
+        self._faults_in = Mailbox(node.session, node.keys.faults)
         self._wrong_clocks = clocks_of(scenario.fault, agent)
         self._ahead_ns = 0
-        if self._wrong_clocks:
+        if self._wrong_clocks or scenario.timing.mode == "realtime":
             node.clock = lambda: time.time_ns() + self._ahead_ns
         width = message_size(scenario)
         realtime = scenario.timing.mode == "realtime"
@@ -91,16 +94,36 @@ class Agent:
         last = entry.before
         # One more than there are steps: leaving before all are done would look like a death to the others.
         for step in range(entry.before + 1, self.scenario.length + 2):
-            if self._wrong_clocks:
-                self._ahead_ns = round(1e9 * ahead(self._wrong_clocks, step * self.scenario.dt))
+            self._ahead_ns = (
+                round(1e9 * ahead(self._wrong_clocks, step * self.scenario.dt)) if self._wrong_clocks else 0
+            )
             beacon = self._listen(step)
             if beacon is None or self.node.stopping or step > self.scenario.length:
                 break
+            if self._realtime:
+                self._heed_news()
             if self.absences:
                 self._heed_absences(step)
             self._step(step, beacon)
             last = step
         return last
+
+    def _heed_news(self) -> None:
+        """Take in faults that were injected since."""
+        while (data := self._faults_in.poll()) is not None:
+            try:
+                message = decode("faults", data, run=self.node.identity.run, sender="target")
+                self.inject(message["tables"])
+            except (BadMessage, UserError) as error:
+                self.rejections.add(self._faults_in.key, str(error))
+
+    def inject(self, tables: str) -> None:
+        """Live with these faults besides the scenario's, a JSON list of all. Raises UserError where they are none."""
+        scenario = with_faults(self.scenario, read_tables(tables))
+        self.neighbourhood.fates = fates_into(scenario, self.agent, self.neighbourhood.ids)
+        self.outgoing = outgoing_of([scenario], [self.agent])
+        self.absences = absences_of(scenario)
+        self._wrong_clocks, self._ahead_ns = clocks_of(scenario.fault, self.agent), 0
 
     def _heed_absences(self, step: int) -> None:
         """Be killed, or stopped for a while, where the scenario says so; wait for those who come back."""
@@ -112,7 +135,7 @@ class Agent:
                 self.node.last_words(
                     "killed", f"agent {self.agent} is killed at step {step}", agent=self.agent, step=step
                 )
-                die(step)
+                die(step, self.absences.return_of(self.agent, step))
             self._pause(step)
         self.neighbourhood.expect(self.absences.ended(step))
 
@@ -217,6 +240,8 @@ def run_agent(identity: Identity) -> int:
             raise UserError(f"run {identity.run!r} has agents 0 to {scenario.count - 1}, no agent {agent}")
         node.refuse_twin()
         process = Agent(node, scenario, agent)
+        if text.faults:
+            process.inject(text.faults)
         node.presence.announce(f"agent/{identity.name}")
         entry = Entrance(process, None if text.step is None else text.agents).wait()
         last = 0 if entry is None else process.run(entry)

@@ -19,10 +19,9 @@ from typing import IO, Any, Self
 
 from zenoh_cbef.nodes.node import LEASH
 from zenoh_cbef.nodes.ports import free_ports
-from zenoh_cbef.nodes.standstill import KILLED
+from zenoh_cbef.nodes.standstill import KILLED, returns_after
 from zenoh_cbef.protocol.session import ONE_RUNTIME
 from zenoh_cbef.scenario import network
-from zenoh_cbef.scenario.build import absences_of
 from zenoh_cbef.scenario.load import Loaded
 
 _POLITE_SECONDS = 6.0
@@ -182,16 +181,15 @@ class Launcher:
             self._ended.add(name)
             words = self._last_words(name)
             if status == -signal.SIGKILL and words.startswith(KILLED):
-                self._plan_restart(name, int(words.rsplit(" ", 1)[-1]))
+                self._plan_restart(name, returns_after(words))
             elif status != 0 and not (status < 0 and name in self._told):
                 self.deaths.append(Death(name, status, words))
 
-    def _plan_restart(self, name: str, step: int) -> None:
+    def _plan_restart(self, name: str, steps: int | None) -> None:
         """Where the scenario has an agent come back: at once in lockstep, as nobody goes on without it."""
-        scenario = self._loaded.scenario
-        back = absences_of(scenario).return_of(int(name.removeprefix("agent ")), step)
-        if back is not None:
-            away = (back - step) * scenario.dt if scenario.timing.mode == "realtime" else 0.0
+        if steps is not None:
+            scenario = self._loaded.scenario
+            away = steps * scenario.dt if scenario.timing.mode == "realtime" else 0.0
             self._restarts[name] = time.monotonic() + away
 
     def _restart(self) -> None:

@@ -3,12 +3,20 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import subprocess
 import sys
 
 KILLED = "the scenario's crash kills this process"
 """How the last words of a process begin that its scenario killed."""
+
+
+def returns_after(words: str) -> int | None:
+    """How many steps after its death a process is to be there again, from its last words; None: it is not."""
+    found = re.search(r"at step (\d+), until step (\d+)$", words)
+    return None if found is None else int(found[2]) - int(found[1])
+
 
 _WAKE = """
 import os, signal, sys, time
@@ -20,9 +28,12 @@ if os.getppid() == parent:
 """
 
 
-def die(step: int) -> None:
-    """Be killed, after saying so where whoever started this process looks for its last words."""
-    sys.stderr.write(f"{KILLED} at step {step}\n")
+def die(step: int, back: int | None) -> None:
+    """Be killed, after saying so where whoever started this process looks for its last words.
+
+    back: the step at which it is to be there again, if it is.
+    """
+    sys.stderr.write(f"{KILLED} at step {step}" + ("" if back is None else f", until step {back}") + "\n")
     sys.stderr.flush()
     os.kill(os.getpid(), signal.SIGKILL)
 

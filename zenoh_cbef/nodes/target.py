@@ -7,9 +7,14 @@ from dataclasses import dataclass
 
 from zenoh_cbef import __version__
 from zenoh_cbef.errors import UserError
+from zenoh_cbef.faults import Absence, SensorFault
+from zenoh_cbef.nodes.control import answer
+from zenoh_cbef.nodes.injection import Injection
 from zenoh_cbef.nodes.node import Identity, Node
 from zenoh_cbef.nodes.progress import Progress
 from zenoh_cbef.nodes.readers import WINDOW
+from zenoh_cbef.nodes.registry import registered
+from zenoh_cbef.protocol.control import serve_control
 from zenoh_cbef.protocol.messages import nan_to_nil
 from zenoh_cbef.protocol.scenario_service import ScenarioText, serve_scenario
 from zenoh_cbef.scenario import Scenario
@@ -40,6 +45,9 @@ class Target:
         self._absences = absences_of(self.scenario)
         self._first_fix = first_fix_steps(self.scenario)
         self._start = 0.0
+        self._faults_out = self.node.outbox(self.node.keys.faults)
+        self._active: set[int] = set()
+        self.injection: Injection | None = None
         self.step: int | None = None
 
     @property
@@ -78,6 +86,8 @@ class Target:
         self.node.event("started", f"run {self.node.identity.run} started", at=self._start)
         self._progress.rejections.start()
         self._progress.begin()
+        if realtime:
+            self.injection = Injection(self.scenario, self._start)
         self.step = 0
         for agent in range(self.scenario.count):
             self._signal_start(agent, 0)
@@ -90,12 +100,36 @@ class Target:
                 going_on = self._progress.wait(step - WINDOW) and self._await_return(step)
             if self.node.stopping or not (going_on or self._someone_returns(step)):
                 break
+            self._inject()
+            self._announce_faults(step)
             self._admit(step)
             self._emit(step)
             self._progress.excuse(self._absences.at(step), step)
             self.step = step
         self._end(self.step)
         return self.step
+
+    def _inject(self) -> None:
+        """Make known what was injected since, and act on it."""
+        news = None if self.injection is None else self.injection.news()
+        if self.injection is None or news is None:
+            return
+        self._faults_out.send(tables=news)
+        former, self.scenario = self.scenario, self.injection.scenario
+        self._absences = absences_of(self.scenario)
+        touched = [one for one in {*former.fault, *self.scenario.fault} if isinstance(one, SensorFault | Absence)]
+        if touched:
+            self.world = make_world(self.scenario)
+
+    def _announce_faults(self, step: int) -> None:
+        """Tell the log which faults begin and end."""
+        on = {index for index, fault in enumerate(self.scenario.fault) if fault.active(step * self.scenario.dt)}
+        for index in sorted(on ^ self._active):
+            word, kind = "begins" if index in on else "ends", self.scenario.fault[index].kind
+            self.node.event(
+                "fault", f"fault {index} ({kind}) {word} at step {step}", fault=index, step=step, on=index in on
+            )
+        self._active = on
 
     def _signal_start(self, agent: int, step: int) -> None:
         """Tell an agent that its first step is the one after this."""
@@ -171,15 +205,21 @@ def run_target(identity: Identity, loaded: Loaded) -> int:
     with Node(identity) as node:
         node.refuse_twin()
         target = Target(node, loaded.scenario, make_world(loaded.scenario))
+
         resolved = to_toml(loaded.scenario)
 
         def text() -> ScenarioText:
-            return ScenarioText(loaded.source, resolved, __version__, target.step, tuple(target.members()))
+            injected = "" if target.injection is None else target.injection.tables()
+            members = tuple(target.members())
+            return ScenarioText(loaded.source, resolved, __version__, target.step, members, injected)
 
         service = serve_scenario(node.session, identity.run, text)
+        control = serve_control(node.session, node.keys.control, lambda request: answer(target, request))
         node.presence.announce(f"target/{identity.name}")
-        target.wait_for_everybody(identity.patience)
-        last = 0 if node.stopping else target.run()
+        with registered(identity.run, [*identity.connection.listen, *identity.connection.connect]):
+            target.wait_for_everybody(identity.patience)
+            last = 0 if node.stopping else target.run()
+        control.undeclare()
         service.undeclare()
         node.presence.withdraw()
     return last

@@ -37,6 +37,16 @@ class Keys:
         return f"{self.root}/event"
 
     @property
+    def control(self) -> str:
+        """Queryable: what can be asked of a run while it goes on."""
+        return f"{self.root}/control"
+
+    @property
+    def faults(self) -> str:
+        """The faults that were injected while the run goes on."""
+        return f"{self.root}/faults"
+
+    @property
     def all_estimates(self) -> str:
         """Every agent's estimates."""
         return f"{self.root}/agent/*/estimate"
@@ -76,6 +86,8 @@ def address(key: str) -> Address | None:
     match key.split("/")[2:]:
         case ["target", "truth"]:
             return Address("truth", "target")
+        case ["faults"]:
+            return Address("faults", "target")
         case ["event"]:
             return Address("event", "")
         case ["beacon", agent] if agent.isdecimal():

@@ -119,6 +119,7 @@ BODIES: dict[str, dict[str, Field]] = {
         "latency": NUMBERS_OR_NIL,
         "covariance": DOUBLES_OR_NIL,
     },
+    "faults": {"tables": TEXT},
     "event": {
         "kind": TEXT,
         "text": TEXT,

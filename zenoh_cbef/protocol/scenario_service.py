@@ -18,7 +18,8 @@ from zenoh_cbef.protocol.messages import VERSION, BadMessage, unpack
 class ScenarioText:
     """A scenario as written and as resolved, both TOML, and the version of the program that serves it.
 
-    step: the last one that the run has begun, None before its start. agents: who takes part in it then.
+    step: the last one that the run has begun, None before its start. agents: who takes part in it then. faults: those
+    that were injected meanwhile, a JSON list of tables, or empty.
     """
 
     source: str
@@ -26,6 +27,7 @@ class ScenarioText:
     program: str
     step: int | None = None
     agents: tuple[int, ...] = ()
+    faults: str = ""
 
 
 def serve_scenario(session: zenoh.Session, run: str, text: Callable[[], ScenarioText]) -> zenoh.Queryable[None]:
@@ -70,7 +72,7 @@ def _read(data: bytes, run: str) -> ScenarioText:
     parts = [answer.get(name) for name in ("source", "resolved", "program")]
     if not all(isinstance(part, str) for part in parts):
         raise UserError(f"run {run!r} answers with something that is no scenario; is its target a zenoh-cbef?")
-    step, agents = answer.get("step"), answer.get("agents")
+    step, agents, faults = (answer.get(name) for name in ("step", "agents", "faults"))
     source, resolved, program = (str(part) for part in parts)
     return ScenarioText(
         source,
@@ -78,4 +80,5 @@ def _read(data: bytes, run: str) -> ScenarioText:
         program,
         step=step if isinstance(step, int) else None,
         agents=tuple(one for one in agents if isinstance(one, int)) if isinstance(agents, list) else (),
+        faults=faults if isinstance(faults, str) else "",
     )

@@ -20,7 +20,7 @@ def check(scenario: Scenario) -> list[str]:
     _check_edges(scenario, edges)
     neighbours = graph.neighbours(scenario.count, edges)
     _check_epsilon(scenario, neighbours)
-    _check_faults(scenario)
+    check_faults(scenario)
     _check_signal(scenario)
     warnings = _literal_gain(scenario, neighbours) if scenario.filter.kind == "cbef" else []
     warnings += _trimming(scenario, neighbours) + _chebyshev(scenario)
@@ -54,7 +54,8 @@ def _check_epsilon(scenario: Scenario, neighbours: graph.Neighbours) -> None:
         )
 
 
-def _check_faults(scenario: Scenario) -> None:
+def check_faults(scenario: Scenario) -> None:
+    """Raise UserError for faults that cannot be."""
     for number, fault in enumerate(scenario.fault):
         unknown = sorted(agent for agent in fault.named() if agent >= scenario.count)
         if unknown:

@@ -106,16 +106,20 @@ def _entry(entries: list[Any], part: str, key: str) -> int:
     raise UserError(f"{key}: there is no entry {part}; there is {there}; add it, or name one of these")
 
 
+def value_of(text: str) -> Any:
+    """A value as a command line has it: TOML, or else text without quotes."""
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except (ValueError, RecursionError):
+        return text.strip()
+
+
 def _override(data: dict[str, Any], override: str) -> None:
     key, separator, text = override.partition("=")
     if not separator or not all(part.strip() for part in key.split(".")):
         raise UserError(f"--set {override!r} is not of the form a.b=value, as in --set consensus.rounds=5")
     try:
-        value = tomllib.loads(f"value = {text}")["value"]
-    except (ValueError, RecursionError):
-        value = text.strip()
-    try:
-        put(data, key, value)
+        put(data, key, value_of(text))
     except UserError as error:
         raise UserError(f"--set {override!r}: {error}") from None
 

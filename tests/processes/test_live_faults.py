@@ -1,0 +1,76 @@
+"""Faults that are injected into a run while it goes on."""
+
+import json
+import time
+
+import numpy as np
+
+from zenoh_cbef.analysis.metrics import analyze
+from zenoh_cbef.log.read_trace import read_trace
+from zenoh_cbef.nodes.registry import known_runs
+
+
+def wait_until_known(run: str) -> None:
+    until = time.monotonic() + 60
+    while run not in known_runs():
+        assert time.monotonic() < until, "the run did not come"
+        time.sleep(0.05)
+
+
+def test_faults_are_added_listed_and_cleared_while_the_run_goes_on(world):
+    run = world.start_run("timing.mode=realtime", "steps=100000")
+    wait_until_known(world.run)
+    world.wait_for_messages()
+
+    def fault(*arguments: str, status: int = 0) -> str:
+        done = world.call("fault", *arguments, "--run", world.run)
+        assert done.returncode == status, done.stderr
+        assert "Traceback" not in done.stderr
+        return done.stdout + done.stderr
+
+    assert "nothing was injected" in fault("list")
+    assert "fault 0 (loss)" in fault("add", "loss", "probability=0.5", "links=agent:1")
+    assert "must be one of loss" in fault("add", "los", status=2)
+    assert "less than or equal to 1" in fault("add", "loss", "probability=2", status=2)
+    assert "names agent 9" in fault("add", "outage", "agents=[9]", status=2)
+    assert "is over" in fault("add", "outage", "agents=[0]", "from=0.1", status=2)
+    assert "key=value" in fault("add", "loss", "probability", status=2)
+    fault("add", "byzantine", "agents=[2]", "magnitude=3.0", "--for", "300")
+    listed = json.loads(fault("list", "--json"))
+    assert [(one["number"], one["kind"]) for one in listed] == [(0, "loss"), (1, "byzantine")]
+    assert listed[0]["from"] < listed[1]["from"] == round(listed[1]["until"] - 300.0, 3)
+    assert "ended fault 0" in fault("clear", "0")
+    assert "no injected fault 7" in fault("clear", "7", status=2)
+    [after, _] = json.loads(fault("list", "--json"))
+    assert after["until"] > after["from"]
+
+    run.terminate()
+    _, err = run.communicate(timeout=120)
+    assert run.returncode == 130, err
+    assert world.run not in known_runs()
+    trace = read_trace(world.log)
+    told = [(event["data"]["fault"], event["data"]["on"]) for event in trace.events if event["kind"] == "fault"]
+    assert told[:1] == [(0, True)]
+    assert sorted(told[1:]) == [(0, False), (1, True)]
+    links = trace.links
+    touched = (links.source == 1) | (links.destination == 1)
+    assert (links.injected_lost[touched] > 0).all()
+    assert not links.injected_lost[~touched].any()
+    # Who was made to lie is left out of the averages, as if the scenario had said so.
+    [analysis] = analyze([trace])
+    assert analysis.counted.tolist() == [True, True, False, True]
+    assert np.isfinite(analysis.metrics["position_rmse"])
+
+
+def test_a_run_in_lockstep_keeps_to_its_scenario(world):
+    run = world.start_run("steps=100000")
+    world.wait_for_messages()
+    done = world.call("fault", "add", "loss", "probability=0.5", "--run", world.run)
+    assert done.returncode == 2
+    assert "in lockstep they are part of the scenario" in done.stderr
+    unknown = world.call("fault", "list", "--run", "nobody")
+    assert unknown.returncode == 2
+    assert "no run 'nobody' goes on on this host (there is" in unknown.stderr
+    run.terminate()
+    run.communicate(timeout=60)
+    assert run.returncode == 130

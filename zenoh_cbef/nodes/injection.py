@@ -1,0 +1,91 @@
+"""Faults that are injected into a run while it goes on."""
+
+from __future__ import annotations
+
+import json
+import threading
+import time
+from collections.abc import Sequence
+from typing import Any
+
+from zenoh_cbef.errors import UserError
+from zenoh_cbef.scenario import Scenario
+from zenoh_cbef.scenario.injected import with_faults
+
+_LEAD_SECONDS = 0.3
+"""How long before its beginning a fault is made known: everybody must begin with the same message."""
+
+
+_MOMENT = 1e-7
+
+
+class Injection:
+    """The list of injected faults, which the target keeps: it only grows, and a cleared one ends.
+
+    start: when the run started, s since the Unix epoch; the times of faults are counted from it.
+    """
+
+    def __init__(self, scenario: Scenario, start: float) -> None:
+        self._given, self._start = scenario, start
+        self.scenario = scenario
+        self._tables: list[dict[str, Any]] = []
+        self._lock = threading.Lock()
+        self._fresh = False
+
+    def add(self, table: dict[str, Any], seconds: float | None) -> int:
+        """Add a fault that begins at its `from`, or now, and lasts so long; returns its number."""
+        with self._lock:
+            soon = self._soon()
+            since = table.setdefault("from", soon)
+            if not isinstance(since, int | float) or since < soon:
+                raise UserError(f"from = {since} is over: the run is at {self._now():.1f} s; leave it out for now")
+            if seconds is not None:
+                table["until"] = round(since + seconds, 3)
+            self._accept([*self._tables, table])
+            return len(self._tables) - 1
+
+    def clear(self, numbers: Sequence[int] | None) -> list[int]:
+        """End faults now, None: all; returns which were still to end."""
+        with self._lock:
+            soon = self._soon()
+            known = range(len(self._tables))
+            unknown = sorted(set(numbers or ()) - set(known))
+            if unknown:
+                raise UserError(f"there is no injected fault {unknown[0]}; 'fault list' tells which there are")
+            ended = [one for one in numbers or known if self._tables[one].get("until", soon + 1.0) > soon]
+            tables = [dict(one) for one in self._tables]
+            for one in ended:
+                # One that has not begun yet is left with a moment that no step falls into.
+                moment = soon + _MOMENT
+                tables[one] |= {"from": min(tables[one]["from"], moment), "until": moment + _MOMENT}
+            self._accept(tables)
+            return ended
+
+    def listed(self) -> list[dict[str, Any]]:
+        """All injected faults, each with its number and whether it is on."""
+        now = self._now()
+        faults = self.scenario.fault[len(self._given.fault) :]
+        return [
+            {"number": number, "active": fault.active(now), **table}
+            for number, (fault, table) in enumerate(zip(faults, self._tables, strict=True))
+        ]
+
+    def news(self) -> str | None:
+        """The list as JSON, where it has changed since the last time."""
+        with self._lock:
+            fresh, self._fresh = self._fresh, False
+            return self.tables() if fresh else None
+
+    def tables(self) -> str:
+        """All injected faults as JSON."""
+        return json.dumps(self._tables)
+
+    def _accept(self, tables: list[dict[str, Any]]) -> None:
+        self.scenario = with_faults(self._given, tables)
+        self._tables, self._fresh = tables, True
+
+    def _now(self) -> float:
+        return time.time() - self._start
+
+    def _soon(self) -> float:
+        return round(max(self._now(), 0.0) + _LEAD_SECONDS, 3)

@@ -1,0 +1,38 @@
+"""A scenario with faults that were injected while its run went on."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from zenoh_cbef.errors import UserError
+from zenoh_cbef.scenario.build import bias_of, distrusts_own, scheme_of
+from zenoh_cbef.scenario.checks import check_faults
+from zenoh_cbef.scenario.load import parse
+from zenoh_cbef.scenario.model import Scenario
+
+
+def with_faults(scenario: Scenario, tables: Sequence[Mapping[str, Any]]) -> Scenario:
+    """The scenario with more faults, as tables of `[[fault]]`. Raises UserError where they are none.
+
+    What the scenario leaves to be derived from its faults stays as it was: a run cannot change its messages.
+    """
+    data = scenario.model_dump(mode="json", by_alias=True, exclude_none=True)
+    data["fault"] = [*data["fault"], *tables]
+    data["consensus"]["scheme"] = scheme_of(scenario)[0]
+    data["filter"] |= {"bias": bias_of(scenario), "distrust": distrusts_own(scenario)}
+    extended = parse(data, "the fault")
+    check_faults(extended)
+    return extended
+
+
+def read_tables(text: str) -> list[dict[str, Any]]:
+    """Tables of faults from JSON. Raises UserError."""
+    try:
+        tables = json.loads(text)
+    except ValueError:
+        raise UserError("the injected faults are no JSON") from None
+    if not isinstance(tables, list) or not all(isinstance(one, dict) for one in tables):
+        raise UserError("the injected faults are no list of tables")
+    return tables
