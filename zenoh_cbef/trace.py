@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -95,3 +96,45 @@ class Trace:
     payloads: Floats | None = None
     events: list[dict[str, object]] = field(default_factory=list)
     complete: bool = True
+
+
+Fortune = Literal["in time", "duplicated", "lost", "late", "damaged", "missed", "unheard"]
+"""What became of a message: by faults it was duplicated, lost, late or damaged; missed: lost or late without one."""
+
+
+@dataclass(frozen=True)
+class Passage:
+    """One message on one directed link; source None: a beacon of the target.
+
+    round: from 1, 0 for ranges and beacons. sent: s. ended: when it was used, or came too late, or would have been
+    used, s.
+    """
+
+    source: int | None
+    destination: int
+    step: int
+    round: int
+    sent: float
+    ended: float
+    fortune: Fortune
+
+
+@dataclass(frozen=True)
+class Exchange:
+    """What passed between the nodes in a part of a run; times in s since its start.
+
+    labels: of the agents. dt: s. since, until: the part. passages: by sending time. rounds: when half of the agents
+    had sent in each round, (step, round, time), in order; round 0 is where a step begins. estimates: (agent, step,
+    time). events: (node, time, sentence). notes: what a reader should know of the times, in sentences.
+    """
+
+    name: str
+    labels: tuple[str, ...]
+    dt: float
+    since: float
+    until: float
+    passages: list[Passage]
+    rounds: list[tuple[int, int, float]]
+    estimates: list[tuple[int, int, float]]
+    events: list[tuple[str, float, str]]
+    notes: list[str]

@@ -77,3 +77,8 @@ def test_a_fault_on_agents_that_are_no_neighbours_is_warned_of():
     assert "names the link [0, 3]" in warning
     overrides[1] = "fault=[{kind='loss', probability=0.5, links=[[1, 0], [2, 3]]}]"
     assert check(load("tracking", overrides).scenario) == []
+
+
+def test_a_fault_between_groups_names_no_single_link():
+    fault = "fault=[{kind='partition', links={between=[[0, 1, 2], [3, 4, 5]]}}]"
+    assert check(load("tracking", [fault]).scenario) == []

@@ -24,6 +24,7 @@ _VERBS = (
     "export",
     "design",
     "compare",
+    "timeline",
     "experiment",
 )
 

@@ -97,7 +97,8 @@ def _faults_of_no_link(scenario: Scenario, edges: graph.Edges) -> list[str]:
     warnings = []
     for number, fault in enumerate(scenario.fault):
         links = getattr(fault, "links", "all")
-        apart = [] if isinstance(links, str) else [list(link) for link in links if frozenset(link) not in joined]
+        named = links if isinstance(links, tuple) else ()
+        apart = [list(link) for link in named if frozenset(link) not in joined]
         if apart:
             warnings.append(
                 f"fault {number} ({fault.kind}) names the link {apart[0]}, but these agents are not neighbours in "

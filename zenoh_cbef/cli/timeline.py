@@ -1,0 +1,51 @@
+"""timeline: the space-time picture of a part of a log."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from zenoh_cbef.analysis.timeline import check_format, write_timeline
+from zenoh_cbef.cli.options import LogFile
+from zenoh_cbef.errors import UserError
+from zenoh_cbef.log.read_exchange import read_exchange
+
+Since = Annotated[float | None, typer.Option("--from", metavar="S", help="From when on, s since the start signal.")]
+Until = Annotated[float | None, typer.Option("--until", metavar="S", help="Until when, s since the start signal.")]
+Steps = Annotated[str | None, typer.Option("--steps", metavar="A:B", help="Steps A to B; default: the first three.")]
+Output = Annotated[Path, typer.Option("--output", "-o", help="The picture, .svg or .html.")]
+
+
+def _timeline(
+    log: LogFile = Path("logs/latest"),
+    since: Since = None,
+    until: Until = None,
+    steps: Steps = None,
+    output: Output = Path("timeline.html"),
+) -> None:
+    """Draw who sent what to whom, when, and what became of it: agents as lines, messages as arrows.
+
+    Times are real ones, in lockstep too: seconds since the target's start signal.
+    """
+    check_format(output)
+    if steps is not None and (since is not None or until is not None):
+        raise UserError("--steps and --from or --until name a part in two ways; give one of them")
+    if since is not None and until is not None and since >= until:
+        raise UserError(f"--from {since:g} is not before --until {until:g}; swap them")
+    chosen = None if steps is None else _steps(steps)
+    write_timeline(read_exchange(log, steps=chosen, since=since, until=until), output)
+    typer.echo(output)
+
+
+def _steps(text: str) -> tuple[int, int]:
+    first, colon, last = text.partition(":")
+    if not (first.isdecimal() and (last.isdecimal() if colon else True)):
+        raise UserError(f"--steps {text!r} is no pair of steps; write it as in --steps 10:12, or --steps 10 for one")
+    return int(first), int(last or first)
+
+
+def register(app: typer.Typer) -> None:
+    """Add the verb."""
+    app.command("timeline")(_timeline)
