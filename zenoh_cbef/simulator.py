@@ -82,7 +82,9 @@ class _Counts:
     def add(self, fate: Fate) -> None:
         """What became of the messages, arrays (e,)."""
         for name in self._fates:
-            self._fates[name] += getattr(fate, name)
+            struck = getattr(fate, name)
+            if struck.any():
+                self._fates[name] += struck
 
     def links(self, mine: slice, source: Ints, destination: Ints) -> Links:
         """The counts of one run's links."""

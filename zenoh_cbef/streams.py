@@ -22,9 +22,16 @@ _MASK = (1 << 64) - 1
 
 
 def _mix(z: Keys) -> Keys:
-    z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-    z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-    return z ^ (z >> np.uint64(31))
+    """The finaliser. Works in place, on a result that nobody else holds: arrays are many, and memory is slow."""
+    shifted = z >> np.uint64(30)
+    z ^= shifted
+    z *= np.uint64(0xBF58476D1CE4E5B9)
+    np.right_shift(z, np.uint64(27), out=shifted)
+    z ^= shifted
+    z *= np.uint64(0x94D049BB133111EB)
+    np.right_shift(z, np.uint64(31), out=shifted)
+    z ^= shifted
+    return z
 
 
 def _words(values: ArrayLike) -> Keys:
@@ -49,9 +56,38 @@ def bits(key: Keys, step: ArrayLike, lane: ArrayLike = 0) -> Keys:
     return _mix(_mix(key + _STEP * _words(step)) + _LANE * _words(lane))
 
 
+def _unit(words: Keys) -> Floats:
+    words >>= np.uint64(11)
+    return np.asarray(words * 2.0**-53, dtype=np.float64)
+
+
+class LinkStreams:
+    """The streams of directed links, arrays (e,): each is keyed once, and advanced once in a step."""
+
+    def __init__(self, seed: ArrayLike, source: ArrayLike, destination: ArrayLike) -> None:
+        self._links = seed, source, destination
+        self._keys: dict[str, Keys] = {}
+        self._steps: dict[str, tuple[int, Keys]] = {}
+
+    def key(self, purpose: str) -> Keys:
+        """The keys of the streams of one purpose."""
+        if purpose not in self._keys:
+            seed, source, destination = self._links
+            self._keys[purpose] = stream(seed, purpose, source, destination)
+        return self._keys[purpose]
+
+    def uniform(self, purpose: str, step: int, lane: int) -> Floats:
+        """What `uniform` of their keys gives."""
+        latest, advanced = self._steps.get(purpose, (None, None))
+        if advanced is None or latest != step:
+            advanced = _mix(self.key(purpose) + _STEP * _words(step))
+            self._steps[purpose] = step, advanced
+        return _unit(_mix(advanced + _LANE * _words(lane)))
+
+
 def uniform(key: Keys, step: ArrayLike, lane: ArrayLike = 0) -> Floats:
     """Uniform draws in [0, 1)."""
-    return np.asarray((bits(key, step, lane) >> np.uint64(11)) * 2.0**-53, dtype=np.float64)
+    return _unit(bits(key, step, lane))
 
 
 def normal(key: Keys, step: ArrayLike, lane: ArrayLike = 0) -> Floats:

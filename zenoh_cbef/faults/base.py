@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from zenoh_cbef.streams import LinkStreams
+
 Bools = NDArray[np.bool_]
 Floats = NDArray[np.float64]
 Ids = NDArray[np.int64]
@@ -25,6 +27,7 @@ class Messages:
 
     step: from 1. round: 0 for the ranges. dt: s. per_step: how many messages a link carries in a step; they count
     as sent in equal intervals of `spacing` s. number: how many a link has carried before this one.
+    streams: of the links.
     """
 
     seed: Seeds
@@ -35,6 +38,11 @@ class Messages:
     dt: float
     per_step: int
     ranges: bool
+    streams: LinkStreams
+
+    def uniform(self, purpose: str) -> Floats:
+        """A uniform draw for each message, (e,), in [0, 1)."""
+        return self.streams.uniform(purpose, self.step, self.round)
 
     @property
     def number(self) -> int:

@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from zenoh_cbef.faults.base import Bools, Effect, LinkFault, Messages, Probability
-from zenoh_cbef.streams import stream, uniform
+from zenoh_cbef.streams import uniform
 
 _LEAST = 1e-3
 _WIDEST = 256
@@ -43,9 +43,8 @@ class BurstLoss(LinkFault):
     def effect(self, messages: Messages, index: int) -> Effect:
         """Lost with the probability of the link's state."""
         bad = self._bad(messages, index)
-        key = stream(messages.seed, f"burst-loss/{index}", messages.source, messages.destination)
         chance = np.where(bad, self.loss_in_bad, self.loss_in_good)
-        return Effect(lost=uniform(key, messages.step, messages.round) < chance)
+        return Effect(lost=messages.uniform(f"burst-loss/{index}") < chance)
 
     def _bad(self, messages: Messages, index: int) -> Bools:
         """Which links (e,) are in their bad state, exactly, without their history.
@@ -55,7 +54,7 @@ class BurstLoss(LinkFault):
         the larger, both change). So the latest draw outside that band tells the state, whatever came before it:
         coupling from the past (Propp, Wilson, Random Structures and Algorithms 9, 1996).
         """
-        key = stream(messages.seed, f"burst-loss/{index}/state", messages.source, messages.destination)
+        key = messages.streams.key(f"burst-loss/{index}/state")
         low, high = sorted((self.good_to_bad, 1.0 - self.bad_to_good))
         changes = self.good_to_bad > 1.0 - self.bad_to_good
         bad = np.zeros(len(key), dtype=bool)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Literal
 
 from zenoh_cbef.faults.base import Effect, LinkFault, Messages, Probability
-from zenoh_cbef.streams import stream, uniform
 
 
 class Corrupt(LinkFault):
@@ -16,5 +15,4 @@ class Corrupt(LinkFault):
 
     def effect(self, messages: Messages, index: int) -> Effect:
         """Corrupted where a uniform draw falls below the probability."""
-        key = stream(messages.seed, f"corrupt/{index}", messages.source, messages.destination)
-        return Effect(corrupted=uniform(key, messages.step, messages.round) < self.probability)
+        return Effect(corrupted=messages.uniform(f"corrupt/{index}") < self.probability)

@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from zenoh_cbef.faults.base import Effect, Floats, Ids, LinkFault, Messages
-from zenoh_cbef.streams import Keys, exponential, normal, stream, uniform
+from zenoh_cbef.streams import Keys, exponential, normal, uniform
 
 Milliseconds = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
 
@@ -53,8 +53,7 @@ class Delay(LinkFault):
         """Each message's own delay, for every link (e, ...) at steps and rounds (...)."""
         name = f"delay/{index}"
         jitter, size = (
-            stream(messages.seed, purpose, messages.source, messages.destination).reshape(-1, *[1] * step.ndim)
-            for purpose in (name, f"{name}/size")
+            messages.streams.key(purpose).reshape(-1, *[1] * step.ndim) for purpose in (name, f"{name}/size")
         )
         delay = self._milliseconds(size, step, round_) + self.jitter_ms * uniform(jitter, step, round_)
         return np.asarray(1e-3 * delay)

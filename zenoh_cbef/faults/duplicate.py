@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Literal
 
 from zenoh_cbef.faults.base import Effect, LinkFault, Messages, Probability
-from zenoh_cbef.streams import stream, uniform
 
 
 class Duplicate(LinkFault):
@@ -16,5 +15,4 @@ class Duplicate(LinkFault):
 
     def effect(self, messages: Messages, index: int) -> Effect:
         """Duplicated where a uniform draw falls below the probability."""
-        key = stream(messages.seed, f"duplicate/{index}", messages.source, messages.destination)
-        return Effect(duplicated=uniform(key, messages.step, messages.round) < self.probability)
+        return Effect(duplicated=messages.uniform(f"duplicate/{index}") < self.probability)

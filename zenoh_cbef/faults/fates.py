@@ -8,6 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from zenoh_cbef.faults.base import Bools, Fault, Floats, Ids, MessageFault, Messages, Seeds
+from zenoh_cbef.streams import LinkStreams
+
+_FLAGS = ("lost", "overtaken", "corrupted", "duplicated", "absent")
 
 
 @dataclass(frozen=True)
@@ -62,34 +65,58 @@ class Fates:
         self._seed, self._source, self._destination = seed, source, destination
         self._dt, self._per_step, self._ranges = dt, max(1, rounds + ranges), ranges
         self._realtime, self._spare = realtime, lag * dt
+        self._streams = LinkStreams(seed, source, destination)
+        # What no fault touches is shared, so nobody may write into it.
+        self._never, self._none = np.zeros(source.shape, dtype=bool), np.zeros(source.shape)
+        self._never.flags.writeable = self._none.flags.writeable = False
 
     def of(self, step: int, round_: int) -> Fate:
         """What becomes of the messages sent in one round of a step (round 0: the ranges)."""
-        links = self._source.shape
-        flags = {
-            name: np.zeros(links, dtype=bool) for name in ("lost", "overtaken", "corrupted", "duplicated", "absent")
-        }
-        delay = np.zeros(links)
-        messages = Messages(
-            self._seed, self._source, self._destination, step, round_, self._dt, self._per_step, self._ranges
-        )
+        messages = self._messages(step, round_)
+        struck: dict[str, Bools] = {}
+        delay = self._none
         for index, fault, chosen in self._faults:
             if not fault.active(step * self._dt):
                 continue
             effect = fault.effect(messages, index)
-            for name, before in flags.items():
-                struck = getattr(effect, name)
-                if struck is not None:
-                    np.logical_or(before, chosen & struck, out=before)
+            for name in _FLAGS:
+                flag = getattr(effect, name)
+                if flag is not None:
+                    flag = flag & chosen
+                    struck[name] = struck[name] | flag if name in struck else flag
             if effect.delay is not None:
-                delay += np.where(chosen, effect.delay, 0.0)
-        absent = flags["absent"]
-        lost, overtaken = flags["lost"] & ~absent, flags["overtaken"] & (self._spare == 0.0)
-        delay = np.maximum(delay - self._spare, 0.0)
-        late = ~(lost | absent) & (overtaken if self._realtime else overtaken | (delay > 0.0))
-        corrupted = flags["corrupted"] & ~(absent | lost | late)
-        duplicated = flags["duplicated"] & ~(absent | lost | late | corrupted)
-        return Fate(lost, late, corrupted, duplicated, delay, absent)
+                delay = delay + np.where(chosen, effect.delay, 0.0)
+        overtaken = struck.pop("overtaken", None)
+        if delay is not self._none or overtaken is not None:
+            delay = np.maximum(delay - self._spare, 0.0)
+            after = self._never if overtaken is None or self._spare else overtaken
+            struck["late"] = after if self._realtime else after | (delay > 0.0)
+        return Fate(delay=delay, **self._apart(struck))
+
+    def _messages(self, step: int, round_: int) -> Messages:
+        return Messages(
+            self._seed,
+            self._source,
+            self._destination,
+            step,
+            round_,
+            self._dt,
+            self._per_step,
+            self._ranges,
+            self._streams,
+        )
+
+    def _apart(self, struck: dict[str, Bools]) -> dict[str, Bools]:
+        """What several faults do to one message is what the first of these names says."""
+        apart, before = {}, None
+        for name in ("absent", "lost", "late", "corrupted", "duplicated"):
+            flag = struck.get(name)
+            if flag is None:
+                apart[name] = self._never
+                continue
+            apart[name] = flag if before is None else flag & ~before
+            before = flag if before is None else before | flag
+        return apart
 
     def reaches(self, step: int) -> Bools:
         """Over which links (e,) somebody who keeps asking is answered in a step: those that nothing cuts."""

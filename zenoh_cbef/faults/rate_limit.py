@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from zenoh_cbef.faults.base import Effect, LinkFault, Messages
-from zenoh_cbef.streams import stream, uniform
+from zenoh_cbef.streams import uniform
 
 
 class RateLimit(LinkFault):
@@ -22,7 +22,7 @@ class RateLimit(LinkFault):
 
     def effect(self, messages: Messages, index: int) -> Effect:
         """Lost where no token has come since the message before."""
-        key = stream(messages.seed, f"rate-limit/{index}", messages.source, messages.destination)
+        key = messages.streams.key(f"rate-limit/{index}")
         tokens = self.messages_per_second * messages.spacing
         phase, number = uniform(key, 0), messages.number
         return Effect(lost=np.floor(phase + (number + 1) * tokens) == np.floor(phase + number * tokens))

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Literal
 
 from zenoh_cbef.faults.base import Effect, LinkFault, Messages, Probability
-from zenoh_cbef.streams import stream, uniform
 
 
 class Reorder(LinkFault):
@@ -16,5 +15,4 @@ class Reorder(LinkFault):
 
     def effect(self, messages: Messages, index: int) -> Effect:
         """Overtaken where a uniform draw falls below the probability."""
-        key = stream(messages.seed, f"reorder/{index}", messages.source, messages.destination)
-        return Effect(overtaken=uniform(key, messages.step, messages.round) < self.probability)
+        return Effect(overtaken=messages.uniform(f"reorder/{index}") < self.probability)
