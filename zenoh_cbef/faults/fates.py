@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -33,6 +33,10 @@ class Fate:
     def due(self) -> Bools:
         """Which messages arrive intact within their own round."""
         return ~(self.absent | self.lost | self.late | self.corrupted)
+
+    def on(self, links: slice) -> Fate:
+        """The fate of the messages on some of the links."""
+        return Fate(*(getattr(self, field.name)[links] for field in fields(self)))
 
 
 class Fates:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 import tomllib
 from dataclasses import dataclass
-from math import isfinite
 
 import numpy as np
 
@@ -19,9 +18,10 @@ from zenoh_cbef.nodes.node import Identity, Node
 from zenoh_cbef.nodes.readers import beacon_inbox
 from zenoh_cbef.nodes.rejections import Rejections
 from zenoh_cbef.nodes.standstill import die, stand_still
+from zenoh_cbef.protocol.bodies import estimate_body, range_body
 from zenoh_cbef.protocol.latest import Latest
 from zenoh_cbef.protocol.mailbox import Mailbox
-from zenoh_cbef.protocol.messages import BIAS, DISTRUST, BadMessage, decode, nan_to_nil, pack_floats
+from zenoh_cbef.protocol.messages import BadMessage, decode
 from zenoh_cbef.protocol.round_codec import RoundCodec
 from zenoh_cbef.protocol.scenario_service import fetch_scenario
 from zenoh_cbef.scenario import Scenario
@@ -31,7 +31,6 @@ from zenoh_cbef.scenario.load import parse
 from zenoh_cbef.scenario.world import agent_positions
 from zenoh_cbef.simulator import measured
 from zenoh_cbef.tracking.ranging import Measurement
-from zenoh_cbef.tracking.tracker import Estimate
 
 _LEASE_SHARE = 0.4
 
@@ -170,7 +169,7 @@ class Agent:
         position = self.path[step - 1]
         told = self.outgoing.ranges(step, np.array([beacon.range]))
         if not self.absences.at(step)[self.agent]:
-            self._range_out.send(k=step, position=position.tolist(), range=nan_to_nil(told[0]))
+            self._range_out.send(**range_body(step, position, told[0]))
         heard = self.neighbourhood.ranges(step, self._deadline(step, 0))
         return Measurement(
             position[None].copy(), np.array([beacon.range]), np.array([beacon.age]), heard.positions, heard.ranges
@@ -185,32 +184,10 @@ class Agent:
                 self._round_out.send_round(self._codec, step, round_, sent[0])
             received, delivered = self.neighbourhood.round(step, round_, self._deadline(step, round_))
             message = self.tracker.exchange(received, delivered)
-        estimate = self.tracker.conclude()
-        if away:
-            self.neighbourhood.take_counts()  # of a step of which nothing is told
-        else:
-            self._publish(step, estimate)
-
-    def _publish(self, step: int, estimate: Estimate) -> None:
-        if not np.isfinite(estimate.state).all():
-            raise UserError(
-                f"agent {self.agent}'s estimate is no longer finite at step {step}; "
-                "the filter diverges in this scenario, see docs/method.md"
-            )
-        covariance = estimate.covariance
-        sometimes = zip((DISTRUST, *BIAS), (estimate.distrust[0], *estimate.bias[0]), strict=True)
-        data = self._estimate_out.send(
-            k=step,
-            state=estimate.state[0].tolist(),
-            innovation=nan_to_nil(estimate.innovation[0]),
-            weight=nan_to_nil(estimate.weight[0]),
-            nis=nan_to_nil(estimate.nis[0]),
-            nis_degrees=int(estimate.nis_degrees[0]),
-            **{name: float(value) for name, value in sometimes if isfinite(value)},
-            **self.neighbourhood.take_counts(),
-            covariance=None if covariance is None else pack_floats(covariance[0]),
-        )
-        self._latest.keep(step, data)
+        estimate, counts = self.tracker.conclude(), self.neighbourhood.take_counts()
+        if not away:
+            data = self._estimate_out.send(**estimate_body(step, estimate, 0, self.agent, counts))
+            self._latest.keep(step, data)
 
     def finish(self, last: int) -> None:
         """Say what was done and sent, so that the log can be checked for completeness."""
