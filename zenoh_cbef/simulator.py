@@ -38,13 +38,14 @@ class Heard:
 class Step:
     """One simulated step: the messages sent in every round (L, N, d), and the estimates.
 
-    absent: (N,), the agents that were not there, and what they would have sent and estimated is nobody's business.
-    fates: of the messages that were to be used, round by round, over the present neighbours of all rows in order;
-    none where no fault touches any link.
+    told: (N,), ranges as they were sent to neighbours, m. fates: of the messages that were to be used, round by round,
+    over the present neighbours of all rows in order; none where no fault touches any link. absent: (N,), the agents
+    that were not there: what they would have sent and estimated is nobody's business.
     """
 
     sent: list[Floats]
     estimate: Estimate
+    told: Floats
     fates: list[Fate]
     absent: Bools
 
@@ -153,7 +154,7 @@ class Simulation:
         due[present] = fate.due
         return due
 
-    def _measurement(self, step: int) -> Measurement:
+    def _measurement(self, step: int, told: Floats) -> Measurement:
         position, range_, age = (
             part[:, step - 1] for part in (self.heard.positions, self.heard.ranges, self.heard.age)
         )
@@ -167,7 +168,7 @@ class Simulation:
             range_,
             age,
             np.where(delivered[:, :, None], position[index], 0.0),
-            np.where(delivered, self._outgoing.ranges(step, range_)[index], np.nan),
+            np.where(delivered, told[index], np.nan),
         )
 
     def _welcome(self, step: int) -> None:
@@ -187,7 +188,8 @@ class Simulation:
         self._noted = []
         if self.absences.reborn(step).any():
             self._welcome(step)
-        message = self.tracker.measure(self._measurement(step))
+        told = self._outgoing.ranges(step, self.heard.ranges[:, step - 1])
+        message = self.tracker.measure(self._measurement(step, told))
         sent: list[Floats] = []
         self._sent.append(sent)
         used = step - self.scenario.consensus.lag
@@ -197,7 +199,7 @@ class Simulation:
             delivered = self._delivered(used, round_) if used >= 1 else nobody
             message = self.tracker.exchange(self._sent[0][round_ - 1].take(self.neighbours.index, axis=0), delivered)
         estimate = self._estimate = self.tracker.conclude()
-        return Step(sent, estimate, self._noted, np.tile(self.absences.at(step), self._runs))
+        return Step(sent, estimate, told, self._noted, np.tile(self.absences.at(step), self._runs))
 
 
 def simulate(

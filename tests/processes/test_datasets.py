@@ -43,7 +43,8 @@ def test_a_recorded_set_runs_end_to_end(world, name):
     assert metrics["ratio_to_centralized"] < 1.1
 
 
-def test_a_small_set_with_sparse_ids_and_a_known_height_is_tracked(world, tmp_path):
+def small_set(folder: Path) -> Path:
+    """Four anchors with sparse ids around a target that walks a circle at a known height."""
     rng = np.random.default_rng(4)
     anchors = {3: (0.0, 0.0, 2.0), 17: (10.0, 0.0, 2.0), 40: (10.0, 10.0, 2.0), 99: (0.0, 10.0, 2.0)}
     times = np.arange(0.0, 8.0, 0.02)
@@ -53,12 +54,15 @@ def test_a_small_set_with_sparse_ids_and_a_known_height_is_tracked(world, tmp_pa
         label = list(anchors)[int(rng.integers(4))]
         distance = np.linalg.norm(place - anchors[label])
         lines.append(f"{t:.3f},{label},{distance + rng.normal(0, 0.05):.4f}")
-    folder = tmp_path / "set"
     folder.mkdir()
     rows = "\n".join(f"{label},{x},{y},{z}" for label, (x, y, z) in anchors.items())
     (folder / "anchors.csv").write_text("id,x,y,z\n" + rows + "\n")
     (folder / "ranges.csv").write_text("t,anchor_id,range\n" + "\n".join(lines) + "\n")
     truth = "\n".join(f"{t:.3f},{x:.4f},{y:.4f},{z:.4f}" for t, (x, y, z) in zip(times, path, strict=True))
     (folder / "truth.csv").write_text("t,x,y,z\n" + truth + "\n")
-    metrics = track(world, folder, ("0.1", "0.05", "1.0"), steps=79)
+    return folder
+
+
+def test_a_small_set_with_sparse_ids_and_a_known_height_is_tracked(world, tmp_path):
+    metrics = track(world, small_set(tmp_path / "set"), ("0.1", "0.05", "1.0"), steps=79)
     assert metrics["position_rmse"] < 0.1

@@ -22,6 +22,7 @@ _VERBS = (
     "verify",
     "info",
     "export",
+    "reestimate",
     "design",
     "compare",
     "timeline",

@@ -17,6 +17,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from zenoh_cbef.analysis.metrics import analyze
 from zenoh_cbef.analysis.outputs import write_outputs
 from zenoh_cbef.cli.options import Overrides, ScenarioName
+from zenoh_cbef.cli.places import new_folder
 from zenoh_cbef.cli.tables import console, errors, metrics_table, number, scheme_line
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.contents import find_log
@@ -101,7 +102,7 @@ def _run(
     if line := scheme_line(loaded.scenario):
         errors.print(line, highlight=False, soft_wrap=True)
     run = name or f"{loaded.scenario.name}-{datetime.now().astimezone():%Y%m%d-%H%M%S}"
-    path = log or _new_folder(run) / "run.mcap"
+    path = log or new_folder(run) / "run.mcap"
     if path.exists():
         raise UserError(f"{path} exists and logs are never overwritten; choose another --log, or move it away")
     with _StopRequests() as stops:
@@ -135,20 +136,6 @@ def _execute(
     mistakes = [death for death in deaths if death.status == 2]
     first = (mistakes or deaths)[0] if deaths else None
     raise UserError(f"the run did not start: {first or 'no step was ever finished; see its log'}")
-
-
-def _new_folder(run: str) -> Path:
-    folder = Path("logs") / run
-    for attempt in range(2, 100):
-        try:
-            folder.mkdir(parents=True)
-        except FileExistsError:
-            folder = Path("logs") / f"{run}-{attempt}"
-        except OSError as error:
-            raise UserError(f"cannot make {folder}: {error.strerror}; choose a place with --log") from None
-        else:
-            return folder
-    raise UserError(f"logs/{run} and 98 more exist; choose a place with --log")
 
 
 def _point_latest_at(folder: Path) -> None:

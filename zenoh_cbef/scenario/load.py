@@ -35,7 +35,7 @@ def load(name: str, overrides: Sequence[str] = ()) -> Loaded:
     """Read a scenario, apply `a.b=c` overrides, lay out recorded data. Raises UserError with the remedy."""
     source, data, folder = read_tables(name)
     for override in overrides:
-        _override(data, override)
+        apply(data, override)
     return Loaded(source, complete(data, name, folder))
 
 
@@ -114,7 +114,8 @@ def value_of(text: str) -> Any:
         return text.strip()
 
 
-def _override(data: dict[str, Any], override: str) -> None:
+def apply(data: dict[str, Any], override: str) -> None:
+    """Apply one `a.b=value` to a scenario's tables. Raises UserError where it is none."""
     key, separator, text = override.partition("=")
     if not separator or not all(part.strip() for part in key.split(".")):
         raise UserError(f"--set {override!r} is not of the form a.b=value, as in --set consensus.rounds=5")

@@ -1,0 +1,141 @@
+"""The measurements of a log through the same filter give the same messages; through another one, a log to compare."""
+
+import json
+import shutil
+from collections import defaultdict
+from pathlib import Path
+
+import msgpack
+import numpy as np
+import pytest
+import tomli_w
+
+from tests.processes.conftest import World
+from tests.processes.test_datasets import small_set, track
+from tests.processes.test_faults import EVERY_KIND
+from tests.processes.test_log import copy_with
+from zenoh_cbef.log.mcap_reader import McapFile
+from zenoh_cbef.log.read_trace import read_trace
+
+OWN = ("run", "sent", "latency")
+"""Fields that are of the run, not of what was computed."""
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory) -> World:
+    world = World(tmp_path_factory.mktemp("recorded"))
+    run = world.start_run("sensor.dropout_probability=0.1", 'fault=[{kind="loss", probability=0.2}]')
+    _, err = run.communicate(timeout=120)
+    assert run.returncode == 0, err
+    yield world
+    world.end()
+
+
+def said(log: Path) -> dict[str, list[dict]]:
+    """All that target and agents sent, without what is of the run, by key; events are told apart by their sender."""
+    found = defaultdict(list)
+    for message in McapFile(log).messages():
+        body = msgpack.unpackb(message.data)
+        assert message.sequence == body["seq"]
+        key = message.channel.topic.split("/", 2)[2]
+        if key == "event":
+            if body["kind"] != "finished":
+                continue
+            key = f"{key} of {body['from']}"
+            body["data"]["sent"] = {name.split("/", 2)[2]: count for name, count in body["data"]["sent"].items()}
+            body["seq"] = 0
+        found[key].append({name: value for name, value in body.items() if name not in OWN})
+    return dict(found)
+
+
+def again(world: World, log: Path, *overrides: str) -> Path:
+    output = world.folder / "again" / f"{len(overrides)}.mcap"
+    shutil.rmtree(output.parent, ignore_errors=True)
+    options = [part for one in overrides for part in ("--set", one)]
+    done = world.call("reestimate", str(log), *options, "--output", str(output), "--run", "again")
+    assert done.returncode == 0, done.stderr
+    assert "times faster than real time" in done.stdout
+    verdict = world.call("verify", str(output))
+    assert verdict.returncode == 0, verdict.stdout
+    assert "equal bit for bit" in verdict.stdout
+    return output
+
+
+@pytest.mark.parametrize("kind", ["sicf", "ci"])
+def test_with_nothing_changed_every_message_is_that_of_the_processes(world, kind):
+    measurement = {"measurement": "difference"} if kind == "ci" else {}
+    path = world.folder / "scenario.toml"
+    path.write_text(tomli_w.dumps(EVERY_KIND | {"filter": {"kind": kind, **measurement}}))
+    done = world.call("run", str(path), "--run", world.run, "--log", str(world.log), "--no-report")
+    assert done.returncode == 0, done.stderr
+    assert said(again(world, world.log)) == said(world.log)
+
+
+def test_recorded_data_in_a_plane_give_the_same_messages_and_need_no_folder(world, tmp_path):
+    folder = small_set(tmp_path / "set")
+    track(world, folder, ("0.1", "0.05", "1.0"), steps=40)
+    shutil.rmtree(folder)
+    assert said(again(world, world.log)) == said(world.log)
+    free = again(world, world.log, "filter.kind=ci", "filter.initial_position=[5.0, 5.0, 1.0]")
+    assert not np.array_equal(read_trace(free).estimates, read_trace(world.log).estimates)
+
+
+def test_another_filter_is_set_beside_the_original(recorded):
+    other = again(recorded, recorded.log, "filter.kind=local")
+    done = recorded.call("compare", str(recorded.log), str(other), "--json")
+    assert done.stderr == "", "the same truth, measurements, places and first estimates"
+    first, second = json.loads(done.stdout)
+    assert [first["filter"], second["filter"]] == ["sicf", "local"]
+    assert first["position_rmse"] < second["position_rmse"]
+    analysed = json.loads(recorded.call("analyze", str(other), "--json").stdout)
+    assert analysed["complete"] is True
+    assert analysed["messages"]["missing"] == 0
+    assert recorded.call("export", str(other), "--output", str(recorded.folder / "x.npz")).returncode == 0
+
+
+def test_a_cut_log_is_estimated_as_far_as_it_goes(recorded, tmp_path):
+    cut = tmp_path / "cut.mcap"
+    copy_with(recorded.log, cut, until_step_20)
+    trace = read_trace(again(recorded, cut))
+    assert len(trace.time) == 20
+    assert np.array_equal(trace.estimates, read_trace(recorded.log).estimates[:, :20])
+
+
+def until_step_20(_topic: str, data: bytes) -> bytes | None:
+    return data if msgpack.unpackb(data).get("k", 0) <= 20 else None
+
+
+@pytest.mark.parametrize(
+    ("override", "words"),
+    [
+        ("seed=5", "seed says how the log's ranges came about"),
+        ("sensor.range_std=0.3", "filter.range_std in place of sensor.range_std"),
+        ("steps=41", "beacons of 40 steps"),
+        ('fault=[{kind="sensor-bias", bias=1.0}]', "faults of sensors"),
+        ("filter.kind=kalman", "filter.kind"),
+    ],
+)
+def test_what_was_measured_cannot_be_changed_afterwards(recorded, override, words):
+    before = sorted(recorded.folder.rglob("*"))
+    done = recorded.call("reestimate", str(recorded.log), "--set", override)
+    assert done.returncode == 2
+    assert words in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert sorted(recorded.folder.rglob("*")) == before
+
+
+def test_a_log_without_beacons_is_refused(recorded, tmp_path):
+    poor = tmp_path / "poor.mcap"
+    copy_with(recorded.log, poor, lambda topic, data: None if "/beacon/" in topic else data)
+    done = recorded.call("reestimate", str(poor))
+    assert done.returncode == 2
+    assert "holds no beacons" in done.stderr
+
+
+def test_a_filter_that_diverges_leaves_nothing_behind(recorded):
+    before = sorted(recorded.folder.rglob("*"))
+    far = "filter.initial_position=[1e170, 0.0, 0.0]"
+    done = recorded.call("reestimate", str(recorded.log), "--set", far)
+    assert done.returncode == 2
+    assert "no longer finite" in done.stderr
+    assert {*recorded.folder.rglob("*")} - {*before} <= {recorded.folder / "logs"}

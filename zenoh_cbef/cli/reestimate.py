@@ -1,0 +1,62 @@
+"""reestimate: a log's measurements through another filter."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.progress import Progress
+
+from zenoh_cbef.cli.options import LogFile, Overrides
+from zenoh_cbef.cli.places import new_folder
+from zenoh_cbef.cli.tables import console, errors, number, scheme_line
+from zenoh_cbef.log.measurements import read_measurements
+from zenoh_cbef.log.reestimate import Reestimated, reestimate
+from zenoh_cbef.scenario.checks import check
+
+
+def _reestimate(
+    log: LogFile = Path("logs/latest"),
+    overrides: Overrides = None,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="The log to write; default: a folder of its own in logs/.")
+    ] = None,
+    run: Annotated[str | None, typer.Option("--run", help="Its run's name; default: the log's and the filter.")] = None,
+) -> None:
+    """Estimate again from the measurements of a log, with another filter or parameters, without processes.
+
+    The result is a log too, for 'compare', 'analyze', 'verify' and 'export'.
+    """
+    found = read_measurements(log)
+    loaded = found.loaded(overrides or ())
+    for warning in check(loaded.scenario):
+        errors.print(f"warning: {warning}", highlight=False, soft_wrap=True)
+    if line := scheme_line(loaded.scenario):
+        errors.print(line, highlight=False, soft_wrap=True)
+    name = run or f"{found.header.run}-{loaded.scenario.filter.kind}"
+    path = output or new_folder(name) / "run.mcap"
+    try:
+        with Progress(console=errors, transient=True, disable=not errors.is_terminal) as progress:
+            task = progress.add_task("estimating", total=loaded.scenario.length)
+            done = reestimate(found, loaded, name, path, lambda step: progress.update(task, completed=step))
+    except BaseException:
+        if output is None:
+            path.parent.rmdir()
+        raise
+    console.print(_figures(done), highlight=False, soft_wrap=True)
+    console.print(f"log     {path}", highlight=False, soft_wrap=True)
+
+
+def _figures(done: Reestimated) -> str:
+    whole = done.computing_seconds + done.writing_seconds
+    return (
+        f"{done.steps} steps of {number(done.run_seconds, 's')}: estimated in {number(done.computing_seconds, 's')}, "
+        f"{number(done.run_seconds / done.computing_seconds)} times faster than real time; "
+        f"with its log in {number(whole, 's')}, {number(done.run_seconds / whole)} times"
+    )
+
+
+def register(app: typer.Typer) -> None:
+    """Add the verb."""
+    app.command("reestimate")(_reestimate)
