@@ -91,6 +91,7 @@ def test_every_key_expression_and_message_field_is_documented():
         keys.truth,
         keys.event,
         keys.faults,
+        keys.replay,
         keys.all_live.replace("**", "{role}/{name}"),
     ]
     # The keys of an agent take its number; the page writes {id} for it.

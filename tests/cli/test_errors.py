@@ -41,6 +41,7 @@ MISTAKES = {
     "no such picture": (["compare", "nowhere.mcap", "-o", "x.gif"], ".csv for the rows or .html"),
     "no percentage": (["design", "--within", "little"], "--within 1%"),
     "nothing to estimate from": (["reestimate", "nowhere.mcap"], "there is no log"),
+    "nothing to replay": (["replay", "nowhere.mcap"], "there is no log"),
     "no folder": (["export", "nowhere.mcap", "--to", "npz"], "there is no log"),
 }
 
@@ -57,7 +58,7 @@ def test_a_mistake_is_one_sentence_with_its_remedy(monkeypatch, capsys, tmp_path
     assert not list(tmp_path.iterdir()), "a refused command leaves nothing behind"
 
 
-@pytest.mark.parametrize("verb", ["info", "analyze", "verify", "export", "reestimate"])
+@pytest.mark.parametrize("verb", ["info", "analyze", "verify", "export", "reestimate", "replay"])
 def test_a_file_that_is_no_mcap_is_refused(monkeypatch, capsys, tmp_path, verb):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "text.mcap").write_text("hello")

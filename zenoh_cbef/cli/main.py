@@ -23,6 +23,7 @@ _VERBS = (
     "info",
     "export",
     "reestimate",
+    "replay",
     "design",
     "compare",
     "timeline",

@@ -17,7 +17,7 @@ from zenoh_cbef.protocol.keys import Keys
 from zenoh_cbef.protocol.messages import encode
 from zenoh_cbef.protocol.round_codec import RoundCodec
 from zenoh_cbef.scenario import Scenario
-from zenoh_cbef.scenario.build import fates_into, filter_of, message_size, rounds_of
+from zenoh_cbef.scenario.build import absences_of, fates_into, filter_of, message_size, rounds_of
 from zenoh_cbef.simulator import Step
 from zenoh_cbef.tracking.graph import Neighbours
 
@@ -30,7 +30,7 @@ class _Received:
     def __init__(self, ids: Sequence[int], links: slice, *, quiet: bool) -> None:
         self._ids, self._links, self._quiet = list(ids), links, quiet
         self._due = 0
-        self._missed = {name: np.zeros(len(self._ids), dtype=np.int64) for name in ("lost", "late", "corrupted")}
+        self._missed = {name: np.zeros(len(self._ids), dtype=np.int64) for name in ("absent", "lost", "late", "corrupted")}
         self._injected = Injected(len(self._ids))
 
     def counts(self, due: int, fates: Sequence[Fate]) -> dict[str, Any]:
@@ -44,12 +44,19 @@ class _Received:
         lost = self._missed["lost"] + self._missed["corrupted"]
         found: dict[str, Any] = {
             "neighbours": self._ids,
-            "received": (self._due - lost - self._missed["late"]).tolist(),
+            "received": (self._due - lost - self._missed["late"] - self._missed["absent"]).tolist(),
             "lost": lost.tolist(),
             "late": self._missed["late"].tolist(),
             "latency": [None] * len(self._ids),
         }
         return found if self._quiet else found | self._injected.take()
+
+    def forget(self) -> None:
+        """Count from now on: the agent will be started again."""
+        self._due = 0
+        for counts in self._missed.values():
+            counts[:] = 0
+        self._injected.forget(slice(None))
 
     @property
     def rejected(self) -> int:
@@ -62,7 +69,7 @@ class ComputedRun:
 
     def __init__(self, log: RunLog, run: str, scenario: Scenario, neighbours: Neighbours) -> None:
         self._log, self._run, self._scenario = log, run, scenario
-        self._keys = Keys(run)
+        self._keys, self._absences = Keys(run), absences_of(scenario)
         self._rounds, self._shares_ranges = rounds_of(scenario), filter_of(scenario).uses_neighbour_ranges
         self._sent: Counter[tuple[str, str]] = Counter()
         self._now = 0
@@ -84,19 +91,25 @@ class ComputedRun:
     def step(self, number: int, positions: Floats, step: Step, begin: int, end: int) -> None:
         """All that the agents send in a step from one moment (ns) to another. positions: (n, 3)."""
         pause = (end - begin) // (self._rounds + 2)
-        for agent, (position, told) in enumerate(zip(positions, step.told, strict=True)):
-            self.say(f"agent/{agent}", self._keys.range(agent), begin, range_body(number, position, told))
+        there = np.flatnonzero(~step.absent).tolist()
+        for agent in there:
+            body = range_body(number, positions[agent], step.told[agent])
+            self.say(f"agent/{agent}", self._keys.range(agent), begin, body)
         for round_, sent in enumerate(step.sent, 1):
             moment = begin + round_ * pause
-            for agent, payload in enumerate(sent):
+            for agent in there:
                 key = self._keys.round(agent)
                 seq = self._number(f"agent/{agent}", key, moment)
-                self._log.add(key, self._codecs[agent].encode(seq, self._now, number, round_, payload), self._now)
+                self._log.add(key, self._codecs[agent].encode(seq, self._now, number, round_, sent[agent]), self._now)
         used = number - self._scenario.consensus.lag
         due = self._shares_ranges + (self._rounds if used >= 1 else 0)
         for agent, received in enumerate(self._received):
-            body = estimate_body(number, step.estimate, agent, agent, received.counts(due, step.fates))
-            self.say(f"agent/{agent}", self._keys.estimate(agent), begin + (self._rounds + 1) * pause, body)
+            counts = received.counts(due, step.fates)
+            if not step.absent[agent]:
+                body = estimate_body(number, step.estimate, agent, agent, counts)
+                self.say(f"agent/{agent}", self._keys.estimate(agent), begin + (self._rounds + 1) * pause, body)
+            elif self._absences.crashed(number)[agent]:
+                received.forget()
 
     def end(self, last: int) -> None:
         """What every process says when it ends."""

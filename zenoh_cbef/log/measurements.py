@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -12,7 +12,7 @@ import numpy as np
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.faults import SensorFault
 from zenoh_cbef.log.contents import Header, open_log, read_header
-from zenoh_cbef.log.mcap_reader import McapFile
+from zenoh_cbef.log.mcap_contents import RawMessage
 from zenoh_cbef.log.run_log import RESOLVED, SOURCE
 from zenoh_cbef.protocol.keys import Address, address, agent_of
 from zenoh_cbef.protocol.messages import BadMessage, decode, nil_to_nan
@@ -96,15 +96,15 @@ def read_measurements(path: Path) -> Measurements:
     header = read_header(file, path)
     source = file.attachments.get(SOURCE) or file.attachments[RESOLVED]
     found = Measurements(header, source.decode(errors="replace"))
-    _gather(file, found)
+    _gather(file.messages(), found)
     if found.steps == 0:
         raise UserError(f"the log of run {header.run!r} holds no beacons, so there is nothing to estimate from")
     return found
 
 
-def _gather(file: McapFile, found: Measurements) -> None:
+def _gather(messages: Iterable[RawMessage], found: Measurements) -> None:
     run, known = found.header.run, dict[str, Address | None]()
-    for raw in file.messages():
+    for raw in messages:
         topic = raw.channel.topic
         at = known[topic] if topic in known else known.setdefault(topic, _measured(topic, found.header))
         if at is None:

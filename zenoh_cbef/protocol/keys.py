@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
+from functools import cache
 
 
 @dataclass(frozen=True)
@@ -25,6 +27,11 @@ class Keys:
     def scenario(self) -> str:
         """Queryable: the scenario, as written and as resolved."""
         return f"{self.root}/scenario"
+
+    @property
+    def replay(self) -> str:
+        """Queryable of a replay: pauses it, seeks, and so on."""
+        return f"{self.root}/replay"
 
     @property
     def truth(self) -> str:
@@ -101,3 +108,17 @@ def agent_of(key: str) -> int:
     """The agent whose key (beacon, range, round, estimate) this is."""
     parts = key.split("/")
     return int(parts[3])
+
+
+def matches(expression: str, key: str) -> bool:
+    """Whether a key expression stands for a key: * is any part of it, ** any number of parts, $* any characters."""
+    return _pattern(expression).fullmatch("/" + key) is not None
+
+
+@cache
+def _pattern(expression: str) -> re.Pattern[str]:
+    parts = []
+    for part in expression.split("/"):
+        inside = "[^/]*".join(re.escape(piece) for piece in part.split("$*"))
+        parts.append({"*": "/[^/]+", "**": "(?:/[^/]+)*"}.get(part, "/" + inside))
+    return re.compile("".join(parts))

@@ -1,0 +1,42 @@
+"""The queryable of a replay: `cbef/{run}/replay?pause`, `?rate=2`, `?seek=12.5`, several parted by a semicolon."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import msgpack
+import zenoh
+
+from zenoh_cbef.errors import UserError
+from zenoh_cbef.protocol.keys import Keys
+from zenoh_cbef.protocol.messages import VERSION
+
+Orders = list[tuple[str, str]]
+
+
+def serve_replay(
+    session: zenoh.Session, run: str, obey: Callable[[Orders], Mapping[str, Any]]
+) -> zenoh.Queryable[None]:
+    """Answer queries until the returned queryable is dropped.
+
+    obey: does what a query asks for, (what, value) in order, and tells how things are then, for a msgpack map. Its
+    UserError becomes the reply's error. Called from a thread of the session.
+    """
+    key = Keys(run).replay
+
+    def reply(query: zenoh.Query) -> None:
+        with query:
+            try:
+                state = obey(_orders(str(query.parameters)))
+            except UserError as error:
+                query.reply_err(str(error).encode())
+            else:
+                query.reply(key, msgpack.packb({"v": VERSION, "run": run, **state}))
+
+    return session.declare_queryable(key, reply)
+
+
+def _orders(text: str) -> Orders:
+    parts = (part.partition("=") for part in text.split(";") if part)
+    return [(what, value) for what, _, value in parts]
