@@ -211,7 +211,6 @@ def test_keys_of_a_terminal_are_obeyed(recorded, listener):
             except OSError:
                 return
 
-    at = f"tcp/127.0.0.1:{listener.port}"
     replay = subprocess.Popen(
         [
             *COMMAND,
