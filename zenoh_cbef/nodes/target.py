@@ -5,6 +5,8 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass
 
+import numpy as np
+
 from zenoh_cbef import __version__
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.faults import Absence, SensorFault
@@ -30,11 +32,12 @@ _LONGER = 4.0
 
 @dataclass
 class Target:
-    """The target of a run."""
+    """The target of a run. recorded: what is measured was measured before, and no fault changes it."""
 
     node: Node
     scenario: Scenario
     world: World
+    recorded: bool = False
 
     def __post_init__(self) -> None:
         agents = range(self.scenario.count)
@@ -118,7 +121,7 @@ class Target:
         former, self.scenario = self.scenario, self.injection.scenario
         self._absences = absences_of(self.scenario)
         touched = [one for one in {*former.fault, *self.scenario.fault} if isinstance(one, SensorFault | Absence)]
-        if touched:
+        if touched and not self.recorded:
             self.world = make_world(self.scenario)
 
     def _announce_faults(self, step: int) -> None:
@@ -177,7 +180,9 @@ class Target:
             time.sleep(min(left, 0.1))
 
     def _emit(self, step: int) -> None:
-        self._truth.send(k=step, state=self.world.truth[step - 1].tolist())
+        truth = self.world.truth[step - 1]
+        if np.isfinite(truth).all():  # of a real target nobody knows it
+            self._truth.send(k=step, state=truth.tolist())
         for agent, beacon in enumerate(self._beacons):
             emitted, arrived = self.world.emitted[agent, step - 1], self.world.arrived[agent, step - 1]
             beacon.send(k=step, emitted=nan_to_nil(emitted), arrived=nan_to_nil(arrived))
@@ -200,12 +205,15 @@ class Target:
         self.node.presence.wait(lambda live: not any(name.startswith("agent/") for name in live), _LAST_WORD_SECONDS)
 
 
-def run_target(identity: Identity, loaded: Loaded) -> int:
-    """Run the target process of a scenario to its end; returns the last step."""
+def run_target(identity: Identity, loaded: Loaded, world: World | None = None) -> int:
+    """Run the target process of a scenario to its end; returns the last step.
+
+    world: what is measured, None for what the scenario says.
+    """
     with Node(identity) as node:
         node.refuse_twin()
-        target = Target(node, loaded.scenario, make_world(loaded.scenario))
-
+        emulated = make_world(loaded.scenario) if world is None else world
+        target = Target(node, loaded.scenario, emulated, recorded=world is not None)
         resolved = to_toml(loaded.scenario)
 
         def text() -> ScenarioText:
