@@ -17,7 +17,7 @@ from tests.processes.test_log import copy_with
 from zenoh_cbef.log.mcap_reader import McapFile
 from zenoh_cbef.log.read_trace import read_trace
 
-OWN = ("run", "sent", "latency")
+OWN = ("run", "sent", "latency", "at")
 """Fields that are of the run, not of what was computed."""
 
 
@@ -139,3 +139,23 @@ def test_a_filter_that_diverges_leaves_nothing_behind(recorded):
     assert done.returncode == 2
     assert "no longer finite" in done.stderr
     assert {*recorded.folder.rglob("*")} - {*before} <= {recorded.folder / "logs"}
+
+
+def test_new_agents_on_recorded_beacons_send_what_is_computed_from_them(recorded, tmp_path):
+    overrides = ("filter.kind=ci", "consensus.rounds=2", 'fault=[{kind="loss", probability=0.4}]')
+    computed = again(recorded, recorded.log, *overrides)
+    ran = tmp_path / "ran.mcap"
+    options = [part for one in overrides for part in ("--set", one)]
+    done = recorded.call("replay", str(recorded.log), "--to", "agents", *options, "--output", str(ran))
+    assert done.returncode == 0, done.stderr
+    assert said(ran) == said(computed)
+
+
+def test_new_agents_run_on_recorded_data_without_their_folder(world, tmp_path):
+    folder = small_set(tmp_path / "set")
+    track(world, folder, ("0.1", "0.05", "1.0"), steps=20)
+    shutil.rmtree(folder)
+    ran = tmp_path / "ran.mcap"
+    done = world.call("replay", str(world.log), "--to", "agents", "--output", str(ran))
+    assert done.returncode == 0, done.stderr
+    assert said(ran) == said(world.log)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
@@ -10,12 +12,15 @@ import typer
 
 from zenoh_cbef.cli.joining import Client, Config, Gossip, Lease, connection_of, identity_of
 from zenoh_cbef.cli.options import Connect, Listen, LogFile
+from zenoh_cbef.cli.run import run_processes
 from zenoh_cbef.cli.tables import number
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.log.contents import open_log, read_header
+from zenoh_cbef.log.contents import find_log, open_log, read_header
+from zenoh_cbef.log.measurements import read_measurements
 from zenoh_cbef.log.playlist import Selection
 from zenoh_cbef.nodes.player import PlayerState
 from zenoh_cbef.nodes.replay import Playback, replay_run, run_replay
+from zenoh_cbef.protocol.session import Connection
 
 _INTERRUPTED = 130
 _LISTEN = ("tcp/127.0.0.1:7447",)
@@ -23,26 +28,57 @@ _LISTEN = ("tcp/127.0.0.1:7447",)
 Patterns = list[str] | None
 
 
+class Destination(StrEnum):
+    """Who gets what was recorded."""
+
+    network = "network"
+    agents = "agents"
+
+
+To = Annotated[Destination, typer.Option("--to", help="network: all, to subscribers. agents: beacons, to new agents.")]
+Settings = Annotated[
+    list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="With --to agents: as for reestimate.")
+]
+Output = Annotated[
+    Path | None, typer.Option("--output", "-o", help="With --to agents: the log; default: a folder in logs/.")
+]
+Rate = Annotated[float, typer.Option("--rate", "-r", help="How many times real time.")]
+Loop = Annotated[bool, typer.Option("--loop", "-l", help="Begin again at the end.")]
+Offset = Annotated[float, typer.Option(min=0.0, help="Begin this many s into the log.")]
+Duration = Annotated[
+    float | None, typer.Option("--duration", "--playback-duration", min=0.0, help="Play this many s of the log.")
+]
+Topics = Annotated[Patterns, typer.Option(help="Play these keys only, as cbef/*/beacon/*; repeatable.")]
+Exclude = Annotated[Patterns, typer.Option(help="Leave these keys out; repeatable.")]
+Regex = Annotated[Patterns, typer.Option("--regex", "-y", help="Play keys that match; repeatable.")]
+ExcludeRegex = Annotated[Patterns, typer.Option("--exclude-regex", "-n", help="Leave out keys that match.")]
+Remap = Annotated[Patterns, typer.Option(metavar="OLD:=NEW", help="Call keys that begin with OLD otherwise.")]
+Paused = Annotated[bool, typer.Option("--start-paused", "-p", help="Begin paused.")]
+Delay = Annotated[float, typer.Option("--delay", "-d", min=0.0, help="Wait this many s before the first message.")]
+Wait = Annotated[bool, typer.Option("--wait", help="Wait for a subscriber first.")]
+Linger = Annotated[float, typer.Option(min=0.0, help="Stay at most this many s for subscribers that are behind.")]
+Keys = Annotated[bool, typer.Option(help="Obey the keys space, right, n, up and down.")]
+
+
 def _replay(
     log: LogFile = Path("logs/latest"),
-    rate: Annotated[float, typer.Option("--rate", "-r", help="How many times real time.")] = 1.0,
-    loop: Annotated[bool, typer.Option("--loop", "-l", help="Begin again at the end.")] = False,
-    start_offset: Annotated[float, typer.Option(min=0.0, help="Begin this many s into the log.")] = 0.0,
-    duration: Annotated[
-        float | None, typer.Option("--duration", "--playback-duration", min=0.0, help="Play this many s of the log.")
-    ] = None,
-    topics: Annotated[Patterns, typer.Option(help="Play these keys only, as cbef/*/beacon/*; repeatable.")] = None,
-    exclude: Annotated[Patterns, typer.Option(help="Leave these keys out; repeatable.")] = None,
-    regex: Annotated[Patterns, typer.Option("--regex", "-y", help="Play keys that match; repeatable.")] = None,
-    exclude_regex: Annotated[Patterns, typer.Option("--exclude-regex", "-n", help="Leave out keys that match.")] = None,
-    remap: Annotated[
-        Patterns, typer.Option(metavar="OLD:=NEW", help="Call keys that begin with OLD otherwise; repeatable.")
-    ] = None,
-    start_paused: Annotated[bool, typer.Option("--start-paused", "-p", help="Begin paused.")] = False,
-    delay: Annotated[float, typer.Option("--delay", "-d", min=0.0, help="Wait this many s before the first.")] = 0.0,
-    wait: Annotated[bool, typer.Option("--wait", help="Wait for a subscriber first.")] = False,
-    linger: Annotated[float, typer.Option(min=0.0, help="Stay at most this many s for subscribers behind.")] = 1.0,
-    keyboard: Annotated[bool, typer.Option(help="Obey the keys space, right, n, up and down.")] = True,
+    to: To = Destination.network,
+    overrides: Settings = None,
+    output: Output = None,
+    rate: Rate = 1.0,
+    loop: Loop = False,
+    start_offset: Offset = 0.0,
+    duration: Duration = None,
+    topics: Topics = None,
+    exclude: Exclude = None,
+    regex: Regex = None,
+    exclude_regex: ExcludeRegex = None,
+    remap: Remap = None,
+    start_paused: Paused = False,
+    delay: Delay = 0.0,
+    wait: Wait = False,
+    linger: Linger = 1.0,
+    keyboard: Keys = True,
     connect: Connect = None,
     listen: Listen = None,
     gossip: Gossip = True,
@@ -50,22 +86,42 @@ def _replay(
     config: Config = None,
     lease_ms: Lease = 5000,
 ) -> None:
-    """Publish a recorded run again, with its timing and byte for byte, so that any subscriber sees it live."""
-    file = open_log(log)
-    header = read_header(file, log)
+    """Publish a recorded run again, with its timing and byte for byte, so that any subscriber sees it live.
+
+    With --to agents: start new agents as processes, with another filter or parameters, on the recorded beacons.
+    """
+    if to is Destination.agents:
+        _to_agents(log, overrides or (), output)
+        return
+    if overrides or output:
+        raise UserError("--set and --output are for --to agents: what is published is what was recorded")
     if not 0.0 < rate < 1e6:
         raise UserError(f"--rate {rate:g} cannot be played; give a number above 0 and below 1000000")
-    selection = Selection(topics or (), exclude or (), regex or (), exclude_regex or (), remap or ())
     usual = () if connect or client or config else _LISTEN
     connection = connection_of(connect, listen or usual, gossip=gossip, client=client, config=config, lease_ms=lease_ms)
-    identity = identity_of("replay", "replay", replay_run(header.run, selection), connection, 0.0)
+    selection = Selection(topics or (), exclude or (), regex or (), exclude_regex or (), remap or ())
     how = Playback(rate, loop, start_offset, duration, start_paused, delay, wait, linger, keyboard)
+    _to_network(log, connection, selection, how)
+
+
+def _to_network(log: Path, connection: Connection, selection: Selection, how: Playback) -> None:
+    file = open_log(log)
+    header = read_header(file, log)
+    identity = identity_of("replay", "replay", replay_run(header.run, selection), connection, 0.0)
     state, ended = run_replay(identity, file, selection, how, _show)
     if sys.stderr.isatty():
         sys.stderr.write("\n")
     typer.echo(f"{state.published} messages of run {header.run} published")
     if not ended:
         raise typer.Exit(_INTERRUPTED)
+
+
+def _to_agents(log: Path, overrides: Sequence[str], output: Path | None) -> None:
+    found = read_measurements(log)
+    loaded = found.loaded(overrides)
+    settings = [part for one in overrides for part in ("--set", one)]
+    name = f"{found.header.run}-{loaded.scenario.filter.kind}"
+    run_processes(["--beacons", str(find_log(log).resolve()), *settings], loaded, name, output, report=False)
 
 
 def _show(state: PlayerState) -> None:

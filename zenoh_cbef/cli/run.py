@@ -97,11 +97,21 @@ def _run(
     """Run a scenario on this host: target, agents and recorder as processes over Zenoh, then the analysis."""
     arguments = [scenario, *(part for one in overrides or () for part in ("--set", one))]
     loaded = load(scenario, overrides or ())
+    run = name or f"{loaded.scenario.name}-{datetime.now().astimezone():%Y%m%d-%H%M%S}"
+    run_processes(arguments, loaded, run, log, report=report, sync=sync)
+
+
+def run_processes(
+    arguments: list[str], loaded: Loaded, run: str, log: Path | None, *, report: bool, sync: bool = False
+) -> None:
+    """Run target, agents and recorder to their end, and analyse the log.
+
+    arguments: what tells the target the scenario that `loaded` is. log: None for a folder of its own in logs/.
+    """
     for warning in check(loaded.scenario):
         errors.print(f"warning: {warning}", highlight=False, soft_wrap=True)
     if line := scheme_line(loaded.scenario):
         errors.print(line, highlight=False, soft_wrap=True)
-    run = name or f"{loaded.scenario.name}-{datetime.now().astimezone():%Y%m%d-%H%M%S}"
     path = log or new_folder(run) / "run.mcap"
     if path.exists():
         raise UserError(f"{path} exists and logs are never overwritten; choose another --log, or move it away")
