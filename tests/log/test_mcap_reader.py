@@ -79,6 +79,26 @@ def test_a_whole_file_is_read_exactly(log: Path) -> None:
     assert file.damage == []
 
 
+def test_messages_come_by_log_time_where_that_is_asked_for(tmp_path: Path) -> None:
+    path, noise = tmp_path / "log.mcap", chance(5)
+    times = [n + noise.randrange(300) for n in range(2000)]
+    with McapWriter(path, chunk_bytes=2000, library="test") as writer:
+        channel = writer.register_channel("key", "", 0)
+        for n, at in enumerate(times):
+            writer.add_message(channel, at, 0, n, b"data")
+    found = [(m.log_time, m.sequence) for m in McapFile(path).messages_in_order()]
+    assert found == sorted(zip(times, range(2000), strict=True))
+
+
+def test_a_cut_file_is_described_by_its_indexes(log: Path) -> None:
+    data = bytearray(log.read_bytes()[:-1])
+    middle = data.index(b"middle")
+    data[middle + 200 : middle + 210] = bytes(10)  # in a chunk: what is described was not read
+    file = altered(data)
+    assert file.summary().message_count == 600
+    assert len(list(file.messages())) < 600
+
+
 def test_the_summary_of_a_cut_file_is_that_of_the_whole(log: Path) -> None:
     whole = McapFile(log).summary()
     assert (whole.library, whole.message_count) == ("test 1.0", 600)

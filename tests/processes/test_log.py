@@ -125,7 +125,7 @@ def test_a_log_without_beacons_cannot_be_judged(recorded, tmp_path):
 @pytest.mark.parametrize("share", [0.5, 0.9])
 def test_a_cut_log_is_described_analysed_and_verified_as_far_as_it_goes(recorded, tmp_path, share):
     whole = recorded.log.read_bytes()
-    chunks = [record for record in McapFile(recorded.log)._records() if record.opcode == 6]  # noqa: SLF001
+    chunks = [record for record in McapFile(recorded.log)._walk.records() if record.opcode == 6]  # noqa: SLF001
     keep = chunks[0].end + int(share * (len(whole) - chunks[0].end)) if len(chunks) > 1 else chunks[0].end + 5
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(whole[:keep])

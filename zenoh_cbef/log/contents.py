@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -140,7 +139,7 @@ def read_contents(file: McapFile, header: Header, *, rounds: bool = True) -> Con
     """Read all messages; with rounds=False consensus payloads are counted but not kept."""
     contents = Contents()
     sorter = _Sorter(header, contents)
-    for raw in _messages(file):
+    for raw in file.messages():
         try:
             sorter.take(raw)
         except BadMessage:
@@ -148,7 +147,3 @@ def read_contents(file: McapFile, header: Header, *, rounds: bool = True) -> Con
         if not rounds:
             contents.rounds.clear()
     return contents
-
-
-def _messages(file: McapFile) -> Iterator[RawMessage]:
-    yield from file.messages()

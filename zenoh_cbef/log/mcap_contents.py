@@ -23,6 +23,8 @@ from zenoh_cbef.errors import UserError
 MAX_CHUNK_BYTES = 1 << 30
 NO_CRC = bytes(4)
 RECORD = struct.Struct("<BQ")
+MESSAGE = struct.Struct("<HIQQ")
+"""The fields of a message before its data: channel, sequence, log and publish time."""
 
 
 class NotMcapError(ValueError):
@@ -31,13 +33,14 @@ class NotMcapError(ValueError):
 
 @dataclass(frozen=True)
 class Channel:
-    """What the messages of one channel have in common; schema texts are empty where there is no schema."""
+    """What the messages of one channel have in common; schema fields are empty where there is no schema."""
 
     id: int
     topic: str
     message_encoding: str
     schema_name: str
     schema_encoding: str
+    schema_data: bytes
     metadata: dict[str, str]
 
 
@@ -74,8 +77,10 @@ class Record(NamedTuple):
 
 
 class Chunk(NamedTuple):
-    """What a chunk says of its data, and where that is."""
+    """What a chunk says of its data, and where that is. Times: first and last log time, ns."""
 
+    start_time: int
+    end_time: int
     compression: str
     size: int
     crc: int
@@ -88,13 +93,13 @@ class Declarations:
 
     def __init__(self) -> None:
         self.channels: dict[int, Channel] = {}
-        self._schemas = {0: ("", "")}
+        self._schemas = {0: ("", "", b"")}
 
     def add(self, opcode: int, content: bytes) -> None:
         """Take a declaration; ValueError where it is malformed or contradicts an earlier one."""
         if opcode == Opcode.SCHEMA:
             schema = parse_record(records.Schema, content)
-            texts = (schema.name, schema.encoding)
+            texts = (schema.name, schema.encoding, bytes(schema.data))
             if self._schemas.setdefault(schema.id, texts) != texts:
                 raise ValueError(f"schema {schema.id} is declared twice, differently")
         elif opcode == Opcode.CHANNEL:

@@ -6,12 +6,13 @@ The format is that of the MCAP specification (https://mcap.dev/spec).
 from __future__ import annotations
 
 import mmap
-import re
 import struct
 import zlib
+from bisect import bisect_right
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from functools import cached_property
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -20,8 +21,8 @@ from mcap import records
 from mcap.opcode import Opcode
 
 from zenoh_cbef.log.mcap_contents import (
+    MESSAGE,
     RECORD,
-    Chunk,
     Closing,
     Declarations,
     NotMcapError,
@@ -31,26 +32,14 @@ from zenoh_cbef.log.mcap_contents import (
     decompress,
     parse_record,
 )
+from zenoh_cbef.log.mcap_walk import IN_CHUNKS, RecordWalk
 from zenoh_cbef.log.mcap_writer import MAGIC
 
 MAX_DAMAGE = 1000
 
 _MESSAGE_OPCODE = int(Opcode.MESSAGE)
-_MESSAGE = struct.Struct("<HIQQ")
-_CHUNK = struct.Struct("<BQQQQII")
+_LOG_TIME = attrgetter("log_time")
 _FOOTER = struct.Struct("<BQQQI")
-_IN_CHUNKS = (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE)
-_IN_DATA = {
-    Opcode.HEADER,
-    Opcode.CHUNK,
-    Opcode.MESSAGE_INDEX,
-    Opcode.ATTACHMENT,
-    Opcode.METADATA,
-    *_IN_CHUNKS,
-}
-_LEAST_LENGTH: dict[int, int] = {Opcode.MESSAGE: _MESSAGE.size, Opcode.MESSAGE_INDEX: 6}
-# Between the opcode and the compression's name: the length, two times, the size, the CRC.
-_COMPRESSED_CHUNK = re.compile(rb"\x06(?=.{36}(?:\x04\0\0\0zstd|\x03\0\0\0lz4))", re.DOTALL)
 
 
 class McapFile:
@@ -59,9 +48,10 @@ class McapFile:
     What cannot be trusted is left out and named in damage. NotMcapError for a path that is no MCAP file,
     OSError for one that cannot be opened, UserError when lz4 is needed and not installed.
 
-    complete: whether the closing footer and magic are there. damage: one sentence for each fault met so far,
-    at most MAX_DAMAGE of them; all are met once messages() has run to its end. What the format guards with no
-    CRC cannot be told true: metadata in a file without a footer, and the last chunk of it when that is cut.
+    complete: whether the closing footer and magic are there. closed: whether the data section was seen to end as its
+    writer ended it, once messages() has run to its end. lost: one sentence for each fault of the data met so far,
+    at most MAX_DAMAGE of them; all are met by then. What the format guards with no CRC cannot be told true: metadata
+    in a file without a footer, and the last chunk of it when that is cut.
     """
 
     def __init__(self, path: Path) -> None:
@@ -71,83 +61,130 @@ class McapFile:
             if stream.read(len(MAGIC)) != MAGIC:
                 raise NotMcapError(f"{path} is not an MCAP file: it does not begin with the MCAP magic")
             self._bytes = mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ)
-        self.damage: list[str] = []
+        self.lost: list[str] = []
+        self.closed = False
+        self._without_index = ""
         self._data_end = size = len(self._bytes)
         footer = max(0, size - len(MAGIC) - _FOOTER.size)
         magics = self._bytes[footer : footer + RECORD.size], self._bytes[-len(MAGIC) :]
         self.complete = magics == (RECORD.pack(Opcode.FOOTER, _FOOTER.size - RECORD.size), MAGIC)
         self._closing = self._read_closing(footer) if self.complete else None
+        self._walk = RecordWalk(self._bytes, self._data_end, complete=self.complete, report=self._report)
         if not self.complete:
-            self._report(f"the file ends at byte {size} without a footer")
+            self._without_index = f"the file ends at byte {size} without a footer"
+
+    @property
+    def damage(self) -> list[str]:
+        """What was lost, and what is wrong with the summary, which can be made again."""
+        return [*filter(None, [self._without_index]), *self.lost]
 
     @cached_property
     def attachments(self) -> dict[str, bytes]:
         """The attachments by name, without those that fail their CRC."""
-        found = self._extras(Opcode.ATTACHMENT, records.Attachment)
-        return {attachment.name: attachment.data for attachment in found}
+        return {attachment.name: attachment.data for attachment in self.attached()}
 
     @cached_property
     def metadata(self) -> dict[str, dict[str, str]]:
         """The metadata by name."""
-        return {found.name: found.metadata for found in self._extras(Opcode.METADATA, records.Metadata)}
+        return {found.name: found.metadata for found in self.described()}
+
+    def attached(self) -> Iterator[records.Attachment]:
+        """Yield the attachments with all their fields, in file order, without those that fail their CRC."""
+        return self._extras(Opcode.ATTACHMENT, records.Attachment)
+
+    def described(self) -> Iterator[records.Metadata]:
+        """Yield the metadata in file order, several of one name included."""
+        return self._extras(Opcode.METADATA, records.Metadata)
 
     def messages(self) -> Iterator[RawMessage]:
         """Yield the messages of every sound chunk in file order, up to a cut.
 
         Of a chunk that is cut off and not compressed, the whole messages are yielded as well.
         """
+        for found in self.batches():
+            yield from found
+
+    def messages_in_order(self) -> Iterator[RawMessage]:
+        """Yield the same messages by log time; those of one time in file order.
+
+        Holds what chunks overlap in time, which in a log that was written as messages came is a chunk or two.
+        """
+        starts = [self._walk.start_time(record) for record in self._walk.records() if _holds_messages(record)]
+        least = 1 << 64
+        for place in reversed(range(len(starts))):
+            starts[place], least = least, min(least, starts[place])
+        held: list[RawMessage] = []
+        for found, until in zip(self.batches(), starts, strict=True):
+            held += found
+            held.sort(key=_LOG_TIME)
+            ready = bisect_right(held, until, key=_LOG_TIME)
+            yield from held[:ready]
+            del held[:ready]
+
+    def batches(self) -> Iterator[list[RawMessage]]:
+        """Yield the messages of messages(), those of a chunk together."""
         declared = self._closing.declared if self._closing else Declarations()
         chunked, count, crc, checked = False, 0, 0, 0
-        for record in self._records():
+        for record in self._walk.records():
             found: list[RawMessage] = []
-            if record.opcode == Opcode.CHUNK:
-                chunked = True
-                found = self._chunk_messages(record, declared)
-            elif record.opcode == Opcode.DATA_END:
+            chunked |= record.opcode == Opcode.CHUNK
+            if record.opcode == Opcode.DATA_END:
+                self.closed = True
                 crc = zlib.crc32(self._bytes[checked : record.start], crc)
-                if self._number(record.end - 4, 4) not in (0, crc):
+                if self._walk.number(record.end - 4, 4) not in (0, crc):
                     self._report("the data section fails its CRC")
             elif record.opcode == Opcode.MESSAGE and chunked:
                 # One flipped bit makes a message index look like a message.
                 self._report(f"message at byte {record.start} stands among chunks")
-            elif record.opcode in _IN_CHUNKS and record.end <= self._data_end:
-                found = self._contents(self._bytes, record, declared)
+            else:
+                found = self._messages_of(record, declared)
             crc, checked = zlib.crc32(self._bytes[checked : record.end], crc), record.end
             count += len(found)
-            yield from found
+            if _holds_messages(record):
+                yield found
         written = self._closing.statistics.message_count if self._closing else count
         if written != count:
             self._report(f"{count} messages are readable of {written} that were written")
 
     def summary(self) -> Summary:
-        """Say what the file holds: from its statistics, or by reading all of it where it has none."""
-        header = Record(Opcode.HEADER, len(MAGIC), self._end(len(MAGIC)))
+        """Say what the file holds: from its statistics, or from its chunks' indexes where it has none."""
+        header = Record(Opcode.HEADER, len(MAGIC), self._walk.end(len(MAGIC)))
         library = "".join(found.library for found in self._parsed([header], records.Header))
+        if self._closing is None:
+            return self._summary_of_chunks(library)
         counts: Counter[str] = Counter()
-        if self._closing:
-            said = self._closing.statistics
-            for number, channel in self._closing.declared.channels.items():
-                counts[channel.topic] += said.channel_message_counts.get(number, 0)
-            start, end, totals = said.message_start_time, said.message_end_time, self._closing.chunk_totals
-            return Summary(library, said.message_count, dict(counts), start, end, *totals)
+        said = self._closing.statistics
+        for number, channel in self._closing.declared.channels.items():
+            counts[channel.topic] += said.channel_message_counts.get(number, 0)
+        start, end, totals = said.message_start_time, said.message_end_time, self._closing.chunk_totals
+        return Summary(library, said.message_count, dict(counts), start, end, *totals)
+
+    def _summary_of_chunks(self, library: str) -> Summary:
+        """Count what the indexes say, and read only chunks that have none, and one for each new channel."""
+        declared, counts, totals = Declarations(), Counter[str](), [0, 0, 0]
         start, end = 1 << 64, 0
-        for message in self.messages():
-            counts[message.channel.topic] += 1
-            start, end = min(start, message.log_time), max(end, message.log_time)
-        chunks = [chunk for record in self._records() if (chunk := self._chunk(record))]
-        compressed = sum(chunk.data_end - chunk.data_start for chunk in chunks)
-        totals = [len(chunks), compressed, sum(chunk.size for chunk in chunks)]
+        for record, indexes in _with_indexes(self._walk.records()):
+            chunk = self._walk.chunk(record)
+            indexed = {self._walk.number(at.start + RECORD.size, 2): at.end - at.start for at in indexes}
+            if chunk and record.end <= self._data_end and indexed:
+                if not indexed.keys() <= declared.channels.keys():
+                    self._chunk_messages(record, declared)
+                for number, size in indexed.items():
+                    if number in declared.channels:
+                        counts[declared.channels[number].topic] += (size - RECORD.size - 6) // 16
+                start, end = min(start, chunk.start_time), max(end, chunk.end_time)
+            else:
+                for message in self._messages_of(record, declared):
+                    counts[message.channel.topic] += 1
+                    start, end = min(start, message.log_time), max(end, message.log_time)
+            if chunk:
+                for place, number in enumerate((1, chunk.data_end - chunk.data_start, chunk.size)):
+                    totals[place] += number
         return Summary(library, counts.total(), dict(counts), start if counts else 0, end, *totals)
 
     def _report(self, sentence: str) -> None:
-        if len(self.damage) < MAX_DAMAGE and sentence not in self.damage:
-            self.damage.append(sentence)
-
-    def _number(self, position: int, size: int) -> int:
-        return int.from_bytes(self._bytes[position : position + size], "little")
-
-    def _end(self, position: int) -> int:
-        return position + RECORD.size + self._number(position + 1, 8)
+        if len(self.lost) < MAX_DAMAGE and sentence not in self.lost:
+            self.lost.append(sentence)
 
     def _read_closing(self, footer: int) -> Closing | None:
         """Read the summary section, which also tells where the data section ends."""
@@ -157,7 +194,7 @@ class McapFile:
             return None
         section = self._bytes[start : footer + _FOOTER.size - 4]
         if not len(MAGIC) <= start <= footer or crc not in (0, zlib.crc32(section)):
-            self._report("the summary fails its CRC")
+            self._without_index = "the summary fails its CRC"
             return None
         self._data_end = start
         try:
@@ -168,7 +205,7 @@ class McapFile:
 
     def _extras(self, kind: Opcode, parser: Any) -> Iterator[Any]:
         """Yield the attachments or metadata: by their indexes where there are any."""
-        places = self._closing.extras if self._closing else self._records()
+        places = self._closing.extras if self._closing else self._walk.records()
         return self._parsed((record for record in places if record.opcode == kind), parser)
 
     def _parsed(self, places: Iterable[Record], parser: Any) -> Iterator[Any]:
@@ -182,67 +219,16 @@ class McapFile:
             except ValueError as error:
                 self._report(f"{name} is damaged: {error}")
 
-    def _records(self) -> Iterator[Record]:
-        """Yield the records of the data section; go on at a next chunk where a length cannot be trusted.
-
-        The last one may be cut: it then ends beyond the data.
-        """
-        position = len(MAGIC)
-        while position < self._data_end:
-            record = Record(self._bytes[position], position, self._end(position))
-            if self._sound(record):
-                yield record
-                if record.opcode == Opcode.DATA_END:
-                    return
-                position = record.end
-                continue
-            following = self._next_chunk(position + 1)
-            cut = not self.complete and record.end > self._data_end and following == self._data_end
-            fault = "the file ends inside a record" if cut else "a record's length is wrong"
-            self._report(f"{fault} at byte {position}")
-            if cut:
-                yield record
-            position = following
-        if self.complete:
-            self._report(f"the data section ends at byte {position} without its closing record")
-
-    def _next_chunk(self, position: int) -> int:
-        """Find the next compressed chunk, which is told by its compression's name and matching lengths."""
-        for found in _COMPRESSED_CHUNK.finditer(self._bytes, position):
-            start = found.start()
-            if self._chunk(Record(Opcode.CHUNK, start, self._end(start))):
-                return start
-        return self._data_end
-
-    def _sound(self, record: Record) -> bool:
-        """Whether a record lies in the data and agrees with its length; an unexpected kind is reported."""
-        length = record.end - record.start - RECORD.size
-        if record.end > self._data_end or length < _LEAST_LENGTH.get(record.opcode, 0):
-            return False
+    def _messages_of(self, record: Record, declared: Declarations) -> list[RawMessage]:
+        """Take the declarations and messages of a record of the data section."""
         if record.opcode == Opcode.CHUNK:
-            return self._chunk(record) is not None
-        if record.opcode == Opcode.MESSAGE_INDEX:
-            return self._number(record.start + 11, 4) + 6 == length
-        if record.opcode == Opcode.DATA_END:
-            return length == 4
-        if record.opcode not in _IN_DATA or (record.opcode == Opcode.HEADER) != (record.start == len(MAGIC)):
-            self._report(f"record at byte {record.start} is of the unexpected kind {record.opcode}")
-        return True
-
-    def _chunk(self, record: Record) -> Chunk | None:
-        """Read what a chunk says of its data; None for other records and where lengths contradict."""
-        if record.opcode != Opcode.CHUNK or record.start + _CHUNK.size + 8 > len(self._bytes):
-            return None
-        *_, size, crc, name_length = _CHUNK.unpack_from(self._bytes, record.start)
-        name_end = record.start + _CHUNK.size + name_length
-        data_start = name_end + 8
-        if data_start > record.end or data_start + self._number(name_end, 8) != record.end:
-            return None
-        name = self._bytes[record.start + _CHUNK.size : name_end].decode(errors="replace")
-        return Chunk(name, size, crc, data_start, record.end)
+            return self._chunk_messages(record, declared)
+        if record.opcode in IN_CHUNKS and record.end <= self._data_end:
+            return self._contents(self._bytes, record, declared)
+        return []
 
     def _chunk_messages(self, record: Record, declared: Declarations) -> list[RawMessage]:
-        chunk = self._chunk(record)
+        chunk = self._walk.chunk(record)
         if chunk is None:
             return []
         if record.end > self._data_end:
@@ -269,8 +255,8 @@ class McapFile:
                 break
             try:
                 if opcode == _MESSAGE_OPCODE:
-                    channel, sequence, log_time, publish_time = _MESSAGE.unpack_from(data, start)
-                    content = data[start + _MESSAGE.size : position]
+                    channel, sequence, log_time, publish_time = MESSAGE.unpack_from(data, start)
+                    content = data[start + MESSAGE.size : position]
                     found.append(RawMessage(declared.channels[channel], log_time, publish_time, sequence, content))
                 else:
                     declared.add(opcode, data[start:position])
@@ -281,3 +267,22 @@ class McapFile:
         if position != end:
             self._report("a chunk ends inside a record")
         return found
+
+
+def _holds_messages(record: Record) -> bool:
+    return record.opcode in (Opcode.CHUNK, Opcode.MESSAGE)
+
+
+def _with_indexes(places: Iterable[Record]) -> Iterator[tuple[Record, list[Record]]]:
+    """Yield each record of a data section with the message indexes behind it; the last without, as it may be cut."""
+    last: Record | None = None
+    indexes: list[Record] = []
+    for record in places:
+        if record.opcode == Opcode.MESSAGE_INDEX:
+            indexes.append(record)
+            continue
+        if last is not None:
+            yield last, indexes
+        last, indexes = record, []
+    if last is not None:
+        yield last, []
