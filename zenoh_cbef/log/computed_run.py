@@ -30,7 +30,9 @@ class _Received:
     def __init__(self, ids: Sequence[int], links: slice, *, quiet: bool) -> None:
         self._ids, self._links, self._quiet = list(ids), links, quiet
         self._due = 0
-        self._missed = {name: np.zeros(len(self._ids), dtype=np.int64) for name in ("absent", "lost", "late", "corrupted")}
+        self._missed = {
+            name: np.zeros(len(self._ids), dtype=np.int64) for name in ("absent", "lost", "late", "corrupted")
+        }
         self._injected = Injected(len(self._ids))
 
     def counts(self, due: int, fates: Sequence[Fate]) -> dict[str, Any]:

@@ -84,7 +84,7 @@ def run_replay(
         text = ScenarioText(source.decode(errors="replace"), resolved.decode(errors="replace"), __version__)
         services = [
             serve_replay(node.session, identity.run, lambda orders: _obey(player, orders)),
-            serve_scenario(node.session, identity.run, text),
+            serve_scenario(node.session, identity.run, lambda: text),
         ]
         node.presence.announce(f"replay/{identity.name}")
         with Keyboard(_actions(player) if how.keyboard else {}):
