@@ -25,6 +25,7 @@ BENCHMARKS = {
     "accuracy": ("accuracy", "errors against the centralised filter, NEES, outliers, the paper's figures"),
     "lockstep": ("lockstep", "rounds per second of real agents against a bare exchange, 6 and 24 agents"),
     "startup": ("startup", "seconds to the first step, CPU of a simulation and of idle agents"),
+    "rejoin": ("rejoin", "how soon all is as before after a crash and after a cut"),
     "recorder": ("recorder_cost", "what the recorder costs the agents"),
     "mcap": ("mcap_speed", "the log's writer and reader against the public library's"),
     "robust": ("robust", "what sensors and agents that fail cost, 50 seeds"),

@@ -14,8 +14,8 @@ from zenoh_cbef.scenario.load import load, parse
 
 UNKNOWN = "is not a key of a scenario"
 FAULTS = (
-    "loss, burst-loss, delay, duplicate, reorder, corrupt, rate-limit, partition, outage, byzantine, clock, "
-    "sensor-bias, sensor-spikes, sensor-dropout, sensor-stuck"
+    "loss, burst-loss, delay, duplicate, reorder, corrupt, rate-limit, partition, outage, pause, crash, "
+    "byzantine, clock, sensor-bias, sensor-spikes, sensor-dropout, sensor-stuck"
 )
 
 REFUSED = {

@@ -1,0 +1,131 @@
+"""How soon everything is as before: an agent that was killed and started again, a network that was cut in two."""
+
+from __future__ import annotations
+
+import os
+import signal
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.table import Table
+
+from benchmarks.common import ROOT, Row, below, results
+from zenoh_cbef.analysis.metrics import analyze
+from zenoh_cbef.log.contents import open_log
+from zenoh_cbef.log.read_trace import read_trace
+from zenoh_cbef.scenario.load import load
+from zenoh_cbef.simulator import simulate
+from zenoh_cbef.trace import Trace
+
+SEEDS, AGENT, SETTLED = 50, 2, 20
+GONE, BACK = 100, 150
+TIMES = f"from = {GONE / 10}, until = {BACK / 10}"
+COMMAND = [sys.executable, "-m", "zenoh_cbef"]
+
+Floats = NDArray[np.float64]
+
+
+def simulated(fault: str) -> list[Trace]:
+    """`tracking` with a fault, many seeds."""
+    first = load("tracking", [f"fault=[{{{fault}, {TIMES}}}]"]).scenario
+    return simulate([first.model_copy(update={"seed": seed}) for seed in range(1, SEEDS + 1)])
+
+
+def against_neighbours(trace: Trace, first: int) -> float:
+    """The error of the agent that came back at a step, over the mean of its neighbours', a while later."""
+    joined = sorted({one for edge in trace.edges.tolist() if AGENT in edge for one in edge} - {AGENT})
+    error = np.linalg.norm(trace.estimates[:, :, :3] - trace.truth[:, :3], axis=2)[:, first - 1 + SETTLED]
+    return float(error[AGENT] / error[joined].mean())
+
+
+def steps_to_agree() -> list[int]:
+    """Steps from the healing until the disagreement is below its mean of the five seconds before the cut."""
+    found = []
+    for analysis in analyze(simulated('kind = "partition", links = {between = [[0, 1, 2], [3, 4, 5]]}')):
+        before = analysis.disagreement[GONE - 51 : GONE - 1].mean()
+        after = np.flatnonzero(analysis.disagreement[BACK - 1 :] < before)
+        found.append(int(after[0]) if after.size else len(analysis.disagreement))
+    return found
+
+
+def killed_and_started_again(mode: str) -> tuple[float, float]:
+    """Seconds from the start of the new process to its first estimate, and its error over its neighbours' later."""
+    steps = 1500 if mode == "lockstep" else 120
+    with tempfile.TemporaryDirectory() as folder:
+        log, run = Path(folder) / "run.mcap", f"rejoin-{os.getpid()}-{time.time_ns()}"
+        overrides = ["--set", f"timing.mode={mode}", "--set", f"steps={steps}"]
+        options = ["--run", run, "--log", str(log), "--no-report"]
+        with subprocess.Popen(
+            [*COMMAND, "run", "tracking", *overrides, *options], cwd=ROOT, stderr=-3, stdout=-3
+        ) as whole:
+            active = log.with_name("run.mcap.active")
+            while not (active.exists() and active.stat().st_size > 30_000):
+                time.sleep(0.02)
+            pid, command = _agent_of(run)
+            os.kill(pid, signal.SIGKILL)
+            time.sleep(0.2)
+            began = time.time_ns()
+            with subprocess.Popen([*COMMAND, *command], cwd=ROOT, stderr=-3, stdout=-3):
+                whole.wait()
+        first = min(
+            one.publish_time
+            for one in open_log(log).messages()
+            if one.channel.topic.endswith(f"agent/{AGENT}/estimate") and one.publish_time > began
+        )
+        trace = read_trace(log)
+        [joined] = [event["data"] for event in trace.events if event["kind"] == "joined"]
+        return 1e-9 * (first - began), against_neighbours(trace, joined["step"])  # type: ignore[index]
+
+
+def _agent_of(run: str) -> tuple[int, list[str]]:
+    for entry in Path("/proc").iterdir():
+        if entry.name.isdecimal():
+            words = (entry / "cmdline").read_bytes().decode(errors="replace").split("\0")[:-1]
+            if run in words and ["agent", str(AGENT)] == words[words.index("zenoh_cbef") + 1 :][:2]:
+                return int(entry.name), words[words.index("zenoh_cbef") + 1 :]
+    raise RuntimeError(f"run {run} has no agent {AGENT}")
+
+
+def run(repeats: int) -> Iterable[Table]:
+    """Measure."""
+    yield results("a network that was cut in two, 50 seeds", _healing())
+    yield results("an agent that was killed and started again", _rejoining(repeats))
+
+
+def _healing() -> Sequence[Row]:
+    steps = steps_to_agree()
+    ratios = [against_neighbours(trace, BACK) for trace in simulated(f'kind = "crash", agents = [{AGENT}]')]
+    return [
+        below(
+            "steps from healing to the former disagreement, worst seed",
+            max(steps),
+            20,
+            "",
+            f" (median {statistics.median(steps):g})",
+        ),
+        below(
+            "error after a crash, 20 steps after the return, over the neighbours', median",
+            statistics.median(ratios),
+            1.1,
+        ),
+        below("... worst seed", max(ratios), 1.1),
+    ]
+
+
+def _rejoining(repeats: int) -> Sequence[Row]:
+    rows = []
+    for mode in ("lockstep", "realtime"):
+        measured = [killed_and_started_again(mode) for _ in range(repeats)]
+        seconds, ratios = zip(*measured, strict=True)
+        rows.append(
+            below(f"{mode}: from start to first estimate, median of {repeats}", statistics.median(seconds), 2.0, "s")
+        )
+        rows.append(below(f"{mode}: error 20 steps later over the neighbours', median", statistics.median(ratios), 1.1))
+    return rows
