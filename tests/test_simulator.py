@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from zenoh_cbef.analysis.metrics import analyze
+from zenoh_cbef.scenario import network
 from zenoh_cbef.scenario.build import agent_tracker, fates_into, message_size, outgoing_of, rounds_of
 from zenoh_cbef.scenario.load import load, parse
 from zenoh_cbef.scenario.world import make_world
@@ -149,6 +150,17 @@ def test_agents_on_their_own_compute_the_bits_of_the_simulator(kind, stage, faul
             assert estimate.state[0].tobytes() == trace.estimates[agent.number, step - 1].tobytes()
             if estimate.covariance is not None:
                 assert estimate.covariance[0].tobytes() == trace.covariances[agent.number, step - 1].tobytes()
+
+
+def test_more_runs_than_a_batch_holds_are_the_same_runs():
+    scenarios = [scenario(seed, fault=[LOSS]) for seed in range(1, 151)]
+    told = []
+    together = simulate(scenarios, progress=told.append)
+    for place in (0, 71, 72, 149):
+        assert_same(simulate([scenarios[place]])[0], together[place])
+        assert (together[place].edges == network.edges(scenarios[place])).all()
+    assert told == sorted(told)
+    assert told[-1] == 5
 
 
 @pytest.mark.parametrize("kind", ["sicf", "cbef", "local"])

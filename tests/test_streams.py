@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from zenoh_cbef.streams import bits, exponential, normal, stream, uniform
+from zenoh_cbef.streams import LinkStreams, bits, exponential, normal, stream, uniform
 
 MASK = (1 << 64) - 1
 STEP = 0x9E3779B97F4A7C15
@@ -125,3 +125,18 @@ def test_exponential_draws_have_mean_and_variance_one_and_are_not_negative():
     assert abs(draws.mean() - 1.0) < 6 / np.sqrt(count)
     assert abs(draws.var() - 1.0) < 6 * np.sqrt(8 / count)
     assert abs((draws > 1.0).mean() - np.exp(-1.0)) < 6 * 0.5 / np.sqrt(count)
+
+
+def test_the_streams_of_links_draw_what_their_keys_draw_in_any_order():
+    source, destination = np.array([0, 1, 2]), np.array([1, 2, 0])
+    streams = LinkStreams(7, source, destination, range(1, 5))
+    keys = {purpose: stream(7, purpose, source, destination) for purpose in ("loss/0", "loss/1")}
+    for purpose, step, lane in (
+        ("loss/0", 3, 1),
+        ("loss/1", 3, 4),
+        ("loss/0", 2, 2),
+        ("loss/0", 3, 2),
+        ("loss/1", 1, 9),
+    ):
+        drawn = streams.uniform(purpose, step, lane)
+        assert drawn.tobytes() == uniform(keys[purpose], step, lane).tobytes()

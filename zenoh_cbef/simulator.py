@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zenoh_cbef.faults import Fate, Fates
-from zenoh_cbef.scenario import Scenario, network
+from zenoh_cbef.scenario import Scenario
 from zenoh_cbef.scenario.build import absences_of, batch_tracker, fates_of, outgoing_of, rounds_of
 from zenoh_cbef.scenario.start import initial_states
 from zenoh_cbef.scenario.world import World, make_world
-from zenoh_cbef.trace import Links, Trace, Traffic
+from zenoh_cbef.trace import LinkCounts, Links, Trace, Traffic
 from zenoh_cbef.tracking.graph import Neighbours
 from zenoh_cbef.tracking.newcomer import belief_from
 from zenoh_cbef.tracking.ranging import Measurement
@@ -22,7 +22,9 @@ from zenoh_cbef.tracking.tracker import Estimate
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
-Ints = NDArray[np.int64]
+
+_BLOCK = 360
+"""Agents of one batch: of so many, all that a round touches stays in a core's own cache."""
 
 
 @dataclass(frozen=True)
@@ -65,49 +67,6 @@ def heard_in(scenario: Scenario, world: World) -> Heard:
     return Heard(world.positions, ranges, np.where(np.isfinite(age), age, 0.0))
 
 
-class _Counts:
-    """Messages per directed link (e,), the present ones of (N, m) in order, as the receivers count them."""
-
-    def __init__(self, present: Bools) -> None:
-        self._present = present
-        self._sent = 0
-        self._fates = {
-            name: np.zeros(present.sum(), dtype=np.int64)
-            for name in ("absent", "lost", "late", "corrupted", "duplicated")
-        }
-
-    def sent(self) -> None:
-        """Every neighbour has sent a message."""
-        self._sent += 1
-
-    def add(self, fate: Fate) -> None:
-        """What became of the messages, arrays (e,)."""
-        for name in self._fates:
-            struck = getattr(fate, name)
-            if struck.any():
-                self._fates[name] += struck
-
-    def links(self, mine: slice, source: Ints, destination: Ints) -> Links:
-        """The counts of one run's links."""
-        first = int(self._present[: mine.start].sum())
-        chosen = slice(first, first + len(source))
-        absent, lost, late, corrupted, duplicated = (count[chosen] for count in self._fates.values())
-        sent = self._sent - absent
-        return Links(
-            source=source,
-            destination=destination,
-            sent=sent,
-            delivered=sent - lost - corrupted - late,
-            lost=lost + corrupted,
-            late=late,
-            injected_lost=lost,
-            injected_late=late,
-            corrupted=corrupted,
-            duplicated=duplicated,
-            latency=np.full(len(sent), np.nan),
-        )
-
-
 def _all_fates(scenarios: Sequence[Scenario], neighbours: Neighbours) -> Fates:
     first, count = scenarios[0], scenarios[0].count
     rows, _ = np.nonzero(neighbours.present)
@@ -128,7 +87,7 @@ class Simulation:
             np.concatenate([one.ranges for one in heard]),
             np.concatenate([one.age for one in heard]),
         )
-        self.counts = _Counts(self.neighbours.present)
+        self.counts = LinkCounts(self.neighbours.present)
         self._fates = _all_fates(scenarios, self.neighbours)
         self._outgoing = outgoing_of(scenarios, range(self.scenario.count))
         # What was sent in the steps from the one whose messages are used to the present one.
@@ -136,6 +95,8 @@ class Simulation:
         self._initial = self.tracker.belief
         self._estimate: Estimate | None = None
         self._sent: deque[list[Floats]] = deque(maxlen=1 + self.scenario.consensus.lag)
+        self._sources = np.ascontiguousarray(self.neighbours.index.T)
+        self._links = np.flatnonzero(self.neighbours.present)
         self._noted: list[Fate] = []
 
     def __iter__(self) -> Iterator[Step]:
@@ -150,9 +111,9 @@ class Simulation:
         fate = self._fates.of(step, round_)
         self.counts.add(fate)
         self._noted.append(fate)
-        due = np.zeros_like(present)
-        due[present] = fate.due
-        return due
+        due = np.zeros(present.size, dtype=bool)
+        due[self._links] = fate.due
+        return due.reshape(present.shape)
 
     def _measurement(self, step: int, told: Floats) -> Measurement:
         position, range_, age = (
@@ -184,6 +145,10 @@ class Simulation:
         belief = belief_from(self.tracker.space, known, covariance, told, self._initial)
         self.tracker.adopt(belief, np.tile(self.absences.reborn(step), self._runs))
 
+    def _received(self, round_: int) -> Floats:
+        """The messages of all rows' neighbours (N, m, d), laid out neighbour by neighbour."""
+        return self._sent[0][round_ - 1].take(self._sources, axis=0).swapaxes(0, 1)
+
     def _step(self, step: int) -> Step:
         self._noted = []
         if self.absences.reborn(step).any():
@@ -197,7 +162,7 @@ class Simulation:
         for round_ in range(1, self.rounds + 1):
             sent.append(self._outgoing.message(step, round_, message))
             delivered = self._delivered(used, round_) if used >= 1 else nobody
-            message = self.tracker.exchange(self._sent[0][round_ - 1].take(self.neighbours.index, axis=0), delivered)
+            message = self.tracker.exchange(self._received(round_), delivered)
         estimate = self._estimate = self.tracker.conclude()
         return Step(sent, estimate, told, self._noted, np.tile(self.absences.at(step), self._runs))
 
@@ -215,12 +180,33 @@ def simulate(
     """
     worlds = [make_world(one) for one in scenarios]
     heard = heard or [heard_in(one, world) for one, world in zip(scenarios, worlds, strict=True)]
+    size = max(1, _BLOCK // scenarios[0].count)
+    blocks = range(0, len(scenarios), size)
+    traces: list[Trace] = []
+    for done, start in enumerate(blocks):
+        mine = slice(start, start + size)
+
+        def advance(step: int, done: int = done) -> None:
+            if progress is not None:
+                progress((done * scenarios[0].length + step) // len(blocks))
+
+        traces += _simulate_block(scenarios[mine], worlds[mine], heard[mine], advance, keep_payloads=keep_payloads)
+    return traces
+
+
+def _simulate_block(
+    scenarios: Sequence[Scenario],
+    worlds: Sequence[World],
+    heard: Sequence[Heard],
+    progress: Callable[[int], None],
+    *,
+    keep_payloads: bool,
+) -> list[Trace]:
     simulation = Simulation(scenarios, heard)
     results = _Results(simulation)
     for k, step in enumerate(simulation):
         results.put(k, step, keep_payloads=keep_payloads)
-        if progress is not None:
-            progress(k + 1)
+        progress(k + 1)
     count = simulation.scenario.count
     return [
         results.trace(one, worlds[run], heard[run], slice(run * count, (run + 1) * count))
@@ -270,6 +256,8 @@ class _Results:
 
     def trace(self, scenario: Scenario, world: World, heard: Heard, mine: slice) -> Trace:
         """The rows of one run."""
+        links = _links(self._simulation, mine)
+        upward = links.destination < links.source
         return Trace(
             name=scenario.name,
             scenario=scenario,
@@ -287,8 +275,8 @@ class _Results:
             nis_degrees=self.nis_degrees[mine],
             distrust=self.distrust[mine],
             bias=self.bias[mine],
-            edges=network.edges(scenario),
-            links=_links(self._simulation, mine),
+            edges=np.stack([links.destination[upward], links.source[upward]], axis=1),
+            links=links,
             traffic=Traffic(0, 0, 0, 0),
             payloads=None if self.payloads is None else self.payloads[mine],
         )

@@ -62,12 +62,12 @@ def _unit(words: Keys) -> Floats:
 
 
 class LinkStreams:
-    """The streams of directed links, arrays (e,): each is keyed once, and advanced once in a step."""
+    """The streams of directed links, arrays (e,), each keyed once; draws of all lanes of a step are made at once."""
 
-    def __init__(self, seed: ArrayLike, source: ArrayLike, destination: ArrayLike) -> None:
-        self._links = seed, source, destination
+    def __init__(self, seed: ArrayLike, source: ArrayLike, destination: ArrayLike, lanes: range) -> None:
+        self._links, self._lanes = (seed, source, destination), lanes
         self._keys: dict[str, Keys] = {}
-        self._steps: dict[str, tuple[int, Keys]] = {}
+        self._drawn: dict[str, tuple[int, Floats]] = {}
 
     def key(self, purpose: str) -> Keys:
         """The keys of the streams of one purpose."""
@@ -77,12 +77,14 @@ class LinkStreams:
         return self._keys[purpose]
 
     def uniform(self, purpose: str, step: int, lane: int) -> Floats:
-        """What `uniform` of their keys gives."""
-        latest, advanced = self._steps.get(purpose, (None, None))
-        if advanced is None or latest != step:
-            advanced = _mix(self.key(purpose) + _STEP * _words(step))
-            self._steps[purpose] = step, advanced
-        return _unit(_mix(advanced + _LANE * _words(lane)))
+        """What `uniform` of their keys gives, (e,)."""
+        if lane not in self._lanes:
+            return uniform(self.key(purpose), step, lane)
+        latest, drawn = self._drawn.get(purpose, (None, None))
+        if drawn is None or latest != step:
+            drawn = uniform(self.key(purpose), step, np.array(self._lanes)[:, None])
+            self._drawn[purpose] = step, drawn
+        return np.asarray(drawn[lane - self._lanes.start])
 
 
 def uniform(key: Keys, step: ArrayLike, lane: ArrayLike = 0) -> Floats:

@@ -8,8 +8,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from zenoh_cbef.faults import Fate
 from zenoh_cbef.scenario.model import Scenario
 
+Bools = NDArray[np.bool_]
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
@@ -45,6 +47,49 @@ class Links:
     def deadline_missed(self) -> Ints:
         """Late without a fault of the scenario."""
         return self.late - self.injected_late
+
+
+class LinkCounts:
+    """Messages per directed link (e,), the present ones of (N, m) in order, as the receivers count them."""
+
+    def __init__(self, present: Bools) -> None:
+        self._present = present
+        self._sent = 0
+        self._fates = {
+            name: np.zeros(present.sum(), dtype=np.int64)
+            for name in ("absent", "lost", "late", "corrupted", "duplicated")
+        }
+
+    def sent(self) -> None:
+        """Every neighbour has sent a message."""
+        self._sent += 1
+
+    def add(self, fate: Fate) -> None:
+        """What became of the messages, arrays (e,)."""
+        for name in self._fates:
+            struck = getattr(fate, name)
+            if np.count_nonzero(struck):
+                self._fates[name] += struck
+
+    def links(self, mine: slice, source: Ints, destination: Ints) -> Links:
+        """The counts of one run's links."""
+        first = int(self._present[: mine.start].sum())
+        chosen = slice(first, first + len(source))
+        absent, lost, late, corrupted, duplicated = (count[chosen] for count in self._fates.values())
+        sent = self._sent - absent
+        return Links(
+            source=source,
+            destination=destination,
+            sent=sent,
+            delivered=sent - lost - corrupted - late,
+            lost=lost + corrupted,
+            late=late,
+            injected_lost=lost,
+            injected_late=late,
+            corrupted=corrupted,
+            duplicated=duplicated,
+            latency=np.full(len(sent), np.nan),
+        )
 
 
 @dataclass(frozen=True)

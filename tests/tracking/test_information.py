@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from zenoh_cbef.tracking.consensus import Average
 from zenoh_cbef.tracking.filters import KINDS, Belief, FilterSettings, Update, make_filter
-from zenoh_cbef.tracking.filters.information_form import saturation
+from zenoh_cbef.tracking.filters.information_form import belief_of, pack, saturation
 from zenoh_cbef.tracking.graph import make_edges, neighbours
 from zenoh_cbef.tracking.linalg import pack_upper, unpack_upper
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
@@ -275,3 +275,23 @@ def test_a_redescending_saturation_squares_the_weight_and_its_pull_falls_off(xi)
     innovation = np.array([0.1, 1.0, 10.0, 100.0])
     for power, pulls in ((1, [0.1, 1.0, 2.0, 2.0]), (2, [0.1, 1.0, 0.4, 0.04])):
         np.testing.assert_allclose(innovation * saturation(innovation, np.full(4, 2.0), power), pulls)
+
+
+@settings(deadline=None)
+@given(st.integers(0, 2**32 - 1), st.lists(st.floats(-16.0, 3.0), min_size=6, max_size=6), st.booleans())
+def test_a_belief_is_the_same_beside_an_unsound_one(seed, exponents, indefinite):
+    random = np.random.default_rng(seed)
+    basis, _ = np.linalg.qr(random.normal(size=(6, 6)))
+    values = 10.0 ** np.array(exponents)
+    if indefinite:
+        values[0] = -values[0]
+    matrix = (basis * values) @ basis.T
+    sound, doubtful = (pack(random.normal(size=(1, 6)), one[None]) for one in (np.eye(6), 0.5 * (matrix + matrix.T)))
+    own = pack(np.ones((2, 6)), np.stack([2.0 * np.eye(6)] * 2))
+    together = belief_of(np.concatenate([sound, doubtful]), own, 6)
+    eigenvalues = np.linalg.eigvalsh(unpack_upper(doubtful[:, 6:], 6)[0])
+    expected = doubtful if eigenvalues[0] > 1e-12 * eigenvalues[-1] else own[:1]
+    for row, payload in enumerate((sound, expected)):
+        alone = belief_of(payload, own[:1], 6)
+        assert alone.state[0].tobytes() == together.state[row].tobytes()
+        assert alone.covariance[0].tobytes() == together.covariance[row].tobytes()

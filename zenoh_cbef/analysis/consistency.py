@@ -82,13 +82,13 @@ def described(values: Floats, degrees: Ints, *, time: Floats, first: int, counte
     stretches = [slice(start, end) for start, end in pairwise(ends.tolist())]
     return {
         "average": _mean(values[counted, first:]),
-        "agents": [_mean(row) for row in values[:, first:]],
+        "agents": _means(values[:, first:]),
         "dimension": int(usual) if usual.is_integer() else usual,
         "band": list(chi2_band(usual)),
         "inside": _mean(inside[counted, first:]),
         "over_time": {
             "until": [float(time[end - 1]) for end in ends[1:]],
-            "agents": [[_mean(row[stretch]) for stretch in stretches] for row in values],
+            "agents": [list(each) for each in zip(*(_means(values[:, one]) for one in stretches), strict=True)],
             "inside": [_mean(inside[counted, stretch]) for stretch in stretches],
         },
     }
@@ -122,6 +122,14 @@ def _inside(values: Floats, degrees: Ints) -> Floats:
         chosen = np.isfinite(values) & (degrees == each)
         inside[chosen] = (values[chosen] >= low) & (values[chosen] <= high)
     return inside
+
+
+def _means(values: Floats) -> list[float | None]:
+    """The mean of each row of (n, k)."""
+    if np.isfinite(values).all():
+        means: list[float | None] = (np.add.reduce(values, axis=1) / values.shape[1]).tolist()
+        return means
+    return [_mean(row) for row in values]
 
 
 def _mean(values: Floats) -> float | None:

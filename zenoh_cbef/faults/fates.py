@@ -69,7 +69,7 @@ class Fates:
         self._seed, self._source, self._destination = seed, source, destination
         self._dt, self._per_step, self._ranges = dt, max(1, rounds + ranges), ranges
         self._realtime, self._spare = realtime, lag * dt
-        self._streams = LinkStreams(seed, source, destination)
+        self._streams = LinkStreams(seed, source, destination, range(not ranges, self._per_step + (not ranges)))
         # What no fault touches is shared, so nobody may write into it.
         self._never, self._none = np.zeros(source.shape, dtype=bool), np.zeros(source.shape)
         self._never.flags.writeable = self._none.flags.writeable = False

@@ -139,16 +139,20 @@ class RunningSums:
         self._mass: Floats = np.concatenate([payload, np.ones((len(payload), 1))], axis=1)
         self._share: Floats = self._mass / self._shares
         self._sent = self._share
-        self._heard = np.zeros((*self.present.shape, self._mass.shape[1]))
+        self._heard = np.zeros((self.present.size, self._mass.shape[1]))
         return self._sent
 
     def mix(self, received: Floats, delivered: Bools | None) -> Floats:
         """Keep one share, take in what neighbours have sent since they were last heard."""
         arrived = self.present if delivered is None else delivered & self.present
-        news = received - self._heard
-        news[~arrived] = 0.0
-        total = neighbour_sum(news)
-        self._heard[arrived] = received[arrived]
+        # One neighbour after the other, with all agents of the batch side by side, is how memory is fastest.
+        flags = arrived.T.ravel()
+        (came,), (missed,) = flags.nonzero(), (~flags).nonzero()
+        messages = np.ascontiguousarray(received.swapaxes(0, 1)).reshape(self._heard.shape)
+        news = messages - self._heard
+        news[missed] = 0.0
+        total = neighbour_sum(news.reshape(*self.present.T.shape, news.shape[1]).swapaxes(0, 1))
+        self._heard[came] = messages.take(came, axis=0)
         self._mass = self._share + total
         self._share = self._mass / self._shares
         # A new array: the message of the round before may still be on somebody's desk.
