@@ -62,9 +62,7 @@ def killed_and_started_again(mode: str) -> tuple[float, float]:
         log, run = Path(folder) / "run.mcap", f"rejoin-{os.getpid()}-{time.time_ns()}"
         overrides = ["--set", f"timing.mode={mode}", "--set", f"steps={steps}"]
         options = ["--run", run, "--log", str(log), "--no-report"]
-        with subprocess.Popen(
-            [*COMMAND, "run", "tracking", *overrides, *options], cwd=ROOT, stderr=-3, stdout=-3
-        ) as whole:
+        with _started("run", "tracking", *overrides, *options) as whole:
             active = log.with_name("run.mcap.active")
             while not (active.exists() and active.stat().st_size > 30_000):
                 time.sleep(0.02)
@@ -72,7 +70,7 @@ def killed_and_started_again(mode: str) -> tuple[float, float]:
             os.kill(pid, signal.SIGKILL)
             time.sleep(0.2)
             began = time.time_ns()
-            with subprocess.Popen([*COMMAND, *command], cwd=ROOT, stderr=-3, stdout=-3):
+            with _started(*command):
                 whole.wait()
         first = min(
             one.publish_time
@@ -82,6 +80,11 @@ def killed_and_started_again(mode: str) -> tuple[float, float]:
         trace = read_trace(log)
         [joined] = [event["data"] for event in trace.events if event["kind"] == "joined"]
         return 1e-9 * (first - began), against_neighbours(trace, joined["step"])  # type: ignore[index]
+
+
+def _started(*arguments: str) -> subprocess.Popen[bytes]:
+    quiet = subprocess.DEVNULL
+    return subprocess.Popen([*COMMAND, *arguments], cwd=ROOT, stdout=quiet, stderr=quiet)
 
 
 def _agent_of(run: str) -> tuple[int, list[str]]:
@@ -95,27 +98,19 @@ def _agent_of(run: str) -> tuple[int, list[str]]:
 
 def run(repeats: int) -> Iterable[Table]:
     """Measure."""
-    yield results("a network that was cut in two, 50 seeds", _healing())
+    yield results("after a cut, and after a crash, 50 seeds", _healing())
     yield results("an agent that was killed and started again", _rejoining(repeats))
 
 
 def _healing() -> Sequence[Row]:
-    steps = steps_to_agree()
+    steps, median = steps_to_agree(), statistics.median
     ratios = [against_neighbours(trace, BACK) for trace in simulated(f'kind = "crash", agents = [{AGENT}]')]
     return [
         below(
-            "steps from healing to the former disagreement, worst seed",
-            max(steps),
-            20,
-            "",
-            f" (median {statistics.median(steps):g})",
+            "steps from healing to the former disagreement, worst", max(steps), 20, "", f" (median {median(steps):g})"
         ),
-        below(
-            "error after a crash, 20 steps after the return, over the neighbours', median",
-            statistics.median(ratios),
-            1.1,
-        ),
-        below("... worst seed", max(ratios), 1.1),
+        below("error after a crash over the neighbours', 20 steps later", median(ratios), 1.1),
+        below("... worst", max(ratios), 1.1),
     ]
 
 
@@ -123,9 +118,7 @@ def _rejoining(repeats: int) -> Sequence[Row]:
     rows = []
     for mode in ("lockstep", "realtime"):
         measured = [killed_and_started_again(mode) for _ in range(repeats)]
-        seconds, ratios = zip(*measured, strict=True)
-        rows.append(
-            below(f"{mode}: from start to first estimate, median of {repeats}", statistics.median(seconds), 2.0, "s")
-        )
-        rows.append(below(f"{mode}: error 20 steps later over the neighbours', median", statistics.median(ratios), 1.1))
+        seconds, ratios = (statistics.median(values) for values in zip(*measured, strict=True))
+        rows.append(below(f"{mode}: from start to first estimate, median of {repeats}", seconds, 2.0, "s"))
+        rows.append(below(f"{mode}: error over the neighbours', 20 steps later", ratios, 1.1))
     return rows

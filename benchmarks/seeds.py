@@ -34,7 +34,8 @@ def digest(trace: Trace) -> str:
 
 def in_batches(seeds: Sequence[int]) -> tuple[float, dict[int, str]]:
     """CPU seconds of simulation and analysis, and the digests, by seed, of the runs that are looked at."""
-    spent, digests = 0.0, {}
+    spent = 0.0
+    digests: dict[int, str] = {}
     checked = set(seeds[:: max(1, len(seeds) // SINGLE)])
     for start in range(0, len(seeds), AT_ONCE):
         begin = time.process_time()
