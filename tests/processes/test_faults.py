@@ -12,6 +12,7 @@ from tests.faults.strategies import scenarios
 from tests.processes.conftest import World
 from tests.processes.test_log import copy_with
 from zenoh_cbef.analysis.metrics import analyze
+from zenoh_cbef.analysis.traffic import other_bytes, round_bytes
 from zenoh_cbef.faults import Fates
 from zenoh_cbef.log.contents import open_log, read_contents, read_header
 from zenoh_cbef.log.read_trace import read_trace
@@ -64,6 +65,9 @@ def test_every_kind_of_fault_gives_the_simulators_bits_and_is_counted_and_marked
     measurement = {"measurement": "difference"} if kind == "ci" else {}
     scenario = EVERY_KIND | {"filter": {"kind": kind, **measurement}}
     metrics = run(world, scenario)
+    told = load(str(world.folder / "scenario.toml")).scenario.model_copy(update={"name": world.run})
+    foretold = other_bytes(told) + 3 * round_bytes(told)
+    assert foretold == pytest.approx(metrics["bytes_per_step"], rel=0.02)
     totals = Counter()
     for link in metrics["links"]:
         totals.update(link)
