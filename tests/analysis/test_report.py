@@ -1,6 +1,7 @@
 import base64
 import dataclasses
 import json
+import re
 import sys
 from html.parser import HTMLParser
 from pathlib import Path
@@ -8,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from zenoh_cbef.analysis.links_table import is_wide, links_table
 from zenoh_cbef.analysis.metrics import Analysis, analyze
 from zenoh_cbef.analysis.report import write_report
 from zenoh_cbef.errors import UserError
@@ -96,6 +98,29 @@ def test_the_page_tells_the_metrics(tmp_path: Path) -> None:
     assert f"{metrics['links'][0]['lost']}" in page.text
     assert 'kind = "sicf"' in page.text
     assert "not complete" not in page.text
+
+
+def test_the_links_table_separates_what_faults_did_from_what_happened() -> None:
+    fault = [{"kind": "loss", "probability": 0.2}, {"kind": "corrupt", "probability": 0.2}]
+    links = trace_of(fault=fault).links
+    links.late[0] = 3
+    table = links_table(links, "abcdef")
+    heads = re.findall("<th>(.*?)</th>", table)
+    assert heads == [
+        "link",
+        "sent",
+        "delivered",
+        "lost by faults",
+        "missed deadline",
+        "damaged",
+        "missed",
+        "latency (ms)",
+    ]
+    first = re.findall("<td>(.*?)</td>", table)[: len(heads)]
+    found = [links.sent[0], links.delivered[0], links.injected_lost[0], 3, links.corrupted[0]]
+    assert first[1:6] == [str(one) for one in found]
+    assert is_wide(links)
+    assert not is_wide(trace_of().links)
 
 
 def test_every_plot_has_its_place_and_is_valid(tmp_path: Path) -> None:

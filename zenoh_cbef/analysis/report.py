@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Sequence
 from html import escape
 from importlib import import_module
 from importlib.resources import files
@@ -11,17 +10,17 @@ from pathlib import Path
 from string import Template
 from typing import Any
 
-import numpy as np
 import tomli_w
 
 from zenoh_cbef.analysis.error_charts import error_charts
 from zenoh_cbef.analysis.figures import Chart, agent_names, agent_style, paper_charts
+from zenoh_cbef.analysis.html_parts import NOTHING, counted, definitions, number, ratio, table
+from zenoh_cbef.analysis.links_table import is_wide, links_table
 from zenoh_cbef.analysis.metrics import Analysis
-from zenoh_cbef.analysis.plots import Plot, missed_share, network_plot, space_plot, time_plot, top_plot
+from zenoh_cbef.analysis.plots import Plot, network_plot, space_plot, time_plot, top_plot
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.scenario.build import scheme_of
 
-_NOTHING = "n/a"
 _MOST_ROWS = 200
 _ENVELOPE = ("v", "run", "seq", "sent", "from", "kind", "text", "data")
 _SVG_DASH = {"solid": "", "dash": "6 3", "dot": "2 2", "dashdot": "6 2 1.5 2"}
@@ -103,24 +102,10 @@ def _network(analysis: Analysis, plots: dict[str, Plot]) -> str:
     links, names = analysis.trace.links, agent_names(analysis)
     if not len(links.source):
         return '<p class="note">The agents had no links.</p>'
-    share = missed_share(links)
-    worst = np.argsort(-share, kind="stable")[:_MOST_ROWS]
-    rows = [
-        [
-            f"{names[links.source[row]]} → {names[links.destination[row]]}",
-            *(str(part[row]) for part in (links.sent, links.delivered, links.lost, links.late)),
-            f"{100.0 * share[row]:.1f} %",
-            _number(1e3 * float(links.latency[row])),
-        ]
-        for row in (worst if len(worst) < len(share) else range(len(share)))
-    ]
-    heads = ["link", "sent", "delivered", "lost", "late", "missed", "latency (ms)"]
-    caption = "Messages per directed link" + (
-        f"; the {_MOST_ROWS} of {len(share)} links that missed most" if len(worst) < len(share) else ""
-    )
     told = "Wider and redder: more messages lost or late. Point at an arrow for its counts."
     drawing = _figure(plots, "network", "Links", told, network_plot(analysis))
-    return f'<div class="pair">{drawing}<div class="scroll">{_table(caption, heads, rows)}</div></div>'
+    listed = f'<div class="scroll">{links_table(links, names)}</div>'
+    return drawing + listed if is_wide(links) else f'<div class="pair">{drawing}{listed}</div>'
 
 
 def _events(analysis: Analysis) -> str:
@@ -133,19 +118,19 @@ def _events(analysis: Analysis) -> str:
         rest = {key: value for key, value in event.items() if key not in _ENVELOPE}
         rest |= data if isinstance(data, dict) else {}
         details = ", ".join(f"{key} = {value}" for key, value in rest.items())
-        rows.append([str(event.get(key, _NOTHING)) for key in ("from", "kind", "text")] + [details[:400]])
+        rows.append([str(event.get(key, NOTHING)) for key in ("from", "kind", "text")] + [details[:400]])
     caption = "What the processes reported, in order"
     if len(events) > _MOST_ROWS:
         caption += f"; the first {_MOST_ROWS} of {len(events)}"
-    table = _table(caption, ["from", "kind", "text", "data"], rows)
-    return f'<h2>Events</h2><div class="words scroll">{table}</div>'
+    shown = table(caption, ["from", "kind", "text", "data"], rows)
+    return f'<h2>Events</h2><div class="words scroll">{shown}</div>'
 
 
 def _lead(analysis: Analysis) -> str:
     scenario, steps = analysis.trace.scenario, len(analysis.trace.time)
     return (
-        f"{_counted(len(analysis.trace.estimates), 'agent')} tracking one target with "
-        f"{escape(scenario.filter.kind)}, {_counted(steps, 'step')} of {scenario.dt:g} s."
+        f"{counted(len(analysis.trace.estimates), 'agent')} tracking one target with "
+        f"{escape(scenario.filter.kind)}, {counted(steps, 'step')} of {scenario.dt:g} s."
     )
 
 
@@ -169,9 +154,9 @@ def _facts(analysis: Analysis) -> str:
     faults = [_fault(fault.model_dump(mode="json", by_alias=True, exclude_defaults=True)) for fault in scenario.fault]
     left = {
         "Filter": f"{scenario.filter.kind}, ξ = {scenario.filter.xi:g}",
-        "Consensus": f"{_counted(consensus.rounds, 'round')}, {how}{chebyshev}",
+        "Consensus": f"{counted(consensus.rounds, 'round')}, {how}{chebyshev}",
         "Agents": f"{len(trace.estimates)}, {scenario.agents.motion}",
-        "Graph": f"{graph}, {_counted(len(trace.edges), 'edge')}",
+        "Graph": f"{graph}, {counted(len(trace.edges), 'edge')}",
         "Target": scenario.target.motion,
     }
     right = {
@@ -181,7 +166,7 @@ def _facts(analysis: Analysis) -> str:
         "Faults": "; ".join(faults) or "none",
         "Complete": "yes" if trace.complete else "no",
     }
-    return f'<div class="pair">{_definitions(left)}{_definitions(right)}</div>'
+    return f'<div class="pair">{definitions(left)}{definitions(right)}</div>'
 
 
 def _fault(fault: dict[str, Any]) -> str:
@@ -194,19 +179,19 @@ def _summary(analysis: Analysis) -> str:
     metrics = analysis.metrics
     central, bound = metrics["centralized"], metrics["bound"]
     errors = [
-        [name, *(_number(value) for value in (own, central[key], bound[key], _ratio(own, central[key])))]
+        [name, *(number(value) for value in (own, central[key], bound[key], ratio(own, central[key])))]
         for name, key, own in (
             ("position RMSE (m)", "position_rmse", metrics["position_rmse"]),
             ("velocity RMSE (m/s)", "velocity_rmse", metrics["velocity_rmse"]),
             ("average MSEE at the end (m² + m²/s²)", "msee", metrics["msee"]["average"]),
         )
     ]
-    skipped = _counted(analysis.first, "step")
+    skipped = counted(analysis.first, "step")
     caption = f"Errors. RMSE, NEES and disagreement leave out the first {skipped}; MSEE starts at step 1."
     caption += " The target moves in a plane: errors are those of x and y alone." if metrics["planar"] else ""
     heads = ["", "network", "centralised", "bound", "network / centralised"]
     messages = metrics["messages"]
-    rows = [["disagreement of the agents", f"{_number(metrics['disagreement'])} m"]]
+    rows = [["disagreement of the agents", f"{number(metrics['disagreement'])} m"]]
     if metrics["left_out"]:
         rows.append(["left out: agents that send wrong values", ", ".join(map(str, metrics["left_out"]))])
     for name, found in (("NEES", metrics["nees"]), ("NIS", metrics["nis"])):
@@ -214,13 +199,13 @@ def _summary(analysis: Analysis) -> str:
             rows.append([name, "the filter has no covariance"])
             continue
         low, high = found["band"]
-        rows.append([f"{name}, average", f"{_number(found['average'])}, expected {found['dimension']}"])
+        rows.append([f"{name}, average", f"{number(found['average'])}, expected {found['dimension']}"])
         rows.append([f"{name} inside {low:.3g} to {high:.3g}", f"{100.0 * found['inside']:.1f} %, expected 95 %"])
     traffic = [[f"messages {key}", f"{count:,}".replace(",", "\u2009")] for key, count in messages.items()]
     if not any(messages.values()):
         traffic = [["messages", "none logged: a simulated run"]]
-    tables = _table("Honesty and agreement", [], rows) + _table("Traffic", [], traffic)
-    return f'{_table(caption, heads, errors)}<div class="pair">{tables}</div>{_each_agent(analysis)}'
+    tables = table("Honesty and agreement", [], rows) + table("Traffic", [], traffic)
+    return f'{table(caption, heads, errors)}<div class="pair">{tables}</div>{_each_agent(analysis)}'
 
 
 def _each_agent(analysis: Analysis) -> str:
@@ -231,8 +216,8 @@ def _each_agent(analysis: Analysis) -> str:
         columns |= {"bias of ranges (m)": bias["agents"], "its std (m)": bias["std"], "relied on": bias["weight"]}
     if (distrust := metrics["distrust"]) is not None:
         columns["steps of distrust (%)"] = [100.0 * share for share in distrust["agents"]]
-    rows = zip(agent_names(analysis), *(map(_number, values) for values in columns.values()), strict=True)
-    return f'<div class="scroll">{_table("Each agent", ["agent", *columns], list(rows))}</div>'
+    rows = zip(agent_names(analysis), *(map(number, values) for values in columns.values()), strict=True)
+    return f'<div class="scroll">{table("Each agent", ["agent", *columns], list(rows))}</div>'
 
 
 def _agents(analysis: Analysis) -> str:
@@ -244,26 +229,3 @@ def _agents(analysis: Analysis) -> str:
         state = f'type="button" aria-pressed="true" data-group="agent-{agent}"'
         buttons.append(f"<button {state}>{swatch}{escape(name)}</button>")
     return "".join(buttons)
-
-
-def _number(value: float | None) -> str:
-    return _NOTHING if value is None or not np.isfinite(value) else f"{value:.4g}"
-
-
-def _ratio(value: float | None, other: float | None) -> float | None:
-    return value / other if value is not None and other else None
-
-
-def _counted(count: int, noun: str) -> str:
-    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
-
-
-def _definitions(entries: dict[str, str]) -> str:
-    rows = (f"<dt>{escape(key)}</dt><dd>{escape(value)}</dd>" for key, value in entries.items())
-    return f"<dl>{''.join(rows)}</dl>"
-
-
-def _table(caption: str, heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    head = f"<thead><tr>{''.join(f'<th>{escape(cell)}</th>' for cell in heads)}</tr></thead>" if heads else ""
-    body = "".join(f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in rows)
-    return f"<table><caption>{escape(caption)}</caption>{head}<tbody>{body}</tbody></table>"

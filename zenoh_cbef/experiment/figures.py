@@ -130,17 +130,19 @@ def _lines(cells: Sequence[Plot], varied: Sequence[str], metric: str, title: str
                 "line": {"color": colour, "dash": dash},
             }
         )
-        lines += [
-            {
-                "type": "scatter",
-                "mode": "lines",
-                "name": f"{escape(name)} {label}".strip(),
-                "x": lines[-1]["x"],
-                "y": [_median(cell, yardstick) for cell in known],
-                "line": {"color": INK if len(groups) == 1 else MUTED, "dash": "dash", "width": 1},
-            }
-            for yardstick, label in yardsticks
-        ]
+        for yardstick, label in yardsticks:
+            drawn = {"x": lines[-1]["x"], "y": [_median(cell, yardstick) for cell in known]}
+            dashed = {"color": INK if len(groups) == 1 else MUTED, "dash": "dash", "width": 1}
+            # What consensus does is nothing to a centralised filter: one line is enough where it is the same.
+            if any(line["x"] == drawn["x"] and line["y"] == drawn["y"] for line in lines):
+                continue
+            lines.append(
+                {"type": "scatter", "mode": "lines", "name": f"{escape(name)} {label}", **drawn, "line": dashed}
+            )
+    alone = [line for line in lines if "error_y" not in line]
+    if len(alone) == 1:
+        alone[0]["name"] = yardsticks[0][1]
+    lines.sort(key=lambda line: "error_y" not in line)
     values = [cell["values"][first] for cell in cells]
     return {"data": lines, "layout": _layout(_axis(values, first), title)}
 
@@ -181,11 +183,14 @@ def _curves(cells: Sequence[Plot], name: str, title: str) -> Plot:
 
 
 def _layout(axis: Plot, title: str) -> Plot:
+    # Of a ratio the distance from one is what counts, of anything else the distance from nothing.
     return {
         "template": "plotly_white",
-        "height": 420,
-        "margin": {"t": 20, "b": 60},
+        "font": {"family": 'system-ui, "Segoe UI", "Noto Sans", sans-serif', "size": 13, "color": INK},
+        "height": 430,
+        "margin": {"t": 48, "b": 60, "l": 76, "r": 16},
         "xaxis": axis,
-        "yaxis": {"title": {"text": title}, "rangemode": "tozero"},
-        "legend": {"font": {"size": 11}},
+        "yaxis": {"title": {"text": title}, "rangemode": "normal" if " / " in title else "tozero"},
+        "legend": {"orientation": "h", "x": 0, "y": 1.02, "yanchor": "bottom"},
+        "modebar": {"bgcolor": "rgba(0,0,0,0)", "remove": ["select", "lasso", "zoomin", "zoomout", "autoscale"]},
     }

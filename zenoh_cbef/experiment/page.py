@@ -16,6 +16,7 @@ from zenoh_cbef.experiment.figures import SHOWN, Figure, figures_of, written_val
 from zenoh_cbef.experiment.table import write_table
 
 _MOST_FAILURES = 20
+_CONFIG = {"displaylogo": False, "displayModeBar": "hover", "responsive": True}
 
 
 def write_outputs(summary: dict[str, Any], rows: Sequence[dict[str, Any]], source: str, folder: Path) -> list[str]:
@@ -48,7 +49,7 @@ def _write_page(summary: dict[str, Any], source: str, folder: Path) -> str:
     else:
         missing = ""
         for figure in figures:
-            text = plotly.to_html(figure.plot, include_plotlyjs="directory", default_height="100vh")
+            text = plotly.to_html(figure.plot, include_plotlyjs="directory", default_height="100vh", config=_CONFIG)
             (place / f"{figure.name}.html").write_text(text, encoding="utf-8")
         if figures:
             script = import_module("plotly.offline").get_plotlyjs()
@@ -72,7 +73,7 @@ def _write_page(summary: dict[str, Any], source: str, folder: Path) -> str:
 def _placed(figure: Figure, plotly: Any, *, first: bool) -> str:
     if plotly is None:
         return ""
-    drawn = plotly.to_html(figure.plot, full_html=False, include_plotlyjs=first)
+    drawn = plotly.to_html(figure.plot, full_html=False, include_plotlyjs=first, config=_CONFIG)
     return f"<figure><h3>{escape(figure.title)}</h3><figcaption>{escape(figure.caption)}</figcaption>{drawn}</figure>"
 
 
