@@ -33,6 +33,8 @@ BENCHMARKS = {
     "filters": ("filters", "every filter, 50 seeds and recorded data; --write docs/filters.md --data FOLDER"),
     "recorded": ("recorded", "recorded ranges, with biases left alone, estimated and weighed, and other settings"),
     "held-out": ("held_out", "made-up sets of the same kinds, with known biases"),
+    "faults": ("random_faults", "200 random fault scenarios as processes, each proved by verify"),
+    "fault-cost": ("fault_cost", "what faults cost a round of a scenario that has none"),
     "seeds": ("seeds", "1000 seeds of a lossy run: CPU of simulation and analysis; the bits of single runs"),
     "method": ("method_figures", "the figures of docs/method.md, written to docs/figures, and their numbers"),
 }
