@@ -91,3 +91,33 @@ def test_hostile_messages_change_no_bit_and_are_counted(world, free_port, kind):
     assert metrics["messages"]["missing"] == 0
     assert metrics["steps"] == 400
     assert all(link["lost"] == 0 for link in metrics["links"])
+
+
+@pytest.mark.parametrize("mode", ["lockstep", "realtime"])
+def test_a_flood_on_one_key_does_not_stop_the_consensus(world, free_port, mode):
+    # Where the flood is faster than the receivers, what it drowns counts as silent in lockstep and as lost in realtime.
+    overrides = ["steps=100", f"timing.mode={mode}", "timing.patience=0.5", "dt=0.05"]
+    endpoint = f"tcp/127.0.0.1:{free_port}"
+    join = ["--run", world.run, "--connect", endpoint, "--patience", "20"]
+    target = world.start("target", "tracking", *settings(*overrides), "--run", world.run, "--listen", endpoint)
+    over = threading.Event()
+    with peer(endpoint) as session:
+        wait_for(session, f"cbef/{world.run}/live/target/target")
+        flood = session.declare_publisher(f"cbef/{world.run}/agent/1/round")
+
+        def attack() -> None:
+            while not over.is_set():
+                flood.put(forged(world.run, "agent/1", k=1, l=1, payload=b"\0" * 24))
+
+        attacker = threading.Thread(target=attack)
+        attacker.start()
+        try:
+            others = [world.start("agent", str(agent), *join) for agent in range(4)]
+            others.append(world.start("record", *join, "--output", str(world.log)))
+            for process in (target, *others):
+                out, err = process.communicate(timeout=100)
+                assert process.returncode == 0, err
+                assert "messages in" in out or "ended after step 100" in out
+        finally:
+            over.set()
+            attacker.join()

@@ -18,6 +18,9 @@ Decoder = Callable[[bytes], tuple[int, int, Any]]
 
 _TICK_SECONDS = 2.0
 _ANY = 1 << 63
+_PORTION = 2000
+_LOOK_UP = 64
+"""How many messages are passed over at once, and how many are looked through before a look at the clock."""
 _FLIPPED = 8
 """How many bytes of a message are damaged; they begin with the map's size, so no damaged message is well formed."""
 
@@ -122,7 +125,7 @@ class Inbox:
 
         None where it will not come in time. Older ones are passed over; a later one is kept for its turn.
         """
-        until = deadline
+        until, seen = deadline, 0
         while True:
             if self._held is not None:
                 held, content = self._held
@@ -136,9 +139,8 @@ class Inbox:
             if data is None:
                 data = self._wait(deadline)
                 if data is None:
-                    now = time.monotonic()
-                    until = now + self._patience if until is None else until
-                    if self.open and not self._silent and now < until:
+                    until = self._limit(until)
+                    if self.open and not self._silent and time.monotonic() < until:
                         continue
                     # The sender's last words may have come before the news that it left.
                     data = self._poll()
@@ -146,10 +148,20 @@ class Inbox:
                         self._miss(turn, silent=self.open and deadline is None)
                         return None
             self._read(data, turn)
+            seen += 1
+            if not seen % _LOOK_UP:
+                until = self._limit(until)
+                # In a flood there is always another message, and so no other end.
+                if self._silent or time.monotonic() >= until:
+                    self._miss(turn, silent=deadline is None)
+                    return None
+
+    def _limit(self, until: float | None) -> float:
+        return time.monotonic() + self._patience if until is None else until
 
     def pass_over(self, turn: int) -> None:
-        """Drop what has come up to a turn that is not wanted: a full mailbox would hold up every sender."""
-        while True:
+        """Drop what has come up to a turn that is not wanted, or a portion of it."""
+        for _ in range(_PORTION):
             if self._held is not None:
                 held, _ = self._held
                 if held > turn:

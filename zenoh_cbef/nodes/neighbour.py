@@ -23,6 +23,8 @@ Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 _OUTWAIT_SECONDS = 5.0
+_SPARE = 4096
+"""Room in a neighbour's mailbox beyond what it can send ahead: what comes in while this process does not run."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +71,7 @@ class Neighbourhood:
 
         def inbox(agent: int, key: str, read: Decoder, turns_per_step: int) -> Inbox:
             ahead = (WINDOW + 1 + lag) * turns_per_step
-            mailbox = Mailbox(node.session, key)
+            mailbox = Mailbox(node.session, key, _SPARE + 2 * ahead)
             return Inbox(
                 node,
                 mailbox,

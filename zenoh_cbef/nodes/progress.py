@@ -13,6 +13,7 @@ from zenoh_cbef.protocol.mailbox import Mailbox
 from zenoh_cbef.protocol.messages import BadMessage, peek
 
 _GATHER_SECONDS = 0.001
+_PORTION = 10_000
 
 
 class Progress:
@@ -94,8 +95,11 @@ class Progress:
         self._node.event("silent", f"{names} did not get beyond step {step}; the run goes on without", step=step)
 
     def drain(self) -> None:
-        """Take in what has come, without waiting."""
-        while (received := self._mailbox.poll_from()) is not None:
+        """Take in what has come, or a portion of it, without waiting."""
+        for _ in range(_PORTION):
+            received = self._mailbox.poll_from()
+            if received is None:
+                return
             self._note(*received)
 
     def _note(self, key: str, data: bytes) -> None:

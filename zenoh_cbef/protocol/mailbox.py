@@ -13,15 +13,15 @@ _CAPACITY = 1 << 16
 class Mailbox:
     """Messages of one key expression in order of arrival, with wake-ups from other threads.
 
-    Zenoh's blocking receive has no timeout: a wake-up is an empty message to ourselves. A full mailbox would hold
-    up everything that its session receives, so the capacity is far beyond what senders in step can fill, and who
-    has a mailbox empties it while waiting for something else.
+    Zenoh's blocking receive has no timeout: a wake-up is an empty message to ourselves. A full mailbox drops its
+    oldest message: a channel that waits for room would hold up everything that its session receives, and so let
+    who floods one key stop all. The capacity is far beyond what senders in step can fill.
     """
 
     def __init__(self, session: zenoh.Session, key: str, capacity: int = _CAPACITY) -> None:
         self.key = key
         self._session = session
-        self._subscriber = session.declare_subscriber(key, zenoh.handlers.FifoChannel(capacity))
+        self._subscriber = session.declare_subscriber(key, zenoh.handlers.RingChannel(capacity))
         self._receive = self._subscriber.handler.recv
         self._poll = self._subscriber.handler.try_recv
         self._wakes = 0
