@@ -20,7 +20,7 @@ from zenoh_cbef.simulator import simulate
 from zenoh_cbef.tracking.filters import KINDS
 
 ROOT = Path(__file__).resolve().parents[1]
-NAMED = ("README.md", "CHANGELOG.md", "CONTRIBUTING.md", "deploy/README.md", "docs/*.md")
+NAMED = ("README.md", "CHANGELOG.md", "CONTRIBUTING.md", "SECURITY.md", "deploy/README.md", "docs/*.md")
 PAGES = sorted(path for pattern in NAMED for path in ROOT.glob(pattern))
 LINK = re.compile(r"\[[^\]]*\]\(([^)\s]+)\)")
 VERB = re.compile(r"zenoh-cbef +(-{0,2}[a-z]+)(?: +([a-z]+))?")

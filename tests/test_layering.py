@@ -26,7 +26,15 @@ LEVELS = (
     ("errors", "__init__"),
 )
 LEVEL = {part: level for level, parts in enumerate(LEVELS) for part in parts}
-OWNERS = {"zenoh": "protocol", "mcap": "log", "zstandard": "log", "typer": "cli", "rich": "cli", "msgpack": "protocol"}
+OWNERS = {
+    "zenoh": "protocol",
+    "mcap": "log",
+    "zstandard": "log",
+    "typer": "cli",
+    "rich": "cli",
+    "msgpack": "protocol",
+    "cryptography": "protocol",
+}
 
 
 def part_of(path: Path) -> str:

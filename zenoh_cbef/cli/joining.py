@@ -1,41 +1,92 @@
-"""What agent, target and record have in common: how a process joins a run."""
+"""The options of every verb that joins a run: whom to link to, and how to prove who one is."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Annotated
+import inspect
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from functools import wraps
+from pathlib import Path
+from typing import Annotated, Any, get_type_hints
 
 import typer
 
+from zenoh_cbef.cli.options import Connect, Listen
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.nodes.node import Identity
 from zenoh_cbef.protocol.session import Connection
+from zenoh_cbef.protocol.tls import Tls
 
-Gossip = Annotated[bool, typer.Option(help="Let peers tell each other about third ones.")]
-Client = Annotated[bool, typer.Option("--client", help="Join through a router instead of peer to peer.")]
-Config = Annotated[str | None, typer.Option("--config", metavar="FILE", help="A Zenoh configuration file.")]
-Lease = Annotated[int, typer.Option(min=100, help="How long a silent link is taken to be alive.")]
 Patience = Annotated[float, typer.Option(min=0.1, help="Seconds to wait for the others to appear.")]
+_Gossip = Annotated[bool, typer.Option(help="Let peers tell each other about third ones.")]
+_Client = Annotated[bool, typer.Option("--client", help="Join through a router instead of peer to peer.")]
+_Config = Annotated[str | None, typer.Option("--config", metavar="FILE", help="A Zenoh configuration file.")]
+_Lease = Annotated[int, typer.Option(min=100, help="How long a silent link is taken to be alive.")]
+_Folder = Annotated[
+    Path | None, typer.Option("--tls", metavar="DIR", help="Certificates of 'certs new'; links without are refused.")
+]
+_Ca = Annotated[
+    Path | None, typer.Option("--ca", metavar="FILE", help="Instead of --tls: the authority's certificate.")
+]
+_Cert = Annotated[Path | None, typer.Option("--cert", metavar="FILE", help="And this process's own.")]
+_Key = Annotated[Path | None, typer.Option("--key", metavar="FILE", help="And its private key.")]
 
 
-def connection_of(
-    connect: Sequence[str] | None,
-    listen: Sequence[str] | None,
-    *,
-    gossip: bool,
-    client: bool,
-    config: str | None,
-    lease_ms: int,
-) -> Connection:
-    """The connection that a command line describes."""
-    return Connection(
-        connect=connect or (),
-        listen=listen or (),
-        mode="client" if client else "peer",
-        gossip=gossip,
-        lease_ms=lease_ms,
-        config=config,
-    )
+@dataclass(frozen=True)
+class Joining:
+    """What the command line says about joining a run."""
+
+    connect: Connect = None
+    listen: Listen = None
+    gossip: _Gossip = True
+    client: _Client = False
+    config: _Config = None
+    lease_ms: _Lease = 5000
+    tls: _Folder = None
+    ca: _Ca = None
+    cert: _Cert = None
+    key: _Key = None
+
+    def connection(self, certificate: str, *, mode: str = "peer") -> Connection:
+        """The connection of the process whose certificate has this common name."""
+        return Connection(
+            connect=self.connect or (),
+            listen=self.listen or (),
+            mode="client" if self.client else mode,
+            gossip=self.gossip,
+            lease_ms=self.lease_ms,
+            config=self.config,
+            tls=self._tls(certificate),
+        )
+
+    def _tls(self, certificate: str) -> Tls | None:
+        if self.ca is not None and self.cert is not None and self.key is not None:
+            return Tls(self.ca, self.cert, self.key)
+        if self.ca is not None or self.cert is not None or self.key is not None:
+            raise UserError("--ca, --cert and --key belong together; give all three, or --tls DIR alone")
+        return None if self.tls is None else Tls.of_folder(self.tls, certificate)
+
+
+def joins(verb: Callable[..., None]) -> Callable[..., None]:
+    """Give a verb that takes a `joining` the options of Joining."""
+    hints = get_type_hints(Joining, include_extras=True)
+    keyword = inspect.Parameter.KEYWORD_ONLY
+    shared = [
+        inspect.Parameter(field.name, keyword, default=field.default, annotation=hints[field.name])
+        for field in fields(Joining)
+    ]
+    own = inspect.signature(verb, eval_str=True).parameters.values()
+
+    @wraps(verb)
+    def command(**options: Any) -> None:
+        joining = Joining(**{parameter.name: options.pop(parameter.name) for parameter in shared})
+        verb(**options, joining=joining)
+
+    kept = [one.replace(kind=keyword) for one in own if one.name != "joining"]
+    command.__signature__ = inspect.Signature([*kept, *shared])  # type: ignore[attr-defined]
+    command.__annotations__ = {one.name: one.annotation for one in (*kept, *shared)}
+    return command
 
 
 def identity_of(role: str, name: str, run: str, connection: Connection, patience: float) -> Identity:
@@ -44,4 +95,14 @@ def identity_of(role: str, name: str, run: str, connection: Connection, patience
         raise UserError(f"--run {run!r} is no run name; use letters, digits, dot, dash and underscore")
     if role != "target" and not connection.connect and not connection.listen and connection.config is None:
         raise UserError(f"{role} needs an endpoint of the run, as in --connect tcp/127.0.0.1:7447")
+    warn_of_exposure(connection)
     return Identity(run, role, name, connection, patience)
+
+
+def warn_of_exposure(connection: Connection) -> None:
+    """Say once that others can listen in, where they can."""
+    if connection.exposed:
+        sys.stderr.write(
+            f"warning: {', '.join(connection.exposed)} can be reached from other hosts, and without --tls everybody "
+            "there can read and forge messages\n"
+        )

@@ -28,6 +28,8 @@ _VERBS = (
     "compare",
     "timeline",
     "experiment",
+    "router",
+    "certs",
 )
 
 

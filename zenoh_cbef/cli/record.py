@@ -10,20 +10,15 @@ from typing import Annotated
 
 import typer
 
-from zenoh_cbef.cli.joining import Client, Config, Gossip, Lease, Patience, connection_of, identity_of
-from zenoh_cbef.cli.options import Connect, Listen, Run
+from zenoh_cbef.cli.joining import Joining, Patience, identity_of, joins
+from zenoh_cbef.cli.options import Run
 from zenoh_cbef.nodes.recorder import Status, run_recorder
 
 
 def _record(
     run: Run,
+    joining: Joining,
     output: Annotated[Path, typer.Option("--output", "-o", help="The log to write.")] = Path("run.mcap"),
-    connect: Connect = None,
-    listen: Listen = None,
-    gossip: Gossip = True,
-    client: Client = False,
-    config: Config = None,
-    lease_ms: Lease = 5000,
     patience: Patience = 5.0,
     sync: Annotated[bool, typer.Option("--sync", help="Flush to the disk, not only to the system.")] = False,
     status_json: Annotated[bool, typer.Option("--status-json", hidden=True)] = False,
@@ -37,8 +32,7 @@ def _record(
         elif sys.stderr.isatty():
             sys.stderr.write(f"\r{status.messages} messages, step {status.step} of {status.steps} ")
 
-    connection = connection_of(connect, listen, gossip=gossip, client=client, config=config, lease_ms=lease_ms)
-    identity = identity_of("record", "record", run, connection, patience)
+    identity = identity_of("record", "record", run, joining.connection("record"), patience)
     last = run_recorder(identity, output, sync=sync, report=report)
     if not status_json:
         typer.echo(f"{last.messages} messages in {output}, {last.missing} missing")
@@ -46,4 +40,4 @@ def _record(
 
 def register(app: typer.Typer) -> None:
     """Add the verb."""
-    app.command("record")(_record)
+    app.command("record")(joins(_record))

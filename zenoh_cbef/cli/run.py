@@ -16,6 +16,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from zenoh_cbef.analysis.metrics import analyze
 from zenoh_cbef.analysis.outputs import write_outputs
+from zenoh_cbef.cli.joining import warn_of_exposure
 from zenoh_cbef.cli.options import Overrides, ScenarioName
 from zenoh_cbef.cli.places import new_folder
 from zenoh_cbef.cli.tables import console, errors, metrics_table, number, scheme_line
@@ -23,6 +24,7 @@ from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.contents import find_log
 from zenoh_cbef.log.read_trace import read_trace
 from zenoh_cbef.nodes.launcher import Launcher
+from zenoh_cbef.protocol.session import Connection
 from zenoh_cbef.scenario.checks import check
 from zenoh_cbef.scenario.load import Loaded, load, to_toml
 
@@ -112,6 +114,7 @@ def run_processes(
         errors.print(f"warning: {warning}", highlight=False, soft_wrap=True)
     if line := scheme_line(loaded.scenario):
         errors.print(line, highlight=False, soft_wrap=True)
+    warn_of_exposure(Connection(listen=loaded.scenario.zenoh.listen))
     path = log or new_folder(run) / "run.mcap"
     if path.exists():
         raise UserError(f"{path} exists and logs are never overwritten; choose another --log, or move it away")

@@ -9,17 +9,35 @@ from typing import Annotated
 
 import typer
 
-from zenoh_cbef.cli.joining import Client, Config, Gossip, Lease, Patience, connection_of, identity_of
-from zenoh_cbef.cli.options import Connect, Listen, Overrides, ScenarioName
+from zenoh_cbef.cli.joining import Joining, Patience, identity_of, joins
+from zenoh_cbef.cli.options import Overrides, ScenarioName
 from zenoh_cbef.log.measurements import read_measurements
 from zenoh_cbef.nodes.target import run_target
+from zenoh_cbef.protocol.session import Connection
 from zenoh_cbef.scenario.checks import check
 from zenoh_cbef.scenario.load import load
+from zenoh_cbef.scenario.model import Zenoh
 
-_LISTEN = ("tcp/127.0.0.1:7447",)
+_PORT = 7447
+
+
+def _connection(joining: Joining, zenoh: Zenoh) -> Connection:
+    """The command line's connection, and what it leaves open as the scenario has it."""
+    connection = replace(
+        joining,
+        connect=joining.connect or list(zenoh.connect),
+        listen=joining.listen or list(zenoh.listen),
+        gossip=joining.gossip and zenoh.gossip,
+        client=joining.client or zenoh.mode == "client",
+        config=joining.config or zenoh.config,
+        tls=joining.tls or (None if zenoh.tls is None else Path(zenoh.tls)),
+    ).connection("target")
+    listen = connection.listen or (() if connection.mode == "client" else (connection.loopback(_PORT),))
+    return replace(connection, listen=listen, multicast=zenoh.multicast)
 
 
 def _target(
+    joining: Joining,
     scenario: ScenarioName = "tracking",
     run: Annotated[str | None, typer.Option("--run", help="The run's name; default: the scenario's.")] = None,
     overrides: Overrides = None,
@@ -27,12 +45,6 @@ def _target(
         Path | None,
         typer.Option("--beacons", metavar="LOG", help="Emit the beacons of a log; the scenario is the log's, too."),
     ] = None,
-    connect: Connect = None,
-    listen: Listen = None,
-    gossip: Gossip = True,
-    client: Client = False,
-    config: Config = None,
-    lease_ms: Lease = 5000,
     patience: Patience = 60.0,
 ) -> None:
     """Run the target process: it serves the scenario, waits for the agents, and emits the beacons."""
@@ -45,23 +57,16 @@ def _target(
         world = found.world(loaded.scenario)
     for warning in check(loaded.scenario):
         sys.stderr.write(f"warning: {warning}\n")
-    zenoh = loaded.scenario.zenoh
-    connection = connection_of(
-        connect or zenoh.connect,
-        listen or zenoh.listen or (() if client else _LISTEN),
-        gossip=gossip and zenoh.gossip,
-        client=client or zenoh.mode == "client",
-        config=config or zenoh.config,
-        lease_ms=lease_ms,
-    )
     name = run or loaded.scenario.name
-    identity = identity_of("target", "target", name, replace(connection, multicast=zenoh.multicast), patience)
+    connection = _connection(joining, loaded.scenario.zenoh)
+    identity = identity_of("target", "target", name, connection, patience)
     if sys.stderr.isatty():
-        sys.stderr.write(f"run {name}: waiting for {loaded.scenario.count} agents on {', '.join(connection.listen)}\n")
+        places = ", ".join(connection.listen or connection.connect)
+        sys.stderr.write(f"run {name}: waiting for {loaded.scenario.count} agents on {places}\n")
     last = run_target(identity, loaded, world)
     typer.echo(f"the target ended after step {last}")
 
 
 def register(app: typer.Typer) -> None:
     """Add the verb."""
-    app.command("target")(_target)
+    app.command("target")(joins(_target))

@@ -95,7 +95,8 @@ class Launcher:
 
     def _start_all(self) -> None:
         count = self._loaded.scenario.count
-        endpoints = [f"tcp/127.0.0.1:{port}" for port in free_ports(count + 2)]
+        scheme = "tls" if self._loaded.scenario.zenoh.tls else "tcp"
+        endpoints = [f"{scheme}/127.0.0.1:{port}" for port in free_ports(count + 2)]
         target, recorder, agents = endpoints[0], endpoints[1], endpoints[2:]
         extra = list(self._loaded.scenario.zenoh.listen)
         self._start("target", ["target", *self._arguments], listen=[target, *extra], connect=[])
@@ -109,7 +110,9 @@ class Launcher:
             self._start(f"agent {agent}", ["agent", str(agent)], listen=[agents[agent]], connect=connect)
 
     def _start(self, name: str, command: list[str], *, listen: Sequence[str], connect: Sequence[str]) -> None:
-        command += ["--run", self._run, "--no-gossip", "--lease-ms", str(self._loaded.scenario.zenoh.lease_ms)]
+        settings = self._loaded.scenario.zenoh
+        command += ["--run", self._run, "--no-gossip", "--lease-ms", str(settings.lease_ms)]
+        command += ["--tls", settings.tls] if settings.tls else []
         for option, endpoints in (("--listen", listen), ("--connect", connect)):
             for endpoint in endpoints:
                 command += [option, endpoint]

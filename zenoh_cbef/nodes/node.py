@@ -56,7 +56,7 @@ class Node:
     def __enter__(self) -> Self:
         if LEASH in os.environ:
             yield_to_others()
-        self.session = open_session(self.identity.connection)
+        self.session = open_session(self.identity.connection, self.identity.patience)
         try:
             self.presence = Presence(self.session, self.keys.all_live)
             self.events = self.outbox(self.keys.event)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,8 +14,22 @@ from typing import Any
 import zenoh
 
 from zenoh_cbef.errors import UserError
+from zenoh_cbef.protocol.access import access_control
+from zenoh_cbef.protocol.keys import Keys
+from zenoh_cbef.protocol.messages import LARGEST
+from zenoh_cbef.protocol.tls import SCHEMES, Tls
 
 _ENDPOINT = re.compile(r"^(tcp|udp|tls|quic|ws|unixsock-stream)/[^\s]+$")
+_LOCAL = re.compile(r"^(unixsock-stream/|\w+/(127\.[\d.]+|localhost|\[::1\]):)")
+_ROUTER_RETRY_SECONDS = 0.2
+_SIZE_LIMIT = {
+    "id": "size",
+    "flows": ["ingress"],
+    "messages": ["put", "query", "reply"],
+    "key_exprs": [Keys("*").everything],
+    "size_limit": LARGEST,
+}
+"""Larger messages are dropped as they come in, before they fill mailboxes."""
 ONE_RUNTIME = "(rx:(handover:app),acc:(handover:app),tx:(handover:app),net:(handover:app),app:(worker_threads:1))"
 """Value of ZENOH_RUNTIME that merges Zenoh's runtimes into one worker thread: faster where cores are few.
 
@@ -26,9 +41,10 @@ Not for sessions with gossip, whose churn can stall a single worker.
 class Connection:
     """How a process joins the network.
 
-    connect, listen: endpoints such as tcp/127.0.0.1:7447. mode: peer, or client of a router. gossip: peers tell
-    each other about third ones and link to them. lease_ms: how long a silent link is taken to be alive.
-    config: a Zenoh configuration file that these settings are laid over.
+    connect, listen: endpoints such as tcp/127.0.0.1:7447. mode: peer, client of a router, or router. gossip: peers
+    tell each other about third ones and link to them. lease_ms: how long a silent link is taken to be alive.
+    config: a Zenoh configuration file that these settings are laid over. tls: links with certificates only, and
+    access control by them.
     """
 
     connect: Sequence[str] = ()
@@ -38,6 +54,16 @@ class Connection:
     multicast: bool = False
     lease_ms: int = 5000
     config: str | None = None
+    tls: Tls | None = None
+
+    @property
+    def exposed(self) -> list[str]:
+        """The endpoints that other hosts can reach and that ask for no certificate."""
+        return [one for one in self.listen if not one.startswith(SCHEMES) and not _LOCAL.match(one)]
+
+    def loopback(self, port: int = 0) -> str:
+        """An endpoint that no other host can reach; port 0 is any that is free."""
+        return f"{SCHEMES[0] if self.tls else 'tcp'}/127.0.0.1:{port}"
 
 
 def yield_to_others() -> None:
@@ -46,32 +72,33 @@ def yield_to_others() -> None:
         os.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0))
 
 
-def open_session(connection: Connection) -> zenoh.Session:
+def open_session(connection: Connection, patience: float = 0.0) -> zenoh.Session:
     """Open a session. Links to endpoints that do not answer yet are made as soon as they do.
 
-    Raises UserError for an endpoint that is none, a port in use, or a configuration file that Zenoh refuses.
+    A client needs a router to begin with, and tries for `patience` s to reach one. Raises UserError for an endpoint
+    that is none, a port in use, a router that does not answer, or a configuration file that Zenoh refuses.
     """
     for endpoint in (*connection.connect, *connection.listen):
         if not _ENDPOINT.match(endpoint):
             raise UserError(f"{endpoint!r} is no endpoint; write it as tcp/HOST:PORT, for example tcp/127.0.0.1:7447")
+        if connection.tls and not endpoint.startswith(SCHEMES):
+            raise UserError(f"{endpoint} asks for no certificate; with --tls write tls/{endpoint.partition('/')[2]}")
     config = _config(connection)
     zenoh.init_log_from_env_or("off")
-    try:
-        return zenoh.open(config)
-    except zenoh.ZError as error:
-        raise UserError(_explain(str(error), connection)) from None
+    until = time.monotonic() + patience
+    while True:
+        try:
+            return zenoh.open(config)
+        except zenoh.ZError as error:
+            unreached = connection.mode == "client" and "connect" in str(error).lower()
+            if not unreached or time.monotonic() > until:
+                raise UserError(_explain(str(error), connection, unreached=unreached)) from None
+        # Not Zenoh's own waiting, which no signal ends.
+        time.sleep(_ROUTER_RETRY_SECONDS)
 
 
 def _config(connection: Connection) -> zenoh.Config:
-    if connection.config is None:
-        config = zenoh.Config()
-    else:
-        if not Path(connection.config).is_file():
-            raise UserError(f"there is no Zenoh configuration file {connection.config}")
-        try:
-            config = zenoh.Config.from_file(connection.config)
-        except zenoh.ZError as error:
-            raise UserError(f"Zenoh refuses {connection.config}: {error}") from None
+    config = _base(connection.config)
     settings: dict[str, Any] = {
         "mode": connection.mode,
         "scouting/multicast/enabled": connection.multicast,
@@ -82,22 +109,48 @@ def _config(connection: Connection) -> zenoh.Config:
         "listen/exit_on_failure": True,
         "transport/link/tx/lease": connection.lease_ms,
         "transport/shared_memory/enabled": False,
+        "low_pass_filter": [_SIZE_LIMIT],
     }
     if connection.connect:
         settings["connect/endpoints"] = list(connection.connect)
-    if connection.listen or connection.mode == "peer":
-        settings["listen/endpoints"] = list(connection.listen) or ["tcp/127.0.0.1:0"]
+    listens = config.get_json("listen/endpoints") != zenoh.Config().get_json("listen/endpoints")
+    if connection.listen or (connection.mode != "client" and not listens):
+        settings["listen/endpoints"] = list(connection.listen) or [connection.loopback()]
+    if connection.tls is not None:
+        settings["transport/link/tls"] = connection.tls.settings()
+        settings["access_control"] = access_control()
     for key, value in settings.items():
         config.insert_json5(key, json.dumps(value))
     return config
 
 
-def _explain(error: str, connection: Connection) -> str:
+def _base(path: str | None) -> zenoh.Config:
+    if path is None:
+        return zenoh.Config()
+    if not Path(path).is_file():
+        raise UserError(f"there is no Zenoh configuration file {path}")
+    try:
+        return zenoh.Config.from_file(path)
+    except zenoh.ZError as error:
+        raise UserError(f"Zenoh refuses {path}: {error}") from None
+
+
+def _explain(error: str, connection: Connection, *, unreached: bool) -> str:
     endpoints = ", ".join(connection.listen)
+    if unreached:
+        routers = ", ".join(connection.connect) or "the endpoints of its configuration"
+        return f"no router answers at {routers}; start 'zenoh-cbef router', and check --connect" + (
+            ", --tls, and that the router's certificate names this host" if connection.tls else ""
+        )
     if "in use" in error.lower() or "os error 98" in error.lower():
         return f"a port of {endpoints} is in use; choose another with --listen, or end the process that holds it"
     if connection.listen and "listen" in error.lower():
         return f"cannot listen on {endpoints}: {_last_cause(error)}; choose another endpoint with --listen"
+    if connection.mode == "router":
+        return (
+            f"this Zenoh cannot be a router: {_last_cause(error)}; check --config, or install zenohd "
+            "(https://zenoh.io/docs/getting-started/installation) and run it with deploy/router.json5"
+        )
     return f"Zenoh cannot open a session: {_last_cause(error)}; check --connect and --listen"
 
 

@@ -180,7 +180,10 @@ class Record(Table):
 
 
 class Zenoh(Table):
-    """Endpoints and discovery. config: a Zenoh configuration file (JSON5) that the rest is laid over."""
+    """Endpoints and discovery. config: a Zenoh configuration file (JSON5) that the rest is laid over.
+
+    tls: a folder of certificates; links without are refused then.
+    """
 
     connect: tuple[str, ...] = ()
     listen: tuple[str, ...] = ()
@@ -189,6 +192,7 @@ class Zenoh(Table):
     multicast: bool = False
     lease_ms: Annotated[int, Field(ge=100, le=600_000)] = 5000
     config: str | None = None
+    tls: str | None = None
 
 
 class Scenario(Table):

@@ -1,0 +1,61 @@
+"""Processes that join through a router, as clients, compute what peers compute."""
+
+import json
+import signal
+
+import pytest
+
+from tests.processes.conftest import settings
+
+
+def test_clients_of_a_router_in_lockstep_equal_the_simulator(world, free_port):
+    endpoint = f"tcp/127.0.0.1:{free_port}"
+    join = ["--client", "--connect", endpoint, "--run", world.run, "--patience", "30"]
+    # The router last: clients wait for it.
+    processes = [
+        world.start("target", "tracking", *settings(), *join),
+        world.start("record", *join, "--output", str(world.log)),
+        *(world.start("agent", str(agent), *join) for agent in range(4)),
+    ]
+    router = world.start("router", "--listen", endpoint)
+    for process in processes:
+        _, err = process.communicate(timeout=100)
+        assert process.returncode == 0, err
+    assert router.poll() is None
+    router.send_signal(signal.SIGTERM)
+    out, err = router.communicate(timeout=10)
+    assert (router.returncode, err) == (0, "")
+    assert out == f"a router listens on {endpoint}\n"
+    assert world.call("verify", str(world.log)).stdout.startswith("equal bit for bit")
+    metrics = json.loads(world.call("analyze", str(world.log), "--json").stdout)
+    assert metrics["messages"]["missing"] == 0
+
+
+def test_without_a_router_a_client_says_so(world, free_port):
+    endpoint = f"tcp/127.0.0.1:{free_port}"
+    refused = world.call("agent", "0", "--run", world.run, "--client", "--connect", endpoint, "--patience", "0.5")
+    assert refused.returncode == 2
+    assert f"no router answers at {endpoint}" in refused.stderr
+    assert len(refused.stderr.splitlines()) == 1
+
+
+def test_a_router_listens_where_its_configuration_says(world, free_port, tmp_path):
+    file = tmp_path / "router.json5"
+    file.write_text(f'{{ listen: {{ endpoints: ["tcp/127.0.0.1:{free_port}"] }} }}')
+    router = world.start("router", "--config", str(file))
+    assert router.stdout.readline()
+    # Refused for its run, not for want of a router.
+    join = ["--run", world.run, "--client", "--connect", f"tcp/127.0.0.1:{free_port}", "--patience", "2"]
+    asked = world.call("agent", "0", *join)
+    assert asked.returncode == 2
+    assert "no target of run" in asked.stderr
+
+
+@pytest.mark.parametrize("endpoint", ["tcp/0.0.0.0:{}", "tcp/[::]:{}"])
+def test_an_endpoint_that_others_can_reach_without_certificate_is_warned_of(world, free_port, endpoint):
+    router = world.start("router", "--listen", endpoint.format(free_port))
+    assert router.stdout.readline()
+    router.terminate()
+    _, err = router.communicate(timeout=10)
+    assert err.startswith("warning: ")
+    assert len(err.splitlines()) == 1

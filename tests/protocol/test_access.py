@@ -1,0 +1,262 @@
+"""Mutual TLS and access control between real sessions: who has no certificate is out, who has one speaks for itself."""
+
+import json
+import ssl
+import stat
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+import zenoh
+
+from tests.processes.conftest import unused_port
+from zenoh_cbef.errors import UserError
+from zenoh_cbef.protocol.access import access_control
+from zenoh_cbef.protocol.certificates import make_certificates
+from zenoh_cbef.protocol.session import Connection, open_session
+from zenoh_cbef.protocol.tls import Tls
+
+RUN = "cbef/secret"
+NAMES = ("target", "record", "router", "operator", "agent-0", "agent-1")
+
+
+def within(seconds: float, condition: Callable[[], bool]) -> bool:
+    until = time.monotonic() + seconds
+    while not condition():
+        if time.monotonic() > until:
+            return False
+        time.sleep(0.02)
+    return True
+
+
+class Ear:
+    """What a session hears on a key."""
+
+    def __init__(self, session: zenoh.Session, key: str) -> None:
+        self._subscriber = session.declare_subscriber(key, zenoh.handlers.FifoChannel(1000))
+        self._heard: list[tuple[str, str]] = []
+
+    def heard(self) -> list[tuple[str, str]]:
+        while (sample := self._subscriber.handler.try_recv()) is not None:
+            self._heard.append((str(sample.key_expr).removeprefix(f"{RUN}/"), sample.payload.to_string()))
+        return sorted(self._heard)
+
+
+class Net:
+    """Sessions with certificates: peers that are linked to one another, or clients of one router."""
+
+    def __init__(self, certificates: Path, way: str) -> None:
+        self._certificates, self._way = certificates, way
+        self.endpoints: list[str] = []
+        self.sessions: list[zenoh.Session] = []
+        if way == "router":
+            self._open("router", mode="router")
+
+    def join(self, name: str) -> zenoh.Session:
+        return self._open(name, mode="client" if self._way == "router" else "peer")
+
+    def _open(self, name: str, mode: str) -> zenoh.Session:
+        listen = [] if mode == "client" else [f"tls/127.0.0.1:{unused_port()}"]
+        tls = Tls.of_folder(self._certificates, name)
+        session = open_session(Connection(list(self.endpoints), listen, mode, gossip=False, tls=tls), patience=5.0)
+        self.endpoints += listen
+        self.sessions.append(session)
+        return session
+
+    def close(self) -> None:
+        for session in reversed(self.sessions):
+            session.close()
+
+
+@pytest.fixture(scope="module")
+def certificates(tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("certificates")
+    assert make_certificates(folder, NAMES, hosts=["127.0.0.1", "localhost"], days=1) == list(NAMES)
+    return folder
+
+
+@pytest.fixture(params=["peer", "router"])
+def net(request, certificates):
+    one = Net(certificates, request.param)
+    yield one
+    one.close()
+
+
+def test_an_agent_publishes_its_own_keys_and_no_others(net):
+    agent, other, recorder = net.join("agent-0"), net.join("agent-1"), net.join("record")
+    log, neighbour, receiver = (
+        Ear(recorder, f"{RUN}/**"),
+        Ear(other, f"{RUN}/agent/0/round"),
+        Ear(other, f"{RUN}/beacon/1"),
+    )
+    own = [("agent/0/estimate", "x"), ("agent/0/range", "x"), ("agent/0/round", "x"), ("event", "x")]
+    forged = ["agent/1/round", "agent/1/estimate", "agent/7/round", "beacon/1", "beacon/0", "target/truth", "scenario"]
+
+    def speak() -> bool:
+        for key in (*forged, *(key for key, _ in own)):
+            agent.put(f"{RUN}/{key}", "x")
+        agent.delete(f"{RUN}/agent/0/round")
+        return set(own) <= set(log.heard()) and bool(neighbour.heard())
+
+    assert within(10, speak)
+    time.sleep(0.3)
+    assert set(log.heard()) == set(own)
+    assert set(neighbour.heard()) == {("agent/0/round", "x")}
+    assert receiver.heard() == []
+
+
+def test_only_the_recorder_hears_the_truth_and_an_agent_only_its_own_beacon(net):
+    target, recorder, agent = net.join("target"), net.join("record"), net.join("agent-0")
+    log, beacon = Ear(recorder, f"{RUN}/**"), Ear(agent, f"{RUN}/beacon/0")
+    spies = [Ear(agent, key) for key in (f"{RUN}/target/truth", f"{RUN}/target/*", f"{RUN}/beacon/1")]
+
+    def emit() -> bool:
+        for key in ("target/truth", "beacon/0", "beacon/1"):
+            target.put(f"{RUN}/{key}", "x")
+        return {key for key, _ in log.heard()} == {"target/truth", "beacon/0", "beacon/1"} and bool(beacon.heard())
+
+    assert within(10, emit)
+    time.sleep(0.3)
+    assert [spy.heard() for spy in spies] == [[], [], []]
+    assert {key for key, _ in beacon.heard()} == {"beacon/0"}
+
+
+def test_a_wildcard_does_not_get_an_agent_what_it_may_not_read(net):
+    target, recorder, agent = net.join("target"), net.join("record"), net.join("agent-0")
+    log, spies = Ear(recorder, f"{RUN}/**"), [Ear(agent, key) for key in (f"{RUN}/**", "cbef/**", "**")]
+
+    def emit() -> bool:
+        target.put(f"{RUN}/target/truth", "x")
+        return bool(log.heard())
+
+    assert within(10, emit)
+    time.sleep(0.3)
+    assert [spy.heard() for spy in spies] == [[], [], []]
+
+
+def test_nobody_is_announced_or_answers_under_anothers_name(net):
+    target, recorder, agent = net.join("target"), net.join("record"), net.join("agent-0")
+
+    def live() -> set[str]:
+        replies = recorder.liveliness().get(f"{RUN}/live/**", timeout=1.0)
+        return {str(reply.ok.key_expr).removeprefix(f"{RUN}/live/") for reply in replies if reply.ok is not None}
+
+    def answers() -> set[str]:
+        replies = recorder.get(f"{RUN}/scenario", timeout=1.0)
+        return {reply.ok.payload.to_string() for reply in replies if reply.ok is not None}
+
+    def serve(session: zenoh.Session, text: str) -> zenoh.Queryable:
+        return session.declare_queryable(f"{RUN}/scenario", lambda query: query.reply(f"{RUN}/scenario", text))
+
+    names = ("agent/1", "ready/1", "target/target", "record/record", "agent/0", "ready/0")
+    tokens = [agent.liveliness().declare_token(f"{RUN}/live/{name}") for name in names]
+    services = [serve(agent, "forged"), serve(target, "true")]
+    assert within(10, lambda: live() == {"agent/0", "ready/0"})
+    assert within(10, lambda: answers() == {"true"})
+    time.sleep(0.3)
+    assert live() == {"agent/0", "ready/0"}
+    assert answers() == {"true"}
+    for one in (*tokens, *services):
+        one.undeclare()
+
+
+def test_an_operator_reads_everything_and_says_nothing(net):
+    target, operator, recorder = net.join("target"), net.join("operator"), net.join("record")
+    seen, log = Ear(operator, f"{RUN}/**"), Ear(recorder, f"{RUN}/**")
+
+    def speak() -> bool:
+        target.put(f"{RUN}/target/truth", "x")
+        for key in ("target/truth", "agent/0/round", "beacon/0"):
+            operator.put(f"{RUN}/{key}", "forged")
+        return bool(seen.heard() and log.heard())
+
+    assert within(10, speak)
+    time.sleep(0.3)
+    assert {text for _, text in log.heard()} == {"x"}
+
+
+@pytest.mark.parametrize("shown", ["none", "another authority's", "none, over plain TCP"])
+def test_a_foreign_process_cannot_link_read_or_inject(certificates, tmp_path, shown):
+    net = Net(certificates, "peer")
+    try:
+        recorder, target = net.join("record"), net.join("target")
+        log = Ear(recorder, f"{RUN}/**")
+        tls = {"root_ca_certificate": str(certificates / "ca.pem"), "enable_mtls": True}
+        if shown == "another authority's":
+            make_certificates(tmp_path, ["agent-0"], hosts=["127.0.0.1"], days=1)
+            tls |= {"connect_certificate": f"{tmp_path}/agent-0.pem", "connect_private_key": f"{tmp_path}/agent-0.key"}
+        config = zenoh.Config()
+        plain = shown.endswith("TCP")
+        endpoints = [one.replace("tls/", "tcp/") if plain else one for one in net.endpoints]
+        for key, value in {
+            "connect/endpoints": endpoints,
+            "listen/endpoints": [],
+            "scouting/multicast/enabled": False,
+            "connect/retry": {"period_init_ms": 50, "period_max_ms": 100, "period_increase_factor": 1},
+            "transport/link/tls": {name: value for name, value in tls.items() if shown != "none" or "mtls" not in name},
+        }.items():
+            config.insert_json5(key, json.dumps(value))
+        with zenoh.open(config) as foreign:
+            ear = Ear(foreign, "**")
+            until = time.monotonic() + 1.5
+            while time.monotonic() < until:
+                foreign.put(f"{RUN}/agent/0/round", "forged")
+                target.put(f"{RUN}/target/truth", "x")
+                time.sleep(0.05)
+            assert foreign.info.peers_zid() == []
+            assert {text for _, text in ear.heard()} == {"forged"}
+        assert {text for _, text in log.heard()} == {"x"}
+    finally:
+        net.close()
+
+
+def test_a_process_does_not_link_to_a_server_whose_certificate_names_another_host(tmp_path):
+    make_certificates(tmp_path, NAMES, hosts=["elsewhere.example"], days=1)
+    net = Net(tmp_path, "peer")
+    try:
+        first, second = net.join("target"), net.join("record")
+        time.sleep(1.0)
+        assert (first.info.peers_zid(), second.info.peers_zid()) == ([], [])
+    finally:
+        net.close()
+
+
+def test_keys_are_their_owners_only_and_certificates_verify(certificates):
+    for name in ("ca", *NAMES):
+        assert stat.S_IMODE((certificates / f"{name}.key").stat().st_mode) == 0o600
+    trusted = ssl.create_default_context(cafile=certificates / "ca.pem")
+    for name in NAMES:
+        trusted.load_cert_chain(certificates / f"{name}.pem", certificates / f"{name}.key")
+
+
+def test_missing_certificates_are_added_by_the_same_authority_and_the_others_stay(certificates):
+    before = {path.name: path.read_bytes() for path in certificates.iterdir()}
+    assert make_certificates(certificates, [*NAMES, "agent-2"], hosts=["127.0.0.1"], days=1) == ["agent-2"]
+    assert {name: (certificates / name).read_bytes() for name in before} == before
+    net = Net(certificates, "peer")
+    try:
+        first, second = net.join("agent-1"), net.join("agent-2")
+        assert within(10, lambda: bool(first.info.peers_zid() and second.info.peers_zid()))
+    finally:
+        net.close()
+
+
+def test_without_the_authoritys_key_nothing_is_signed(certificates, tmp_path):
+    (tmp_path / "ca.pem").write_bytes((certificates / "ca.pem").read_bytes())
+    with pytest.raises(UserError, match="nothing can be signed"):
+        make_certificates(tmp_path, ["target"], hosts=[], days=1)
+
+
+def test_what_no_rule_allows_is_denied():
+    assert access_control()["default_permission"] == "deny"
+
+
+def test_with_certificates_a_plain_endpoint_is_refused(certificates):
+    with pytest.raises(UserError, match=r"tls/127\.0\.0\.1:7447"):
+        open_session(Connection(["tcp/127.0.0.1:7447"], tls=Tls.of_folder(certificates, "agent-0")))
+
+
+def test_a_missing_certificate_is_named(certificates):
+    with pytest.raises(UserError, match=r"agent-77\.pem"):
+        Tls.of_folder(certificates, "agent-77")

@@ -1,0 +1,71 @@
+"""Sessions: what they let in, and where they listen when nothing is said."""
+
+import sys
+import time
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+import zenoh
+
+from tests.processes.conftest import unused_port
+from zenoh_cbef.protocol.messages import LARGEST
+from zenoh_cbef.protocol.session import Connection, open_session
+
+
+def test_a_message_above_the_limit_is_dropped_and_the_next_one_comes():
+    endpoint = f"tcp/127.0.0.1:{unused_port()}"
+    with open_session(Connection(listen=[endpoint])) as receiver, open_session(Connection([endpoint])) as sender:
+        mailbox = receiver.declare_subscriber("cbef/run/agent/0/round", zenoh.handlers.FifoChannel(10))
+        publisher = sender.declare_publisher("cbef/run/agent/0/round", congestion_control=zenoh.CongestionControl.BLOCK)
+        until = time.monotonic() + 10
+        while not publisher.matching_status.matching and time.monotonic() < until:
+            time.sleep(0.02)
+        for size in (LARGEST + 1, 4 * LARGEST, LARGEST, 7):
+            publisher.put(bytes(size))
+        received = []
+        while 7 not in received and time.monotonic() < until:
+            while (sample := mailbox.handler.try_recv()) is not None:
+                received.append(len(sample.payload.to_bytes()))
+            time.sleep(0.02)
+        assert received == [LARGEST, 7]
+
+
+@pytest.mark.parametrize(
+    "endpoint", ["tcp/0.0.0.0:7447", "tcp/192.168.1.10:7447", "udp/host:1", "tcp/[::]:0", "ws/a:1"]
+)
+def test_a_plain_endpoint_off_loopback_is_exposed(endpoint):
+    assert Connection(listen=[endpoint]).exposed == [endpoint]
+
+
+@pytest.mark.parametrize(
+    "endpoint",
+    ["tcp/127.0.0.1:7447", "tcp/localhost:1", "tcp/[::1]:1", "tls/0.0.0.0:7447", "quic/h:1", "unixsock-stream//run/x"],
+)
+def test_loopback_and_endpoints_with_certificates_are_not(endpoint):
+    assert Connection(listen=[endpoint]).exposed == []
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
+@pytest.mark.parametrize("mode", ["peer", "router"])
+def test_nobody_listens_off_loopback_unless_told_to(mode):
+    before = addresses()
+    with open_session(Connection(mode=mode)):
+        new = addresses() - before
+    assert new
+    assert all(address.startswith("0100007F:") for address in new)
+
+
+def addresses() -> set[str]:
+    """Where this process listens, from the kernel."""
+    inodes = set()
+    for one in Path("/proc/self/fd").iterdir():
+        with suppress(OSError):  # that of this very listing
+            inodes.add(str(one.readlink()))
+    found = set()
+    for table in ("tcp", "tcp6"):
+        for line in Path(f"/proc/net/{table}").read_text().splitlines()[1:]:
+            words = line.split()
+            if words[3] == "0A" and f"socket:[{words[9]}]" in inodes:
+                found.add(words[1])
+    return found

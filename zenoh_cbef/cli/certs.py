@@ -1,0 +1,38 @@
+"""certs: certificates for a run's processes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from zenoh_cbef.protocol.tls import common_name
+
+_ROLES = ("target", "record", "router", "operator")
+_LOCAL = ("localhost", "127.0.0.1", "::1")
+
+
+def _new(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Where they go.")],
+    agents: Annotated[int, typer.Option(min=0, max=1000, help="For how many agents.")] = 6,
+    hosts: Annotated[
+        list[str] | None,
+        typer.Option("--host", help="A name or address that processes are reached by, besides loopback; repeatable."),
+    ] = None,
+    days: Annotated[int, typer.Option(min=1, help="How long they are valid.")] = 365,
+) -> None:
+    """Make a test authority, and a certificate and key for each role and agent; what is there stays."""
+    from zenoh_cbef.protocol.certificates import make_certificates  # noqa: PLC0415 - only here is the extra needed
+
+    names = [*_ROLES, *(common_name("agent", str(agent)) for agent in range(agents))]
+    made = make_certificates(folder, names, hosts=[*_LOCAL, *(hosts or ())], days=days)
+    typer.echo(f"{folder}: {', '.join(made) or 'nothing was missing'}")
+    typer.echo(f"give each host ca.pem and its processes' .pem and .key files; {folder / 'ca.key'} stays here")
+
+
+def register(app: typer.Typer) -> None:
+    """Add the verb."""
+    group = typer.Typer(help="Certificates for mutual TLS.", no_args_is_help=True)
+    group.command("new")(_new)
+    app.add_typer(group, name="certs")

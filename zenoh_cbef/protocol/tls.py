@@ -1,0 +1,49 @@
+"""Mutual TLS: which files prove who a process is, and what Zenoh is told of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from zenoh_cbef.errors import UserError
+
+SCHEMES = ("tls", "quic")
+"""Protocols of endpoints that check certificates."""
+
+
+def common_name(role: str, name: str) -> str:
+    """The common name of a process's certificate: "agent-3", or the bare role where there is only one."""
+    return f"{role}-{name}" if role == "agent" else role
+
+
+@dataclass(frozen=True)
+class Tls:
+    """The certificate of the authority that everybody trusts, and a process's own certificate and private key."""
+
+    ca: Path
+    cert: Path
+    key: Path
+
+    def __post_init__(self) -> None:
+        for what, path in (("authority's certificate", self.ca), ("certificate", self.cert), ("key", self.key)):
+            if not path.is_file():
+                raise UserError(f"there is no {what} {path}; make it with 'zenoh-cbef certs new', or check --tls")
+
+    @classmethod
+    def of_folder(cls, folder: Path, name: str) -> Tls:
+        """What `certs new` put into a folder for the process with this common name."""
+        return cls(folder / "ca.pem", folder / f"{name}.pem", folder / f"{name}.key")
+
+    def settings(self) -> dict[str, Any]:
+        """Zenoh's transport/link/tls: both ends of every link show a certificate."""
+        return {
+            "root_ca_certificate": str(self.ca),
+            "listen_certificate": str(self.cert),
+            "listen_private_key": str(self.key),
+            "connect_certificate": str(self.cert),
+            "connect_private_key": str(self.key),
+            "enable_mtls": True,
+            "verify_name_on_connect": True,
+            "close_link_on_expiration": True,
+        }
