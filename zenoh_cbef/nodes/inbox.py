@@ -149,12 +149,10 @@ class Inbox:
                         return None
             self._read(data, turn)
             seen += 1
-            if not seen % _LOOK_UP:
-                until = self._limit(until)
-                # In a flood there is always another message, and so no other end.
-                if self._silent or time.monotonic() >= until:
-                    self._miss(turn, silent=deadline is None)
-                    return None
+            # In a flood there is always another message, and so no other end.
+            if not seen % _LOOK_UP and (self._silent or time.monotonic() >= (until := self._limit(until))):
+                self._miss(turn, silent=deadline is None)
+                return None
 
     def _limit(self, until: float | None) -> float:
         return time.monotonic() + self._patience if until is None else until
