@@ -2,8 +2,10 @@
 
 import json
 import signal
+import time
 
 import pytest
+import zenoh
 
 from tests.processes.conftest import settings
 
@@ -59,3 +61,37 @@ def test_an_endpoint_that_others_can_reach_without_certificate_is_warned_of(worl
     _, err = router.communicate(timeout=10)
     assert err.startswith("warning: ")
     assert len(err.splitlines()) == 1
+
+
+def test_the_printed_configuration_is_one_that_zenoh_takes(world, free_port, tmp_path):
+    assert world.call("certs", "new", "certs", "--agents", "1").returncode == 0
+    printed = world.call("router", "--listen", f"tls/127.0.0.1:{free_port}", "--tls", "certs", "--print-config")
+    assert (printed.returncode, printed.stderr) == (0, "")
+    file = tmp_path / "zenohd.json5"
+    file.write_text(printed.stdout)
+    config = zenoh.Config.from_file(str(file))
+    assert config.get_json("mode") == '"router"'
+    assert json.loads(config.get_json("access_control"))["default_permission"] == "deny"
+    assert json.loads(config.get_json("transport/link/tls"))["enable_mtls"] is True
+
+
+def test_health_tells_a_process_that_is_there_from_one_that_is_not(world, free_port):
+    endpoint = f"tcp/127.0.0.1:{free_port}"
+    join = ["--client", "--connect", endpoint, "--run", world.run]
+
+    def health(who: str) -> int:
+        return world.call("health", who, *join, "--patience", "1").returncode
+
+    assert health("agent/0") == 2
+    router = world.start("router", "--listen", endpoint)
+    assert router.stdout.readline()
+    assert health("agent/0") == 2
+    world.start("target", "tracking", *settings(), *join)
+    agent = world.start("agent", "0", *join, "--patience", "20")
+    until = time.monotonic() + 30
+    while health("agent/0") != 0:
+        assert time.monotonic() < until
+    assert (health("target"), health("agent/1"), health("record")) == (0, 1, 1)
+    agent.kill()
+    agent.wait()
+    assert health("agent/0") == 1

@@ -30,6 +30,7 @@ _VERBS = (
     "experiment",
     "router",
     "certs",
+    "health",
 )
 
 

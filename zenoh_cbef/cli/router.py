@@ -4,23 +4,33 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import partial
+from typing import Annotated
 
 import typer
 
 from zenoh_cbef.cli.joining import Joining, joins, warn_of_exposure
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.nodes.router import run_router
+from zenoh_cbef.protocol.session import configuration
 
 _PORT = 7447
 
 
-def _router(joining: Joining) -> None:
+def _router(
+    joining: Joining,
+    print_config: Annotated[
+        bool, typer.Option("--print-config", help="Print the configuration for zenohd, and run nothing.")
+    ] = False,
+) -> None:
     """Run a router until Ctrl-C; the processes of any run join through it with --client --connect ENDPOINT."""
     if joining.client:
         raise UserError("a router is nobody's client; leave --client out, and name other routers with --connect")
     connection = joining.connection("router", mode="router")
     if not connection.listen and connection.config is None:
         connection = replace(connection, listen=[connection.loopback(_PORT)])
+    if print_config:
+        typer.echo(configuration(connection))
+        return
     warn_of_exposure(connection)
     place = ", ".join(connection.listen) or f"the endpoints of {connection.config}"
     run_router(connection, partial(typer.echo, f"a router listens on {place}"))

@@ -8,6 +8,13 @@ from collections.abc import Callable
 import zenoh
 
 
+def live_now(session: zenoh.Session, expression: str) -> set[str]:
+    """The names, as in "agent/3", that answer now to a liveliness expression, asked of the whole network."""
+    replies = session.liveliness().get(expression, timeout=2.0)
+    prefix = expression.removesuffix("**")
+    return {str(reply.ok.key_expr).removeprefix(prefix) for reply in replies if reply.ok is not None}
+
+
 class Presence:
     """Who is there: the liveliness tokens of a run, ours and others', kept up to date in the background."""
 
@@ -40,8 +47,7 @@ class Presence:
 
     def asks_for(self, name: str) -> bool:
         """Whether somebody answers to a name now, asked of the whole network."""
-        replies = self._session.liveliness().get(self._prefix + name, timeout=2.0)
-        return any(reply.ok is not None for reply in replies)
+        return bool(live_now(self._session, self._prefix + name))
 
     def on_change(self, listener: Callable[[str, bool], None]) -> None:
         """Call listener(name, joined) from a background thread at every change; name is as in "agent/3"."""

@@ -97,6 +97,11 @@ def open_session(connection: Connection, patience: float = 0.0) -> zenoh.Session
         time.sleep(_ROUTER_RETRY_SECONDS)
 
 
+def configuration(connection: Connection) -> str:
+    """What a session is opened with, as JSON that Zenoh's own programs read, too."""
+    return json.dumps(json.loads(str(_config(connection))), indent=1)
+
+
 def _config(connection: Connection) -> zenoh.Config:
     config = _base(connection.config)
     settings: dict[str, Any] = {
