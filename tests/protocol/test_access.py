@@ -161,6 +161,19 @@ def test_nobody_is_announced_or_answers_under_anothers_name(net):
         one.undeclare()
 
 
+def test_only_an_operator_gives_orders(net):
+    target, operator, agent, recorder = (net.join(name) for name in ("target", "operator", "agent-0", "record"))
+    key = f"{RUN}/control"
+    service = target.declare_queryable(key, lambda query: query.reply(key, "done"))
+
+    def done(session: zenoh.Session) -> bool:
+        return any(reply.ok is not None for reply in session.get(key, timeout=1.0))
+
+    assert within(10, lambda: done(operator))
+    assert (done(agent), done(recorder)) == (False, False)
+    service.undeclare()
+
+
 def test_an_operator_reads_everything_and_says_nothing(net):
     target, operator, recorder = net.join("target"), net.join("operator"), net.join("record")
     seen, log = Ear(operator, f"{RUN}/**"), Ear(recorder, f"{RUN}/**")

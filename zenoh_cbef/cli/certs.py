@@ -20,12 +20,13 @@ def _new(
         list[str] | None,
         typer.Option("--host", help="A name or address that processes are reached by, besides loopback; repeatable."),
     ] = None,
+    replay: Annotated[bool, typer.Option("--replay", help="Also for replay, which speaks for everybody.")] = False,
     days: Annotated[int, typer.Option(min=1, help="How long they are valid.")] = 365,
 ) -> None:
     """Make a test authority, and a certificate and key for each role and agent; what is there stays."""
     from zenoh_cbef.protocol.certificates import make_certificates  # noqa: PLC0415 - only here is the extra needed
 
-    names = [*_ROLES, *(common_name("agent", str(agent)) for agent in range(agents))]
+    names = [*_ROLES, *(["replay"] if replay else []), *(common_name("agent", str(agent)) for agent in range(agents))]
     made = make_certificates(folder, names, hosts=[*_LOCAL, *(hosts or ())], days=days)
     typer.echo(f"{folder}: {', '.join(made) or 'nothing was missing'}")
     typer.echo(f"give each host ca.pem and its processes' .pem and .key files; {folder / 'ca.key'} stays here")

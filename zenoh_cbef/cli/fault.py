@@ -9,8 +9,8 @@ import typer
 from rich.table import Table
 
 from zenoh_cbef.cli.asking import RunName, ask_run, locate
-from zenoh_cbef.cli.joining import Client, Config
-from zenoh_cbef.cli.options import AsJson, Connect
+from zenoh_cbef.cli.joining import Joining, joins
+from zenoh_cbef.cli.options import AsJson
 from zenoh_cbef.cli.tables import console
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.scenario.load import value_of
@@ -18,12 +18,10 @@ from zenoh_cbef.scenario.load import value_of
 
 def _add(
     kind: Annotated[str, typer.Argument(metavar="KIND", help="As in a scenario's [[fault]]: loss, delay, crash, ...")],
+    joining: Joining,
     keys: Annotated[list[str] | None, typer.Argument(metavar="[KEY=VALUE]...", help="Its keys: links=agent:3")] = None,
     run: RunName = None,
     seconds: Annotated[float | None, typer.Option("--for", min=0.001, help="How long it lasts, in seconds.")] = None,
-    connect: Connect = None,
-    client: Client = False,
-    config: Config = None,
 ) -> None:
     """Inject a fault, from now on or from the run time `from=`."""
     table: dict[str, Any] = {"kind": kind}
@@ -32,20 +30,18 @@ def _add(
         if not separator:
             raise UserError(f"{one!r} is not of the form key=value, as in probability=0.3")
         table[key.strip()] = value_of(text)
-    name, connection = locate(run, connect, client=client, config=config)
+    name, connection = locate(run, joining)
     said = ask_run(name, connection, {"ask": "fault add", "fault": json.dumps(table), "seconds": seconds})
     typer.echo(f"fault {said['number']} ({kind}) of run {name} begins at {said['from']:.2f} s")
 
 
 def _list(
+    joining: Joining,
     run: RunName = None,
     as_json: AsJson = False,
-    connect: Connect = None,
-    client: Client = False,
-    config: Config = None,
 ) -> None:
     """List the faults that were injected, and whether they are on."""
-    name, connection = locate(run, connect, client=client, config=config)
+    name, connection = locate(run, joining)
     faults = json.loads(ask_run(name, connection, {"ask": "fault list"})["faults"])
     if as_json:
         typer.echo(json.dumps(faults, indent=2))
@@ -66,14 +62,12 @@ def _list(
 
 
 def _clear(
+    joining: Joining,
     numbers: Annotated[list[int] | None, typer.Argument(metavar="[NUMBER]...", help="Default: all.")] = None,
     run: RunName = None,
-    connect: Connect = None,
-    client: Client = False,
-    config: Config = None,
 ) -> None:
     """End injected faults."""
-    name, connection = locate(run, connect, client=client, config=config)
+    name, connection = locate(run, joining)
     ended = ask_run(name, connection, {"ask": "fault clear", "numbers": numbers or None})["ended"]
     typer.echo(f"run {name}: ended {', '.join(f'fault {one}' for one in ended) or 'nothing'}")
 
@@ -81,7 +75,7 @@ def _clear(
 def register(app: typer.Typer) -> None:
     """Add the verb."""
     verbs = typer.Typer(no_args_is_help=True, help="Inject faults into a realtime run that goes on.")
-    verbs.command("add")(_add)
-    verbs.command("list")(_list)
-    verbs.command("clear")(_clear)
+    verbs.command("add")(joins(_add))
+    verbs.command("list")(joins(_list))
+    verbs.command("clear")(joins(_clear))
     app.add_typer(verbs, name="fault")

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from zenoh_cbef.cli.joining import Client, Config, Gossip, Lease, connection_of, identity_of
-from zenoh_cbef.cli.options import Connect, Listen, LogFile
+from zenoh_cbef.cli.joining import Joining, identity_of, joins
+from zenoh_cbef.cli.options import LogFile
 from zenoh_cbef.cli.run import run_processes
 from zenoh_cbef.cli.tables import number
 from zenoh_cbef.errors import UserError
@@ -23,7 +24,7 @@ from zenoh_cbef.nodes.replay import Playback, replay_run, run_replay
 from zenoh_cbef.protocol.session import Connection
 
 _INTERRUPTED = 130
-_LISTEN = ("tcp/127.0.0.1:7447",)
+_PORT = 7447
 
 Patterns = list[str] | None
 
@@ -61,6 +62,7 @@ Keys = Annotated[bool, typer.Option(help="Obey the keys space, right, n, up and 
 
 
 def _replay(
+    joining: Joining,
     log: LogFile = Path("logs/latest"),
     to: To = Destination.network,
     overrides: Settings = None,
@@ -79,12 +81,6 @@ def _replay(
     wait: Wait = False,
     linger: Linger = 1.0,
     keyboard: Keys = True,
-    connect: Connect = None,
-    listen: Listen = None,
-    gossip: Gossip = True,
-    client: Client = False,
-    config: Config = None,
-    lease_ms: Lease = 5000,
 ) -> None:
     """Publish a recorded run again, with its timing and byte for byte, so that any subscriber sees it live.
 
@@ -97,8 +93,9 @@ def _replay(
         raise UserError("--set and --output are for --to agents: what is published is what was recorded")
     if not 0.0 < rate < 1e6:
         raise UserError(f"--rate {rate:g} cannot be played; give a number above 0 and below 1000000")
-    usual = () if connect or client or config else _LISTEN
-    connection = connection_of(connect, listen or usual, gossip=gossip, client=client, config=config, lease_ms=lease_ms)
+    connection = joining.connection("replay")
+    if not (joining.client or joining.connect or joining.listen or joining.config):
+        connection = replace(connection, listen=[connection.loopback(_PORT)])
     selection = Selection(topics or (), exclude or (), regex or (), exclude_regex or (), remap or ())
     how = Playback(rate, loop, start_offset, duration, start_paused, delay, wait, linger, keyboard)
     _to_network(log, connection, selection, how)
@@ -134,4 +131,4 @@ def _show(state: PlayerState) -> None:
 
 def register(app: typer.Typer) -> None:
     """Add the verb."""
-    app.command("replay")(_replay)
+    app.command("replay")(joins(_replay))

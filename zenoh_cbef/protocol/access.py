@@ -24,8 +24,9 @@ _ALL = [*_SAY, "delete", *_HEAR, *_ASK, *_LIVE]
 Rule = tuple[list[str], list[str]]
 """Kinds of messages, and the keys that they are allowed on."""
 
-_EVERYBODY: list[Rule] = [(_ASK, [_ANY.scenario, _ANY.all_live]), (["put"], [_ANY.event])]
-_READERS: list[Rule] = [*_EVERYBODY, (_HEAR, [_ANY.everything]), (_ASK, [_ANY.everything])]
+_OF_AGENTS = f"{_ANY.root}/agent/*/*"
+_EVERYBODY: list[Rule] = [(_ASK, [_ANY.scenario, _ANY.all_live, _OF_AGENTS]), (["put"], [_ANY.event])]
+_READERS: list[Rule] = [*_EVERYBODY, (_HEAR, [_ANY.everything])]
 
 
 def _token(name: str) -> str:
@@ -38,7 +39,7 @@ def _agent(agent: int) -> list[Rule]:
     return [
         *_EVERYBODY,
         (_SAY, [own]),
-        (_HEAR, [_ANY.beacon(agent), f"{_ANY.root}/agent/*/*"]),
+        (_HEAR, [_ANY.beacon(agent), _ANY.faults, _OF_AGENTS]),
         (_LIVE, [_token(f"agent/{agent}"), _token(f"ready/{agent}")]),
     ]
 
@@ -46,13 +47,14 @@ def _agent(agent: int) -> list[Rule]:
 _ROLES: dict[str, list[Rule]] = {
     "target": [
         *_READERS,
-        (_SAY, [_ANY.scenario, f"{_ANY.root}/target/*", f"{_ANY.root}/beacon/*"]),
+        (_SAY, [_ANY.scenario, _ANY.control, _ANY.faults, f"{_ANY.root}/target/*", f"{_ANY.root}/beacon/*"]),
         (_LIVE, [_token("target/*")]),
     ],
-    "record": [*_READERS, (_LIVE, [_token("record/*")])],
-    "operator": _READERS,
-    # A router passes on what it has checked itself.
+    "record": [*_READERS, (_LIVE, [_token("record/*"), _token("heard/**")])],
+    "operator": [*_READERS, (_ASK, [_ANY.control, _ANY.replay])],
+    # A router passes on what it has checked itself; a replay speaks for everybody who was recorded.
     "router": [(_ALL, [_ANY.everything])],
+    "replay": [(_ALL, [_ANY.everything])],
 }
 
 
