@@ -43,7 +43,9 @@ def said(log: Path) -> dict[str, list[dict]]:
                 continue
             key = f"{key} of {body['from']}"
             body["data"]["sent"] = {name.split("/", 2)[2]: count for name, count in body["data"]["sent"].items()}
-            body["data"].pop("word", None)  # which asks a recorder for an answer
+            # Last words are said until they are heard, and numbered for that.
+            found.pop(key, None)
+            body["data"].pop("word", None)
             body["seq"] = 0
         found[key].append({name: value for name, value in body.items() if name not in OWN})
     return dict(found)

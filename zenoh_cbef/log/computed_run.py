@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from zenoh_cbef.faults import Fate
-from zenoh_cbef.faults.injected import Injected
+from zenoh_cbef.faults.injected import FATES, IN_TIME, Injected
 from zenoh_cbef.log.run_log import RunLog
 from zenoh_cbef.protocol.bodies import estimate_body, range_body
 from zenoh_cbef.protocol.keys import Keys
@@ -25,45 +25,50 @@ Floats = NDArray[np.float64]
 
 
 class _Received:
-    """What became of the messages to one agent, as its process counts them. links: its places among all links."""
+    """What became of the messages on all links, as the agents' processes count them."""
 
-    def __init__(self, ids: Sequence[int], links: slice, *, quiet: bool) -> None:
-        self._ids, self._links, self._quiet = list(ids), links, quiet
-        self._due = 0
-        self._missed = {
-            name: np.zeros(len(self._ids), dtype=np.int64) for name in ("absent", "lost", "late", "corrupted")
-        }
-        self._injected = Injected(len(self._ids))
+    def __init__(self, scenario: Scenario, neighbours: Neighbours) -> None:
+        rows = zip(neighbours.index, neighbours.present, strict=True)
+        self._ids = [index[present].tolist() for index, present in rows]
+        ends = np.cumsum([len(ids) for ids in self._ids]).tolist()
+        self._links = [slice(end - len(ids), end) for ids, end in zip(self._ids, ends, strict=True)]
+        self._quiet = [fates_into(scenario, agent, ids).quiet for agent, ids in enumerate(self._ids)]
+        self._injected = Injected(ends[-1])
+        self._received, self._lost, self._late, self._corrupted = np.zeros((4, ends[-1]), dtype=np.int64)
 
-    def counts(self, due: int, fates: Sequence[Fate]) -> dict[str, Any]:
-        """The fields of an estimate, after a step in which `due` messages of each neighbour were to be used."""
-        self._due += due
+    def step(self, due: int, fates: Sequence[Fate]) -> Iterator[dict[str, Any]]:
+        """The fields of every agent's estimate, after a step in which `due` messages of each link were to be used."""
+        self._received += due
         for fate in fates:
-            mine = fate.on(self._links)
-            self._injected.note(mine)
-            for name in self._missed:
-                self._missed[name] += getattr(mine, name)
-        lost = self._missed["lost"] + self._missed["corrupted"]
-        found: dict[str, Any] = {
-            "neighbours": self._ids,
-            "received": (self._due - lost - self._missed["late"] - self._missed["absent"]).tolist(),
-            "lost": lost.tolist(),
-            "late": self._missed["late"].tolist(),
-            "latency": [None] * len(self._ids),
-        }
-        return found if self._quiet else found | self._injected.take()
+            self._injected.note(fate)
+            self._received -= ~fate.due
+            self._lost += fate.lost | fate.corrupted
+            self._late += fate.late
+            self._corrupted += fate.corrupted
+        injected = self._injected.take()
+        for ids, mine, quiet in zip(self._ids, self._links, self._quiet, strict=True):
+            told = {"neighbours": ids, "received": self._received[mine].tolist(), "lost": self._lost[mine].tolist()}
+            told |= {"late": self._late[mine].tolist(), "latency": [None] * len(ids)}
+            yield told if quiet else told | _part(injected, mine)
 
-    def forget(self) -> None:
+    def forget(self, agent: int) -> None:
         """Count from now on: the agent will be started again."""
-        self._due = 0
-        for counts in self._missed.values():
-            counts[:] = 0
-        self._injected.forget(slice(None))
+        mine = self._links[agent]
+        for counts in (self._received, self._lost, self._late, self._corrupted):
+            counts[mine] = 0
+        self._injected.forget(mine)
 
-    @property
-    def rejected(self) -> int:
-        """Messages that faults damaged."""
-        return int(self._missed["corrupted"].sum())
+    def rejected(self, agent: int) -> int:
+        """How many messages to an agent faults damaged."""
+        return int(self._corrupted[self._links[agent]].sum())
+
+
+def _part(injected: dict[str, list[Any]], links: slice) -> dict[str, list[Any]]:
+    """One agent's part; marks only where a fault did anything in its step."""
+    mine = {name: values[links] for name, values in injected.items()}
+    if not any(marks.strip(IN_TIME) for marks in mine.get(FATES, ())):
+        mine.pop(FATES, None)
+    return mine
 
 
 class ComputedRun:
@@ -77,13 +82,7 @@ class ComputedRun:
         self._now = 0
         width = message_size(scenario)
         self._codecs = [RoundCodec(run, f"agent/{agent}", width) for agent in range(scenario.count)]
-        self._received = []
-        first = 0
-        for agent, present in enumerate(neighbours.present):
-            ids = neighbours.index[agent][present].tolist()
-            quiet = fates_into(scenario, agent, ids).quiet
-            self._received.append(_Received(ids, slice(first, first + len(ids)), quiet=quiet))
-            first += len(ids)
+        self._received = _Received(scenario, neighbours)
 
     def say(self, sender: str, key: str, moment: int, body: Mapping[str, Any]) -> None:
         """One message of anybody; moment: ns since the Unix epoch. Time in a log does not go back."""
@@ -105,18 +104,17 @@ class ComputedRun:
                 self._log.add(key, self._codecs[agent].encode(seq, self._now, number, round_, sent[agent]), self._now)
         used = number - self._scenario.consensus.lag
         due = self._shares_ranges + (self._rounds if used >= 1 else 0)
-        for agent, received in enumerate(self._received):
-            counts = received.counts(due, step.fates)
+        for agent, counts in enumerate(self._received.step(due, step.fates)):
             if not step.absent[agent]:
                 body = estimate_body(number, step.estimate, agent, agent, counts)
                 self.say(f"agent/{agent}", self._keys.estimate(agent), begin + (self._rounds + 1) * pause, body)
             elif self._absences.crashed(number)[agent]:
-                received.forget()
+                self._received.forget(agent)
 
     def end(self, last: int) -> None:
         """What every process says when it ends."""
-        for agent, received in enumerate(self._received):
-            self._finished(f"agent/{agent}", f"agent {agent}", last, received.rejected)
+        for agent in range(self._scenario.count):
+            self._finished(f"agent/{agent}", f"agent {agent}", last, self._received.rejected(agent))
         self._finished("target", "the target", last, 0)
 
     def _finished(self, sender: str, name: str, last: int, rejected: int) -> None:
