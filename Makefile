@@ -19,7 +19,7 @@ $(READY): pyproject.toml constraints.txt
 	$(PYTHON) -m venv .venv
 	$(PIP) --upgrade pip
 	$(PIP) hatchling editables
-	$(PIP) --no-build-isolation --editable '.[report,lz4,experiment,security]' --group dev
+	$(PIP) --no-build-isolation --editable '.[report,lz4,experiment,security,viz]' --group dev
 	touch $(READY)
 
 lint: install

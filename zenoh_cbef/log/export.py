@@ -1,9 +1,10 @@
-"""A trace as plain arrays for other programs: .npz, or a folder of .csv."""
+"""A trace as plain arrays for other programs: .npz, or a folder of .csv or .parquet."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +12,8 @@ from numpy.typing import NDArray
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.protocol.messages import BIAS, DISTRUST
 from zenoh_cbef.trace import Trace
+
+_WHOLE = {"agent", "k", "first", "second", "nis_degrees"}
 
 Array = NDArray[np.float64] | NDArray[np.int64]
 
@@ -35,28 +38,58 @@ def arrays_of(trace: Trace) -> dict[str, Array]:
     }
 
 
-def export(trace: Trace, output: Path, kind: Literal["npz", "csv"]) -> list[Path]:
-    """Write the arrays to a file (npz) or into a folder (csv); returns what was written."""
+def export(trace: Trace, output: Path, kind: str) -> list[Path]:
+    """Write the arrays to a file (npz) or as tables into a folder (csv, parquet); returns what was written.
+
+    Raises UserError where that cannot be, or the package for parquet is missing.
+    """
+    write = _write_csv if kind == "csv" else _parquet_writer() if kind == "parquet" else None
     try:
-        if kind == "npz":
+        if write is None:
             output.parent.mkdir(parents=True, exist_ok=True)
             with output.open("wb") as stream:
                 np.savez_compressed(stream, allow_pickle=False, **arrays_of(trace))
             return [output]
         output.mkdir(parents=True, exist_ok=True)
-        return _write_tables(trace, output)
+        paths = []
+        for name, (header, parts) in _tables(trace).items():
+            paths.append(output / f"{name}.{kind}")
+            write(paths[-1], header, np.column_stack(parts).astype(np.float64))
     except OSError as error:
         raise UserError(f"cannot write {output}: {error.strerror}; choose another --output") from None
+    return paths
 
 
-def _write_tables(trace: Trace, folder: Path) -> list[Path]:
+def _write_csv(path: Path, header: list[str], rows: NDArray[np.float64]) -> None:
+    formats = ["%d" if column in _WHOLE else "%.17g" for column in header]
+    np.savetxt(path, rows, formats, ",", header=",".join(header), comments="")
+
+
+def _parquet_writer() -> Callable[[Path, list[str], NDArray[np.float64]], None]:
+    try:
+        arrow, parquet = import_module("pyarrow"), import_module("pyarrow.parquet")
+    except ImportError:
+        raise UserError("parquet needs pyarrow; run: pip install 'zenoh-cbef[experiment]'") from None
+
+    def write(path: Path, header: list[str], rows: NDArray[np.float64]) -> None:
+        columns = {
+            name: column.astype(np.int64) if name in _WHOLE else column
+            for name, column in zip(header, rows.T, strict=True)
+        }
+        parquet.write_table(arrow.table(columns), path)
+
+    return write
+
+
+def _tables(trace: Trace) -> dict[str, tuple[list[str], list[Array]]]:
+    """Header and columns of the tables by their names."""
     count, steps = trace.ranges.shape
     agent, step = np.repeat(np.arange(count), steps), np.tile(np.arange(1, steps + 1), count)
     rows, columns = np.triu_indices(6)
     axes = ("x", "y", "z")
     state = [*axes, *(f"v{axis}" for axis in axes)]
     upper = [f"p{row}{column}" for row, column in zip(rows, columns, strict=True)]
-    tables = {
+    return {
         "truth": (["k", "time", *state], [np.arange(1, steps + 1), trace.time, trace.truth]),
         "initial": (["agent", *state], [np.arange(count), trace.initial]),
         "edges": (["first", "second"], [trace.edges]),
@@ -81,11 +114,3 @@ def _write_tables(trace: Trace, folder: Path) -> list[Path]:
             ],
         ),
     }
-    paths = []
-    for name, (header, parts) in tables.items():
-        path = folder / f"{name}.csv"
-        whole = {"agent", "k", "first", "second", "nis_degrees"}
-        formats = ["%d" if column in whole else "%.17g" for column in header]
-        np.savetxt(path, np.column_stack(parts), formats, ",", header=",".join(header), comments="")
-        paths.append(path)
-    return paths

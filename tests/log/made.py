@@ -1,0 +1,28 @@
+"""Logs of real contents without processes: a simulated world's beacons through the tracker."""
+
+from pathlib import Path
+
+from zenoh_cbef.log.contents import Header
+from zenoh_cbef.log.measurements import Measurements
+from zenoh_cbef.log.reestimate import reestimate
+from zenoh_cbef.protocol.messages import nan_to_nil
+from zenoh_cbef.scenario.load import load, to_toml
+from zenoh_cbef.scenario.world import make_world
+
+START = 1_700_000_000_000_000_000
+
+
+def made_log(path: Path, *overrides: str) -> Path:
+    """The log of a run named `made`."""
+    loaded = load("tracking", overrides)
+    scenario, world = loaded.scenario, make_world(loaded.scenario)
+    found = Measurements(Header("made", scenario, None), to_toml(scenario))
+    for row, state in enumerate(world.truth.tolist()):
+        found.truth[row + 1] = {"k": row + 1, "state": state}
+        found.logged[row + 1] = START + round(1e9 * scenario.dt) * (row + 1)
+        for agent in range(scenario.count):
+            times = (nan_to_nil(each[agent, row]) for each in (world.emitted, world.arrived))
+            body = dict(zip(("emitted", "arrived"), times, strict=True))
+            found.beacons[agent, row + 1] = {"from": "target", "k": row + 1, **body}
+    reestimate(found, loaded, "made", path)
+    return path
