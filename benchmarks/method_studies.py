@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from benchmarks.accuracy import consistency, position_mse
 from benchmarks.common import analyses
 from zenoh_cbef.analysis.metrics import Analysis
-from zenoh_cbef.scenario import network
+from zenoh_cbef.scenario import network, paths
 from zenoh_cbef.scenario.model import Scenario
 from zenoh_cbef.tracking import graph
 from zenoh_cbef.tracking.weights import weight_matrix
@@ -83,7 +83,7 @@ def scale(side: float) -> Scale:
 def _grams(scenario: Scenario) -> tuple[graph.Neighbours, Floats]:
     """Each agent's H^T H over the position, (n, 3, 3)."""
     neighbours = graph.neighbours(scenario.count, network.edges(scenario))
-    positions = network.placement(scenario)
+    positions = paths.placement(scenario)
     rows = np.where(neighbours.present[:, :, None], positions[neighbours.index] - positions[:, None, :], 0.0)
     return neighbours, np.asarray(np.swapaxes(rows, 1, 2) @ rows)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from zenoh_cbef.scenario import network
+from zenoh_cbef.scenario import network, paths
 from zenoh_cbef.scenario.build import (
     agent_tracker,
     batch_tracker,
@@ -128,7 +128,7 @@ def test_explicit_edges_and_positions_override_graph_and_placement():
         },
         "test",
     )
-    assert network.placement(one).tolist() == places[:2]
+    assert paths.placement(one).tolist() == places[:2]
     assert network.edges(one).tolist() == [[0, 1]]
 
 

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from zenoh_cbef.scenario.load import parse
-from zenoh_cbef.scenario.world import agent_positions, along, make_world, target_path, target_start
+from zenoh_cbef.scenario.paths import agent_positions, along
+from zenoh_cbef.scenario.world import make_world, target_path, target_start
 from zenoh_cbef.simulator import heard_in
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
 

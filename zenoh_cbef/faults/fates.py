@@ -45,7 +45,8 @@ class Fates:
     faults: all of a scenario, of which those of messages count. seed, source, destination: (e,). dt: s. rounds: L.
     ranges: whether neighbours' ranges are sent before the rounds. realtime: a delay is real time, so that the
     receiver finds out whether the message is late; otherwise a message that is delayed at all misses its round.
-    lag: how many steps after its own a message is used; it may be on its way for so long.
+    lag: how many steps after its own a message is used; it may be on its way for so long. apart: (e, K), the steps in
+    which a link does not exist; None: all always do.
     """
 
     def __init__(
@@ -60,6 +61,7 @@ class Fates:
         ranges: bool = True,
         realtime: bool = False,
         lag: int = 0,
+        apart: Bools | None = None,
     ) -> None:
         self._faults = [
             (index, fault, chosen)
@@ -69,6 +71,7 @@ class Fates:
         self._seed, self._source, self._destination = seed, source, destination
         self._dt, self._per_step, self._ranges = dt, max(1, rounds + ranges), ranges
         self._realtime, self._spare = realtime, lag * dt
+        self._apart = apart
         self._streams = LinkStreams(seed, source, destination, range(not ranges, self._per_step + (not ranges)))
         # What no fault touches is shared, so nobody may write into it.
         self._never, self._none = np.zeros(source.shape, dtype=bool), np.zeros(source.shape)
@@ -77,7 +80,7 @@ class Fates:
     def of(self, step: int, round_: int) -> Fate:
         """What becomes of the messages sent in one round of a step (round 0: the ranges)."""
         messages = self._messages(step, round_)
-        struck: dict[str, Bools] = {}
+        struck: dict[str, Bools] = {} if self._apart is None else {"absent": self._apart[:, step - 1]}
         delay = self._none
         for index, fault, chosen in self._faults:
             if not fault.active(step * self._dt):
@@ -95,7 +98,7 @@ class Fates:
             delay = np.maximum(delay - self._spare, 0.0)
             after = self._never if overtaken is None or self._spare else overtaken
             struck["late"] = after if self._realtime else after | (delay > 0.0)
-        return Fate(delay=delay, **self._apart(struck))
+        return Fate(delay=delay, **self._told_apart(struck))
 
     def _messages(self, step: int, round_: int) -> Messages:
         return Messages(
@@ -110,7 +113,7 @@ class Fates:
             self._streams,
         )
 
-    def _apart(self, struck: dict[str, Bools]) -> dict[str, Bools]:
+    def _told_apart(self, struck: dict[str, Bools]) -> dict[str, Bools]:
         """What several faults do to one message is what the first of these names says."""
         apart, before = {}, None
         for name in ("absent", "lost", "late", "corrupted", "duplicated"):
@@ -124,7 +127,7 @@ class Fates:
 
     def reaches(self, step: int) -> Bools:
         """Over which links (e,) somebody who keeps asking is answered in a step: those that nothing cuts."""
-        open_ = np.ones(self._source.shape, dtype=bool)
+        open_ = np.ones(self._source.shape, dtype=bool) if self._apart is None else ~self._apart[:, step - 1]
         for _, fault, chosen in self._faults:
             if fault.cuts and fault.active(step * self._dt):
                 open_ &= ~chosen
@@ -132,5 +135,5 @@ class Fates:
 
     @property
     def quiet(self) -> bool:
-        """Whether no fault ever touches these links."""
-        return not self._faults
+        """Whether no fault ever touches these links, and they always exist."""
+        return not self._faults and self._apart is None

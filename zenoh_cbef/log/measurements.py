@@ -18,7 +18,8 @@ from zenoh_cbef.protocol.keys import Address, address, agent_of
 from zenoh_cbef.protocol.messages import BadMessage, decode, nil_to_nan
 from zenoh_cbef.scenario import Scenario
 from zenoh_cbef.scenario.load import Loaded, apply, parse
-from zenoh_cbef.scenario.world import World, agent_positions, step_times
+from zenoh_cbef.scenario.paths import agent_positions, step_times
+from zenoh_cbef.scenario.world import World
 
 _PAST = ("seed", "dt", "target", "agents", "sensor")
 _KINDS = ("truth", "beacon", "range")

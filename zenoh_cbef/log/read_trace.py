@@ -13,8 +13,8 @@ from zenoh_cbef.log.contents import Contents, Header, open_log, read_contents, r
 from zenoh_cbef.protocol.messages import BIAS, DISTRUST, BadMessage, nil_to_nan, unpack_floats
 from zenoh_cbef.scenario import Scenario, network
 from zenoh_cbef.scenario.injected import read_tables, with_faults
+from zenoh_cbef.scenario.paths import agent_positions, step_times
 from zenoh_cbef.scenario.start import initial_states
-from zenoh_cbef.scenario.world import agent_positions, step_times
 from zenoh_cbef.simulator import measured
 from zenoh_cbef.trace import Links, Trace, Traffic
 

@@ -28,7 +28,7 @@ from zenoh_cbef.scenario import Scenario
 from zenoh_cbef.scenario.build import absences_of, agent_tracker, fates_into, message_size, outgoing_of, rounds_of
 from zenoh_cbef.scenario.injected import read_tables, with_faults
 from zenoh_cbef.scenario.load import parse
-from zenoh_cbef.scenario.world import agent_positions
+from zenoh_cbef.scenario.paths import agent_positions
 from zenoh_cbef.simulator import measured
 from zenoh_cbef.tracking.ranging import Measurement
 

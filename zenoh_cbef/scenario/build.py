@@ -236,7 +236,20 @@ def fates_of(scenario: Scenario, seed: Seeds, source: Ids, destination: Ids, *, 
         ranges=filter_of(scenario).uses_neighbour_ranges,
         realtime=realtime,
         lag=scenario.consensus.lag,
+        apart=_apart(scenario, seed, source, destination),
     )
+
+
+def _apart(scenario: Scenario, seed: Seeds, source: Ids, destination: Ids) -> Bools | None:
+    """In which steps the ends of links (e,) are out of range of each other, (e, K); None where that is no matter."""
+    if not network.by_radio(scenario):
+        return None
+    apart = np.empty((len(source), scenario.length), dtype=bool)
+    for one in np.unique(seed):
+        mine = seed == one
+        near = network.in_range(scenario.model_copy(update={"seed": int(one)}))
+        apart[mine] = ~near[source[mine], destination[mine]]
+    return apart
 
 
 def fates_into(scenario: Scenario, agent: int, sources: Sequence[int]) -> Fates:

@@ -6,7 +6,7 @@ import numpy as np
 
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.faults import Crash, MessageFault, SenderFault
-from zenoh_cbef.scenario import network
+from zenoh_cbef.scenario import network, paths
 from zenoh_cbef.scenario.build import absences_of
 from zenoh_cbef.scenario.model import Scenario
 from zenoh_cbef.scenario.start import first_fix_steps, space_of
@@ -143,7 +143,7 @@ def _chebyshev(scenario: Scenario) -> list[str]:
 
 
 def _literal_gain(scenario: Scenario, neighbours: graph.Neighbours) -> list[str]:
-    positions = network.placement(scenario)
+    positions = paths.placement(scenario)
     axes = space_of(scenario).axes
     rows = positions[neighbours.index] - positions[:, None, :]
     rows = np.where(neighbours.present[:, :, None], rows, 0.0)[:, :, :axes]

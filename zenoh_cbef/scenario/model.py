@@ -109,7 +109,7 @@ class Network(Table):
     @field_validator("graph")
     @classmethod
     def _known(cls, value: str) -> str:
-        return one_of(value, graph.KINDS)
+        return one_of(value, (*graph.KINDS, "radio"))
 
 
 class Consensus(Table):

@@ -1,27 +1,16 @@
-"""Who talks to whom: placement, edges and consensus weights of a scenario."""
+"""Who talks to whom: edges and consensus weights of a scenario."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from zenoh_cbef import streams
 from zenoh_cbef.scenario.model import Scenario
+from zenoh_cbef.scenario.paths import agent_positions, placement
 from zenoh_cbef.tracking import graph, weights
 
+Bools = NDArray[np.bool_]
 Floats = NDArray[np.float64]
-
-
-def placement(scenario: Scenario) -> Floats:
-    """The agents' positions at step 0, (n, 3), m."""
-    agents, count = scenario.agents, scenario.count
-    if agents.motion == "waypoints":
-        return np.array([points[0] for points in agents.waypoints])
-    if agents.positions is not None:
-        return np.array(agents.positions[:count])
-    low, high = np.broadcast_to(agents.low, 3), np.broadcast_to(agents.high, 3)
-    key = streams.stream(scenario.seed, "placement", np.arange(count))[:, None]
-    return np.asarray(low + (high - low) * streams.uniform(key, 0, np.arange(3)))
 
 
 def edges(scenario: Scenario) -> graph.Edges:
@@ -29,6 +18,9 @@ def edges(scenario: Scenario) -> graph.Edges:
     network = scenario.network
     if network.edges is not None:
         return graph.canonical_edges(list(network.edges))
+    if by_radio(scenario):
+        ever = in_range(scenario).any(axis=2)
+        return graph.canonical_edges([(int(first), int(second)) for first, second in np.argwhere(np.triu(ever, 1))])
     return graph.make_edges(
         network.graph,
         placement(scenario),
@@ -36,6 +28,18 @@ def edges(scenario: Scenario) -> graph.Edges:
         probability=network.probability,
         radius=network.radius,
     )
+
+
+def by_radio(scenario: Scenario) -> bool:
+    """Whether agents hear each other only while they are in range."""
+    return scenario.network.graph == "radio" and scenario.network.edges is None
+
+
+def in_range(scenario: Scenario) -> Bools:
+    """Which agents are within `network.radius` of each other in steps 1 to K, (n, n, K)."""
+    positions = agent_positions(scenario)
+    near = [np.linalg.norm(positions - own, axis=2) <= scenario.network.radius for own in positions]
+    return np.stack(near)
 
 
 def epsilon(scenario: Scenario, neighbours: graph.Neighbours) -> float:

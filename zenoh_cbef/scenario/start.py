@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from zenoh_cbef import streams
 from zenoh_cbef.faults import SenderFault
-from zenoh_cbef.scenario import network
+from zenoh_cbef.scenario import paths
 from zenoh_cbef.scenario.model import Scenario
 from zenoh_cbef.scenario.world import target_start
 from zenoh_cbef.tracking.filters import BIASED, Belief
@@ -41,7 +41,7 @@ def initial_std(scenario: Scenario) -> Floats:
 
 
 def _half_diagonal(scenario: Scenario) -> float:
-    return float(np.linalg.norm(np.ptp(network.placement(scenario), axis=0))) / 2.0
+    return float(np.linalg.norm(np.ptp(paths.placement(scenario), axis=0))) / 2.0
 
 
 def initial_states(scenario: Scenario) -> Floats:
@@ -53,7 +53,7 @@ def initial_states(scenario: Scenario) -> Floats:
     count, chosen = scenario.count, scenario.filter
     if scenario.target.motion == "dataset":
         derived = np.zeros((count, 6))
-        derived[:, :3] = network.placement(scenario).mean(axis=0)
+        derived[:, :3] = paths.placement(scenario).mean(axis=0)
     else:
         key = streams.stream(scenario.seed, "initial estimate", np.arange(count))[:, None]
         noise = np.concatenate([streams.normal(key, axis) for axis in range(6)], axis=1)

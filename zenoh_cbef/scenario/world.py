@@ -15,7 +15,7 @@ from zenoh_cbef import streams
 from zenoh_cbef.datasets import read_dataset
 from zenoh_cbef.faults import measured_ranges
 from zenoh_cbef.scenario.model import Scenario, Target
-from zenoh_cbef.scenario.network import placement
+from zenoh_cbef.scenario.paths import agent_positions, along, step_times
 
 Floats = NDArray[np.float64]
 
@@ -52,11 +52,6 @@ def make_world(scenario: Scenario) -> World:
     ranges = measured_ranges(scenario.fault, ranges, seed=scenario.seed, time=time, signal_speed=speed)
     emitted = np.where(np.isfinite(ranges), emitted, np.nan)
     return World(time, truth, positions, emitted, emitted + ranges / speed)
-
-
-def step_times(scenario: Scenario, steps: int) -> Floats:
-    """Run times of steps 1 to K, (K,), s."""
-    return scenario.dt * np.arange(1, steps + 1, dtype=np.float64)
 
 
 def target_start(scenario: Scenario) -> Floats:
@@ -98,29 +93,6 @@ def _prescribed(target: Target, time: Floats) -> Floats:
     state *= target.radius
     state[:, :3] += np.array(target.position)
     return state
-
-
-def along(points: Floats, speed: float, time: Floats) -> Floats:
-    """States (t, 6) of a body that follows points (w, 3) at constant speed (m/s) and rests at the last."""
-    legs = np.diff(points, axis=0)
-    lengths = np.linalg.norm(legs, axis=1)
-    reached = np.concatenate([[0.0], np.cumsum(lengths)])
-    distance = speed * time
-    position = np.stack([np.interp(distance, reached, points[:, axis]) for axis in range(3)], axis=1)
-    leg = np.clip(np.searchsorted(reached, distance, side="right") - 1, 0, max(len(legs) - 1, 0))
-    direction = legs / np.where(lengths > 0.0, lengths, 1.0)[:, None] if len(legs) else np.zeros((1, 3))
-    moving = (distance < reached[-1])[:, None]
-    return np.concatenate([position, np.where(moving, speed * direction[leg], 0.0)], axis=1)
-
-
-def agent_positions(scenario: Scenario) -> Floats:
-    """The agents' positions in steps 1 to K, (n, K, 3)."""
-    agents, steps = scenario.agents, scenario.length
-    time = step_times(scenario, steps)
-    if agents.motion == "waypoints":
-        return np.stack([along(np.array(points), agents.speed, time)[:, :3] for points in agents.waypoints])
-    drift = np.array(agents.velocity) if agents.motion == "formation" else np.zeros(3)
-    return np.asarray(placement(scenario)[:, None, :] + time[None, :, None] * drift)
 
 
 def _sensed(scenario: Scenario, distances: Floats) -> Floats:

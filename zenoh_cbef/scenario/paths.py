@@ -1,0 +1,51 @@
+"""Where the agents of a scenario are, and when its steps are."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zenoh_cbef import streams
+from zenoh_cbef.scenario.model import Scenario
+
+Floats = NDArray[np.float64]
+
+
+def step_times(scenario: Scenario, steps: int) -> Floats:
+    """Run times of steps 1 to K, (K,), s."""
+    return scenario.dt * np.arange(1, steps + 1, dtype=np.float64)
+
+
+def placement(scenario: Scenario) -> Floats:
+    """The agents' positions at step 0, (n, 3), m."""
+    agents, count = scenario.agents, scenario.count
+    if agents.motion == "waypoints":
+        return np.array([points[0] for points in agents.waypoints])
+    if agents.positions is not None:
+        return np.array(agents.positions[:count])
+    low, high = np.broadcast_to(agents.low, 3), np.broadcast_to(agents.high, 3)
+    key = streams.stream(scenario.seed, "placement", np.arange(count))[:, None]
+    return np.asarray(low + (high - low) * streams.uniform(key, 0, np.arange(3)))
+
+
+def agent_positions(scenario: Scenario) -> Floats:
+    """The agents' positions in steps 1 to K, (n, K, 3)."""
+    agents, steps = scenario.agents, scenario.length
+    time = step_times(scenario, steps)
+    if agents.motion == "waypoints":
+        return np.stack([along(np.array(points), agents.speed, time)[:, :3] for points in agents.waypoints])
+    drift = np.array(agents.velocity) if agents.motion == "formation" else np.zeros(3)
+    return np.asarray(placement(scenario)[:, None, :] + time[None, :, None] * drift)
+
+
+def along(points: Floats, speed: float, time: Floats) -> Floats:
+    """States (t, 6) of a body that follows points (w, 3) at constant speed (m/s) and rests at the last."""
+    legs = np.diff(points, axis=0)
+    lengths = np.linalg.norm(legs, axis=1)
+    reached = np.concatenate([[0.0], np.cumsum(lengths)])
+    distance = speed * time
+    position = np.stack([np.interp(distance, reached, points[:, axis]) for axis in range(3)], axis=1)
+    leg = np.clip(np.searchsorted(reached, distance, side="right") - 1, 0, max(len(legs) - 1, 0))
+    direction = legs / np.where(lengths > 0.0, lengths, 1.0)[:, None] if len(legs) else np.zeros((1, 3))
+    moving = (distance < reached[-1])[:, None]
+    return np.concatenate([position, np.where(moving, speed * direction[leg], 0.0)], axis=1)
