@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.processes.conftest import World
+from tests.processes.conftest import World, settings
+from zenoh_cbef.log.contents import open_log
 from zenoh_cbef.log.read_trace import read_trace
 from zenoh_cbef.trace import Trace
 
@@ -24,6 +25,16 @@ def kill_and_start_again(world: World, agent: int) -> None:
     os.kill(pid, signal.SIGKILL)
     time.sleep(0.3)
     world.start(*command)
+
+
+def wait_for_estimates(world: World, agent: int, count: int = 10) -> None:
+    until = time.monotonic() + 60
+    while time.monotonic() < until:
+        topics = [one.channel.topic for one in open_log(world.log).messages()]
+        if sum(topic.endswith(f"agent/{agent}/estimate") for topic in topics) >= count:
+            return
+        time.sleep(0.2)
+    pytest.fail(f"agent {agent} did not take part")
 
 
 def joined(trace: Trace) -> dict:
@@ -54,3 +65,33 @@ def test_an_agent_that_was_killed_takes_part_again(world, mode):
     verdict = world.call("verify", str(world.log))
     assert verdict.returncode == 2
     assert "Traceback" not in verdict.stderr
+
+
+def test_a_run_starts_with_some_and_the_others_join_later(world, free_port):
+    endpoint = f"tcp/127.0.0.1:{free_port}"
+    join = ["--run", world.run, "--connect", endpoint, "--patience", "20"]
+    overrides = settings("timing.mode=realtime", "steps=100000", "network.graph=complete")
+    listen = ["--listen", endpoint, "--wait-for", "3"]
+    target = world.start("target", "tracking", *overrides, "--run", world.run, *listen)
+    others = [world.start("agent", str(agent), *join) for agent in (0, 2, 3)]
+    others.append(world.start("record", *join, "--output", str(world.log)))
+    world.wait_for_messages(20_000)
+    others.append(world.start("agent", "1", *join))
+    wait_for_estimates(world, agent=1)
+    target.terminate()
+    for process in (target, *others):
+        _, err = process.communicate(timeout=60)
+        assert process.returncode == 0, err
+    trace = read_trace(world.log)
+    told = joined(trace)
+    assert (told["agent"], told["planned"]) == (1, False)
+    there = np.isfinite(trace.estimates[:, :, 0])
+    assert there[[0, 2, 3], 0].all()
+    assert not there[1, : told["step"] - 1].any()
+    assert there[1, told["step"] : told["step"] + 5].all()
+
+
+def test_in_lockstep_the_scenario_says_who_is_there(world):
+    done = world.call("target", "tracking", "--run", world.run, "--wait-for", "3")
+    assert done.returncode == 2
+    assert "--wait-for needs timing.mode = 'realtime'" in done.stderr

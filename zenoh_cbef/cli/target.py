@@ -11,6 +11,7 @@ import typer
 
 from zenoh_cbef.cli.joining import Joining, Patience, identity_of, joins
 from zenoh_cbef.cli.options import Overrides, ScenarioName
+from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.measurements import read_measurements
 from zenoh_cbef.nodes.target import run_target
 from zenoh_cbef.protocol.session import Connection
@@ -45,6 +46,12 @@ def _target(
         Path | None,
         typer.Option("--beacons", metavar="LOG", help="Emit the beacons of a log; the scenario is the log's, too."),
     ] = None,
+    wait_for: Annotated[
+        int | None,
+        typer.Option(
+            "--wait-for", min=1, help="Start when so many agents are ready, in realtime; others may join later."
+        ),
+    ] = None,
     patience: Patience = 60.0,
 ) -> None:
     """Run the target process: it serves the scenario, waits for the agents, and emits the beacons."""
@@ -57,13 +64,15 @@ def _target(
         world = found.world(loaded.scenario)
     for warning in check(loaded.scenario):
         sys.stderr.write(f"warning: {warning}\n")
+    if wait_for is not None and loaded.scenario.timing.mode != "realtime":
+        raise UserError("--wait-for needs timing.mode = 'realtime': in lockstep the scenario says who is there")
     name = run or loaded.scenario.name
     connection = _connection(joining, loaded.scenario.zenoh)
     identity = identity_of("target", "target", name, connection, patience)
     if sys.stderr.isatty():
         places = ", ".join(connection.listen or connection.connect)
         sys.stderr.write(f"run {name}: waiting for {loaded.scenario.count} agents on {places}\n")
-    last = run_target(identity, loaded, world)
+    last = run_target(identity, loaded, world, wait_for)
     typer.echo(f"the target ended after step {last}")
 
 

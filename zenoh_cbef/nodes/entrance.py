@@ -70,7 +70,7 @@ class Entrance:
         self._neighbourhood.drain(start["k"])
         self._neighbourhood.look_around()
         self._of.rejections.start()
-        if self._members is not None:
+        if self._members is not None and start["k"] > 0:
             self._adopt(start["k"])
         # Steps are counted on the monotonic clock: a clock that is set while we run must not move them.
         return Entry(start["k"], start.get("at", time.time()) - time.time() + time.monotonic())

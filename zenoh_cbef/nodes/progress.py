@@ -36,9 +36,9 @@ class Progress:
             self._members.discard(int(agent))
         self._mailbox.wake()
 
-    def begin(self) -> None:
-        """The run starts: everybody takes part."""
-        self._members = set(range(len(self._reached)))
+    def begin(self, ready: set[int]) -> None:
+        """The run starts with those who are ready."""
+        self._members = set(ready)
 
     def members(self) -> list[int]:
         """Who takes part, and is here."""

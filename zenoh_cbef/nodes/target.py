@@ -32,12 +32,17 @@ _LONGER = 4.0
 
 @dataclass
 class Target:
-    """The target of a run. recorded: what is measured was measured before, and no fault changes it."""
+    """The target of a run.
+
+    recorded: what is measured was measured before, and no fault changes it. wait_for: how many agents have to be ready
+    for the run to start, None: all.
+    """
 
     node: Node
     scenario: Scenario
     world: World
     recorded: bool = False
+    wait_for: int | None = None
 
     def __post_init__(self) -> None:
         agents = range(self.scenario.count)
@@ -68,7 +73,8 @@ class Target:
 
         def missing(live: set[str]) -> list[str]:
             recorded = not needs_recorder or any(name.startswith("record/") for name in live)
-            unready = [name.replace("ready/", "agent/") for name in sorted(ready - live)]
+            enough = self.wait_for is not None and len(ready & live) >= self.wait_for
+            unready = [] if enough else [name.replace("ready/", "agent/") for name in sorted(ready - live)]
             absent = [name for name in unready if name not in live]
             others = absent or [f"{name} (here, but not linked to all it needs)" for name in unready]
             return [name.replace("/", " ") for name in others] + ([] if recorded else ["the recorder"])
@@ -88,11 +94,12 @@ class Target:
         epoch = self._start - time.time() + time.monotonic()
         self.node.event("started", f"run {self.node.identity.run} started", at=self._start)
         self._progress.rejections.start()
-        self._progress.begin()
+        ready = {agent for agent in range(self.scenario.count) if f"ready/{agent}" in self.node.presence}
+        self._progress.begin(ready)
         if realtime:
             self.injection = Injection(self.scenario, self._start)
         self.step = 0
-        for agent in range(self.scenario.count):
+        for agent in sorted(ready):
             self._signal_start(agent, 0)
         for step in range(1, self.scenario.length + 1):
             if realtime:
@@ -205,21 +212,23 @@ class Target:
         self.node.presence.wait(lambda live: not any(name.startswith("agent/") for name in live), _LAST_WORD_SECONDS)
 
 
-def run_target(identity: Identity, loaded: Loaded, world: World | None = None) -> int:
+def run_target(identity: Identity, loaded: Loaded, world: World | None = None, wait_for: int | None = None) -> int:
     """Run the target process of a scenario to its end; returns the last step.
 
-    world: what is measured, None for what the scenario says.
+    world: what is measured, None for what the scenario says. wait_for: see Target.
     """
     with Node(identity) as node:
         node.refuse_twin()
         emulated = make_world(loaded.scenario) if world is None else world
-        target = Target(node, loaded.scenario, emulated, recorded=world is not None)
+        target = Target(node, loaded.scenario, emulated, recorded=world is not None, wait_for=wait_for)
         resolved = to_toml(loaded.scenario)
 
         def text() -> ScenarioText:
             injected = "" if target.injection is None else target.injection.tables()
-            members = tuple(target.members())
-            return ScenarioText(loaded.source, resolved, __version__, target.step, members, injected)
+            # Where not all are waited for, everybody comes as if the run were under way.
+            step = target.step if target.step is not None or wait_for is None else 0
+            members = () if target.step is None else tuple(target.members())
+            return ScenarioText(loaded.source, resolved, __version__, step, members, injected)
 
         service = serve_scenario(node.session, identity.run, text)
         control = serve_control(node.session, node.keys.control, lambda request: answer(target, request))
