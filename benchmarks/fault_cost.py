@@ -63,5 +63,4 @@ def run(repeats: int) -> Iterator[Table]:
     path, rest = (float(np.median(each)) for each in zip(*pairs, strict=True))
     share = float(np.median([100.0 * first / (first + second) for first, second in pairs]))
     yield plain_table("CPU of one round, agent 0 of tracking", ["part", "µs"], [["faults", path], ["the rest", rest]])
-    note = " (of a round in a real run it is less still: waiting and waking cost most there)"
-    yield results("cost of faults where there are none", [below("share of a round's own work", share, 3.0, "%", note)])
+    yield results("cost of faults where there are none", [below("share of a round's own work", share, 3.0, "%")])

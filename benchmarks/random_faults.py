@@ -17,8 +17,11 @@ from rich.table import Table
 
 from benchmarks.common import Row, results
 from tests.faults.strategies import scenarios
+from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.read_trace import read_trace
 from zenoh_cbef.log.verify import verify
+from zenoh_cbef.scenario.checks import check
+from zenoh_cbef.scenario.load import parse
 
 SCENARIOS, SECONDS = 200, 120.0
 KINDS = ("equal", "different", "unknown", "failed", "hung", "not finite")
@@ -30,7 +33,7 @@ def drawn(count: int) -> list[dict[str, Any]]:
 
     @seed(1)
     @settings(
-        max_examples=count,
+        max_examples=2 * count,
         database=None,
         deadline=None,
         phases=[Phase.generate],
@@ -38,7 +41,12 @@ def drawn(count: int) -> list[dict[str, Any]]:
     )
     @given(scenarios())
     def draw(scenario: dict[str, Any]) -> None:
-        found.append(scenario)
+        try:
+            check(parse(scenario, "a drawn scenario"))
+        except UserError:
+            return  # Nobody is there to track, say: the command line refuses it likewise.
+        if scenario not in found:
+            found.append(scenario)
 
     draw()
     return found[:count]
