@@ -1,6 +1,7 @@
 """The documentation names what there is: keys, verbs, files."""
 
 import re
+import subprocess
 import sys
 from pathlib import Path
 from types import ModuleType
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 from pydantic import BaseModel
 
+from tests.log.made import made_log
 from zenoh_cbef.cli.main import build
 from zenoh_cbef.faults import AnyFault
 from zenoh_cbef.protocol.keys import Keys
@@ -137,6 +139,25 @@ def test_the_example_of_a_new_filter_works_as_it_stands(monkeypatch):
     traces = simulate([load("tracking", ["filter.kind=alpha-beta", f"seed={seed}"]).scenario for seed in range(5)])
     errors = [np.linalg.norm((one.estimates - one.truth)[:, 75:, :3], axis=2) for one in traces]
     assert np.median(errors) < 1.0
+
+
+def test_the_example_reader_needs_mcap_and_msgpack_alone_and_is_what_the_page_shows(tmp_path):
+    example = ROOT / "docs" / "examples" / "read_log.py"
+    code = example.read_text(encoding="utf-8")
+    assert f"```python\n{code}```" in read("docs/log-format.md")
+    assert set(re.findall(r"^(?:from|import) (\w+)", code, re.MULTILINE)) - sys.stdlib_module_names == {
+        "mcap",
+        "msgpack",
+    }
+    log = made_log(tmp_path / "run.mcap", "steps=7", "agents.count=3")
+    done = subprocess.run([sys.executable, example, log], capture_output=True, text=True, check=True)
+    lines = done.stdout.splitlines()
+    assert [line.split()[0] for line in lines] == [
+        "scenario.toml",
+        "scenario.resolved.toml",
+        *map("agent/{}".format, range(3)),
+    ]
+    assert re.fullmatch(r"agent/1 step 7( -?\d+\.\d{3}\+-\d+\.\d{3}){3}", lines[3])
 
 
 def test_documentation_names_no_place_of_the_machine_it_was_written_on():

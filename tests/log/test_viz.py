@@ -1,6 +1,7 @@
 """The export for viewers, read again with the public libraries: what it shows is what the log says."""
 
 import json
+import re
 import subprocess
 import sys
 from collections import defaultdict
@@ -156,6 +157,15 @@ def test_the_layout_names_channels_and_fields_that_are_there(scene, shown, tmp_p
     for path in plotted:
         topic, field = path.split(".")
         assert field in shown[topic][0][2].DESCRIPTOR.fields_by_name
+
+
+def test_channels_and_their_numbers_are_documented(shown):
+    page = (Path(__file__).resolve().parents[2] / "docs" / "viewers.md").read_text(encoding="utf-8")
+    for topic, messages in shown.items():
+        assert f"`{re.sub('[0-9]+', '{id}', topic)}`" in page
+        assert f"`{messages[0][0]}`" in page
+        if messages[0][0].startswith("cbef."):
+            assert all(f"`{field.name}`" in page for field in messages[0][2].DESCRIPTOR.fields)
 
 
 def test_a_plane_has_discs_and_a_filter_without_covariance_none(tmp_path):
