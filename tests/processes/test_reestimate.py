@@ -162,3 +162,15 @@ def test_new_agents_run_on_recorded_data_without_their_folder(world, tmp_path):
     done = world.call("replay", str(world.log), "--to", "agents", "--output", str(ran))
     assert done.returncode == 0, done.stderr
     assert said(ran) == said(world.log)
+
+
+def test_a_realtime_run_is_estimated_as_in_lockstep(world):
+    realtime = ("timing.mode=realtime", "dt=0.05", "steps=15", "sensor.dropout_probability=0.2")
+    run = world.start_run(*realtime)
+    _, err = run.communicate(timeout=120)
+    assert run.returncode == 0, err
+    assert world.call("verify", str(world.log)).returncode == 2, "nobody can tell what came when"
+    first, second = read_trace(world.log), read_trace(again(world, world.log))
+    assert np.array_equal(first.ranges, second.ranges, equal_nan=True)
+    assert np.array_equal(first.truth, second.truth)
+    assert np.isfinite(second.estimates).all()

@@ -16,7 +16,10 @@ Source = Callable[[int, int], Iterator[Item]]
 
 @dataclass(frozen=True)
 class PlayerState:
-    """How things are. state: playing, paused or done. position, duration: s of the log. published: messages so far."""
+    """How things are. position, duration: s of the log. published: messages so far.
+
+    state: playing, paused, stepping (while messages or steps are still to be played) or done.
+    """
 
     state: str
     position: float
@@ -26,7 +29,7 @@ class PlayerState:
     lap: int
 
 
-class _Timeline:
+class Timeline:
     """Which time of the log it is: a straight line from the last change on, so that nothing adds up."""
 
     def __init__(self, position: int, rate: float, *, runs: bool) -> None:
@@ -71,7 +74,7 @@ class Player:
     ) -> None:
         self._source, self._publish = source, publish
         self._origin, self._begin, self._end, self._loop = origin, begin, end, loop
-        self._line = _Timeline(begin, rate, runs=False)
+        self._line = Timeline(begin, rate, runs=False)
         self._begins_paused = paused
         self._changed = threading.Condition()
         self._sought: int | None = None
@@ -157,7 +160,8 @@ class Player:
     def state(self) -> PlayerState:
         """How things are."""
         with self._changed:
-            state = "done" if self._done else "playing" if self._line.runs else "paused"
+            pending = "stepping" if self._messages or self._steps else "paused"
+            state = "done" if self._done else "playing" if self._line.runs else pending
             position = min(max(self._line.now(), self._begin), self._end) - self._origin
             duration = (self._end - self._origin) / 1e9
             return PlayerState(state, position / 1e9, duration, self._line.rate, self._published, self._lap)
