@@ -1,5 +1,8 @@
 """Sessions: what they let in, and where they listen when nothing is said."""
 
+import os
+import socket
+import struct
 import sys
 import time
 from contextlib import suppress
@@ -29,6 +32,30 @@ def test_a_message_above_the_limit_is_dropped_and_the_next_one_comes():
                 received.append(len(sample.payload.to_bytes()))
             time.sleep(0.02)
         assert received == [LARGEST, 7]
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
+def test_no_link_waits_when_it_is_closed():
+    endpoint = f"tcp/127.0.0.1:{unused_port()}"
+    with open_session(Connection(listen=[endpoint])), open_session(Connection([endpoint])):
+        until = time.monotonic() + 10
+        while (found := lingering()) != [False, False] and time.monotonic() < until:
+            time.sleep(0.02)
+        assert found == [False, False]
+
+
+def lingering() -> list[bool]:
+    """For the two ends of a link within this process, whether closing them waits."""
+    found = []
+    for one in Path("/proc/self/fd").iterdir():
+        with suppress(OSError):
+            if not one.readlink().name.startswith("socket:"):
+                continue
+            with socket.socket(fileno=os.dup(int(one.name))) as copy:
+                if copy.family == socket.AF_INET and not copy.getsockopt(socket.SOL_SOCKET, socket.SO_ACCEPTCONN):
+                    on, _ = struct.unpack("ii", copy.getsockopt(socket.SOL_SOCKET, socket.SO_LINGER, 8))
+                    found.append(bool(on))
+    return found
 
 
 @pytest.mark.parametrize(

@@ -16,6 +16,7 @@ import zenoh
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.protocol.access import access_control
 from zenoh_cbef.protocol.keys import Keys
+from zenoh_cbef.protocol.linger import let_go_at_once
 from zenoh_cbef.protocol.messages import LARGEST
 from zenoh_cbef.protocol.tls import SCHEMES, Tls
 
@@ -88,11 +89,14 @@ def open_session(connection: Connection, patience: float = 0.0) -> zenoh.Session
     until = time.monotonic() + patience
     while True:
         try:
-            return zenoh.open(config)
+            session = zenoh.open(config)
         except zenoh.ZError as error:
             unreached = connection.mode == "client" and "connect" in str(error).lower()
             if not unreached or time.monotonic() > until:
                 raise UserError(_explain(str(error), connection, unreached=unreached)) from None
+        else:
+            let_go_at_once(session)
+            return session
         # Not Zenoh's own waiting, which no signal ends.
         time.sleep(_ROUTER_RETRY_SECONDS)
 
