@@ -51,10 +51,11 @@ class Node:
         self.keys = Keys(identity.run)
         self.clock: Callable[[], int] = time.time_ns
         self.stopping = False
+        self.launched = LEASH in os.environ
         self._on_stop: list[Callable[[], None]] = []
 
     def __enter__(self) -> Self:
-        if LEASH in os.environ:
+        if self.launched:
             yield_to_others()
         self.session = open_session(self.identity.connection, self.identity.patience)
         try:
@@ -152,7 +153,7 @@ class Node:
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, ask)
         threading.Thread(target=obey, daemon=True).start()
-        if LEASH in os.environ:
+        if self.launched:
             threading.Thread(target=self._follow_leash, args=(asked,), daemon=True).start()
 
     def _follow_leash(self, asked: threading.Event) -> None:

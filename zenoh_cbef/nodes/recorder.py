@@ -16,6 +16,7 @@ import numpy as np
 
 from zenoh_cbef import __version__
 from zenoh_cbef.log.run_log import RunLog
+from zenoh_cbef.nodes.attendance import Attendance
 from zenoh_cbef.nodes.node import Identity, Node, heard_token
 from zenoh_cbef.protocol.keys import agent_of
 from zenoh_cbef.protocol.mailbox import Mailbox
@@ -26,7 +27,6 @@ from zenoh_cbef.scenario.model import Record
 
 _CAPACITY = 1 << 18
 _REPORT_SECONDS = 0.2
-_GRACE_SECONDS = 2.0
 _GATHER_SECONDS = 0.005
 _PORTION = 10_000
 
@@ -98,11 +98,10 @@ class Recorder:
         self._mailbox = mailbox
         self._lock = threading.Lock()
         self._done = threading.Event()
-        self._seen_agents = False
-        self._gone_at: float | None = None
         self._promised: dict[tuple[str, str], int] = {}
         self._acknowledged: set[str] = set()
         self.target_ended: int | None = None
+        self._attendance = Attendance(node, self._tell)
         node.on_stop(self._mailbox.wake)
 
     def run(self, *, flush_seconds: float, sync: bool, report: Callable[[Status], None]) -> None:
@@ -162,6 +161,8 @@ class Recorder:
         told: dict[Any, Any] = message.get("data", {})
         self._acknowledge(message["from"], told.get("word"))
         sent = told.get("sent")
+        if message["kind"] in {"finished", "killed"}:
+            self._attendance.farewell(message["from"])
         if message["kind"] == "finished" and message["from"] == "target" and isinstance(told.get("step"), int):
             self.target_ended = told["step"]
         if message["kind"] == "finished" and isinstance(sent, dict):
@@ -176,18 +177,15 @@ class Recorder:
             self._acknowledged.add(token)
             self.node.presence.announce(token)
 
+    def _tell(self, kind: str, text: str, name: str) -> None:
+        data = self.node.events.send(kind=kind, text=text, data={"name": name})
+        with self._lock:
+            self._write(self.node.keys.event, data)
+
     def _finished(self) -> bool:
         """Whether all who were here have left and what they say they sent has come, or we are told to stop."""
-        if self.node.stopping:
-            return True
-        agents_here = any(name.startswith(("agent/", "target/")) for name in self.node.presence.names())
-        self._seen_agents |= agents_here
-        if agents_here or not self._seen_agents:
-            self._gone_at = None
-            return False
-        self._gone_at = self._gone_at or time.monotonic()
         lacking = any(self.log.lacks(*name, count) for name, count in self._promised.items())
-        return not lacking or time.monotonic() - self._gone_at > _GRACE_SECONDS
+        return self.node.stopping or self._attendance.over(lacking=lacking)
 
 
 def run_recorder(

@@ -26,6 +26,7 @@ from zenoh_cbef.scenario.start import first_fix_steps
 from zenoh_cbef.scenario.world import World, make_world
 
 _LAST_WORD_SECONDS = 5.0
+_ALONE_SECONDS = 30.0
 _LONGER = 4.0
 """The target's patience over the agents' own, who may have to lose it one after the other."""
 
@@ -53,6 +54,7 @@ class Target:
         self._absences = absences_of(self.scenario)
         self._first_fix = first_fix_steps(self.scenario)
         self._start = 0.0
+        self._alone_at = 0.0
         self._faults_out = self.node.outbox(self.node.keys.faults)
         self._active: set[int] = set()
         self.injection: Injection | None = None
@@ -105,7 +107,7 @@ class Target:
             if realtime:
                 self._progress.drain()
                 self._sleep_until(epoch + step * self.scenario.dt)
-                going_on = bool(self.members())
+                going_on = self._in_company()
             else:
                 going_on = self._progress.wait(step - WINDOW) and self._await_return(step)
             if self.node.stopping or not (going_on or self._someone_returns(step)):
@@ -181,6 +183,13 @@ class Target:
                     "joined", f"agent {agent} joined at step {step}", agent=agent, step=step, planned=planned
                 )
                 self._signal_start(agent, step - 1)
+
+    def _in_company(self) -> bool:
+        """Whether anybody takes part; who is alone may be so by a broken link, and goes on for a while."""
+        now = time.monotonic()
+        if self.members():
+            self._alone_at = now
+        return now - self._alone_at <= (0.0 if self.node.launched else _ALONE_SECONDS)
 
     def _sleep_until(self, moment: float) -> None:
         while not self.node.stopping and (left := moment - time.monotonic()) > 0.0:
