@@ -27,7 +27,7 @@ from typing import Self
 
 NETWORK = "10.77"
 FIRST = 10
-_PREFIX = "cbef"
+PREFIX = "cbef"
 _WHOLE, _APART = "whole", "apart"
 _DEVICE = "eth0"
 
@@ -41,12 +41,12 @@ class Lab:
 
     def __init__(self, hosts: Iterable[str], name: str = "lab") -> None:
         self.name, self.hosts = name, list(hosts)
-        self._switch = f"{_PREFIX}-{name}-switch"
+        self._switch = f"{PREFIX}-{name}-switch"
 
     @classmethod
     def standing(cls, name: str = "lab") -> Lab:
         """The laboratory that an earlier `up` made. Raises LabError where there is none."""
-        prefix = f"{_PREFIX}-{name}-"
+        prefix = f"{PREFIX}-{name}-"
         lines = [line.split() for line in _ip("netns", "list").splitlines()]
         found = [words[0].removeprefix(prefix) for words in lines if words and words[0].startswith(prefix)]
         if "switch" not in found:
@@ -66,7 +66,7 @@ class Lab:
         """The name of a host's network namespace. Raises LabError for a host that there is not."""
         if host not in self.hosts:
             raise LabError(f"there is no host {host!r}; there are {', '.join(self.hosts)}")
-        return f"{_PREFIX}-{self.name}-{host}"
+        return f"{PREFIX}-{self.name}-{host}"
 
     def address(self, host: str) -> str:
         """A host's address."""
@@ -99,6 +99,7 @@ class Lab:
         _ip("-n", self._switch, "link", "set", port, "master", _WHOLE, "up")
 
     def _port(self, host: str) -> str:
+        self.space(host)
         return f"port{self.hosts.index(host)}"
 
     def command(self, host: str, words: Sequence[str]) -> list[str]:

@@ -52,7 +52,7 @@ def test_who_has_an_agents_certificate_cannot_change_a_bit_of_another(world, cer
                 body = {"k": 1 + step % 200, "l": 1 + round_, "payload": bytes(216)}
                 intruder.put(f"cbef/{world.run}/agent/1/round", forged(world.run, "agent/1", **body))
                 intruder.put(f"cbef/{world.run}/beacon/1", forged(world.run, "target", k=1, emitted=0.0, arrived=1.0))
-                event = {"kind": "joined", "text": "an intruder is here", "data": {}}
+                event = {"kind": "hello", "text": "an intruder is here", "data": {}}
                 intruder.put(f"cbef/{world.run}/event", forged(world.run, "agent/4", **event))
                 time.sleep(0.001)
 

@@ -1,0 +1,133 @@
+"""Cables, hosts, switches and the router fail in real time: the run goes on where it can, and all rejoin."""
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from zenoh_cbef.log.read_trace import read_trace
+
+DT = 0.1
+FOUND, STEPS = 40, 170
+"""After how many steps the target is surely found, and how many there are."""
+REALTIME = ["timing.mode=realtime", f"dt={DT}", "network.graph=ring"]
+CLOSE = 1.0
+"""Position error, m, of agents that track: ten times what undisturbed runs have."""
+WAYS = ["router", "peers"]
+
+
+@dataclass
+class Outcome:
+    """What the log says. error: position error (agents, steps), m, NaN where no estimate was recorded."""
+
+    error: np.ndarray
+    said: list[tuple[str, str]]
+
+    def tracks(self, agents, first: int, last: int | None = None, share: float = 0.9) -> bool:
+        """Whether these agents have close estimates in (nearly) all of these steps."""
+        chosen = self.error[list(agents), first:last]
+        return float(np.mean(chosen < CLOSE)) >= share
+
+    def missing(self, agent: int) -> int:
+        return int(np.isnan(self.error[agent]).sum())
+
+
+def outcome(world) -> Outcome:
+    trace = read_trace(world.log)
+    size = (len(trace.estimates), STEPS)
+    error = np.full(size, np.nan)
+    found = np.linalg.norm((trace.estimates - trace.truth)[:, :, :3], axis=2)
+    error[:, : found.shape[1]] = found[:, :STEPS]
+    said = [(event["kind"], event.get("data", {}).get("name", "")) for event in trace.events]
+    return Outcome(error, said)
+
+
+def under_way(run) -> None:
+    run.start(*REALTIME, steps=STEPS)
+    run.wait_until_recorded()
+    time.sleep(FOUND * DT)
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_a_cable_is_out_for_five_seconds(site, lab, world, way):
+    run = site(way)
+    under_way(run)
+    lab.link("a3", up=False)
+    time.sleep(5)
+    lab.link("a3", up=True)
+    run.finish()
+    found = outcome(world)
+    assert found.tracks([0, 1, 2, 4, 5], FOUND)
+    assert found.missing(3) > 20
+    assert found.tracks([3], STEPS - 30)
+    assert ("left", "agent/3") in found.said
+    assert ("returned", "agent/3") in found.said
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_a_host_is_gone_for_good(site, lab, world, way):
+    run = site(way)
+    under_way(run)
+    lab.link("a2", up=False)
+    lab.kill("a2")
+    run.finish(["target", "record", "a0", "a1", "a3", "a4", "a5"])
+    found = outcome(world)
+    assert found.tracks([0, 1, 3, 4, 5], FOUND)
+    assert found.missing(2) > 100
+    assert ("left", "agent/2") in found.said
+    assert ("returned", "agent/2") not in found.said
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_a_network_falls_into_halves_and_heals(site, lab, world, way):
+    run = site(way)
+    under_way(run)
+    lab.partition(["a3", "a4", "a5"])
+    time.sleep(5)
+    lab.partition([])
+    run.finish()
+    found = outcome(world)
+    assert found.tracks([0, 1, 2], FOUND)
+    assert found.tracks(range(6), STEPS - 30)
+    for agent in (3, 4, 5):
+        assert found.missing(agent) > 20
+        assert ("left", f"agent/{agent}") in found.said
+        assert ("returned", f"agent/{agent}") in found.said
+
+
+def test_the_router_is_killed_and_started_again(site, lab, world):
+    run = site("router")
+    under_way(run)
+    lab.kill("router")
+    time.sleep(3)
+    run.start_router()
+    run.finish()
+    found = outcome(world)
+    assert min(found.missing(agent) for agent in range(6)) > 10
+    assert found.tracks(range(6), STEPS - 30)
+    assert {("left", "target/target"), ("returned", "target/target")} <= set(found.said)
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_the_recorders_cable_is_out_for_five_seconds(site, lab, world, way):
+    run = site(way)
+    under_way(run)
+    lab.link("record", up=False)
+    time.sleep(5)
+    lab.link("record", up=True)
+    run.finish()
+    found = outcome(world)
+    assert min(found.missing(agent) for agent in range(6)) > 20
+    assert found.tracks(range(6), STEPS - 30)
+    assert {("left", "target/target"), ("returned", "target/target")} <= set(found.said)
+
+
+def test_the_recorders_host_is_gone_for_good(site, lab, world):
+    run = site("peers")
+    under_way(run)
+    lab.link("record", up=False)
+    lab.kill("record")
+    run.finish(["target", *(f"a{agent}" for agent in range(6))])
+    world.log.with_name(world.log.name + ".active").rename(world.log)
+    assert outcome(world).tracks(range(6), 20, FOUND)
