@@ -9,7 +9,7 @@ import typer
 
 from zenoh_cbef.protocol.tls import common_name
 
-_ROLES = ("target", "record", "router", "operator")
+_ROLES = ("target", "record", "router", "receiver", "operator")
 _LOCAL = ("localhost", "127.0.0.1", "::1")
 
 

@@ -52,6 +52,9 @@ def _target(
             "--wait-for", min=1, help="Start when so many agents are ready, in realtime; others may join later."
         ),
     ] = None,
+    receivers: Annotated[
+        bool, typer.Option("--receivers", help="Emit nothing: real receivers publish the beacons (docs/hosts.md).")
+    ] = False,
     patience: Patience = 60.0,
 ) -> None:
     """Run the target process: it serves the scenario, waits for the agents, and emits the beacons."""
@@ -66,13 +69,15 @@ def _target(
         sys.stderr.write(f"warning: {warning}\n")
     if wait_for is not None and loaded.scenario.timing.mode != "realtime":
         raise UserError("--wait-for needs timing.mode = 'realtime': in lockstep the scenario says who is there")
+    if receivers and (beacons is not None or loaded.scenario.timing.mode != "realtime"):
+        raise UserError("--receivers measure now: set timing.mode = 'realtime', and leave --beacons out")
     name = run or loaded.scenario.name
     connection = _connection(joining, loaded.scenario.zenoh)
     identity = identity_of("target", "target", name, connection, patience)
     if sys.stderr.isatty():
         places = ", ".join(connection.listen or connection.connect)
         sys.stderr.write(f"run {name}: waiting for {loaded.scenario.count} agents on {places}\n")
-    last = run_target(identity, loaded, world, wait_for)
+    last = run_target(identity, loaded, world, receivers=receivers, wait_for=wait_for)
     typer.echo(f"the target ended after step {last}")
 
 

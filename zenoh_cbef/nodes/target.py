@@ -35,8 +35,8 @@ _LONGER = 4.0
 class Target:
     """The target of a run.
 
-    recorded: what is measured was measured before, and no fault changes it. wait_for: how many agents have to be ready
-    for the run to start, None: all.
+    recorded: what is measured was measured before, and no fault changes it. receivers: real ones publish the beacons.
+    wait_for: how many agents have to be ready for the run to start, None: all.
     """
 
     node: Node
@@ -44,6 +44,7 @@ class Target:
     world: World
     recorded: bool = False
     wait_for: int | None = None
+    receivers: bool = False
 
     def __post_init__(self) -> None:
         agents = range(self.scenario.count)
@@ -196,6 +197,8 @@ class Target:
             time.sleep(min(left, 0.1))
 
     def _emit(self, step: int) -> None:
+        if self.receivers:
+            return
         truth = self.world.truth[step - 1]
         if np.isfinite(truth).all():  # of a real target nobody knows it
             self._truth.send(k=step, state=truth.tolist())
@@ -221,15 +224,23 @@ class Target:
         self.node.presence.wait(lambda live: not any(name.startswith("agent/") for name in live), _LAST_WORD_SECONDS)
 
 
-def run_target(identity: Identity, loaded: Loaded, world: World | None = None, wait_for: int | None = None) -> int:
+def run_target(
+    identity: Identity,
+    loaded: Loaded,
+    world: World | None = None,
+    *,
+    receivers: bool = False,
+    wait_for: int | None = None,
+) -> int:
     """Run the target process of a scenario to its end; returns the last step.
 
-    world: what is measured, None for what the scenario says. wait_for: see Target.
+    world: what is measured, None for what the scenario says. receivers, wait_for: see Target.
     """
     with Node(identity) as node:
         node.refuse_twin()
         emulated = make_world(loaded.scenario) if world is None else world
-        target = Target(node, loaded.scenario, emulated, recorded=world is not None, wait_for=wait_for)
+        how = {"recorded": world is not None, "receivers": receivers}
+        target = Target(node, loaded.scenario, emulated, **how, wait_for=wait_for)
         resolved = to_toml(loaded.scenario)
 
         def text() -> ScenarioText:

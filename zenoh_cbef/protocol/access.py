@@ -51,6 +51,8 @@ _ROLES: dict[str, list[Rule]] = {
         (_LIVE, [_token("target/*")]),
     ],
     "record": [*_READERS, (_LIVE, [_token("record/*"), _token("heard/**")])],
+    # Each publishes what it measures, and hears there when the run starts and ends.
+    "receiver": [*_EVERYBODY, (["put", *_HEAR], [f"{_ANY.root}/beacon/*"])],
     "operator": [*_READERS, (_ASK, [_ANY.control, _ANY.replay])],
     # A router passes on what it has checked itself; a replay speaks for everybody who was recorded.
     "router": [(_ALL, [_ANY.everything])],

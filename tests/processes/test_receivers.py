@@ -1,0 +1,69 @@
+"""Real receivers in place of the target's beacons: the documentation's own example."""
+
+import math
+import re
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+
+from zenoh_cbef.protocol.session import Connection, open_session
+
+PAGE = (Path(__file__).resolve().parents[2] / "docs" / "hosts.md").read_text(encoding="utf-8")
+
+
+def block(language: str, begins: str) -> str:
+    (found,) = [
+        text for text in re.findall(rf"^```{language}\n(.*?)^```", PAGE, re.DOTALL | re.MULTILINE) if begins in text
+    ]
+    return found
+
+
+def wait_for_subscribers(run: str, router: str) -> None:
+    """Wait until all receivers listen for the start signal."""
+    with open_session(Connection([router], mode="client")) as session:
+        publishers = [session.declare_publisher(f"cbef/{run}/beacon/{agent}") for agent in range(4)]
+        until = time.monotonic() + 30
+        while not all(publisher.matching_status.matching for publisher in publishers):
+            assert time.monotonic() < until
+            time.sleep(0.05)
+
+
+def test_the_documented_receiver_feeds_a_run(world, free_port):
+    (world.folder / "live.toml").write_text(block("toml", 'name = "live"'))
+    program = world.folder / "receiver.py"
+    program.write_text(block("python", "measured_range"))
+    assert len([line for line in program.read_text().splitlines() if line.strip()]) <= 35
+    router = f"tcp/127.0.0.1:{free_port}"
+    join = ["--run", world.run, "--client", "--connect", router]
+    started = world.start("router", "--listen", router)
+    assert started.stdout.readline()
+    receivers = [subprocess.Popen([sys.executable, program, world.run, router, str(agent)]) for agent in range(4)]
+    try:
+        wait_for_subscribers(world.run, router)
+        processes = [world.start("record", *join, "--patience", "30", "--output", str(world.log))]
+        processes += [world.start("agent", str(agent), *join, "--patience", "30") for agent in range(4)]
+        processes.append(world.start("target", "live.toml", *join, "--receivers"))
+        for process in processes:
+            _, err = process.communicate(timeout=100)
+            assert process.returncode == 0, err
+        assert [receiver.wait(10) for receiver in receivers] == [0] * 4
+    finally:
+        for receiver in receivers:
+            receiver.kill()
+            receiver.wait()
+    exported = world.call("export", str(world.log), "--output", "live.npz")
+    assert exported.returncode == 0, exported.stderr
+    estimates = np.load(world.folder / "live.npz")["estimates"]
+    seconds = 0.1 * np.arange(1, 101)
+    truth = np.array([[4.0 + math.cos(t), 3.0 + math.sin(t), 1.0] for t in seconds])
+    error = np.linalg.norm(estimates[:, :, :3] - truth, axis=2)
+    assert np.nanmedian(error[:, 50:]) < 0.5
+
+
+def test_receivers_need_real_time(world):
+    refused = world.call("target", "tracking", "--run", world.run, "--receivers")
+    assert refused.returncode == 2
+    assert "timing.mode = 'realtime'" in refused.stderr
