@@ -46,8 +46,10 @@ class Progress:
 
     def newcomers(self) -> list[int]:
         """Who is here and ready, but does not take part yet."""
-        everybody, live = range(len(self._reached)), self._node.presence
-        return [agent for agent in everybody if agent not in self._members and f"ready/{agent}" in live]
+        others = [agent for agent in range(len(self._reached)) if agent not in self._members]
+        live = self._node.presence.names() if others else set()
+        # Of one that dies the tokens go one after the other.
+        return [agent for agent in others if {f"agent/{agent}", f"ready/{agent}"} <= live]
 
     def admit(self, agent: int, step: int) -> None:
         """An agent takes part from a step on."""
