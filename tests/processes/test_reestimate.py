@@ -64,11 +64,13 @@ def again(world: World, log: Path, *overrides: str) -> Path:
     return output
 
 
-@pytest.mark.parametrize("kind", ["sicf", "ci"])
+@pytest.mark.parametrize("kind", ["sicf", "ci", "crash"])
 def test_with_nothing_changed_every_message_is_that_of_the_processes(world, kind):
-    measurement = {"measurement": "difference"} if kind == "ci" else {}
+    scenario = EVERY_KIND | {"filter": {"kind": "ci", "measurement": "difference"} if kind == "ci" else {}}
+    if kind == "crash":
+        scenario["fault"] = [*EVERY_KIND["fault"], {"kind": "crash", "agents": [2], "from": 0.5, "until": 1.5}]
     path = world.folder / "scenario.toml"
-    path.write_text(tomli_w.dumps(EVERY_KIND | {"filter": {"kind": kind, **measurement}}))
+    path.write_text(tomli_w.dumps(scenario))
     done = world.call("run", str(path), "--run", world.run, "--log", str(world.log), "--no-report")
     assert done.returncode == 0, done.stderr
     assert said(again(world, world.log)) == said(world.log)

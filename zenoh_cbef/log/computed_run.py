@@ -110,6 +110,7 @@ class ComputedRun:
                 self.say(f"agent/{agent}", self._keys.estimate(agent), begin + (self._rounds + 1) * pause, body)
             elif self._absences.crashed(number)[agent]:
                 self._received.forget(agent)
+                self._forget(f"agent/{agent}")
 
     def end(self, last: int) -> None:
         """What every process says when it ends."""
@@ -123,6 +124,11 @@ class ComputedRun:
         data = {"step": last, "sent": sent, "rejected": rejected}
         body = {"kind": "finished", "text": f"{name} ended after step {last}", "data": data}
         self.say(sender, self._keys.event, self._now, body)
+
+    def _forget(self, sender: str) -> None:
+        """Who is started again numbers its messages from 0."""
+        for name in [name for name in self._sent if name[0] == sender]:
+            del self._sent[name]
 
     def _number(self, sender: str, key: str, moment: int) -> int:
         self._now = max(self._now, moment)

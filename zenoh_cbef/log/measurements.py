@@ -118,6 +118,8 @@ def _gather(messages: Iterable[RawMessage], found: Measurements) -> None:
         if at.kind == "truth":
             found.truth.setdefault(step, message)
             continue
+        if "signal" in message and step > 0:
+            continue  # It ends the run, or lets an agent come back.
         table = found.beacons if at.kind == "beacon" else found.ranges
         table.setdefault((agent_of(topic), step), message)
         if at.kind == "beacon":

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -20,6 +20,7 @@ from zenoh_cbef.log.run_log import RunLog
 from zenoh_cbef.protocol.keys import Keys
 from zenoh_cbef.protocol.messages import ENVELOPE
 from zenoh_cbef.scenario import Scenario
+from zenoh_cbef.scenario.build import absences_of
 from zenoh_cbef.scenario.load import Loaded, to_toml
 from zenoh_cbef.simulator import Simulation, Step, heard_in
 
@@ -101,11 +102,13 @@ class _Writer:
         at = next((message["at"] for message in starts if "at" in message), found.logged.get(1, 0) / 1e9)
         began = {"kind": "started", "text": f"run {keys.run} started", "data": {"at": at}}
         self._computed.say("target", keys.event, self._moment(0), began)
-        self._signal(0, "start", at=at)
+        self._absences, self._at = absences_of(scenario), at
+        self._signal(range(scenario.count), 0, "start", at=at)
 
     def step(self, number: int, step: Step, positions: Floats) -> None:
         """The truth and beacons of a step, and all that the agents make of it."""
         moment = self._moment(number)
+        self._signal(np.flatnonzero(self._absences.reborn(number)).tolist(), number - 1, "start", at=self._at)
         truth = self._found.truth.get(number)
         if truth is not None:
             self._computed.say("target", self._keys.truth, moment, _body(truth))
@@ -118,12 +121,12 @@ class _Writer:
 
     def end(self) -> None:
         """The signal to end, and last words."""
-        self._signal(self._scenario.length + 1, "end")
+        self._signal(range(self._scenario.count), self._scenario.length + 1, "end")
         self._computed.end(self._scenario.length)
 
-    def _signal(self, number: int, signal: str, **more: float) -> None:
+    def _signal(self, agents: Iterable[int], number: int, signal: str, **more: float) -> None:
         body = {"k": number, "emitted": None, "arrived": None, "signal": signal, **more}
-        for agent in range(self._scenario.count):
+        for agent in agents:
             self._computed.say("target", self._keys.beacon(agent), self._moment(number), body)
 
     def _moment(self, number: int) -> int:
