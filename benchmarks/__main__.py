@@ -28,6 +28,8 @@ BENCHMARKS = {
     "rejoin": ("rejoin", "how soon all is as before after a crash and after a cut"),
     "recorder": ("recorder_cost", "what the recorder costs the agents"),
     "mcap": ("mcap_speed", "the log's writer and reader against the public library's"),
+    "logs": ("log_speed", "a log of a million messages analysed and described; writing, 200-byte messages"),
+    "kills": ("kills", "200 recorders killed at random moments: what their logs lack"),
     "robust": ("robust", "what sensors and agents that fail cost, 50 seeds"),
     "design": ("design", "errors that `zenoh-cbef design` predicts, against simulations"),
     "filters": ("filters", "every filter, 50 seeds and recorded data; --write docs/filters.md --data FOLDER"),

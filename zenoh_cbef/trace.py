@@ -96,7 +96,8 @@ class LinkCounts:
 class Traffic:
     """Messages of a whole run: sent (by sequence numbers), recorded, missing from the log, and rejected.
 
-    agent_bytes: of the agents' recorded messages together, as they were encoded.
+    agent_bytes: of the agents' recorded messages together, as they were encoded. gaps: by key, first and last of the
+    numbers that are missing, up to a thousand stretches of each sender.
     """
 
     sent: int
@@ -104,6 +105,7 @@ class Traffic:
     missing: int
     rejected: int
     agent_bytes: int = 0
+    gaps: dict[str, list[tuple[int, int]]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

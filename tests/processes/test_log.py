@@ -10,9 +10,10 @@ import pytest
 
 from tests.processes.conftest import World
 from zenoh_cbef.analysis.design import design
-from zenoh_cbef.log.contents import open_log, read_header
+from zenoh_cbef.log.contents import read_header
 from zenoh_cbef.log.mcap_reader import McapFile
 from zenoh_cbef.log.mcap_writer import McapWriter
+from zenoh_cbef.log.parts import open_log
 
 STEPS, AGENTS = 40, 4
 

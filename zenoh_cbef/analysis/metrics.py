@@ -232,6 +232,7 @@ def _metrics(analysis: Analysis) -> dict[str, Any]:
             "missing": trace.traffic.missing,
             "rejected": trace.traffic.rejected,
         },
+        "gaps": trace.traffic.gaps,
         "links": _links(trace),
     }
 

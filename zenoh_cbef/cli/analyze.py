@@ -10,14 +10,16 @@ import typer
 
 from zenoh_cbef.analysis.metrics import analyze
 from zenoh_cbef.analysis.outputs import write_outputs
-from zenoh_cbef.cli.options import AsJson, LogFile, Skip
+from zenoh_cbef.cli.options import AsJson, Skip
 from zenoh_cbef.cli.tables import console, metrics_table
-from zenoh_cbef.log.contents import find_log
+from zenoh_cbef.log.parts import find_log
 from zenoh_cbef.log.read_trace import read_trace
 
 
 def _analyze(
-    log: LogFile = Path("logs/latest"),
+    logs: Annotated[
+        list[Path] | None, typer.Argument(metavar="LOG...", help="A log, the folder of a run, or the files of one run.")
+    ] = None,
     as_json: AsJson = False,
     skip: Skip = 0.25,
     output: Annotated[
@@ -26,9 +28,9 @@ def _analyze(
     report: Annotated[bool, typer.Option("--report/--no-report", help="Also write report.html and figures.")] = False,
 ) -> None:
     """Print how well a logged run tracked, beside the centralised filter and the bound; write its metrics."""
-    found = find_log(log)
-    analysis = analyze([read_trace(found)], skip)[0]
-    folder = output or found.parent
+    paths = logs or [Path("logs/latest")]
+    analysis = analyze([read_trace(*paths)], skip)[0]
+    folder = output or find_log(paths[0]).parent
     if not as_json or output or report:
         write_outputs(analysis, folder, report=report)
     if as_json:

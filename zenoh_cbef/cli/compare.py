@@ -17,7 +17,7 @@ from zenoh_cbef.analysis.metrics import analyze
 from zenoh_cbef.cli.options import AsJson, Skip
 from zenoh_cbef.cli.tables import console, errors, number
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.log.contents import find_log
+from zenoh_cbef.log.parts import find_log
 from zenoh_cbef.log.read_trace import read_trace
 
 Logs = Annotated[list[Path], typer.Argument(metavar="LOG...", help="Logs, folders of runs, or names in logs/.")]

@@ -10,8 +10,8 @@ import typer
 
 from zenoh_cbef.cli.options import LogFile
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.log.contents import find_log
 from zenoh_cbef.log.export import export
+from zenoh_cbef.log.parts import find_log
 from zenoh_cbef.log.read_trace import read_trace
 from zenoh_cbef.log.rerun_file import write_rrd
 from zenoh_cbef.log.scene import read_scene

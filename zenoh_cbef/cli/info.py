@@ -12,7 +12,7 @@ from rich.table import Table
 
 from zenoh_cbef.cli.options import AsJson, LogFile
 from zenoh_cbef.cli.tables import console
-from zenoh_cbef.log.contents import find_log, open_log
+from zenoh_cbef.log.parts import open_log
 from zenoh_cbef.log.run_log import END, RUN
 
 
@@ -20,8 +20,9 @@ def _describe(path: Path) -> dict[str, Any]:
     file = open_log(path)
     summary = file.summary()
     return {
-        "file": str(find_log(path)),
-        "bytes": find_log(path).stat().st_size,
+        "file": str(file.path),
+        "parts": [str(part) for part in file.files],
+        "bytes": file.bytes,
         "complete": file.complete,
         "damage": file.damage,
         "library": summary.library,
@@ -43,7 +44,7 @@ def _info(log: LogFile = Path("logs/latest"), as_json: AsJson = False) -> None:
         return
     started = datetime.fromtimestamp(found["start"] / 1e9, UTC).isoformat(timespec="milliseconds")
     lines = {
-        "file": f"{found['file']} ({found['bytes']} bytes)",
+        "file": f"{', '.join(found['parts'])} ({found['bytes']} bytes)",
         "state": "complete" if found["complete"] else "cut off: readable as far as it goes",
         "written by": found["library"],
         "run": ", ".join(f"{name} {value}" for name, value in found["run"].items()) or "-",

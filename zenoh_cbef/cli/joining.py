@@ -90,9 +90,11 @@ def joins(verb: Callable[..., None]) -> Callable[..., None]:
 
 
 def identity_of(role: str, name: str, run: str, connection: Connection, patience: float) -> Identity:
-    """Which process of which run this is. Raises UserError for a bad run name or a missing endpoint."""
+    """Which process of which run this is. Raises UserError for a bad name or a missing endpoint."""
     if not run or not all(part.isalnum() or part in "._-" for part in run):
         raise UserError(f"--run {run!r} is no run name; use letters, digits, dot, dash and underscore")
+    if not name or not all(part.isalnum() or part in "._-" for part in name):
+        raise UserError(f"--name {name!r} is no name; use letters, digits, dot, dash and underscore")
     if role != "target" and not connection.connect and not connection.listen and connection.config is None:
         raise UserError(f"{role} needs an endpoint of the run, as in --connect tcp/127.0.0.1:7447")
     warn_of_exposure(connection)

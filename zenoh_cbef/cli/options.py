@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -15,6 +15,28 @@ Overrides = Annotated[
     typer.Option("--set", metavar="KEY=VALUE", help="Override a scenario key, as in consensus.rounds=5; repeatable."),
 ]
 LogFile = Annotated[Path, typer.Argument(metavar="LOG", help="A log, or the folder of a run.")]
+NewLog = Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="The log to write.")]
+Compress = Annotated[Literal["zstd", "lz4", "none"], typer.Option("--compression", help="Of the log to write.")]
+Include = Annotated[
+    list[str] | None,
+    typer.Option(
+        "-y",
+        "--include-topic-regex",
+        metavar="REGEX",
+        help="Only topics that match as a whole, as in '.*/estimate'; repeatable.",
+    ),
+]
+Exclude = Annotated[
+    list[str] | None,
+    typer.Option("-n", "--exclude-topic-regex", metavar="REGEX", help="No topics that match as a whole; repeatable."),
+]
+_TIME = "ns since the epoch, an RFC 3339 date, or seconds since the log's start as 12.5s."
+Start = Annotated[
+    str | None, typer.Option("-S", "--start", metavar="TIME", help=f"Only what was logged at or after it: {_TIME}")
+]
+End = Annotated[
+    str | None, typer.Option("-E", "--end", metavar="TIME", help=f"Only what was logged before it: {_TIME}")
+]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")]
 Skip = Annotated[
     float,

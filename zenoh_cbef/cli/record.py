@@ -12,13 +12,23 @@ import typer
 
 from zenoh_cbef.cli.joining import Joining, Patience, identity_of, joins
 from zenoh_cbef.cli.options import Run
-from zenoh_cbef.nodes.recorder import Status, run_recorder
+from zenoh_cbef.nodes.overview import Status
+from zenoh_cbef.nodes.recorder import run_recorder
 
 
 def _record(
     run: Run,
     joining: Joining,
     output: Annotated[Path, typer.Option("--output", "-o", help="The log to write.")] = Path("run.mcap"),
+    keys: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--keys",
+            metavar="EXPRESSION",
+            help="Only these keys and events, as 'agent/0/**' or 'beacon/*'; repeatable. For a recorder on each host.",
+        ),
+    ] = None,
+    name: Annotated[str, typer.Option("--name", help="This recorder's name, where a run has several.")] = "record",
     patience: Patience = 5.0,
     sync: Annotated[bool, typer.Option("--sync", help="Flush to the disk, not only to the system.")] = False,
     status_json: Annotated[bool, typer.Option("--status-json", hidden=True)] = False,
@@ -32,10 +42,13 @@ def _record(
         elif sys.stderr.isatty():
             sys.stderr.write(f"\r{status.messages} messages, step {status.step} of {status.steps} ")
 
-    identity = identity_of("record", "record", run, joining.connection("record"), patience)
-    last = run_recorder(identity, output, sync=sync, report=report)
+    identity = identity_of("record", name, run, joining.connection("record"), patience)
+    last = run_recorder(identity, output, keys=keys or (), sync=sync, report=report)
     if not status_json:
         typer.echo(f"{last.messages} messages in {output}, {last.missing} missing")
+    if last.failure:
+        sys.stderr.write(f"zenoh-cbef: {last.dropped} messages are not in the log: {last.failure}\n")
+        raise typer.Exit(1)
 
 
 def register(app: typer.Typer) -> None:

@@ -16,8 +16,9 @@ from zenoh_cbef.cli.options import LogFile
 from zenoh_cbef.cli.run import run_processes
 from zenoh_cbef.cli.tables import number
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.log.contents import find_log, open_log, read_header
+from zenoh_cbef.log.contents import read_header
 from zenoh_cbef.log.measurements import read_measurements
+from zenoh_cbef.log.parts import find_log, open_log
 from zenoh_cbef.log.playlist import Selection
 from zenoh_cbef.nodes.player import PlayerState
 from zenoh_cbef.nodes.replay import Playback, replay_run, run_replay

@@ -21,7 +21,7 @@ from zenoh_cbef.cli.options import Overrides, ScenarioName
 from zenoh_cbef.cli.places import new_folder
 from zenoh_cbef.cli.tables import console, errors, metrics_table, number, scheme_line
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.log.contents import find_log
+from zenoh_cbef.log.parts import find_log
 from zenoh_cbef.log.read_trace import read_trace
 from zenoh_cbef.nodes.launcher import Launcher
 from zenoh_cbef.protocol.session import Connection

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from zenoh_cbef.analysis.metrics import Analysis, analyze
 from zenoh_cbef.analysis.traffic import other_bytes, round_bytes
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.log.contents import find_log
+from zenoh_cbef.log.parts import find_log
 from zenoh_cbef.log.read_trace import read_trace
 from zenoh_cbef.nodes.launcher import Launcher
 from zenoh_cbef.scenario import Scenario

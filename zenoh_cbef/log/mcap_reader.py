@@ -21,7 +21,6 @@ from mcap import records
 from mcap.opcode import Opcode
 
 from zenoh_cbef.log.mcap_contents import (
-    MESSAGE,
     RECORD,
     Closing,
     Declarations,
@@ -30,6 +29,7 @@ from zenoh_cbef.log.mcap_contents import (
     Record,
     Summary,
     decompress,
+    messages_in,
     parse_record,
 )
 from zenoh_cbef.log.mcap_walk import IN_CHUNKS, RecordWalk
@@ -37,7 +37,6 @@ from zenoh_cbef.log.mcap_writer import MAGIC
 
 MAX_DAMAGE = 1000
 
-_MESSAGE_OPCODE = int(Opcode.MESSAGE)
 _LOG_TIME = attrgetter("log_time")
 _FOOTER = struct.Struct("<BQQQI")
 
@@ -224,7 +223,7 @@ class McapFile:
         if record.opcode == Opcode.CHUNK:
             return self._chunk_messages(record, declared)
         if record.opcode in IN_CHUNKS and record.end <= self._data_end:
-            return self._contents(self._bytes, record, declared)
+            return messages_in(self._bytes, record, declared, self._report)
         return []
 
     def _chunk_messages(self, record: Record, declared: Declarations) -> list[RawMessage]:
@@ -233,7 +232,7 @@ class McapFile:
             return []
         if record.end > self._data_end:
             cut = Record(record.opcode, chunk.data_start, self._data_end)
-            return [] if chunk.compression else self._contents(self._bytes, cut, declared)
+            return [] if chunk.compression else messages_in(self._bytes, cut, declared, self._report)
         try:
             data = decompress(self._bytes[chunk.data_start : chunk.data_end], chunk)
         except (ValueError, RuntimeError, EOFError, MemoryError, zstandard.ZstdError) as error:
@@ -242,31 +241,7 @@ class McapFile:
         if chunk.crc not in (0, zlib.crc32(data)):
             self._report(f"chunk at byte {record.start} fails its CRC")
             return []
-        return self._contents(data, Record(record.opcode, 0, len(data)), declared)
-
-    def _contents(self, data: bytes | mmap.mmap, part: Record, declared: Declarations) -> list[RawMessage]:
-        """Take the declarations and messages of a part of the data, up to a record that is cut."""
-        found: list[RawMessage] = []
-        _, position, end = part
-        while position + RECORD.size <= end:
-            opcode, length = RECORD.unpack_from(data, position)
-            start, position = position + RECORD.size, position + RECORD.size + length
-            if position > end:
-                break
-            try:
-                if opcode == _MESSAGE_OPCODE:
-                    channel, sequence, log_time, publish_time = MESSAGE.unpack_from(data, start)
-                    content = data[start + MESSAGE.size : position]
-                    found.append(RawMessage(declared.channels[channel], log_time, publish_time, sequence, content))
-                else:
-                    declared.add(opcode, data[start:position])
-            except KeyError as error:
-                self._report(f"channel {error} has messages and is not declared")
-            except (ValueError, struct.error) as error:
-                self._report(f"a declaration or message is damaged: {error}")
-        if position != end:
-            self._report("a chunk ends inside a record")
-        return found
+        return messages_in(data, Record(record.opcode, 0, len(data)), declared, self._report)
 
 
 def _holds_messages(record: Record) -> bool:

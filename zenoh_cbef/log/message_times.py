@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from zenoh_cbef.faults import ahead, clocks_of
 from zenoh_cbef.log.contents import Header
 from zenoh_cbef.log.mcap_contents import RawMessage
-from zenoh_cbef.log.mcap_reader import McapFile
+from zenoh_cbef.log.parts import Log
 from zenoh_cbef.protocol.keys import address, agent_of
 from zenoh_cbef.protocol.messages import BadMessage, decode
 from zenoh_cbef.protocol.round_codec import RoundCodec
@@ -47,7 +47,7 @@ class MessageTimes:
         return dict(sorted(found.items()))
 
 
-def read_times(file: McapFile, header: Header) -> MessageTimes:
+def read_times(file: Log, header: Header) -> MessageTimes:
     """Read the times of all messages of a run; what is no message of it is passed over."""
     reader = _Reader(header)
     for raw in file.messages():

@@ -9,7 +9,7 @@ from itertools import takewhile
 from typing import NamedTuple
 
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.log.mcap_reader import McapFile
+from zenoh_cbef.log.parts import Log
 from zenoh_cbef.protocol.keys import address, matches
 from zenoh_cbef.protocol.messages import BadMessage, unpack
 
@@ -74,7 +74,7 @@ class Playlist:
     start, end: log times of the whole log (ns). keys: all that will be published on. Raises UserError for none.
     """
 
-    def __init__(self, file: McapFile, selection: Selection) -> None:
+    def __init__(self, file: Log, selection: Selection) -> None:
         self._file = file
         summary = file.summary()
         self.start, self.end = summary.start_time, summary.end_time

@@ -10,8 +10,9 @@ from typing import Any
 
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.faults.injected import FATES, IN_TIME
-from zenoh_cbef.log.contents import Header, open_log, read_header
+from zenoh_cbef.log.contents import Header, read_header
 from zenoh_cbef.log.message_times import MessageTimes, read_times
+from zenoh_cbef.log.parts import open_log
 from zenoh_cbef.protocol.messages import decode
 from zenoh_cbef.scenario.build import fates_into, filter_of
 from zenoh_cbef.trace import Exchange, Fortune, Passage

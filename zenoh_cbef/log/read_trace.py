@@ -9,8 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.log.contents import Contents, Header, open_log, read_contents, read_header
-from zenoh_cbef.protocol.messages import BIAS, DISTRUST, BadMessage, nil_to_nan, unpack_floats
+from zenoh_cbef.log.columns import Columns
+from zenoh_cbef.log.contents import Contents, Header, read_header
+from zenoh_cbef.log.decoding import Decoder, Tally
+from zenoh_cbef.log.parts import open_logs
+from zenoh_cbef.protocol.messages import nil_to_nan
 from zenoh_cbef.scenario import Scenario, network
 from zenoh_cbef.scenario.injected import read_tables, with_faults
 from zenoh_cbef.scenario.paths import agent_positions, step_times
@@ -20,54 +23,57 @@ from zenoh_cbef.trace import Links, Trace, Traffic
 
 Floats = NDArray[np.float64]
 
-
 _COUNTS = {"received": "delivered"} | {
     name: name for name in ("lost", "late", "injected_lost", "injected_late", "corrupted", "duplicated")
 }
 
 
-def read_trace(path: Path) -> Trace:
-    """Read a log, complete or cut off. Raises UserError where it is no log of a run, or holds no step."""
-    file = open_log(path)
-    header = read_header(file, path)
-    contents = read_contents(file, header, rounds=False)
-    return trace_of(header, contents, complete=file.complete and not file.damage)
+def read_trace(*paths: Path) -> Trace:
+    """Read a log, complete or cut off, of one file or several.
+
+    Raises UserError where it is no log of a run, or holds no step.
+    """
+    log = open_logs(paths)
+    header = read_header(log, log.path)
+    columns = Columns(header.scenario.count, header.scenario.length)
+    decoder = Decoder(header.run, header.scenario, columns)
+    decoder.take_all(log)
+    return _trace_of(header, columns, decoder.tally, complete=log.complete and not log.damage)
 
 
-def trace_of(header: Header, contents: Contents, *, complete: bool) -> Trace:
+def _trace_of(header: Header, columns: Columns, tally: Tally, *, complete: bool) -> Trace:
     """The arrays of a log's messages, as far as any agent got."""
-    scenario, count = header.scenario, header.scenario.count
-    if contents.faults:
-        scenario = with_faults(scenario, read_tables(contents.faults))
-    steps = max((step for _, step in contents.estimates if step <= scenario.length), default=0)
+    scenario, steps = header.scenario, columns.estimates.last
+    if columns.faults:
+        scenario = with_faults(scenario, read_tables(columns.faults))
     if steps == 0:
         raise UserError(f"the log of run {header.run!r} holds no estimate; the run ended before its first step")
-    ranges, age = heard_ranges(scenario, contents, steps)
-    estimates = _Estimates(count, steps)
-    for (agent, step), message in contents.estimates.items():
-        if 1 <= step <= steps:
-            estimates.put(agent, step, message)
+    ranges, age = _measured(scenario, *np.moveaxis(columns.beacons.upto(steps), 2, 0))
+    estimates = columns.estimates.upto(steps)
+    innovation, weight, nis, nis_degrees, distrust = np.moveaxis(estimates[:, :, 6:11], 2, 0)
+    positions = columns.positions.upto(steps)
+    expected = agent_positions(scenario.model_copy(update={"steps": steps}))
     return Trace(
         name=header.run,
         scenario=scenario,
         time=step_times(scenario, steps),
-        truth=_truth(contents, steps),
-        positions=logged_positions(scenario, contents, steps),
+        truth=columns.truth.upto(steps)[0],
+        positions=np.where(np.isfinite(positions), positions, expected),
         ranges=ranges,
         age=age,
         initial=initial_states(scenario),
-        estimates=estimates.state,
-        covariances=estimates.covariance,
-        innovation=estimates.innovation,
-        weight=estimates.weight,
-        nis=estimates.nis,
-        nis_degrees=estimates.nis_degrees,
-        distrust=estimates.distrust,
-        bias=estimates.bias,
+        estimates=estimates[:, :, :6],
+        covariances=columns.covariances.upto(steps).reshape(scenario.count, steps, 6, 6),
+        innovation=innovation,
+        weight=weight,
+        nis=nis,
+        nis_degrees=np.nan_to_num(nis_degrees).astype(np.int64),
+        distrust=distrust,
+        bias=estimates[:, :, 11:],
         edges=network.edges(scenario),
-        links=_links(scenario, contents),
-        traffic=_traffic(contents),
-        events=[_event(message) for message in contents.events],
+        links=_links(scenario, columns),
+        traffic=_traffic(columns, tally),
+        events=[_event(message) for message in columns.events],
         complete=complete and (header.end or {}).get("status") == "finished",
     )
 
@@ -80,7 +86,11 @@ def heard_ranges(scenario: Scenario, contents: Contents, steps: int) -> tuple[Fl
         if 1 <= step <= steps:
             emitted[agent, step - 1] = nil_to_nan(message["emitted"])
             arrived[agent, step - 1] = nil_to_nan(message["arrived"])
-    ranges, age = measured(scenario, emitted, arrived, np.arange(1, steps + 1, dtype=np.float64))
+    return _measured(scenario, emitted, arrived)
+
+
+def _measured(scenario: Scenario, emitted: Floats, arrived: Floats) -> tuple[Floats, Floats]:
+    ranges, age = measured(scenario, emitted, arrived, np.arange(1, emitted.shape[1] + 1, dtype=np.float64))
     return ranges, np.where(np.isfinite(age), age, 0.0)
 
 
@@ -93,64 +103,20 @@ def logged_positions(scenario: Scenario, contents: Contents, steps: int) -> Floa
     return positions
 
 
-def _truth(contents: Contents, steps: int) -> Floats:
-    truth = np.full((steps, 6), np.nan)
-    for step, message in contents.truth.items():
-        if 1 <= step <= steps:
-            truth[step - 1] = message["state"]
-    return truth
-
-
-class _Estimates:
-    def __init__(self, count: int, steps: int) -> None:
-        self.state = np.full((count, steps, 6), np.nan)
-        self.covariance = np.full((count, steps, 6, 6), np.nan)
-        self.innovation = np.full((count, steps), np.nan)
-        self.weight = np.full((count, steps), np.nan)
-        self.nis = np.full((count, steps), np.nan)
-        self.nis_degrees = np.zeros((count, steps), dtype=np.int64)
-        self.distrust = np.full((count, steps), np.nan)
-        self.bias = np.full((count, steps, 3), np.nan)
-
-    def put(self, agent: int, step: int, message: dict[str, Any]) -> None:
-        at = (agent, step - 1)
-        self.state[at] = message["state"]
-        self.innovation[at] = nil_to_nan(message["innovation"])
-        self.weight[at] = nil_to_nan(message["weight"])
-        self.nis[at], self.nis_degrees[at] = nil_to_nan(message.get("nis")), message.get("nis_degrees", 0)
-        self.distrust[at] = nil_to_nan(message.get(DISTRUST))
-        self.bias[at] = [nil_to_nan(message.get(name)) for name in BIAS]
-        if message["covariance"] is not None:
-            try:
-                self.covariance[at] = unpack_floats(message["covariance"], 6, 6)
-            except BadMessage:
-                return
-
-
-def _links(scenario: Scenario, contents: Contents) -> Links:
+def _links(scenario: Scenario, columns: Columns) -> Links:
     """What the receivers counted: the last counts of each of their lives, and the mean of their latencies."""
-    last: dict[int, list[dict[str, Any]]] = {}
-    latency: dict[tuple[int, int], list[float]] = {}
-    for (agent, _), message in sorted(contents.estimates.items(), key=lambda item: item[0]):
-        lives = last.setdefault(agent, [message])
-        if message["seq"] < lives[-1]["seq"]:
-            lives.append(message)  # It was started again, and counts anew.
-        lives[-1] = message
-        for source, delay in zip(message["neighbours"], message["latency"], strict=False):
-            if delay is not None:
-                latency.setdefault((source, agent), []).append(delay)
     rows = []
     for first, second in network.edges(scenario).tolist():
         for source, destination in ((first, second), (second, first)):
-            each = [_counts(message, source) for message in last.get(destination, [])]
+            each = [_counts(message, source) for message in columns.lives.get(destination, [])]
             counts = np.sum(each, axis=0).tolist() if each else [0] * len(_COUNTS)
-            delays = latency.get((source, destination))
-            rows.append((destination, source, *counts, np.mean(delays) if delays else np.nan))
+            total, number = columns.latency.get((source, destination), (np.nan, 1))
+            rows.append((destination, source, *counts, total / number))
     table = np.array(sorted(rows), dtype=np.float64).reshape(-1, 3 + len(_COUNTS))
     destination, source = table[:, :2].astype(np.int64).T
-    columns = dict(zip(_COUNTS.values(), table[:, 2:-1].astype(np.int64).T, strict=True))
-    sent = columns["delivered"] + columns["lost"] + columns["late"]
-    return Links(source=source, destination=destination, sent=sent, **columns, latency=table[:, -1])
+    counted = dict(zip(_COUNTS.values(), table[:, 2:-1].astype(np.int64).T, strict=True))
+    sent = counted["delivered"] + counted["lost"] + counted["late"]
+    return Links(source=source, destination=destination, sent=sent, **counted, latency=table[:, -1])
 
 
 def _counts(message: dict[str, Any], source: int) -> list[int]:
@@ -160,25 +126,30 @@ def _counts(message: dict[str, Any], source: int) -> list[int]:
     return [message[name][place] if name in message else 0 for name in _COUNTS]
 
 
-def _traffic(contents: Contents) -> Traffic:
-    sent = dict(contents.next_seq)
+def _traffic(columns: Columns, tally: Tally) -> Traffic:
     rejected: dict[str, int] = {}
-    for message in contents.events:
+    for message in columns.events:
         data = message.get("data", {})
-        if message["kind"] == "finished" and isinstance(data.get("sent"), dict):
-            # What a process says it sent on its own keys is the truth: forged numbers do not count against it.
-            sent.update({(key, message["from"]): n for key, n in data["sent"].items() if isinstance(n, int)})
         for name in ("rejected", "total"):
             if isinstance(data.get(name), int):
                 rejected[message["from"]] = max(rejected.get(message["from"], 0), data[name])
-    total = sum(sent.values())
+    total = sum(sequence.sent for sequence in tally.sequences.values())
     return Traffic(
         sent=total,
-        recorded=contents.recorded,
-        missing=max(0, total - contents.recorded),
-        rejected=max(contents.undecodable, sum(rejected.values())),
-        agent_bytes=contents.agent_bytes,
+        recorded=tally.recorded,
+        missing=max(0, total - tally.recorded),
+        rejected=max(tally.undecodable, sum(rejected.values())),
+        agent_bytes=tally.agent_bytes,
+        gaps=_gaps(tally),
     )
+
+
+def _gaps(tally: Tally) -> dict[str, list[tuple[int, int]]]:
+    gaps: dict[str, list[tuple[int, int]]] = {}
+    for (key, _), sequence in sorted(tally.sequences.items()):
+        if sequence.gaps:
+            gaps.setdefault(key, []).extend(sequence.gaps)
+    return gaps
 
 
 def _event(message: dict[str, Any]) -> dict[str, object]:

@@ -1,14 +1,17 @@
-"""The log of a run: everything that crossed the network, with the scenario, in one MCAP file."""
+"""The log of a run: everything that crossed the network, with the scenario, in one MCAP file or several."""
 
 from __future__ import annotations
 
 import json
+import time
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 
 from zenoh_cbef import __version__
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.mcap_writer import McapWriter
+from zenoh_cbef.log.sequence import Sequence
 from zenoh_cbef.protocol.keys import address
 from zenoh_cbef.protocol.messages import BadMessage, json_schema, unpack
 from zenoh_cbef.scenario.model import Record
@@ -21,40 +24,105 @@ END = "cbef.end"
 _MOST = 1 << 63
 
 
-class RunLog:
-    """A log that is being written, under a temporary name until it is closed. One thread at a time."""
+def part_path(path: Path, number: int) -> Path:
+    """The file of a log's part, from 1: run.mcap, run.2.mcap, run.3.mcap."""
+    return path if number == 1 else path.with_name(f"{path.stem}.{number}{path.suffix}")
+
+
+class _Part:
+    """One file of a log, under a temporary name until it is closed; it says by itself what run it is of."""
 
     def __init__(self, path: Path, settings: Record) -> None:
-        self.path = path
-        self.active = path.with_name(path.name + ACTIVE)
-        if path.exists():
-            raise UserError(f"{path} exists and logs are never overwritten; choose another name, or move it away")
+        self.path, self.active = path, path.with_name(path.name + ACTIVE)
+        self.began = time.monotonic()
+        self.writer = McapWriter(
+            self.active,
+            compression=settings.compression,
+            chunk_bytes=settings.chunk_bytes,
+            library=f"zenoh-cbef {__version__}",
+        )
+        self.channels: dict[tuple[str, bool], tuple[str, int]] = {}
+        self._schemas: dict[str, int] = {}
+        self.head_bytes = 0
+
+    def describe(self, source: str, resolved: str, run: Mapping[str, str]) -> None:
+        self.writer.add_attachment(SOURCE, "application/toml", source.encode())
+        self.writer.add_attachment(RESOLVED, "application/toml", resolved.encode())
+        self.writer.add_metadata(RUN, run)
+        self.writer.flush()
+        self.head_bytes = self.writer.bytes_written
+
+    def register(self, key: str, *, known: bool) -> tuple[str, int]:
+        found = address(key) if known else None
+        kind = found.kind if found else "unknown"
+        schema = self._schemas.get(kind)
+        if schema is None:
+            text = json_schema(kind) if found else {}
+            schema = self.writer.register_schema(f"cbef.{kind.capitalize()}", "jsonschema", json.dumps(text).encode())
+            self._schemas[kind] = schema
+        channel = self.writer.register_channel(key, "msgpack" if found else "", schema)
+        self.channels[key, known] = kind, channel
+        return kind, channel
+
+    def close(self, end: Mapping[str, str]) -> None:
+        self.writer.add_metadata(END, end)
+        self.writer.close()
+        self.active.rename(self.path)
+
+
+class RunLog:
+    """A log that is being written. One thread at a time.
+
+    Where settings.rotate_bytes or rotate_seconds is reached, a new file begins, complete by itself. A write that fails
+    (disk full) drops what it held and is named in `failure`; what was written before stays readable, and later writes
+    are tried again. missing: gaps in the senders' numbers. dropped: messages that could not be written.
+    """
+
+    def __init__(self, path: Path, settings: Record) -> None:
+        self.path, self._settings = path, settings
+        for taken in (path, part_path(path, 2)):
+            if taken.exists():
+                raise UserError(f"{taken} exists and logs are never overwritten; choose another name, or move it away")
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            self._writer = McapWriter(
-                self.active,
-                compression=settings.compression,
-                chunk_bytes=settings.chunk_bytes,
-                library=f"zenoh-cbef {__version__}",
-            )
+            self._part = _Part(path, settings)
         except OSError as error:
             raise UserError(f"cannot write {path}: {error.strerror}; choose another place for the log") from None
-        self._channels: dict[tuple[str, bool], tuple[str, int]] = {}
-        self._schemas: dict[str, int] = {}
-        self._next_seq: dict[tuple[str, str], int] = {}
-        self.missing = 0
+        self._number = 1
+        self._description: tuple[str, str, Mapping[str, str]] = "", "", {}
+        self._sequences: dict[tuple[str, str], Sequence] = {}
+        self._taken, self._closed_count = 0, 0
+        self._rotate_bytes = settings.rotate_bytes or 1 << 63
+        self._rotate_seconds = settings.rotate_seconds or float("inf")
+        self.failure = ""
+
+    @property
+    def active(self) -> Path:
+        """The file that is being written."""
+        return self._part.active
 
     @property
     def count(self) -> int:
         """Messages written."""
-        return self._writer.message_count
+        return self._closed_count + self._part.writer.message_count
+
+    @property
+    def dropped(self) -> int:
+        """Messages that came and could not be written."""
+        return self._taken - self.count
+
+    @property
+    def missing(self) -> int:
+        """Numbers that are missing in the sequences of all senders."""
+        return sum(sequence.missing for sequence in self._sequences.values())
 
     def describe(self, *, source: str, resolved: str, run: Mapping[str, str]) -> None:
-        """Attach the scenario and say which run this is."""
-        self._writer.add_attachment(SOURCE, "application/toml", source.encode())
-        self._writer.add_attachment(RESOLVED, "application/toml", resolved.encode())
-        self._writer.add_metadata(RUN, run)
-        self._writer.flush()
+        """Attach the scenario and say which run this is. Raises UserError where it cannot be written."""
+        self._description = source, resolved, run
+        try:
+            self._part.describe(*self._described())
+        except OSError as error:
+            raise UserError(f"cannot write {self.path}: {error.strerror}; make room, or choose another place") from None
 
     def add(self, key: str, data: bytes, log_time: int) -> str:
         """Write one message as it came; returns its kind, "unknown" where it is no message of ours."""
@@ -64,44 +132,74 @@ class RunLog:
             known = type(seq) is int and type(sent) is int and 0 <= seq < _MOST and 0 <= sent < _MOST
         except (BadMessage, KeyError):
             known = False
-        kind, channel = self._channels.get((key, known)) or self._register(key, known)
-        if not known:
-            self._writer.add_message(channel, log_time, log_time, 0, data)
-            return kind
-        self._writer.add_message(channel, log_time, sent, seq, data)
-        name = (key, str(sender))
-        expected = self._next_seq.get(name, 0)
-        if seq >= expected:
-            self.missing += seq - expected
-            self._next_seq[name] = seq + 1
+        part = self._part
+        kind, channel = part.channels.get((key, known)) or part.register(key, known=known)
+        self._taken += 1
+        try:
+            if known:
+                part.writer.add_message(channel, log_time, sent, seq, data)
+            else:
+                part.writer.add_message(channel, log_time, log_time, 0, data)
+        except OSError as error:
+            self._fail(error)
+        if known:
+            name = (key, str(sender))
+            sequence = self._sequences.get(name)
+            if sequence is None:
+                sequence = self._sequences[name] = Sequence()
+            sequence.take(seq)
+        if part.writer.bytes_written - part.head_bytes >= self._rotate_bytes:
+            self._rotate()
         return kind
 
     def flush(self, *, sync: bool = False) -> None:
-        """Hand everything so far to the operating system; with sync, to the disk."""
-        self._writer.flush(sync=sync)
+        """Hand everything so far to the operating system; with sync, to the disk. A new file begins if it is time."""
+        try:
+            self._part.writer.flush(sync=sync)
+        except OSError as error:
+            self._fail(error)
+        if time.monotonic() - self._part.began >= self._rotate_seconds:
+            self._rotate()
 
     def close(self, end: Mapping[str, str]) -> None:
-        """Write the end record, close the file and give it its name."""
-        self._writer.add_metadata(END, end)
-        self._writer.close()
-        self.active.rename(self.path)
+        """Write the end record, close the file and give it its name; it keeps its temporary one where that fails."""
+        self._close(self._part, end)
 
     def abandon(self) -> None:
         """Close the file without an end record; it keeps its temporary name."""
-        self._writer.close()
+        self._part.writer.close()
 
     def lacks(self, key: str, sender: str, sent: int) -> bool:
         """Whether fewer than `sent` messages of a sender on a key have come so far."""
-        return self._next_seq.get((key, sender), 0) < sent
+        found = self._sequences.get((key, sender))
+        return (found.next if found else 0) < sent
 
-    def _register(self, key: str, known: bool) -> tuple[str, int]:
-        found = address(key) if known else None
-        kind = found.kind if found else "unknown"
-        schema = self._schemas.get(kind)
-        if schema is None:
-            text = json_schema(kind) if found else {}
-            schema = self._writer.register_schema(f"cbef.{kind.capitalize()}", "jsonschema", json.dumps(text).encode())
-            self._schemas[kind] = schema
-        channel = self._writer.register_channel(key, "msgpack" if found else "", schema)
-        self._channels[key, known] = kind, channel
-        return kind, channel
+    def _fail(self, error: OSError) -> None:
+        self.failure = f"cannot write {self._part.active}: {error.strerror}"
+
+    def _close(self, part: _Part, end: Mapping[str, str]) -> None:
+        for step in (part.writer.flush, partial(part.close, end), part.writer.close):
+            # What does not fit is left out: the file is closed without it, or at least not kept open.
+            try:
+                step()
+            except OSError as error:
+                self._fail(error)
+
+    def _described(self) -> tuple[str, str, Mapping[str, str]]:
+        source, resolved, run = self._description
+        return source, resolved, {**run, "part": str(self._number)}
+
+    def _rotate(self) -> None:
+        """Begin the next file, and close this one; this one goes on where the next cannot be written."""
+        old, self._number = self._part, self._number + 1
+        path = part_path(self.path, self._number)
+        try:
+            self._part = _Part(path, self._settings)
+            self._part.describe(*self._described())
+        except OSError as error:
+            self._fail(error)
+            self._part, self._number = old, self._number - 1
+            path.with_name(path.name + ACTIVE).unlink(missing_ok=True)
+            return
+        self._close(old, {"status": "rotated", "log": str(old.path)})
+        self._closed_count += old.writer.message_count

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from zenoh_cbef.analysis.chi2 import chi2_quantile
 from zenoh_cbef.analysis.metrics import Analysis, analyze
-from zenoh_cbef.log.contents import open_log, read_header
+from zenoh_cbef.log.contents import read_header
+from zenoh_cbef.log.parts import open_log
 from zenoh_cbef.log.read_trace import read_trace
 from zenoh_cbef.protocol.keys import address, agent_of
 from zenoh_cbef.protocol.messages import BadMessage, decode

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zenoh_cbef.faults.injected import FATES, IN_TIME, Injected
-from zenoh_cbef.log.contents import Contents, Header, open_log, read_contents, read_header
+from zenoh_cbef.log.contents import Contents, Header, read_contents, read_header
+from zenoh_cbef.log.parts import open_log
 from zenoh_cbef.log.read_trace import heard_ranges, logged_positions
 from zenoh_cbef.protocol.messages import BIAS, DISTRUST, BadMessage, nil_to_nan, unpack_floats
 from zenoh_cbef.scenario.build import absences_of

@@ -78,10 +78,10 @@ class Entrance:
     def _meet(self) -> bool:
         others = [one for one in self._neighbourhood.ids if self._members is None or one in self._members]
         needed = {"target/target"} | {f"agent/{other}" for other in others}
-        required = self._of.scenario.record.required
+        recorders = self._of.scenario.record.awaited
 
         def everybody(live: set[str]) -> bool:
-            return needed <= live and (not required or any(name.startswith("record/") for name in live))
+            return needed <= live and sum(name.startswith("record/") for name in live) >= recorders
 
         def drain() -> None:
             while self._of.beacons.next(0.0) is not None:

@@ -220,6 +220,8 @@ class Launcher:
 
     def _obey(self, asked: int) -> None:
         now = time.monotonic()
+        if self._loaded.scenario.record.on_full == "stop" and any(death.name == "recorder" for death in self.deaths):
+            asked = max(asked, 1)
         over = "target" in self._ended and len(self._processes.keys() - self._ended - {"recorder"}) == 0
         over = over or {"target", "recorder"} <= self._ended
         if asked > 1:

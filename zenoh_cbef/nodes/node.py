@@ -34,8 +34,8 @@ class Identity:
 
     @property
     def sender(self) -> str:
-        """The name in messages: "agent/3", or the bare role where there is only one."""
-        return f"{self.role}/{self.name}" if self.role == "agent" else self.role
+        """The name in messages: "agent/3", "record/host-b", or the bare role where that is the name."""
+        return self.role if self.name == self.role else f"{self.role}/{self.name}"
 
 
 def heard_token(sender: str, word: int) -> str:

@@ -5,23 +5,23 @@ from __future__ import annotations
 import threading
 import time
 import tomllib
-from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
 from platform import node as host_name
 from typing import Any
 
-import numpy as np
-
 from zenoh_cbef import __version__
 from zenoh_cbef.log.run_log import RunLog
 from zenoh_cbef.nodes.attendance import Attendance
 from zenoh_cbef.nodes.node import Identity, Node, heard_token
-from zenoh_cbef.protocol.keys import agent_of
+from zenoh_cbef.nodes.overview import Overview, Status
 from zenoh_cbef.protocol.mailbox import Mailbox
 from zenoh_cbef.protocol.messages import BadMessage, decode
+from zenoh_cbef.protocol.recorded import covering, recorded_keys
 from zenoh_cbef.protocol.scenario_service import fetch_scenario
+from zenoh_cbef.scenario import Scenario
 from zenoh_cbef.scenario.load import parse
 from zenoh_cbef.scenario.model import Record
 
@@ -29,96 +29,60 @@ _CAPACITY = 1 << 18
 _REPORT_SECONDS = 0.2
 _GATHER_SECONDS = 0.005
 _PORTION = 10_000
-
-
-@dataclass
-class Status:
-    """What the recorder sees of a run.
-
-    step: what all estimates have reached; error: the network's position error (m) there. messages: recorded.
-    lost, late: on links, as their receivers counted. missing: gaps in the sequence numbers of what was recorded.
-    """
-
-    run: str
-    log: str
-    steps: int
-    step: int = 0
-    error: float | None = None
-    messages: int = 0
-    lost: int = 0
-    late: int = 0
-    missing: int = 0
-    state: str = "recording"
-
-
-class _Overview:
-    """Keeps a Status up to date from the messages that go by."""
-
-    def __init__(self, status: Status, present: Callable[[], int]) -> None:
-        self.status = status
-        self._present = present
-        self._expected = 1
-        self._truth: dict[int, list[float]] = {}
-        self._errors: dict[int, list[float]] = {}
-        self._links: dict[int, tuple[int, int]] = {}
-
-    def see(self, kind: str, key: str, data: bytes) -> None:
-        """Take one truth or estimate message into account."""
-        try:
-            message = decode(kind, data, run=self.status.run)
-        except BadMessage:
-            return
-        step = message["k"]
-        if kind == "truth":
-            self._truth[step] = message["state"]
-            return
-        self._links[agent_of(key)] = (sum(message["lost"]), sum(message["late"]))
-        truth = self._truth.get(step)
-        if truth is None:
-            return
-        errors = self._errors.setdefault(step, [])
-        errors.append(sum((a - b) ** 2 for a, b in zip(message["state"][:3], truth[:3], strict=True)))
-        # At the end everybody has left before their last words are read.
-        self._expected = self._present() or self._expected
-        if len(errors) >= self._expected:
-            self.status.step = step
-            self.status.error = float(np.sqrt(np.mean(errors)))
-            self.status.lost = sum(lost for lost, _ in self._links.values())
-            self.status.late = sum(late for _, late in self._links.values())
-            for old in [known for known in self._truth if known <= step]:
-                self._truth.pop(old)
-                self._errors.pop(old, None)
+_BEHIND_SECONDS = 1.0
 
 
 class Recorder:
-    """Takes messages off the network and puts them into the log."""
+    """Takes messages off the network and puts them into the log: each mailbox in a thread, the first in the caller's.
 
-    def __init__(self, node: Node, log: RunLog, overview: _Overview, mailbox: Mailbox) -> None:
+    settings.on_full "stop": a log that cannot be written any more ends the recording.
+    """
+
+    def __init__(
+        self, node: Node, log: RunLog, overview: Overview, mailboxes: Sequence[Mailbox], settings: Record
+    ) -> None:
         self.node, self.log, self.overview = node, log, overview
-        self._mailbox = mailbox
+        self._mailboxes, self._settings = mailboxes, settings
+        self._covers = covering([mailbox.key for mailbox in mailboxes])
         self._lock = threading.Lock()
         self._done = threading.Event()
+        self._full_since: dict[Mailbox, float] = {}
+        self._told: set[str] = set()
         self._promised: dict[tuple[str, str], int] = {}
         self._acknowledged: set[str] = set()
         self.target_ended: int | None = None
         self._attendance = Attendance(node, self._tell)
-        node.on_stop(self._mailbox.wake)
+        node.on_stop(self._wake)
 
-    def run(self, *, flush_seconds: float, sync: bool, report: Callable[[Status], None]) -> None:
+    def run(self, *, sync: bool, report: Callable[[Status], None]) -> None:
         """Record until everybody has left, or until told to stop."""
-        ticker = threading.Thread(target=self._tick, args=(flush_seconds, sync, report), daemon=True)
-        ticker.start()
+        threads = [threading.Thread(target=self._tick, args=(sync, report), daemon=True)]
+        threads += [threading.Thread(target=self._drain, args=(one,), daemon=True) for one in self._mailboxes[1:]]
+        for thread in threads:
+            thread.start()
         try:
             while not self._finished():
-                self._write_waiting(self._mailbox.receive_from())
+                self._write_waiting(self._mailboxes[0], self._mailboxes[0].receive_from())
                 # Being woken for every single message costs more than writing it: let a few gather.
                 time.sleep(_GATHER_SECONDS)
-            self._write_waiting(self._mailbox.poll_from())
         finally:
             self._done.set()
-            ticker.join()
+            self._wake()
+            for thread in threads:
+                thread.join()
+        for mailbox in self._mailboxes:
+            self._write_waiting(mailbox, mailbox.poll_from())
 
-    def _write_waiting(self, received: tuple[str, bytes] | None) -> None:
+    def _drain(self, mailbox: Mailbox) -> None:
+        while not self._done.is_set():
+            self._write_waiting(mailbox, mailbox.receive_from())
+            time.sleep(_GATHER_SECONDS)
+
+    def _wake(self) -> None:
+        for mailbox in self._mailboxes:
+            mailbox.wake()
+
+    def _write_waiting(self, mailbox: Mailbox, received: tuple[str, bytes] | None) -> None:
         """Write a message and those behind it.
 
         No more than a portion: in a flood, too, the log is flushed and the end of the run is seen.
@@ -128,22 +92,47 @@ class Recorder:
             while received is not None:
                 self._write(*received)
                 left -= 1
-                received = self._mailbox.poll_from() if left else None
+                received = mailbox.poll_from() if left else None
+            if left:
+                self._full_since.pop(mailbox, None)
+            else:
+                self._full_since.setdefault(mailbox, time.monotonic())
 
-    def _tick(self, flush_seconds: float, sync: bool, report: Callable[[Status], None]) -> None:
-        flushed = time.monotonic()
-        while not self._done.wait(min(flush_seconds, _REPORT_SECONDS)):
-            if time.monotonic() - flushed >= flush_seconds:
+    def _tick(self, sync: bool, report: Callable[[Status], None]) -> None:
+        flushed, seconds = time.monotonic(), self._settings.flush_seconds
+        while not self._done.wait(min(seconds, _REPORT_SECONDS)):
+            if time.monotonic() - flushed >= seconds:
                 with self._lock:
                     self.log.flush(sync=sync)
                 flushed = time.monotonic()
-            self._mailbox.wake()
+            self._warn()
+            self._wake()
             report(self.status())
+
+    def _warn(self) -> None:
+        """Say once what goes wrong, each time it begins to."""
+        behind = time.monotonic() - min(self._full_since.values(), default=time.monotonic())
+        if behind < _BEHIND_SECONDS:
+            self._told.discard("behind")
+        elif "behind" not in self._told:
+            self._told.add("behind")
+            self.overview.status.behind += 1
+            text = f"the recorder has not kept up for {behind:.1f} s; what does not fit its mailbox is lost to the log"
+            self._say("behind", text, seconds=behind, missing=self.log.missing)
+        if self.log.failure and "full" not in self._told:
+            self._told.add("full")
+            stops = self._settings.on_full == "stop"
+            goes_on = "the recorder ends" if stops else "the run goes on without what does not fit"
+            self._say("full", f"{self.log.failure}; {goes_on}", dropped=self.log.dropped)
+            if stops:
+                self.node.stop()
 
     def status(self) -> Status:
         """The present state of affairs."""
         status = self.overview.status
-        status.messages, status.missing = self.log.count, self.log.missing
+        with self._lock:
+            status.messages, status.missing = self.log.count, self.log.missing
+            status.dropped, status.failure = self.log.dropped, self.log.failure
         return status
 
     def _write(self, key: str, data: bytes) -> None:
@@ -167,7 +156,7 @@ class Recorder:
             self.target_ended = told["step"]
         if message["kind"] == "finished" and isinstance(sent, dict):
             for key, count in sent.items():
-                if isinstance(key, str) and isinstance(count, int):
+                if isinstance(key, str) and isinstance(count, int) and self._covers(key):
                     self._promised[key, message["from"]] = count
 
     def _acknowledge(self, sender: str, word: object) -> None:
@@ -178,9 +167,13 @@ class Recorder:
             self.node.presence.announce(token)
 
     def _tell(self, kind: str, text: str, name: str) -> None:
-        data = self.node.events.send(kind=kind, text=text, data={"name": name})
+        self._say(kind, text, name=name)
+
+    def _say(self, kind: str, text: str, **data: object) -> None:
+        # We do not hear ourselves.
+        message = self.node.events.send(kind=kind, text=text, data=data)
         with self._lock:
-            self._write(self.node.keys.event, data)
+            self._write(self.node.keys.event, message)
 
     def _finished(self) -> bool:
         """Whether all who were here have left and what they say they sent has come, or we are told to stop."""
@@ -192,45 +185,52 @@ def run_recorder(
     identity: Identity,
     path: Path,
     *,
+    keys: Sequence[str] = (),
     sync: bool,
     report: Callable[[Status], None],
 ) -> Status:
-    """Run the recorder process until the run ends or it is told to stop; returns the last status."""
+    """Run the recorder process until the run ends or it is told to stop; returns the last status.
+
+    keys: key expressions of what is recorded, whole or relative to the run; everything where there are none.
+    """
+    expressions = recorded_keys(identity.run, keys)
     with Node(identity) as node:
-        # Subscribed before anybody can see us: nothing is sent before we listen.
-        mailbox = Mailbox(node.session, node.keys.everything, _CAPACITY)
+        # Subscribed before anybody can see us: nothing is sent before we listen. A full mailbox must not slow agents.
+        mailboxes = [Mailbox(node.session, one, _CAPACITY) for one in expressions]
         text = fetch_scenario(node.session, identity.run, patience=identity.patience, stopped=lambda: node.stopping)
         scenario = parse(tomllib.loads(text.resolved), f"the scenario of run {identity.run!r}")
         settings: Record = scenario.record
         log = RunLog(path, settings)
-        log.describe(
-            source=text.source,
-            resolved=text.resolved,
-            run={
-                "run": identity.run,
-                "name": scenario.name,
-                "seed": str(scenario.seed),
-                "version": __version__,
-                "host": host_name(),
-                "started": datetime.now(UTC).isoformat(),
-            },
-        )
-        overview = _Overview(
+        log.describe(source=text.source, resolved=text.resolved, run=_described(identity, scenario, expressions))
+        overview = Overview(
             Status(identity.run, str(path), scenario.length),
             lambda: sum(name.startswith("agent/") for name in node.presence.names()),
         )
-        recorder = Recorder(node, log, overview, mailbox)
+        recorder = Recorder(node, log, overview, mailboxes, settings)
         node.presence.announce(f"record/{identity.name}")
         try:
-            recorder.run(flush_seconds=settings.flush_seconds, sync=sync, report=report)
+            recorder.run(sync=sync, report=report)
         finally:
             status = recorder.status()
             finished = recorder.target_ended == scenario.length
             log.close({"status": "finished" if finished else "stopped", **_text(status)})
+        status = recorder.status()
         status.state = "done"
         report(status)
         node.presence.withdraw()
     return status
+
+
+def _described(identity: Identity, scenario: Scenario, expressions: Sequence[str]) -> dict[str, str]:
+    return {
+        "run": identity.run,
+        "name": scenario.name,
+        "seed": str(scenario.seed),
+        "version": __version__,
+        "host": host_name(),
+        "started": datetime.now(UTC).isoformat(),
+        "keys": " ".join(expressions),
+    }
 
 
 def _text(status: Status) -> dict[str, str]:

@@ -11,7 +11,7 @@ from typing import Any
 
 from zenoh_cbef import __version__
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.log.mcap_reader import McapFile
+from zenoh_cbef.log.parts import Log
 from zenoh_cbef.log.playlist import Playlist, Selection
 from zenoh_cbef.log.run_log import RESOLVED, SOURCE
 from zenoh_cbef.nodes.keyboard import DOWN, RIGHT, SPACE, UP, Keyboard
@@ -53,7 +53,7 @@ def replay_run(run: str, selection: Selection) -> str:
 
 def run_replay(
     identity: Identity,
-    file: McapFile,
+    file: Log,
     selection: Selection,
     how: Playback,
     report: Callable[[PlayerState], None],

@@ -72,10 +72,9 @@ class Target:
     def wait_for_everybody(self, patience: float) -> None:
         """Wait until every agent is ready, and a recorder where one is required. Raises UserError otherwise."""
         ready = {f"ready/{agent}" for agent in range(self.scenario.count)}
-        needs_recorder = self.scenario.record.required
 
         def missing(live: set[str]) -> list[str]:
-            recorded = not needs_recorder or any(name.startswith("record/") for name in live)
+            recorded = sum(name.startswith("record/") for name in live) >= self.scenario.record.awaited
             enough = self.wait_for is not None and len(ready & live) >= self.wait_for
             unready = [] if enough else [name.replace("ready/", "agent/") for name in sorted(ready - live)]
             absent = [name for name in unready if name not in live]

@@ -54,7 +54,7 @@ class Mailbox:
         """Make a receive in another thread return None."""
         with self._lock:
             self._wakes += 1
-        key = self.key.replace("**", "wake").replace("*", "wake")
+        key = self.key.replace("$*", "wake").replace("**", "wake").replace("*", "wake")
         # A closed session has nobody left to wake.
         with suppress(zenoh.ZError):
             self._session.put(key, b"", allowed_destination=zenoh.Locality.SESSION_LOCAL)

@@ -8,8 +8,9 @@ of little-endian float64, last in the map.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 from typing import Any
 
 import msgpack
@@ -25,59 +26,79 @@ class BadMessage(ValueError):
     """A message that is not what its key promises; the text says why, in a few words."""
 
 
+Values = Sequence[Any]
+Test = Callable[[Values], bool]
+
+
 @dataclass(frozen=True)
 class Field:
-    """One field of a message: a test of its value and its JSON Schema."""
+    """One field of a message: a test of its values in some messages, at least one, and its JSON Schema."""
 
-    holds: Callable[[Any], bool]
+    hold: Test
     schema: Mapping[str, Any]
     optional: bool = False
 
 
-def _count(value: Any) -> bool:
-    return type(value) is int and 0 <= value < _MOST
+def _are(values: Values, *types: type) -> bool:
+    return set(map(type, values)) <= set(types)
 
 
-def _number(value: Any) -> bool:
-    return type(value) is float and math.isfinite(value)
+def _counts(values: Values) -> bool:
+    return _are(values, int) and min(values) >= 0 and max(values) < _MOST
 
 
-def _number_or_nil(value: Any) -> bool:
-    return value is None or _number(value)
+def _finite(values: Values) -> bool:
+    return _are(values, float) and all(map(math.isfinite, values))
 
 
-def _text(value: Any) -> bool:
-    return type(value) is str and len(value) <= 10_000
+def _finite_or_nil(values: Values) -> bool:
+    return _are(values, float, type(None)) and all(map(math.isfinite, filter(None, values)))
 
 
-def _floats(size: int) -> Callable[[Any], bool]:
-    return lambda value: type(value) is list and len(value) == size and all(map(_number, value))
+def _texts(values: Values) -> bool:
+    return _are(values, str) and max(map(len, values)) <= 10_000
 
 
-def _list_of(test: Callable[[Any], bool]) -> Callable[[Any], bool]:
-    return lambda value: type(value) is list and len(value) <= 10_000 and all(map(test, value))
+def _lists_of(test: Test, size: int | None = None) -> Test:
+    """Lists of what passes a test, of a size, or of any that is not absurd."""
+
+    def hold(values: Values) -> bool:
+        if not _are(values, list):
+            return False
+        sizes = set(map(len, values))
+        flat = [*chain.from_iterable(values)]
+        return (max(sizes) <= 10_000 if size is None else sizes == {size}) and (not flat or test(flat))
+
+    return hold
 
 
-def _doubles(value: Any) -> bool:
-    return type(value) is bytes and len(value) % 8 == 0 and bool(np.isfinite(np.frombuffer(value, "<f8")).all())
+def _doubles(values: Values) -> bool:
+    whole = _are(values, bytes) and all(len(value) % 8 == 0 for value in values)
+    return whole and bool(np.isfinite(np.frombuffer(b"".join(values), "<f8")).all())
+
+
+def _doubles_or_nil(values: Values) -> bool:
+    return _doubles([value for value in values if value is not None])
 
 
 def _numbers(size: int) -> Field:
-    return Field(_floats(size), {"type": "array", "items": {"type": "number"}, "minItems": size, "maxItems": size})
+    return Field(
+        _lists_of(_finite, size), {"type": "array", "items": {"type": "number"}, "minItems": size, "maxItems": size}
+    )
 
 
 _INTEGER = {"type": "integer", "minimum": 0}
 _DOUBLES = {"type": "string", "contentEncoding": "binary", "description": "little-endian float64"}
 
-COUNT = Field(_count, _INTEGER)
-COUNTS = Field(_list_of(_count), {"type": "array", "items": _INTEGER})
+COUNT = Field(_counts, _INTEGER)
+COUNTS = Field(_lists_of(_counts), {"type": "array", "items": _INTEGER})
 COUNTS_IF_ANY = replace(COUNTS, optional=True)
-NUMBER = Field(_number, {"type": "number"})
-NUMBER_OR_NIL = Field(_number_or_nil, {"type": ["number", "null"]})
-NUMBERS_OR_NIL = Field(_list_of(_number_or_nil), {"type": "array", "items": {"type": ["number", "null"]}})
-TEXT = Field(_text, {"type": "string"})
+NUMBER = Field(_finite, {"type": "number"})
+NUMBER_OR_NIL = Field(_finite_or_nil, {"type": ["number", "null"]})
+NUMBERS_OR_NIL = Field(_lists_of(_finite_or_nil), {"type": "array", "items": {"type": ["number", "null"]}})
+TEXT = Field(_texts, {"type": "string"})
 DOUBLES = Field(_doubles, _DOUBLES)
-DOUBLES_OR_NIL = Field(lambda value: value is None or _doubles(value), {**_DOUBLES, "type": ["string", "null"]})
+DOUBLES_OR_NIL = Field(_doubles_or_nil, {**_DOUBLES, "type": ["string", "null"]})
 
 ENVELOPE = {"v": COUNT, "run": TEXT, "from": TEXT, "seq": COUNT, "sent": COUNT}
 
@@ -93,8 +114,12 @@ BODIES: dict[str, dict[str, Field]] = {
         "k": COUNT,
         "emitted": NUMBER_OR_NIL,
         "arrived": NUMBER_OR_NIL,
-        "signal": Field(lambda value: value in ("start", "end"), {"enum": ["start", "end"]}, optional=True),
-        "at": Field(_number, {"type": "number"}, optional=True),
+        "signal": Field(
+            lambda values: _are(values, str) and {*values} <= {"start", "end"},
+            {"enum": ["start", "end"]},
+            optional=True,
+        ),
+        "at": replace(NUMBER, optional=True),
     },
     "range": {"k": COUNT, "position": _numbers(3), "range": NUMBER_OR_NIL},
     "round": {"k": COUNT, "l": COUNT, "payload": DOUBLES},
@@ -104,9 +129,9 @@ BODIES: dict[str, dict[str, Field]] = {
         "innovation": NUMBER_OR_NIL,
         "weight": NUMBER_OR_NIL,
         # Optional, as logs of version 0.1.0 lack them.
-        "nis": Field(_number_or_nil, NUMBER_OR_NIL.schema, optional=True),
-        "nis_degrees": Field(_count, _INTEGER, optional=True),
-        **{name: Field(_number_or_nil, NUMBER_OR_NIL.schema, optional=True) for name in (DISTRUST, *BIAS)},
+        "nis": replace(NUMBER_OR_NIL, optional=True),
+        "nis_degrees": replace(COUNT, optional=True),
+        **{name: replace(NUMBER_OR_NIL, optional=True) for name in (DISTRUST, *BIAS)},
         "neighbours": COUNTS,
         "received": COUNTS,
         "lost": COUNTS,
@@ -115,7 +140,7 @@ BODIES: dict[str, dict[str, Field]] = {
         "injected_late": COUNTS_IF_ANY,
         "corrupted": COUNTS_IF_ANY,
         "duplicated": COUNTS_IF_ANY,
-        "fates": Field(_list_of(_text), {"type": "array", "items": {"type": "string"}}, optional=True),
+        "fates": Field(_lists_of(_texts), {"type": "array", "items": {"type": "string"}}, optional=True),
         "latency": NUMBERS_OR_NIL,
         "covariance": DOUBLES_OR_NIL,
     },
@@ -123,7 +148,7 @@ BODIES: dict[str, dict[str, Field]] = {
     "event": {
         "kind": TEXT,
         "text": TEXT,
-        "data": Field(lambda value: type(value) is dict, {"type": "object"}, optional=True),
+        "data": Field(lambda values: _are(values, dict), {"type": "object"}, optional=True),
     },
 }
 
@@ -170,7 +195,7 @@ def decode(kind: str, data: bytes, *, run: str, sender: str = "") -> dict[str, A
         field = fields.get(name)
         if field is None:
             raise BadMessage(f"unknown field {name!r:.40}")
-        if not field.holds(value):
+        if not field.hold([value]):
             raise BadMessage(f"field {name} is not as promised")
     if not _REQUIRED[kind] <= message.keys():
         raise BadMessage(f"field {min(_REQUIRED[kind] - message.keys())} is missing")
@@ -178,10 +203,29 @@ def decode(kind: str, data: bytes, *, run: str, sender: str = "") -> dict[str, A
     return message
 
 
+def decode_all(kind: str, messages: Sequence[bytes], *, run: str, sender: str = "") -> list[dict[str, Any]]:
+    """As decode, of many messages at once, in a fraction of the time.
+
+    Raises BadMessage where any of them is not as promised; decode says of one what is wrong.
+    """
+    maps = [unpack(data) for data in messages]
+    fields, required = _FIELDS[kind], _REQUIRED[kind]
+    layouts = {frozenset(message) for message in maps}
+    for name in frozenset().union(*layouts):
+        values = [message[name] for message in maps if name in message]
+        if name not in fields or not fields[name].hold(values):
+            raise BadMessage(f"field {name!r:.40} is not as promised")
+    if not all(required <= layout for layout in layouts):
+        raise BadMessage("a field is missing")
+    for origin in {(message["v"], message["run"], message["from"]) for message in maps}:
+        _check_origin(dict(zip(("v", "run", "from"), origin, strict=True)), run, sender)
+    return maps
+
+
 def peek(kind: str, data: bytes, *, run: str, sender: str) -> dict[str, Any]:
     """As decode, for a reader that wants only the step `k`: the other fields are not looked into."""
     message = unpack(data)
-    if not _REQUIRED[kind] <= message.keys() or not _count(message["k"]):
+    if not _REQUIRED[kind] <= message.keys() or not _counts([message["k"]]):
         raise BadMessage("field k is missing or not as promised")
     _check_origin(message, run, sender)
     return message

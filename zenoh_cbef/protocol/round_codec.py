@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import struct
 import sys
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import msgpack
 import numpy as np
@@ -18,11 +19,22 @@ from numpy.typing import NDArray
 from zenoh_cbef.protocol.messages import VERSION, decode, unpack_floats
 
 Floats = NDArray[np.float64]
+Counts = NDArray[np.unsignedinteger[Any]]
 
 _KEYS = (b"\xa3seq\xcf", b"\xa4sent\xcf", b"\xa1k\xce", b"\xa1l\xcd")
 _LITTLE = sys.byteorder == "little"
 _MOST = 1 << 63
 _TAIL = b"\xa7payload\xc5"
+
+
+class Rounds(NamedTuple):
+    """Many round messages of one sender: seq, sent (ns), step and round (m,), payloads (m, d)."""
+
+    seq: Counts
+    sent: Counts
+    step: Counts
+    round: Counts
+    payload: Floats
 
 
 class RoundCodec:
@@ -39,11 +51,40 @@ class RoundCodec:
         self._begin = len(self._head)
         self._values = self._begin + self._numbers.size
         self._size = self._values + 8 * width
+        places = [self._begin, 8, 8, 4, self._values]
+        for n in (1, 2, 3):
+            places[n] += places[n - 1] + len(_KEYS[n])
+        formats: list[Any] = [">u8", ">u8", ">u4", ">u2", ("<f8", (width,))]
+        self._row = np.dtype(
+            {"names": list(Rounds._fields), "formats": formats, "offsets": places, "itemsize": self._size}
+        )
+        self._example = np.frombuffer(self.encode(0, 0, 0, 0, np.zeros(width)), np.uint8)
+        numbers = [np.arange(place, place + self._row[n].itemsize) for n, place in enumerate(places)]
+        self._fixed = np.setdiff1d(np.arange(self._size), np.concatenate(numbers))
 
     def encode(self, seq: int, sent: int, step: int, round_: int, payload: Floats) -> bytes:
         """One message; payload: (d,)."""
         numbers = self._numbers.pack(seq, _KEYS[1], sent, _KEYS[2], step, _KEYS[3], round_, self._tail)
         return self._head + numbers + (payload if _LITTLE else payload.astype("<f8")).tobytes()
+
+    def decode_all(self, messages: Sequence[bytes]) -> Rounds:
+        """Many messages at once. Raises BadMessage where any is not as promised, or its payload not finite."""
+        if set(map(len, messages)) == {self._size}:
+            data = b"".join(messages)
+            read = np.frombuffer(data, self._row)
+            bytes_ = np.frombuffer(data, np.uint8).reshape(-1, self._size)
+            found = Rounds(*(read[name].astype(read[name].dtype.newbyteorder("=")) for name in Rounds._fields))
+            numbered = max(found.seq.max(), found.sent.max()) < _MOST
+            plain = (bytes_[:, self._fixed] == self._example[self._fixed]).all()
+            if plain and numbered and np.isfinite(found.payload).all():
+                return found
+        maps = [decode("round", data, run=self._run, sender=self._sender) for data in messages]
+        seq, sent, step, round_ = (
+            np.array([message[name] for message in maps], np.uint64) for name in ("seq", "sent", "k", "l")
+        )
+        return Rounds(
+            seq, sent, step, round_, np.stack([unpack_floats(message["payload"], self._width) for message in maps])
+        )
 
     def decode(self, data: bytes) -> tuple[int, int, int, bytes]:
         """Step, round, sending time (ns) and payload, d native float64 that the caller still has to find finite.

@@ -171,12 +171,25 @@ class Timing(Table):
 
 
 class Record(Table):
-    """The log. flush_seconds bounds what a killed recorder loses; required: no start without a recorder."""
+    """The log. flush_seconds bounds what a killed recorder loses; required: no start without as many recorders.
+
+    rotate_bytes, rotate_seconds: when a new file begins, 0 for never. on_full: what a run does whose log cannot be
+    written any more.
+    """
 
     compression: Literal["zstd", "lz4", "none"] = "zstd"
     chunk_bytes: Annotated[int, Field(ge=1024, le=1 << 28)] = 1 << 20
     flush_seconds: Positive = 0.4
     required: bool = True
+    recorders: Annotated[int, Field(ge=1, le=1000)] = 1
+    rotate_bytes: Annotated[int, Field(ge=0)] = 0
+    rotate_seconds: NotNegative = 0.0
+    on_full: Literal["go-on", "stop"] = "go-on"
+
+    @property
+    def awaited(self) -> int:
+        """How many recorders must be there before a run starts."""
+        return self.recorders if self.required else 0
 
 
 class Zenoh(Table):

@@ -1,0 +1,111 @@
+"""What kill -9 costs: a recorder is killed at random moments, and its log must hold all that is older than a second."""
+
+from __future__ import annotations
+
+import random
+import signal
+import statistics
+import subprocess
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Self
+
+from rich.table import Table
+
+from benchmarks.by_hand import by_hand
+from benchmarks.common import Children, Row, children, results
+from zenoh_cbef.log.parts import open_log
+from zenoh_cbef.nodes.ports import free_ports
+from zenoh_cbef.protocol.keys import Keys
+from zenoh_cbef.protocol.outbox import Outbox
+from zenoh_cbef.protocol.session import Connection, open_session
+
+KILLS = 200
+_AGE = 1.0
+_PAUSE = 0.0005
+
+
+@dataclass(frozen=True)
+class Kill:
+    """One kill. older: messages sent more than a second before it; lost: those of them that are not in the log.
+
+    cut: age of the oldest message that the log lacks, s. signal: how the recorder ended.
+    """
+
+    older: int
+    lost: int
+    cut: float
+    signal: int
+
+
+class Kills:
+    """A run that does not begin, with a peer that sends events all the time, and recorders that are killed."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._stack = ExitStack()
+
+    def __enter__(self) -> Self:
+        hand = self._stack.enter_context(by_hand("tracking", [], agents=[]))
+        self._run = hand.run
+        (port,) = free_ports(1)
+        here = f"tcp/127.0.0.1:{port}"
+        self._hubs = [hand.endpoints["target"], here]
+        connection = Connection(listen=[here], connect=self._hubs[:1], gossip=False)
+        session = self._stack.enter_context(open_session(connection))
+        key = Keys(self._run).event
+        self._events = Outbox(session, key, run=self._run, sender="probe", may_drop=True, clock=time.time_ns)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stack.close()
+
+    def kill(self, number: int, after: float) -> Kill:
+        """Start a recorder, and kill it some time after it has written for somewhat more than a second."""
+        log = self._folder / f"{number}.mcap"
+        active = log.with_name(log.name + ".active")
+        with children() as family:
+            recorder = self._start(family, log)
+            until = time.monotonic() + 30.0
+            while not active.exists() and time.monotonic() < until:
+                time.sleep(0.01)
+            sent: list[tuple[int, float]] = []
+            until = time.monotonic() + _AGE + 0.5 + after
+            while time.monotonic() < until:
+                sent.append((self._events.sent, time.monotonic()))
+                self._events.send(kind="note", text="x" * 100)
+                time.sleep(_PAUSE)
+            killed = time.monotonic()
+            recorder.kill()
+            recorder.wait()
+        found = {message.sequence for message in open_log(log).messages() if message.channel.topic.endswith("event")}
+        first = min(found, default=self._events.sent)
+        due = [(seq, killed - at) for seq, at in sent if seq >= first]
+        old = [seq for seq, age in due if age > _AGE]
+        missing = [age for seq, age in due if seq not in found]
+        return Kill(len(old), len({*old} - found), max(missing, default=0.0), recorder.returncode)
+
+    def _start(self, family: Children, log: Path) -> subprocess.Popen[bytes]:
+        links = [part for endpoint in self._hubs for part in ("--connect", endpoint)]
+        arguments = ["record", "--run", self._run, "--no-gossip", "--patience", "30", "--output", str(log), *links]
+        return family.start("zenoh_cbef", arguments, {})
+
+
+def run(repeats: int) -> Iterator[Table]:
+    """Kill; what is counted is not timed, so `repeats` changes nothing."""
+    del repeats
+    noise = random.Random(1)  # noqa: S311
+    with tempfile.TemporaryDirectory() as folder, Kills(Path(folder)) as kills:
+        done = [kills.kill(number, noise.uniform(0.0, 1.0)) for number in range(KILLS)]
+    assert all(one.signal == -signal.SIGKILL and one.older > 0 for one in done)
+    lost, older, cut = sum(one.lost for one in done), sum(one.older for one in done), [one.cut for one in done]
+    rows = [
+        Row(f"messages older than {_AGE:g} s that were lost, of {older}", str(lost), "0", lost == 0),
+        Row("oldest message that was lost: age, median", f"{statistics.median(cut):.3f} s"),
+        Row("the same, largest", f"{max(cut):.3f} s"),
+    ]
+    yield results(f"{KILLS} recorders killed at random moments", rows)

@@ -1,0 +1,74 @@
+"""The log tools as commands: exit statuses, and one sentence for a mistake."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.log.hand_made import Maker
+from zenoh_cbef.log.mcap_writer import McapWriter
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Logs: whole, cut within its data, and foreign, which is of no run."""
+    path = tmp_path_factory.mktemp("logs")
+    maker = Maker(path / "whole.mcap", "record.chunk_bytes=4096")
+    for k in range(1, 51):
+        maker.step(k)
+    maker.close()
+    data = (path / "whole.mcap").read_bytes()
+    (path / "cut.mcap").write_bytes(data[: len(data) // 2])
+    (path / "text.mcap").write_text("no log")
+    with McapWriter(path / "foreign.mcap", library="test") as writer:
+        writer.add_message(writer.register_channel("key", "", 0), 0, 0, 0, b"x")
+    return path
+
+
+def call(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "zenoh_cbef", *words]
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+
+
+@pytest.mark.parametrize(
+    ("words", "status"),
+    [
+        ("check whole.mcap", 0),
+        ("check cut.mcap", 1),
+        ("check foreign.mcap", 2),
+        ("check nothing.mcap", 2),
+        ("cat cut.mcap", 3),
+        ("filter whole.mcap -y .*/round -o {new}", 0),
+        ("filter cut.mcap -o {new}", 3),
+        ("filter whole.mcap -y a -n b -o {new}", 2),
+        ("filter whole.mcap -o whole.mcap", 2),
+        ("filter whole.mcap --start noon -o {new}", 2),
+        ("merge whole.mcap cut.mcap -o {new}", 3),
+        ("merge whole.mcap ./whole.mcap -o {new}", 2),
+        ("merge whole.mcap foreign.mcap -o {new}", 2),
+        ("recover whole.mcap -o {new}", 0),
+        ("recover cut.mcap -o {new}", 3),
+        ("recover text.mcap -o {new}", 1),
+        ("recover cut.mcap -o cut.mcap", 2),
+    ],
+)
+def test_exit_statuses_tell_what_happened(folder: Path, tmp_path: Path, words: str, status: int) -> None:
+    new = tmp_path / "new.mcap"
+    done = call(folder, *words.format(new=new).split())
+    assert done.returncode == status, done.stderr
+    assert "Traceback" not in done.stderr
+    assert new.exists() == ("{new}" in words and status in (0, 3))
+    assert list(tmp_path.glob("*.active")) == []
+    if status == 2:
+        assert len(done.stderr.splitlines()) == 1
+
+
+def test_what_cat_prints_is_one_object_a_line(folder: Path) -> None:
+    done = call(folder, "cat", "whole.mcap", "-y", "cbef/made/agent/1/.*", "-S", "0s", "-E", "0.1s")
+    shown = [json.loads(line) for line in done.stdout.splitlines()]
+    assert {line["topic"].rsplit("/", 1)[1] for line in shown} == {"estimate", "range", "round"}
+    assert all(line["data"]["from"] == "agent/1" for line in shown)

@@ -1,0 +1,114 @@
+"""The recorder in long runs, on full disks, on several hosts, and killed."""
+
+import json
+import random
+import resource
+import signal
+from pathlib import Path
+
+import pytest
+
+from benchmarks.kills import Kills
+from tests.processes.conftest import settings
+from tests.test_benchmarks import ROOT  # noqa: F401 - puts the benchmarks on the path
+from zenoh_cbef.log.mcap_reader import McapFile
+from zenoh_cbef.log.parts import open_log
+from zenoh_cbef.nodes.ports import free_ports
+
+
+def test_a_rotated_run_is_analysed_and_verified_as_one(world):
+    run = world.start_run("record.rotate_bytes=40000", "record.flush_seconds=0.05", "steps=200")
+    _, err = run.communicate(timeout=120)
+    assert run.returncode == 0, err
+    parts = open_log(world.log).files
+    assert len(parts) > 3
+    assert sorted(path.name for path in world.folder.glob("*.mcap*")) == sorted(path.name for path in parts)
+    metrics = json.loads(world.call("analyze", str(world.folder), "--json").stdout)
+    assert (metrics["complete"], metrics["steps"], metrics["messages"]["missing"]) == (True, 200, 0)
+    several = world.call("analyze", *map(str, reversed(parts)), "--json")
+    assert json.loads(several.stdout) == metrics
+    verdict = world.call("verify", str(world.log))
+    assert verdict.returncode == 0
+    assert "of 200 steps" in verdict.stdout
+    assert world.call("check", str(world.log)).returncode == 0
+
+
+def let_no_file_grow(pid, path):
+    """From now on the process's files stay as large as this one is, as if the disk were full."""
+    size = path.stat().st_size + 1000
+    resource.prlimit(pid, resource.RLIMIT_FSIZE, (size, size))
+
+
+@pytest.mark.parametrize("on_full", ["go-on", "stop"])
+def test_a_full_disk_is_named_and_what_was_written_stays_readable(world, on_full):
+    steps = 600 if on_full == "go-on" else 100_000
+    run = world.start_run(f"steps={steps}", f"record.on_full={on_full}", "record.flush_seconds=0.1")
+    world.wait_for_messages()
+    let_no_file_grow(world.pid_of("record"), world.log.with_name("run.mcap.active"))
+    out, err = run.communicate(timeout=120)
+    assert run.returncode == 1, err
+    assert "File too large" in err
+    assert "messages are not in the log" in err
+    assert world.wait_until_gone() == {}
+    described = json.loads(world.call("info", str(world.log), "--json").stdout)
+    assert described["messages"] > 50
+    metrics = json.loads(world.call("analyze", str(world.log), "--json").stdout)
+    assert 0 < metrics["steps"] < steps
+    assert world.call("verify", str(world.log)).returncode in (0, 2)
+    assert "position RMSE" in out
+
+
+def test_recorders_on_each_host_and_a_merge_give_the_whole_log(world):
+    names = ["target", "a", "b", *range(4)]
+    endpoints = {name: f"tcp/127.0.0.1:{port}" for name, port in zip(names, free_ports(len(names)), strict=True)}
+
+    def options(name, *to):
+        links = [part for one in to for part in ("--connect", endpoints[one])]
+        return ["--run", world.run, "--no-gossip", "--listen", endpoints[name], *links]
+
+    scenario = settings("record.recorders=2")
+    started = [world.start("target", "tracking", *scenario, *options("target"), "--patience", "30")]
+    shares = {"a": ["agent/0/**", "agent/1/**", "target/**", "beacon/*"], "b": ["agent/2/*", "agent/3/*", "beacon/2"]}
+    for host, share in shares.items():
+        keys = [part for key in share for part in ("--keys", key)]
+        started.append(world.start("record", *options(host, "target"), "--name", host, *keys, "-o", f"{host}.mcap"))
+    for agent in range(4):
+        hubs = ["target", "a", "b", *range(agent)]
+        started.append(world.start("agent", str(agent), *options(agent, *hubs), "--patience", "30"))
+    for process in started:
+        _, err = process.communicate(timeout=120)
+        assert process.returncode == 0, err
+    done = world.call("merge", "a.mcap", "b.mcap", "-o", "run.mcap")
+    assert done.returncode == 0, done.stderr
+    assert "clock of b.mcap" in done.stdout
+    assert "shared messages" in done.stdout
+    merged = McapFile(world.log)
+    topics = {message.channel.topic for message in McapFile(world.folder / "b.mcap").messages()}
+    run = f"cbef/{world.run}"
+    assert topics == {f"{run}/event", f"{run}/beacon/2"} | {
+        f"{run}/agent/{agent}/{kind}" for agent in (2, 3) for kind in ("round", "estimate", "range")
+    }
+    assert merged.metadata["cbef.end"]["status"] == "finished"
+    for verb in ("check", "verify"):
+        verdict = world.call(verb, "run.mcap")
+        assert verdict.returncode == 0, verdict.stdout
+    assert json.loads(world.call("analyze", "run.mcap", "--json").stdout)["messages"]["missing"] == 0
+
+
+@pytest.mark.parametrize("keys", [["agent/#"], ["agent/0/**", "**/round"], ["cbef/other/**"]])
+def test_impossible_keys_are_refused(world, keys):
+    options = [part for key in keys for part in ("--keys", key)]
+    done = world.call("record", "--run", world.run, "--connect", "tcp/127.0.0.1:1", *options)
+    assert done.returncode == 2
+    assert len(done.stderr.splitlines()) == 1
+    assert "key" in done.stderr
+
+
+def test_a_killed_recorder_leaves_all_that_is_older_than_a_second(tmp_path: Path):
+    noise = random.Random(1)  # noqa: S311
+    with Kills(tmp_path) as kills:
+        for number in range(4):
+            kill = kills.kill(number, noise.uniform(0.0, 1.5))
+            assert kill.older > 0
+            assert kill.lost == 0, kill
+            assert kill.signal == -signal.SIGKILL

@@ -1,0 +1,33 @@
+"""cat: the messages of a log as text."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import typer
+
+from zenoh_cbef.cli.choosing import LOSSY, selection_of, tell_damage
+from zenoh_cbef.cli.options import End, Exclude, Include, LogFile, Start
+from zenoh_cbef.log.parts import open_log
+from zenoh_cbef.log.tools.show import lines
+
+
+def _cat(
+    log: LogFile = Path("logs/latest"),
+    include: Include = None,
+    exclude: Exclude = None,
+    start: Start = None,
+    end: End = None,
+) -> None:
+    """Print messages by log time, decoded, one JSON object a line. Exit status 3 where not all could be read."""
+    opened = open_log(log)
+    for line in lines(opened, selection_of(opened, include, exclude, start, end)):
+        sys.stdout.write(line + "\n")
+    tell_damage(opened.damage)
+    raise typer.Exit(LOSSY if opened.damage else 0)
+
+
+def register(app: typer.Typer) -> None:
+    """Add the verb."""
+    app.command("cat")(_cat)

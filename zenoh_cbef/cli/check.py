@@ -1,0 +1,48 @@
+"""check: whether a log is sound."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import typer
+
+from zenoh_cbef.cli.options import AsJson, LogFile
+from zenoh_cbef.log.parts import open_log
+from zenoh_cbef.log.tools.check import Findings, check
+
+_SHOWN = 20
+
+
+def _check(log: LogFile = Path("logs/latest"), as_json: AsJson = False) -> None:
+    """Check a log's structure and CRCs, its sequence numbers, and every message against its schema.
+
+    Exit status: 0 sound, 1 something is wrong, 2 cannot be judged.
+    """
+    found = check(open_log(log))
+    if as_json:
+        names = ("messages", "damage", "missing", "gaps", "wrong", "out_of_order")
+        print(json.dumps({"sound": found.exit_status == 0, **{name: getattr(found, name) for name in names}}))
+    else:
+        _tell(found)
+    raise typer.Exit(found.exit_status)
+
+
+def _tell(found: Findings) -> None:
+    lines = [f"damage: {sentence}" for sentence in found.damage]
+    for name, missing in found.missing.items():
+        first, last = found.gaps[name][0] if found.gaps[name] else (0, 0)
+        lines.append(f"missing: {missing} of {name}, the first of them {first} to {last}")
+    lines += [f"wrong: {count} of {sentence}" for sentence, count in found.wrong.most_common()]
+    for line in lines[:_SHOWN]:
+        typer.echo(line)
+    if len(lines) > _SHOWN:
+        typer.echo(f"and {len(lines) - _SHOWN} more, see --json")
+    if found.out_of_order:
+        typer.echo(f"note: {found.out_of_order} messages were logged before the one before them")
+    typer.echo(f"{found.messages} messages: " + ("something is wrong" if lines else "sound"))
+
+
+def register(app: typer.Typer) -> None:
+    """Add the verb."""
+    app.command("check")(_check)

@@ -1,0 +1,32 @@
+"""What the log tools have in common: which messages are meant, and the word on what could not be read."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from zenoh_cbef.cli.tables import errors
+from zenoh_cbef.log.parts import Log
+from zenoh_cbef.log.tools.selection import Selection, select, time_of
+
+LOSSY = 3
+"""Exit status where something could not be read."""
+
+
+def selection_of(
+    log: Log, include: Sequence[str] | None, exclude: Sequence[str] | None, start: str | None, end: str | None
+) -> Selection:
+    """The selection that a command line describes."""
+
+    def first() -> int:
+        return log.summary().start_time
+
+    times = {
+        name: time_of(text, first, f"--{name}") for name, text in (("start", start), ("end", end)) if text is not None
+    }
+    return select(include or (), exclude or (), **times)
+
+
+def tell_damage(sentences: Sequence[str]) -> None:
+    """Name what could not be read, on the error output."""
+    for sentence in sentences:
+        errors.print(f"warning: {sentence}", highlight=False, markup=False, soft_wrap=True)

@@ -1,0 +1,38 @@
+"""filter: a part of a log as a log."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from zenoh_cbef.cli.choosing import LOSSY, selection_of, tell_damage
+from zenoh_cbef.cli.options import Compress, End, Exclude, Include, NewLog, Start
+from zenoh_cbef.log.parts import open_log
+from zenoh_cbef.log.tools.filtering import filter_log
+
+
+def _filter(
+    log: Annotated[Path, typer.Argument(metavar="LOG", help="A log, or the folder of a run.")],
+    output: NewLog,
+    include: Include = None,
+    exclude: Exclude = None,
+    start: Start = None,
+    end: End = None,
+    attachments: Annotated[bool, typer.Option("--attachments/--exclude-attachments", help="Keep attachments.")] = True,
+    metadata: Annotated[bool, typer.Option("--metadata/--exclude-metadata", help="Keep metadata.")] = True,
+    compression: Compress = "zstd",
+) -> None:
+    """Write messages of some topics or of a time range into a new log. Exit status 3 where not all could be read."""
+    opened = open_log(log)
+    selection = selection_of(opened, include, exclude, start, end)
+    count = filter_log(opened, output, selection, attachments=attachments, metadata=metadata, compression=compression)
+    tell_damage(opened.damage)
+    typer.echo(f"{count} messages in {output}")
+    raise typer.Exit(LOSSY if opened.damage else 0)
+
+
+def register(app: typer.Typer) -> None:
+    """Add the verb."""
+    app.command("filter")(_filter)

@@ -1,0 +1,52 @@
+"""merge: logs of one run, as recorders on several hosts wrote them, joined."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from zenoh_cbef.cli.choosing import LOSSY, tell_damage
+from zenoh_cbef.cli.options import Compress, NewLog
+from zenoh_cbef.errors import UserError
+from zenoh_cbef.log.parts import open_log
+from zenoh_cbef.log.tools.merge import Clock, merge
+
+
+def _merge(
+    logs: Annotated[list[Path], typer.Argument(metavar="LOG...", help="Logs of one run, or folders of its logs.")],
+    output: NewLog,
+    compression: Compress = "zstd",
+) -> None:
+    """Join logs of one run by log time, each message once, and compare the clocks of the hosts that wrote them.
+
+    Exit status 3 where not all could be read.
+    """
+    if len({path.resolve() for path in logs}) < len(logs):
+        raise UserError("one log is named twice; name each once")
+    opened = [open_log(path) for path in logs]
+    found = merge(opened, output, compression)
+    damage = [f"{log.path}: {sentence}" for log in opened for sentence in log.damage]
+    tell_damage(damage)
+    typer.echo(f"{found.messages} messages in {output}, {found.duplicates} duplicates left out")
+    for clock in found.clocks:
+        typer.echo(_words(clock, opened[0].path))
+    raise typer.Exit(LOSSY if damage else 0)
+
+
+def _words(clock: Clock, first: Path) -> str:
+    name = f"{clock.log} ({clock.host})" if clock.host else str(clock.log)
+    if clock.offset is None or clock.doubt is None:
+        return f"clock of {name}: not compared, as it shares no message with {first}"
+    side = "ahead of" if clock.offset >= 0 else "behind"
+    doubt = f" +- {clock.doubt / 1e6:.3f} ms" if clock.doubt else ""
+    return (
+        f"clock of {name}: {abs(clock.offset) / 1e6:.3f} ms{doubt} {side} that of {first}, "
+        f"by {clock.shared} shared messages"
+    )
+
+
+def register(app: typer.Typer) -> None:
+    """Add the verb."""
+    app.command("merge")(_merge)

@@ -1,0 +1,37 @@
+"""recover: a whole log from a damaged one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from zenoh_cbef.cli.choosing import tell_damage
+from zenoh_cbef.cli.options import Compress, NewLog
+from zenoh_cbef.log.parts import find_log
+from zenoh_cbef.log.tools.recover import recover
+
+Damaged = Annotated[Path, typer.Argument(metavar="LOG", help="A log file, cut off or damaged, or a run's folder.")]
+
+
+def _recover(log: Damaged, output: NewLog, compression: Compress = "zstd") -> None:
+    """Write what can be read of a log, attachments and metadata included, into a new one with its index.
+
+    Exit status: 0 nothing was lost, 3 something was lost, 1 nothing could be recovered.
+    """
+    found = recover(find_log(log), output, compression)
+    tell_damage(found.lost)
+    if found.exit_status == 1:
+        typer.echo("nothing could be recovered")
+    else:
+        typer.echo(
+            f"{found.messages} messages, {found.attachments} attachments, {found.metadata} metadata in {output}; "
+            + ("something was lost" if found.lost else "nothing was lost")
+        )
+    raise typer.Exit(found.exit_status)
+
+
+def register(app: typer.Typer) -> None:
+    """Add the verb."""
+    app.command("recover")(_recover)

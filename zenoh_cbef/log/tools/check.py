@@ -1,0 +1,93 @@
+"""Whether a log is what it claims to be: file, numbers, and every message."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field
+from typing import Any
+
+from zenoh_cbef.log.contents import read_header
+from zenoh_cbef.log.decoding import Decoder
+from zenoh_cbef.log.mcap_contents import RawMessage
+from zenoh_cbef.log.parts import Log
+from zenoh_cbef.log.run_log import END
+from zenoh_cbef.protocol.keys import address
+from zenoh_cbef.protocol.messages import BadMessage
+from zenoh_cbef.protocol.round_codec import Rounds
+
+_NAMED = 100
+
+
+@dataclass
+class Findings:
+    """What was found in a log.
+
+    damage: one sentence for each fault of the file. missing: numbers that are not there, by key and sender, with their
+    stretches in gaps. restarts are no fault. wrong: messages that are not what their key promises, by topic and
+    reason. out_of_order: messages logged before the one before them in the file.
+    """
+
+    messages: int = 0
+    damage: list[str] = field(default_factory=list)
+    missing: dict[str, int] = field(default_factory=dict)
+    gaps: dict[str, list[tuple[int, int]]] = field(default_factory=dict)
+    wrong: Counter[str] = field(default_factory=Counter)
+    out_of_order: int = 0
+
+    @property
+    def exit_status(self) -> int:
+        """0 for a log without fault, 1 for one with any. Log times that go back are told, but are none."""
+        return int(bool(self.damage or self.missing or self.wrong))
+
+
+class _Checker:
+    def __init__(self, findings: Findings) -> None:
+        self.findings = findings
+        self._last = 0
+
+    def take(self, kind: str, agent: int, messages: list[dict[str, Any]]) -> None:
+        """What was decoded is as promised."""
+
+    def take_rounds(self, agent: int, rounds: Rounds) -> None:
+        """Likewise."""
+
+    def refused(self, raw: RawMessage, reason: BadMessage) -> None:
+        self._note(f"{raw.channel.topic}: {reason}")
+
+    def see(self, batch: list[RawMessage]) -> None:
+        """Look at what a message's record and channel say."""
+        for raw in batch:
+            self.findings.out_of_order += raw.log_time < self._last
+            self._last = raw.log_time
+        for channel in {id(raw.channel): raw.channel for raw in batch}.values():
+            found = address(channel.topic)
+            promised = (f"cbef.{found.kind.capitalize()}", "jsonschema", "msgpack") if found else None
+            if channel.schema_name == "cbef.Unknown":
+                continue  # its messages are refused one by one
+            if promised != (channel.schema_name, channel.schema_encoding, channel.message_encoding):
+                self._note(f"{channel.topic}: its channel is declared as {channel.schema_name or 'without a schema'}")
+
+    def _note(self, sentence: str) -> None:
+        wrong = self.findings.wrong
+        wrong[sentence if sentence in wrong or len(wrong) < _NAMED else "others"] += 1
+
+
+def check(log: Log) -> Findings:
+    """Read all of a log and say what is wrong with it. Raises UserError where it is no log of a run."""
+    header = read_header(log, log.path)
+    findings = Findings()
+    checker = _Checker(findings)
+    decoder = Decoder(header.run, header.scenario, checker, checker.refused)
+    for batch in log.batches():
+        checker.see(batch)
+        decoder.take(batch)
+        findings.messages += len(batch)
+    # Attachments and metadata were read with the header: only now all damage is known.
+    findings.damage = log.damage
+    if END not in log.metadata:
+        findings.damage.append("there is no end record: the recorder was killed, or could not write any more")
+    for (key, sender), sequence in sorted(decoder.tally.sequences.items()):
+        if sequence.missing:
+            findings.missing[f"{key} from {sender}"] = sequence.missing
+            findings.gaps[f"{key} from {sender}"] = sequence.gaps[:_NAMED]
+    return findings

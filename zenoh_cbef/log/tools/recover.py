@@ -1,0 +1,62 @@
+"""What can still be read of a damaged log, as a new one that is whole."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from zenoh_cbef.errors import UserError
+from zenoh_cbef.log.mcap_contents import NotMcapError
+from zenoh_cbef.log.mcap_reader import McapFile
+from zenoh_cbef.log.mcap_writer import Compression
+from zenoh_cbef.log.tools.output import OutputLog
+
+
+@dataclass(frozen=True)
+class Recovered:
+    """What was recovered, and one sentence for each thing that was lost."""
+
+    messages: int
+    attachments: int
+    metadata: int
+    lost: list[str]
+
+    @property
+    def exit_status(self) -> int:
+        """0 nothing lost, 3 something lost, 1 nothing recovered."""
+        if not (self.messages or self.attachments or self.metadata):
+            return 1
+        return 3 if self.lost else 0
+
+
+def recover(source: Path, output: Path, compression: Compression = "zstd") -> Recovered:
+    """Write what is sound in a log into a new one, in the same order, with its index; the old one is left alone.
+
+    Raises UserError where the new one exists or cannot be written, or the old one cannot be read at all.
+    """
+    try:
+        file = McapFile(source)
+    except NotMcapError as error:
+        return Recovered(0, 0, 0, [str(error)])
+    except OSError as error:
+        raise UserError(f"cannot read {source}: {error.strerror}") from None
+    with OutputLog(output, compression) as new:
+        attachments = 0
+        for attachment in file.attached():
+            new.attach(attachment)
+            attachments += 1
+        described = [(found.name, found.metadata) for found in file.described()]
+        # What is said at the start stays there, for who reads the new log while it is cut in turn.
+        for name, metadata in described[:1]:
+            new.describe(name, metadata)
+        for message in file.messages():
+            new.add(message)
+        for name, metadata in described[1:]:
+            new.describe(name, metadata)
+        lost = [*file.lost]
+        if not file.closed:
+            lost.append("the file ends without its closing record: what was not written by then is lost")
+        result = Recovered(new.count, attachments, len(described), lost)
+        if result.exit_status == 1:
+            new.discard()
+    return result

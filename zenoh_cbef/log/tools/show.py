@@ -1,0 +1,49 @@
+"""Messages as JSON."""
+
+from __future__ import annotations
+
+import base64
+import json
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+
+from zenoh_cbef.log.mcap_contents import RawMessage
+from zenoh_cbef.log.parts import Log
+from zenoh_cbef.log.tools.selection import Selection
+from zenoh_cbef.protocol.messages import BadMessage, unpack
+
+
+def lines(log: Log, selection: Selection) -> Iterator[str]:
+    """One JSON object for each selected message, by log time: topic, sequence, log_time, publish_time (ns), data.
+
+    Bin fields of float64 are lists of numbers. What cannot be decoded has its bytes as "base64", and "error" says why.
+    """
+    wanted = selection.test()
+    encode: Callable[[Any], str] = json.JSONEncoder(allow_nan=False, default=_plain, separators=(",", ":")).encode
+    for message in log.messages_in_order():
+        if wanted(message):
+            yield _line(message, encode)
+
+
+def _line(message: RawMessage, encode: Callable[[Any], str]) -> str:
+    head = {
+        "topic": message.channel.topic,
+        "sequence": message.sequence,
+        "log_time": message.log_time,
+        "publish_time": message.publish_time,
+    }
+    try:
+        return encode({**head, "data": unpack(message.data)})
+    except (BadMessage, ValueError, TypeError, RecursionError) as error:
+        reason = str(error) if isinstance(error, BadMessage) else "not expressible in JSON"
+        return encode({**head, "data": None, "base64": base64.b64encode(message.data).decode(), "error": reason})
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, bytes) and len(value) % 8 == 0:
+        numbers = np.frombuffer(value, "<f8")
+        if np.isfinite(numbers).all():
+            return numbers.tolist()
+    raise TypeError(f"{type(value).__name__} has no JSON")

@@ -1,0 +1,52 @@
+"""Which keys of a run a recorder takes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import zenoh
+
+from zenoh_cbef.errors import UserError
+from zenoh_cbef.protocol.keys import Keys
+
+
+def recorded_keys(run: str, wanted: Sequence[str]) -> list[str]:
+    """The key expressions to subscribe to: whole, or relative to the run; everything where none is wanted.
+
+    Events are always among them. Raises UserError where one is malformed, of another run, or overlaps another: its
+    messages would be recorded twice.
+    """
+    keys = Keys(run)
+    if not wanted:
+        return [keys.everything]
+    found: list[zenoh.KeyExpr] = []
+    for text in wanted:
+        whole = text if text.startswith("cbef/") else f"{keys.root}/{text}"
+        try:
+            expression = zenoh.KeyExpr.autocanonize(whole)
+        except (zenoh.ZError, ValueError):
+            raise UserError(f"{text!r} is no key expression; name keys as in 'agent/0/**' or 'beacon/*'") from None
+        if not zenoh.KeyExpr(keys.everything).includes(expression):
+            raise UserError(f"{text!r} is not of run {run!r}; name keys below cbef/{run}, as in 'agent/0/**'")
+        twice = next((known for known in found if known.intersects(expression)), None)
+        if twice is not None:
+            raise UserError(
+                f"{text!r} overlaps {str(twice)!r}, so messages would be recorded twice; name each key once"
+            )
+        found.append(expression)
+    if not any(known.intersects(zenoh.KeyExpr(keys.event)) for known in found):
+        found.append(zenoh.KeyExpr(keys.event))
+    return [str(known) for known in found]
+
+
+def covering(expressions: Sequence[str]) -> Callable[[str], bool]:
+    """A test of keys: whether any of the expressions includes it."""
+    parsed = [zenoh.KeyExpr(expression) for expression in expressions]
+
+    def covers(key: str) -> bool:
+        try:
+            return any(expression.includes(zenoh.KeyExpr(key)) for expression in parsed)
+        except zenoh.ZError:
+            return False
+
+    return covers
