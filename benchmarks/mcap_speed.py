@@ -18,8 +18,8 @@ from mcap.writer import CompressionType, Writer
 from rich.table import Table
 
 from benchmarks.common import plain_table
-from zenoh_cbef.log.mcap_reader import McapFile
-from zenoh_cbef.log.mcap_writer import Compression, McapWriter
+from zenoh_cbef.log.mcap.reader import McapFile
+from zenoh_cbef.log.mcap.writer import Compression, McapWriter
 
 MESSAGES = 100_000
 CHANNELS = 8

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from tests.log.hand_made import Maker
-from zenoh_cbef.log.mcap_writer import McapWriter
+from zenoh_cbef.log.mcap.writer import McapWriter
 
 
 @pytest.fixture(scope="module")

@@ -14,9 +14,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.writer import CompressionType, IndexType, Writer
 
-from zenoh_cbef.log.mcap_contents import NotMcapError
-from zenoh_cbef.log.mcap_reader import McapFile
-from zenoh_cbef.log.mcap_writer import MAGIC, Compression, McapWriter
+from zenoh_cbef.log.mcap.contents import NotMcapError
+from zenoh_cbef.log.mcap.reader import McapFile
+from zenoh_cbef.log.mcap.writer import MAGIC, Compression, McapWriter
 
 COMPRESSIONS: tuple[Compression, ...] = ("zstd", "lz4", "none")
 OFFICIAL = {"zstd": CompressionType.ZSTD, "lz4": CompressionType.LZ4, "none": CompressionType.NONE}

@@ -16,8 +16,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.reader import NonSeekingReader, make_reader
 
-from zenoh_cbef.log.mcap_reader import McapFile
-from zenoh_cbef.log.mcap_writer import Compression, McapWriter
+from zenoh_cbef.log.mcap.reader import McapFile
+from zenoh_cbef.log.mcap.writer import Compression, McapWriter
 
 COMPRESSIONS: tuple[Compression, ...] = ("zstd", "lz4", "none")
 TIMES = st.integers(0, 2**64 - 1)
@@ -124,7 +124,7 @@ def test_messages_that_cannot_be_written_are_refused_and_leave_no_trace(tmp_path
 KILLED = """
 import sys
 from pathlib import Path
-from zenoh_cbef.log.mcap_writer import McapWriter
+from zenoh_cbef.log.mcap.writer import McapWriter
 writer = McapWriter(Path(sys.argv[1]), library="test")
 channel = writer.register_channel("key", "msgpack", 0)
 n = 0
@@ -153,7 +153,7 @@ def test_kill_9_keeps_what_was_flushed(tmp_path: Path, rounds: int) -> None:
 FULL = """
 import os, sys
 from pathlib import Path
-from zenoh_cbef.log.mcap_writer import McapWriter
+from zenoh_cbef.log.mcap.writer import McapWriter
 writer = McapWriter(Path(sys.argv[1]), compression="none", chunk_bytes=10_000, library="test")
 channel = writer.register_channel("key", "msgpack", 0)
 kept = 0

@@ -16,8 +16,8 @@ from mcap.reader import make_reader
 
 from tests.log.hand_made import KEYS, START, Maker
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.log.mcap_reader import McapFile
-from zenoh_cbef.log.mcap_writer import MAGIC, Compression, McapWriter
+from zenoh_cbef.log.mcap.reader import McapFile
+from zenoh_cbef.log.mcap.writer import MAGIC, Compression, McapWriter
 from zenoh_cbef.log.parts import open_log, open_logs
 from zenoh_cbef.log.read_trace import read_trace
 from zenoh_cbef.log.run_log import RESOLVED, SOURCE, part_path

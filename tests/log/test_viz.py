@@ -17,9 +17,9 @@ from mcap.reader import make_reader
 from tests.log.made import START, made_log
 from zenoh_cbef.analysis.chi2 import chi2_quantile
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.log.rerun_file import write_rrd
-from zenoh_cbef.log.scene import quaternions, read_scene
-from zenoh_cbef.log.viz import write_viz
+from zenoh_cbef.log.viewers.rerun_file import write_rrd
+from zenoh_cbef.log.viewers.scene import quaternions, read_scene
+from zenoh_cbef.log.viewers.viz import write_viz
 
 OUTAGE = 'fault=[{kind="outage", agents=[3], from=2.0, until=3.0}]'
 STEPS, AGENTS = 40, 4

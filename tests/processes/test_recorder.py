@@ -11,7 +11,7 @@ import pytest
 from benchmarks.kills import Kills
 from tests.processes.conftest import settings
 from tests.test_benchmarks import ROOT  # noqa: F401 - puts the benchmarks on the path
-from zenoh_cbef.log.mcap_reader import McapFile
+from zenoh_cbef.log.mcap.reader import McapFile
 from zenoh_cbef.log.parts import open_log
 from zenoh_cbef.nodes.ports import free_ports
 

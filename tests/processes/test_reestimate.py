@@ -14,7 +14,7 @@ from tests.processes.conftest import World
 from tests.processes.test_datasets import small_set, track
 from tests.processes.test_faults import EVERY_KIND
 from tests.processes.test_log import copy_with
-from zenoh_cbef.log.mcap_reader import McapFile
+from zenoh_cbef.log.mcap.reader import McapFile
 from zenoh_cbef.log.read_trace import read_trace
 
 OWN = ("run", "sent", "latency", "at")

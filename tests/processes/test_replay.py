@@ -13,7 +13,7 @@ import pytest
 import zenoh
 
 from tests.processes.conftest import COMMAND, World, peer
-from zenoh_cbef.log.mcap_reader import McapFile
+from zenoh_cbef.log.mcap.reader import McapFile
 
 
 @pytest.fixture(scope="module")

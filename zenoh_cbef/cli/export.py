@@ -13,9 +13,9 @@ from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.export import export
 from zenoh_cbef.log.parts import find_log
 from zenoh_cbef.log.read_trace import read_trace
-from zenoh_cbef.log.rerun_file import write_rrd
-from zenoh_cbef.log.scene import read_scene
-from zenoh_cbef.log.viz import write_viz
+from zenoh_cbef.log.viewers.rerun_file import write_rrd
+from zenoh_cbef.log.viewers.scene import read_scene
+from zenoh_cbef.log.viewers.viz import write_viz
 
 
 class Format(StrEnum):

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, Protocol
 
-from zenoh_cbef.log.mcap_contents import RawMessage
+from zenoh_cbef.log.mcap.contents import RawMessage
 from zenoh_cbef.log.parts import Log
 from zenoh_cbef.log.sequence import Sequence
 from zenoh_cbef.protocol.keys import address, agent_of

@@ -12,7 +12,7 @@ import numpy as np
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.faults import SensorFault
 from zenoh_cbef.log.contents import Header, read_header
-from zenoh_cbef.log.mcap_contents import RawMessage
+from zenoh_cbef.log.mcap.contents import RawMessage
 from zenoh_cbef.log.parts import open_log
 from zenoh_cbef.log.run_log import RESOLVED, SOURCE
 from zenoh_cbef.protocol.keys import Address, address, agent_of

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from zenoh_cbef.faults import ahead, clocks_of
 from zenoh_cbef.log.contents import Header
-from zenoh_cbef.log.mcap_contents import RawMessage
+from zenoh_cbef.log.mcap.contents import RawMessage
 from zenoh_cbef.log.parts import Log
 from zenoh_cbef.protocol.keys import address, agent_of
 from zenoh_cbef.protocol.messages import BadMessage, decode

@@ -9,8 +9,8 @@ from pathlib import Path
 from mcap import records
 
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.log.mcap_contents import NotMcapError, RawMessage, Summary
-from zenoh_cbef.log.mcap_reader import McapFile
+from zenoh_cbef.log.mcap.contents import NotMcapError, RawMessage, Summary
+from zenoh_cbef.log.mcap.reader import McapFile
 from zenoh_cbef.log.run_log import ACTIVE, RUN, part_path
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from zenoh_cbef import __version__
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.log.mcap_writer import McapWriter
+from zenoh_cbef.log.mcap.writer import McapWriter
 from zenoh_cbef.log.sequence import Sequence
 from zenoh_cbef.protocol.keys import address
 from zenoh_cbef.protocol.messages import BadMessage, json_schema, unpack

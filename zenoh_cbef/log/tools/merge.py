@@ -10,8 +10,8 @@ from pathlib import Path
 from statistics import median
 
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.log.mcap_contents import RawMessage
-from zenoh_cbef.log.mcap_writer import Compression
+from zenoh_cbef.log.mcap.contents import RawMessage
+from zenoh_cbef.log.mcap.writer import Compression
 from zenoh_cbef.log.parts import Log
 from zenoh_cbef.log.run_log import END, RESOLVED, RUN
 from zenoh_cbef.log.tools.output import OutputLog

@@ -11,8 +11,8 @@ from mcap import records
 
 from zenoh_cbef import __version__
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.log.mcap_contents import Channel, RawMessage
-from zenoh_cbef.log.mcap_writer import Compression, McapWriter
+from zenoh_cbef.log.mcap.contents import Channel, RawMessage
+from zenoh_cbef.log.mcap.writer import Compression, McapWriter
 from zenoh_cbef.log.run_log import ACTIVE
 
 

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.log.mcap_contents import NotMcapError
-from zenoh_cbef.log.mcap_reader import McapFile
-from zenoh_cbef.log.mcap_writer import Compression
+from zenoh_cbef.log.mcap.contents import NotMcapError
+from zenoh_cbef.log.mcap.reader import McapFile
+from zenoh_cbef.log.mcap.writer import Compression
 from zenoh_cbef.log.tools.output import OutputLog
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.log.mcap_contents import RawMessage
+from zenoh_cbef.log.mcap.contents import RawMessage
 
 _LAST = 1 << 64
 _SINCE_START = re.compile(r"(\d+(?:\.\d*)?|\.\d+)s")

@@ -20,7 +20,7 @@ import zstandard
 from mcap import records
 from mcap.opcode import Opcode
 
-from zenoh_cbef.log.mcap_contents import (
+from zenoh_cbef.log.mcap.contents import (
     RECORD,
     Closing,
     Declarations,
@@ -32,8 +32,8 @@ from zenoh_cbef.log.mcap_contents import (
     messages_in,
     parse_record,
 )
-from zenoh_cbef.log.mcap_walk import IN_CHUNKS, RecordWalk
-from zenoh_cbef.log.mcap_writer import MAGIC
+from zenoh_cbef.log.mcap.walk import IN_CHUNKS, RecordWalk
+from zenoh_cbef.log.mcap.writer import MAGIC
 
 MAX_DAMAGE = 1000
 

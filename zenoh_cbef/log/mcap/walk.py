@@ -12,8 +12,8 @@ from collections.abc import Callable, Iterator
 
 from mcap.opcode import Opcode
 
-from zenoh_cbef.log.mcap_contents import MESSAGE, RECORD, Chunk, Record
-from zenoh_cbef.log.mcap_writer import MAGIC
+from zenoh_cbef.log.mcap.contents import MESSAGE, RECORD, Chunk, Record
+from zenoh_cbef.log.mcap.writer import MAGIC
 
 IN_CHUNKS = (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE)
 

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from zenoh_cbef import __version__
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.log.mcap_writer import McapWriter
-from zenoh_cbef.log.scene import Scene
+from zenoh_cbef.log.mcap.writer import McapWriter
+from zenoh_cbef.log.viewers.scene import Scene
 
 Floats = NDArray[np.float64]
 Colour = tuple[float, float, float, float]
@@ -58,7 +58,7 @@ def write_viz(scene: Scene, output: Path) -> list[Path]:
         with McapWriter(output, library=f"zenoh-cbef {__version__}") as writer:
             writer.add_metadata("cbef.viz", {"run": scene.trace.name, "version": __version__})
             _write(builder, writer)
-        layout.write_text((files("zenoh_cbef.log") / "viz-layout.json").read_text(encoding="utf-8"), encoding="utf-8")
+        layout.write_text((files("zenoh_cbef.log.viewers") / "viz-layout.json").read_text(encoding="utf-8"), encoding="utf-8")
     except OSError as error:
         raise UserError(f"cannot write {output}: {error.strerror}; choose another --output") from None
     return [output, layout]

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.log.scene import Scene
-from zenoh_cbef.log.viz import TRAIL, TRUTH, WARNINGS, agent_colour, body_size, health_colour
+from zenoh_cbef.log.viewers.scene import Scene
+from zenoh_cbef.log.viewers.viz import TRAIL, TRUTH, WARNINGS, agent_colour, body_size, health_colour
 
 Floats = NDArray[np.float64]
 

@@ -1,0 +1,1 @@
+"""Runs as the scenes that viewers show."""
