@@ -11,7 +11,7 @@ from rich.table import Table
 from benchmarks.common import SEEDS, Row, analyses, at_least, below, results
 from zenoh_cbef.analysis.consistency import Consistency, over_seeds
 from zenoh_cbef.analysis.metrics import Analysis
-from zenoh_cbef.cli.tables import number
+from zenoh_cbef.cli.console import number
 from zenoh_cbef.scenario.start import space_of
 
 Floats = NDArray[np.float64]

@@ -10,7 +10,7 @@ from rich.table import Table
 
 from benchmarks.common import Row, below, results
 from zenoh_cbef.analysis.metrics import Analysis, analyze
-from zenoh_cbef.cli.tables import number
+from zenoh_cbef.cli.console import number
 from zenoh_cbef.scenario.load import load
 from zenoh_cbef.simulator import simulate
 

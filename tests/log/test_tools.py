@@ -18,9 +18,9 @@ from tests.log.hand_made import KEYS, START, Maker
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.mcap.reader import McapFile
 from zenoh_cbef.log.mcap.writer import MAGIC, Compression, McapWriter
+from zenoh_cbef.log.naming import RESOLVED, SOURCE, part_path
 from zenoh_cbef.log.parts import open_log, open_logs
 from zenoh_cbef.log.read_trace import read_trace
-from zenoh_cbef.log.run_log import RESOLVED, SOURCE, part_path
 from zenoh_cbef.log.tools.check import check
 from zenoh_cbef.log.tools.filtering import filter_log
 from zenoh_cbef.log.tools.merge import merge

@@ -10,8 +10,9 @@ import typer
 
 from zenoh_cbef.analysis.metrics import analyze
 from zenoh_cbef.analysis.outputs import write_outputs
+from zenoh_cbef.cli.console import console
 from zenoh_cbef.cli.options import AsJson, Skip
-from zenoh_cbef.cli.tables import console, metrics_table
+from zenoh_cbef.cli.tables import metrics_table
 from zenoh_cbef.log.parts import find_log
 from zenoh_cbef.log.read_trace import read_trace
 

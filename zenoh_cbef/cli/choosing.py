@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from zenoh_cbef.cli.tables import errors
+from zenoh_cbef.cli.console import errors
 from zenoh_cbef.log.parts import Log
 from zenoh_cbef.log.tools.selection import Selection, select, time_of
 

@@ -14,8 +14,8 @@ from rich.table import Table
 
 from zenoh_cbef.analysis.compare import differences, names_of, row, write_picture
 from zenoh_cbef.analysis.metrics import analyze
+from zenoh_cbef.cli.console import console, errors, number
 from zenoh_cbef.cli.options import AsJson, Skip
-from zenoh_cbef.cli.tables import console, errors, number
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.parts import find_log
 from zenoh_cbef.log.read_trace import read_trace

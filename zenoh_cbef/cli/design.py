@@ -8,9 +8,9 @@ from typing import Annotated
 import typer
 
 from zenoh_cbef.analysis.design import design
+from zenoh_cbef.cli.console import console, errors
 from zenoh_cbef.cli.design_tables import design_lines
 from zenoh_cbef.cli.options import AsJson, Overrides, ScenarioName, Skip
-from zenoh_cbef.cli.tables import console, errors
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.scenario.checks import check
 from zenoh_cbef.scenario.load import load

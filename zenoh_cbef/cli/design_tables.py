@@ -7,7 +7,7 @@ from typing import Any
 
 from rich.table import Table
 
-from zenoh_cbef.cli.tables import number
+from zenoh_cbef.cli.console import number
 
 _MOST_ROWS = 12
 _SCHEMES = {"average": "average", "chebyshev": "Chebyshev", "running-sums": "running sums"}

@@ -10,8 +10,8 @@ import typer
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
+from zenoh_cbef.cli.console import console, errors, number
 from zenoh_cbef.cli.options import AsJson, Skip
-from zenoh_cbef.cli.tables import console, errors, number
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.experiment.cells import cells_of
 from zenoh_cbef.experiment.figures import short_names, written_value

@@ -9,9 +9,9 @@ import typer
 from rich.table import Table
 
 from zenoh_cbef.cli.asking import RunName, ask_run, locate
+from zenoh_cbef.cli.console import console
 from zenoh_cbef.cli.joining import Joining, joins
 from zenoh_cbef.cli.options import AsJson
-from zenoh_cbef.cli.tables import console
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.scenario.load import value_of
 

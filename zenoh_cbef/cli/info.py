@@ -10,10 +10,10 @@ from typing import Any
 import typer
 from rich.table import Table
 
+from zenoh_cbef.cli.console import console
 from zenoh_cbef.cli.options import AsJson, LogFile
-from zenoh_cbef.cli.tables import console
+from zenoh_cbef.log.naming import END, RUN
 from zenoh_cbef.log.parts import open_log
-from zenoh_cbef.log.run_log import END, RUN
 
 
 def _describe(path: Path) -> dict[str, Any]:

@@ -8,9 +8,10 @@ from typing import Annotated
 import typer
 from rich.progress import Progress
 
+from zenoh_cbef.cli.console import console, errors, number
 from zenoh_cbef.cli.options import LogFile, Overrides
 from zenoh_cbef.cli.places import new_folder
-from zenoh_cbef.cli.tables import console, errors, number, scheme_line
+from zenoh_cbef.cli.tables import scheme_line
 from zenoh_cbef.log.measurements import read_measurements
 from zenoh_cbef.log.reestimate import Reestimated, reestimate
 from zenoh_cbef.scenario.checks import check

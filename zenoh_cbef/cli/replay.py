@@ -11,10 +11,10 @@ from typing import Annotated
 
 import typer
 
+from zenoh_cbef.cli.console import number
 from zenoh_cbef.cli.joining import Joining, identity_of, joins
 from zenoh_cbef.cli.options import LogFile
 from zenoh_cbef.cli.run import run_processes
-from zenoh_cbef.cli.tables import number
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.contents import read_header
 from zenoh_cbef.log.measurements import read_measurements

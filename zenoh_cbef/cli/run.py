@@ -16,10 +16,11 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from zenoh_cbef.analysis.metrics import analyze
 from zenoh_cbef.analysis.outputs import write_outputs
+from zenoh_cbef.cli.console import console, errors, number
 from zenoh_cbef.cli.joining import warn_of_exposure
 from zenoh_cbef.cli.options import Overrides, ScenarioName
 from zenoh_cbef.cli.places import new_folder
-from zenoh_cbef.cli.tables import console, errors, metrics_table, number, scheme_line
+from zenoh_cbef.cli.tables import metrics_table, scheme_line
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.parts import find_log
 from zenoh_cbef.log.read_trace import read_trace

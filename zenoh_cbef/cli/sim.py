@@ -11,8 +11,9 @@ from rich.progress import Progress
 
 from zenoh_cbef.analysis.metrics import analyze
 from zenoh_cbef.analysis.summary import summarize
+from zenoh_cbef.cli.console import console, errors
 from zenoh_cbef.cli.options import AsJson, Overrides, ScenarioName, Skip
-from zenoh_cbef.cli.tables import console, errors, metrics_table, scheme_line, summary_table
+from zenoh_cbef.cli.tables import metrics_table, scheme_line, summary_table
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.export import export
 from zenoh_cbef.scenario.checks import check

@@ -1,18 +1,15 @@
-"""The one place that turns numbers into terminal tables."""
+"""A run's results as terminal tables."""
 
 from __future__ import annotations
 
 from typing import Any
 
-from rich.console import Console
 from rich.table import Table
 
 from zenoh_cbef.analysis.metrics import LINK_COUNTS
+from zenoh_cbef.cli.console import number
 from zenoh_cbef.scenario import Scenario
 from zenoh_cbef.scenario.build import rounds_of, scheme_of
-
-console = Console()
-errors = Console(stderr=True)
 
 
 def scheme_line(scenario: Scenario) -> str:
@@ -21,13 +18,6 @@ def scheme_line(scenario: Scenario) -> str:
         return ""
     scheme, reason = scheme_of(scenario)
     return f"consensus.scheme = {scheme}: {reason[0].lower()}{reason[1:]}"
-
-
-def number(value: float | None, unit: str = "") -> str:
-    """A number in four significant digits; a dash where there is none."""
-    if value is None:
-        return "-"
-    return f"{value:.4g}" + (f" {unit}" if unit else "")
 
 
 def metrics_table(metrics: dict[str, Any]) -> Table:

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.decoding import Decoder
+from zenoh_cbef.log.naming import END, RESOLVED, RUN
 from zenoh_cbef.log.parts import Log
-from zenoh_cbef.log.run_log import END, RESOLVED, RUN
 from zenoh_cbef.protocol.round_codec import Rounds
 from zenoh_cbef.scenario import Scenario
 from zenoh_cbef.scenario.load import parse

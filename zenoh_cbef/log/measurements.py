@@ -13,8 +13,8 @@ from zenoh_cbef.errors import UserError
 from zenoh_cbef.faults import SensorFault
 from zenoh_cbef.log.contents import Header, read_header
 from zenoh_cbef.log.mcap.contents import RawMessage
+from zenoh_cbef.log.naming import RESOLVED, SOURCE
 from zenoh_cbef.log.parts import open_log
-from zenoh_cbef.log.run_log import RESOLVED, SOURCE
 from zenoh_cbef.protocol.keys import Address, address, agent_of
 from zenoh_cbef.protocol.messages import BadMessage, decode, nil_to_nan
 from zenoh_cbef.scenario import Scenario

@@ -11,7 +11,7 @@ from mcap import records
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.mcap.contents import NotMcapError, RawMessage, Summary
 from zenoh_cbef.log.mcap.reader import McapFile
-from zenoh_cbef.log.run_log import ACTIVE, RUN, part_path
+from zenoh_cbef.log.naming import ACTIVE, RUN, part_path
 
 
 def find_log(path: Path) -> Path:

@@ -11,22 +11,13 @@ from pathlib import Path
 from zenoh_cbef import __version__
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.mcap.writer import McapWriter
+from zenoh_cbef.log.naming import ACTIVE, END, RESOLVED, RUN, SOURCE, part_path
 from zenoh_cbef.log.sequence import Sequence
 from zenoh_cbef.protocol.keys import address
 from zenoh_cbef.protocol.messages import BadMessage, json_schema, unpack
 from zenoh_cbef.scenario.model import Record
 
-ACTIVE = ".active"
-SOURCE = "scenario.toml"
-RESOLVED = "scenario.resolved.toml"
-RUN = "cbef.run"
-END = "cbef.end"
 _MOST = 1 << 63
-
-
-def part_path(path: Path, number: int) -> Path:
-    """The file of a log's part, from 1: run.mcap, run.2.mcap, run.3.mcap."""
-    return path if number == 1 else path.with_name(f"{path.stem}.{number}{path.suffix}")
 
 
 class _Part:

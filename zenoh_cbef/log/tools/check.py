@@ -9,8 +9,8 @@ from typing import Any
 from zenoh_cbef.log.contents import read_header
 from zenoh_cbef.log.decoding import Decoder
 from zenoh_cbef.log.mcap.contents import RawMessage
+from zenoh_cbef.log.naming import END
 from zenoh_cbef.log.parts import Log
-from zenoh_cbef.log.run_log import END
 from zenoh_cbef.protocol.keys import address
 from zenoh_cbef.protocol.messages import BadMessage
 from zenoh_cbef.protocol.round_codec import Rounds

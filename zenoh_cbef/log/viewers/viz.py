@@ -58,7 +58,9 @@ def write_viz(scene: Scene, output: Path) -> list[Path]:
         with McapWriter(output, library=f"zenoh-cbef {__version__}") as writer:
             writer.add_metadata("cbef.viz", {"run": scene.trace.name, "version": __version__})
             _write(builder, writer)
-        layout.write_text((files("zenoh_cbef.log.viewers") / "viz-layout.json").read_text(encoding="utf-8"), encoding="utf-8")
+        layout.write_text(
+            (files("zenoh_cbef.log.viewers") / "viz-layout.json").read_text(encoding="utf-8"), encoding="utf-8"
+        )
     except OSError as error:
         raise UserError(f"cannot write {output}: {error.strerror}; choose another --output") from None
     return [output, layout]
