@@ -48,6 +48,12 @@ def test_faults_are_added_listed_and_cleared_while_the_run_goes_on(world):
     _, err = run.communicate(timeout=120)
     assert run.returncode == 130, err
     assert world.run not in known_runs()
+    for verb in ("check", "timeline", "reestimate"):
+        more = {"timeline": ["--steps", "5:6"], "reestimate": ["--output", str(world.folder / "again.mcap")]}.get(
+            verb, []
+        )
+        done = world.call(verb, str(world.log), *more)
+        assert done.returncode == 0, done.stderr
     trace = read_trace(world.log)
     told = [(event["data"]["fault"], event["data"]["on"]) for event in trace.events if event["kind"] == "fault"]
     assert told[:1] == [(0, True)]

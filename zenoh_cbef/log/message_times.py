@@ -80,7 +80,7 @@ class _Reader:
             self.times.events.append((message["from"], self._since(raw.publish_time), message["text"]))
         elif found.kind == "beacon":
             self._beacon(raw)
-        elif found.kind != "truth":
+        elif found.kind in {"range", "round", "estimate"}:
             self._of_agent(found.kind, raw)
 
     def _beacon(self, raw: RawMessage) -> None:
