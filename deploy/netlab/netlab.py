@@ -159,7 +159,10 @@ def why_not() -> str | None:
 
 
 def _run(*words: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(words, capture_output=True, text=True, check=False)
+    try:
+        return subprocess.run(words, capture_output=True, text=True, check=False)
+    except FileNotFoundError:
+        raise LabError(f"there is no program '{words[0]}' on the PATH; install iproute2, or add /sbin to it") from None
 
 
 def _ip(*words: str) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tests.processes.conftest import World, settings
-from zenoh_cbef.log.contents import open_log
+from zenoh_cbef.log.parts import open_log
 from zenoh_cbef.log.read_trace import read_trace
 from zenoh_cbef.trace import Trace
 
