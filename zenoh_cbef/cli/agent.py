@@ -16,7 +16,7 @@ def _agent(
     agent: Annotated[int, typer.Argument(metavar="ID", min=0, help="Which agent of the scenario to be.")],
     run: Run,
     joining: Joining,
-    patience: Patience = 5.0,
+    patience: Patience = 3.0,
 ) -> None:
     """Run one agent process; it fetches the scenario from the run's target."""
     connection = joining.connection(common_name("agent", str(agent)))

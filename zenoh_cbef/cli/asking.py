@@ -9,10 +9,9 @@ import typer
 
 from zenoh_cbef.cli.joining import Joining
 from zenoh_cbef.errors import UserError
+from zenoh_cbef.nodes.operator import Operator
 from zenoh_cbef.nodes.registry import find_run
-from zenoh_cbef.protocol.control import ask_control
-from zenoh_cbef.protocol.keys import Keys
-from zenoh_cbef.protocol.session import Connection, open_session
+from zenoh_cbef.protocol.session import Connection
 
 RunName = Annotated[str | None, typer.Option("--run", help="The run's name; default: the only one on this host.")]
 
@@ -28,6 +27,6 @@ def locate(run: str | None, joining: Joining) -> tuple[str, Connection]:
 
 
 def ask_run(run: str, connection: Connection, request: dict[str, Any]) -> dict[str, Any]:
-    """What a run answers. Raises UserError with the run's own sentence, or where nobody answers."""
-    with open_session(connection) as session:
-        return ask_control(session, Keys(run).control, request)
+    """What a run answers. Raises UserError with the run's own sentence, or with why nobody answers."""
+    with Operator(run, connection) as operator:
+        return operator.ask(request)

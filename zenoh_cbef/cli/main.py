@@ -17,6 +17,7 @@ _VERBS = (
     "target",
     "record",
     "fault",
+    "stop",
     "scenario",
     "analyze",
     "verify",

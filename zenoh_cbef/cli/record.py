@@ -29,7 +29,7 @@ def _record(
         ),
     ] = None,
     name: Annotated[str, typer.Option("--name", help="This recorder's name, where a run has several.")] = "record",
-    patience: Patience = 5.0,
+    patience: Patience = 3.0,
     sync: Annotated[bool, typer.Option("--sync", help="Flush to the disk, not only to the system.")] = False,
     status_json: Annotated[bool, typer.Option("--status-json", hidden=True)] = False,
 ) -> None:

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import time
-import tomllib
 from dataclasses import dataclass
 
 import numpy as np
 
-from zenoh_cbef import __version__
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.faults import ahead, clocks_of
+from zenoh_cbef.nodes.briefing import brief
 from zenoh_cbef.nodes.entrance import Entrance, Entry
 from zenoh_cbef.nodes.inbox import Alarm, Inbox
 from zenoh_cbef.nodes.neighbour import Neighbourhood
@@ -23,11 +22,9 @@ from zenoh_cbef.protocol.latest import Latest
 from zenoh_cbef.protocol.mailbox import Mailbox
 from zenoh_cbef.protocol.messages import BadMessage, decode
 from zenoh_cbef.protocol.round_codec import RoundCodec
-from zenoh_cbef.protocol.scenario_service import fetch_scenario
 from zenoh_cbef.scenario import Scenario
 from zenoh_cbef.scenario.build import absences_of, agent_tracker, fates_into, message_size, outgoing_of, rounds_of
 from zenoh_cbef.scenario.injected import read_tables, with_faults
-from zenoh_cbef.scenario.load import parse
 from zenoh_cbef.scenario.paths import agent_positions
 from zenoh_cbef.simulator import measured
 from zenoh_cbef.tracking.ranging import Measurement
@@ -205,17 +202,11 @@ class Agent:
 def run_agent(identity: Identity) -> int:
     """Run one agent process to the end of its run; returns the last step."""
     with Node(identity) as node:
-        text = fetch_scenario(node.session, identity.run, patience=identity.patience, stopped=lambda: node.stopping)
-        if text.program != __version__:
-            raise UserError(
-                f"run {identity.run!r} is of zenoh-cbef {text.program}, this is {__version__}; "
-                "install the same version on every host"
-            )
-        scenario = parse(tomllib.loads(text.resolved), f"the scenario of run {identity.run!r}")
-        agent = int(identity.name)
+        briefing = brief(node)
+        text, scenario, agent = briefing.text, briefing.scenario, int(identity.name)
         if agent >= scenario.count:
             raise UserError(f"run {identity.run!r} has agents 0 to {scenario.count - 1}, no agent {agent}")
-        node.refuse_twin()
+        node.refuse_twin(known=agent in text.present)
         process = Agent(node, scenario, agent)
         if text.faults:
             process.inject(text.faults)

@@ -15,6 +15,7 @@ class Asked(Protocol):
 
     node: Node
     injection: Injection | None
+    step: int | None
 
 
 def answer(target: Asked, request: dict[str, Any]) -> dict[str, Any]:
@@ -22,7 +23,7 @@ def answer(target: Asked, request: dict[str, Any]) -> dict[str, Any]:
     asked = request.get("ask")
     if asked == "stop":
         target.node.stop()
-        return {"stopping": True}
+        return {"stopping": True, "step": target.step}
     if asked not in {"fault add", "fault list", "fault clear"}:
         raise UserError(f"a run does not know what {asked!r:.40} is; use the same zenoh-cbef on every host")
     injection = target.injection

@@ -26,6 +26,8 @@ from zenoh_cbef.scenario.load import Loaded
 
 _POLITE_SECONDS = 6.0
 _LAST_SECONDS = 3.0
+_PATIENCE_SECONDS = 30.0
+"""The others are started together with the target, which may have a large world to make before it answers."""
 _TAIL = 4000
 
 
@@ -113,6 +115,7 @@ class Launcher:
         settings = self._loaded.scenario.zenoh
         command += ["--run", self._run, "--no-gossip", "--lease-ms", str(settings.lease_ms)]
         command += ["--tls", settings.tls] if settings.tls else []
+        command += [] if name == "target" else ["--patience", str(_PATIENCE_SECONDS)]
         for option, endpoints in (("--listen", listen), ("--connect", connect)):
             for endpoint in endpoints:
                 command += [option, endpoint]

@@ -52,6 +52,7 @@ class Node:
         self.clock: Callable[[], int] = time.time_ns
         self.stopping = False
         self.launched = LEASH in os.environ
+        self.born = time.monotonic()
         self._on_stop: list[Callable[[], None]] = []
 
     def __enter__(self) -> Self:
@@ -78,12 +79,16 @@ class Node:
         run, sender = self.identity.run, self.identity.sender
         return Outbox(self.session, key, run=run, sender=sender, may_drop=may_drop, clock=self.clock)
 
-    def refuse_twin(self) -> None:
-        """Raise UserError where a process with this role and name is in the run already."""
-        if self.presence.asks_for(f"{self.identity.role}/{self.identity.name}"):
+    def refuse_twin(self, *, known: bool = False) -> None:
+        """Raise UserError where a process with this role and name is in the run already.
+
+        known: somebody told us so. Peers do not relay, so a twin that we have no link to yet does not answer.
+        """
+        if known or self.presence.asks_for(f"{self.identity.role}/{self.identity.name}"):
+            agent = self.identity.role == "agent"
             raise UserError(
-                f"{self.identity.role} {self.identity.name} is already in run {self.identity.run!r}; "
-                "give another id, or end that process"
+                f"{self.identity.sender.replace('/', ' ')} is already in run {self.identity.run!r}; "
+                f"give another {'id' if agent else '--run'}, or end that process"
             )
 
     def event(self, kind: str, text: str, **data: Any) -> None:

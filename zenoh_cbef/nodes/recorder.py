@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import threading
 import time
-import tomllib
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from datetime import UTC, datetime
@@ -15,14 +14,13 @@ from typing import Any
 from zenoh_cbef import __version__
 from zenoh_cbef.log.run_log import RunLog
 from zenoh_cbef.nodes.attendance import Attendance
+from zenoh_cbef.nodes.briefing import brief
 from zenoh_cbef.nodes.node import Identity, Node, heard_token
 from zenoh_cbef.nodes.overview import Overview, Status
 from zenoh_cbef.protocol.mailbox import Mailbox
 from zenoh_cbef.protocol.messages import BadMessage, decode
 from zenoh_cbef.protocol.recorded import covering, recorded_keys
-from zenoh_cbef.protocol.scenario_service import fetch_scenario
 from zenoh_cbef.scenario import Scenario
-from zenoh_cbef.scenario.load import parse
 from zenoh_cbef.scenario.model import Record
 
 _CAPACITY = 1 << 18
@@ -197,8 +195,8 @@ def run_recorder(
     with Node(identity) as node:
         # Subscribed before anybody can see us: nothing is sent before we listen. A full mailbox must not slow agents.
         mailboxes = [Mailbox(node.session, one, _CAPACITY) for one in expressions]
-        text = fetch_scenario(node.session, identity.run, patience=identity.patience, stopped=lambda: node.stopping)
-        scenario = parse(tomllib.loads(text.resolved), f"the scenario of run {identity.run!r}")
+        briefing = brief(node)
+        text, scenario = briefing.text, briefing.scenario
         settings: Record = scenario.record
         log = RunLog(path, settings)
         log.describe(source=text.source, resolved=text.resolved, run=_described(identity, scenario, expressions))

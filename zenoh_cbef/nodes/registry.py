@@ -18,7 +18,15 @@ def _folder() -> Path:
 
 @contextmanager
 def registered(run: str, endpoints: Sequence[str]) -> Iterator[None]:
-    """Let other programs of this user find a run, until the block is left. Without a place for that nobody does."""
+    """Let other programs of this user find a run, until the block is left. Without a place for that nobody does.
+
+    Raises UserError where a run of this name goes on already: on another network, as it would have been heard of.
+    """
+    if run in (runs := known_runs()):
+        raise UserError(
+            f"a run {run!r} goes on on this host already, at {', '.join(runs[run])}; "
+            "give this one another name with --run, or end that one"
+        )
     path = _folder() / f"{run}.json"
     try:
         path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)

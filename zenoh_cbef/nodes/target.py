@@ -69,6 +69,10 @@ class Target:
         """Who takes part in the run, and is here."""
         return self._progress.members()
 
+    def present(self) -> list[int]:
+        """Which agents are here, whether they take part or not."""
+        return [agent for agent in range(self.scenario.count) if f"agent/{agent}" in self.node.presence]
+
     def wait_for_everybody(self, patience: float) -> None:
         """Wait until every agent is ready, and a recorder where one is required. Raises UserError otherwise."""
         ready = {f"ready/{agent}" for agent in range(self.scenario.count)}
@@ -247,7 +251,7 @@ def run_target(
             # Where not all are waited for, everybody comes as if the run were under way.
             step = target.step if target.step is not None or wait_for is None else 0
             members = () if target.step is None else tuple(target.members())
-            return ScenarioText(loaded.source, resolved, __version__, step, members, injected)
+            return ScenarioText(loaded.source, resolved, __version__, step, members, injected, tuple(target.present()))
 
         service = serve_scenario(node.session, identity.run, text)
         control = serve_control(node.session, node.keys.control, lambda request: answer(target, request))

@@ -63,6 +63,11 @@ class Keys:
         """Every process's liveliness tokens."""
         return f"{self.root}/live/**"
 
+    @property
+    def target_live(self) -> str:
+        """The target's liveliness token."""
+        return f"{self.root}/live/target/target"
+
     def beacon(self, agent: int) -> str:
         """What an agent's receiver measures."""
         return f"{self.root}/beacon/{agent}"
@@ -102,6 +107,11 @@ def address(key: str) -> Address | None:
         case ["agent", agent, "range" | "round" | "estimate" as kind] if agent.isdecimal():
             return Address(kind, f"agent/{agent}")
     return None
+
+
+def run_of(key: str) -> str:
+    """The run that a key belongs to."""
+    return key.split("/")[1]
 
 
 def agent_of(key: str) -> int:

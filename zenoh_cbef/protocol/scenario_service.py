@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
+from typing import Any
 
 import msgpack
 import zenoh
@@ -12,6 +13,10 @@ import zenoh
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.protocol.keys import Keys
 from zenoh_cbef.protocol.messages import VERSION, BadMessage, unpack
+from zenoh_cbef.protocol.reach import why_nobody
+from zenoh_cbef.protocol.session import Connection
+
+_TIME_ONLY = "only=time"
 
 
 @dataclass(frozen=True)
@@ -19,7 +24,7 @@ class ScenarioText:
     """A scenario as written and as resolved, both TOML, and the version of the program that serves it.
 
     step: the last one that the run has begun, None before its start. agents: who takes part in it then. faults: those
-    that were injected meanwhile, a JSON list of tables, or empty.
+    that were injected meanwhile, a JSON list of tables, or empty. present: the agents that are there.
     """
 
     source: str
@@ -28,6 +33,18 @@ class ScenarioText:
     step: int | None = None
     agents: tuple[int, ...] = ()
     faults: str = ""
+    present: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True)
+class Clock:
+    """How far our clock is ahead of the target's, s, and how long the question took that told it, s.
+
+    The true value is within half of `round_trip` of `ahead`.
+    """
+
+    ahead: float
+    round_trip: float
 
 
 def serve_scenario(session: zenoh.Session, run: str, text: Callable[[], ScenarioText]) -> zenoh.Queryable[None]:
@@ -36,27 +53,68 @@ def serve_scenario(session: zenoh.Session, run: str, text: Callable[[], Scenario
 
     def reply(query: zenoh.Query) -> None:
         with query:
-            query.reply(key, msgpack.packb({"v": VERSION, "run": run, **asdict(text())}))
+            answer = {"v": VERSION, "run": run, "time": time.time_ns()}
+            if str(query.parameters) != _TIME_ONLY:
+                answer |= asdict(text())
+            query.reply(key, msgpack.packb(answer))
 
     return session.declare_queryable(key, reply)
 
 
 def fetch_scenario(
-    session: zenoh.Session, run: str, *, patience: float, stopped: Callable[[], bool] = lambda: False
+    session: zenoh.Session,
+    run: str,
+    connection: Connection,
+    *,
+    patience: float,
+    stopped: Callable[[], bool] = lambda: False,
 ) -> ScenarioText:
     """Ask for the scenario, again and again for `patience` s. Raises UserError when nobody answers rightly."""
     until = time.monotonic() + patience
     while not stopped():
-        for reply in session.get(Keys(run).scenario, timeout=1.0):
-            if reply.ok is not None:
-                return _read(reply.ok.payload.to_bytes(), run)
+        answers = _ask(session, Keys(run).scenario)
+        if answers:
+            texts = [_read(answer, run) for answer in answers]
+            if len({text.resolved for text in texts}) > 1:
+                raise UserError(
+                    f"{len(texts)} targets answer for run {run!r}, with different scenarios; "
+                    "end all but one, or give them different names with --run"
+                )
+            return texts[0]
         if time.monotonic() > until:
             break
         time.sleep(0.03)
-    raise UserError(
-        f"no target of run {run!r} answers within {patience:g} s; check --run and --connect, "
-        "and start 'zenoh-cbef target' first"
+    raise UserError(f"no target of run {run!r} answers: {why_nobody(session, connection, run)}")
+
+
+def _ask(session: zenoh.Session, selector: str) -> list[bytes]:
+    """What all say who answer: there should be one."""
+    replies = session.get(
+        selector, timeout=1.0, target=zenoh.QueryTarget.ALL, consolidation=zenoh.ConsolidationMode.NONE
     )
+    return [reply.ok.payload.to_bytes() for reply in replies if reply.ok is not None]
+
+
+def measure_clock(session: zenoh.Session, run: str, tries: int = 4) -> Clock | None:
+    """Compare our clock with the target's as NTP does; the fastest of a few tries, None where nobody tells the time."""
+    found: list[Clock] = []
+    for _ in range(tries):
+        before = time.time_ns()
+        answers = _ask(session, f"{Keys(run).scenario}?{_TIME_ONLY}")
+        after = time.time_ns()
+        told = _time_in(answers[0]) if answers else None
+        if told is None:
+            break
+        found.append(Clock(((before + after) / 2 - told) * 1e-9, (after - before) * 1e-9))
+    return min(found, key=lambda one: one.round_trip, default=None)
+
+
+def _time_in(data: bytes) -> int | None:
+    try:
+        told = unpack(data).get("time")
+    except BadMessage:
+        return None
+    return told if isinstance(told, int) else None
 
 
 def _read(data: bytes, run: str) -> ScenarioText:
@@ -72,13 +130,18 @@ def _read(data: bytes, run: str) -> ScenarioText:
     parts = [answer.get(name) for name in ("source", "resolved", "program")]
     if not all(isinstance(part, str) for part in parts):
         raise UserError(f"run {run!r} answers with something that is no scenario; is its target a zenoh-cbef?")
-    step, agents, faults = (answer.get(name) for name in ("step", "agents", "faults"))
+    step, faults = answer.get("step"), answer.get("faults")
     source, resolved, program = (str(part) for part in parts)
     return ScenarioText(
         source,
         resolved,
         program,
         step=step if isinstance(step, int) else None,
-        agents=tuple(one for one in agents if isinstance(one, int)) if isinstance(agents, list) else (),
+        agents=_integers(answer.get("agents")),
         faults=faults if isinstance(faults, str) else "",
+        present=_integers(answer.get("present")),
     )
+
+
+def _integers(value: Any) -> tuple[int, ...]:
+    return tuple(one for one in value if isinstance(one, int)) if isinstance(value, list) else ()

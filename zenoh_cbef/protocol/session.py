@@ -23,6 +23,8 @@ from zenoh_cbef.protocol.tls import SCHEMES, Tls
 _ENDPOINT = re.compile(r"^(tcp|udp|tls|quic|ws|unixsock-stream)/[^\s]+$")
 _LOCAL = re.compile(r"^(unixsock-stream/|\w+/(127\.[\d.]+|localhost|\[::1\]):)")
 _ROUTER_RETRY_SECONDS = 0.2
+_OPEN_MS = 1500
+"""How long a link may take to open before it is tried again; a session that closes waits for as long."""
 _SIZE_LIMIT = {
     "id": "size",
     "flows": ["ingress"],
@@ -117,6 +119,7 @@ def _config(connection: Connection) -> zenoh.Config:
         "connect/retry": {"period_init_ms": 50, "period_max_ms": 400, "period_increase_factor": 1.5},
         "listen/exit_on_failure": True,
         "transport/link/tx/lease": connection.lease_ms,
+        "transport/unicast/open_timeout": _OPEN_MS,
         "transport/shared_memory/enabled": False,
         "low_pass_filter": [_SIZE_LIMIT],
     }

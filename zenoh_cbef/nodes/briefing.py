@@ -1,0 +1,49 @@
+"""What a process learns of its run before it takes part, and what it tells of itself."""
+
+from __future__ import annotations
+
+import os
+import time
+import tomllib
+from dataclasses import dataclass
+from importlib.metadata import version
+from platform import node as host_name
+from typing import Any
+
+from zenoh_cbef import __version__
+from zenoh_cbef.errors import UserError
+from zenoh_cbef.nodes.node import Node
+from zenoh_cbef.protocol.scenario_service import Clock, ScenarioText, fetch_scenario, measure_clock
+from zenoh_cbef.scenario import Scenario
+from zenoh_cbef.scenario.load import parse
+
+
+@dataclass(frozen=True)
+class Briefing:
+    """text: the scenario as the target told it. clock: ours against the target's, None where it tells no time."""
+
+    text: ScenarioText
+    scenario: Scenario
+    clock: Clock | None
+
+
+def brief(node: Node) -> Briefing:
+    """Ask the target for the scenario, for as long as the process's patience lasts.
+
+    Raises UserError where nobody answers, or a target of another version.
+    """
+    run = node.identity.run
+    left = max(0.0, node.born + node.identity.patience - time.monotonic())
+    text = fetch_scenario(node.session, run, node.identity.connection, patience=left, stopped=lambda: node.stopping)
+    if text.program != __version__:
+        raise UserError(
+            f"run {run!r} is of zenoh-cbef {text.program}, this is {__version__}; "
+            "install the same version on every host"
+        )
+    scenario = parse(tomllib.loads(text.resolved), f"the scenario of run {run!r}")
+    return Briefing(text, scenario, measure_clock(node.session, run))
+
+
+def card() -> dict[str, Any]:
+    """Where this process is, and what it is made of."""
+    return {"host": host_name(), "pid": os.getpid(), "version": __version__, "zenoh": version("eclipse-zenoh")}
