@@ -18,6 +18,7 @@ _VERBS = (
     "record",
     "fault",
     "stop",
+    "status",
     "scenario",
     "analyze",
     "verify",

@@ -211,7 +211,7 @@ def run_agent(identity: Identity) -> int:
         if text.faults:
             process.inject(text.faults)
         node.presence.announce(f"agent/{identity.name}")
-        entry = Entrance(process, None if text.step is None else text.agents).wait()
+        entry = Entrance(process, None if text.step is None else text.agents, briefing.clock).wait()
         last = 0 if entry is None else process.run(entry)
         process.finish(last)
         node.presence.withdraw()

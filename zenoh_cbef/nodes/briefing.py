@@ -17,6 +17,9 @@ from zenoh_cbef.protocol.scenario_service import Clock, ScenarioText, fetch_scen
 from zenoh_cbef.scenario import Scenario
 from zenoh_cbef.scenario.load import parse
 
+HERE = "here"
+"""Kind of the event with which a process says where it is."""
+
 
 @dataclass(frozen=True)
 class Briefing:
@@ -42,6 +45,14 @@ def brief(node: Node) -> Briefing:
         )
     scenario = parse(tomllib.loads(text.resolved), f"the scenario of run {run!r}")
     return Briefing(text, scenario, measure_clock(node.session, run))
+
+
+def introduce(node: Node, clock: Clock | None) -> None:
+    """Tell the target and the log who is where."""
+    told = card()
+    about = {} if clock is None else {"clock": clock.ahead, "round_trip": clock.round_trip}
+    name = node.identity.sender.replace("/", " ")
+    node.event(HERE, f"{name} is process {told['pid']} on {told['host']}", **told, **about)
 
 
 def card() -> dict[str, Any]:

@@ -7,15 +7,14 @@ from typing import Any, Protocol
 
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.nodes.injection import Injection
-from zenoh_cbef.nodes.node import Node
+from zenoh_cbef.nodes.survey import Survey, Surveyed
 
 
-class Asked(Protocol):
+class Asked(Surveyed, Protocol):
     """What of a target its answers need."""
 
-    node: Node
+    survey: Survey
     injection: Injection | None
-    step: int | None
 
 
 def answer(target: Asked, request: dict[str, Any]) -> dict[str, Any]:
@@ -24,6 +23,8 @@ def answer(target: Asked, request: dict[str, Any]) -> dict[str, Any]:
     if asked == "stop":
         target.node.stop()
         return {"stopping": True, "step": target.step}
+    if asked == "status":
+        return target.survey.of(target)
     if asked not in {"fault add", "fault list", "fault clear"}:
         raise UserError(f"a run does not know what {asked!r:.40} is; use the same zenoh-cbef on every host")
     injection = target.injection

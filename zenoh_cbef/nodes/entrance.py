@@ -11,12 +11,14 @@ from typing import Any, Protocol
 import numpy as np
 
 from zenoh_cbef.faults import Absences
+from zenoh_cbef.nodes.briefing import introduce
 from zenoh_cbef.nodes.inbox import Inbox
 from zenoh_cbef.nodes.neighbour import Neighbourhood
 from zenoh_cbef.nodes.node import Node
 from zenoh_cbef.nodes.rejections import Rejections
 from zenoh_cbef.protocol.latest import ask_latest
 from zenoh_cbef.protocol.messages import BadMessage, decode, unpack_floats
+from zenoh_cbef.protocol.scenario_service import Clock
 from zenoh_cbef.scenario import Scenario
 from zenoh_cbef.tracking.filters import Belief
 from zenoh_cbef.tracking.newcomer import belief_from
@@ -48,10 +50,13 @@ class Entrant(Protocol):
 
 
 class Entrance:
-    """Waits for the start. members: who takes part in a run that is under way, None before its start."""
+    """Waits for the start.
 
-    def __init__(self, entrant: Entrant, members: Collection[int] | None) -> None:
-        self._of, self._members = entrant, members
+    members: who takes part in a run that is under way, None before its start. clock: ours against the target's.
+    """
+
+    def __init__(self, entrant: Entrant, members: Collection[int] | None, clock: Clock | None) -> None:
+        self._of, self._members, self._clock = entrant, members, clock
         self._node, self._neighbourhood = entrant.node, entrant.neighbourhood
 
     def wait(self) -> Entry | None:
@@ -63,6 +68,7 @@ class Entrance:
             return None
         if self._members is not None:
             self._ask(None)  # The answers show that the neighbours know of our subscriptions.
+        introduce(self._node, self._clock)
         self._node.presence.announce(f"ready/{self._of.agent}")
         start = self._signal()
         if start is None:

@@ -6,6 +6,7 @@ import os
 import signal
 import threading
 import time
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from types import FrameType, TracebackType
@@ -19,6 +20,7 @@ from zenoh_cbef.protocol.session import Connection, open_session, yield_to_other
 
 LEASH = "ZENOH_CBEF_LEASH"
 _FAREWELLS = 10
+_TOLD = 50
 _PATIENCE_WITHOUT_LAUNCHER = {"target": 0.0, "agent": 4.0, "record": 6.0}
 
 
@@ -53,6 +55,7 @@ class Node:
         self.stopping = False
         self.launched = LEASH in os.environ
         self.born = time.monotonic()
+        self.told: deque[bytes] = deque(maxlen=_TOLD)
         self._on_stop: list[Callable[[], None]] = []
 
     def __enter__(self) -> Self:
@@ -93,7 +96,7 @@ class Node:
 
     def event(self, kind: str, text: str, **data: Any) -> None:
         """Tell the log what happened."""
-        self.events.send(kind=kind, text=text, data=data)
+        self.told.append(self.events.send(kind=kind, text=text, data=data))
 
     def last_words(self, kind: str, text: str, **data: Any) -> None:
         """Tell the log that we are done, until a recorder says that it has heard it.

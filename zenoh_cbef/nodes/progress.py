@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections import deque
 
 from zenoh_cbef.faults.base import Bools
 from zenoh_cbef.nodes.inbox import Alarm
@@ -14,6 +15,8 @@ from zenoh_cbef.protocol.messages import BadMessage, peek
 
 _GATHER_SECONDS = 0.001
 _PORTION = 10_000
+_KEPT = 8
+"""Estimates of each agent that are kept: more than agents can be apart."""
 
 
 class Progress:
@@ -25,6 +28,7 @@ class Progress:
         self.rejections = Rejections(node)
         self._reached = [0] * count
         self._silent: set[int] = set()
+        self._recent: list[deque[tuple[int, bytes]]] = [deque(maxlen=_KEPT) for _ in range(count)]
         self._members = set(range(count))
         self._mailbox = Mailbox(node.session, node.keys.all_estimates)
         node.presence.on_change(self._note_change)
@@ -65,6 +69,16 @@ class Progress:
     def _slowest(self) -> int | None:
         """The step that every agent here that is not silent has finished; None where all are."""
         return min((self._reached[agent] for agent in self.members() if agent not in self._silent), default=None)
+
+    def silent(self) -> list[int]:
+        """Who is here, but is not waited for any more."""
+        return sorted(self._silent & set(self.members()))
+
+    def estimates(self) -> list[tuple[int, bytes]]:
+        """Every agent's estimate as it came, and its step: that of the last step that all have done, or the last."""
+        common = self._slowest() or 0
+        kept = [list(recent) for recent in self._recent]
+        return [next((one for one in recent if one[0] == common), recent[-1]) for recent in kept if recent]
 
     def wait(self, step: int, *, even_stopping: bool = False) -> bool:
         """Wait until every agent has finished a step; False where the run has no agents or is told to stop.
@@ -117,4 +131,5 @@ class Progress:
             self.rejections.add(key, str(error))
         else:
             self._reached[agent] = max(self._reached[agent], message["k"])
+            self._recent[agent].append((message["k"], data))
             self._silent.discard(agent)

@@ -14,7 +14,7 @@ from typing import Any
 from zenoh_cbef import __version__
 from zenoh_cbef.log.run_log import RunLog
 from zenoh_cbef.nodes.attendance import Attendance
-from zenoh_cbef.nodes.briefing import brief
+from zenoh_cbef.nodes.briefing import brief, introduce
 from zenoh_cbef.nodes.node import Identity, Node, heard_token
 from zenoh_cbef.nodes.overview import Overview, Status
 from zenoh_cbef.protocol.mailbox import Mailbox
@@ -206,6 +206,7 @@ def run_recorder(
         )
         recorder = Recorder(node, log, overview, mailboxes, settings)
         node.presence.announce(f"record/{identity.name}")
+        introduce(node, briefing.clock)
         try:
             recorder.run(sync=sync, report=report)
         finally:

@@ -16,6 +16,7 @@ from zenoh_cbef.nodes.node import Identity, Node
 from zenoh_cbef.nodes.progress import Progress
 from zenoh_cbef.nodes.readers import WINDOW
 from zenoh_cbef.nodes.registry import registered
+from zenoh_cbef.nodes.survey import Survey
 from zenoh_cbef.protocol.control import serve_control
 from zenoh_cbef.protocol.messages import nan_to_nil
 from zenoh_cbef.protocol.scenario_service import ScenarioText, serve_scenario
@@ -51,10 +52,11 @@ class Target:
         realtime = self.scenario.timing.mode == "realtime"
         self._truth = self.node.outbox(self.node.keys.truth, may_drop=realtime)
         self._beacons = [self.node.outbox(self.node.keys.beacon(agent), may_drop=realtime) for agent in agents]
-        self._progress = Progress(self.node, self.scenario.count, self._patience)
-        self._absences = absences_of(self.scenario)
+        self.progress = Progress(self.node, self.scenario.count, self._patience)
+        self.survey = Survey(self.node)
+        self.absences = absences_of(self.scenario)
         self._first_fix = first_fix_steps(self.scenario)
-        self._start = 0.0
+        self.start = 0.0
         self._alone_at = 0.0
         self._faults_out = self.node.outbox(self.node.keys.faults)
         self._active: set[int] = set()
@@ -67,7 +69,7 @@ class Target:
 
     def members(self) -> list[int]:
         """Who takes part in the run, and is here."""
-        return self._progress.members()
+        return self.progress.members()
 
     def present(self) -> list[int]:
         """Which agents are here, whether they take part or not."""
@@ -85,7 +87,7 @@ class Target:
             others = absent or [f"{name} (here, but not linked to all it needs)" for name in unready]
             return [name.replace("/", " ") for name in others] + ([] if recorded else ["the recorder"])
 
-        everybody = self.node.wait_for(lambda live: not missing(live), patience, self._progress.drain)
+        everybody = self.node.wait_for(lambda live: not missing(live), patience, self.progress.drain)
         if not everybody and not self.node.stopping:
             names = ", ".join(missing(self.node.presence.names()))
             raise UserError(
@@ -96,31 +98,32 @@ class Target:
     def run(self) -> int:
         """Emit all beacons; returns the last step emitted."""
         realtime = self.scenario.timing.mode == "realtime"
-        self._start = time.time() + (self.scenario.timing.start_delay if realtime else 0.0)
-        epoch = self._start - time.time() + time.monotonic()
-        self.node.event("started", f"run {self.node.identity.run} started", at=self._start)
-        self._progress.rejections.start()
+        self.start = time.time() + (self.scenario.timing.start_delay if realtime else 0.0)
+        epoch = self.start - time.time() + time.monotonic()
+        self.node.event("started", f"run {self.node.identity.run} started", at=self.start)
+        self.progress.rejections.start()
         ready = {agent for agent in range(self.scenario.count) if f"ready/{agent}" in self.node.presence}
-        self._progress.begin(ready)
+        self.progress.begin(ready)
         if realtime:
-            self.injection = Injection(self.scenario, self._start)
+            self.injection = Injection(self.scenario, self.start)
         self.step = 0
         for agent in sorted(ready):
             self._signal_start(agent, 0)
         for step in range(1, self.scenario.length + 1):
             if realtime:
-                self._progress.drain()
+                self.progress.drain()
                 self._sleep_until(epoch + step * self.scenario.dt)
                 going_on = self._in_company()
             else:
-                going_on = self._progress.wait(step - WINDOW) and self._await_return(step)
+                going_on = self.progress.wait(step - WINDOW) and self._await_return(step)
             if self.node.stopping or not (going_on or self._someone_returns(step)):
                 break
+            self.survey.drain()
             self._inject()
             self._announce_faults(step)
             self._admit(step)
             self._emit(step)
-            self._progress.excuse(self._absences.at(step), step)
+            self.progress.excuse(self.absences.at(step), step)
             self.step = step
         self._end(self.step)
         return self.step
@@ -132,7 +135,7 @@ class Target:
             return
         self._faults_out.send(tables=news)
         former, self.scenario = self.scenario, self.injection.scenario
-        self._absences = absences_of(self.scenario)
+        self.absences = absences_of(self.scenario)
         touched = [one for one in {*former.fault, *self.scenario.fault} if isinstance(one, SensorFault | Absence)]
         if touched and not self.recorded:
             self.world = make_world(self.scenario)
@@ -149,19 +152,19 @@ class Target:
 
     def _signal_start(self, agent: int, step: int) -> None:
         """Tell an agent that its first step is the one after this."""
-        self._beacons[agent].send(k=step, emitted=None, arrived=None, signal="start", at=self._start)
+        self._beacons[agent].send(k=step, emitted=None, arrived=None, signal="start", at=self.start)
 
     def _someone_returns(self, step: int) -> bool:
-        gone = self._absences.at(step - 1).nonzero()[0].tolist()
-        return any(self._absences.return_of(agent, step) is not None for agent in gone)
+        gone = self.absences.at(step - 1).nonzero()[0].tolist()
+        return any(self.absences.return_of(agent, step) is not None for agent in gone)
 
     def _await_return(self, step: int) -> bool:
         """In lockstep, wait for those who the scenario says are started again for this step."""
-        back = self._absences.reborn(step).nonzero()[0].tolist()
+        back = self.absences.reborn(step).nonzero()[0].tolist()
         until = time.monotonic() + self._patience
 
         def lacking() -> list[int]:
-            here = {*self._progress.newcomers(), *self.members()}
+            here = {*self.progress.newcomers(), *self.members()}
             return [agent for agent in back if agent not in here]
 
         while back and lacking() and not self.node.stopping:
@@ -172,17 +175,17 @@ class Target:
                 )
                 return True
             self.node.presence.wait(lambda _live: not lacking(), 0.1)
-            self._progress.drain()
+            self.progress.drain()
         return True
 
     def _admit(self, step: int) -> None:
         """Let those who came since begin with this step, unless the scenario has them away."""
         if step <= self._first_fix + 1:
             return
-        for agent in self._progress.newcomers():
-            if not self._absences.at(step)[agent]:
-                planned = bool(self._absences.ended(step)[agent])
-                self._progress.admit(agent, step)
+        for agent in self.progress.newcomers():
+            if not self.absences.at(step)[agent]:
+                planned = bool(self.absences.ended(step)[agent])
+                self.progress.admit(agent, step)
                 self.node.event(
                     "joined", f"agent {agent} joined at step {step}", agent=agent, step=step, planned=planned
                 )
@@ -211,17 +214,17 @@ class Target:
 
     def _end(self, last: int) -> None:
         """No more beacons: agents finish the step they are in, so that a stopped run, too, can be verified."""
-        self._progress.wait(last, even_stopping=True)
+        self.progress.wait(last, even_stopping=True)
         for beacon in self._beacons:
             beacon.send(k=last + 1, emitted=None, arrived=None, signal="end")
         boxes = [self._truth, *self._beacons]
-        self._progress.rejections.report()
+        self.progress.rejections.report()
         self.node.last_words(
             "finished",
             f"the target ended after step {last}",
             step=last,
             sent={box.key: box.sent for box in boxes},
-            rejected=self._progress.rejections.total,
+            rejected=self.progress.rejections.total,
         )
         # Agents wait for the end signal only while the target is there.
         self.node.presence.wait(lambda live: not any(name.startswith("agent/") for name in live), _LAST_WORD_SECONDS)

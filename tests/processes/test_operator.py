@@ -1,0 +1,114 @@
+"""A run that goes on is looked at and ended from outside."""
+
+import json
+import os
+import signal
+import time
+
+import pytest
+
+from tests.processes.conftest import settings
+from tests.processes.test_live_faults import wait_until_known
+from zenoh_cbef import __version__
+from zenoh_cbef.log.read_trace import read_trace
+
+
+def status_of(world, *options: str) -> dict:
+    told = world.call("status", "--run", world.run, "--json", *options)
+    assert told.returncode == 0, told.stderr
+    return json.loads(told.stdout)
+
+
+def wait_for(world, condition, *options: str) -> dict:
+    until = time.monotonic() + 60
+    while not condition(status := status_of(world, *options)):
+        assert time.monotonic() < until, status
+    return status
+
+
+def test_status_tells_who_is_where_and_how_well_they_track(world):
+    run = world.start_run("timing.mode=realtime", "dt=0.1", "steps=5000")
+    wait_until_known(world.run)
+    world.wait_for_messages()
+    status = wait_for(world, lambda one: all(agent["step"] for agent in one["agents"]))
+    assert (status["run"], status["mode"], status["state"], status["steps"]) == (world.run, "realtime", "running", 5000)
+    assert status["step"] > 0
+    for agent in status["agents"]:
+        where = agent["where"]
+        assert where["pid"] == world.pid_of(f"agent {agent['agent']}")
+        assert (where["host"], where["version"]) == (os.uname().nodename, __version__)
+        assert abs(where["clock"]) <= where["round_trip"], "one host has one clock"
+        assert agent["state"] == "on"
+        assert 0.0 < agent["error"] < 10.0
+        assert 0.0 < agent["spread"] < 10.0
+    assert status["target"]["pid"] == world.pid_of("target")
+    assert status["recorder"]["pid"] == world.pid_of("record")
+    assert status["disagreement"] < status["error"]
+    ends = {(link["source"], link["destination"]) for link in status["links"]}
+    assert ends == {(one, (one + step) % 4) for one in range(4) for step in (1, 3)}
+    assert all(link["received"] > 0 for link in status["links"])
+    assert status["faults"] == []
+
+    assert world.call("fault", "add", "outage", "agents=[2]", "--run", world.run).returncode == 0
+    status = wait_for(world, lambda one: one["faults"])
+    assert [(one["kind"], one["agents"]) for one in status["faults"]] == [("outage", [2])]
+    status = wait_for(world, lambda one: any(link["lost"] for link in one["links"]))
+    assert all(2 in (link["source"], link["destination"]) for link in status["links"] if link["lost"])
+
+    os.kill(world.pid_of("agent 1"), signal.SIGKILL)
+    status = wait_for(world, lambda one: one["agents"][1]["state"] == "gone")
+    table = world.call("status", "--run", world.run)
+    assert "not here: agent 1" in table.stdout
+
+    stopped = world.call("stop", "--run", world.run)
+    assert stopped.returncode == 0, stopped.stderr
+    assert "ends after its present step" in stopped.stdout
+    run.communicate(timeout=60)
+    # What status said is what the log holds.
+    trace = read_trace(world.log)
+    here = {event["from"]: event["data"] for event in trace.events if event["kind"] == "here"}
+    assert here["agent/3"]["pid"] == status["agents"][3]["where"]["pid"]
+
+
+def test_the_error_that_status_tells_is_that_of_the_log(world):
+    run = world.start_run("timing.mode=realtime", "dt=0.1", "steps=5000")
+    wait_until_known(world.run)
+    world.wait_for_messages()
+    status = wait_for(world, lambda one: all(agent["step"] for agent in one["agents"]))
+    assert world.call("stop", "--run", world.run).returncode == 0
+    run.communicate(timeout=60)
+    trace = read_trace(world.log)
+    for agent in status["agents"]:
+        place = (agent["agent"], agent["step"] - 1)
+        difference = trace.estimates[place][:3] - trace.truth[agent["step"] - 1][:3]
+        assert agent["error"] == pytest.approx((difference**2).sum() ** 0.5, rel=1e-12)
+        assert agent["nis"] == trace.nis[place]
+
+
+def test_a_stopped_run_in_lockstep_still_verifies(world):
+    run = world.start_run("steps=100000")
+    world.wait_for_messages()
+    done = world.call("stop", "--run", world.run)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines()[-1] == f"run {world.run} has ended"
+    run.communicate(timeout=60)
+    assert world.call("verify", str(world.log)).stdout.startswith("equal bit for bit")
+    gone = world.call("stop", "--run", world.run)
+    assert gone.returncode == 2
+    assert f"no run {world.run!r} goes on on this host" in gone.stderr
+
+
+def test_a_run_that_waits_for_its_agents_tells_whom_it_lacks(world, free_port):
+    endpoint = f"tcp/127.0.0.1:{free_port}"
+    target = world.start("target", "tracking", *settings(), "--run", world.run, "--listen", endpoint)
+    wait_until_known(world.run)
+    agent = world.start("agent", "1", "--run", world.run, "--connect", endpoint, "--patience", "20")
+    there = ["--connect", endpoint]
+    status = wait_for(world, lambda one: one["agents"][1]["state"] != "missing", *there)
+    assert (status["state"], status["step"], status["recorder"]) == ("waiting", None, None)
+    assert [one["state"] for one in status["agents"]] == ["missing", "linking", "missing", "missing"]
+    done = world.call("stop", "--run", world.run, *there)
+    assert done.returncode == 0, done.stderr
+    assert "before its first step" in done.stdout
+    target.communicate(timeout=30)
+    agent.terminate()

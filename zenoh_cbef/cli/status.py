@@ -1,0 +1,56 @@
+"""status: how a run that goes on is doing."""
+
+from __future__ import annotations
+
+import json
+import time
+from dataclasses import asdict
+from typing import Annotated
+
+import typer
+from rich.live import Live
+
+from zenoh_cbef.cli.asking import RunName, locate
+from zenoh_cbef.cli.joining import Joining, joins
+from zenoh_cbef.cli.options import AsJson
+from zenoh_cbef.cli.status_tables import status_view
+from zenoh_cbef.cli.tables import console
+from zenoh_cbef.nodes.operator import Operator
+from zenoh_cbef.nodes.status import RunStatus, read_status
+
+_EVERY_SECONDS = 1.0
+
+
+def _status(
+    joining: Joining,
+    run: RunName = None,
+    once: Annotated[bool, typer.Option("--once", help="Show it once, also on a terminal.")] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Show a run that goes on: who is where, errors, loss and latency, clocks. On a terminal, once a second."""
+    name, connection = locate(run, joining)
+    with Operator(name, connection) as operator:
+        first = read_status(operator.ask({"ask": "status"}))
+        if as_json:
+            typer.echo(json.dumps(asdict(first), indent=2))
+        elif once or not console.is_terminal:
+            console.print(status_view(first))
+        else:
+            _follow(operator, first)
+
+
+def _follow(operator: Operator, status: RunStatus) -> None:
+    """Show the status until the run is gone, or Ctrl-C."""
+    try:
+        with Live(status_view(status), console=console, auto_refresh=False) as live:
+            while (told := operator.try_to_ask({"ask": "status"})) is not None:
+                live.update(status_view(read_status(told)), refresh=True)
+                time.sleep(_EVERY_SECONDS)
+    except KeyboardInterrupt:
+        return
+    console.print(f"run {operator.run} has ended")
+
+
+def register(app: typer.Typer) -> None:
+    """Add the verb."""
+    app.command("status")(joins(_status))
