@@ -19,6 +19,7 @@ _VERBS = (
     "fault",
     "stop",
     "status",
+    "doctor",
     "scenario",
     "analyze",
     "verify",

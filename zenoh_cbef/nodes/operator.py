@@ -22,12 +22,12 @@ class Operator:
     """A session that puts questions to a run's target. Use as a context manager."""
 
     def __init__(self, run: str, connection: Connection, patience: float = _PATIENCE_SECONDS) -> None:
-        self.run, self._connection, self._patience = run, connection, patience
+        self.run, self._connection, self.patience = run, connection, patience
         self._keys = Keys(run)
 
     def __enter__(self) -> Self:
-        self._until = time.monotonic() + self._patience
-        self.session = open_session(self._connection, self._patience)
+        self._until = time.monotonic() + self.patience
+        self.session = open_session(self._connection, self.patience)
         return self
 
     def __exit__(
@@ -51,7 +51,7 @@ class Operator:
             left = self._until - time.monotonic()
             said = ask_control(self.session, self._keys.control, request, timeout=max(left, 1.0))
             if said is not None or left < 0.0:
-                self._until = time.monotonic() + self._patience
+                self._until = time.monotonic() + self.patience
                 return said
             time.sleep(_RETRY_SECONDS)
 

@@ -1,0 +1,77 @@
+"""What doctor finds, and what it says to do."""
+
+import json
+
+from tests.processes.conftest import unused_port
+from tests.processes.test_live_faults import wait_until_known
+from tests.processes.test_refusals import mute
+from zenoh_cbef import __version__
+
+
+def examine(world, *options: str, status: int) -> dict[str, list[dict]]:
+    done = world.call("doctor", "--json", *options)
+    assert done.returncode == status, done.stdout + done.stderr
+    found: dict[str, list[dict]] = {}
+    for finding in json.loads(done.stdout)["findings"]:
+        found.setdefault(finding["subject"], []).append(finding)
+    return found
+
+
+def levels(findings: list[dict]) -> list[str]:
+    return [one["level"] for one in findings]
+
+
+def test_a_host_by_itself(world):
+    found = examine(world, status=0)
+    assert {"Python", "Zenoh", "cores", "files", "disk", "loopback", "port", "multicast"} <= found.keys()
+    assert levels(found["loopback"]) == ["ok"]
+    assert __version__ in found["Python"][0]["text"]
+
+
+def test_too_few_files_and_no_place_for_logs_are_problems(world):
+    (world.folder / "file").write_text("")
+    found = examine(world, "--agents", "100000000", "--output", "file", status=2)
+    assert levels(found["files"]) == levels(found["disk"]) == ["problem"]
+
+
+def test_a_warning_is_an_exit_status_only_where_it_is_wanted(world):
+    key = world.folder / "certificates" / "operator.key"
+    assert world.call("certs", "new", "certificates", "--agents", "1").returncode == 0
+    key.chmod(0o644)
+    found = examine(world, "--tls", "certificates", status=0)
+    assert levels(found["TLS"]) == ["warning"]
+    assert levels(found["loopback"]) == ["ok"]
+    examine(world, "--tls", "certificates", "--strict", status=1)
+    (world.folder / "certificates" / "operator.pem").write_text("no certificate")
+    assert levels(examine(world, "--tls", "certificates", status=2)["TLS"]) == ["problem"]
+
+
+def test_endpoints_are_told_apart(world):
+    with mute() as endpoint:
+        found = examine(world, "--connect", endpoint, status=2)
+        assert levels(found["endpoint"]) == ["ok"]
+        assert "does not answer as Zenoh does" in found["link"][0]["text"]
+    nobody = f"tcp/127.0.0.1:{unused_port()}"
+    found = examine(world, "--connect", nobody, "--connect", "tcp/no-such-host.invalid:1", status=2)
+    assert "nobody listens" in found["endpoint"][0]["text"]
+    assert "has no address" in found["endpoint"][1]["text"]
+
+
+def test_a_run_its_versions_and_its_clocks(world):
+    run = world.start_run("timing.mode=realtime", "dt=0.1", "steps=5000")
+    wait_until_known(world.run)
+    world.wait_for_messages()
+    found = examine(world, "--run", world.run, status=0)
+    assert "running, 4 agents, realtime" in found["run"][0]["text"]
+    assert levels(found["versions"]) == levels(found["clock"]) == levels(found["clocks"]) == ["ok"]
+    endpoint = next(iter(endpoints_of(world.run)))
+    assert world.run in examine(world, "--connect", endpoint, status=0)["link"][0]["text"]
+    assert "there is" in examine(world, "--run", "other", "--connect", endpoint, status=2)["run"][0]["text"]
+    assert world.call("stop", "--run", world.run).returncode == 0
+    run.communicate(timeout=60)
+
+
+def endpoints_of(run: str) -> list[str]:
+    from zenoh_cbef.nodes.registry import known_runs  # noqa: PLC0415
+
+    return known_runs()[run]

@@ -1,0 +1,141 @@
+"""What cannot work is said in one sentence, and nobody hangs."""
+
+import os
+import re
+import signal
+import socket
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import pytest
+
+from tests.processes.conftest import peer, settings, unused_port
+from tests.processes.test_hostile import wait_for
+from tests.processes.test_live_faults import wait_until_known
+
+JOINING = {
+    "agent": ("agent", "0"),
+    "record": ("record", "--output", "never.mcap"),
+    "status": ("status",),
+    "stop": ("stop",),
+    "fault": ("fault", "list"),
+}
+
+
+@contextmanager
+def mute() -> Iterator[str]:
+    """An endpoint that takes connections and never says a word."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        kept = []
+
+        def take() -> None:
+            while True:
+                try:
+                    kept.append(server.accept())
+                except OSError:
+                    return
+
+        threading.Thread(target=take, daemon=True).start()
+        yield f"tcp/127.0.0.1:{server.getsockname()[1]}"
+        server.shutdown(socket.SHUT_RDWR)
+        for connection, _ in kept:
+            connection.close()
+
+
+def refusal(world, *command: str) -> str:
+    done = world.call(*command, timeout=60)
+    assert done.returncode == 2, done.stdout + done.stderr
+    assert len(done.stderr.splitlines()) == 1, done.stderr
+    assert "Traceback" not in done.stderr
+    return done.stderr
+
+
+@pytest.fixture
+def target(world, free_port):
+    endpoint = f"tcp/127.0.0.1:{free_port}"
+    world.start("target", "tracking", *settings(), "--run", world.run, "--listen", endpoint)
+    wait_until_known(world.run)
+    return endpoint
+
+
+@pytest.mark.parametrize("verb", JOINING)
+def test_an_endpoint_where_no_run_is_says_what_is_there_instead(world, verb):
+    ways = {
+        "tcp/no-such-host.invalid:7447": "no-such-host.invalid in tcp/no-such-host.invalid:7447 has no address",
+        f"tcp/127.0.0.1:{unused_port()}": "nobody listens at",
+    }
+    for endpoint, words in ways.items():
+        assert words in refusal(world, *JOINING[verb], "--run", world.run, "--connect", endpoint)
+    with mute() as endpoint:
+        told = refusal(world, *JOINING[verb], "--run", world.run, "--connect", endpoint)
+        assert f"{endpoint} takes connections but does not answer as Zenoh does" in told
+    assert not list(world.folder.iterdir())
+
+
+@pytest.mark.parametrize("verb", JOINING)
+def test_a_wrong_name_is_answered_with_the_right_one(world, target, verb):
+    told = refusal(world, *JOINING[verb], "--run", "other", "--connect", target)
+    assert f"there is {world.run} at {target}" in told
+
+
+def test_two_agents_with_one_id(world, target):
+    join = ["--run", world.run, "--connect", target, "--patience", "20"]
+    world.start("agent", "1", *join)
+    with peer(target) as session:
+        wait_for(session, f"cbef/{world.run}/live/agent/1")
+    # Without gossip the second has no link to the first, only to the target.
+    assert f"agent 1 is already in run {world.run!r}" in refusal(world, "agent", "1", *join, "--no-gossip")
+    assert "has agents 0 to 3, no agent 4" in refusal(world, "agent", "4", *join)
+
+
+def test_two_targets_of_one_name(world, target):
+    another = ["target", "paper", "--run", world.run, "--listen", f"tcp/127.0.0.1:{unused_port()}"]
+    assert f"a run {world.run!r} goes on on this host already, at {target}" in refusal(world, *another)
+    assert f"target is already in run {world.run!r}" in refusal(world, *another, "--connect", target)
+
+
+def test_two_targets_with_different_scenarios_that_did_not_know_of_each_other(world, target, monkeypatch, tmp_path):
+    endpoint = f"tcp/127.0.0.1:{unused_port()}"
+    with monkeypatch.context() as elsewhere:  # as on another host
+        elsewhere.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+        world.start("target", "paper", "--run", world.run, "--listen", endpoint, "--no-gossip")
+        wait_until_known(world.run)
+    told = refusal(world, "agent", "1", "--run", world.run, "--connect", target, "--connect", endpoint)
+    assert "2 targets answer" in told
+    assert "different scenarios" in told
+
+
+@pytest.mark.parametrize("verb", ["agent", "record"])
+def test_another_version(world, verb, free_port):
+    import msgpack  # noqa: PLC0415 - a target as another version has it
+    import zenoh  # noqa: PLC0415
+
+    from zenoh_cbef.protocol.session import Connection, open_session  # noqa: PLC0415
+
+    endpoint = f"tcp/127.0.0.1:{free_port}"
+    with open_session(Connection(listen=[endpoint])) as session:
+        key = f"cbef/{world.run}/scenario"
+        answer = {"v": 1, "run": world.run, "program": "99.0", "source": "", "resolved": ""}
+
+        def reply(query: zenoh.Query) -> None:
+            with query:
+                query.reply(key, msgpack.packb(answer))
+
+        service = session.declare_queryable(key, reply)
+        told = refusal(world, *JOINING[verb], "--run", world.run, "--connect", endpoint)
+        assert re.search(r"is of zenoh-cbef 99\.0, this is \S+; install the same version", told)
+        answer["v"] = 2
+        told = refusal(world, *JOINING[verb], "--run", world.run, "--connect", endpoint)
+        assert "speaks protocol version 2, this program 1" in told
+        service.undeclare()
+
+
+def test_a_target_that_hangs_is_told_from_one_that_is_not_there(world, target):
+    pid = world.pid_of("target")
+    os.kill(pid, signal.SIGSTOP)
+    try:
+        for verb in ("agent", "status", "stop"):
+            refusal(world, *JOINING[verb], "--run", world.run, "--connect", target)
+    finally:
+        os.kill(pid, signal.SIGCONT)

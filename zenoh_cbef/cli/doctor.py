@@ -1,0 +1,77 @@
+"""doctor: what is wrong with this host or its network, and what to do."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.text import Text
+
+from zenoh_cbef.cli.asking import RunName, locate
+from zenoh_cbef.cli.joining import Joining, joins
+from zenoh_cbef.cli.options import AsJson
+from zenoh_cbef.cli.tables import console
+from zenoh_cbef.errors import UserError
+from zenoh_cbef.nodes.checkup import OK, PROBLEM, WARNING, Finding, check_endpoints, check_host
+from zenoh_cbef.nodes.checkup_run import check_run
+from zenoh_cbef.nodes.registry import known_runs
+
+_COLOURS = {OK: "green", WARNING: "yellow", PROBLEM: "red"}
+
+
+def _doctor(
+    joining: Joining,
+    run: RunName = None,
+    agents: Annotated[int, typer.Option(min=1, help="How many agents a run is to have.")] = 100,
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="Where logs go.")] = Path("logs"),
+    strict: Annotated[bool, typer.Option("--strict", help="Status 1 also for warnings.")] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Check this host, endpoints, and a run: status 0 if all is well, 2 if there is a problem."""
+    worst, told = OK, []
+    for finding in _findings(joining, run, agents, output):
+        worst = max(worst, finding.level, key=[OK, WARNING, PROBLEM].index)
+        told.append(asdict(finding))
+        if not as_json:
+            line = Text.assemble(
+                (f"{finding.level:8}", _COLOURS[finding.level]), f" {finding.subject:10} {finding.text}"
+            )
+            console.print(line, soft_wrap=True)
+    if as_json:
+        typer.echo(json.dumps({"worst": worst, "findings": told}, indent=2))
+    if worst == PROBLEM:
+        raise typer.Exit(2)
+    if worst == WARNING and strict:
+        raise typer.Exit(1)
+
+
+def _findings(joining: Joining, run: str | None, agents: int, output: Path) -> Iterator[Finding]:
+    """One after the other, so that they are seen as they come."""
+    try:
+        connection = joining.connection("operator")
+    except UserError as error:
+        yield Finding("TLS", PROBLEM, str(error))
+        return
+    yield from check_host(agents, output, tls=connection.tls)
+    troubles = list(check_endpoints(connection.connect))
+    yield from troubles
+    if any(one.level == PROBLEM for one in troubles):
+        return
+    try:
+        if connection.connect or connection.config:
+            yield from check_run(run, joining.connection("operator"))
+        elif run is not None:
+            yield from check_run(*locate(run, joining))
+        elif runs := known_runs():
+            yield Finding("runs", OK, f"on this host: {', '.join(runs)}; --run looks at one")
+    except UserError as error:
+        yield Finding("run", PROBLEM, str(error))
+
+
+def register(app: typer.Typer) -> None:
+    """Add the verb."""
+    app.command("doctor")(joins(_doctor))
