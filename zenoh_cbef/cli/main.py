@@ -19,6 +19,7 @@ _VERBS = (
     "fault",
     "stop",
     "status",
+    "watch",
     "doctor",
     "scenario",
     "analyze",

@@ -93,9 +93,7 @@ def links_table(status: RunStatus) -> Table:
     for link in worst[:_MOST_LINKS]:
         latency = None if link.latency is None else 1e3 * link.latency
         ends = (str(link.source), str(link.destination))
-        table.add_row(
-            *ends, str(link.received), _share(link, link.lost), _share(link, link.late), number(latency, "ms")
-        )
+        table.add_row(*ends, str(link.received), _share(link, link.lost), _share(link, link.late), number(latency))
     return table
 
 

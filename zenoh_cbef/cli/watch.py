@@ -1,0 +1,108 @@
+"""watch: a run that goes on, with curves."""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+
+import typer
+from rich.console import Group, RenderableType
+from rich.layout import Layout
+from rich.live import Live
+from rich.panel import Panel
+from rich.text import Text
+
+from zenoh_cbef.cli.asking import RunName, locate
+from zenoh_cbef.cli.braille import plot
+from zenoh_cbef.cli.joining import Joining, joins
+from zenoh_cbef.cli.status_tables import agents_table, events_view, headline, links_table, status_view
+from zenoh_cbef.cli.tables import console, number
+from zenoh_cbef.errors import UserError
+from zenoh_cbef.nodes.keyboard import Keyboard
+from zenoh_cbef.nodes.operator import Operator
+from zenoh_cbef.nodes.status import RunStatus, read_status
+
+_EVERY_SECONDS = 0.5
+_KEPT = 1000
+_PLOT_LINES = 8
+_EVENTS = 40
+
+
+class _Screen:
+    """What is seen of a run: its present state, and how error and disagreement went."""
+
+    def __init__(self) -> None:
+        self._errors: deque[float | None] = deque(maxlen=_KEPT)
+        self._disagreements: deque[float | None] = deque(maxlen=_KEPT)
+
+    def take(self, status: RunStatus) -> RenderableType:
+        """Go on by one state."""
+        if status.step is not None:
+            self._errors.append(status.error)
+            self._disagreements.append(status.disagreement)
+        layout = Layout()
+        top = headline(status)
+        curves = Layout(size=_PLOT_LINES + 2)
+        curves.split_row(
+            Layout(self._curve("position error, m", self._errors, status.error)),
+            Layout(self._curve("disagreement, m", self._disagreements, status.disagreement)),
+        )
+        below = Layout()
+        parts: list[RenderableType] = [agents_table(status)]
+        if status.links:
+            parts += [Text(), links_table(status)]
+        below.split_row(
+            Layout(Panel(Group(*parts), title="agents and links", title_align="left"), ratio=3),
+            Layout(Panel(self._events(status), title="events, the latest first", title_align="left"), ratio=2),
+        )
+        layout.split_column(
+            Layout(top, size=len(top.plain.splitlines())), curves, below, Layout(Text("q quits"), size=1)
+        )
+        return layout
+
+    @staticmethod
+    def _events(status: RunStatus) -> Text:
+        lines = events_view(status, _EVENTS).split("\n")
+        return Text("\n").join(reversed([line for line in lines if line.plain]))
+
+    @staticmethod
+    def _curve(title: str, values: deque[float | None], now: float | None) -> Panel:
+        lines = plot(list(values), max(12, console.width // 2 - 4), _PLOT_LINES)
+        return Panel(Text("\n".join(lines), no_wrap=True), title=f"{title}: {number(now)}", title_align="left")
+
+
+def _watch(joining: Joining, run: RunName = None) -> None:
+    """Watch a run that goes on: curves of error and disagreement, agents, links, events. q quits; the run goes on."""
+    if not console.is_terminal:
+        raise UserError("watch needs a terminal; 'status' prints a run's state once, with --json for programs")
+    name, connection = locate(run, joining)
+    with Operator(name, connection) as operator:
+        status = read_status(operator.ask({"ask": "status"}))
+        last, ended = _follow(operator, status)
+    console.print(status_view(last))
+    if ended:
+        console.print(f"run {name} has ended" + ("" if last.step is None else f" after step {last.step}"))
+
+
+def _follow(operator: Operator, status: RunStatus) -> tuple[RunStatus, bool]:
+    """Show a run until it is gone or somebody quits; the last that was heard of it, and whether it is gone."""
+    over, screen = threading.Event(), _Screen()
+    try:
+        with (
+            Keyboard({"q": over.set}),
+            Live(screen.take(status), console=console, screen=True, auto_refresh=False) as live,
+        ):
+            while not over.wait(_EVERY_SECONDS):
+                told = operator.try_to_ask({"ask": "status"})
+                if told is None:
+                    return status, True
+                status = read_status(told)
+                live.update(screen.take(status), refresh=True)
+    except KeyboardInterrupt:
+        pass
+    return status, False
+
+
+def register(app: typer.Typer) -> None:
+    """Add the verb."""
+    app.command("watch")(joins(_watch))
