@@ -12,9 +12,9 @@ import typer
 from rich.text import Text
 
 from zenoh_cbef.cli.asking import RunName, locate
+from zenoh_cbef.cli.console import console
 from zenoh_cbef.cli.joining import Joining, joins
 from zenoh_cbef.cli.options import AsJson
-from zenoh_cbef.cli.tables import console
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.nodes.checkup import OK, PROBLEM, WARNING, Finding, check_endpoints, check_host
 from zenoh_cbef.nodes.checkup_run import check_run

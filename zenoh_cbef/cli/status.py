@@ -11,10 +11,10 @@ import typer
 from rich.live import Live
 
 from zenoh_cbef.cli.asking import RunName, locate
+from zenoh_cbef.cli.console import console
 from zenoh_cbef.cli.joining import Joining, joins
 from zenoh_cbef.cli.options import AsJson
 from zenoh_cbef.cli.status_tables import status_view
-from zenoh_cbef.cli.tables import console
 from zenoh_cbef.nodes.operator import Operator
 from zenoh_cbef.nodes.status import RunStatus, read_status
 

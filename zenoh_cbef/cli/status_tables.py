@@ -10,7 +10,7 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from zenoh_cbef.cli.tables import number
+from zenoh_cbef.cli.console import number
 from zenoh_cbef.nodes.status import AgentStatus, LinkStatus, RunStatus, Whereabouts
 
 _MOST_LINKS = 12

@@ -8,8 +8,8 @@ from typing import Annotated
 import typer
 
 from zenoh_cbef.cli.asking import RunName, locate
+from zenoh_cbef.cli.console import errors
 from zenoh_cbef.cli.joining import Joining, joins
-from zenoh_cbef.cli.tables import errors
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.nodes.operator import Operator
 

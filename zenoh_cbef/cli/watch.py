@@ -14,9 +14,9 @@ from rich.text import Text
 
 from zenoh_cbef.cli.asking import RunName, locate
 from zenoh_cbef.cli.braille import plot
+from zenoh_cbef.cli.console import console, number
 from zenoh_cbef.cli.joining import Joining, joins
 from zenoh_cbef.cli.status_tables import agents_table, events_view, headline, links_table, status_view
-from zenoh_cbef.cli.tables import console, number
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.nodes.keyboard import Keyboard
 from zenoh_cbef.nodes.operator import Operator
