@@ -206,7 +206,8 @@ def run_recorder(
         )
         recorder = Recorder(node, log, overview, mailboxes, settings)
         node.presence.announce(f"record/{identity.name}")
-        introduce(node, briefing.clock)
+        if "target/target" in node.presence:  # a replay's listeners hear what was recorded, and nothing else
+            introduce(node, briefing.clock)
         try:
             recorder.run(sync=sync, report=report)
         finally:
