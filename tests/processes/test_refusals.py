@@ -89,6 +89,15 @@ def test_two_agents_with_one_id(world, target):
     assert "has agents 0 to 3, no agent 4" in refusal(world, "agent", "4", *join)
 
 
+def test_an_agent_does_not_wait_for_ever_for_a_target_that_died_before_the_start(world, target):
+    agent = world.start("agent", "1", "--run", world.run, "--connect", target, "--patience", "20")
+    with peer(target) as session:
+        wait_for(session, f"cbef/{world.run}/live/agent/1")
+    os.kill(world.pid_of("target"), signal.SIGKILL)
+    out, err = agent.communicate(timeout=60)
+    assert (out, err) == (f"agent 1 ended before run {world.run} had begun\n", "")
+
+
 def test_two_targets_of_one_name(world, target):
     another = ["target", "paper", "--run", world.run, "--listen", f"tcp/127.0.0.1:{unused_port()}"]
     assert f"a run {world.run!r} goes on on this host already, at {target}" in refusal(world, *another)

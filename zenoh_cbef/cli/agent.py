@@ -21,7 +21,7 @@ def _agent(
     """Run one agent process; it fetches the scenario from the run's target."""
     connection = joining.connection(common_name("agent", str(agent)))
     last = run_agent(identity_of("agent", str(agent), run, connection, patience))
-    typer.echo(f"agent {agent} ended after step {last}")
+    typer.echo(f"agent {agent} ended " + (f"after step {last}" if last else f"before run {run} had begun"))
 
 
 def register(app: typer.Typer) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, Protocol
@@ -26,6 +26,9 @@ from zenoh_cbef.tracking.tracker import Tracker
 
 _JOIN_SECONDS = 1.0
 _ANSWER_SECONDS = 5.0
+_LOOK_SECONDS = 0.2
+_RETURN_SECONDS = 2.0
+"""How long a target may be out of sight before the start: a link or a router can come back."""
 
 
 @dataclass(frozen=True)
@@ -95,10 +98,22 @@ class Entrance:
             self._neighbourhood.drain(0 if self._members is None else self._of.scenario.length)
 
         if self._members is None:
-            return self._node.wait_for(everybody, None, drain)
+            return self._wait_with_target(everybody, drain)
         # Some may have left a moment ago; the run goes on without them, and so do we.
         self._node.wait_for(everybody, _JOIN_SECONDS, drain)
         return not self._node.stopping and "target/target" in self._node.presence
+
+    def _wait_with_target(self, everybody: Callable[[set[str]], bool], meanwhile: Callable[[], None]) -> bool:
+        """Wait until everybody is there; False where the target leaves for good before that, or we are to stop."""
+        last_seen = time.monotonic()  # it has told the scenario
+        while not self._node.stopping:
+            if self._node.wait_for(everybody, _LOOK_SECONDS, meanwhile):
+                return True
+            if "target/target" in self._node.presence:
+                last_seen = time.monotonic()
+            elif time.monotonic() - last_seen > _RETURN_SECONDS:
+                return False
+        return False
 
     def _signal(self) -> dict[str, Any] | None:
         while not self._node.stopping and "target/target" in self._node.presence:
