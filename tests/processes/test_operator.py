@@ -112,3 +112,26 @@ def test_a_run_that_waits_for_its_agents_tells_whom_it_lacks(world, free_port):
     assert "before its first step" in done.stdout
     target.communicate(timeout=30)
     agent.terminate()
+
+
+def test_with_certificates_the_operators_is_asked_for(world):
+    assert world.call("certs", "new", "certificates", "--agents", "4").returncode == 0
+    run = world.start_run("timing.mode=realtime", "dt=0.1", "steps=5000", "zenoh.tls=certificates")
+    wait_until_known(world.run)
+    world.wait_for_messages()
+    status = wait_for(world, lambda one: all(agent["step"] for agent in one["agents"]), "--tls", "certificates")
+    assert all(agent["where"]["pid"] for agent in status["agents"])
+    refused = world.call("status", "--run", world.run)
+    assert refused.returncode == 2
+    assert len(refused.stderr.splitlines()) == 1
+    (world.folder / "certificates" / "operator.pem").write_bytes(
+        (world.folder / "certificates" / "agent-1.pem").read_bytes()
+    )
+    (world.folder / "certificates" / "operator.key").write_bytes(
+        (world.folder / "certificates" / "agent-1.key").read_bytes()
+    )
+    refused = world.call("stop", "--run", world.run, "--tls", "certificates")
+    assert refused.returncode == 2, "an agent may not end the run"
+    run.send_signal(signal.SIGINT)
+    run.communicate(timeout=60)
+    assert run.returncode == 130
