@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import time
 import tomllib
+from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.metadata import version
 from platform import node as host_name
@@ -12,7 +13,7 @@ from typing import Any
 
 from zenoh_cbef import __version__
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.nodes.node import Node
+from zenoh_cbef.nodes.node import Identity, Node
 from zenoh_cbef.protocol.scenario_service import Clock, ScenarioText, fetch_scenario, measure_clock
 from zenoh_cbef.scenario import Scenario
 from zenoh_cbef.scenario.load import parse
@@ -47,12 +48,12 @@ def brief(node: Node) -> Briefing:
     return Briefing(text, scenario, measure_clock(node.session, run))
 
 
-def introduce(node: Node, clock: Clock | None) -> None:
-    """Tell the target and the log who is where."""
+def introduce(identity: Identity, clock: Clock | None, say: Callable[..., None]) -> None:
+    """Tell the target and the log who is where. say: publishes an event of a kind, with a text and data."""
     told = card()
     about = {} if clock is None else {"clock": clock.ahead, "round_trip": clock.round_trip}
-    name = node.identity.sender.replace("/", " ")
-    node.event(HERE, f"{name} is process {told['pid']} on {told['host']}", **told, **about)
+    name = identity.sender.replace("/", " ")
+    say(HERE, f"{name} is process {told['pid']} on {told['host']}", **told, **about)
 
 
 def card() -> dict[str, Any]:

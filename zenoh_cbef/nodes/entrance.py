@@ -71,7 +71,7 @@ class Entrance:
             return None
         if self._members is not None:
             self._ask(None)  # The answers show that the neighbours know of our subscriptions.
-        introduce(self._node, self._clock)
+        introduce(self._node.identity, self._clock, self._node.event)
         self._node.presence.announce(f"ready/{self._of.agent}")
         start = self._signal()
         if start is None:

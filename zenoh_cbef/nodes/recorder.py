@@ -116,12 +116,12 @@ class Recorder:
             self._told.add("behind")
             self.overview.status.behind += 1
             text = f"the recorder has not kept up for {behind:.1f} s; what does not fit its mailbox is lost to the log"
-            self._say("behind", text, seconds=behind, missing=self.log.missing)
+            self.say("behind", text, seconds=behind, missing=self.log.missing)
         if self.log.failure and "full" not in self._told:
             self._told.add("full")
             stops = self._settings.on_full == "stop"
             goes_on = "the recorder ends" if stops else "the run goes on without what does not fit"
-            self._say("full", f"{self.log.failure}; {goes_on}", dropped=self.log.dropped)
+            self.say("full", f"{self.log.failure}; {goes_on}", dropped=self.log.dropped)
             if stops:
                 self.node.stop()
 
@@ -165,10 +165,10 @@ class Recorder:
             self.node.presence.announce(token)
 
     def _tell(self, kind: str, text: str, name: str) -> None:
-        self._say(kind, text, name=name)
+        self.say(kind, text, name=name)
 
-    def _say(self, kind: str, text: str, **data: object) -> None:
-        # We do not hear ourselves.
+    def say(self, kind: str, text: str, **data: object) -> None:
+        """Publish an event and write it: we do not hear ourselves."""
         message = self.node.events.send(kind=kind, text=text, data=data)
         with self._lock:
             self._write(self.node.keys.event, message)
@@ -207,7 +207,7 @@ def run_recorder(
         recorder = Recorder(node, log, overview, mailboxes, settings)
         node.presence.announce(f"record/{identity.name}")
         if "target/target" in node.presence:  # a replay's listeners hear what was recorded, and nothing else
-            introduce(node, briefing.clock)
+            introduce(identity, briefing.clock, recorder.say)
         try:
             recorder.run(sync=sync, report=report)
         finally:
