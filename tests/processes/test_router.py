@@ -33,6 +33,23 @@ def test_clients_of_a_router_in_lockstep_equal_the_simulator(world, free_port):
     assert metrics["messages"]["missing"] == 0
 
 
+def test_who_meets_a_router_and_listens_nowhere_joins_through_it(world, free_port):
+    endpoint = f"tcp/127.0.0.1:{free_port}"
+    router = world.start("router", "--listen", endpoint)
+    assert router.stdout.readline()
+    # Without gossip peers would never find each other: they need no --client to be the router's clients.
+    join = ["--connect", endpoint, "--no-gossip", "--run", world.run, "--patience", "30"]
+    processes = [
+        world.start("target", "tracking", *settings(), "--client", *join),
+        world.start("record", *join, "--output", str(world.log)),
+        *(world.start("agent", str(agent), *join) for agent in range(4)),
+    ]
+    for process in processes:
+        _, err = process.communicate(timeout=100)
+        assert process.returncode == 0, err
+    assert world.call("verify", str(world.log)).stdout.startswith("equal bit for bit")
+
+
 def test_without_a_router_a_client_says_so(world, free_port):
     endpoint = f"tcp/127.0.0.1:{free_port}"
     refused = world.call("agent", "0", "--run", world.run, "--client", "--connect", endpoint, "--patience", "0.5")

@@ -7,7 +7,7 @@ import os
 import re
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +22,7 @@ from zenoh_cbef.protocol.tls import SCHEMES, Tls
 
 _ENDPOINT = re.compile(r"^(tcp|udp|tls|quic|ws|unixsock-stream)/[^\s]+$")
 _LOCAL = re.compile(r"^(unixsock-stream/|\w+/(127\.[\d.]+|localhost|\[::1\]):)")
+_MEET_SECONDS = 1.0
 _ROUTER_RETRY_SECONDS = 0.2
 _OPEN_MS = 1500
 """How long a link may take to open before it is tried again; a session that closes waits for as long."""
@@ -78,7 +79,8 @@ def yield_to_others() -> None:
 def open_session(connection: Connection, patience: float = 0.0) -> zenoh.Session:
     """Open a session. Links to endpoints that do not answer yet are made as soon as they do.
 
-    A client needs a router to begin with, and tries for `patience` s to reach one. Raises UserError for an endpoint
+    Who connects to a router and listens nowhere joins as its client: no other host could reach it. A client needs a
+    router to begin with, and tries for `patience` s to reach one. Raises UserError for an endpoint
     that is none, a port in use, a router that does not answer, or a configuration file that Zenoh refuses.
     """
     for endpoint in (*connection.connect, *connection.listen):
@@ -97,10 +99,27 @@ def open_session(connection: Connection, patience: float = 0.0) -> zenoh.Session
             if not unreached or time.monotonic() > until:
                 raise UserError(_explain(str(error), connection, unreached=unreached)) from None
         else:
+            if _met_a_router(session, connection):
+                session.close()
+                connection = replace(connection, mode="client")
+                config = _config(connection)
+                continue
             let_go_at_once(session)
             return session
         # Not Zenoh's own waiting, which no signal ends.
         time.sleep(_ROUTER_RETRY_SECONDS)
+
+
+def _met_a_router(session: zenoh.Session, connection: Connection) -> bool:
+    """Whether a peer that listens nowhere has linked to a router."""
+    if connection.mode != "peer" or not connection.connect or connection.listen or connection.config:
+        return False
+    until = time.monotonic() + _MEET_SECONDS
+    while time.monotonic() < until and not list(session.info.peers_zid()):
+        if list(session.info.routers_zid()):
+            return True
+        time.sleep(0.01)
+    return False
 
 
 def configuration(connection: Connection) -> str:
