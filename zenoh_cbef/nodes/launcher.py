@@ -219,7 +219,7 @@ class Launcher:
     @property
     def started(self) -> bool:
         """Whether a first step was seen."""
-        return bool(self._status.get("step"))
+        return bool(self._status.get("began"))
 
     def _obey(self, asked: int) -> None:
         now = time.monotonic()

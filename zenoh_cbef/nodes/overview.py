@@ -15,7 +15,7 @@ from zenoh_cbef.protocol.messages import BadMessage, decode
 class Status:
     """What the recorder sees of a run.
 
-    step: what all estimates have reached; error: the network's position error (m) there. messages: recorded.
+    began: whether any estimate was seen. step: what all estimates have reached; error: the network's position error (m) there. messages: recorded.
     lost, late: on links, as their receivers counted. missing: gaps in the sequence numbers of what was recorded.
     behind: how often the recorder fell behind. dropped: messages that could not be written, and failure: why not.
     """
@@ -23,6 +23,7 @@ class Status:
     run: str
     log: str
     steps: int
+    began: bool = False
     step: int = 0
     error: float | None = None
     messages: int = 0
@@ -56,6 +57,7 @@ class Overview:
         if kind == "truth":
             self._truth[step] = message["state"]
             return
+        self.status.began = True
         self._links[agent_of(key)] = (sum(message["lost"]), sum(message["late"]))
         truth = self._truth.get(step)
         if truth is None:
