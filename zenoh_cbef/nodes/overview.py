@@ -15,9 +15,10 @@ from zenoh_cbef.protocol.messages import BadMessage, decode
 class Status:
     """What the recorder sees of a run.
 
-    began: whether any estimate was seen. step: what all estimates have reached; error: the network's position error (m) there. messages: recorded.
-    lost, late: on links, as their receivers counted. missing: gaps in the sequence numbers of what was recorded.
-    behind: how often the recorder fell behind. dropped: messages that could not be written, and failure: why not.
+    began: whether any estimate was seen. step: what all estimates have reached; error: the network's position error
+    (m) there. messages: recorded. lost, late: on links, as their receivers counted. missing: gaps in the sequence
+    numbers of what was recorded. behind: how often the recorder fell behind. dropped: messages that could not be
+    written, and failure: why not.
     """
 
     run: str
