@@ -47,7 +47,9 @@ class Site:
     def __init__(self, lab, world: World, way: str) -> None:
         self.lab, self.world, self.way = lab, world, way
         self.processes: dict[str, subprocess.Popen[str]] = {}
-        self.options = ["--run", world.run, "--lease-ms", "1000", "--patience", "40"]
+        self.options = ["--run", world.run, "--patience", "40"]
+        # Short, so that a broken link shows soon; a starved machine must still keep its links alive.
+        self.lease_ms = 2000
         self.scheme, self.security = "tcp", []
 
     def secure(self, certificates: Path) -> None:
@@ -79,10 +81,11 @@ class Site:
         self.start_on(f"a{agent}", "agent", str(agent), *self.options, *self._links(f"a{agent}"))
 
     def _links(self, host: str) -> list[str]:
+        lease = ["--lease-ms", str(self.lease_ms)]
         if self.way == "router":
-            return ["--client", "--connect", self.endpoint("router")]
+            return [*lease, "--client", "--connect", self.endpoint("router")]
         connect = [] if host == "target" else ["--connect", self.endpoint("target")]
-        return [*connect, "--listen", self.endpoint(host)]
+        return [*lease, *connect, "--listen", self.endpoint(host)]
 
     def wait_until_recorded(self, size: int = 20_000) -> None:
         self.world.wait_for_messages(size)
