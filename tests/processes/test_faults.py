@@ -161,7 +161,11 @@ def test_a_killed_and_a_stopped_process_come_back_and_the_bits_are_the_simulator
     ]
     run(world, EVERY_KIND | {"steps": 40, "fault": fault})
     events = [(event["kind"], event["data"]) for event in read_trace(world.log).events if event["kind"] != "finished"]
-    told = [(kind, data.get("agent"), data.get("step")) for kind, data in events if kind not in {"rejected", "fault", "here"}]
+    told = [
+        (kind, data.get("agent"), data.get("step"))
+        for kind, data in events
+        if kind not in {"rejected", "fault", "here"}
+    ]
     assert told[1:] == [
         ("killed", 1, 10),
         ("joined", 1, 20),
