@@ -37,6 +37,13 @@ def test_after_a_crash_an_agent_is_back_among_its_neighbours(kind):
     error = np.linalg.norm(trace.estimates[:, :, :3] - trace.truth[:, :3], axis=2)
     others = np.delete(error, 2, axis=0)[:, 99]
     assert error[2, 99] <= 1.1 * others.max()
+    # What nobody sent, or nobody was there to hear, is not lost.
+    links = trace.links
+    touched = (links.source == 2) | (links.destination == 2)
+    messages = links.sent[~touched].max() // 120
+    assert not links.lost.any()
+    assert (links.sent[touched] == 90 * messages).all()
+    assert (links.sent[~touched] == 120 * messages).all()
 
 
 def test_a_paused_agent_goes_on_from_what_it_knew():

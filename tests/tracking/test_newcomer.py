@@ -2,9 +2,13 @@
 
 import numpy as np
 
+from zenoh_cbef.scenario.build import filter_of
+from zenoh_cbef.scenario.load import parse
+from zenoh_cbef.tracking.consensus import Average
 from zenoh_cbef.tracking.filters import Belief
 from zenoh_cbef.tracking.newcomer import belief_from
-from zenoh_cbef.tracking.ranging import Space
+from zenoh_cbef.tracking.ranging import Measurement, Space
+from zenoh_cbef.tracking.tracker import Tracker
 
 RNG = np.random.default_rng(3)
 INITIAL = Belief(np.full((2, 6), 7.0), np.tile(9.0 * np.eye(6), (2, 1, 1)))
@@ -50,3 +54,24 @@ def test_a_row_does_not_depend_on_padding():
     )
     assert narrow.state.tobytes() == wide.state.tobytes()
     assert narrow.known_covariance.tobytes() == wide.known_covariance.tobytes()
+
+
+def test_some_rows_begin_anew_and_the_others_go_on():
+    scenario = parse({"agents": {"count": 3}, "filter": {"kind": "sicf"}}, "test")
+    given = np.arange(3.0)[:, None] * np.ones((3, 6))
+    elsewhere = Belief(np.full((3, 6), 5.0), np.tile(0.01 * np.eye(6), (3, 1, 1)))
+    nobody = np.empty((3, 0, 3)), np.empty((3, 0))
+    measurement = Measurement(np.zeros((3, 3)), np.full(3, 6.0), np.zeros(3), *nobody)
+
+    def payload(belief: Belief, adopted: np.ndarray | None = None) -> np.ndarray:
+        tracker = Tracker(filter_of(scenario), Average(np.zeros((3, 0))), Space(), belief)
+        if adopted is not None:
+            tracker.adopt(elsewhere, adopted)
+        return tracker.measure(measurement)
+
+    former = Belief(given, np.tile(np.eye(6), (3, 1, 1)))
+    rows = np.array([False, True, False])
+    mixed = payload(former, rows)
+    assert mixed[~rows].tobytes() == payload(former)[~rows].tobytes()
+    assert mixed[rows].tobytes() == payload(elsewhere)[rows].tobytes()
+    assert (payload(former)[rows] != payload(elsewhere)[rows]).any()
