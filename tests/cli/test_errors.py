@@ -132,3 +132,11 @@ def test_a_new_scenario_can_be_checked_and_is_not_overwritten(monkeypatch, capsy
 def test_the_module_and_the_command_are_the_same_program():
     done = subprocess.run([sys.executable, "-m", "zenoh_cbef", "--version"], capture_output=True, text=True, check=True)
     assert done.stdout.startswith("zenoh-cbef ")
+
+
+def test_numbers_out_of_proportion_end_in_a_sentence(monkeypatch, capsys):
+    absurd = ["--set", "steps=30", "--set", "filter.acceleration_std=1e20"]
+    status, _, err = call(monkeypatch, capsys, "sim", "tracking", *absurd)
+    assert status == 2
+    assert "zenoh-cbef: the arithmetic breaks down" in err
+    assert "Traceback" not in err

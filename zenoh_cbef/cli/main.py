@@ -77,3 +77,12 @@ def main() -> None:
     except BrokenPipeError:
         sys.stderr.close()
         sys.exit(1)
+    except (OverflowError, ValueError) as error:
+        # NumPy's LinAlgError is one of them, and NumPy is not imported for this.
+        if not isinstance(error, OverflowError) and type(error).__name__ != "LinAlgError":
+            raise
+        sys.stderr.write(
+            f"zenoh-cbef: the arithmetic breaks down ({error}): some number of the scenario is far out of proportion; "
+            "look at standard deviations, dt and positions\n"
+        )
+        sys.exit(2)
