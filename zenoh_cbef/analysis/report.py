@@ -200,12 +200,16 @@ def _summary(analysis: Analysis) -> str:
             continue
         low, high = found["band"]
         rows.append([f"{name}, average", f"{number(found['average'])}, expected {found['dimension']}"])
-        rows.append([f"{name} inside {low:.3g} to {high:.3g}", f"{100.0 * found['inside']:.1f} %, expected 95 %"])
+        rows.append([f"{name} inside {low:.3g} to {high:.3g}", f"{_percent(found['inside'])}, expected 95 %"])
     traffic = [[f"messages {key}", f"{count:,}".replace(",", "\u2009")] for key, count in messages.items()]
     if not any(messages.values()):
         traffic = [["messages", "none logged: a simulated run"]]
     tables = table("Honesty and agreement", [], rows) + table("Traffic", [], traffic)
     return f'{table(caption, heads, errors)}<div class="pair">{tables}</div>{_each_agent(analysis)}'
+
+
+def _percent(share: float | None) -> str:
+    return "none" if share is None else f"{100.0 * share:.1f} %"
 
 
 def _each_agent(analysis: Analysis) -> str:

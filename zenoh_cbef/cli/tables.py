@@ -35,7 +35,8 @@ def metrics_table(metrics: dict[str, Any]) -> Table:
     for name in ("nees", "nis"):
         found = metrics[name]
         if found is not None:
-            inside = "{:.0%} in [{:.3g}, {:.3g}]".format(found["inside"], *found["band"])
+            share = "-" if found["inside"] is None else f"{found['inside']:.0%}"
+            inside = "{} in [{:.3g}, {:.3g}]".format(share, *found["band"])
             table.add_row(name.upper(), number(found["average"]), f"ideal {found['dimension']}", inside)
     if (bias := metrics["bias"]) is not None:
         known = [value for value in bias["agents"] if value is not None]
