@@ -5,7 +5,10 @@ BIN := .venv/bin
 PIP := .venv/bin/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 READY := .venv/.installed
 
-.PHONY: demo test install lint types unit format benchmarks clean
+.PHONY: help demo test install lint types unit format benchmarks clean
+
+help:  ## what can be made
+	@sed -n 's/^\([a-z]*\):.*## \(.*\)/\1\t\2/p' $(MAKEFILE_LIST)
 
 demo: install  ## run the default scenario, and say where log and report are
 	$(BIN)/zenoh-cbef run tracking
@@ -19,25 +22,25 @@ $(READY): pyproject.toml constraints.txt
 	$(PYTHON) -m venv .venv
 	$(PIP) --upgrade pip
 	$(PIP) hatchling editables
-	$(PIP) --no-build-isolation --editable '.[report,lz4,experiment,security,viz]' --group dev
+	$(PIP) --no-build-isolation --editable '.[report,lz4,experiment,viz]' --group dev
 	touch $(READY)
 
-lint: install
+lint: install  ## ruff: lint and format
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 
-types: install
+types: install  ## mypy, strict
 	$(BIN)/mypy
 
-unit: install
+unit: install  ## all tests
 	$(BIN)/pytest -n 2 --dist loadgroup
 
-format: install
+format: install  ## mend what ruff can mend
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 
 benchmarks: install  ## the figures of docs/benchmarks.md
 	$(BIN)/python -m benchmarks
 
-clean:
+clean:  ## remove what make made
 	rm -rf .venv .mypy_cache .ruff_cache .pytest_cache .hypothesis

@@ -17,8 +17,8 @@ from benchmarks.common import interrupt_on_terminate
 class Benchmark(Protocol):
     """What every module named below has."""
 
-    def run(self, repeats: int, **options: Path | None) -> Iterable[Table]:
-        """Measure, timed parts `repeats` times, and yield tables as they are done. Options are for `filters` alone."""
+    def run(self, repeats: int, **options: Path | float | None) -> Iterable[Table]:
+        """Measure, timed parts `repeats` times, and yield tables as they are done. Few have options."""
 
 
 BENCHMARKS = {
@@ -29,6 +29,7 @@ BENCHMARKS = {
     "recorder": ("recorder_cost", "what the recorder costs the agents"),
     "mcap": ("mcap_speed", "the log's writer and reader against the public library's"),
     "logs": ("log_speed", "a log of a million messages analysed and described; writing, 200-byte messages"),
+    "fuzz": ("fuzz", "a million mutated messages, keys and texts through every decoder, 250 logs through every verb"),
     "kills": ("kills", "200 recorders killed at random moments: what their logs lack"),
     "robust": ("robust", "what sensors and agents that fail cost, 50 seeds"),
     "design": ("design", "errors that `zenoh-cbef design` predicts, against simulations"),
@@ -38,8 +39,11 @@ BENCHMARKS = {
     "faults": ("random_faults", "200 random fault scenarios as processes, each proved by verify"),
     "fault-cost": ("fault_cost", "what faults cost a round of a scenario that has none"),
     "seeds": ("seeds", "1000 seeds of a lossy run: CPU of simulation and analysis; the bits of single runs"),
+    "soak": ("soak", "memory of every process of a realtime run over time; --minutes 60"),
     "method": ("method_figures", "the figures of docs/method.md, written to docs/figures, and their numbers"),
 }
+
+_OPTIONS = {"filters": ("data", "write"), "soak": ("minutes",)}
 
 
 def main() -> None:
@@ -48,6 +52,7 @@ def main() -> None:
     parser.add_argument("--list", action="store_true", help="name them and stop")
     parser.add_argument("--repeats", type=int, default=5, help="how often what is timed is repeated")
     parser.add_argument("--data", type=Path, help="filters: the folder that holds the recorded sets")
+    parser.add_argument("--minutes", type=float, default=10.0, help="soak: how long the run is")
     parser.add_argument("--write", type=Path, help="filters: the page to bring up to date")
     arguments = parser.parse_args()
     # Tables that are piped into a file keep their columns.
@@ -62,8 +67,8 @@ def main() -> None:
     interrupt_on_terminate()
     for name in arguments.names or BENCHMARKS:
         benchmark = cast("Benchmark", importlib.import_module(f"benchmarks.{BENCHMARKS[name][0]}"))
-        options = {"data": arguments.data, "write": arguments.write} if name == "filters" else {}
-        for table in benchmark.run(arguments.repeats, **options):
+        options = _OPTIONS.get(name, ())
+        for table in benchmark.run(arguments.repeats, **{option: getattr(arguments, option) for option in options}):
             console.print(table)
 
 

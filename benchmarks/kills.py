@@ -21,10 +21,12 @@ from benchmarks.common import Children, Row, children, results
 from zenoh_cbef.log.parts import open_log
 from zenoh_cbef.nodes.ports import free_ports
 from zenoh_cbef.protocol.keys import Keys
+from zenoh_cbef.protocol.memory import Memory
 from zenoh_cbef.protocol.outbox import Outbox
 from zenoh_cbef.protocol.session import Connection, open_session
 
 KILLS = 200
+_SENDER = "receiver/probe"
 _AGE = 1.0
 _PAUSE = 0.0005
 
@@ -57,8 +59,9 @@ class Kills:
         self._hubs = [hand.endpoints["target"], here]
         connection = Connection(listen=[here], connect=self._hubs[:1], gossip=False)
         session = self._stack.enter_context(open_session(connection))
-        key = Keys(self._run).event
-        self._events = Outbox(session, key, run=self._run, sender="probe", may_drop=True, clock=time.time_ns)
+        self._key = key = Keys(self._run).event(_SENDER)
+        who = {"run": self._run, "sender": _SENDER}
+        self._events = Outbox(session, key, **who, may_drop=True, clock=time.time_ns, memory=Memory())
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -82,7 +85,7 @@ class Kills:
             killed = time.monotonic()
             recorder.kill()
             recorder.wait()
-        found = {message.sequence for message in open_log(log).messages() if message.channel.topic.endswith("event")}
+        found = {message.sequence for message in open_log(log).messages() if message.channel.topic == self._key}
         first = min(found, default=self._events.sent)
         due = [(seq, killed - at) for seq, at in sent if seq >= first]
         old = [seq for seq, age in due if age > _AGE]

@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from zenoh_cbef.log.run_log import RunLog
+from zenoh_cbef.protocol.bodies import estimate_body
 from zenoh_cbef.protocol.keys import Keys
-from zenoh_cbef.protocol.messages import encode, nan_to_nil, pack_floats
+from zenoh_cbef.protocol.messages import encode, nan_to_nil
 from zenoh_cbef.protocol.round_codec import RoundCodec
 from zenoh_cbef.scenario import Scenario, network
 from zenoh_cbef.scenario.build import message_size
@@ -57,7 +58,8 @@ class MadeLog:
             self._agents(number, step, heard)
         for agent in range(self.scenario.count):
             sent = {key: count for key, count in self._seq.items() if f"/agent/{agent}/" in key}
-            self._send(self.keys.event, f"agent/{agent}", kind="finished", text="", data={"sent": sent})
+            name = f"agent/{agent}"
+            self._send(self.keys.event(name), name, kind="finished", text="", data={"sent": sent})
         self.log.close({"status": "finished"})
 
     def _agents(self, number: int, step: Step, heard: Heard) -> None:
@@ -75,16 +77,12 @@ class MadeLog:
         for agent, neighbours in enumerate(self._neighbours):
             counts: dict[str, Any] = {"neighbours": neighbours, "received": [number * rounds] * len(neighbours)}
             counts |= {name: [0] * len(neighbours) for name in ("lost", "late")} | {"latency": [1e-4] * len(neighbours)}
-            covariance = None if estimate.covariance is None else pack_floats(estimate.covariance[agent])
-            numbers = {name: nan_to_nil(getattr(estimate, name)[agent]) for name in ("innovation", "weight", "nis")}
-            body = {"k": number, "state": estimate.state[agent].tolist(), **numbers}
-            body |= {"nis_degrees": int(estimate.nis_degrees[agent]), **counts, "covariance": covariance}
+            body = estimate_body(number, estimate, agent, agent, counts)
             self._send(self.keys.estimate(agent), f"agent/{agent}", **body)
 
     def _send(self, key: str, sender: str, **body: Any) -> None:
         now = self._tick()
-        name = f"{key} {sender}" if key == self.keys.event else key
-        self.log.add(key, encode(self.run, sender, self._number(name), now, body), now)
+        self.log.add(key, encode(self.run, sender, self._number(key), now, body), now)
 
     def _number(self, name: str) -> int:
         number = self._seq.get(name, 0)

@@ -181,7 +181,7 @@ def saturation(folder: Path) -> Table:
             time = runs[0].trace.time
             _quartiles(axes, time[::2], innovation[:, ::2], colour=colour, label=name, dash=dash)
             axes.set(xlabel="time (s)", title=data, yscale="log", xlim=(0.0, time[-1]))
-            weight = np.array([run.trace.weight[:, 0].mean() for run in runs])
+            weight = np.array([run.trace.diagnostics.weight[:, 0].mean() for run in runs])
             steps = (1, 3, 10, 30, 300)
             values = [_median(innovation[:, k - 1]) for k in steps]
             rows.append([f"{name}, {data}", *values, _median(weight), _median(position_mse(runs))])

@@ -136,7 +136,7 @@ def saturation() -> dict[str, tuple[list[Analysis], list[Analysis]]]:
 
 def innovations(runs: Sequence[Analysis]) -> Floats:
     """Mean over the agents of the innovation's norm, (seeds, K), m^2."""
-    return np.stack([run.trace.innovation.mean(axis=0) for run in runs])
+    return np.stack([run.trace.diagnostics.innovation.mean(axis=0) for run in runs])
 
 
 def rounds(acceleration: str) -> list[Spread]:

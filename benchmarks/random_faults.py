@@ -75,7 +75,7 @@ def outcome(scenario: dict[str, Any], folder: Path) -> str:
     if done.returncode != 0:
         return f"failed: {done.stderr.strip().splitlines()[-1:]}"
     trace = read_trace(log)
-    told = ~np.isnan(trace.weight)
+    told = ~np.isnan(trace.diagnostics.weight)
     if not np.isfinite(trace.estimates[told]).all():
         return "not finite"
     verdict = verify(log)

@@ -11,6 +11,7 @@ import tempfile
 import time
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,8 +79,8 @@ def killed_and_started_again(mode: str) -> tuple[float, float]:
             if one.channel.topic.endswith(f"agent/{AGENT}/estimate") and one.publish_time > began
         )
         trace = read_trace(log)
-        [joined] = [event["data"] for event in trace.events if event["kind"] == "joined"]
-        return 1e-9 * (first - began), against_neighbours(trace, joined["step"])  # type: ignore[index]
+        [joined] = [cast("dict[str, int]", one["data"]) for one in trace.events if one["kind"] == "joined"]
+        return 1e-9 * (first - began), against_neighbours(trace, joined["step"])
 
 
 def _started(*arguments: str) -> subprocess.Popen[bytes]:

@@ -13,9 +13,10 @@ ROOT = Path(__file__).resolve().parents[1]
 # The benchmarks are part of the repository, not of the installed package.
 sys.path.insert(0, str(ROOT))
 
-from benchmarks import accuracy, held_out, method_studies  # noqa: E402
+from benchmarks import accuracy, fuzz, held_out, method_studies, soak  # noqa: E402
 from benchmarks.__main__ import BENCHMARKS  # noqa: E402
 from benchmarks.common import analyses, at_least, below, children  # noqa: E402
+from benchmarks.fuzz_logs import fuzz_logs  # noqa: E402
 from zenoh_cbef.datasets import read_dataset  # noqa: E402
 from zenoh_cbef.scenario.load import load  # noqa: E402
 
@@ -166,3 +167,42 @@ def test_a_made_up_set_has_the_bias_noise_and_outliers_it_claims(tmp_path):
     # Outliers are late only.
     assert high - np.median(errors) > 1.3 * (np.median(errors) - low)
     assert dataset.interval == pytest.approx(1.0 / np.mean(kind.rate), rel=0.05)
+
+
+def test_a_slope_is_known_no_better_than_its_samples_allow():
+    noise = np.random.default_rng(1).normal(size=1000)
+    flat = [(float(second), 100.0 + wobble) for second, wobble in enumerate(noise)]
+    growing = [(second, size + 0.02 * second) for second, size in flat]
+    rate, half = soak.slope(flat)
+    assert abs(rate) < half < 0.001
+    rate, half = soak.slope(growing)
+    assert rate - half > 0.019
+    # One that wanders is not as sure of it as its many samples make it look.
+    size, wandering = 0.0, []
+    for second, step in enumerate(noise):
+        size = 0.9 * size + step
+        wandering.append((float(second), size))
+    rate, half = soak.slope(wandering)
+    assert abs(rate) < half
+    assert half > 0.002
+    assert np.isnan(soak.slope(flat[:3])[0])
+
+
+def test_whatever_is_fed_into_a_decoder_is_accepted_or_refused(tmp_path):
+    found = fuzz.feed(tmp_path, 1000, 320)
+    assert [end for each in found.values() for end in each if end.startswith("crash")] == []
+    # Otherwise nothing was looked at beyond the first check.
+    assert all(each["accepted"] for each in found.values())
+
+
+def test_every_verb_ends_with_a_status_on_mutated_logs(tmp_path):
+    ends = fuzz_logs(tmp_path, 5, range(3))
+    assert {"check", "verify", "analyze", "timeline", "recover", "playlist"} <= ends.keys()
+    assert {end for each in ends.values() for end in each} <= {f"status {status}" for status in range(4)}
+
+
+def test_a_crash_is_told_as_one():
+    def broken(_):
+        raise IndexError("of no list")
+
+    assert fuzz.through(broken, None).startswith("crash: IndexError at test_benchmarks.py")

@@ -7,6 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from zenoh_cbef.analysis.design import design
+from zenoh_cbef.analysis.metrics import analyze
 from zenoh_cbef.datasets import read_dataset
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.scenario.build import motion_of, settings_of
@@ -111,6 +113,14 @@ def test_step_zero_is_one_step_before_the_first_range(tmp_path):
     assert dataset.steps(100.0) == 1
 
 
+def test_a_byte_order_mark_is_no_part_of_the_header(tmp_path):
+    folder = write(tmp_path)
+    plain = read_dataset(folder)
+    for path in folder.glob("*.csv"):
+        path.write_text("\ufeff" + path.read_text(encoding="utf-8"), encoding="utf-8")
+    assert read_dataset(folder).ranges.tolist() == plain.ranges.tolist()
+
+
 def test_negative_ranges_are_left_out(tmp_path):
     dataset = read_dataset(write(tmp_path, ranges=RANGES + "10.3,7,-1\n"))
     assert len(dataset.ranges) == 5
@@ -139,6 +149,9 @@ def test_negative_ranges_are_left_out(tmp_path):
             {"ranges": "t,anchor_id,range\n1,3.5,2\n"},
             "ranges.csv has an anchor id that is not a whole number",
         ),
+        ({"anchors": "id,x,y,z\n1,1e300,0,0\n"}, "anchors.csv has 1e+300 in the column x, which takes at most 1e+07"),
+        ({"truth": "t,x,y,z\n-1e300,0,0,0\n"}, "truth.csv has -1e+300 in the column t, which takes at most 1e+12"),
+        ({"ranges": "t,anchor_id,range\n0,1,1e200\n"}, "ranges.csv has 1e+200 in the column range"),
         ({"anchors": "id,x,y,z\n1e300,0,0,0\n"}, "anchors.csv has an anchor id that is not a whole number"),
         ({"anchors": ANCHORS + "3,1,1,1\n"}, "anchors.csv names an anchor twice"),
         ({"truth": "t,x,y,z\n"}, "truth.csv has no rows"),
@@ -257,3 +270,40 @@ def test_recorded_sets_use_almost_all_of_their_ranges(name):
     [trace] = simulate([scenario.model_copy(update={"steps": 200})])
     assert np.isfinite(trace.estimates).all()
     assert (trace.estimates[:, :, 2] == height).all()
+
+
+def recorded(folder, truth):
+    """Forty steps of ranges of a target at rest; truth: times at which its place is known, s."""
+    rows = "".join(f"{0.1 * step:.1f},{(3, 7)[step % 2]},2.0\n" for step in range(40))
+    places = "".join(f"{time:.3f},1,1,1\n" for time in truth)
+    write(folder, ranges="t,anchor_id,range\n" + rows, truth="t,x,y,z\n" + places)
+    return ["target.motion=dataset", f'target.path="{folder}"', "network.graph=complete", "dt=0.1"]
+
+
+def test_only_steps_of_which_the_truth_is_known_are_scored(tmp_path):
+    scenario = load("tracking", recorded(tmp_path / "set", np.arange(0.0, 1.01, 0.05))).scenario
+    [trace] = simulate([scenario])
+    known = np.isfinite(trace.truth).all(axis=1)
+    assert known.tolist() == [step <= 11 for step in range(1, 41)], "step 1 ends at the first range, at 0 s"
+    assert trace.truth[known, 3:] == pytest.approx(0.0), "at the ends of the truth, too, velocities are whole"
+    metrics = analyze([trace])[0].metrics
+    assert metrics["scored"]["steps"] == [[3, 11]]
+    assert metrics["ratio_to_centralized"] is not None
+    assert "the truth is not known in steps 12 to 40" in metrics["lacks"][0]
+    assert any("covers 11 of 40 steps" in warning for warning in check(scenario))
+    assert np.isfinite(design(scenario, search=False)["centralized"]["position_rmse"])
+
+
+def test_a_gap_in_the_truth_is_not_bridged(tmp_path):
+    times = [time for time in np.arange(0.0, 4.01, 0.05) if not 1.0 < time < 3.0]
+    [trace] = simulate([load("tracking", recorded(tmp_path / "set", times)).scenario])
+    known = np.isfinite(trace.truth).all(axis=1)
+    assert not known[12:29].any()
+    assert known[:10].all()
+    assert known[32:].all()
+
+
+@pytest.mark.parametrize("shift", [1.7e9, 5.0])
+def test_a_truth_on_another_clock_is_refused(tmp_path, shift):
+    with pytest.raises(UserError, match=r"truth\.csv has no position in the 40 steps .* bring both to one clock"):
+        load("tracking", recorded(tmp_path / "set", shift + np.arange(0.0, 4.0, 0.05)))

@@ -1,6 +1,8 @@
 """The documentation names what there is: keys, verbs, files."""
 
+import os
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -12,7 +14,7 @@ import pytest
 from pydantic import BaseModel
 
 from tests.log.made import made_log
-from zenoh_cbef.cli.main import build
+from zenoh_cbef.cli.verbs import build
 from zenoh_cbef.faults import AnyFault
 from zenoh_cbef.protocol.keys import Keys
 from zenoh_cbef.protocol.messages import BODIES, ENVELOPE
@@ -91,13 +93,15 @@ def test_every_key_expression_and_message_field_is_documented():
         keys.scenario,
         keys.control,
         keys.truth,
-        keys.event,
+        keys.event("{sender}"),
         keys.faults,
         keys.replay,
         keys.all_live.replace("**", "{role}/{name}"),
     ]
     # The keys of an agent take its number; the page writes {id} for it.
-    named += [one(7).replace("/7", "/{id}") for one in (keys.beacon, keys.range, keys.round, keys.estimate)]
+    named += [
+        one(7).replace("/7", "/{id}") for one in (keys.beacon, keys.signal, keys.range, keys.round, keys.estimate)
+    ]
     for key in named:
         assert f"`{key}`" in page, key
     for field in [*ENVELOPE, *(field for body in BODIES.values() for field in body)]:
@@ -141,6 +145,46 @@ def test_the_example_of_a_new_filter_works_as_it_stands(monkeypatch):
     assert np.median(errors) < 1.0
 
 
+STEP_LOSS = """
+import sys
+from zenoh_cbef.scenario.load import load
+from zenoh_cbef.simulator import simulate
+settings = ["steps=40", "consensus.rounds=3", 'fault=[{kind="step-loss", probability=0.5, links="agent:1"}]']
+[trace] = simulate([load("tracking", settings).scenario])
+links = trace.links
+for link in zip(links.source, links.destination, links.sent, links.lost, links.injected_lost, strict=True):
+    print(*link)
+"""
+
+
+def test_the_example_of_a_new_fault_works_in_a_copy_of_the_package(tmp_path):
+    page = read("docs/adding-a-fault.md")
+    code, beginning = re.findall(r"^```python\n(.*?)^```", page, re.DOTALL | re.MULTILINE)
+    package = shutil.copytree(ROOT / "zenoh_cbef", tmp_path / "zenoh_cbef")
+    (named,) = re.findall(r"^`zenoh_cbef/(.+\.py)`:$", page, re.MULTILINE)
+    (package / named).write_text(code, encoding="utf-8")
+    union = package / "faults" / "__init__.py"
+    text = union.read_text(encoding="utf-8")
+    old = "AnyFault = Annotated[\n    Loss\n"
+    assert old in text
+    imported = "from zenoh_cbef.faults.step_loss import StepLoss\n"
+    union.write_text(text.replace(old, imported + beginning), encoding="utf-8")
+    environment = os.environ | {"PYTHONPATH": str(tmp_path)}
+    done = subprocess.run(
+        [sys.executable, "-c", STEP_LOSS], capture_output=True, text=True, cwd=tmp_path, env=environment, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    links = [list(map(int, line.split())) for line in done.stdout.splitlines()]
+    assert links
+    for source, destination, sent, lost, injected in links:
+        assert lost == injected
+        if 1 in (source, destination):
+            assert 0 < lost < sent
+            assert lost % (sent // 40) == 0, "a step is lost as a whole"
+        else:
+            assert lost == 0
+
+
 def test_the_example_reader_needs_mcap_and_msgpack_alone_and_is_what_the_page_shows(tmp_path):
     example = ROOT / "docs" / "examples" / "read_log.py"
     code = example.read_text(encoding="utf-8")
@@ -158,6 +202,20 @@ def test_the_example_reader_needs_mcap_and_msgpack_alone_and_is_what_the_page_sh
         *map("agent/{}".format, range(3)),
     ]
     assert re.fullmatch(r"agent/1 step 7( -?\d+\.\d{3}\+-\d+\.\d{3}){3}", lines[3])
+
+
+def test_named_files_of_the_package_exist():
+    for path in PAGES:
+        text = path.read_text(encoding="utf-8")
+        made = re.findall(r"^`(.+)`:$", text, re.MULTILINE)  # above the code of a file that the reader makes
+        for name in re.findall(r"`((?:zenoh_cbef|tests|benchmarks|deploy)/[\w./-]+)`", text):
+            assert name in made or (ROOT / name).exists(), f"{path.name}: {name}"
+
+
+def test_the_pages_name_the_files_that_have_what_they_speak_of():
+    page = read("docs/adding-a-filter.md")
+    for name, file in re.findall(r"`(\w+)` (?:of|in) `(zenoh_cbef/[\w/.]+)`", page):
+        assert re.search(rf"^(class|def) {name}\b", read(file), re.MULTILINE), f"{name} is not in {file}"
 
 
 def test_documentation_names_no_place_of_the_machine_it_was_written_on():

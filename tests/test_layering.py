@@ -22,8 +22,8 @@ LEVELS = (
     ("protocol", "scenario"),
     ("faults",),
     ("datasets", "tracking"),
-    ("streams",),
-    ("errors", "__init__"),
+    ("streams", "extras", "numbers", "quantities", "plain"),
+    ("errors", "words", "__init__"),
 )
 LEVEL = {part: level for level, parts in enumerate(LEVELS) for part in parts}
 OWNERS = {

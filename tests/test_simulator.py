@@ -28,10 +28,6 @@ PARTS = (
     "initial",
     "estimates",
     "covariances",
-    "innovation",
-    "weight",
-    "nis",
-    "nis_degrees",
 )
 
 
@@ -67,6 +63,8 @@ FILTERS = (
 def assert_same(first, second):
     for part in PARTS:
         assert getattr(first, part).tobytes() == getattr(second, part).tobytes(), part
+    for name, values in first.diagnostics.named().items():
+        assert values.tobytes() == second.diagnostics.named()[name].tobytes(), name
     counts = ("sent", "delivered", "lost", "late", "injected_lost", "injected_late", "corrupted", "duplicated")
     for part in ("source", "destination", *counts):
         assert getattr(first.links, part).tolist() == getattr(second.links, part).tolist(), part
@@ -284,8 +282,8 @@ def test_a_trace_holds_the_run():
     assert steps == [1, 2, 3, 4, 5]
     assert trace.payloads.shape == (5, 5, 4, 27)
     assert trace.covariances.shape == (5, 5, 6, 6)
-    np.testing.assert_array_equal(np.isnan(trace.innovation), np.isnan(trace.ranges))
-    np.testing.assert_array_equal(np.isnan(trace.weight), np.isnan(trace.ranges))
+    np.testing.assert_array_equal(np.isnan(trace.diagnostics.innovation), np.isnan(trace.ranges))
+    np.testing.assert_array_equal(np.isnan(trace.diagnostics.weight), np.isnan(trace.ranges))
     assert trace.scenario == one
     assert simulate([one])[0].payloads is None
 

@@ -11,10 +11,15 @@ from numpy.typing import NDArray
 
 from zenoh_cbef.errors import UserError
 
+Bools = NDArray[np.bool_]
 Floats = NDArray[np.float64]
 
 _COLUMNS = {"anchors": "id,x,y,z", "ranges": "t,anchor_id,range", "truth": "t,x,y,z"}
 _VELOCITY_BASE = 0.1
+_LARGEST_GAP, _MANY_INTERVALS = 1.0, 10.0
+"""Between true positions that are further apart than so many s, and than so many usual intervals, nothing is known."""
+_MOST = {"t": 1e12, "x": 1e7, "y": 1e7, "z": 1e7, "range": 1e7}
+"""The largest size of a column's numbers, s and m: that of a scenario's coordinates."""
 
 
 @dataclass(frozen=True)
@@ -48,15 +53,29 @@ class Dataset:
         median = float(np.median(np.concatenate([np.diff(each) for each in times] or [[np.inf]])))
         return median if 0.0 < median < np.inf else None
 
+    def knows_truth(self, times: Floats) -> Bools:
+        """Whether dataset times (k,) lie between two true positions that are near enough to each other, (k,)."""
+        after = np.clip(np.searchsorted(self.truth_time, times), 1, max(1, len(self.truth_time) - 1))
+        gaps = np.append(np.diff(self.truth_time), 0.0)
+        largest = max(_LARGEST_GAP, _MANY_INTERVALS * float(np.median(gaps[:-1]))) if len(gaps) > 1 else 0.0
+        inside = (times >= self.truth_time[0]) & (times <= self.truth_time[-1])
+        return np.asarray(inside & (gaps[after - 1] <= largest))
+
     def truth_at(self, times: Floats) -> Floats:
-        """True states (k, 6) at dataset times (k,), velocities by central differences."""
+        """True states (k, 6) at dataset times (k,), NaN where the truth is not known.
+
+        Velocities are central differences, and one-sided ones at the ends of what is known.
+        """
         base = _VELOCITY_BASE
 
         def position(at: Floats) -> Floats:
             return np.stack([np.interp(at, self.truth_time, self.truth[:, axis]) for axis in range(3)], axis=1)
 
-        velocity = (position(times + base) - position(times - base)) / (2.0 * base)
-        return np.concatenate([position(times), velocity], axis=1)
+        earlier, later = (np.where(self.knows_truth(at), at, times) for at in (times - base, times + base))
+        span = np.where((earlier < times) & (later > times), 2.0 * base, later - earlier)
+        velocity = (position(later) - position(earlier)) / np.where(span > 0.0, span, np.inf)[:, None]
+        state = np.concatenate([position(times), velocity], axis=1)
+        return np.where((self.knows_truth(times) & (span > 0.0))[:, None], state, np.nan)
 
     def beacons(self, times: Floats) -> tuple[Floats, Floats]:
         """The ranges laid onto steps that end at dataset times (k,): (emission time, range), both (n, k).
@@ -126,9 +145,9 @@ def _read(folder: Path, name: str) -> Floats:
     path, columns = folder / f"{name}.csv", _COLUMNS[name]
     if not path.is_file():
         raise UserError(f"{path} is missing; a dataset folder holds anchors.csv, ranges.csv and truth.csv")
-    lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
+    lines = path.read_text(encoding="utf-8-sig", errors="replace").splitlines()
     if not lines or lines[0].replace(" ", "") != columns:
-        raise UserError(f"{path} does not begin with the header {columns}; see docs/datasets.md")
+        raise UserError(f"{path} does not begin with the header {columns}, with commas between; see docs/datasets.md")
     filled = [line for line in lines[1:] if line.strip()]
     try:
         rows = np.loadtxt(filled, delimiter=",", ndmin=2, comments=None) if filled else np.empty((0, 0))
@@ -138,4 +157,11 @@ def _read(folder: Path, name: str) -> Floats:
         raise UserError(f"{path} has no rows; a dataset needs at least one of {columns}")
     if rows.shape[1] != columns.count(",") + 1 or not np.isfinite(rows).all():
         raise UserError(f"{path} has rows that are not {columns} in finite numbers; mend them")
+    for column, values in zip(columns.split(","), rows.T, strict=True):
+        most = _MOST.get(column, np.inf)
+        if (np.abs(values) > most).any():
+            worst = values[np.abs(values).argmax()]
+            raise UserError(
+                f"{path} has {worst:g} in the column {column}, which takes at most {most:g}, in s or m; mend it"
+            )
     return np.asarray(rows)

@@ -1,4 +1,4 @@
-"""The one error type for a user's mistakes."""
+"""The one error type for a user's mistakes, and the one for Ctrl-C."""
 
 
 class UserError(Exception):
@@ -6,3 +6,7 @@ class UserError(Exception):
 
     The command line prints it without a traceback and exits with status 2.
     """
+
+
+class Interrupted(BaseException):
+    """The user pressed Ctrl-C: as KeyboardInterrupt, which libraries for command lines answer by themselves."""

@@ -12,9 +12,12 @@ from numpy.typing import NDArray
 from zenoh_cbef.faults import Fate, Fates
 from zenoh_cbef.scenario import Scenario
 from zenoh_cbef.scenario.build import absences_of, batch_tracker, fates_of, outgoing_of, rounds_of
+from zenoh_cbef.scenario.plausible import Plausible, plausible_ranges
+from zenoh_cbef.scenario.size import refuse_a_trace_beyond_memory
 from zenoh_cbef.scenario.start import initial_states
 from zenoh_cbef.scenario.world import World, make_world
 from zenoh_cbef.trace import LinkCounts, Links, Trace, Traffic
+from zenoh_cbef.tracking.diagnostics import Diagnostics
 from zenoh_cbef.tracking.graph import Neighbours
 from zenoh_cbef.tracking.newcomer import belief_from
 from zenoh_cbef.tracking.ranging import Measurement
@@ -52,18 +55,23 @@ class Step:
     absent: Bools
 
 
-def measured(scenario: Scenario, emitted: Floats, arrived: Floats, step: int | Floats) -> tuple[Floats, Floats]:
-    """Range (m) and age (s) that agents take from beacon times; NaN where no beacon was heard.
+def measured(
+    scenario: Scenario, plausible: Plausible, emitted: Floats, arrived: Floats, step: int | Floats
+) -> tuple[Floats, Floats]:
+    """Range (m) and age (s) that agents take from beacon times; NaN where none was heard, or none that is plausible.
 
     The one place with this arithmetic, for processes and simulator alike. step counts from 1.
     """
-    return scenario.sensor.signal_speed * (arrived - emitted), step * scenario.dt - emitted
+    with np.errstate(over="ignore", invalid="ignore"):  # times can be forged
+        ranges, age = scenario.sensor.signal_speed * (arrived - emitted), step * scenario.dt - emitted
+    holds = plausible.holds(ranges, age)
+    return np.where(holds, ranges, np.nan), np.where(holds, age, np.nan)
 
 
 def heard_in(scenario: Scenario, world: World) -> Heard:
     """What one world's receivers measured."""
     steps = np.arange(1, scenario.length + 1, dtype=np.float64)
-    ranges, age = measured(scenario, world.emitted, world.arrived, steps)
+    ranges, age = measured(scenario, plausible_ranges(scenario), world.emitted, world.arrived, steps)
     return Heard(world.positions, ranges, np.where(np.isfinite(age), age, 0.0))
 
 
@@ -178,6 +186,7 @@ def simulate(
 
     heard: measurements in place of the emulated ones. progress is called with each finished step.
     """
+    refuse_a_trace_beyond_memory(scenarios[0], len(scenarios))
     worlds = [make_world(one) for one in scenarios]
     heard = heard or [heard_in(one, world) for one, world in zip(scenarios, worlds, strict=True)]
     size = max(1, _BLOCK // scenarios[0].count)
@@ -222,12 +231,7 @@ class _Results:
         self._shape = rows, steps = len(simulation.neighbours.index), simulation.scenario.length
         self.estimates = np.empty((rows, steps, 6))
         self.covariances = np.full((rows, steps, 6, 6), np.nan)
-        self.innovation = np.empty((rows, steps))
-        self.weight = np.empty((rows, steps))
-        self.nis = np.empty((rows, steps))
-        self.nis_degrees = np.empty((rows, steps), dtype=np.int64)
-        self.distrust = np.empty((rows, steps))
-        self.bias = np.empty((rows, steps, 3))
+        self.diagnostics = Diagnostics.of(rows, steps)
         self.payloads: Floats | None = None
 
     def put(self, k: int, step: Step, *, keep_payloads: bool) -> None:
@@ -236,9 +240,7 @@ class _Results:
         self.estimates[:, k] = estimate.state
         if estimate.covariance is not None:
             self.covariances[:, k] = estimate.covariance
-        self.innovation[:, k], self.weight[:, k] = estimate.innovation, estimate.weight
-        self.nis[:, k], self.nis_degrees[:, k] = estimate.nis, estimate.nis_degrees
-        self.distrust[:, k], self.bias[:, k] = estimate.distrust, estimate.bias
+        self.diagnostics.put((slice(None), k), estimate.diagnostics)
         if keep_payloads and step.sent:
             if self.payloads is None:
                 self.payloads = np.empty((*self._shape, len(step.sent), step.sent[0].shape[1]))
@@ -247,10 +249,10 @@ class _Results:
             self._leave_out(k, step.absent)
 
     def _leave_out(self, k: int, absent: Bools) -> None:
-        """Who is not there says nothing."""
-        for values in (self.estimates, self.covariances, self.innovation, self.weight, self.nis, self.distrust):
+        """An agent that is not there says nothing."""
+        for values in (self.estimates, self.covariances):
             values[absent, k] = np.nan
-        self.bias[absent, k], self.nis_degrees[absent, k] = np.nan, 0
+        self.diagnostics.put((absent, k), Diagnostics.of(int(absent.sum())))
         if self.payloads is not None:
             self.payloads[absent, k] = np.nan
 
@@ -269,12 +271,7 @@ class _Results:
             initial=initial_states(scenario),
             estimates=self.estimates[mine],
             covariances=self.covariances[mine],
-            innovation=self.innovation[mine],
-            weight=self.weight[mine],
-            nis=self.nis[mine],
-            nis_degrees=self.nis_degrees[mine],
-            distrust=self.distrust[mine],
-            bias=self.bias[mine],
+            diagnostics=self.diagnostics.each(lambda values: values[mine]),
             edges=np.stack([links.destination[upward], links.source[upward]], axis=1),
             links=links,
             traffic=Traffic(0, 0, 0, 0),

@@ -68,6 +68,8 @@ class LinkStreams:
         self._links, self._lanes = (seed, source, destination), lanes
         self._keys: dict[str, Keys] = {}
         self._drawn: dict[str, tuple[int, Floats]] = {}
+        # For chains whose states follow from draws: the place of the latest one, by purpose, and the states (e,).
+        self.states: dict[str, tuple[int, NDArray[np.bool_]]] = {}
 
     def key(self, purpose: str) -> Keys:
         """The keys of the streams of one purpose."""

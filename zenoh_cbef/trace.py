@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 
 from zenoh_cbef.faults import Fate
 from zenoh_cbef.scenario.model import Scenario
+from zenoh_cbef.tracking.diagnostics import Diagnostics
 
 Bools = NDArray[np.bool_]
 Floats = NDArray[np.float64]
@@ -71,6 +73,12 @@ class LinkCounts:
             if np.count_nonzero(struck):
                 self._fates[name] += struck
 
+    @property
+    def delivered(self) -> Ints:
+        """Messages that arrived in time and whole, by link (e,)."""
+        struck = sum(self._fates[name] for name in ("absent", "lost", "late", "corrupted"))
+        return np.asarray(self._sent - struck, dtype=np.int64)
+
     def links(self, mine: slice, source: Ints, destination: Ints) -> Links:
         """The counts of one run's links."""
         first = int(self._present[: mine.start].sum())
@@ -97,7 +105,8 @@ class Traffic:
     """Messages of a whole run: sent (by sequence numbers), recorded, missing from the log, and rejected.
 
     agent_bytes: of the agents' recorded messages together, as they were encoded. gaps: by key, first and last of the
-    numbers that are missing, up to a thousand stretches of each sender.
+    numbers that are missing, up to a thousand stretches of each sender. agents_missing: those of `missing` that agents
+    sent.
     """
 
     sent: int
@@ -105,6 +114,7 @@ class Traffic:
     missing: int
     rejected: int
     agent_bytes: int = 0
+    agents_missing: int = 0
     gaps: dict[str, list[tuple[int, int]]] = field(default_factory=dict)
 
 
@@ -113,12 +123,11 @@ class Trace:
     """One run. Row k-1 of a step axis is step k; n agents, K steps.
 
     time: (K,), s. truth: (K, 6). positions: (n, K, 3). ranges: (n, K), m. age: (n, K), s, of each range at its
-    step. initial: (n, 6), before step 1's update. estimates: (n, K, 6). covariances: (n, K, 6, 6). innovation,
-    weight, nis: (n, K). nis_degrees: (n, K), of freedom, 0 without a NIS. distrust: (n, K), how far each agent
-    distrusted its own range (0 to 1). bias: (n, K, 3), of each agent's ranges: estimate, its standard deviation (m),
-    and how far the state relies on it (0 to 1). edges: (m, 2). NaN where there is nothing. payloads, where kept:
-    (n, K, L, d), as sent. events: what nodes reported, in order. complete: the log
-    was closed, and the run ended as planned.
+    step. initial: (n, 6), before step 1's update. estimates: (n, K, 6). covariances: (n, K, 6, 6).
+    diagnostics: (n, K) each. edges: (m, 2). NaN where there is nothing. payloads, where kept: (n, K, L, d), as sent.
+    events: what nodes reported, in order. unlogged: (n, K), measurements that were made, or may have been, and are not
+    in `ranges`; None where there are none. complete: the log was closed, the run ended as planned, and nothing of it
+    is missing.
     """
 
     name: str
@@ -131,18 +140,21 @@ class Trace:
     initial: Floats
     estimates: Floats
     covariances: Floats
-    innovation: Floats
-    weight: Floats
-    nis: Floats
-    nis_degrees: Ints
-    distrust: Floats
-    bias: Floats
+    diagnostics: Diagnostics
     edges: Ints
     links: Links
     traffic: Traffic
     payloads: Floats | None = None
     events: list[dict[str, object]] = field(default_factory=list)
+    unlogged: Bools | None = None
     complete: bool = True
+
+    @property
+    def measured_steps(self) -> int:
+        """How many steps there are before the first of which a measurement is unlogged."""
+        if self.unlogged is None or not self.unlogged.any():
+            return len(self.time)
+        return int(self.unlogged.any(axis=0).argmax())
 
 
 Fortune = Literal["in time", "duplicated", "lost", "late", "damaged", "missed", "unheard"]
@@ -164,6 +176,13 @@ class Passage:
     sent: float
     ended: float
     fortune: Fortune
+
+
+def began(events: Sequence[Mapping[str, object]]) -> float | None:
+    """When the target started the run, s since the epoch; None where no event says so."""
+    told = (event.get("data") for event in events if event.get("kind") == "started")
+    at = next((data["at"] for data in told if isinstance(data, Mapping) and "at" in data), None)
+    return float(at) if isinstance(at, float | int) else None
 
 
 @dataclass(frozen=True)

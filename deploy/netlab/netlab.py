@@ -4,6 +4,7 @@
     netlab.py up 9                       hosts h0 to h8, at 10.77.0.10 to 10.77.0.18
     netlab.py exec h3 ping -c1 10.77.0.10
     netlab.py link h3 down               pull the cable; "up" puts it back
+    netlab.py mute h3 on                 h3 hears, and is not heard; "off" ends it
     netlab.py partition h0,h1,h2         these on a switch of their own; "heal" joins all again
     netlab.py delay h3 20 --loss 5       20 ms and 5 % on what h3 sends, where the kernel has netem
     netlab.py down                       end every process and remove everything
@@ -30,6 +31,7 @@ FIRST = 10
 PREFIX = "cbef"
 _WHOLE, _APART = "whole", "apart"
 _DEVICE = "eth0"
+_NO_HOST = "02:00:00:00:00:01"
 
 
 class LabError(Exception):
@@ -110,6 +112,15 @@ class Lab:
         """Put a host's cable in, or pull it out."""
         _ip("-n", self._switch, "link", "set", self._port(host), "up" if up else "down")
 
+    def mute(self, host: str, *, on: bool) -> None:
+        """Lose everything that a host sends to the others, and nothing that they send to it; or end that."""
+        for other in self.hosts:
+            if other == host:
+                continue
+            neighbour = ["neigh", "replace" if on else "del", self.address(other), "dev", _DEVICE]
+            # Frames for a hardware address that no host has.
+            _ip("-n", self.space(host), *neighbour, *(["lladdr", _NO_HOST, "nud", "permanent"] if on else []))
+
     def partition(self, apart: Iterable[str]) -> None:
         """Put these hosts on a switch of their own, and all others on the other one; none heals."""
         chosen = set(apart)
@@ -187,6 +198,9 @@ def _arguments() -> argparse.Namespace:
     link = verbs.add_parser("link")
     link.add_argument("host")
     link.add_argument("state", choices=("up", "down"))
+    mute = verbs.add_parser("mute")
+    mute.add_argument("host")
+    mute.add_argument("state", choices=("on", "off"))
     verbs.add_parser("partition").add_argument("apart", metavar="HOST,HOST,...")
     delay = verbs.add_parser("delay")
     delay.add_argument("host")
@@ -208,6 +222,8 @@ def _obey(wanted: argparse.Namespace) -> int:
             return subprocess.run(lab.command(wanted.host, wanted.command), check=False).returncode
         case "link":
             lab.link(wanted.host, up=wanted.state == "up")
+        case "mute":
+            lab.mute(wanted.host, on=wanted.state == "on")
         case "partition" | "heal":
             lab.partition(wanted.apart.split(",") if wanted.verb == "partition" else ())
         case "delay":

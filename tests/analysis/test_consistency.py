@@ -31,7 +31,7 @@ def nees(kind, *overrides):
 
 def nis(kind, *overrides):
     found = runs(kind, *overrides)
-    return over_seeds(np.stack([one.trace.nis for one in found]), 1, found[0].first)
+    return over_seeds(np.stack([one.trace.diagnostics.nis for one in found]), 1, found[0].first)
 
 
 @pytest.mark.parametrize("kind", ["sicf", "icf", "hcmci"])
@@ -123,7 +123,7 @@ def test_an_agents_mean_nis_lies_in_its_own_band():
     [one, *_] = runs("icf")
     metrics = one.metrics["nis"]
     for agent, (low, high) in enumerate(metrics["agents_band"]):
-        count = np.isfinite(one.trace.nis[agent, one.first :]).sum()
+        count = np.isfinite(one.trace.diagnostics.nis[agent, one.first :]).sum()
         assert (low, high) == pytest.approx(chi2_band(1, int(count)))
         assert low * 0.8 < metrics["agents"][agent] < high * 1.2
     assert metrics["dimension"] == 1

@@ -1,6 +1,6 @@
-import builtins
 import dataclasses
 import struct
+import sys
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
@@ -61,20 +61,18 @@ def test_a_label_with_dollar_signs_is_no_formula(tmp_path: Path) -> None:
 
 def test_a_run_without_any_value_still_gives_figures(analysis: Analysis, tmp_path: Path) -> None:
     nothing = np.full_like(analysis.msee, np.nan)
-    silent = dataclasses.replace(analysis, trace=dataclasses.replace(analysis.trace, innovation=nothing), msee=nothing)
+    diagnostics = dataclasses.replace(analysis.trace.diagnostics, innovation=nothing)
+    silent = dataclasses.replace(
+        analysis, trace=dataclasses.replace(analysis.trace, diagnostics=diagnostics), msee=nothing
+    )
 
     assert len(write_figures(silent, tmp_path)) == 6
 
 
-def test_without_matplotlib_the_error_names_the_remedy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    real = builtins.__import__
-
-    def refuse(name: str, *rest: object) -> object:
-        if name.startswith("matplotlib"):
-            raise ImportError(name)
-        return real(name, *rest)
-
-    monkeypatch.setattr(builtins, "__import__", refuse)
+def test_without_matplotlib_the_error_names_the_remedy(
+    analysis: Analysis, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
 
     with pytest.raises(UserError, match=r"pip install 'zenoh-cbef\[report\]'"):
         write_figures(analysis, tmp_path)

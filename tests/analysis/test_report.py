@@ -176,6 +176,21 @@ def test_what_comes_from_the_run_is_escaped(tmp_path: Path) -> None:
     assert page.plots()["msee"]["data"][0]["name"].startswith("agent &lt;/script&gt;")
 
 
+def test_events_have_times_since_the_start_and_short_numbers(tmp_path: Path) -> None:
+    start = 1_700_000_000
+    events = [
+        {"from": "agent/1", "kind": "here", "text": "early", "sent": 10**9 * start - 250_000_000, "data": {}},
+        {"from": "target", "kind": "started", "text": "go", "sent": 10**9 * start, "data": {"at": float(start)}},
+        {"from": "x", "kind": "y", "text": "late", "sent": 10**9 * start + 10**9, "data": {"clock": 0.1 + 0.2}},
+    ]
+    page = page_of(analyze([dataclasses.replace(trace_of(), events=events)])[0], tmp_path)
+    html = (tmp_path / "report.html").read_text(encoding="utf-8")
+    times = re.findall(r"<tr><td>(-?[\d.]+)</td><td>(?:agent/1|target|x)</td>", html)
+    assert times == ["-0.250", "0.000", "1.000"]
+    assert "clock = 0.3" in page.text
+    assert "0.30000000000000004" not in page.text
+
+
 def test_a_filter_without_covariance_has_a_report_without_nees(tmp_path: Path) -> None:
     page = page_of_run(tmp_path, filter={"kind": "cbef"})
 
@@ -186,7 +201,13 @@ def test_a_filter_without_covariance_has_a_report_without_nees(tmp_path: Path) -
 
 def test_an_agent_that_died_leaves_a_gap_and_a_banner(tmp_path: Path) -> None:
     trace = trace_of()
-    for part in (trace.estimates, trace.covariances, trace.innovation, trace.weight, trace.positions):
+    for part in (
+        trace.estimates,
+        trace.covariances,
+        trace.diagnostics.innovation,
+        trace.diagnostics.weight,
+        trace.positions,
+    ):
         part[2, 9:] = np.nan
 
     page = page_of(analyze([dataclasses.replace(trace, complete=False)])[0], tmp_path)
@@ -224,7 +245,7 @@ def test_fault_periods_are_shaded(tmp_path: Path) -> None:
 
 def test_a_long_line_is_thinned_and_keeps_its_peak(tmp_path: Path) -> None:
     analysis = analyze([trace_of(steps=3000, agents={"count": 2}, filter={"kind": "local"})])[0]
-    analysis.trace.innovation[1, 1777] = 1e6
+    analysis.trace.diagnostics.innovation[1, 1777] = 1e6
 
     shown = numbers(page_of(analysis, tmp_path).plots()["innovation"]["data"][1]["y"])
 

@@ -114,6 +114,12 @@ def test_names_are_escaped_and_the_page_fetches_nothing():
     ET.fromstring(page[page.index("<svg") : page.index("</svg>") + 6])
 
 
+def test_events_have_the_times_of_the_axis_not_of_the_picture():
+    page = timeline_html(exchange([]))
+    assert "<td>1.4000 s</td>" in page
+    assert "Times since the start" in page
+
+
 def test_other_formats_are_refused(tmp_path):
     with pytest.raises(UserError, match=r"\.svg for the picture"):
         write_timeline(exchange([]), tmp_path / "x.png")

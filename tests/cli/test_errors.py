@@ -3,8 +3,10 @@
 import socket
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
+from mcap.writer import Writer
 
 from zenoh_cbef.cli import main as command_line
 
@@ -33,6 +35,15 @@ MISTAKES = {
     "no endpoint": (["agent", "1", "--run", "x"], "--connect"),
     "no such endpoint": (["agent", "1", "--run", "x", "--connect", "localhost"], "is no endpoint"),
     "bad run name": (["agent", "1", "--run", "a/b", "--connect", "tcp/127.0.0.1:1"], "run name"),
+    "bad run name, run": (["run", "--run", "a b"], "run name"),
+    "bad run name, reestimate": (["reestimate", "nowhere.mcap", "--run", "a/b"], "run name"),
+    "bad run name, target": (["target", "--run", ".."], "run name"),
+    "bad run name, status": (["status", "--run", "a*"], "run name"),
+    "bad run name, fault": (["fault", "list", "--run", "-a"], "run name"),
+    "bad run name, record": (["record", "--run", "a#", "--connect", "tcp/127.0.0.1:1"], "run name"),
+    "bad run name, health": (["health", "target", "--run", "$*"], "run name"),
+    "long run name": (["stop", "--run", "a" * 250], "use at most 200"),
+    "bad name of a recorder": (["record", "--run", "x", "--name", "a/b", "--connect", "tcp/127.0.0.1:1"], "name name"),
     "nobody answers": (
         ["agent", "1", "--run", "x", "--connect", "tcp/127.0.0.1:9", "--patience", "0.3"],
         "no target of run 'x' answers",
@@ -68,9 +79,21 @@ def test_a_file_that_is_no_mcap_is_refused(monkeypatch, capsys, tmp_path, verb):
     assert "Traceback" not in err
 
 
-def test_a_foreign_mcap_is_described_but_not_analysed(monkeypatch, capsys, tmp_path):
-    from mcap.writer import Writer  # noqa: PLC0415
+def test_an_empty_file_and_a_log_cut_before_its_scenario_are_told_as_such(monkeypatch, capsys, tmp_path):
+    (tmp_path / "empty.mcap").touch()
+    assert (
+        "empty.mcap is no MCAP file: it is empty"
+        in call(monkeypatch, capsys, "analyze", str(tmp_path / "empty.mcap"))[2]
+    )
+    whole = (Path(__file__).parents[1] / "golden" / "sicf.mcap").read_bytes()
+    (tmp_path / "cut.mcap").write_bytes(whole[:1000])
+    status, _, err = call(monkeypatch, capsys, "analyze", str(tmp_path / "cut.mcap"))
+    assert status == 2
+    assert "damaged before its scenario" in err
+    assert "()" not in call(monkeypatch, capsys, "info", str(tmp_path / "cut.mcap"))[1]
 
+
+def test_a_foreign_mcap_is_described_but_not_analysed(monkeypatch, capsys, tmp_path):
     path = tmp_path / "foreign.mcap"
     with path.open("wb") as stream:
         writer = Writer(stream)
@@ -135,8 +158,8 @@ def test_the_module_and_the_command_are_the_same_program():
 
 
 def test_numbers_out_of_proportion_end_in_a_sentence(monkeypatch, capsys):
-    absurd = ["--set", "steps=30", "--set", "filter.acceleration_std=1e20"]
+    absurd = ["--set", "steps=30", "--set", "filter.acceleration_std=1e5", "--set", "dt=1000"]
     status, _, err = call(monkeypatch, capsys, "sim", "tracking", *absurd)
     assert status == 2
-    assert "zenoh-cbef: the arithmetic breaks down" in err
+    assert "zenoh-cbef: standard deviations are out of proportion" in err
     assert "Traceback" not in err

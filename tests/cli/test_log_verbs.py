@@ -67,6 +67,20 @@ def test_exit_statuses_tell_what_happened(folder: Path, tmp_path: Path, words: s
         assert len(done.stderr.splitlines()) == 1
 
 
+def test_info_says_of_a_foreign_file_that_it_is_foreign_and_whether_it_is_whole(folder: Path) -> None:
+    data = (folder / "foreign.mcap").read_bytes()
+    (folder / "half.mcap").write_bytes(data[:60])
+    whole, half = call(folder, "info", "foreign.mcap"), call(folder, "info", "half.mcap")
+    for done in (whole, half):
+        assert done.returncode == 0
+        assert "none, as this is no log of zenoh-cbef" in done.stdout
+        assert "killed" not in done.stdout
+        assert "complete" not in done.stdout
+    assert "state:       whole" in whole.stdout
+    assert "state:       cut off" in half.stdout
+    assert "state:       complete" in call(folder, "info", "whole.mcap").stdout
+
+
 def test_what_cat_prints_is_one_object_a_line(folder: Path) -> None:
     done = call(folder, "cat", "whole.mcap", "-y", "cbef/made/agent/1/.*", "-S", "0s", "-E", "0.1s")
     shown = [json.loads(line) for line in done.stdout.splitlines()]

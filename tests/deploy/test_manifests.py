@@ -17,7 +17,7 @@ import yaml
 import zenoh
 from check_jsonschema.builtin_schemas import get_builtin_schema
 
-from zenoh_cbef.cli.main import build
+from zenoh_cbef.cli.verbs import build
 from zenoh_cbef.scenario.checks import check
 from zenoh_cbef.scenario.load import load
 
@@ -148,6 +148,8 @@ def test_what_systemd_starts_the_command_line_takes(unit, tmp_path):
         (tmp_path / name).touch()
     (line,) = [one for one in unit.read_text().splitlines() if one.startswith("ExecStart=")]
     line = line.replace("%d", str(tmp_path)).replace("%i", "3").replace("%S", str(tmp_path))
+    # systemd puts the environment's values there before it starts the command.
+    line = re.sub(r"\$\{CBEF_RUN\}", "demo", line)
     (command,) = commands_of(line)
     parsed(command)
 

@@ -17,10 +17,9 @@ def burst_loss(enter, leave, **keys):
     return BurstLoss.model_validate({"kind": "burst-loss", "good_to_bad": enter, "bad_to_good": leave, **keys})
 
 
-def history(fault, *, links=LINKS, steps=STEPS, seed=3):
-    """Whether each message of links (e, steps * (ROUNDS + 1)) was lost, in order."""
+def fates_of(fault, *, links=LINKS, seed=3):
     source = np.arange(links)
-    fates = Fates(
+    return Fates(
         [fault],
         seed=np.full(links, seed, dtype=np.uint64),
         source=source,
@@ -28,6 +27,11 @@ def history(fault, *, links=LINKS, steps=STEPS, seed=3):
         dt=0.1,
         rounds=ROUNDS,
     )
+
+
+def history(fault, *, links=LINKS, steps=STEPS, seed=3):
+    """Whether each message of links (e, steps * (ROUNDS + 1)) was lost, in order."""
+    fates = fates_of(fault, links=links, seed=seed)
     return np.stack(
         [fates.of(step, round_).lost for step in range(1, steps + 1) for round_ in range(ROUNDS + 1)], axis=1
     )
@@ -109,3 +113,28 @@ def test_a_message_has_the_same_fate_alone_and_among_others_and_without_those_be
         ).of(step, 2)
 
     assert lost(numbers[[link]]).lost[0] == lost(numbers).lost[link]
+
+
+def test_a_remembered_state_changes_nothing():
+    # Asked in order, each message continues from the one before; alone, each is found without a history.
+    fault, order = burst_loss(0.0005, 0.0007), [(step, round_) for step in range(1, 400) for round_ in range(5)]
+    lost = history(fault, steps=399)
+    for step, round_ in order[::97]:
+        alone = fates_of(fault).of(step, round_).lost
+        assert (alone == lost[:, order.index((step, round_))]).all()
+    turned = history(burst_loss(0.9992, 0.9993), steps=60)
+    assert (fates_of(burst_loss(0.9992, 0.9993)).of(60, 4).lost == turned[:, -1]).all()
+
+
+def test_each_message_costs_one_draw_of_its_link(monkeypatch):
+    drawn = []
+
+    def counting(key, *index):
+        found = uniform(key, *index)
+        drawn.append(found.size)
+        return found
+
+    monkeypatch.setattr("zenoh_cbef.faults.burst_loss.uniform", counting)
+    lost = history(burst_loss(1e-9, 0.001), steps=200)
+    first = 100 * 256 * LINKS  # The state before the first message is looked for as far back as it takes.
+    assert sum(drawn) < first + lost.size

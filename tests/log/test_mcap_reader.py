@@ -236,7 +236,7 @@ def test_a_chunk_that_claims_a_huge_size_is_refused(tmp_path: Path) -> None:
 def test_what_is_no_mcap_file_is_refused(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "log.mcap"
     path.write_bytes(content)
-    with pytest.raises(NotMcapError, match="is not an MCAP file"):
+    with pytest.raises(NotMcapError, match="is no MCAP file"):
         McapFile(path)
 
 

@@ -1,6 +1,7 @@
 """Six agents, target, recorder and router, each on a host of its own, compute what the simulator computes."""
 
 import json
+import time
 
 import pytest
 
@@ -22,3 +23,40 @@ def test_a_run_over_nine_hosts_equals_the_simulator(site, lab, world, way):
     metrics = json.loads(world.call("analyze", str(world.log), "--json").stdout)
     assert metrics["steps"] == 60
     assert metrics["messages"]["missing"] == 0
+
+
+@pytest.mark.parametrize("directions", ["one", "both"])
+def test_a_broken_link_costs_time_and_no_bit(site, lab, world, directions):
+    run = site("peers")
+    run.start(steps=200)
+    run.wait_until_recorded()
+
+    def cut(*, on: bool) -> None:
+        if directions == "one":
+            lab.mute("a4", on=on)
+        else:
+            lab.link("a4", up=not on)
+
+    cut(on=True)
+    time.sleep(2.5 * run.lease_ms / 1000)  # long enough for both ends to give the link up
+    cut(on=False)
+    run.finish()
+    verdict = world.call("verify", str(world.log))
+    assert verdict.stdout.startswith("equal bit for bit"), verdict.stdout
+    metrics = json.loads(world.call("analyze", str(world.log), "--json").stdout)
+    assert (metrics["steps"], metrics["messages"]["rejected"]) == (200, 0)
+    assert all(link["lost"] == 0 for link in metrics["links"])
+    checked = world.call("check", str(world.log))
+    assert checked.returncode == 0, checked.stdout
+
+
+def test_who_does_without_a_message_in_lockstep_says_so(site, lab, world):
+    run = site("peers")
+    run.start("timing.patience=1", steps=200)
+    run.wait_until_recorded()
+    lab.kill("a2")
+    run.finish(["target", "record", "a0", "a1", "a3", "a4", "a5"])
+    verdict = world.call("verify", str(world.log))
+    assert verdict.returncode == 2
+    events = world.call("cat", str(world.log), "-y", ".*/event.*").stdout
+    assert "agent/2 is not there any more; going on without it" in events

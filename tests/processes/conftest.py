@@ -72,8 +72,10 @@ class World:
     def start_run(self, *overrides: str, options: tuple[str, ...] = ("--no-report",)) -> subprocess.Popen[str]:
         return self.start("run", "tracking", *settings(*overrides), "--run", self.run, "--log", str(self.log), *options)
 
-    def call(self, *arguments: str, timeout: float = 120) -> subprocess.CompletedProcess[str]:
-        process = self.start(*arguments)
+    def call(
+        self, *arguments: str, timeout: float = 120, prefix: Sequence[str] = ()
+    ) -> subprocess.CompletedProcess[str]:
+        process = self.start(*arguments, prefix=prefix)
         out, err = process.communicate(timeout=timeout)
         return subprocess.CompletedProcess(arguments, process.returncode, out, err)
 

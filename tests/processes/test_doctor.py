@@ -1,15 +1,24 @@
 """What doctor finds, and what it says to do."""
 
 import json
+import sys
+from collections.abc import Sequence
 
 from tests.processes.conftest import unused_port
 from tests.processes.test_live_faults import wait_until_known
 from tests.processes.test_refusals import mute
 from zenoh_cbef import __version__
+from zenoh_cbef.nodes.registry import known_runs
+
+FEW_FILES = """
+import os, resource, sys
+resource.setrlimit(resource.RLIMIT_NOFILE, (200, 200))
+os.execv(sys.argv[1], sys.argv[1:])
+"""
 
 
-def examine(world, *options: str, status: int) -> dict[str, list[dict]]:
-    done = world.call("doctor", "--json", *options)
+def examine(world, *options: str, status: int, prefix: Sequence[str] = ()) -> dict[str, list[dict]]:
+    done = world.call("doctor", "--json", *options, prefix=prefix)
     assert done.returncode == status, done.stdout + done.stderr
     found: dict[str, list[dict]] = {}
     for finding in json.loads(done.stdout)["findings"]:
@@ -30,7 +39,8 @@ def test_a_host_by_itself(world):
 
 def test_too_few_files_and_no_place_for_logs_are_problems(world):
     (world.folder / "file").write_text("")
-    found = examine(world, "--agents", "100000000", "--output", "file", status=2)
+    few = [sys.executable, "-c", FEW_FILES]
+    found = examine(world, "--agents", "1000", "--output", "file", status=2, prefix=few)
     assert levels(found["files"]) == levels(found["disk"]) == ["problem"]
 
 
@@ -64,14 +74,8 @@ def test_a_run_its_versions_and_its_clocks(world):
     found = examine(world, "--run", world.run, status=0)
     assert "running, 4 agents, realtime" in found["run"][0]["text"]
     assert levels(found["versions"]) == levels(found["clock"]) == levels(found["clocks"]) == ["ok"]
-    endpoint = next(iter(endpoints_of(world.run)))
+    endpoint = known_runs()[world.run].endpoints[0]
     assert world.run in examine(world, "--connect", endpoint, status=0)["link"][0]["text"]
     assert "there is" in examine(world, "--run", "other", "--connect", endpoint, status=2)["run"][0]["text"]
     assert world.call("stop", "--run", world.run).returncode == 0
     run.communicate(timeout=60)
-
-
-def endpoints_of(run: str) -> list[str]:
-    from zenoh_cbef.nodes.registry import known_runs  # noqa: PLC0415
-
-    return known_runs()[run]

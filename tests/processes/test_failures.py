@@ -10,6 +10,8 @@ import time
 import pytest
 
 from tests.processes.conftest import settings
+from zenoh_cbef.cli import main as command_line
+from zenoh_cbef.nodes import launcher
 
 LONG = "steps=100000"
 
@@ -105,9 +107,6 @@ def test_a_launcher_that_is_killed_leaves_no_orphan_and_a_closed_log(world, numb
 
 
 def test_a_port_that_another_program_took_first_makes_the_run_start_again(monkeypatch, capsys, tmp_path):
-    from zenoh_cbef.cli import main as command_line  # noqa: PLC0415
-    from zenoh_cbef.nodes import launcher  # noqa: PLC0415
-
     with socket.socket() as thief:
         thief.bind(("127.0.0.1", 0))
         thief.listen()

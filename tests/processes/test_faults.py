@@ -155,6 +155,8 @@ def test_messages_of_the_step_before_give_the_simulators_bits(world):
 def test_a_killed_and_a_stopped_process_come_back_and_the_bits_are_the_simulators(world):
     fault = [
         {"kind": "crash", "agents": [1], "from": 1.0, "until": 2.0},
+        # Shorter than the target runs ahead: it must not take the old process for the new one.
+        {"kind": "crash", "agents": [2], "from": 2.1, "until": 2.3},
         {"kind": "pause", "agents": [3], "from": 2.5, "until": 3.0},
         {"kind": "loss", "probability": 0.2},
         {"kind": "crash", "agents": [0], "from": 3.5},
@@ -169,10 +171,27 @@ def test_a_killed_and_a_stopped_process_come_back_and_the_bits_are_the_simulator
     assert told[1:] == [
         ("killed", 1, 10),
         ("joined", 1, 20),
+        ("killed", 2, 21),
+        ("joined", 2, 23),
         ("paused", 3, 25),
         ("continued", 3, 25),
         ("killed", 0, 35),
     ]
+
+
+def test_a_network_that_shrinks_below_what_it_can_see_says_so(world):
+    fault = [{"kind": "crash", "agents": [2], "from": 1.5}, {"kind": "pause", "agents": [1], "from": 0.4, "until": 0.6}]
+    network = {"agents": {"count": 3}, "network": {"graph": "complete"}, "consensus": {"rounds": 2}}
+    metrics = run(world, {"steps": 40, **network, "fault": fault})
+    assert metrics["unobservable_steps"] == [[15, 40]]
+    events = [event for event in read_trace(world.log).events if "observable" in event["kind"]]
+    told = [(event["from"], event["kind"], event["data"]["step"], event["data"].get("agents")) for event in events]
+    assert told == [
+        ("target", "unobservable", 4, [0, 2]),
+        ("target", "observable", 6, None),
+        ("target", "unobservable", 15, [0, 1]),
+    ]
+    assert events[2]["text"].endswith("ranges of 2 agents fit every point of a circle")
 
 
 def test_in_realtime_a_delay_is_real_time_and_only_what_exceeds_the_deadline_is_late(world):

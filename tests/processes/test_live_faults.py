@@ -31,7 +31,7 @@ def test_faults_are_added_listed_and_cleared_while_the_run_goes_on(world):
     assert "nothing was injected" in fault("list")
     assert "fault 0 (loss)" in fault("add", "loss", "probability=0.5", "links=agent:1")
     assert "must be one of loss" in fault("add", "los", status=2)
-    assert "less than or equal to 1" in fault("add", "loss", "probability=2", status=2)
+    assert "a number from 0 to 1" in fault("add", "loss", "probability=2", status=2)
     assert "names agent 9" in fault("add", "outage", "agents=[9]", status=2)
     assert "is over" in fault("add", "outage", "agents=[0]", "from=0.1", status=2)
     assert "key=value" in fault("add", "loss", "probability", status=2)

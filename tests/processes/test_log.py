@@ -257,3 +257,35 @@ def test_every_message_carries_a_schema_its_sender_and_its_number(recorded):
         assert message.publish_time == body["sent"] <= message.log_time
         seen.setdefault((message.channel.topic, body["from"]), []).append(body["seq"])
     assert all(numbers == list(range(len(numbers))) for numbers in seen.values())
+
+
+def without_round(topic: str, data: bytes) -> bytes:
+    """What agent 1 would have said had it done without a message of its first neighbour in step 20."""
+    message = msgpack.unpackb(data)
+    if topic.endswith("agent/1/estimate") and message["k"] >= 20:
+        message["received"][0] -= 1
+        data = msgpack.packb(message)
+    return flip("agent/1/round", "payload", 20)(topic, data)
+
+
+def without_events(topic: str, data: bytes) -> bytes | None:
+    """A log that lacks an event of agent 1, which could have said why its message differs."""
+    if "/event" in topic:
+        message = msgpack.unpackb(data)
+        return None if (message["from"], message["kind"]) == ("agent/1", "here") else data
+    return flip("agent/1/round", "payload", 20)(topic, data)
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        (without_round, "by step 20 agent 1 did without 1 messages from agent 0"),
+        (without_events, "lacks events of agent/1"),
+    ],
+)
+def test_a_run_that_did_without_a_message_is_not_called_different(recorded, tmp_path, change, reason):
+    other = tmp_path / "other.mcap"
+    copy_with(recorded.log, other, change)
+    verdict = recorded.call("verify", str(other))
+    assert verdict.returncode == 2, verdict.stdout
+    assert reason in verdict.stdout

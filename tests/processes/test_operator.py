@@ -48,6 +48,8 @@ def test_status_tells_who_is_where_and_how_well_they_track(world):
     assert ends == {(one, (one + step) % 4) for one in range(4) for step in (1, 3)}
     assert all(link["received"] > 0 for link in status["links"])
     assert status["faults"] == []
+    health = {who: world.call("health", who, "--run", world.run) for who in ("target", "record", "agent/1", "agent/7")}
+    assert [one.returncode for one in health.values()] == [0, 0, 0, 1], "it finds the runs that status finds"
 
     assert world.call("fault", "add", "outage", "agents=[2]", "--run", world.run).returncode == 0
     status = wait_for(world, lambda one: one["faults"])
@@ -59,6 +61,7 @@ def test_status_tells_who_is_where_and_how_well_they_track(world):
     status = wait_for(world, lambda one: one["agents"][1]["state"] == "gone")
     table = world.call("status", "--run", world.run)
     assert "not here: agent 1" in table.stdout
+    assert world.call("health", "agent/1", "--run", world.run).returncode == 1
 
     stopped = world.call("stop", "--run", world.run)
     assert stopped.returncode == 0, stopped.stderr
@@ -82,7 +85,7 @@ def test_the_error_that_status_tells_is_that_of_the_log(world):
         place = (agent["agent"], agent["step"] - 1)
         difference = trace.estimates[place][:3] - trace.truth[agent["step"] - 1][:3]
         assert agent["error"] == pytest.approx((difference**2).sum() ** 0.5, rel=1e-12)
-        assert agent["nis"] == trace.nis[place]
+        assert agent["nis"] == trace.diagnostics.nis[place]
 
 
 def test_a_stopped_run_in_lockstep_still_verifies(world):

@@ -24,7 +24,7 @@ def block(language: str, begins: str) -> str:
 def wait_for_subscribers(run: str, router: str) -> None:
     """Wait until all receivers listen for the start signal."""
     with open_session(Connection([router], mode="client")) as session:
-        publishers = [session.declare_publisher(f"cbef/{run}/beacon/{agent}") for agent in range(4)]
+        publishers = [session.declare_publisher(f"cbef/{run}/beacon/{agent}/signal") for agent in range(4)]
         until = time.monotonic() + 30
         while not all(publisher.matching_status.matching for publisher in publishers):
             assert time.monotonic() < until

@@ -85,7 +85,9 @@ def test_recorders_on_each_host_and_a_merge_give_the_whole_log(world):
     merged = McapFile(world.log)
     topics = {message.channel.topic for message in McapFile(world.folder / "b.mcap").messages()}
     run = f"cbef/{world.run}"
-    assert topics == {f"{run}/event", f"{run}/beacon/2"} | {
+    always = {f"{run}/event/{name}" for name in ("target", "record/b")}
+    always |= {f"{run}/beacon/{agent}/signal" for agent in range(4)} | {f"{run}/event/agent/{i}" for i in range(4)}
+    assert topics == always | {f"{run}/beacon/2"} | {
         f"{run}/agent/{agent}/{kind}" for agent in (2, 3) for kind in ("round", "estimate", "range")
     }
     assert merged.metadata["cbef.end"]["status"] == "finished"

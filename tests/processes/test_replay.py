@@ -111,7 +111,7 @@ def test_keys_are_chosen_left_out_and_renamed(recorded, listener):
     heard = play(recorded, listener, "-r", "1000", *options, "--remap", f"cbef/{run}/agent/1:=lab/one")
 
     def wanted(key: str) -> bool:
-        chosen = "/agent/" in key or key.endswith(("/beacon/0", "/beacon/1"))
+        chosen = f"/{run}/agent/" in key or key.endswith(("/beacon/0", "/beacon/1"))
         return chosen and not key.endswith("/round") and "agent/3" not in key
 
     old = f"cbef/{run}/agent/1/"
@@ -290,3 +290,21 @@ def test_a_recorder_records_a_replay(recorded, listener, tmp_path: Path):
     assert [(one.channel.topic, one.data) for one in McapFile(copy).messages()] == logged(recorded)
     verdict = recorded.call("verify", str(copy))
     assert verdict.returncode == 0, verdict.stdout
+
+
+def test_recorders_of_a_replay_end_with_it(recorded, free_port, tmp_path):
+    endpoint = f"tcp/127.0.0.1:{free_port}"
+    replay = recorded.start("replay", str(recorded.log), "--listen", endpoint, "--wait", "--rate", "5")
+    names = ["first", "second"]
+    recorders = [
+        recorded.start(
+            *("record", "--run", recorded.run, "--name", name, "--connect", endpoint, "--patience", "30"),
+            *("-o", str(tmp_path / f"{name}.mcap")),
+        )
+        for name in names
+    ]
+    for process in (replay, *recorders):
+        _, err = process.communicate(timeout=60)
+        assert process.returncode == 0, err
+    heard = [[message.data for message in McapFile(tmp_path / f"{name}.mcap").messages()] for name in names]
+    assert [data for _, data in logged(recorded)] in heard

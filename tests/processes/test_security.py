@@ -1,13 +1,17 @@
 """Runs with certificates: they compute the same, and a certificate's holder cannot speak for another."""
 
+import json
 import threading
 import time
 
+import numpy as np
 import pytest
 import zenoh
 
 from tests.processes.conftest import settings
 from tests.processes.test_hostile import forged, wait_for
+from zenoh_cbef.log.mcap.reader import McapFile
+from zenoh_cbef.log.read_trace import read_trace
 from zenoh_cbef.protocol.session import Connection, open_session
 from zenoh_cbef.protocol.tls import Tls
 
@@ -52,8 +56,15 @@ def test_who_has_an_agents_certificate_cannot_change_a_bit_of_another(world, cer
                 body = {"k": 1 + step % 200, "l": 1 + round_, "payload": bytes(216)}
                 intruder.put(f"cbef/{world.run}/agent/1/round", forged(world.run, "agent/1", **body))
                 intruder.put(f"cbef/{world.run}/beacon/1", forged(world.run, "target", k=1, emitted=0.0, arrived=1.0))
-                event = {"kind": "hello", "text": "an intruder is here", "data": {}}
-                intruder.put(f"cbef/{world.run}/event", forged(world.run, "agent/4", **event))
+                # A flood of last words, too: in its own name, and in another's.
+                event = {"kind": "finished", "text": "an intruder is here", "data": {"word": 10**15 + sequence}}
+                for sender in ("agent/4", "agent/1", "target"):
+                    said = forged(world.run, sender, **event)
+                    intruder.put(f"cbef/{world.run}/event/{sender}", said)
+                    intruder.put(f"cbef/{world.run}/event/agent/4", said)
+                    intruder.put(f"cbef/{world.run}/event", said)
+                signal = forged(world.run, "target", k=1, signal="end")
+                intruder.put(f"cbef/{world.run}/beacon/1/signal", signal)
                 time.sleep(0.001)
 
         attacker = threading.Thread(target=attack)
@@ -71,8 +82,52 @@ def test_who_has_an_agents_certificate_cannot_change_a_bit_of_another(world, cer
     if way == "router":
         assert router.poll() is None
     assert world.call("verify", str(world.log)).stdout.startswith("equal bit for bit")
-    info = world.call("info", str(world.log)).stdout
-    assert "agent/1/round" in info
+    metrics = json.loads(world.call("analyze", str(world.log), "--json").stdout)
+    assert (metrics["complete"], metrics["messages"]["missing"]) == (True, 0)
+    heard = [message.channel.topic for message in McapFile(world.log).messages()]
+    assert f"cbef/{world.run}/event/agent/4" in heard
+    assert f"cbef/{world.run}/event" not in heard
+
+
+def test_a_receivers_certificate_neither_ends_a_run_nor_makes_an_estimate_infinite(world, certificates, free_port):
+    endpoint = f"tls/127.0.0.1:{free_port}"
+    join = ["--run", world.run, "--connect", endpoint, "--patience", "20", "--tls", str(certificates)]
+    place = ["--listen", endpoint, "--tls", str(certificates)]
+    target = world.start("target", "tracking", *settings("steps=60"), "--run", world.run, *place)
+    tls = Tls.of_folder(certificates, "receiver")
+    over = threading.Event()
+    with open_session(Connection([endpoint], tls=tls), patience=20) as intruder:
+        wait_for(intruder, f"cbef/{world.run}/live/target/target")
+
+        def attack() -> None:
+            sequence = 0
+            while not over.is_set():
+                sequence += 1
+                far = {"k": 1 + sequence % 60, "emitted": 1e200, "arrived": [1e200, -1e200, 1e9][sequence % 3]}
+                for agent in range(4):
+                    key = f"cbef/{world.run}/beacon/{agent}"
+                    intruder.put(key, forged(world.run, "target", **far))
+                    intruder.put(key, forged(world.run, "target", **(far | {"signal": "end"})))
+                    intruder.put(f"{key}/signal", forged(world.run, "target", k=1, signal="end"))
+                time.sleep(0.002)
+
+        attacker = threading.Thread(target=attack)
+        attacker.start()
+        try:
+            others = [world.start("agent", str(agent), *join) for agent in range(4)]
+            others.append(world.start("record", *join, "--output", str(world.log)))
+            for process in (target, *others):
+                out, err = process.communicate(timeout=100)
+                assert process.returncode == 0, err
+                assert "messages in" in out or "ended after step 60" in out
+        finally:
+            over.set()
+            attacker.join()
+    trace = read_trace(world.log)
+    assert np.isfinite(trace.estimates).all()
+    assert trace.traffic.rejected > 0
+    signals = [message for message in McapFile(world.log).messages() if message.channel.topic.endswith("/signal")]
+    assert len(signals) == 8
 
 
 def test_a_process_without_certificates_does_not_join(world, certificates, free_port):

@@ -1,61 +1,12 @@
 """watch on a terminal: what it draws, how it is left, how it ends."""
 
-import fcntl
-import os
-import pty
-import select
 import signal
-import struct
-import subprocess
-import termios
-import time
-from collections.abc import Callable
 
 import pytest
 
 from tests.processes.conftest import COMMAND
 from tests.processes.test_live_faults import wait_until_known
-
-
-class Terminal:
-    """A terminal of 40 lines, and what a program has written on it."""
-
-    def __init__(self, world, *command: str) -> None:
-        self.leader, follower = pty.openpty()
-        fcntl.ioctl(follower, termios.TIOCSWINSZ, struct.pack("HHHH", 40, 120, 0, 0))
-        self.process = subprocess.Popen(
-            [*COMMAND, *command],
-            cwd=world.folder,
-            stdin=follower,
-            stdout=follower,
-            stderr=follower,
-            env=os.environ | {"TERM": "xterm"},
-            preexec_fn=lambda: (os.setsid(), fcntl.ioctl(follower, termios.TIOCSCTTY, 0)),  # noqa: PLW1509
-        )
-        os.close(follower)
-        self._raw, self.seen = b"", ""
-
-    def read_until(self, condition: Callable[[str], bool]) -> None:
-        """Read until what was written fulfils a condition, or the program ends."""
-        until = time.monotonic() + 60
-        while not condition(self.seen):
-            assert time.monotonic() < until, self.seen
-            if select.select([self.leader], [], [], 0.2)[0]:
-                try:
-                    self._raw += os.read(self.leader, 65536)
-                except OSError:  # the program was its last user
-                    return
-                self.seen = self._raw.decode(errors="replace")
-
-    def leave(self) -> int:
-        self.read_until(lambda _seen: False)
-        return self.process.wait(timeout=30)
-
-    def close(self) -> None:
-        if self.process.poll() is None:
-            self.process.kill()
-        self.process.wait()
-        os.close(self.leader)
+from tests.terminal import Terminal
 
 
 def drawn(character: str) -> bool:
@@ -68,7 +19,7 @@ def watched(world):
     run = world.start_run("timing.mode=realtime", "dt=0.1", "steps=5000")
     wait_until_known(world.run)
     world.wait_for_messages()
-    terminal = Terminal(world, "watch", "--run", world.run)
+    terminal = Terminal([*COMMAND, "watch", "--run", world.run], folder=world.folder)
     words = ("position error, m", "disagreement, m", world.run, "started", "q quits")
     terminal.read_until(lambda seen: all(word in seen for word in words) and any(map(drawn, seen)))
     yield terminal, run
@@ -78,7 +29,7 @@ def watched(world):
 @pytest.mark.parametrize("how", ["q", "ctrl-c"])
 def test_who_quits_leaves_the_run_alone(world, watched, how):
     terminal, run = watched
-    os.write(terminal.leader, b"q" if how == "q" else b"\x03")
+    terminal.write("q" if how == "q" else "\x03")
     assert terminal.leave() == 0
     assert run.poll() is None
     assert world.call("stop", "--run", world.run).returncode == 0

@@ -18,7 +18,7 @@ from zenoh_cbef.protocol.session import Connection, open_session
 from zenoh_cbef.protocol.tls import Tls
 
 RUN = "cbef/secret"
-NAMES = ("target", "record", "router", "operator", "agent-0", "agent-1")
+NAMES = ("target", "record", "router", "receiver", "operator", "agent-0", "agent-1")
 
 
 def within(seconds: float, condition: Callable[[], bool]) -> bool:
@@ -83,42 +83,76 @@ def net(request, certificates):
     one.close()
 
 
-def test_an_agent_publishes_its_own_keys_and_no_others(net):
-    agent, other, recorder = net.join("agent-0"), net.join("agent-1"), net.join("record")
-    log, neighbour, receiver = (
-        Ear(recorder, f"{RUN}/**"),
-        Ear(other, f"{RUN}/agent/0/round"),
-        Ear(other, f"{RUN}/beacon/1"),
-    )
-    own = [("agent/0/estimate", "x"), ("agent/0/range", "x"), ("agent/0/round", "x"), ("event", "x")]
-    forged = ["agent/1/round", "agent/1/estimate", "agent/7/round", "beacon/1", "beacon/0", "target/truth", "scenario"]
+OF_AGENT_0 = {"agent/0/range", "agent/0/round", "agent/0/estimate", "event/agent/0"}
+OF_TARGET = {"target/truth", "faults", "event/target", "beacon/0/signal", "beacon/1/signal", "beacon/*/signal"}
+BEACONS = {"beacon/0", "beacon/1", "beacon/*"}
+OF_RECORDERS = {"event/record", "event/record/b"}
+NOBODYS = {"event", "event/*", "event/**", "event/agent/*", "agent/*/round", "agent/0/*", "agent/0/more", "scenario"}
+NOBODYS |= {
+    "agent/1/round",
+    "agent/1/estimate",
+    "event/agent/1",
+    "event/replay",
+    "control",
+    "replay",
+    "target/more",
+    "**",
+}
+MAY_PUT = {
+    "agent-0": OF_AGENT_0,
+    "target": OF_TARGET | BEACONS,
+    "record": OF_RECORDERS,
+    "receiver": BEACONS | {"event/receiver/0"},
+    "operator": set(),
+}
+ALL_KEYS = sorted(OF_AGENT_0 | OF_TARGET | BEACONS | OF_RECORDERS | NOBODYS | {"event/receiver/0", "beacon/0/more"})
+
+
+def test_each_certificate_publishes_what_is_its_own_and_deletes_nothing(net):
+    sessions = {name: net.join(name) for name in MAY_PUT}
+    logs = {"record": Ear(sessions["record"], f"{RUN}/**"), "operator": Ear(sessions["operator"], f"{RUN}/**")}
+
+    def heard(name: str) -> set[str]:
+        log = logs["operator" if name == "record" else "record"]
+        return {key for key, text in log.heard() if text == name}
 
     def speak() -> bool:
-        for key in (*forged, *(key for key, _ in own)):
-            agent.put(f"{RUN}/{key}", "x")
-        agent.delete(f"{RUN}/agent/0/round")
-        return set(own) <= set(log.heard()) and bool(neighbour.heard())
+        for name, session in sessions.items():
+            for key in ALL_KEYS:
+                session.put(f"{RUN}/{key}", name)
+                if name not in logs:  # They would hear themselves.
+                    session.delete(f"{RUN}/{key}")
+        return all(heard(name) >= keys for name, keys in MAY_PUT.items())
 
     assert within(10, speak)
     time.sleep(0.3)
-    assert set(log.heard()) == set(own)
-    assert set(neighbour.heard()) == {("agent/0/round", "x")}
-    assert receiver.heard() == []
+    assert {name: heard(name) for name in MAY_PUT} == MAY_PUT
+    assert {text for log in logs.values() for _, text in log.heard()} <= {*MAY_PUT}
 
 
 def test_only_the_recorder_hears_the_truth_and_an_agent_only_its_own_beacon(net):
-    target, recorder, agent = net.join("target"), net.join("record"), net.join("agent-0")
-    log, beacon = Ear(recorder, f"{RUN}/**"), Ear(agent, f"{RUN}/beacon/0")
-    spies = [Ear(agent, key) for key in (f"{RUN}/target/truth", f"{RUN}/target/*", f"{RUN}/beacon/1")]
+    target, recorder, agent, receiver = (net.join(name) for name in ("target", "record", "agent-0", "receiver"))
+    log, beacon, signals = (
+        Ear(recorder, f"{RUN}/**"),
+        Ear(agent, f"{RUN}/beacon/0"),
+        Ear(agent, f"{RUN}/beacon/0/signal"),
+    )
+    starts = Ear(receiver, f"{RUN}/beacon/1/signal")
+    kept = [f"{RUN}/{key}" for key in ("target/truth", "target/*", "beacon/1", "beacon/1/signal", "event/target")]
+    spies = [Ear(agent, key) for key in kept]
+    spies += [Ear(receiver, f"{RUN}/{key}") for key in ("target/truth", "beacon/0", "agent/0/round", "event/target")]
+    sent = {"target/truth", "beacon/0", "beacon/1", "beacon/0/signal", "beacon/1/signal", "event/target"}
 
     def emit() -> bool:
-        for key in ("target/truth", "beacon/0", "beacon/1"):
+        for key in sent:
             target.put(f"{RUN}/{key}", "x")
-        return {key for key, _ in log.heard()} == {"target/truth", "beacon/0", "beacon/1"} and bool(beacon.heard())
+        agent.put(f"{RUN}/agent/0/round", "x")
+        heard = {key for key, _ in log.heard()} >= sent
+        return heard and bool(beacon.heard() and signals.heard() and starts.heard())
 
     assert within(10, emit)
     time.sleep(0.3)
-    assert [spy.heard() for spy in spies] == [[], [], []]
+    assert [spy.heard() for spy in spies] == [[]] * len(spies)
     assert {key for key, _ in beacon.heard()} == {"beacon/0"}
 
 
@@ -149,15 +183,45 @@ def test_nobody_is_announced_or_answers_under_anothers_name(net):
     def serve(session: zenoh.Session, text: str) -> zenoh.Queryable:
         return session.declare_queryable(f"{RUN}/scenario", lambda query: query.reply(f"{RUN}/scenario", text))
 
-    names = ("agent/1", "ready/1", "target/target", "record/record", "agent/0", "ready/0")
-    tokens = [agent.liveliness().declare_token(f"{RUN}/live/{name}") for name in names]
+    own = {"agent/0", "ready/0", "life/agent/0/1", "over/agent/0"}
+    foreign = {
+        "agent/1",
+        "ready/1",
+        "target/target",
+        "record/record",
+        "heard/agent/1/1",
+        "life/agent/1/1",
+        "over/agent/1",
+        "over/target/target",
+    }
+    tokens = [agent.liveliness().declare_token(f"{RUN}/live/{name}") for name in own | foreign]
     services = [serve(agent, "forged"), serve(target, "true")]
-    assert within(10, lambda: live() == {"agent/0", "ready/0"})
+    assert within(10, lambda: live() == own)
     assert within(10, lambda: answers() == {"true"})
     time.sleep(0.3)
-    assert live() == {"agent/0", "ready/0"}
+    assert live() == own
     assert answers() == {"true"}
     for one in (*tokens, *services):
+        one.undeclare()
+
+
+def test_an_agent_answers_for_itself_alone(net):
+    agent, other, recorder = net.join("agent-0"), net.join("agent-1"), net.join("record")
+    keys = [f"{RUN}/{key}" for key in ("agent/0/estimate", "agent/1/estimate", "scenario", "control", "target/truth")]
+    services = [
+        agent.declare_queryable(key, lambda query, key=key: query.reply(key, "x"))
+        for key in (*keys, f"{RUN}/**", f"{RUN}/agent/*/estimate")
+    ]
+
+    def told(session: zenoh.Session, key: str) -> set[str]:
+        replies = session.get(key, timeout=1.0, target=zenoh.QueryTarget.ALL)
+        return {str(reply.ok.key_expr) for reply in replies if reply.ok is not None}
+
+    assert within(10, lambda: told(other, keys[0]) == {keys[0]})
+    for session in (other, recorder):
+        assert [told(session, key) for key in (f"{RUN}/**", f"{RUN}/agent/*/estimate")] <= [{keys[0]}, {keys[0]}]
+        assert [told(session, key) for key in keys[1:]] == [set()] * 4
+    for one in services:
         one.undeclare()
 
 

@@ -12,8 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from zenoh_cbef.protocol.messages import (
-    BIAS,
     BODIES,
+    FARTHEST,
     LARGEST,
     VERSION,
     BadMessage,
@@ -26,12 +26,16 @@ from zenoh_cbef.protocol.messages import (
     peek,
     unpack_floats,
 )
+from zenoh_cbef.tracking.diagnostics import NAMES
 
 COUNTS = st.integers(0, 2**63 - 1)
-NUMBERS = st.floats(allow_nan=False, allow_infinity=False)
+NUMBERS = st.floats(-FARTHEST, FARTHEST)
 NUMBERS_OR_NIL = st.one_of(st.none(), NUMBERS)
-TEXTS = st.text(max_size=30)
+MOMENTS = st.floats(0.0, 9e9)
+TEXTS = st.text(st.characters(exclude_categories=["Cc", "Cs"]), max_size=30)
 DOUBLES = st.lists(NUMBERS, max_size=30).map(lambda values: pack_floats(np.array(values, dtype=float)))
+
+SMALL = st.integers(0, (1 << 40) - 1)
 
 
 def numbers(size):
@@ -42,7 +46,10 @@ BODY = {
     "truth": st.fixed_dictionaries({"k": COUNTS, "state": numbers(6)}),
     "beacon": st.fixed_dictionaries(
         {"k": COUNTS, "emitted": NUMBERS_OR_NIL, "arrived": NUMBERS_OR_NIL},
-        optional={"signal": st.sampled_from(["start", "end"]), "at": NUMBERS},
+        optional={"signal": st.sampled_from(["start", "end"]), "at": MOMENTS},
+    ),
+    "signal": st.fixed_dictionaries(
+        {"k": COUNTS, "signal": st.sampled_from(["start", "end"])}, optional={"at": MOMENTS}
     ),
     "range": st.fixed_dictionaries({"k": COUNTS, "position": numbers(3), "range": NUMBERS_OR_NIL}),
     "round": st.fixed_dictionaries({"k": COUNTS, "l": COUNTS, "payload": DOUBLES}),
@@ -52,11 +59,12 @@ BODY = {
             "state": numbers(6),
             "innovation": NUMBERS_OR_NIL,
             "weight": NUMBERS_OR_NIL,
-            **{name: st.lists(COUNTS, max_size=5) for name in ("neighbours", "received", "lost", "late")},
+            **{name: st.lists(SMALL, max_size=5) for name in ("neighbours", "received", "lost", "late")},
             "latency": st.lists(NUMBERS_OR_NIL, max_size=5),
             "covariance": st.one_of(st.none(), DOUBLES),
         },
-        optional={"nis": NUMBERS_OR_NIL, "nis_degrees": COUNTS, **dict.fromkeys(BIAS, NUMBERS_OR_NIL)},
+        optional=dict.fromkeys({*NAMES} - {"innovation", "weight", "nis_degrees"}, NUMBERS_OR_NIL)
+        | {"nis_degrees": COUNTS},
     ),
     "faults": st.fixed_dictionaries({"tables": TEXTS}),
     "event": st.fixed_dictionaries(

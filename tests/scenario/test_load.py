@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.scenario import Scenario
 from zenoh_cbef.scenario.checks import check
-from zenoh_cbef.scenario.load import builtin_names, load, parse, read_source, to_toml
+from zenoh_cbef.scenario.load import builtin_names, load, parse, read_source, to_toml, value_of
 
 
 def test_the_promised_scenarios_are_built_in():
@@ -160,6 +160,21 @@ def test_an_override_reaches_a_fault_by_its_place_or_kind():
     faults = 'fault=[{kind="loss", probability=0.1}, {kind="delay", milliseconds=3.0}]'
     loaded = load("tracking", [faults, "fault.0.probability=0.2", "fault.delay.milliseconds=4.0"]).scenario
     assert (loaded.fault[0].probability, loaded.fault[1].milliseconds) == (0.2, 4.0)
+
+
+@pytest.mark.parametrize(("text", "value"), [(".3", 0.3), ("-.3", -0.3), ("5.", 5.0), (".5e-3", 5e-4), ("3", 3)])
+def test_numbers_may_be_written_short(text, value):
+    assert value_of(text) == value
+
+
+@pytest.mark.parametrize("text", [".", "", "..3", ".3.4", "-", "e5"])
+def test_what_only_resembles_a_number_is_text(text):
+    assert value_of(text) == text
+
+
+def test_an_entry_of_an_empty_list_is_told_to_be_given_as_a_whole():
+    with pytest.raises(UserError, match=r"there is no entry 0, as the list is empty; give the whole list"):
+        load("tracking", ["fault.0.probability=0.5"])
 
 
 @pytest.mark.parametrize(

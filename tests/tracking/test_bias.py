@@ -9,12 +9,12 @@ from zenoh_cbef.analysis.metrics import analyze
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.scenario.load import load
 from zenoh_cbef.simulator import simulate
-from zenoh_cbef.tracking.filters.auto_bias import weight_of
+from zenoh_cbef.tracking.filters.around.auto_bias import weight_of
+from zenoh_cbef.tracking.filters.around.biased_information import BiasedInformation
+from zenoh_cbef.tracking.filters.around.first_fix import FirstFix
+from zenoh_cbef.tracking.filters.around.learned_noise import LearnedNoise
 from zenoh_cbef.tracking.filters.base import Belief
-from zenoh_cbef.tracking.filters.biased_information import BiasedInformation
-from zenoh_cbef.tracking.filters.first_fix import FirstFix
-from zenoh_cbef.tracking.filters.information import SaturatedInformation
-from zenoh_cbef.tracking.filters.learned_noise import LearnedNoise
+from zenoh_cbef.tracking.filters.kinds.sicf import SaturatedInformation
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
 from zenoh_cbef.tracking.ranging import Measurement, Space
 

@@ -109,8 +109,8 @@ def test_several_steps_are_the_equations_computed_by_loops(seed, height, xi):
         expected = np.array([agent.state for agent in agents])
         kept = space.kept
         np.testing.assert_allclose(estimate.state[:, kept], expected, rtol=1e-11, atol=1e-11)
-        np.testing.assert_allclose(estimate.innovation, [one for one, _ in updates], rtol=1e-9)
-        np.testing.assert_allclose(estimate.weight, [one for _, one in updates], rtol=1e-9)
+        np.testing.assert_allclose(estimate.diagnostics.innovation, [one for one, _ in updates], rtol=1e-9)
+        np.testing.assert_allclose(estimate.diagnostics.weight, [one for _, one in updates], rtol=1e-9)
         assert estimate.covariance is None
         if height is not None:
             assert (estimate.state[:, 2] == height).all()
@@ -136,8 +136,8 @@ def test_saturation_is_by_the_norm_of_the_whole_innovation(xi):
     update = make(xi).update(Belief(np.zeros((1, 6)), None), measurement([0.8, 1.2]))
     size = math.hypot(0.68, 0.28)
     gain = min(1.0, xi / size)
-    assert update.innovation[0] == pytest.approx(size)
-    assert update.weight[0] == pytest.approx(gain)
+    assert update.diagnostics.innovation[0] == pytest.approx(size)
+    assert update.diagnostics.weight[0] == pytest.approx(gain)
     np.testing.assert_allclose(update.payload, [[gain * 0.68, gain * 0.28, 0.0, 0.0, 0.0, 0.0]], atol=1e-15)
 
 
@@ -151,12 +151,12 @@ def test_an_agent_that_hears_nothing_predicts_only():
     state = np.array([[0.1, 0.2, 0.3, 4.0, 5.0, 6.0]])
     update = make(1.0).update(Belief(state, None), measurement([np.nan, np.nan]))
     np.testing.assert_allclose(update.payload, [[2.1, 2.7, 3.3, 4.0, 5.0, 6.0]], rtol=1e-15)
-    assert np.isnan(update.innovation).all()
-    assert np.isnan(update.weight).all()
+    assert np.isnan(update.diagnostics.innovation).all()
+    assert np.isnan(update.diagnostics.weight).all()
 
 
 def test_an_innovation_of_zero_is_not_saturated():
     state = np.array([[0.68, 0.28, 0.0, 0.0, 0.0, 0.0]])
     update = make(1e-9).update(Belief(state, None), measurement([0.8, 1.2]))
-    assert update.weight.tolist() == [1.0]
+    assert update.diagnostics.weight.tolist() == [1.0]
     np.testing.assert_allclose(update.payload, state, atol=1e-14)

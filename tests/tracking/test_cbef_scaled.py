@@ -47,7 +47,7 @@ def test_an_update_is_the_equations_computed_by_loops(seed, space, xi):
         innovations.append(right / baseline - directions[-1] @ place)
     update = make(space, xi).update(Belief(state[None], None), measured)
     if not innovations:
-        assert np.isnan(update.innovation[0])
+        assert np.isnan(update.diagnostics.innovation[0])
         np.testing.assert_allclose(update.payload[0], [*place, *velocity], rtol=1e-12)
         return
     size = np.linalg.norm(innovations)
@@ -55,7 +55,9 @@ def test_an_update_is_the_equations_computed_by_loops(seed, space, xi):
     correction = gain / len(innovations) * sum(h * z for h, z in zip(directions, innovations, strict=True))
     expected = np.concatenate([place + 0.5 * correction, velocity + 0.1 / DT * correction])
     np.testing.assert_allclose(update.payload[0], expected, rtol=1e-9, atol=1e-9)
-    np.testing.assert_allclose([update.innovation[0], update.weight[0]], [size, gain], rtol=1e-9)
+    np.testing.assert_allclose(
+        [update.diagnostics.innovation[0], update.diagnostics.weight[0]], [size, gain], rtol=1e-9
+    )
 
 
 @pytest.mark.parametrize("scale", [0.01, 1.0, 1e4])
@@ -74,7 +76,7 @@ def test_an_agent_at_the_place_of_its_neighbour_learns_nothing_from_it():
     state = np.array([[0.5, 0.5, 0.25, 0.25]])
     update = make(Space(0.0)).update(Belief(state, None), measured)
     np.testing.assert_allclose(update.payload, [[0.55, 0.55, 0.25, 0.25]])
-    assert np.isnan(update.innovation).all()
+    assert np.isnan(update.diagnostics.innovation).all()
 
 
 def test_it_has_no_covariance():

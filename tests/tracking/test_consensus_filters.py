@@ -176,9 +176,9 @@ def test_the_nis_is_the_squared_innovation_over_its_predicted_variance(kind):
         state, covariance = network.prior(agent)
         distance, row = network.row(agent, state)
         variance = row @ covariance @ row + STD**2
-        np.testing.assert_allclose(estimate.nis[agent], (network.ranges[agent] - distance) ** 2 / variance)
-        assert estimate.nis_degrees[agent] == np.isfinite(network.ranges[agent])
-    assert 0 < estimate.nis_degrees.sum() < network.count
+        np.testing.assert_allclose(estimate.diagnostics.nis[agent], (network.ranges[agent] - distance) ** 2 / variance)
+        assert estimate.diagnostics.nis_degrees[agent] == np.isfinite(network.ranges[agent])
+    assert 0 < estimate.diagnostics.nis_degrees.sum() < network.count
 
 
 @pytest.mark.parametrize(("same", "omega"), [("sicf", None), ("ci", 1.0)])

@@ -48,7 +48,7 @@ def test_the_information_is_that_of_the_full_covariance_inverted(seed, space, xi
     found = differenced_information(space, state[None], prior[None], measured, range_std=std, xi=xi)
     rows, right, present = (part[0] for part in differenced_rows(space, measured))
     if not present.any():
-        assert np.isnan(found.innovation[0])
+        assert np.isnan(found.diagnostics.innovation[0])
         assert not found.matrix.any()
         return
     rows, right = rows[present], right[present]
@@ -61,9 +61,11 @@ def test_the_information_is_that_of_the_full_covariance_inverted(seed, space, xi
     tolerance = 1e-7 * np.abs(scaled @ rows).max() * (1.0 + np.abs(state).max() + np.abs(innovation).max())
     np.testing.assert_allclose(found.matrix[0], scaled @ rows, rtol=1e-6, atol=tolerance)
     np.testing.assert_allclose(found.vector[0], scaled @ right, rtol=1e-6, atol=tolerance)
-    np.testing.assert_allclose([found.innovation[0], found.weight[0]], [np.sqrt(nis), weight], rtol=1e-5)
-    np.testing.assert_allclose(found.nis[0], nis * len(rows), rtol=1e-5)
-    assert found.nis_degrees[0] == len(rows)
+    np.testing.assert_allclose(
+        [found.diagnostics.innovation[0], found.diagnostics.weight[0]], [np.sqrt(nis), weight], rtol=1e-5
+    )
+    np.testing.assert_allclose(found.diagnostics.nis[0], nis * len(rows), rtol=1e-5)
+    assert found.diagnostics.nis_degrees[0] == len(rows)
 
 
 def test_an_agent_without_a_range_of_its_own_has_no_difference():
@@ -72,7 +74,7 @@ def test_an_agent_without_a_range_of_its_own_has_no_difference():
     found = differenced_information(Space(), np.zeros((1, 6)), np.eye(6)[None], measured, range_std=0.1, xi=1.0)
     assert not found.matrix.any()
     assert not found.vector.any()
-    assert np.isnan(found.weight).all()
+    assert np.isnan(found.diagnostics.weight).all()
 
 
 @pytest.mark.parametrize("scale", [1.0, 100.0])

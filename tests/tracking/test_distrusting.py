@@ -18,7 +18,7 @@ from zenoh_cbef.scenario.build import distrusts_own
 from zenoh_cbef.scenario.load import load, parse
 from zenoh_cbef.simulator import simulate
 from zenoh_cbef.tracking.filters import Belief, SaturatedInformation
-from zenoh_cbef.tracking.filters.distrusting import Distrusting
+from zenoh_cbef.tracking.filters.around.distrusting import Distrusting
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
 from zenoh_cbef.tracking.ranging import Measurement, Space
 
@@ -57,12 +57,15 @@ def test_every_step_is_what_the_equations_say_of_each_agent():
         for agent in range(AGENTS):
             way = min(max((means[agent] - max(average, 1.0) - 3.0) / 2.0, 0.0), 1.0)
             distrust = 3.0 * way**2 - 2.0 * way**3
-            assert update.distrust[agent] == pytest.approx(distrust, abs=1e-9)
+            assert update.diagnostics.distrust[agent] == pytest.approx(distrust, abs=1e-9)
             seen.add(round(distrust))
             # The filter itself, told of this noise, sends the same information.
             row = {name: getattr(measurement, name)[[agent]] for name in vars(measurement) if name != "range_std"}
             told = Measurement(
-                **row, range_std=np.array([(1.0 + 29.0 * update.distrust[agent] * update.distrust[agent]) * STD])
+                **row,
+                range_std=np.array(
+                    [(1.0 + 29.0 * update.diagnostics.distrust[agent] * update.diagnostics.distrust[agent]) * STD]
+                ),
             )
             alone = PLAIN.update(Belief(belief.state[[agent]], belief.covariance[[agent]]), told)
             np.testing.assert_array_equal(update.payload[agent, :-1], alone.payload[0])
@@ -82,7 +85,7 @@ def test_every_step_is_what_the_equations_say_of_each_agent():
 
 
 def test_a_wrong_receiver_is_distrusted_within_ten_steps_alone_and_trusted_again_within_ten():
-    distrust = np.array([update.distrust for _, _, update in updates(errors_of(2, 3.0))])
+    distrust = np.array([update.diagnostics.distrust for _, _, update in updates(errors_of(2, 3.0))])
     assert (distrust[15:20, 2] == 1.0).all()
     assert (distrust[30:, 2] == 0.0).all()
     assert (np.delete(distrust, 2, axis=1) == 0.0).all()
@@ -92,14 +95,17 @@ def test_a_wrong_receiver_is_distrusted_within_ten_steps_alone_and_trusted_again
 def test_nobody_distrusts_where_all_are_surprised_or_nobody_is_heard(hear):
     errors = np.tile(np.where(np.arange(AGENTS) % 2, 8.0, -8.0), (10, 1)) if hear else errors_of(2, 3.0, 10)
     for _, _, update in updates(errors, hear=hear):
-        np.testing.assert_array_equal(update.distrust, 0.0)
+        np.testing.assert_array_equal(update.diagnostics.distrust, 0.0)
 
 
 def test_one_round_a_step_is_enough_to_stand_out():
     keys = ["steps=90", "consensus.rounds=1", 'fault=[{kind="sensor-bias", bias=2.0, agents=[3], from=3.0}]']
     scenario = load("tracking", keys).scenario
     distrust = np.array(
-        [one.distrust for one in simulate([scenario.model_copy(update={"seed": seed}) for seed in range(1, 9)])]
+        [
+            one.diagnostics.distrust
+            for one in simulate([scenario.model_copy(update={"seed": seed}) for seed in range(1, 9)])
+        ]
     )
     flagged = np.median(distrust[:, :, 50:].mean(axis=2), axis=0)
     assert flagged[3] > 0.9
@@ -153,8 +159,8 @@ def test_without_a_fault_the_estimates_are_those_of_a_filter_that_always_trusts(
     [first], [second] = (
         simulate([load("tracking", ["steps=60", f"filter.distrust={value}"]).scenario]) for value in ("true", "false")
     )
-    assert np.isnan(second.distrust).all()
-    np.testing.assert_array_equal(first.distrust, 0.0)
+    assert np.isnan(second.diagnostics.distrust).all()
+    np.testing.assert_array_equal(first.diagnostics.distrust, 0.0)
     np.testing.assert_allclose(first.estimates, second.estimates, rtol=0.0, atol=1e-12)
 
 
@@ -164,10 +170,15 @@ def test_distrust_is_for_filters_that_average_information_of_own_ranges(keys):
         parse({"filter": {**keys, "distrust": True}}, "test")
 
 
-def test_a_filter_without_covariance_is_no_filter_to_distrust_by():
+def test_a_filter_that_predicts_no_variance_is_always_trusted():
     class Blind(SaturatedInformation):
         def update(self, belief, measurement):
-            return replace(super().update(belief, measurement), nis=None)
+            update = super().update(belief, measurement)
+            return replace(update, diagnostics=replace(update.diagnostics, nis=np.full(len(update.payload), np.nan)))
 
-    with pytest.raises(ValueError, match="without a covariance"):
-        Distrusting(Blind(MOTION, Space(), STD, AGENTS), STD).update(BEGIN, measured(0.0, 1))
+    blind = Distrusting(Blind(MOTION, Space(), STD, AGENTS), STD)
+    belief = BEGIN
+    for step in range(1, 20):
+        update = blind.update(belief, measured(np.where(np.arange(AGENTS) == 1, 9.0, 0.0), step))
+        belief = blind.conclude(np.tile(update.payload.mean(axis=0), (AGENTS, 1)), update)
+        np.testing.assert_array_equal(update.diagnostics.distrust, 0.0)

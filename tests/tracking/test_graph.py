@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from zenoh_cbef.errors import UserError
+from zenoh_cbef.streams import stream, uniform
 from zenoh_cbef.tracking.graph import KINDS, canonical_edges, components, make_edges, neighbours, stack
 
 
@@ -81,6 +82,20 @@ def test_erdos_renyi_has_about_the_share_of_edges_it_is_asked_for():
 def test_erdos_renyi_that_cannot_be_connected_names_the_remedy():
     with pytest.raises(UserError, match=r"network\.probability = 1e-09 .*raise it"):
         edges_of("erdos-renyi", 20, probability=1e-9)
+
+
+def test_a_graph_that_will_hardly_ever_be_connected_is_not_drawn(monkeypatch):
+    monkeypatch.setattr("zenoh_cbef.tracking.graph.uniform", None)
+    with pytest.raises(UserError, match=r"hardly ever joins 1000 agents .* ln\(n\)/n = 0\.0069 or above"):
+        edges_of("erdos-renyi", 1000, probability=1e-3)
+
+
+def test_a_graph_of_more_agents_than_are_drawn_at_once_is_the_whole_draw():
+    first, second = np.triu_indices(150, 1)
+    drawn = uniform(stream(5, "graph", first, second), 0) < 0.2
+    assert (
+        edges_of("erdos-renyi", 150, seed=5, probability=0.2).tolist() == np.stack([first, second], 1)[drawn].tolist()
+    )
 
 
 def test_canonical_edges_are_sorted_once_each_and_lower_end_first():

@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from zenoh_cbef.tracking.consensus import Average
+from zenoh_cbef.tracking.diagnostics import Diagnostics
 from zenoh_cbef.tracking.filters import KINDS, Belief, FilterSettings, Update, make_filter
 from zenoh_cbef.tracking.filters.information_form import belief_of, pack, saturation
 from zenoh_cbef.tracking.graph import make_edges, neighbours
@@ -30,7 +31,7 @@ def settings_for(space, count, xi=1.5, dt=0.2, std=STD):
 
 def began(payload):
     """A step that began with these payloads."""
-    return Update(payload, np.zeros(len(payload)), np.ones(len(payload)))
+    return Update(payload, Diagnostics.of(len(payload)))
 
 
 def beliefs(random, space, count):
@@ -85,12 +86,12 @@ def test_the_payload_is_the_agents_share_of_the_information(seed, space, xi):
         vector, matrix, innovation, weight = by_the_equations(belief, measurement, space, agent, count=4, xi=xi)
         np.testing.assert_allclose(update.payload[agent, :size], vector, rtol=1e-5, atol=1e-5)
         np.testing.assert_allclose(unpack_upper(update.payload[[agent], size:], size)[0], matrix, rtol=1e-5, atol=1e-5)
-        np.testing.assert_allclose(update.innovation[agent], innovation, rtol=1e-9)
-        np.testing.assert_allclose(update.weight[agent], weight, rtol=1e-6)
+        np.testing.assert_allclose(update.diagnostics.innovation[agent], innovation, rtol=1e-9)
+        np.testing.assert_allclose(update.diagnostics.weight[agent], weight, rtol=1e-6)
         # Where the innovation is saturated, its weight tells the square of what it was in its own deviations.
         if weight < 1.0:
-            np.testing.assert_allclose(update.nis[agent], (xi / weight) ** 2, rtol=1e-6)
-        assert update.nis_degrees[agent] == np.isfinite(innovation)
+            np.testing.assert_allclose(update.diagnostics.nis[agent], (xi / weight) ** 2, rtol=1e-6)
+        assert update.diagnostics.nis_degrees[agent] == np.isfinite(innovation)
 
 
 @settings(deadline=None)
@@ -116,7 +117,7 @@ def test_sicf_that_never_saturates_is_icf_bit_for_bit(seed, space):
         for kind, xi in (("sicf", np.inf), ("icf", 1.0), ("sicf", 1e300))
     ]
     assert len({one.payload.tobytes() for one in results}) == 1
-    assert len({one.weight.tobytes() for one in results}) == 1
+    assert len({one.diagnostics.weight.tobytes() for one in results}) == 1
 
 
 @settings(deadline=None)
@@ -127,11 +128,11 @@ def test_saturation_weakens_a_far_range_and_leaves_a_near_one(seed):
     state = near.motion.predict_state(belief.state)[0, :3] - measurement.age[0] * belief.state[0, 3:]
     distance = np.linalg.norm(state - measurement.position[0])
     measurement.range[0] = distance + STD
-    assert near.update(belief, measurement).weight.tolist() == [1.0]
+    assert near.update(belief, measurement).diagnostics.weight.tolist() == [1.0]
     measurement.range[0] = distance + 1000.0
     update = far.update(belief, measurement)
-    assert 0.0 < update.weight[0] < 0.01
-    assert update.innovation[0] == pytest.approx(1000.0)
+    assert 0.0 < update.diagnostics.weight[0] < 0.01
+    assert update.diagnostics.innovation[0] == pytest.approx(1000.0)
 
 
 def run_steps(kind, space, count, *, rounds, steps, graph="complete", seed=1, together=False):
@@ -270,8 +271,8 @@ def test_a_redescending_saturation_squares_the_weight_and_its_pull_falls_off(xi)
         make_filter("sicf", replace(settings_for(Space(), 4, xi), power=power)).update(belief, measurement)
         for power in (1, 2)
     )
-    np.testing.assert_allclose(redescending.weight, bounded.weight**2)
-    assert (bounded.weight < 1.0).any()
+    np.testing.assert_allclose(redescending.diagnostics.weight, bounded.diagnostics.weight**2)
+    assert (bounded.diagnostics.weight < 1.0).any()
     innovation = np.array([0.1, 1.0, 10.0, 100.0])
     for power, pulls in ((1, [0.1, 1.0, 2.0, 2.0]), (2, [0.1, 1.0, 0.4, 0.04])):
         np.testing.assert_allclose(innovation * saturation(innovation, np.full(4, 2.0), power), pulls)

@@ -4,19 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from html import escape
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from zenoh_cbef.analysis.figures import agent_style, positive
 from zenoh_cbef.analysis.metrics import Analysis
 from zenoh_cbef.analysis.mixing import configured_scheme
 from zenoh_cbef.analysis.summary import pick
 from zenoh_cbef.errors import UserError
+from zenoh_cbef.extras import from_extra
 from zenoh_cbef.scenario.build import rounds_of
 from zenoh_cbef.trace import Trace
+
+Floats = NDArray[np.float64]
 
 COLUMNS = (
     "position_rmse",
@@ -64,11 +67,11 @@ def differences(traces: Sequence[Trace], names: Sequence[str]) -> list[str]:
         alike = first.ranges.shape[0] == trace.ranges.shape[0]
         what = {
             "another time step": not np.array_equal(first.time[:steps], trace.time[:steps]),
-            "another truth": not _same(first.truth[:steps], trace.truth[:steps]),
-            "other measurements": not (alike and _same(first.ranges[:, :steps], trace.ranges[:, :steps])),
+            "another truth": not _same(*_both_known(first.truth[:steps], trace.truth[:steps])),
+            "other measurements": not (alike and _same(_logged_ranges(first, trace), _logged_ranges(trace, first))),
             "other places of the agents": not (alike and _same(first.positions[:, :steps], trace.positions[:, :steps])),
             "another first estimate": not (alike and _same(first.initial, trace.initial)),
-            f"{len(trace.time)} steps in place of {len(first.time)}": len(first.time) != len(trace.time),
+            f"another number of steps ({len(trace.time)}, not {len(first.time)})": len(first.time) != len(trace.time),
         }
         found = [each for each, holds in what.items() if holds]
         if found:
@@ -76,17 +79,22 @@ def differences(traces: Sequence[Trace], names: Sequence[str]) -> list[str]:
     return said
 
 
+def _page(html: str) -> str:
+    """The page as wide as the screen also on a phone."""
+    return html.replace("<head>", '<head><meta name="viewport" content="width=device-width, initial-scale=1">', 1)
+
+
 def write_picture(analyses: Sequence[Analysis], names: Sequence[str], path: Path) -> None:
     """Write the average MSEE and the position error of all runs over time, as one HTML file that opens offline.
 
     Raises UserError where plotly is not installed, or the file cannot be written.
     """
+    plotly = from_extra("plotly.io", "the picture")
     try:
-        plotly = import_module("plotly.io")
-    except ImportError as error:
-        raise UserError("the picture needs plotly; run: pip install 'zenoh-cbef[report]'") from error
-    try:
-        path.write_text(plotly.to_html(_figure(analyses, names), include_plotlyjs=True), encoding="utf-8")
+        path.write_text(
+            _page(plotly.to_html(_figure(analyses, names), include_plotlyjs=True, config={"responsive": True})),
+            encoding="utf-8",
+        )
     except OSError as error:
         raise UserError(f"cannot write {path}: {error.strerror}; choose another --output") from None
 
@@ -114,6 +122,22 @@ def _figure(analyses: Sequence[Analysis], names: Sequence[str]) -> dict[str, Any
         "yaxis2": {"domain": [0.0, 0.45], "type": "log", "title": {"text": "position error, RMS of agents (m)"}},
     }
     return {"data": lines, "layout": layout}
+
+
+def _both_known(first: Floats, second: Floats) -> tuple[Floats, Floats]:
+    """Two arrays where both have a value: what one run's log lacks is no difference."""
+    known = np.isfinite(first) & np.isfinite(second)
+    return first[known], second[known]
+
+
+def _logged_ranges(trace: Trace, other: Trace) -> Floats:
+    """The ranges (n, K) of the steps that two runs share, without those that either log lacks."""
+    steps = min(len(trace.time), len(other.time))
+    ranges = trace.ranges[:, :steps].copy()
+    for one in (trace, other):
+        if one.unlogged is not None:
+            ranges[one.unlogged[:, :steps]] = np.nan
+    return ranges
 
 
 def _same(first: Any, second: Any) -> bool:

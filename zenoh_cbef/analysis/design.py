@@ -16,7 +16,7 @@ from zenoh_cbef.scenario import Scenario, network
 from zenoh_cbef.scenario.build import motion_of, range_std_of, rounds_of
 from zenoh_cbef.scenario.start import initial_covariance, space_of
 from zenoh_cbef.scenario.world import make_world
-from zenoh_cbef.tracking.filters import SATURATED
+from zenoh_cbef.tracking.filters import level_of
 from zenoh_cbef.tracking.ranging import own_range
 
 Floats = NDArray[np.float64]
@@ -83,10 +83,18 @@ def sight_of(scenario: Scenario) -> Sight:
     steps, agents = scenario.length, scenario.count
     heard = np.isfinite(world.arrived).T
     age = np.where(heard, (world.time - world.emitted).T, 0.0)
-    state = np.repeat(world.truth[:, space.kept], agents, axis=0)
+    state = np.repeat(_path(world.truth)[:, space.kept], agents, axis=0)
     positions = np.swapaxes(world.positions, 0, 1).reshape(-1, 3)
     _, rows = own_range(space, state, positions, age.ravel())
     return Sight(np.where(heard[:, :, None], rows.reshape(steps, agents, -1), 0.0), range_std_of(scenario))
+
+
+def _path(truth: Floats) -> Floats:
+    """The truth (K, 6) with the steps filled in of which it is not known: good enough for directions."""
+    known, steps = np.isfinite(truth).all(axis=1), np.arange(len(truth))
+    if known.all():
+        return truth
+    return np.stack([np.interp(steps, steps[known], each) for each in truth[known].T], axis=1)
 
 
 def cannot(scenario: Scenario) -> list[str]:
@@ -170,7 +178,7 @@ class _Predictor:
         kind, count = scenario.filter.kind, float(scenario.count)
         omega = count if scenario.filter.omega is None else scenario.filter.omega
         self._weight = {"sicf": count, "icf": count, "hcmci": omega}.get(kind, 1.0)
-        self._clipping = Clipping.at(scenario.filter.xi if kind in SATURATED else np.inf)
+        self._clipping = Clipping.at(level_of(kind, scenario.filter.xi))
         self._mixing: dict[Scheme, Floats] = {}
         everybody = np.full((1, 1, scenario.count, scenario.count), 1.0 / scenario.count)
         [self.centralized] = self._errors(everybody, count)

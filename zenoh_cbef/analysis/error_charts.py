@@ -54,7 +54,7 @@ def error_charts(analysis: Analysis) -> tuple[Chart, Chart, Chart, Chart]:
 
 def _nis_chart(analysis: Analysis) -> Chart:
     trace = analysis.trace
-    degrees = trace.nis_degrees[trace.nis_degrees > 0]
+    degrees = trace.diagnostics.nis_degrees[trace.diagnostics.nis_degrees > 0]
     usual = float(np.median(degrees)) if degrees.size else 1.0
     low, high = chi2_band(usual, _NIS_STEPS)
     return Chart(
@@ -64,7 +64,7 @@ def _nis_chart(analysis: Analysis) -> Chart:
         f"per degree of freedom, mean of the last {_NIS_STEPS} steps. It needs no truth. An honest filter stays "
         "inside the shaded 95 % band; above it is overconfident, or measurements are worse than assumed.",
         "NIS per degree of freedom",
-        trailing_mean(trace.nis, trace.nis_degrees, _NIS_STEPS),
+        trailing_mean(trace.diagnostics.nis, trace.diagnostics.nis_degrees, _NIS_STEPS),
         band=(low / usual, high / usual),
         scored=True,
     )

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zenoh_cbef.analysis.metrics import Analysis
-from zenoh_cbef.errors import UserError
+from zenoh_cbef.extras import from_extra
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -106,7 +106,7 @@ def paper_charts(analysis: Analysis) -> tuple[Chart, Chart, Chart]:
             "(a) Innovation of each agent",
             "How far each agent's measurements were from its prediction; gaps where it heard no beacon.",
             f"innovation ({unit})",
-            analysis.trace.innovation,
+            analysis.trace.diagnostics.innovation,
         ),
         Chart(
             "msee",
@@ -131,12 +131,9 @@ def paper_charts(analysis: Analysis) -> tuple[Chart, Chart, Chart]:
 def write_figures(analysis: Analysis, folder: Path) -> list[Path]:
     """Write the paper's figures, one column wide, as innovation, msee and msee-average .png and .svg.
 
-    Raises UserError where matplotlib is not installed.
+    Raises MissingExtra where matplotlib is not installed.
     """
-    try:
-        import matplotlib as mpl  # noqa: PLC0415 - half a second that only figures should cost
-    except ImportError as error:
-        raise UserError("figures need matplotlib; run: pip install 'zenoh-cbef[report]'") from error
+    mpl = from_extra("matplotlib", "the folder of figures")  # half a second that only figures should cost
     folder.mkdir(parents=True, exist_ok=True)
     written = []
     with mpl.rc_context(_PAPER_STYLE):
@@ -210,7 +207,7 @@ def log_range(chart: Chart) -> tuple[float, float]:
 
 
 def _drawn(chart: Chart, analysis: Analysis) -> Figure:
-    from matplotlib.figure import Figure  # noqa: PLC0415 - as above
+    from matplotlib.figure import Figure  # noqa: PLC0415 - half a second that only figures should cost
 
     figure = Figure(figsize=(_WIDTH, _HEIGHT), layout="constrained")
     axes = figure.subplots()

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from html import escape
 
-import numpy as np
+from zenoh_cbef import numbers
 
 NOTHING = "n/a"
 
 
 def number(value: float | None) -> str:
-    """Four significant digits."""
-    return NOTHING if value is None or not np.isfinite(value) else f"{value:.4g}"
+    """As everywhere."""
+    return numbers.number(value, nothing=NOTHING)
 
 
 def ratio(value: float | None, other: float | None) -> float | None:

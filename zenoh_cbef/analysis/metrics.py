@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zenoh_cbef.analysis.consistency import agents_bands, chi2_band, described, nees_of
+from zenoh_cbef.analysis.coverage import estimated_steps, lacks, stretches, unseen_note
+from zenoh_cbef.analysis.observability import unseen_steps
+from zenoh_cbef.analysis.slowness import slow_note, slowness
+from zenoh_cbef.analysis.yardsticks import yardsticks
 from zenoh_cbef.faults import SenderFault
-from zenoh_cbef.scenario.build import motion_of, power_of, range_std_of, settings_of
-from zenoh_cbef.scenario.start import initial_covariance, space_of
+from zenoh_cbef.scenario.start import space_of
 from zenoh_cbef.trace import Trace
-from zenoh_cbef.tracking.filters import SATURATED, Belief
-from zenoh_cbef.tracking.joint import joint_centralized
-from zenoh_cbef.tracking.reference import centralized, posterior_bound
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -49,7 +49,7 @@ class Analysis:
     msee_average: (K,). position_error, velocity_error: (n, K). nees: (n, K), NaN for a filter without covariance;
     nees_band: its 95 % band. disagreement: (K,), m, root mean square distance of the agents' positions from their
     mean. centralized_states: (K, 6), centralized_msee, centralized_position_error: (K,). bound: (K, 6, 6),
-    bound_msee: (K,). metrics: what `analyze --json` prints.
+    bound_msee: (K,). NaN where the trace lacks what is needed. metrics: what `analyze --json` prints.
     """
 
     trace: Trace
@@ -73,13 +73,17 @@ class Analysis:
 def analyze(traces: Sequence[Trace], skip: float = 0.25) -> list[Analysis]:
     """Analyse runs of one shape; the centralised filter and the bound of all of them run as one batch.
 
-    skip: the share of steps left out at the start of RMSE, NEES and ratios. MSEE starts at step 1.
+    skip: the share of steps left out at the start of RMSE, NEES and ratios, or of those that can be scored,
+    whichever is less. MSEE starts at step 1.
     """
-    references = _centralized(traces)
-    bounds = _bounds(traces)
     return [
-        _analyze(trace, states, bound, skip) for trace, states, bound in zip(traces, references, bounds, strict=True)
+        _analyze(trace, states, bound, skip) for trace, states, bound in zip(traces, *yardsticks(traces), strict=True)
     ]
+
+
+def notes(metrics: Mapping[str, Any]) -> list[str]:
+    """What a reader has to know of a run beside its figures, in sentences: what is not scored or seen, who was slow."""
+    return [*metrics["lacks"], *filter(None, [unseen_note(metrics["unobservable_steps"]), slow_note(metrics["slow"])])]
 
 
 def running_mean(values: Floats) -> Floats:
@@ -87,42 +91,6 @@ def running_mean(values: Floats) -> Floats:
     present = np.isfinite(values)
     total = np.cumsum(np.where(present, values, 0.0), axis=-1)
     return np.where(np.cumsum(present, axis=-1) > 0, total / np.maximum(np.cumsum(present, axis=-1), 1), np.nan)
-
-
-def _stacked(traces: Sequence[Trace], part: str) -> Floats:
-    return np.stack([getattr(trace, part) for trace in traces])
-
-
-def _centralized(traces: Sequence[Trace]) -> Floats:
-    scenario = traces[0].scenario
-    kept = space_of(scenario).kept
-    covariance = initial_covariance(scenario)
-    initial = Belief(
-        _stacked(traces, "initial").mean(axis=1)[:, kept],
-        np.broadcast_to(covariance, (len(traces), *covariance.shape)),
-    )
-    xi = scenario.filter.xi if scenario.filter.kind in SATURATED else np.inf
-    seen = {part: _stacked(traces, part) for part in ("positions", "ranges", "age")}
-    settings = settings_of(scenario)
-    if settings.bias != "none" or settings.first_fix or settings.learns_noise:
-        return joint_centralized(initial, settings, xi, **seen)[0]
-    motion, space, range_std = motion_of(scenario), space_of(scenario), range_std_of(scenario)
-    return centralized(initial, motion, space, range_std=range_std, xi=xi, power=power_of(scenario), **seen)[0]
-
-
-def _bounds(traces: Sequence[Trace]) -> Floats:
-    scenario = traces[0].scenario
-    covariance = initial_covariance(scenario)
-    return posterior_bound(
-        np.broadcast_to(covariance, (len(traces), *covariance.shape)),
-        motion_of(scenario),
-        space_of(scenario),
-        truth=_stacked(traces, "truth"),
-        positions=_stacked(traces, "positions"),
-        measured=np.isfinite(_stacked(traces, "ranges")),
-        age=_stacked(traces, "age"),
-        range_std=range_std_of(scenario),
-    )
 
 
 def counted_agents(trace: Trace) -> Bools:
@@ -144,7 +112,7 @@ def _analyze(trace: Trace, states: Floats, bound: Floats, skip: float) -> Analys
     msee = running_mean(np.sum(error**2, axis=2))
     analysis = Analysis(
         trace=trace,
-        first=min(int(skip * len(trace.time)), len(trace.time) - 1),
+        first=_first(np.asarray(np.isfinite(error[counted]).all(axis=2).any(axis=0)), skip),
         counted=counted,
         msee=msee,
         msee_average=running_mean(_mean_over_agents(np.sum(error[counted] ** 2, axis=2))),
@@ -152,7 +120,7 @@ def _analyze(trace: Trace, states: Floats, bound: Floats, skip: float) -> Analys
         velocity_error=np.linalg.norm(error[:, :, 3:], axis=2),
         nees=nees_of(error[:, :, kept], trace.covariances[:, :, kept[:, None], kept]),
         nees_band=chi2_band(len(kept)),
-        disagreement=np.sqrt(apart.sum(axis=0) / number),
+        disagreement=np.where(present.any(axis=0), np.sqrt(apart.sum(axis=0) / number), np.nan),
         centralized_states=states,
         centralized_msee=running_mean(np.sum(reference**2, axis=1)),
         centralized_position_error=np.linalg.norm(reference[:, :3], axis=1),
@@ -162,6 +130,16 @@ def _analyze(trace: Trace, states: Floats, bound: Floats, skip: float) -> Analys
     )
     analysis.metrics.update(_metrics(analysis))
     return analysis
+
+
+def _first(scorable: Bools, skip: float) -> int:
+    """Index of the first step of the window: a share of the steps (K,) is left out, or of those that can be scored.
+
+    Whichever is less: where the truth ends early, the window would begin after all that can be scored.
+    """
+    places = np.flatnonzero(scorable)
+    most = min(int(skip * len(scorable)), len(scorable) - 1)
+    return min(most, int(places[min(int(skip * len(places)), len(places) - 1)])) if len(places) else most
 
 
 def _estimated_only(trace: Trace, error: Floats) -> Floats:
@@ -191,30 +169,29 @@ def _metrics(analysis: Analysis) -> dict[str, Any]:
     reference = _estimated_only(trace, analysis.centralized_states - trace.truth)[window]
     bound = np.diagonal(analysis.bound[window], axis1=1, axis2=2)
     counted = analysis.counted
-    position, central = (
-        _rms(analysis.position_error[counted, window]),
-        _rms(analysis.centralized_position_error[window]),
-    )
     return {
         "run": trace.name,
         "filter": trace.scenario.filter.kind,
         "agents": trace.scenario.count,
         "left_out": np.flatnonzero(~counted).tolist(),
-        "steps": len(trace.time),
+        "steps": int(estimated_steps(trace).sum()),
         "seed": trace.scenario.seed,
         "timing": trace.scenario.timing.mode,
         "complete": trace.complete,
         "skip": analysis.first,
         "planar": trace.scenario.filter.planar_height is not None,
         "msee": {"agents": [_last(row) for row in analysis.msee], "average": _last(analysis.msee_average)},
-        "position_rmse": position,
+        "scored": _scored(analysis),
+        "lacks": lacks(trace),
+        "unobservable_steps": stretches(unseen_steps(trace)),
+        "position_rmse": _rms(analysis.position_error[counted, window]),
         "velocity_rmse": _rms(analysis.velocity_error[counted, window]),
         "centralized": {
-            "position_rmse": central,
+            "position_rmse": _rms(analysis.centralized_position_error[window]),
             "velocity_rmse": _rms(np.linalg.norm(reference[:, 3:], axis=1)),
             "msee": _last(analysis.centralized_msee),
         },
-        "ratio_to_centralized": position / central if position is not None and central else None,
+        "ratio_to_centralized": ratio_to_centralized(analysis, window),
         "bound": {
             "position_rmse": _rms(np.sqrt(bound[:, :3].sum(axis=1))),
             "velocity_rmse": _rms(np.sqrt(bound[:, 3:].sum(axis=1))),
@@ -224,16 +201,44 @@ def _metrics(analysis: Analysis) -> dict[str, Any]:
         "nis": _nis_metrics(analysis),
         "bias": _bias_metrics(trace, analysis.first),
         "distrust": _distrust_metrics(trace, analysis.first),
+        "slow": slowness(trace),
         "disagreement": _rms(analysis.disagreement[window]),
-        "bytes_per_step": trace.traffic.agent_bytes / (trace.scenario.count * len(trace.time)) or None,
-        "messages": {
-            "sent": trace.traffic.sent,
-            "recorded": trace.traffic.recorded,
-            "missing": trace.traffic.missing,
-            "rejected": trace.traffic.rejected,
-        },
-        "gaps": trace.traffic.gaps,
+        **_traffic_metrics(trace),
         "links": _links(trace),
+    }
+
+
+def _traffic_metrics(trace: Trace) -> dict[str, Any]:
+    traffic = trace.traffic
+    share = traffic.agent_bytes / (trace.scenario.count * len(trace.time))
+    return {
+        "bytes_per_step": None if traffic.agents_missing else share or None,
+        "messages": {
+            "sent": traffic.sent,
+            "recorded": traffic.recorded,
+            "missing": traffic.missing,
+            "rejected": traffic.rejected,
+        },
+        "gaps": traffic.gaps,
+    }
+
+
+def ratio_to_centralized(analysis: Analysis, window: slice) -> float | None:
+    """Of the position RMSEs of the network and of the centralised filter, over the same steps of a window."""
+    central = analysis.centralized_position_error[window]
+    network = analysis.position_error[analysis.counted, window]
+    own, other = _rms(network[:, np.isfinite(central)]), _rms(central[np.isfinite(network).any(axis=0)])
+    return own / other if own is not None and other else None
+
+
+def _scored(analysis: Analysis) -> dict[str, Any]:
+    """Of which agents and steps the errors in the window are, and of which steps those of the centralised filter."""
+    inside = np.arange(len(analysis.trace.time)) >= analysis.first
+    known = np.isfinite(analysis.position_error) & analysis.counted[:, None] & inside
+    return {
+        "agents": np.flatnonzero(known.any(axis=1)).tolist(),
+        "steps": stretches(np.asarray(known.any(axis=0))),
+        "centralized_steps": stretches(np.asarray(np.isfinite(analysis.centralized_position_error) & inside)),
     }
 
 
@@ -248,28 +253,29 @@ def _nees_metrics(analysis: Analysis) -> dict[str, Any] | None:
 
 
 def _nis_metrics(analysis: Analysis) -> dict[str, Any] | None:
-    trace, first = analysis.trace, analysis.first
-    found = described(trace.nis, trace.nis_degrees, time=trace.time, first=first, counted=analysis.counted)
-    return found and {**found, "agents_band": agents_bands(trace.nis_degrees, first)}
+    trace, first, told = analysis.trace, analysis.first, analysis.trace.diagnostics
+    found = described(told.nis, told.nis_degrees, time=trace.time, first=first, counted=analysis.counted)
+    return found and {**found, "agents_band": agents_bands(told.nis_degrees, first)}
 
 
 def _bias_metrics(trace: Trace, first: int) -> dict[str, Any] | None:
-    if not np.isfinite(trace.bias).any():
+    told = trace.diagnostics
+    if not np.isfinite(told.bias).any():
         return None
-    value, std, weight = np.moveaxis(trace.bias, 2, 0)
     return {
-        "agents": [_last(row) for row in value],
-        "std": [_last(row) for row in std],
-        "weight": [_mean(row) for row in weight[:, first:]],
+        "agents": [_last(row) for row in told.bias],
+        "std": [_last(row) for row in told.bias_std],
+        "weight": [_mean(row) for row in told.bias_weight[:, first:]],
     }
 
 
 def _distrust_metrics(trace: Trace, first: int) -> dict[str, Any] | None:
-    if not np.isfinite(trace.distrust).any():
+    distrust = trace.diagnostics.distrust
+    if not np.isfinite(distrust).any():
         return None
-    flagged = trace.distrust > FLAGGED
+    known, flagged = np.isfinite(distrust), distrust > FLAGGED
     return {
-        "agents": [float(row.mean()) for row in flagged[:, first:]],
+        "agents": [_mean(row) for row in np.where(known, flagged, np.nan)[:, first:]],
         "first": [float(trace.time[row.argmax()]) if row.any() else None for row in flagged],
         "last": [float(trace.time[len(row) - 1 - row[::-1].argmax()]) if row.any() else None for row in flagged],
     }

@@ -8,9 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zenoh_cbef.analysis.prediction import Sight
+from zenoh_cbef.scenario.sight import unobservable_steps
+from zenoh_cbef.trace import Trace
 from zenoh_cbef.tracking.linalg import inverse
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
 
+Bools = NDArray[np.bool_]
 Floats = NDArray[np.float64]
 
 _LEAST = 1e-9
@@ -43,6 +46,20 @@ def observability(initial: Floats, motion: NearlyConstantVelocity, sight: Sight,
         "network": found[0],
         "agents": [{"agent": agent, **one} for agent, one in enumerate(found[1:])],
     }
+
+
+def unseen_steps(trace: Trace) -> Bools:
+    """The estimated steps (K,) in which those who took part and had ranges could not determine the position.
+
+    Of what is not in the log it is presumed that it was there.
+    """
+    estimated: Bools = np.asarray(np.isfinite(trace.estimates).all(axis=2))
+    known = estimated.any(axis=0)
+    silent = ~estimated.any(axis=1, keepdims=True)
+    there = (np.isfinite(trace.ranges) & (estimated | silent)) | ~known
+    if trace.unlogged is not None:
+        there |= trace.unlogged
+    return np.asarray(unobservable_steps(trace.scenario, trace.positions, there) & known)
 
 
 def _conditioned(gramian: Floats) -> dict[str, Any]:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from html import escape
-from importlib import import_module
 from importlib.resources import files
 from pathlib import Path
 from string import Template
@@ -12,14 +12,18 @@ from typing import Any
 
 import tomli_w
 
+from zenoh_cbef.analysis.coverage import spelt, why_no_nees, why_no_nis
 from zenoh_cbef.analysis.error_charts import error_charts
 from zenoh_cbef.analysis.figures import Chart, agent_names, agent_style, paper_charts
 from zenoh_cbef.analysis.html_parts import NOTHING, counted, definitions, number, ratio, table
 from zenoh_cbef.analysis.links_table import is_wide, links_table
 from zenoh_cbef.analysis.metrics import Analysis
+from zenoh_cbef.analysis.metrics import notes as noted
 from zenoh_cbef.analysis.plots import Plot, network_plot, space_plot, time_plot, top_plot
-from zenoh_cbef.errors import UserError
+from zenoh_cbef.extras import from_extra
+from zenoh_cbef.numbers import written
 from zenoh_cbef.scenario.build import scheme_of
+from zenoh_cbef.trace import began
 
 _MOST_ROWS = 200
 _ENVELOPE = ("v", "run", "seq", "sent", "from", "kind", "text", "data")
@@ -27,11 +31,8 @@ _SVG_DASH = {"solid": "", "dash": "6 3", "dot": "2 2", "dashdot": "6 2 1.5 2"}
 
 
 def write_report(analysis: Analysis, path: Path) -> None:
-    """Write a run's report, with plotly.js inside. Raises UserError where plotly is not installed."""
-    try:
-        plotly = import_module("plotly.offline")
-    except ImportError as error:
-        raise UserError("the report needs plotly; run: pip install 'zenoh-cbef[report]'") from error
+    """Write a run's report, with plotly.js inside. Raises MissingExtra where plotly is not installed."""
+    plotly = from_extra("plotly.offline", "the report")
     trace = analysis.trace
     plots: dict[str, Plot] = {}
     scenario = trace.scenario.model_dump(mode="json", by_alias=True, exclude_none=True)
@@ -113,21 +114,28 @@ def _events(analysis: Analysis) -> str:
     if not events:
         return ""
     rows = []
+    start = began(events)
     for event in events[:_MOST_ROWS]:
         data = event.get("data")
         rest = {key: value for key, value in event.items() if key not in _ENVELOPE}
         rest |= data if isinstance(data, dict) else {}
-        details = ", ".join(f"{key} = {value}" for key, value in rest.items())
-        rows.append([str(event.get(key, NOTHING)) for key in ("from", "kind", "text")] + [details[:400]])
-    caption = "What the processes reported, in order"
+        details = ", ".join(f"{key} = {written(value)}" for key, value in rest.items())
+        words = [str(event.get(key, NOTHING)) for key in ("from", "kind", "text")]
+        rows.append([_when(event, start), *words, details[:400]])
+    caption = "What the processes reported, in order, s after the start by their clocks"
     if len(events) > _MOST_ROWS:
         caption += f"; the first {_MOST_ROWS} of {len(events)}"
-    shown = table(caption, ["from", "kind", "text", "data"], rows)
+    shown = table(caption, ["time (s)", "from", "kind", "text", "data"], rows)
     return f'<h2>Events</h2><div class="words scroll">{shown}</div>'
 
 
+def _when(event: Mapping[str, object], start: float | None) -> str:
+    sent = event.get("sent")
+    return f"{1e-9 * sent - start:.3f}" if isinstance(sent, int) and start is not None else NOTHING
+
+
 def _lead(analysis: Analysis) -> str:
-    scenario, steps = analysis.trace.scenario, len(analysis.trace.time)
+    scenario, steps = analysis.trace.scenario, analysis.metrics["steps"]
     return (
         f"{counted(len(analysis.trace.estimates), 'agent')} tracking one target with "
         f"{escape(scenario.filter.kind)}, {counted(steps, 'step')} of {scenario.dt:g} s."
@@ -135,13 +143,14 @@ def _lead(analysis: Analysis) -> str:
 
 
 def _banner(analysis: Analysis) -> str:
-    trace = analysis.trace
+    trace, metrics = analysis.trace, analysis.metrics
+    notes = "".join(f'<p class="note">{escape(said[0].upper() + said[1:])}.</p>' for said in noted(metrics))
     if trace.complete:
-        return ""
-    steps = f"{len(trace.time)} of {trace.scenario.length} steps"
+        return notes
+    steps = f"{metrics['steps']} of {trace.scenario.length} steps"
     return (
-        '<p class="alarm" role="alert"><strong>This run is not complete.</strong> It did not end as '
-        f"planned, or its log was not closed. All below is about what was recorded: {steps}.</p>"
+        '<p class="alarm" role="alert"><strong>This run is not complete.</strong> It did not end as planned, its log '
+        f"was not closed, or messages are not in it. All below is about what was recorded: {steps}.</p>{notes}"
     )
 
 
@@ -160,7 +169,7 @@ def _facts(analysis: Analysis) -> str:
         "Target": scenario.target.motion,
     }
     right = {
-        "Steps": f"{len(trace.time)} of {scenario.length}, {scenario.dt:g} s each",
+        "Steps": f"{analysis.metrics['steps']} of {scenario.length}, {scenario.dt:g} s each",
         "Timing": scenario.timing.mode,
         "Seed": str(scenario.seed),
         "Faults": "; ".join(faults) or "none",
@@ -194,9 +203,11 @@ def _summary(analysis: Analysis) -> str:
     rows = [["disagreement of the agents", f"{number(metrics['disagreement'])} m"]]
     if metrics["left_out"]:
         rows.append(["left out: agents that send wrong values", ", ".join(map(str, metrics["left_out"]))])
+    if metrics["unobservable_steps"]:
+        rows.append(["position not determined", spelt(metrics["unobservable_steps"])])
     for name, found in (("NEES", metrics["nees"]), ("NIS", metrics["nis"])):
         if found is None:
-            rows.append([name, "the filter has no covariance"])
+            rows.append([name, (why_no_nees if name == "NEES" else why_no_nis)(analysis.trace)])
             continue
         low, high = found["band"]
         rows.append([f"{name}, average", f"{number(found['average'])}, expected {found['dimension']}"])
@@ -219,7 +230,9 @@ def _each_agent(analysis: Analysis) -> str:
     if (bias := metrics["bias"]) is not None:
         columns |= {"bias of ranges (m)": bias["agents"], "its std (m)": bias["std"], "relied on": bias["weight"]}
     if (distrust := metrics["distrust"]) is not None:
-        columns["steps of distrust (%)"] = [100.0 * share for share in distrust["agents"]]
+        columns["steps of distrust (%)"] = [share and 100.0 * share for share in distrust["agents"]]
+    if (slow := metrics["slow"]) is not None:
+        columns["rounds too late by itself (%)"] = [share and 100.0 * share for share in slow["agents"]]
     rows = zip(agent_names(analysis), *(map(number, values) for values in columns.values()), strict=True)
     return f'<div class="scroll">{table("Each agent", ["agent", *columns], list(rows))}</div>'
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.trace import Exchange, Fortune, Passage
+from zenoh_cbef.words import counted
 
 _LEFT, _RIGHT, _TOP, _BOTTOM = 92.0, 28.0, 62.0, 96.0
 _ROUND_WIDTH, _NARROWEST, _WIDEST = 62.0, 820.0, 6000.0
@@ -42,7 +43,7 @@ def check_format(path: Path) -> None:
 
 
 def write_timeline(exchange: Exchange, path: Path) -> None:
-    """Write the picture as .svg, or a page with it as .html."""
+    """Write the picture as .svg, or a page with it as .html. Raises UserError where it cannot be written."""
     check_format(path)
     text = timeline_svg(exchange) if path.suffix == ".svg" else timeline_html(exchange)
     try:
@@ -56,10 +57,12 @@ def timeline_html(exchange: Exchange) -> str:
     page = Template(files(__package__).joinpath("timeline.html").read_text(encoding="utf-8"))
     notes = "".join(f'<p class="note">{escape(note)}</p>' for note in exchange.notes)
     rows = (
-        f"<tr><td>{format(time - exchange.since, '.4f')} s</td><td>{escape(who)}</td><td>{escape(text)}</td></tr>"
+        f"<tr><td>{_moment(time)}</td><td>{escape(who)}</td><td>{escape(text)}</td></tr>"
         for who, time, text in exchange.events
     )
-    events = "<h2>Events</h2><table>" + "".join(rows) + "</table>" if exchange.events else ""
+    events = (
+        "<h2>Events</h2><p>Times since the start.</p><table>" + "".join(rows) + "</table>" if exchange.events else ""
+    )
     return page.substitute(
         name=escape(exchange.name), lead=escape(_lead(exchange)), notes=notes, events=events, picture=_svg(exchange)
     )
@@ -74,7 +77,8 @@ def _lead(exchange: Exchange) -> str:
     steps = sorted({one.step for one in exchange.passages})
     which = f"steps {steps[0]} to {steps[-1]}, " if steps and steps[0] != steps[-1] else ""
     which = f"step {steps[0]}, " if steps and steps[0] == steps[-1] else which
-    return f"{which}{exchange.since:.4g} s to {exchange.until:.4g} s after the start, {len(exchange.passages)} messages"
+    times = f"{exchange.since:.4g} s to {exchange.until:.4g} s after the start"
+    return f"{which}{times}, {counted(len(exchange.passages), 'message')}"
 
 
 @dataclass(frozen=True)
@@ -153,8 +157,8 @@ def _definitions(frame: _Frame) -> str:
 
 def _shades(exchange: Exchange, frame: _Frame) -> Iterator[str]:
     """Every other round shaded, from when half of the agents had sent in it; a line and a name where a step begins."""
-    ends = [time for *_, time in exchange.rounds[1:]] + [max(exchange.until, frame.until)]
-    for (step, round_, begin), end in zip(exchange.rounds, ends, strict=True):
+    ends = [*(time for *_, time in exchange.rounds), max(exchange.until, frame.until)][1:]
+    for (step, round_, begin), end in zip(exchange.rounds, ends, strict=bool(exchange.rounds)):
         left, right = (min(max(frame.x(time), _LEFT), frame.right) for time in (begin, end))
         if right <= left:
             continue

@@ -7,12 +7,15 @@ from typing import Any
 import numpy as np
 
 from zenoh_cbef.faults.injected import FATES, Injected
-from zenoh_cbef.protocol.messages import BIAS, DISTRUST, encode, pack_floats
+from zenoh_cbef.protocol.bodies import estimate_body, range_body
+from zenoh_cbef.protocol.messages import encode
 from zenoh_cbef.protocol.round_codec import RoundCodec
 from zenoh_cbef.scenario import Scenario, network
-from zenoh_cbef.scenario.build import bias_of, distrusts_own, fates_into, filter_of, message_size, rounds_of
+from zenoh_cbef.scenario.build import agent_tracker, fates_into, filter_of, message_size, rounds_of, settings_of
+from zenoh_cbef.scenario.paths import agent_positions
 from zenoh_cbef.tracking import graph
-from zenoh_cbef.tracking.filters import WITHOUT_COVARIANCE
+from zenoh_cbef.tracking.ranging import Measurement
+from zenoh_cbef.tracking.tracker import Estimate
 
 _SENT = 1_700_000_000_000_000_000
 _AGENTS, _STEPS = 12, 4
@@ -33,36 +36,35 @@ def other_bytes(scenario: Scenario) -> float:
     lists = graph.neighbours(scenario.count, network.edges(scenario))
     agents = np.unique(np.linspace(0, scenario.count - 1, _AGENTS).round().astype(int))
     steps = np.unique(np.linspace(1, scenario.length, _STEPS + 2).round().astype(int))
-    sizes = [
-        _range_bytes(scenario, step) + _estimate_bytes(scenario, agent, lists.row(agent).index[0].tolist(), step)
-        for agent in agents.tolist()
-        for step in steps[1:-1].tolist() or [1]
-    ]
-    return float(np.mean(sizes))
+    estimate = _estimate(scenario)
+
+    def published(agent: int, step: int) -> int:
+        counts = _counts(scenario, agent, lists.row(agent).index[0].tolist(), step)
+        bodies = range_body(step, np.full(3, 0.5), 0.5), estimate_body(step, estimate, 0, agent, counts)
+        return sum(len(encode(scenario.name, f"agent/{agent}", step, _SENT, body)) for body in bodies)
+
+    return float(np.mean([published(agent, step) for agent in agents.tolist() for step in steps[1:-1].tolist() or [1]]))
 
 
-def _range_bytes(scenario: Scenario, step: int) -> int:
-    body = {"k": step, "position": [0.5] * 3, "range": 0.5}
-    return len(encode(scenario.name, "agent/0", step, _SENT, body))
-
-
-def _estimate_bytes(scenario: Scenario, agent: int, neighbours: list[int], step: int) -> int:
-    estimate = {"k": step, "state": [0.5] * 6, "innovation": 0.5, "weight": 0.5, "nis": 0.5, "nis_degrees": 1}
-    estimate |= {"neighbours": neighbours, "latency": [0.5] * len(neighbours), "covariance": None}
-    estimate |= _counts(scenario, agent, neighbours, step)
-    if distrusts_own(scenario):
-        estimate[DISTRUST] = 0.0
-    if bias_of(scenario) != "none":
-        estimate |= dict.fromkeys(BIAS, 0.5)
-    if scenario.filter.kind not in WITHOUT_COVARIANCE:
-        estimate["covariance"] = pack_floats(np.zeros((6, 6)))
-    return len(encode(scenario.name, f"agent/{agent}", step, _SENT, estimate))
+def _estimate(scenario: Scenario) -> Estimate:
+    """What agent 0 says once its filter is past the first fix: which numbers there are matters, not what they are."""
+    tracker, neighbours = agent_tracker(scenario, 0)
+    places = agent_positions(scenario)[:, 0]
+    # Ranges to a point beside the agents: no row of any filter is without information.
+    ranges = np.linalg.norm(places - places[0], axis=1) + 1.0
+    measurement = Measurement(places[:1], ranges[:1], np.zeros(1), places[None, neighbours], ranges[None, neighbours])
+    for _ in range(settings_of(scenario).first_fix):
+        tracker.measure(measurement)
+        tracker.conclude()
+    tracker.measure(measurement)
+    return tracker.conclude()
 
 
 def _counts(scenario: Scenario, agent: int, neighbours: list[int], step: int) -> dict[str, Any]:
     """What an agent tells of its neighbours' messages in a step, as if all steps before had been like this one."""
     rounds = range(not filter_of(scenario).uses_neighbour_ranges, rounds_of(scenario) + 1)
-    counts: dict[str, Any] = {"received": [step * len(rounds)] * len(neighbours)}
+    counts: dict[str, Any] = {"neighbours": neighbours, "latency": [0.5] * len(neighbours)}
+    counts["received"] = [step * len(rounds)] * len(neighbours)
     counts |= {name: [0] * len(neighbours) for name in ("lost", "late")}
     fates = fates_into(scenario, agent, neighbours)
     if fates.quiet:

@@ -7,13 +7,15 @@ from typing import Annotated
 import typer
 
 from zenoh_cbef.cli.joining import Joining, Patience, identity_of, joins
-from zenoh_cbef.cli.options import Run
+from zenoh_cbef.cli.options import MOST_AGENTS, Run
 from zenoh_cbef.nodes.agent import run_agent
 from zenoh_cbef.protocol.tls import common_name
 
 
 def _agent(
-    agent: Annotated[int, typer.Argument(metavar="ID", min=0, help="Which agent of the scenario to be.")],
+    agent: Annotated[
+        int, typer.Argument(metavar="ID", min=0, max=MOST_AGENTS - 1, help="Which agent of the scenario to be.")
+    ],
     run: Run,
     joining: Joining,
     patience: Patience = 3.0,

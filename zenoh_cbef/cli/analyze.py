@@ -8,11 +8,13 @@ from typing import Annotated
 
 import typer
 
-from zenoh_cbef.analysis.metrics import analyze
-from zenoh_cbef.analysis.outputs import write_outputs
-from zenoh_cbef.cli.console import console
-from zenoh_cbef.cli.options import AsJson, Skip
+from zenoh_cbef.analysis.metrics import analyze, notes
+from zenoh_cbef.analysis.outputs import FIGURES, METRICS, REPORT, write_outputs
+from zenoh_cbef.cli.console import console, tell, tell_what_lacks
+from zenoh_cbef.cli.options import AsJson, Force, Skip
+from zenoh_cbef.cli.places import beside, new_folder_of
 from zenoh_cbef.cli.tables import metrics_table
+from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.parts import find_log
 from zenoh_cbef.log.read_trace import read_trace
 
@@ -24,20 +26,33 @@ def _analyze(
     as_json: AsJson = False,
     skip: Skip = 0.25,
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="Folder for metrics.json; default: the log's.")
+        Path | None, typer.Option("--output", "-o", metavar="DIR", help="Folder for metrics.json; default: the log's.")
     ] = None,
     report: Annotated[bool, typer.Option("--report/--no-report", help="Also write report.html and figures.")] = False,
+    force: Force = False,
 ) -> None:
     """Print how well a logged run tracked, beside the centralised filter and the bound; write its metrics."""
     paths = logs or [Path("logs/latest")]
+    log = find_log(paths[0])
+    own = output is None or output.resolve() == log.parent.resolve()
+    if output is not None and not own:
+        new_folder_of(output, [METRICS, *([REPORT, FIGURES] if report else [])], force=force)
     analysis = analyze([read_trace(*paths)], skip)[0]
-    folder = output or find_log(paths[0]).parent
+    failed: list[UserError] = []
     if not as_json or output or report:
-        write_outputs(analysis, folder, report=report)
+        default = beside(log, METRICS)
+        prefix = default.name.removesuffix(METRICS) if own else ""
+        failed = write_outputs(analysis, output or default.parent, prefix, report=report)
     if as_json:
         print(json.dumps(analysis.metrics))
-        return
-    console.print(metrics_table(analysis.metrics))
+    else:
+        console.print(metrics_table(analysis.metrics))
+    tell_what_lacks(notes(analysis.metrics))
+    # What was asked for and cannot be had is a mistake; what is written by the way is only told of.
+    if failed and (output or report):
+        raise UserError("; ".join(map(str, failed)))
+    for one in failed:
+        tell(f"note: {one}")
 
 
 def register(app: typer.Typer) -> None:

@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from zenoh_cbef.cli.options import MOST_AGENTS
+from zenoh_cbef.protocol.certificates import make_certificates
 from zenoh_cbef.protocol.tls import common_name
 
 _ROLES = ("target", "record", "router", "receiver", "operator")
@@ -15,17 +17,15 @@ _LOCAL = ("localhost", "127.0.0.1", "::1")
 
 def _new(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Where they go.")],
-    agents: Annotated[int, typer.Option(min=0, max=1000, help="For how many agents.")] = 6,
+    agents: Annotated[int, typer.Option(min=0, max=MOST_AGENTS, help="For how many agents.")] = 6,
     hosts: Annotated[
         list[str] | None,
         typer.Option("--host", help="A name or address that processes are reached by, besides loopback; repeatable."),
     ] = None,
     replay: Annotated[bool, typer.Option("--replay", help="Also for replay, which speaks for everybody.")] = False,
-    days: Annotated[int, typer.Option(min=1, help="How long they are valid.")] = 365,
+    days: Annotated[int, typer.Option(min=1, max=36_500, help="How long they are valid.")] = 365,
 ) -> None:
     """Make a test authority, and a certificate and key for each role and agent; what is there stays."""
-    from zenoh_cbef.protocol.certificates import make_certificates  # noqa: PLC0415 - only here is the extra needed
-
     names = [*_ROLES, *(["replay"] if replay else []), *(common_name("agent", str(agent)) for agent in range(agents))]
     made = make_certificates(folder, names, hosts=[*_LOCAL, *(hosts or ())], days=days)
     typer.echo(f"{folder}: {', '.join(made) or 'nothing was missing'}")

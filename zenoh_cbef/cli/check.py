@@ -10,6 +10,7 @@ import typer
 from zenoh_cbef.cli.options import AsJson, LogFile
 from zenoh_cbef.log.parts import open_log
 from zenoh_cbef.log.tools.check import Findings, check
+from zenoh_cbef.words import counted
 
 _SHOWN = 20
 
@@ -21,7 +22,7 @@ def _check(log: LogFile = Path("logs/latest"), as_json: AsJson = False) -> None:
     """
     found = check(open_log(log))
     if as_json:
-        names = ("messages", "damage", "missing", "gaps", "wrong", "out_of_order")
+        names = ("messages", "damage", "missing", "gaps", "unheard", "wrong", "out_of_order")
         print(json.dumps({"sound": found.exit_status == 0, **{name: getattr(found, name) for name in names}}))
     else:
         _tell(found)
@@ -38,9 +39,12 @@ def _tell(found: Findings) -> None:
         typer.echo(line)
     if len(lines) > _SHOWN:
         typer.echo(f"and {len(lines) - _SHOWN} more, see --json")
+    for name, unheard in found.unheard.items():
+        typer.echo(f"note: {unheard} of {name} were not heard, as the recorder was cut off from their sender")
     if found.out_of_order:
-        typer.echo(f"note: {found.out_of_order} messages were logged before the one before them")
-    typer.echo(f"{found.messages} messages: " + ("something is wrong" if lines else "sound"))
+        early = counted(found.out_of_order, "message was", "messages were")
+        typer.echo(f"note: {early} logged before the one before it")
+    typer.echo(f"{counted(found.messages, 'message')}: " + ("something is wrong" if lines else "sound"))
 
 
 def register(app: typer.Typer) -> None:

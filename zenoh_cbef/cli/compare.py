@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -13,12 +14,15 @@ from rich import box
 from rich.table import Table
 
 from zenoh_cbef.analysis.compare import differences, names_of, row, write_picture
-from zenoh_cbef.analysis.metrics import analyze
-from zenoh_cbef.cli.console import console, errors, number
-from zenoh_cbef.cli.options import AsJson, Skip
+from zenoh_cbef.analysis.metrics import analyze, notes
+from zenoh_cbef.cli.console import console, errors, number, tell, tell_what_lacks
+from zenoh_cbef.cli.fitting import Fitting
+from zenoh_cbef.cli.options import AsJson, Force, Skip
+from zenoh_cbef.cli.places import new_file
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.parts import find_log
 from zenoh_cbef.log.read_trace import read_trace
+from zenoh_cbef.trace import Trace
 
 Logs = Annotated[list[Path], typer.Argument(metavar="LOG...", help="Logs, folders of runs, or names in logs/.")]
 AsCsv = Annotated[bool, typer.Option("--csv", help="Print comma-separated values instead of a table.")]
@@ -43,30 +47,51 @@ def _compare(
     as_json: AsJson = False,
     as_csv: AsCsv = False,
     output: Outputs = None,
+    force: Force = False,
     skip: Skip = 0.25,
 ) -> None:
     """Put logged runs side by side: errors, honesty, agreement, bytes and loss, a row for each."""
     for path in output or ():
-        if path.suffix not in {".csv", ".html"}:
-            raise UserError(f"--output {path} must end with .csv for the rows or .html for the curves")
-    paths = [find_log(log) for log in logs]
-    traces = [read_trace(path) for path in paths]
+        new_file(path, {".csv": "for the rows", ".html": "for the curves"}, force=force)
+    paths, traces = _read(logs)
     names = names_of(traces, paths)
     analyses = [analyze([trace], skip)[0] for trace in traces]
     rows = [row(one, name) for one, name in zip(analyses, names, strict=True)]
+    for one, name in zip(analyses, names, strict=True):
+        tell_what_lacks(notes(one.metrics), name)
     for warning in differences(traces, names):
         errors.print(f"warning: {warning}", highlight=False, soft_wrap=True)
-    for path in output or ():
-        if path.suffix == ".html":
-            write_picture(analyses, names, path)
-        else:
-            _write(path, _csv(rows))
     if as_json:
         print(json.dumps(rows))
     elif as_csv:
         print(_csv(rows), end="")
     else:
-        console.print(_table(rows))
+        console.print(runs_table(rows))
+    for path in output or ():
+        if path.suffix == ".html":
+            write_picture(analyses, names, path)
+        else:
+            _write(path, _csv(rows))
+
+
+def _read(logs: Sequence[Path]) -> tuple[list[Path], list[Trace]]:
+    """The logs and what is in them; what is none is named and left out. Raises UserError where none is left."""
+    found: dict[Path, tuple[Path, Trace]] = {}
+    refused: list[UserError] = []
+    # logs/latest stands for the run that it leads to, which logs/* names, too.
+    for given in sorted(logs, key=Path.is_symlink):
+        try:
+            path = find_log(given)
+            if not given.is_symlink() or path.resolve() not in {one.resolve() for one, _ in found.values()}:
+                found[given] = path, read_trace(path)
+        except UserError as error:
+            refused.append(error)
+    if not found:
+        raise refused[0] if len(logs) == 1 else UserError("none of these is a log of a run; give runs' folders or logs")
+    for one in refused:
+        tell(f"left out: {one}")
+    kept = [found[given] for given in dict.fromkeys(logs) if given in found]
+    return [path for path, _ in kept], [trace for _, trace in kept]
 
 
 def _csv(rows: list[dict[str, Any]]) -> str:
@@ -84,7 +109,8 @@ def _write(path: Path, text: str) -> None:
         raise UserError(f"cannot write {path}: {error.strerror}; choose another --output") from None
 
 
-def _table(rows: list[dict[str, Any]]) -> Table:
+def runs_table(rows: list[dict[str, Any]]) -> Fitting:
+    """A row for each run."""
     # Narrow enough for eighty columns where names are short; everything else is in --json and --csv.
     caption = "pos, vel: RMSE in m and m/s; ratio: pos to centralised; apart: disagreement in m; missed: lost or late"
     table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), show_edge=False, caption=caption, caption_justify="left")
@@ -98,7 +124,7 @@ def _table(rows: list[dict[str, Any]]) -> Table:
         missed = "-" if one["missed"] is None else f"{one['missed']:.1%}"
         averaging = f"{one['rounds']}{_SCHEMES[one['consensus']]}"
         table.add_row(name, one["filter"], averaging, *(_short(one[each]) for each in _HEADS), missed)
-    return table
+    return Fitting(table)
 
 
 def _short(value: float | None) -> str:

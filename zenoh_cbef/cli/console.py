@@ -2,14 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from rich.console import Console
+
+from zenoh_cbef.numbers import number
+
+__all__ = ["console", "errors", "number", "tell", "tell_what_lacks"]
 
 console = Console()
 errors = Console(stderr=True)
 
 
-def number(value: float | None, unit: str = "") -> str:
-    """A number in four significant digits; a dash where there is none."""
-    if value is None:
-        return "-"
-    return f"{value:.4g}" + (f" {unit}" if unit else "")
+def tell(sentence: str) -> None:
+    """Say something beside the results, as it is."""
+    errors.print(sentence, highlight=False, soft_wrap=True, markup=False)
+
+
+def tell_what_lacks(sentences: Iterable[str], run: str = "") -> None:
+    """Say what a log does not hold, and what is therefore not scored; run: where several are looked at."""
+    for sentence in sentences:
+        tell(f"note: {run and f'{run}: '}{sentence}")

@@ -14,6 +14,7 @@ from zenoh_cbef.cli.options import AsJson, Overrides, ScenarioName, Skip
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.scenario.checks import check
 from zenoh_cbef.scenario.load import load
+from zenoh_cbef.scenario.size import refuse_a_trace_beyond_memory
 
 Within = Annotated[
     str, typer.Option(metavar="PERCENT", help="Wanted excess of the position RMSE over the centralised filter's.")
@@ -32,6 +33,7 @@ def _design(
     loaded = load(scenario, overrides or ()).scenario
     for warning in check(loaded):
         errors.print(f"warning: {warning}", highlight=False, soft_wrap=True)
+    refuse_a_trace_beyond_memory(loaded)
     told = design(loaded, within=wanted, skip=skip)
     if as_json:
         print(json.dumps(told))

@@ -8,12 +8,14 @@ from typing import Any
 from rich.table import Table
 
 from zenoh_cbef.cli.console import number
+from zenoh_cbef.cli.fitting import Fitting
+from zenoh_cbef.words import counted
 
 _MOST_ROWS = 12
 _SCHEMES = {"average": "average", "chebyshev": "Chebyshev", "running-sums": "running sums"}
 
 
-def design_lines(told: dict[str, Any]) -> Iterator[Table | str]:
+def design_lines(told: dict[str, Any]) -> Iterator[Fitting | str]:
     """Tables and sentences, in the order they are read."""
     yield _observability(told)
     seen = told["observability"]
@@ -36,9 +38,10 @@ def design_lines(told: dict[str, Any]) -> Iterator[Table | str]:
     yield from (f"note: {sentence}" for sentence in told["cannot"])
 
 
-def _observability(told: dict[str, Any]) -> Table:
+def _observability(told: dict[str, Any]) -> Fitting:
     seen = told["observability"]
-    title = f"{told['name']}: {told['filter']}, {told['agents']} agents, {told['edges']} edges, {told['steps']} steps"
+    counts = ", ".join(counted(told[f"{one}s"], one) for one in ("agent", "edge", "step"))
+    title = f"{told['name']}: {told['filter']}, {counts}"
     table = Table(title=title, title_justify="left")
     for column in ("sees", "rank", "condition", "bound (m)"):
         table.add_column(column, justify="left" if column == "sees" else "right")
@@ -49,10 +52,10 @@ def _observability(told: dict[str, Any]) -> Table:
         table.add_row(name, rank, number(one["condition"]), number(one["bound"]))
     if len(seen["agents"]) > _MOST_ROWS:
         table.add_row(f"and {len(seen['agents']) - _MOST_ROWS} more", "", "", "")
-    return table
+    return Fitting(table)
 
 
-def _rounds(told: dict[str, Any]) -> Table:
+def _rounds(told: dict[str, Any]) -> Fitting:
     table = Table(title="expected position RMSE / centralised, and NEES", title_justify="left")
     table.add_column("L", justify="right")
     table.add_column("bytes (average)", justify="right")
@@ -67,7 +70,7 @@ def _rounds(told: dict[str, Any]) -> Table:
             ratio = f"{found['ratio_to_centralized']:.4f}" if found else ""
             cells += [f"[bold]{ratio}[/bold]" if enough else ratio, number(found["nees"]) if found else ""]
         table.add_row(*cells)
-    return table
+    return Fitting(table)
 
 
 def _answers(told: dict[str, Any]) -> Iterator[str]:

@@ -14,7 +14,7 @@ from rich.text import Text
 from zenoh_cbef.cli.asking import RunName, locate
 from zenoh_cbef.cli.console import console
 from zenoh_cbef.cli.joining import Joining, joins
-from zenoh_cbef.cli.options import AsJson
+from zenoh_cbef.cli.options import MOST_AGENTS, AsJson
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.nodes.checkup import OK, PROBLEM, WARNING, Finding, check_endpoints, check_host
 from zenoh_cbef.nodes.checkup_run import check_run
@@ -26,7 +26,7 @@ _COLOURS = {OK: "green", WARNING: "yellow", PROBLEM: "red"}
 def _doctor(
     joining: Joining,
     run: RunName = None,
-    agents: Annotated[int, typer.Option(min=1, help="How many agents a run is to have.")] = 100,
+    agents: Annotated[int, typer.Option(min=1, max=MOST_AGENTS, help="How many agents a run is to have.")] = 100,
     output: Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="Where logs go.")] = Path("logs"),
     strict: Annotated[bool, typer.Option("--strict", help="Status 1 also for warnings.")] = False,
     as_json: AsJson = False,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -10,17 +9,22 @@ import typer
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from zenoh_cbef.cli.console import console, errors, number
-from zenoh_cbef.cli.options import AsJson, Skip
+from zenoh_cbef.cli.console import console, errors, number, tell
+from zenoh_cbef.cli.fitting import Fitting
+from zenoh_cbef.cli.options import AsJson, Force, Skip
+from zenoh_cbef.cli.places import new_folder_of
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.experiment.cells import cells_of
 from zenoh_cbef.experiment.figures import short_names, written_value
 from zenoh_cbef.experiment.file import Written, builtin_names, read_experiment, read_source
-from zenoh_cbef.experiment.page import limits_of, values_of, write_outputs
+from zenoh_cbef.experiment.journal import JOURNAL
+from zenoh_cbef.experiment.page import RESULTS, limits_of, values_of, write_outputs
 from zenoh_cbef.experiment.summary import EXIT_STATUS, check_expectations, summarize
 from zenoh_cbef.experiment.sweep import Sweep
 from zenoh_cbef.experiment.table import rows_of
+from zenoh_cbef.plain import read_toml
 from zenoh_cbef.scenario.library import purpose_of
+from zenoh_cbef.words import counted
 
 _INTERRUPTED = 130
 _COLUMNS = {
@@ -43,12 +47,15 @@ def _experiment(
     seeds: Annotated[
         str | None, typer.Option(metavar="N", help="Other seeds than the file's: a number, or a list as [1, 5].")
     ] = None,
-    jobs: Annotated[int, typer.Option(min=0, help="Processes that simulate at a time; 0: one per core.")] = 0,
+    jobs: Annotated[
+        int, typer.Option(min=0, max=10_000, help="Processes that simulate at a time; 0: one per core.")
+    ] = 0,
     dask: Annotated[
         str | None, typer.Option(metavar="ADDRESS", help="Simulate on the workers of this Dask scheduler.")
     ] = None,
     skip: Skip = 0.25,
     as_json: AsJson = False,
+    force: Force = False,
 ) -> None:
     """Run a sweep of scenarios; exit status 0: as expected, 1: not, 2: cannot be judged."""
     if what == "list" and name is None:
@@ -63,15 +70,18 @@ def _experiment(
         written = read_experiment(what, _changes(seeds))
         cells = cells_of(written)
         check_expectations(written, cells)
-        sweep = Sweep(written.experiment, cells, skip, jobs, dask)
-        _run(written, sweep, output or Path("experiments") / written.name, as_json=as_json)
+        sweep = Sweep(written.experiment, cells, skip, jobs, dask, tell)
+        folder = output or Path("experiments") / written.name
+        # A sweep goes on in its own folder, and takes no other's.
+        own = force or (folder / JOURNAL).exists()
+        _run(written, sweep, new_folder_of(folder, RESULTS, force=own), as_json=as_json)
 
 
 def _changes(seeds: str | None) -> dict[str, Any]:
     if seeds is None:
         return {}
     try:
-        return tomllib.loads(f"seeds = {seeds}")
+        return read_toml(f"seeds = {seeds}")
     except ValueError:
         raise UserError(f"--seeds {seeds} is neither a number nor a list as [1, 2, 3]; give one of these") from None
 
@@ -89,11 +99,12 @@ def _run(written: Written, sweep: Sweep, folder: Path, *, as_json: bool) -> None
             task = bar.add_task("", total=None)
             outcomes = sweep.run(folder, lambda done, total: bar.update(task, completed=done, total=total))
     except KeyboardInterrupt:
-        errors.print(f"interrupted; what is finished is in {folder}, and the same command goes on from there")
+        said = f"interrupted; what is finished is in {folder}, and the same command goes on from there"
+        errors.print(said, highlight=False, soft_wrap=True, markup=False)
         raise typer.Exit(_INTERRUPTED) from None
     summary = summarize(written, sweep.cells, outcomes)
     for sentence in write_outputs(summary, rows_of(sweep.cells, outcomes), written.source, folder):
-        errors.print(sentence, highlight=False, soft_wrap=True)
+        tell(sentence)
     if as_json:
         print((folder / "summary.json").read_text(encoding="utf-8"), end="")
     else:
@@ -102,20 +113,20 @@ def _run(written: Written, sweep: Sweep, folder: Path, *, as_json: bool) -> None
 
 
 def _tell(summary: dict[str, Any], folder: Path) -> None:
-    table = Table(title=f"{summary['experiment']}: medians of {summary['runs']} runs", title_justify="left")
+    table = Table(title=f"{summary['experiment']}: medians of {counted(summary['runs'], 'run')}", title_justify="left")
     for name in short_names(summary["varied"]):
-        table.add_column(name, overflow="fold")
+        table.add_column(name)
     metrics = {name: head for name, head in _COLUMNS.items() if any(name in one["metrics"] for one in summary["cells"])}
     for head in metrics.values():
         table.add_column(head, justify="right")
     for cell in summary["cells"]:
         found = [cell["metrics"].get(name, {}).get("median") for name in metrics]
         table.add_row(*map(written_value, cell["values"].values()), *map(number, found))
-    console.print(table)
+    console.print(Fitting(table))
     for cell in summary["cells"]:
         if cell["failed"]:
             why = cell["failures"][0]["error"]
-            said = f"failed: {cell['failed']} of {cell['runs']} runs with {values_of(cell)}: {why}"
+            said = f"failed: {cell['failed']} of {counted(cell['runs'], 'run')} with {values_of(cell)}: {why}"
             errors.print(said, highlight=False, soft_wrap=True, markup=False)
     for one in summary["expect"]:
         for cell in one["cells"]:

@@ -8,7 +8,10 @@ from typing import Annotated
 
 import typer
 
-from zenoh_cbef.cli.options import LogFile
+from zenoh_cbef.analysis.coverage import lacks
+from zenoh_cbef.cli.console import tell_what_lacks
+from zenoh_cbef.cli.options import Force, LogFile
+from zenoh_cbef.cli.places import new_place, stem_of
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.export import export
 from zenoh_cbef.log.parts import find_log
@@ -19,7 +22,7 @@ from zenoh_cbef.log.viewers.viz import write_viz
 
 
 class Format(StrEnum):
-    """What a log can be exported to, and how the result is called unless it is told."""
+    """What a log can be exported to."""
 
     npz = "npz"
     csv = "csv"
@@ -28,10 +31,14 @@ class Format(StrEnum):
     rrd = "rrd"
 
     @property
-    def usual(self) -> Path:
-        """The file or folder."""
-        name = {"csv": "run-csv", "parquet": "run-parquet", "viz": "run-viz.mcap"}.get(self.value)
-        return Path(name or f"run.{self.value}")
+    def ending(self) -> str:
+        """What the name of the file or folder ends with, behind the log's, unless it is told."""
+        return {"csv": "-csv", "parquet": "-parquet", "viz": "-viz.mcap"}.get(self.value, f".{self.value}")
+
+    @property
+    def suffix(self) -> str:
+        """What a name ends with that means this format."""
+        return ".mcap" if self is Format.viz else f".{self.value}"
 
 
 _HELP = "npz: one file of arrays. csv, parquet: a folder of tables. viz: for Foxglove and Lichtblick. rrd: for Rerun."
@@ -39,21 +46,38 @@ _HELP = "npz: one file of arrays. csv, parquet: a folder of tables. viz: for Fox
 
 def _export(
     log: LogFile = Path("logs/latest"),
-    to: Annotated[Format, typer.Option("--to", help=_HELP)] = Format.npz,
-    output: Annotated[Path | None, typer.Option("--output", "-o", help="The file or folder to write.")] = None,
+    to: Annotated[Format | None, typer.Option("--to", help=_HELP)] = None,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="The file or folder to write; default: beside the log.")
+    ] = None,
+    force: Force = False,
 ) -> None:
     """Write a log's truth, measurements and estimates as arrays that any program reads, or as scenes for viewers."""
-    place = output or to.usual
-    if place.exists() and place.samefile(find_log(log)):
-        raise UserError(f"{place} is the log itself, and logs are never overwritten; choose another --output")
-    if to is Format.viz:
-        paths = write_viz(read_scene(log), place)
-    elif to is Format.rrd:
-        paths = write_rrd(read_scene(log), place)
+    found = find_log(log)
+    to = _format(to, output)
+    if output is not None and output.exists() and output.samefile(found):
+        raise UserError(f"{output} is the log itself, and logs are never overwritten; choose another --output")
+    place = found.with_name(stem_of(found) + to.ending) if output is None else new_place(output, to.value, force=force)
+    if to in {Format.viz, Format.rrd}:
+        scene = read_scene(log)
+        trace, paths = scene.trace, (write_viz if to is Format.viz else write_rrd)(scene, place)
     else:
-        paths = export(read_trace(log), place, to.value)
+        trace = read_trace(log)
+        paths = export(trace, place, to.value)
+    tell_what_lacks(lacks(trace))
     for path in paths:
         typer.echo(path)
+
+
+def _format(to: Format | None, output: Path | None) -> Format:
+    """The format that is meant by --to, or else by the suffix of -o. Raises UserError where they contradict."""
+    meant = next((one for one in Format if output is not None and output.suffix == one.suffix), None)
+    if to is not None and meant not in {None, to}:
+        raise UserError(f"--output {output} is a name for {meant}, but --to says {to}; leave --to out, or rename it")
+    if to is None and meant is None and output is not None:
+        known = ", ".join(one.suffix for one in Format)
+        raise UserError(f"--output {output} must end with one of {known}, or say the format with --to")
+    return to or meant or Format.npz
 
 
 def register(app: typer.Typer) -> None:

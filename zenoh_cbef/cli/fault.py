@@ -10,8 +10,9 @@ from rich.table import Table
 
 from zenoh_cbef.cli.asking import RunName, ask_run, locate
 from zenoh_cbef.cli.console import console
+from zenoh_cbef.cli.fitting import Fitting
 from zenoh_cbef.cli.joining import Joining, joins
-from zenoh_cbef.cli.options import AsJson
+from zenoh_cbef.cli.options import LONGEST_SECONDS, AsJson
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.scenario.load import value_of
 
@@ -21,7 +22,9 @@ def _add(
     joining: Joining,
     keys: Annotated[list[str] | None, typer.Argument(metavar="[KEY=VALUE]...", help="Its keys: links=agent:3")] = None,
     run: RunName = None,
-    seconds: Annotated[float | None, typer.Option("--for", min=0.001, help="How long it lasts, in seconds.")] = None,
+    seconds: Annotated[
+        float | None, typer.Option("--for", min=0.001, max=LONGEST_SECONDS, help="How long it lasts, in seconds.")
+    ] = None,
 ) -> None:
     """Inject a fault, from now on or from the run time `from=`."""
     table: dict[str, Any] = {"kind": kind}
@@ -30,7 +33,7 @@ def _add(
         if not separator:
             raise UserError(f"{one!r} is not of the form key=value, as in probability=0.3")
         table[key.strip()] = value_of(text)
-    name, connection = locate(run, joining)
+    name, connection = locate(run, joining, order="inject the fault into it")
     said = ask_run(name, connection, {"ask": "fault add", "fault": json.dumps(table), "seconds": seconds})
     typer.echo(f"fault {said['number']} ({kind}) of run {name} begins at {said['from']:.2f} s")
 
@@ -58,16 +61,18 @@ def _list(
         shown = ", ".join(f"{key}={json.dumps(value)}" for key, value in rest.items())
         on = "on" if fault["active"] else ""
         table.add_row(str(fault["number"]), fault["kind"], f"{fault['from']:.2f} s", until, on, shown)
-    console.print(table)
+    console.print(Fitting(table))
 
 
 def _clear(
     joining: Joining,
-    numbers: Annotated[list[int] | None, typer.Argument(metavar="[NUMBER]...", help="Default: all.")] = None,
+    numbers: Annotated[
+        list[int] | None, typer.Argument(metavar="[NUMBER]...", min=0, max=1_000_000, help="Default: all.")
+    ] = None,
     run: RunName = None,
 ) -> None:
     """End injected faults."""
-    name, connection = locate(run, joining)
+    name, connection = locate(run, joining, order="end its injected faults")
     ended = ask_run(name, connection, {"ask": "fault clear", "numbers": numbers or None})["ended"]
     typer.echo(f"run {name}: ended {', '.join(f'fault {one}' for one in ended) or 'nothing'}")
 

@@ -11,6 +11,7 @@ from zenoh_cbef.cli.choosing import LOSSY, selection_of, tell_damage
 from zenoh_cbef.cli.options import Compress, End, Exclude, Include, NewLog, Start
 from zenoh_cbef.log.parts import open_log
 from zenoh_cbef.log.tools.filtering import filter_log
+from zenoh_cbef.words import counted
 
 
 def _filter(
@@ -29,7 +30,7 @@ def _filter(
     selection = selection_of(opened, include, exclude, start, end)
     count = filter_log(opened, output, selection, attachments=attachments, metadata=metadata, compression=compression)
     tell_damage(opened.damage)
-    typer.echo(f"{count} messages in {output}")
+    typer.echo(f"{counted(count, 'message')} in {output}")
     raise typer.Exit(LOSSY if opened.damage else 0)
 
 

@@ -2,32 +2,36 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Annotated
 
 import typer
 
+from zenoh_cbef.cli.asking import RunName, locate
 from zenoh_cbef.cli.joining import Joining, Patience, joins
-from zenoh_cbef.cli.options import Run
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.nodes.health import is_there
+from zenoh_cbef.protocol.keys import agent_named
 from zenoh_cbef.protocol.tls import common_name
 
 
 def _health(
     who: Annotated[str, typer.Argument(metavar="WHO", help="agent/ID, target or record.")],
-    run: Run,
     joining: Joining,
+    run: RunName = None,
     patience: Patience = 3.0,
 ) -> None:
     """Ask a run whether a process is there: status 0 if so, 1 if not, 2 if nobody answers or no such run is on."""
     role, _, name = who.partition("/")
-    if role not in {"agent", "target", "record"} or (role == "agent") != name.isdecimal():
+    if role not in {"agent", "target", "record"} or (role == "agent") != (agent_named(who) is not None):
         raise UserError(f"{who!r} is no process; write agent/ID, as in agent/3, or target, or record")
-    connection = joining.connection(common_name(role, name))
-    if not is_there(connection, run, f"{role}/{name or role}", patience):
-        typer.echo(f"{who} is not in run {run}")
+    # What is looked up on this host is asked as by an operator; elsewhere a process has its own certificate alone.
+    elsewhere = joining.connect is not None or joining.config is not None
+    found, connection = locate(run, joining, certificate=common_name(role, name) if elsewhere else "operator")
+    if not is_there(replace(connection, gossip=joining.gossip), found, f"{role}/{name or role}", patience):
+        typer.echo(f"{who} is not in run {found}")
         raise typer.Exit(1)
-    typer.echo(f"{who} is in run {run}")
+    typer.echo(f"{who} is in run {found}")
 
 
 def register(app: typer.Typer) -> None:

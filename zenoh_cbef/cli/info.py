@@ -11,9 +11,12 @@ import typer
 from rich.table import Table
 
 from zenoh_cbef.cli.console import console
+from zenoh_cbef.cli.fitting import Fitting
 from zenoh_cbef.cli.options import AsJson, LogFile
 from zenoh_cbef.log.naming import END, RUN
 from zenoh_cbef.log.parts import open_log
+
+_FOREIGN = "none, as this is no log of zenoh-cbef"
 
 
 def _describe(path: Path) -> dict[str, Any]:
@@ -45,10 +48,10 @@ def _info(log: LogFile = Path("logs/latest"), as_json: AsJson = False) -> None:
     started = datetime.fromtimestamp(found["start"] / 1e9, UTC).isoformat(timespec="milliseconds")
     lines = {
         "file": f"{', '.join(found['parts'])} ({found['bytes']} bytes)",
-        "state": "complete" if found["complete"] else "cut off: readable as far as it goes",
+        "state": _state(found),
         "written by": found["library"],
-        "run": ", ".join(f"{name} {value}" for name, value in found["run"].items()) or "-",
-        "ended": (found["end"] or {}).get("status", "no end record: the recorder was killed"),
+        "run": ", ".join(f"{name} {value}" for name, value in found["run"].items()) or _FOREIGN,
+        **({"ended": _ended(found)} if found["run"] else {}),
         "messages": f"{found['messages']} in {found['duration']:.3f} s from {started}",
         "attachments": ", ".join(f"{name} ({size} bytes)" for name, size in found["attachments"].items()) or "-",
     }
@@ -62,7 +65,19 @@ def _info(log: LogFile = Path("logs/latest"), as_json: AsJson = False) -> None:
     for topic, count in found["channels"].items():
         rate = count / found["duration"] if found["duration"] > 0 else 0.0
         table.add_row(topic, str(count), f"{rate:.1f}")
-    console.print(table)
+    console.print(Fitting(table))
+
+
+def _state(found: dict[str, Any]) -> str:
+    if not found["complete"]:
+        return "cut off: readable as far as it goes"
+    return "complete" if found["run"] else "whole"
+
+
+def _ended(found: dict[str, Any]) -> str:
+    if found["end"]:
+        return str(found["end"].get("status", "-"))
+    return "no end record" + ("" if found["complete"] else ": the recorder was killed, or the file is cut off")
 
 
 def register(app: typer.Typer) -> None:

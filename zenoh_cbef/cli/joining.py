@@ -12,17 +12,20 @@ from typing import Annotated, Any, get_type_hints
 
 import typer
 
-from zenoh_cbef.cli.options import Connect, Listen
+from zenoh_cbef.cli.names import checked
+from zenoh_cbef.cli.options import LONGEST_SECONDS, Connect, listening
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.nodes.node import Identity
 from zenoh_cbef.protocol.session import Connection
 from zenoh_cbef.protocol.tls import Tls
 
-Patience = Annotated[float, typer.Option(min=0.1, help="Seconds to wait for the others to appear.")]
+Patience = Annotated[
+    float, typer.Option(min=0.1, max=LONGEST_SECONDS, help="Seconds to wait for the others to appear.")
+]
 _Gossip = Annotated[bool, typer.Option(help="Let peers tell each other about third ones.")]
 _Client = Annotated[bool, typer.Option("--client", help="Join through a router instead of peer to peer.")]
 _Config = Annotated[str | None, typer.Option("--config", metavar="FILE", help="A Zenoh configuration file.")]
-_Lease = Annotated[int, typer.Option(min=100, help="How long a silent link is taken to be alive.")]
+_Lease = Annotated[int, typer.Option(min=100, max=600_000, help="How long a silent link is taken to be alive.")]
 _Folder = Annotated[
     Path | None, typer.Option("--tls", metavar="DIR", help="Certificates of 'certs new'; links without are refused.")
 ]
@@ -38,7 +41,7 @@ class Joining:
     """What the command line says about joining a run."""
 
     connect: Connect = None
-    listen: Listen = None
+    listen: list[str] | None = None
     gossip: _Gossip = True
     client: _Client = False
     config: _Config = None
@@ -68,9 +71,9 @@ class Joining:
         return None if self.tls is None else Tls.of_folder(self.tls, certificate)
 
 
-def joins(verb: Callable[..., None]) -> Callable[..., None]:
-    """Give a verb that takes a `joining` the options of Joining."""
-    hints = get_type_hints(Joining, include_extras=True)
+def joins(verb: Callable[..., None], *, port: int = 0) -> Callable[..., None]:
+    """Give a verb that takes a `joining` the options of Joining; port: where it listens by default, 0 for any."""
+    hints = get_type_hints(Joining, include_extras=True) | {"listen": listening(port)}
     keyword = inspect.Parameter.KEYWORD_ONLY
     shared = [
         inspect.Parameter(field.name, keyword, default=field.default, annotation=hints[field.name])
@@ -91,10 +94,8 @@ def joins(verb: Callable[..., None]) -> Callable[..., None]:
 
 def identity_of(role: str, name: str, run: str, connection: Connection, patience: float) -> Identity:
     """Which process of which run this is. Raises UserError for a bad name or a missing endpoint."""
-    if not run or not all(part.isalnum() or part in "._-" for part in run):
-        raise UserError(f"--run {run!r} is no run name; use letters, digits, dot, dash and underscore")
-    if not name or not all(part.isalnum() or part in "._-" for part in name):
-        raise UserError(f"--name {name!r} is no name; use letters, digits, dot, dash and underscore")
+    checked(run, "--run")
+    checked(name, "--name")
     if role != "target" and not connection.connect and not connection.listen and connection.config is None:
         raise UserError(f"{role} needs an endpoint of the run, as in --connect tcp/127.0.0.1:7447")
     warn_of_exposure(connection)

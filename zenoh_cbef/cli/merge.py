@@ -12,6 +12,7 @@ from zenoh_cbef.cli.options import Compress, NewLog
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.parts import open_log
 from zenoh_cbef.log.tools.merge import Clock, merge
+from zenoh_cbef.words import counted
 
 
 def _merge(
@@ -29,7 +30,7 @@ def _merge(
     found = merge(opened, output, compression)
     damage = [f"{log.path}: {sentence}" for log in opened for sentence in log.damage]
     tell_damage(damage)
-    typer.echo(f"{found.messages} messages in {output}, {found.duplicates} duplicates left out")
+    typer.echo(f"{counted(found.messages, 'message')} in {output}, {counted(found.duplicates, 'duplicate')} left out")
     for clock in found.clocks:
         typer.echo(_words(clock, opened[0].path))
     raise typer.Exit(LOSSY if damage else 0)

@@ -7,6 +7,12 @@ from typing import Annotated, Literal
 
 import typer
 
+from zenoh_cbef.cli.names import check_run
+
+LONGEST_SECONDS = 1e9
+"""What options of time take at most, s: some thirty years, so that every time can be told in whole nanoseconds."""
+MOST_AGENTS = 1000
+
 ScenarioName = Annotated[
     str, typer.Argument(metavar="[SCENARIO]", help="A built-in scenario (see 'scenario list') or a TOML file.")
 ]
@@ -15,6 +21,7 @@ Overrides = Annotated[
     typer.Option("--set", metavar="KEY=VALUE", help="Override a scenario key, as in consensus.rounds=5; repeatable."),
 ]
 LogFile = Annotated[Path, typer.Argument(metavar="LOG", help="A log, or the folder of a run.")]
+Force = Annotated[bool, typer.Option("--force", "-f", help="Write over what --output names.")]
 NewLog = Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="The log to write.")]
 Compress = Annotated[Literal["zstd", "lz4", "none"], typer.Option("--compression", help="Of the log to write.")]
 Include = Annotated[
@@ -42,12 +49,15 @@ Skip = Annotated[
     float,
     typer.Option(min=0.0, max=0.99, help="Share of steps left out at the start of RMSE, NEES and ratios."),
 ]
-Run = Annotated[str, typer.Option("--run", help="The run's name, the same for all its processes.")]
+Run = Annotated[str, typer.Option("--run", callback=check_run, help="The run's name, the same for all its processes.")]
 Connect = Annotated[
     list[str] | None,
     typer.Option("--connect", metavar="ENDPOINT", help="Whom to link to, as tcp/HOST:PORT; repeatable."),
 ]
-Listen = Annotated[
-    list[str] | None,
-    typer.Option("--listen", metavar="ENDPOINT", help="Where to be reached; default: a free loopback port."),
-]
+
+
+def listening(port: int) -> object:
+    """The annotation of --listen for a verb whose default is this loopback port, 0 for any that is free."""
+    default = f"loopback port {port}" if port else "a free loopback port"
+    option = typer.Option("--listen", metavar="ENDPOINT", help=f"Where to be reached; default: {default}.")
+    return Annotated[list[str] | None, option]

@@ -1,10 +1,88 @@
-"""Where runs go."""
+"""Where runs and other outputs go, and when they are written over: the one rule of docs/outputs.md."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from zenoh_cbef.errors import UserError
+from zenoh_cbef.log.naming import ACTIVE
+
+_FILES = {".csv", ".html", ".json", ".mcap", ".npz", ".parquet", ".pdf", ".png", ".rrd", ".svg", ".toml"}
+"""Suffixes of files, with which no folder of results is called."""
+
+
+_ANY: Mapping[str, str] = {}
+
+
+def stem_of(log: Path) -> str:
+    """What the outputs of a log are called after: `run` for run.mcap."""
+    return log.name.removesuffix(ACTIVE).removesuffix(".mcap")
+
+
+def beside(log: Path, name: str) -> Path:
+    """Where an output goes that no -o names: by the log, with its name in front unless that is run.mcap."""
+    stem = stem_of(log)
+    return log.with_name(name if stem == "run" else f"{stem}.{name}")
+
+
+def new_file(path: Path, formats: Mapping[str, str] = _ANY, *, force: bool) -> Path:
+    """The file that -o names. formats: its suffixes, each with what it is for; all if empty.
+
+    Raises UserError for another suffix, for a folder, and without `force` for a file that exists.
+    """
+    if formats and path.suffix not in formats:
+        raise UserError(f"--output {path} must end with {_words(formats)}")
+    if path.is_dir():
+        raise UserError(f"--output {path} is a folder; name a file")
+    if path.is_file() and not force:
+        raise UserError(f"{path} exists; name another --output, or write over it with --force")
+    return path
+
+
+def _words(formats: Mapping[str, str]) -> str:
+    return " or ".join(f"{suffix} {what}" for suffix, what in formats.items())
+
+
+def new_folder_of(path: Path, names: Sequence[str], *, force: bool) -> Path:
+    """The folder that -o names, for results of these names.
+
+    Raises UserError where it is or looks like a file, and without `force` where it has one of them.
+    """
+    if path.is_file() or (path.suffix in _FILES and not path.is_dir()):
+        raise UserError(f"--output {path} is no folder, and several files are written; name a folder")
+    there = next((name for name in names if (path / name).exists()), None)
+    if there is not None and not force:
+        raise UserError(f"{path / there} exists; name another --output, or write over it with --force")
+    return path
+
+
+def new_place(path: Path, kind: str, *, force: bool) -> Path:
+    """The place that -o names for arrays: a file, or a folder for tables (csv, parquet). Raises UserError as these."""
+    if kind not in {"csv", "parquet"}:
+        return new_file(path, force=force)
+    if path.is_file():
+        raise UserError(f"{path} is a file, and {kind} is a folder of tables; name another --output")
+    there = next(path.glob(f"*.{kind}"), None)
+    if there is not None and not force:
+        raise UserError(f"{there} exists; name another --output, or write over it with --force")
+    return path
+
+
+@contextmanager
+def place_of_log(run: str, chosen: Path | None) -> Iterator[Path]:
+    """The log to write: the chosen one, or one in a new folder of logs/, which goes again if nothing came into it.
+
+    Raises UserError where the folder cannot be made.
+    """
+    path = chosen or new_folder(run) / "run.mcap"
+    try:
+        yield path
+    finally:
+        if chosen is None:
+            with suppress(OSError):  # there is a log in it
+                path.parent.rmdir()
 
 
 def new_folder(run: str) -> Path:

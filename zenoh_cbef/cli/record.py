@@ -14,6 +14,7 @@ from zenoh_cbef.cli.joining import Joining, Patience, identity_of, joins
 from zenoh_cbef.cli.options import Run
 from zenoh_cbef.nodes.overview import Status
 from zenoh_cbef.nodes.recorder import run_recorder
+from zenoh_cbef.words import counted
 
 
 def _record(
@@ -45,9 +46,10 @@ def _record(
     identity = identity_of("record", name, run, joining.connection("record"), patience)
     last = run_recorder(identity, output, keys=keys or (), sync=sync, report=report)
     if not status_json:
-        typer.echo(f"{last.messages} messages in {output}, {last.missing} missing")
+        typer.echo(f"{counted(last.messages, 'message')} in {output}, {last.missing} missing")
     if last.failure:
-        sys.stderr.write(f"zenoh-cbef: {last.dropped} messages are not in the log: {last.failure}\n")
+        lost = f"{last.dropped} messages are not in the log: " if last.dropped else ""
+        sys.stderr.write(f"zenoh-cbef: {lost}{last.failure}\n")
         raise typer.Exit(1)
 
 

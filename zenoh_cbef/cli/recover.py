@@ -11,6 +11,7 @@ from zenoh_cbef.cli.choosing import tell_damage
 from zenoh_cbef.cli.options import Compress, NewLog
 from zenoh_cbef.log.parts import find_log
 from zenoh_cbef.log.tools.recover import recover
+from zenoh_cbef.words import counted
 
 Damaged = Annotated[Path, typer.Argument(metavar="LOG", help="A log file, cut off or damaged, or a run's folder.")]
 
@@ -26,8 +27,8 @@ def _recover(log: Damaged, output: NewLog, compression: Compress = "zstd") -> No
         typer.echo("nothing could be recovered")
     else:
         typer.echo(
-            f"{found.messages} messages, {found.attachments} attachments, {found.metadata} metadata in {output}; "
-            + ("something was lost" if found.lost else "nothing was lost")
+            f"{counted(found.messages, 'message')}, {counted(found.attachments, 'attachment')}, "
+            f"{found.metadata} metadata in {output}; " + ("something was lost" if found.lost else "nothing was lost")
         )
     raise typer.Exit(found.exit_status)
 

@@ -8,13 +8,15 @@ from typing import Annotated
 import typer
 from rich.progress import Progress
 
-from zenoh_cbef.cli.console import console, errors, number
+from zenoh_cbef.cli.console import console, errors, number, tell_what_lacks
+from zenoh_cbef.cli.names import check_run
 from zenoh_cbef.cli.options import LogFile, Overrides
-from zenoh_cbef.cli.places import new_folder
+from zenoh_cbef.cli.places import place_of_log
 from zenoh_cbef.cli.tables import scheme_line
 from zenoh_cbef.log.measurements import read_measurements
 from zenoh_cbef.log.reestimate import Reestimated, reestimate
 from zenoh_cbef.scenario.checks import check
+from zenoh_cbef.words import counted
 
 
 def _reestimate(
@@ -23,7 +25,9 @@ def _reestimate(
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="The log to write; default: a folder of its own in logs/.")
     ] = None,
-    run: Annotated[str | None, typer.Option("--run", help="Its run's name; default: the log's and the filter.")] = None,
+    run: Annotated[
+        str | None, typer.Option("--run", callback=check_run, help="Its run's name; default: the log's and the filter.")
+    ] = None,
 ) -> None:
     """Estimate again from the measurements of a log, with another filter or parameters, without processes.
 
@@ -31,20 +35,18 @@ def _reestimate(
     """
     found = read_measurements(log)
     loaded = found.loaded(overrides or ())
+    tell_what_lacks(found.lacks())
     for warning in check(loaded.scenario):
         errors.print(f"warning: {warning}", highlight=False, soft_wrap=True)
     if line := scheme_line(loaded.scenario):
         errors.print(line, highlight=False, soft_wrap=True)
     name = run or f"{found.header.run}-{loaded.scenario.filter.kind}"
-    path = output or new_folder(name) / "run.mcap"
-    try:
-        with Progress(console=errors, transient=True, disable=not errors.is_terminal) as progress:
-            task = progress.add_task("estimating", total=loaded.scenario.length)
-            done = reestimate(found, loaded, name, path, lambda step: progress.update(task, completed=step))
-    except BaseException:
-        if output is None:
-            path.parent.rmdir()
-        raise
+    with (
+        place_of_log(name, output) as path,
+        Progress(console=errors, transient=True, disable=not errors.is_terminal) as progress,
+    ):
+        task = progress.add_task("estimating", total=loaded.scenario.length)
+        done = reestimate(found, loaded, name, path, lambda step: progress.update(task, completed=step))
     console.print(_figures(done), highlight=False, soft_wrap=True)
     console.print(f"log     {path}", highlight=False, soft_wrap=True)
 
@@ -52,7 +54,8 @@ def _reestimate(
 def _figures(done: Reestimated) -> str:
     whole = done.computing_seconds + done.writing_seconds
     return (
-        f"{done.steps} steps of {number(done.run_seconds, 's')}: estimated in {number(done.computing_seconds, 's')}, "
+        f"{counted(done.steps, 'step')} of {number(done.run_seconds, 's')}: "
+        f"estimated in {number(done.computing_seconds, 's')}, "
         f"{number(done.run_seconds / done.computing_seconds)} times faster than real time; "
         f"with its log in {number(whole, 's')}, {number(done.run_seconds / whole)} times"
     )

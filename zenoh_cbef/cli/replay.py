@@ -11,9 +11,9 @@ from typing import Annotated
 
 import typer
 
-from zenoh_cbef.cli.console import number
+from zenoh_cbef.cli.console import number, tell_what_lacks
 from zenoh_cbef.cli.joining import Joining, identity_of, joins
-from zenoh_cbef.cli.options import LogFile
+from zenoh_cbef.cli.options import LONGEST_SECONDS, LogFile
 from zenoh_cbef.cli.run import run_processes
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.contents import read_header
@@ -23,6 +23,7 @@ from zenoh_cbef.log.playlist import Selection
 from zenoh_cbef.nodes.player import PlayerState
 from zenoh_cbef.nodes.replay import Playback, replay_run, run_replay
 from zenoh_cbef.protocol.session import Connection
+from zenoh_cbef.words import counted
 
 _INTERRUPTED = 130
 _PORT = 7447
@@ -44,11 +45,14 @@ Settings = Annotated[
 Output = Annotated[
     Path | None, typer.Option("--output", "-o", help="With --to agents: the log; default: a folder in logs/.")
 ]
-Rate = Annotated[float, typer.Option("--rate", "-r", help="How many times real time.")]
+Rate = Annotated[float, typer.Option("--rate", "-r", min=1e-6, max=1e6, help="How many times real time.")]
 Loop = Annotated[bool, typer.Option("--loop", "-l", help="Begin again at the end.")]
-Offset = Annotated[float, typer.Option(min=0.0, help="Begin this many s into the log.")]
+Offset = Annotated[float, typer.Option(min=0.0, max=LONGEST_SECONDS, help="Begin this many s into the log.")]
 Duration = Annotated[
-    float | None, typer.Option("--duration", "--playback-duration", min=0.0, help="Play this many s of the log.")
+    float | None,
+    typer.Option(
+        "--duration", "--playback-duration", min=0.0, max=LONGEST_SECONDS, help="Play this many s of the log."
+    ),
 ]
 Topics = Annotated[Patterns, typer.Option(help="Play these keys only, as cbef/*/beacon/*; repeatable.")]
 Exclude = Annotated[Patterns, typer.Option(help="Leave these keys out; repeatable.")]
@@ -56,9 +60,14 @@ Regex = Annotated[Patterns, typer.Option("--regex", "-y", help="Play keys that m
 ExcludeRegex = Annotated[Patterns, typer.Option("--exclude-regex", "-n", help="Leave out keys that match.")]
 Remap = Annotated[Patterns, typer.Option(metavar="OLD:=NEW", help="Call keys that begin with OLD otherwise.")]
 Paused = Annotated[bool, typer.Option("--start-paused", "-p", help="Begin paused.")]
-Delay = Annotated[float, typer.Option("--delay", "-d", min=0.0, help="Wait this many s before the first message.")]
+Delay = Annotated[
+    float,
+    typer.Option("--delay", "-d", min=0.0, max=LONGEST_SECONDS, help="Wait this many s before the first message."),
+]
 Wait = Annotated[bool, typer.Option("--wait", help="Wait for a subscriber first.")]
-Linger = Annotated[float, typer.Option(min=0.0, help="Stay at most this many s for subscribers that are behind.")]
+Linger = Annotated[
+    float, typer.Option(min=0.0, max=LONGEST_SECONDS, help="Stay at most this many s for subscribers that are behind.")
+]
 Keys = Annotated[bool, typer.Option(help="Obey the keys space, right, n, up and down.")]
 
 
@@ -92,8 +101,6 @@ def _replay(
         return
     if overrides or output:
         raise UserError("--set and --output are for --to agents: what is published is what was recorded")
-    if not 0.0 < rate < 1e6:
-        raise UserError(f"--rate {rate:g} cannot be played; give a number above 0 and below 1000000")
     connection = joining.connection("replay")
     if not (joining.client or joining.connect or joining.listen or joining.config):
         connection = replace(connection, listen=[connection.loopback(_PORT)])
@@ -109,7 +116,7 @@ def _to_network(log: Path, connection: Connection, selection: Selection, how: Pl
     state, ended = run_replay(identity, file, selection, how, _show)
     if sys.stderr.isatty():
         sys.stderr.write("\n")
-    typer.echo(f"{state.published} messages of run {header.run} published")
+    typer.echo(f"{counted(state.published, 'message')} of run {header.run} published")
     if not ended:
         raise typer.Exit(_INTERRUPTED)
 
@@ -117,6 +124,7 @@ def _to_network(log: Path, connection: Connection, selection: Selection, how: Pl
 def _to_agents(log: Path, overrides: Sequence[str], output: Path | None) -> None:
     found = read_measurements(log)
     loaded = found.loaded(overrides)
+    tell_what_lacks(found.lacks())
     settings = [part for one in overrides for part in ("--set", one)]
     name = f"{found.header.run}-{loaded.scenario.filter.kind}"
     run_processes(["--beacons", str(find_log(log).resolve()), *settings], loaded, name, output, report=False)
@@ -132,4 +140,4 @@ def _show(state: PlayerState) -> None:
 
 def register(app: typer.Typer) -> None:
     """Add the verb."""
-    app.command("replay")(joins(_replay))
+    app.command("replay")(joins(_replay, port=_PORT))

@@ -38,4 +38,4 @@ def _router(
 
 def register(app: typer.Typer) -> None:
     """Add the verb."""
-    app.command("router")(joins(_router))
+    app.command("router")(joins(_router, port=_PORT))

@@ -14,20 +14,26 @@ import typer
 from rich.live import Live
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
-from zenoh_cbef.analysis.metrics import analyze
-from zenoh_cbef.analysis.outputs import write_outputs
-from zenoh_cbef.cli.console import console, errors, number
+from zenoh_cbef.analysis.metrics import analyze, notes
+from zenoh_cbef.analysis.outputs import REPORT, write_outputs
+from zenoh_cbef.analysis.slowness import REMEDY
+from zenoh_cbef.cli.console import console, errors, number, tell, tell_what_lacks
 from zenoh_cbef.cli.joining import warn_of_exposure
+from zenoh_cbef.cli.names import check_run
 from zenoh_cbef.cli.options import Overrides, ScenarioName
-from zenoh_cbef.cli.places import new_folder
+from zenoh_cbef.cli.places import beside, place_of_log
 from zenoh_cbef.cli.tables import metrics_table, scheme_line
 from zenoh_cbef.errors import UserError
+from zenoh_cbef.extras import MissingExtra
 from zenoh_cbef.log.parts import find_log
 from zenoh_cbef.log.read_trace import read_trace
 from zenoh_cbef.nodes.launcher import Launcher
+from zenoh_cbef.nodes.room import require
 from zenoh_cbef.protocol.session import Connection
 from zenoh_cbef.scenario.checks import check
 from zenoh_cbef.scenario.load import Loaded, load, to_toml
+from zenoh_cbef.scenario.size import refuse_a_trace_beyond_memory
+from zenoh_cbef.words import counted
 
 _INTERRUPTED = 130
 _ATTEMPTS = 4
@@ -47,7 +53,7 @@ class _Display:
         self._progress = Progress(*columns, console=errors)
         self._task = self._progress.add_task("", total=steps, rate="-", error="-", messages=0, lost=0, late=0)
         self._began: tuple[float, int] | None = None
-        self._told = time.monotonic()
+        self._told, self._slow = time.monotonic(), False
         self.live = Live(self._progress, console=errors, refresh_per_second=5, transient=True)
 
     def show(self, status: dict[str, Any]) -> None:
@@ -61,6 +67,10 @@ class _Display:
         shown = {name: status[name] for name in ("messages", "lost", "late")}
         shown |= {"rate": number(rate), "error": number(status["error"], "m")}
         self._progress.update(self._task, completed=step, **shown)
+        if status["slow"] and not self._slow:
+            self._slow = True
+            many = counted(int(status["slow"]), "process does", "processes do")
+            tell(f"warning: by now {many} not keep up with real time; {REMEDY}")
         if not errors.is_terminal and now - self._told > 5.0:
             self._told = now
             errors.print(f"step {step} of {status['steps']}, error {shown['error']}, {shown['messages']} messages")
@@ -92,7 +102,8 @@ def _run(
     overrides: Overrides = None,
     log: Annotated[Path | None, typer.Option("--log", metavar="FILE", help="Where the log goes.")] = None,
     name: Annotated[
-        str | None, typer.Option("--run", help="The run's name; default: the scenario's and the time.")
+        str | None,
+        typer.Option("--run", callback=check_run, help="The run's name; default: the scenario's and the time."),
     ] = None,
     report: Annotated[bool, typer.Option("--report/--no-report", help="Write report.html and figures.")] = True,
     sync: Annotated[bool, typer.Option("--sync", help="Flush the log to the disk, not only to the system.")] = False,
@@ -115,11 +126,12 @@ def run_processes(
         errors.print(f"warning: {warning}", highlight=False, soft_wrap=True)
     if line := scheme_line(loaded.scenario):
         errors.print(line, highlight=False, soft_wrap=True)
+    refuse_a_trace_beyond_memory(loaded.scenario)
     warn_of_exposure(Connection(listen=loaded.scenario.zenoh.listen))
-    path = log or new_folder(run) / "run.mcap"
-    if path.exists():
-        raise UserError(f"{path} exists and logs are never overwritten; choose another --log, or move it away")
-    with _StopRequests() as stops:
+    require(links=loaded.scenario.count + 1, processes=loaded.scenario.count + 2)
+    with place_of_log(run, log) as path, _StopRequests() as stops:
+        if path.exists():
+            raise UserError(f"{path} exists and logs are never overwritten; choose another --log, or move it away")
         started, deaths = _execute(arguments, loaded, run, path, sync, stops)
     if not started:
         errors.print("stopped before the first step; nothing to analyse")
@@ -137,7 +149,7 @@ def _execute(
     arguments: list[str], loaded: Loaded, run: str, path: Path, sync: bool, stops: _StopRequests
 ) -> tuple[bool, list[str]]:
     display = _Display(loaded.scenario.length)
-    errors.print(f"run {run}: {loaded.scenario.count} agents, log {path}", highlight=False, soft_wrap=True)
+    errors.print(f"run {run}: {counted(loaded.scenario.count, 'agent')}, log {path}", highlight=False, soft_wrap=True)
     for _ in range(_ATTEMPTS):
         with Launcher(arguments, loaded, run, path, sync=sync) as launcher, display.live:
             launcher.watch(display.show, stops)
@@ -165,17 +177,24 @@ def _point_latest_at(folder: Path) -> None:
 def _conclude(loaded: Loaded, path: Path, *, default: bool, report: bool) -> None:
     """Analyse the log; a run that has the default place also gets its folder filled."""
     folder = path.parent
+    page, failed = beside(path, REPORT), list[UserError]()
     if default:
-        (folder / "scenario.toml").write_text(to_toml(loaded.scenario))
+        try:
+            (folder / "scenario.toml").write_text(to_toml(loaded.scenario), encoding="utf-8")
+        except OSError as error:
+            failed.append(UserError(f"cannot write {folder / 'scenario.toml'}: {error.strerror}; make room"))
         _point_latest_at(folder)
     analysis = analyze([read_trace(path)])[0]
     if default or report:
         with errors.status("analysing"):
-            write_outputs(analysis, folder, report=report)
+            failed += write_outputs(analysis, folder, page.name.removesuffix(REPORT), report=report)
     console.print(metrics_table(analysis.metrics))
     console.print(f"log     {path}", highlight=False, soft_wrap=True)
-    if report:
-        console.print(f"report  {folder / 'report.html'}", highlight=False, soft_wrap=True)
+    if report and page.exists():
+        console.print(f"report  {page}", highlight=False, soft_wrap=True)
+    tell_what_lacks(notes(analysis.metrics))
+    for one in failed:
+        tell(f"note: {one}" + (f", then: zenoh-cbef analyze {path} --report" * isinstance(one, MissingExtra)))
 
 
 def register(app: typer.Typer) -> None:

@@ -13,6 +13,8 @@ from zenoh_cbef.scenario import network
 from zenoh_cbef.scenario.checks import check
 from zenoh_cbef.scenario.library import purpose_of
 from zenoh_cbef.scenario.load import builtin_names, load, read_source, to_toml
+from zenoh_cbef.scenario.size import refuse_a_trace_beyond_memory
+from zenoh_cbef.words import counted
 
 
 def _list() -> None:
@@ -39,9 +41,11 @@ def _check(scenario: ScenarioName = "tracking", overrides: Overrides = None) -> 
     loaded = load(scenario, overrides or ()).scenario
     for warning in check(loaded):
         typer.echo(f"warning: {warning}")
+    refuse_a_trace_beyond_memory(loaded)
     edges = network.edges(loaded).tolist()
     typer.echo(
-        f"{loaded.name}: {loaded.count} agents, {len(edges)} edges, {loaded.length} steps of "
+        f"{loaded.name}: {counted(loaded.count, 'agent')}, {counted(len(edges), 'edge')}, "
+        f"{counted(loaded.length, 'step')} of "
         f"{loaded.dt} s, {loaded.filter.kind}: it can run"
     )
     typer.echo("edges: " + " ".join(f"{first}-{second}" for first, second in edges))
@@ -50,14 +54,12 @@ def _check(scenario: ScenarioName = "tracking", overrides: Overrides = None) -> 
 def _new(
     file: Annotated[Path, typer.Argument(help="The file to write.")],
     base: Annotated[str, typer.Option("--from", help="The scenario to start from.")] = "tracking",
+    force: Annotated[bool, typer.Option("--force", "-f", help="Write over a file that exists.")] = False,
 ) -> None:
     """Write a new scenario file to edit."""
-    if file.exists():
-        raise UserError(f"{file} exists; choose another name")
-    try:
-        file.write_text(read_source(base)[0])
-    except OSError as error:
-        raise UserError(f"cannot write {file}: {error.strerror}") from None
+    if file.exists() and not force:
+        raise UserError(f"{file} exists; choose another name, or write over it with --force")
+    file.write_text(read_source(base)[0], encoding="utf-8")
     typer.echo(f"{file} written; edit it, then: zenoh-cbef run {file}")
 
 

@@ -6,16 +6,20 @@ import json
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 import typer
 from rich.progress import Progress
 
-from zenoh_cbef.analysis.metrics import analyze
+from zenoh_cbef.analysis.divergence import refuse_divergence
+from zenoh_cbef.analysis.metrics import analyze, notes
 from zenoh_cbef.analysis.summary import summarize
-from zenoh_cbef.cli.console import console, errors
-from zenoh_cbef.cli.options import AsJson, Overrides, ScenarioName, Skip
+from zenoh_cbef.cli.console import console, errors, tell_what_lacks
+from zenoh_cbef.cli.options import AsJson, Force, Overrides, ScenarioName, Skip
+from zenoh_cbef.cli.places import new_file
 from zenoh_cbef.cli.tables import metrics_table, scheme_line, summary_table
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.export import export
+from zenoh_cbef.quantities import SEEDS
 from zenoh_cbef.scenario.checks import check
 from zenoh_cbef.scenario.load import load
 from zenoh_cbef.simulator import simulate
@@ -24,24 +28,33 @@ from zenoh_cbef.simulator import simulate
 def _sim(
     scenario: ScenarioName = "tracking",
     overrides: Overrides = None,
-    seeds: Annotated[int, typer.Option(min=1, help="Simulate this many seeds, from the scenario's on, at once.")] = 1,
+    seeds: Annotated[
+        int, typer.Option(min=1, max=1_000_000, help="Simulate this many seeds, from the scenario's on, at once.")
+    ] = 1,
     as_json: AsJson = False,
     skip: Skip = 0.25,
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Write the arrays of the run as .npz.")] = None,
+    force: Force = False,
 ) -> None:
     """Simulate a scenario without processes: in lockstep the same bits as `run`."""
+    if output is not None:
+        new_file(output, {".npz": "for arrays"}, force=force)
+        if seeds > 1:
+            raise UserError("--output writes the arrays of one run; leave out --seeds")
     loaded = load(scenario, overrides or ()).scenario
     for warning in check(loaded):
         errors.print(f"warning: {warning}", highlight=False, soft_wrap=True)
     if line := scheme_line(loaded):
         errors.print(line, highlight=False, soft_wrap=True)
-    if output is not None and seeds > 1:
-        raise UserError("--output writes the arrays of one run; leave out --seeds")
-    scenarios = [loaded.model_copy(update={"seed": loaded.seed + more}) for more in range(seeds)]
+    scenarios = [loaded.model_copy(update={"seed": (loaded.seed + more) % SEEDS}) for more in range(seeds)]
     with Progress(console=errors, transient=True, disable=not errors.is_terminal) as progress:
         task = progress.add_task("simulating", total=loaded.length)
-        traces = simulate(scenarios, progress=lambda step: progress.update(task, completed=step))
-    analyses = analyze(traces, skip)
+        with np.errstate(all="ignore"):  # What diverges is told in a sentence.
+            traces = simulate(scenarios, progress=lambda step: progress.update(task, completed=step))
+    for trace in traces:
+        refuse_divergence(trace)
+    with errors.status("analysing"), np.errstate(over="raise", divide="raise", invalid="raise"):
+        analyses = analyze(traces, skip)
     if output is not None:
         export(traces[0], output, "npz")
     if seeds > 1:
@@ -49,6 +62,7 @@ def _sim(
         print(json.dumps(summary)) if as_json else console.print(summary_table(summary))
         return
     print(json.dumps(analyses[0].metrics)) if as_json else console.print(metrics_table(analyses[0].metrics))
+    tell_what_lacks(notes(analyses[0].metrics))
 
 
 def register(app: typer.Typer) -> None:

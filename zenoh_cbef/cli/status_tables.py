@@ -10,13 +10,23 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
+from zenoh_cbef.analysis.slowness import REMEDY, SLOW
 from zenoh_cbef.cli.console import number
+from zenoh_cbef.cli.fitting import Fitting
 from zenoh_cbef.nodes.status import AgentStatus, LinkStatus, RunStatus, Whereabouts
+from zenoh_cbef.words import counted
 
 _MOST_LINKS = 12
-_WIDEST = 24
 _COLOURS = {"on": "green", "ready": "green", "silent": "red", "gone": "red", "killed": "yellow", "paused": "yellow"}
-_SERIOUS = {"silent": "red", "rejected": "yellow", "fault": "yellow", "killed": "yellow", "paused": "yellow"}
+_SERIOUS = {
+    "silent": "red",
+    SLOW: "red",
+    "unobservable": "red",
+    "rejected": "yellow",
+    "fault": "yellow",
+    "killed": "yellow",
+    "paused": "yellow",
+}
 
 
 def status_view(status: RunStatus) -> RenderableType:
@@ -30,16 +40,22 @@ def status_view(status: RunStatus) -> RenderableType:
 def headline(status: RunStatus) -> Text:
     """The run as a whole, in a few lines."""
     at = "not started" if status.step is None else f"step {status.step} of {status.steps}, {number(status.time)} s"
+    agents = counted(len(status.agents), "agent")
     lines = [
-        f"run {status.run}: {status.filter}, {len(status.agents)} agents, {status.mode}; {status.state}, {at}",
+        f"run {status.run}: {status.filter}, {agents}, {status.mode}; {status.state}, {at}",
         f"error {number(status.error, 'm')}, disagreement {number(status.disagreement, 'm')}",
         f"target {_place(status.target)}; recorder {_place(status.recorder) if status.recorder else 'none'}",
     ]
     lines += [f"fault {fault['fault']} is on: {_keys_of(fault)}" for fault in status.faults]
-    missing = [str(one.agent) for one in status.agents if one.state in {"missing", "gone"}]
     text = Text("\n".join(lines))
+    if status.unobservable:
+        text.append(f"\nthe position cannot be determined: {status.unobservable}", style="red")
+    missing = [str(one.agent) for one in status.agents if one.state in {"missing", "gone"}]
     if missing:
         text.append(f"\nnot here: agent {', '.join(missing)}", style="red")
+    if status.slow:
+        names = ", ".join(name.replace("/", " ") for name in status.slow)
+        text.append(f"\ndo not keep up with real time: {names}; {REMEDY}", style="red")
     versions = {one.where.version for one in status.agents if one.where.version} | {status.target.version}
     if len(versions) > 1:
         text.append(f"\nversions differ: {', '.join(sorted(map(str, versions)))}", style="red")
@@ -55,15 +71,17 @@ def _place(where: Whereabouts) -> str:
     return "here" if where.host is None else f"{where.host}:{where.pid} {where.version}"
 
 
-def agents_table(status: RunStatus) -> Table:
-    """Who is where, and how well it tracks."""
+def agents_table(status: RunStatus, *, brief: bool = False) -> Fitting:
+    """Who is where, and how well it tracks; brief: without the place."""
     table = Table(box=None, pad_edge=False)
-    for column in ("agent", "", "host", "pid", "version", "clock, ms", "step", "error, m", "claimed, m", "NIS"):
+    places = () if brief else ("host", "pid", "version", "clock, ms")
+    for column in ("agent", "", *places, "step", "error, m", "claimed, m", "NIS"):
         words = column in {"", "host", "version"}
-        table.add_column(column, justify="left" if words else "right", no_wrap=True, max_width=_WIDEST)
+        table.add_column(column, justify="left" if words else "right", no_wrap=True)
     for one in status.agents:
-        table.add_row(*_agent_cells(one))
-    return table
+        cells = _agent_cells(one)
+        table.add_row(*cells[:2], *(cells[2:6] if places else ()), *cells[6:])
+    return Fitting(table)
 
 
 def _agent_cells(one: AgentStatus) -> Sequence[str | Text]:
@@ -82,29 +100,59 @@ def _agent_cells(one: AgentStatus) -> Sequence[str | Text]:
     )
 
 
-def links_table(status: RunStatus) -> Table:
+def links_table(status: RunStatus) -> Fitting:
     """What was received and lost, link by link, the worst first."""
     worst = sorted(status.links, key=_trouble, reverse=True)
     more = len(worst) - _MOST_LINKS
-    caption = f"the worst of {len(worst)} links, since the start; --json has all" if more > 0 else "since the start"
+    known = (link.recent_seconds for link in worst if link.recent_seconds is not None)
+    caption = f"since the start; now: in the last {round(max(known, default=0.0))} s"
+    caption += f"; the worst of {len(worst)} links, --json has all" if more > 0 else ""
     table = Table(box=None, pad_edge=False, caption=caption, caption_justify="left")
-    for column in ("from", "to", "received", "lost", "late", "latency, ms"):
+    for column in ("from", "to", "received", "lost", "now", "late", "now", "latency, ms"):
         table.add_column(column, justify="right", no_wrap=True)
     for link in worst[:_MOST_LINKS]:
         latency = None if link.latency is None else 1e3 * link.latency
-        ends = (str(link.source), str(link.destination))
-        table.add_row(*ends, str(link.received), _share(link, link.lost), _share(link, link.late), number(latency))
-    return table
+        counts = (link.received, link.lost, link.late)
+        recent = (link.recent_received, link.recent_lost, link.recent_late)
+        table.add_row(
+            *(str(link.source), str(link.destination), str(link.received)),
+            *(_count(link.lost, counts), _share(link.recent_lost, recent)),
+            *(_count(link.late, counts), _share(link.recent_late, recent)),
+            number(latency),
+        )
+    return Fitting(table)
 
 
-def _share(link: LinkStatus, count: int) -> str:
-    total = link.received + link.lost + link.late
-    return f"{count} ({count / total:.1%})" if count else "0"
+def links_line(status: RunStatus) -> Text:
+    """All links in one sentence, with the share of the last seconds, too."""
+    said = [f"{sum(one.received for one in status.links)} received"]
+    for name in ("lost", "late"):
+        counts = [sum(getattr(one, each) for one in status.links) for each in (name, "received", "lost", "late")]
+        recent = [getattr(one, f"recent_{each}") for one in status.links for each in ("received", "lost", "late")]
+        now = sum(getattr(one, f"recent_{name}") or 0 for one in status.links)
+        said.append(f"{_count(counts[0], counts[1:])} {name}, lately {_share(now, recent)}")
+    return Text("links: " + "; ".join(said))
 
 
-def _trouble(link: LinkStatus) -> tuple[float, float]:
-    total = max(1, link.received + link.lost + link.late)
-    return (link.lost + link.late) / total, link.latency or 0.0
+def _count(count: int, of: Sequence[int | None]) -> str:
+    return f"{count} ({_share(count, of)})" if count else "0"
+
+
+def _share(count: int | None, of: Sequence[int | None]) -> str:
+    """A count's share of the sum of all, as text."""
+    total = sum(one or 0 for one in of)
+    return "-" if count is None or not total else f"{count / total:.1%}" if count else "0"
+
+
+def _trouble(link: LinkStatus) -> tuple[float, float, float]:
+    """What goes wrong now counts before what went wrong."""
+
+    def part(received: int | None, lost: int | None, late: int | None) -> float:
+        bad = (lost or 0) + (late or 0)
+        return bad / max(1, bad + (received or 0))
+
+    now = part(link.recent_received, link.recent_lost, link.recent_late)
+    return now, part(link.received, link.lost, link.late), link.latency or 0.0
 
 
 def events_view(status: RunStatus, most: int) -> Text:

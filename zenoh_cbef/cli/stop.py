@@ -10,6 +10,7 @@ import typer
 from zenoh_cbef.cli.asking import RunName, locate
 from zenoh_cbef.cli.console import errors
 from zenoh_cbef.cli.joining import Joining, joins
+from zenoh_cbef.cli.options import LONGEST_SECONDS
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.nodes.operator import Operator
 
@@ -19,10 +20,12 @@ _POLL_SECONDS = 0.2
 def _stop(
     joining: Joining,
     run: RunName = None,
-    patience: Annotated[float, typer.Option(min=0.1, help="Seconds to wait until all its processes are gone.")] = 60.0,
+    patience: Annotated[
+        float, typer.Option(min=0.1, max=LONGEST_SECONDS, help="Seconds to wait until all its processes are gone.")
+    ] = 60.0,
 ) -> None:
     """End a run at one step for all its processes, and wait until they are gone."""
-    name, connection = locate(run, joining)
+    name, connection = locate(run, joining, order="end it")
     with Operator(name, connection) as operator:
         step = operator.ask({"ask": "stop"})["step"]
         when = "before its first step" if step is None else f"after its present step, {step}"

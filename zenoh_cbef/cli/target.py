@@ -10,7 +10,8 @@ from typing import Annotated
 import typer
 
 from zenoh_cbef.cli.joining import Joining, Patience, identity_of, joins
-from zenoh_cbef.cli.options import Overrides, ScenarioName
+from zenoh_cbef.cli.names import check_run
+from zenoh_cbef.cli.options import MOST_AGENTS, Overrides, ScenarioName
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.measurements import read_measurements
 from zenoh_cbef.nodes.target import run_target
@@ -18,6 +19,7 @@ from zenoh_cbef.protocol.session import Connection
 from zenoh_cbef.scenario.checks import check
 from zenoh_cbef.scenario.load import load
 from zenoh_cbef.scenario.model import Zenoh
+from zenoh_cbef.words import counted
 
 _PORT = 7447
 
@@ -40,7 +42,9 @@ def _connection(joining: Joining, zenoh: Zenoh) -> Connection:
 def _target(
     joining: Joining,
     scenario: ScenarioName = "tracking",
-    run: Annotated[str | None, typer.Option("--run", help="The run's name; default: the scenario's.")] = None,
+    run: Annotated[
+        str | None, typer.Option("--run", callback=check_run, help="The run's name; default: the scenario's.")
+    ] = None,
     overrides: Overrides = None,
     beacons: Annotated[
         Path | None,
@@ -49,7 +53,10 @@ def _target(
     wait_for: Annotated[
         int | None,
         typer.Option(
-            "--wait-for", min=1, help="Start when so many agents are ready, in realtime; others may join later."
+            "--wait-for",
+            min=1,
+            max=MOST_AGENTS,
+            help="Start when so many agents are ready, in realtime; others may join later.",
         ),
     ] = None,
     receivers: Annotated[
@@ -76,11 +83,11 @@ def _target(
     identity = identity_of("target", "target", name, connection, patience)
     if sys.stderr.isatty():
         places = ", ".join(connection.listen or connection.connect)
-        sys.stderr.write(f"run {name}: waiting for {loaded.scenario.count} agents on {places}\n")
+        sys.stderr.write(f"run {name}: waiting for {counted(loaded.scenario.count, 'agent')} on {places}\n")
     last = run_target(identity, loaded, world, receivers=receivers, wait_for=wait_for)
     typer.echo(f"the target ended after step {last}")
 
 
 def register(app: typer.Typer) -> None:
     """Add the verb."""
-    app.command("target")(joins(_target))
+    app.command("target")(joins(_target, port=_PORT))

@@ -8,14 +8,31 @@ from typing import Annotated
 import typer
 
 from zenoh_cbef.analysis.timeline import check_format, write_timeline
-from zenoh_cbef.cli.options import LogFile
+from zenoh_cbef.cli.console import tell
+from zenoh_cbef.cli.options import LONGEST_SECONDS, Force, LogFile
+from zenoh_cbef.cli.places import beside, new_file
 from zenoh_cbef.errors import UserError
+from zenoh_cbef.log.parts import find_log
 from zenoh_cbef.log.read_exchange import read_exchange
+from zenoh_cbef.plain import whole
 
-Since = Annotated[float | None, typer.Option("--from", metavar="S", help="From when on, s since the start signal.")]
-Until = Annotated[float | None, typer.Option("--until", metavar="S", help="Until when, s since the start signal.")]
+Since = Annotated[
+    float | None,
+    typer.Option(
+        "--from", metavar="S", min=-LONGEST_SECONDS, max=LONGEST_SECONDS, help="From when on, s since the start signal."
+    ),
+]
+Until = Annotated[
+    float | None,
+    typer.Option(
+        "--until", metavar="S", min=-LONGEST_SECONDS, max=LONGEST_SECONDS, help="Until when, s since the start signal."
+    ),
+]
 Steps = Annotated[str | None, typer.Option("--steps", metavar="A:B", help="Steps A to B; default: the first three.")]
-Output = Annotated[Path, typer.Option("--output", "-o", help="The picture, .svg or .html.")]
+Output = Annotated[
+    Path | None,
+    typer.Option("--output", "-o", help="The picture, .svg or .html; default: timeline.html beside the log."),
+]
 
 
 def _timeline(
@@ -23,27 +40,34 @@ def _timeline(
     since: Since = None,
     until: Until = None,
     steps: Steps = None,
-    output: Output = Path("timeline.html"),
+    output: Output = None,
+    force: Force = False,
 ) -> None:
     """Draw who sent what to whom, when, and what became of it: agents as lines, messages as arrows.
 
     Times are real ones, in lockstep too: seconds since the target's start signal.
     """
-    check_format(output)
+    picture = beside(find_log(log), "timeline.html") if output is None else new_file(output, force=force)
+    check_format(picture)
     if steps is not None and (since is not None or until is not None):
         raise UserError("--steps and --from or --until name a part in two ways; give one of them")
     if since is not None and until is not None and since >= until:
         raise UserError(f"--from {since:g} is not before --until {until:g}; swap them")
     chosen = None if steps is None else _steps(steps)
-    write_timeline(read_exchange(log, steps=chosen, since=since, until=until), output)
-    typer.echo(output)
+    exchange = read_exchange(log, steps=chosen, since=since, until=until)
+    write_timeline(exchange, picture)
+    for note in exchange.notes:
+        tell(f"note: {note}")
+    typer.echo(picture)
 
 
 def _steps(text: str) -> tuple[int, int]:
-    first, colon, last = text.partition(":")
-    if not (first.isdecimal() and (last.isdecimal() if colon else True)):
+    begin, colon, end = text.partition(":")
+    first = whole(begin)
+    last = whole(end) if colon else first
+    if first is None or last is None:
         raise UserError(f"--steps {text!r} is no pair of steps; write it as in --steps 10:12, or --steps 10 for one")
-    return int(first), int(last or first)
+    return first, last
 
 
 def register(app: typer.Typer) -> None:

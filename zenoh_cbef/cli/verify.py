@@ -11,7 +11,7 @@ from zenoh_cbef.cli.options import LogFile
 from zenoh_cbef.log.verify import verify
 
 Tolerance = Annotated[
-    float, typer.Option(min=0.0, help="Relative difference to let pass, for logs of another processor family.")
+    float, typer.Option(min=0.0, max=1.0, help="Relative difference to let pass, for logs of another processor family.")
 ]
 
 

@@ -16,7 +16,7 @@ from zenoh_cbef.cli.asking import RunName, locate
 from zenoh_cbef.cli.braille import plot
 from zenoh_cbef.cli.console import console, number
 from zenoh_cbef.cli.joining import Joining, joins
-from zenoh_cbef.cli.status_tables import agents_table, events_view, headline, links_table, status_view
+from zenoh_cbef.cli.status_tables import agents_table, events_view, headline, links_line, links_table, status_view
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.nodes.keyboard import Keyboard
 from zenoh_cbef.nodes.operator import Operator
@@ -25,6 +25,11 @@ from zenoh_cbef.nodes.status import RunStatus, read_status
 _EVERY_SECONDS = 0.5
 _KEPT = 1000
 _PLOT_LINES = 8
+_FEW_PLOT_LINES = 4
+_WIDEST = 150
+"""Columns of a terminal from which on the places of agents have room, too; 'status' always has them."""
+_WIDE, _HIGH = 110, 32
+"""Columns and lines of a terminal from which on agents, links and events have a panel each."""
 _EVENTS = 40
 
 
@@ -42,23 +47,32 @@ class _Screen:
             self._disagreements.append(status.disagreement)
         layout = Layout()
         top = headline(status)
-        curves = Layout(size=_PLOT_LINES + 2)
-        curves.split_row(
-            Layout(self._curve("position error, m", self._errors, status.error)),
-            Layout(self._curve("disagreement, m", self._disagreements, status.disagreement)),
-        )
+        small = console.width < _WIDE or console.height < _HIGH
+        curves = self._curves(status, _FEW_PLOT_LINES if small else _PLOT_LINES)
+        if small:
+            body = Group(agents_table(status, brief=True), links_line(status), self._events(status))
+            layout.split_column(
+                Layout(top, size=_lines(top)), curves, Layout(body), Layout(Text("q quits; 'status' has all"), size=1)
+            )
+            return layout
         below = Layout()
-        parts: list[RenderableType] = [agents_table(status)]
+        parts: list[RenderableType] = [agents_table(status, brief=console.width < _WIDEST)]
         if status.links:
             parts += [Text(), links_table(status)]
         below.split_row(
             Layout(Panel(Group(*parts), title="agents and links", title_align="left"), ratio=3),
             Layout(Panel(self._events(status), title="events, the latest first", title_align="left"), ratio=2),
         )
-        layout.split_column(
-            Layout(top, size=len(top.plain.splitlines())), curves, below, Layout(Text("q quits"), size=1)
-        )
+        layout.split_column(Layout(top, size=_lines(top)), curves, below, Layout(Text("q quits"), size=1))
         return layout
+
+    def _curves(self, status: RunStatus, lines: int) -> Layout:
+        curves = Layout(size=lines + 2)
+        curves.split_row(
+            Layout(self._curve("position error, m", self._errors, status.error, lines)),
+            Layout(self._curve("disagreement, m", self._disagreements, status.disagreement, lines)),
+        )
+        return curves
 
     @staticmethod
     def _events(status: RunStatus) -> Text:
@@ -66,9 +80,18 @@ class _Screen:
         return Text("\n").join(reversed([line for line in lines if line.plain]))
 
     @staticmethod
-    def _curve(title: str, values: deque[float | None], now: float | None) -> Panel:
-        lines = plot(list(values), max(12, console.width // 2 - 4), _PLOT_LINES)
-        return Panel(Text("\n".join(lines), no_wrap=True), title=f"{title}: {number(now)}", title_align="left")
+    def _curve(title: str, values: deque[float | None], now: float | None, height: int) -> Panel:
+        lines = plot(list(values), max(12, console.width // 2 - 4), height)
+        return Panel(
+            Text("\n".join(lines), no_wrap=True),
+            title=title if console.width < _WIDE else f"{title}: {number(now)}",
+            title_align="left",
+        )
+
+
+def _lines(text: Text) -> int:
+    """How many lines a text takes on this terminal."""
+    return len(text.wrap(console, console.width))
 
 
 def _watch(joining: Joining, run: RunName = None) -> None:

@@ -11,9 +11,12 @@ from typing import Any
 
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.experiment.file import Written, changed
+from zenoh_cbef.plain import whole
+from zenoh_cbef.quantities import SEEDS
 from zenoh_cbef.scenario import Scenario
 from zenoh_cbef.scenario.checks import check
 from zenoh_cbef.scenario.load import builtin_names, complete, put, read_tables
+from zenoh_cbef.scenario.size import refuse_a_trace_beyond_memory
 
 # What `loss = 0.3` means, where a kind of fault has several numbers.
 _SHARED = ("kind", "from", "until", "links", "agents")
@@ -57,6 +60,7 @@ def cells_of(written: Written) -> list[Cell]:
                 put(data, key, deepcopy(value))
             scenario = complete(data, written.name, folder)
             check(scenario)
+            refuse_a_trace_beyond_memory(scenario)
         except UserError as error:
             cells.append(Cell(index, values, facts_of(values, data), None, str(error)))
         else:
@@ -70,7 +74,7 @@ def cells_of(written: Written) -> list[Cell]:
 def seeds_of(cell: Cell, seeds: int | Sequence[int]) -> list[int]:
     """The seeds of a cell's runs."""
     first = cell.scenario.seed if cell.scenario else 1
-    return list(range(first, first + seeds)) if isinstance(seeds, int) else list(seeds)
+    return [(first + more) % SEEDS for more in range(seeds)] if isinstance(seeds, int) else list(seeds)
 
 
 def facts_of(values: Mapping[str, Any], data: Mapping[str, Any]) -> dict[str, Any]:
@@ -129,8 +133,9 @@ def _same(first: Any, second: Any) -> bool:
 
 def _kind(data: Mapping[str, Any], part: str) -> str:
     faults = data["fault"] if isinstance(data.get("fault"), list) else []
-    if part.isdecimal() and int(part) < len(faults) and isinstance(faults[int(part)], dict):
-        return str(faults[int(part)].get("kind"))
+    number = whole(part)
+    if number is not None and number < len(faults) and isinstance(faults[number], dict):
+        return str(faults[number].get("kind"))
     return part
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from zenoh_cbef.analysis.metrics import Analysis, analyze
+from zenoh_cbef.analysis.metrics import Analysis, analyze, ratio_to_centralized
 from zenoh_cbef.analysis.traffic import other_bytes, round_bytes
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.parts import find_log
@@ -112,10 +112,10 @@ def _final(analysis: Analysis) -> dict[str, float | None]:
     """The last tenth of the run by itself: what errors have come back to after a fault."""
     last = slice(-max(1, len(analysis.trace.time) // 10), None)
     position = float(_rms(analysis.position_error[analysis.counted, last].ravel()))
-    central = float(_rms(analysis.centralized_position_error[last]))
+    ratio = ratio_to_centralized(analysis, last)
     found = {
         "final.position_rmse": position,
-        "final.ratio_to_centralized": position / central if central else np.nan,
+        "final.ratio_to_centralized": np.nan if ratio is None else ratio,
         "final.disagreement": float(_rms(analysis.disagreement[last])),
     }
     return {name: value if np.isfinite(value) else None for name, value in found.items()}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
@@ -14,14 +13,15 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, Field, ValidationError, model_validator
 
 from zenoh_cbef.errors import UserError
+from zenoh_cbef.plain import read_toml
+from zenoh_cbef.quantities import Finite, Seed
 from zenoh_cbef.scenario.library import Library, purpose_of
 from zenoh_cbef.scenario.load import put
-from zenoh_cbef.scenario.table import Finite, Table
+from zenoh_cbef.scenario.table import Table
 
 _LIBRARY = Library(files("zenoh_cbef.experiment") / "builtin", "experiment")
 builtin_names, read_source = _LIBRARY.names, _LIBRARY.read
 
-Seed = Annotated[int, Field(ge=0, lt=2**64)]
 Key = Annotated[str, Field(min_length=1, pattern=r"^[^.\s]+(\.[^.\s]+)*$", description="a key as in consensus.rounds")]
 
 
@@ -97,7 +97,7 @@ def read_experiment(name: str, changes: Mapping[str, Any] | None = None) -> Writ
     """Read an experiment; changes: top-level keys that replace the file's. Raises UserError with the remedy."""
     source, folder = read_source(name)
     try:
-        data = tomllib.loads(source)
+        data = read_toml(source)
         data = {**data, **(changes or {})}
         text = json.dumps(data, allow_nan=True)
     except TypeError:
@@ -151,5 +151,5 @@ def _sentence(error: ValidationError) -> str:
         return f"{key} must be a table of keys"
     field = next((table.model_fields[str(part)] for part in reversed(parts) if part in table.model_fields), None)
     field = field or (Experiment.model_fields.get(str(place[0])) if place else None)
-    said = str(mistake["msg"]).replace("Input should", "must", 1)
+    said = str(mistake["msg"]).removeprefix("Value error, ").replace("Input should", "must", 1)
     return f"{key} must be {field.description}" if field and field.description else f"{key} {said}"

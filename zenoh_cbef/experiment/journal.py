@@ -12,6 +12,9 @@ from zenoh_cbef import __version__
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.scenario import Scenario
 
+JOURNAL = "finished.jsonl"
+"""Its file in the folder of an experiment."""
+
 
 def key_of(scenario: Scenario, engine: str, skip: float) -> str:
     """A name for everything that a cell's results follow from, but for the seed."""
@@ -24,7 +27,7 @@ class Journal:
     """Outcomes by cell key and seed, in `finished.jsonl`; failures are not kept, so that they are tried again."""
 
     def __init__(self, folder: Path) -> None:
-        self._path = folder / "finished.jsonl"
+        self._path = folder / JOURNAL
         try:
             folder.mkdir(parents=True, exist_ok=True)
             self._found = dict(_read(self._path))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from html import escape
-from importlib import import_module
 from importlib.resources import files
 from pathlib import Path
 from string import Template
@@ -14,6 +13,11 @@ from typing import Any
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.experiment.figures import SHOWN, Figure, figures_of, written_value
 from zenoh_cbef.experiment.table import write_table
+from zenoh_cbef.extras import MissingExtra, from_extra
+from zenoh_cbef.words import counted
+
+RESULTS = ("results.csv", "results.parquet", "summary.json", "index.html", "figures")
+"""What is written into an experiment's folder."""
 
 _MOST_FAILURES = 20
 _CONFIG = {"displaylogo": False, "displayModeBar": "hover", "responsive": True}
@@ -43,16 +47,16 @@ def _write_page(summary: dict[str, Any], source: str, folder: Path) -> str:
         stale.unlink()
     plotly: Any = None
     try:
-        plotly = import_module("plotly.io")
-    except ImportError:
-        missing = "figures need plotly; run: pip install 'zenoh-cbef[experiment]'"
+        plotly = from_extra("plotly.io", "the folder of figures", extra="experiment")
+    except MissingExtra as error:
+        missing = str(error)
     else:
         missing = ""
         for figure in figures:
             text = plotly.to_html(figure.plot, include_plotlyjs="directory", default_height="100vh", config=_CONFIG)
             (place / f"{figure.name}.html").write_text(text, encoding="utf-8")
         if figures:
-            script = import_module("plotly.offline").get_plotlyjs()
+            script = from_extra("plotly.offline", "the page").get_plotlyjs()
             (place / "plotly.min.js").write_text(script, encoding="utf-8")
     page = Template(files(__package__).joinpath("page.html").read_text(encoding="utf-8"))
     text = page.substitute(
@@ -81,7 +85,8 @@ def _facts(summary: dict[str, Any]) -> str:
     how = {"simulate": "simulated", "processes": "run as processes"}[summary["engine"]]
     verdict = summary["verdict"]
     return (
-        f"{summary['runs']} runs of {escape(summary['base'])} in {len(summary['cells'])} cells, {how}; "
+        f"{counted(summary['runs'], 'run')} of {escape(summary['base'])} in "
+        f"{counted(len(summary['cells']), 'cell')}, {how}; "
         f"{summary['failed']} failed. Verdict: {_marked(verdict)}."
     )
 

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import os
+import signal
+import warnings
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass
 from functools import partial
-from importlib import import_module
+from multiprocessing import resource_tracker
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +18,7 @@ from zenoh_cbef.experiment.cells import Cell, seeds_of
 from zenoh_cbef.experiment.engines import Outcome, executed, simulated
 from zenoh_cbef.experiment.file import Experiment
 from zenoh_cbef.experiment.journal import Journal, key_of
+from zenoh_cbef.extras import MissingExtra, from_extra
 
 # Rows times steps of one batch. Larger ones are no faster per run, as they leave the processor's caches.
 _BATCH = 100_000
@@ -45,7 +48,7 @@ class Sweep:
     """What is common to all runs of an experiment.
 
     jobs: processes that simulate at a time; 0: one per core. dask: the address of a Dask scheduler, whose workers
-    simulate in place of processes on this host.
+    simulate in place of processes on this host. tell gets a sentence where one core has to do the work of all.
     """
 
     experiment: Experiment
@@ -53,6 +56,7 @@ class Sweep:
     skip: float
     jobs: int = 0
     dask: str | None = None
+    tell: Callable[[str], None] = lambda _: None
 
     def run(self, folder: Path, progress: Callable[[int, int], None]) -> list[list[Outcome]]:
         """The outcomes of every cell, in the order of its seeds; progress gets how many are finished, of how many."""
@@ -82,13 +86,24 @@ class Sweep:
         do = partial(_do, engine=self.experiment.engine, skip=self.skip, logs=logs)
         # A run's processes fill the cores by themselves.
         jobs = 1 if self.experiment.engine == "processes" else self.jobs or len(os.sched_getaffinity(0))
-        if self.dask is None and min(jobs, len(work)) <= 1:
+        joblib = None if self.dask is None and min(jobs, len(work)) <= 1 else self._joblib()
+        if joblib is None:
             yield from map(do, work)
             return
-        with _back_end(self.dask) as joblib:
+        with _back_end(joblib, self.dask):
             jobs = jobs if self.dask is None else -1
             parallel = joblib.Parallel(n_jobs=jobs, return_as="generator_unordered", batch_size=1)
-            yield from parallel(joblib.delayed(do)(one) for one in work)
+            yield from _outcomes(parallel, [joblib.delayed(do)(one) for one in work])
+
+    def _joblib(self) -> Any:
+        """What spreads the work; None where it is not installed, as one core can do the work, too."""
+        try:
+            return from_extra("joblib", "simulating on several cores")
+        except MissingExtra as missing:
+            if self.dask is not None:
+                raise
+            self.tell(f"{missing}; until then one core simulates")
+            return None
 
     def _outcomes(self, cell: Cell, journal: Journal) -> list[Outcome]:
         seeds = seeds_of(cell, self.experiment.seeds)
@@ -99,26 +114,34 @@ class Sweep:
         return [journal.outcome(key, seed) or {"seed": seed, **nothing} for seed in seeds]
 
 
+def _outcomes(parallel: Any, tasks: list[Any]) -> Iterator[tuple[Work, list[Outcome]]]:
+    """What the workers find, as they find it.
+
+    They do not hear Ctrl-C, which they would answer with tracebacks: this process ends them.
+    """
+    resource_tracker.ensure_running()  # its first start would let interrupts through again
+    with ExitStack() as stack, warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of work that is lost, when it is interrupted
+        heard = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+        stack.callback(signal.pthread_sigmask, signal.SIG_SETMASK, heard)
+        with closing(parallel(tasks)) as outcomes:
+            stack.close()
+            yield from outcomes
+
+
 @contextmanager
-def _back_end(dask: str | None) -> Iterator[Any]:
-    """Joblib, told where to simulate."""
-    try:
-        joblib = import_module("joblib")
-        if dask is None:
-            yield joblib
-            return
-        distributed = import_module("distributed")
-    except ImportError as error:
-        raise UserError(
-            f"this needs {error.name}; run: pip install 'zenoh-cbef[{'dask' if dask else 'experiment'}]', "
-            "or give --jobs 1 and no --dask"
-        ) from None
+def _back_end(joblib: Any, dask: str | None) -> Iterator[None]:
+    """Tell joblib where to simulate."""
+    if dask is None:
+        yield
+        return
+    distributed = from_extra("distributed", "--dask")
     try:
         client = distributed.Client(dask, timeout=10)
     except (OSError, ValueError, TimeoutError) as error:
         raise UserError(f"no Dask scheduler answers at {dask}: {error}; start one, or leave out --dask") from None
     with client, joblib.parallel_config("dask"):
-        yield joblib
+        yield
 
 
 def _do(work: Work, *, engine: str, skip: float, logs: Path) -> tuple[Work, list[Outcome]]:

@@ -5,12 +5,12 @@ from __future__ import annotations
 import csv
 import json
 from collections.abc import Sequence
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 from zenoh_cbef.experiment.cells import Cell
 from zenoh_cbef.experiment.engines import Outcome
+from zenoh_cbef.extras import MissingExtra, from_extra
 
 
 def rows_of(cells: Sequence[Cell], outcomes: Sequence[Sequence[Outcome]]) -> list[dict[str, Any]]:
@@ -37,9 +37,9 @@ def write_table(rows: Sequence[dict[str, Any]], folder: Path) -> str:
         writer.writeheader()
         writer.writerows(rows)
     try:
-        arrow, parquet = import_module("pyarrow"), import_module("pyarrow.parquet")
-    except ImportError:
-        return "results.parquet needs pyarrow; run: pip install 'zenoh-cbef[experiment]'"
+        arrow, parquet = (from_extra(name, "results.parquet") for name in ("pyarrow", "pyarrow.parquet"))
+    except MissingExtra as missing:
+        return str(missing)
     columns: dict[str, Any] = {name: _uniform([row[name] for row in rows]) for name in rows[0]}
     columns["seed"] = arrow.array(columns["seed"], arrow.uint64())
     parquet.write_table(arrow.table(columns), folder / "results.parquet")

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Annotated, ClassVar
 
 import numpy as np
 from pydantic import Field
 
-from zenoh_cbef.faults.base import Agent, Bools, Effect, Fault, Floats, Ids, MessageFault, Messages
+from zenoh_cbef.faults.base import Bools, Effect, Fault, Floats, Ids, MessageFault, Messages
+from zenoh_cbef.quantities import Agent
 
 
 class Off(MessageFault):
@@ -44,14 +46,15 @@ class Absences:
     """
 
     def __init__(self, faults: Sequence[Fault], *, agents: int, dt: float, steps: int) -> None:
-        time = dt * np.arange(steps + 1, dtype=np.float64)
         self._any = any(isinstance(fault, Absence) for fault in faults)
-        self._gone = absent(faults, agents, time)
-        self._gone[:, 0] = False  # Everybody is there at the start.
-        forgetful = [fault for fault in faults if isinstance(fault, Absence) and fault.forgets]
-        self._forgotten = absent(forgetful, agents, time) & self._gone
-        for step in range(1, steps + 1) if forgetful else ():
-            self._forgotten[:, step] |= self._forgotten[:, step - 1] & self._gone[:, step]
+        self._gone: Bools = np.broadcast_to(np.False_, (agents, steps + 1))
+        self._forgotten = self._gone
+        if self._any:
+            time = dt * np.arange(steps + 1, dtype=np.float64)
+            self._gone = absent(faults, agents, time)
+            self._gone[:, 0] = False  # Every agent is there at the start.
+            forgetful = [fault for fault in faults if isinstance(fault, Absence) and fault.forgets]
+            self._forgotten = _lasting(absent(forgetful, agents, time) & self._gone, self._gone)
 
     def __bool__(self) -> bool:
         return self._any
@@ -59,6 +62,20 @@ class Absences:
     def at(self, step: int) -> Bools:
         """Which agents (n,) are not there in a step."""
         return np.asarray(self._gone[:, step])
+
+    @property
+    def empty(self) -> int | None:
+        """The first step in which no agent is there; None where there is none."""
+        step = int(self._gone.all(axis=0).argmax()) if self._any else 0
+        return step if step and self._gone[:, step].all() else None
+
+    def stretches(self) -> list[tuple[int, int]]:
+        """First and last step of each stretch in which the same agents are not there; all are there in the others."""
+        if not self._any:
+            return []
+        changes = np.flatnonzero((self._gone[:, 2:] != self._gone[:, 1:-1]).any(axis=0)) + 2
+        parts = pairwise([1, *changes.tolist(), self._gone.shape[1]])
+        return [(first, after - 1) for first, after in parts if self.at(first).any()]
 
     def begun(self, step: int) -> Bools:
         """Which agents (n,) are gone in a step, and were there in the one before."""
@@ -80,6 +97,17 @@ class Absences:
         """The step at which an agent that is not there in a step is back; None where it does not come back."""
         there = np.flatnonzero(~self._gone[agent, step:])
         return step + int(there[0]) if there.size else None
+
+
+def _lasting(begun: Bools, gone: Bools) -> Bools:
+    """Where (n, K) an agent is gone, and what has begun in this absence of it goes on."""
+    lasting = np.zeros_like(gone)
+    place = np.arange(gone.shape[1])
+    for agent in np.flatnonzero(begun.any(axis=1)):
+        latest = np.maximum.accumulate(np.where(begun[agent], place, -1))
+        there = np.maximum.accumulate(np.where(gone[agent], -1, place))
+        lasting[agent] = gone[agent] & (latest > there)
+    return lasting
 
 
 def absent(faults: Sequence[Fault], agents: int, time: Floats) -> Bools:

@@ -9,16 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from zenoh_cbef.quantities import Agent, Seconds
 from zenoh_cbef.streams import LinkStreams
 
 Bools = NDArray[np.bool_]
 Floats = NDArray[np.float64]
 Ids = NDArray[np.int64]
 Seeds = NDArray[np.uint64]
-
-Agent = Annotated[int, Field(ge=0)]
-Seconds = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
-Probability = Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)]
 
 
 @dataclass(frozen=True)
@@ -147,7 +144,10 @@ class LinkFault(MessageFault):
     """
 
     links: Annotated[
-        Literal["all"] | Annotated[str, Field(pattern=r"^agent:[0-9]+$")] | tuple[tuple[Agent, Agent], ...] | Between,
+        Literal["all"]
+        | Annotated[str, Field(pattern=r"^agent:[0-9]{1,6}$")]
+        | tuple[tuple[Agent, Agent], ...]
+        | Between,
         Field(description="'all', 'agent:3', pairs [[from, to], ...], or { between = [[0, 1, 2], [3, 4, 5]] }"),
     ] = "all"
 

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Self
+from typing import Literal, Self
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import model_validator
 
-from zenoh_cbef.faults.base import Bools, Effect, LinkFault, Messages, Probability
-from zenoh_cbef.streams import uniform
+from zenoh_cbef.faults.base import Bools, Effect, LinkFault, Messages
+from zenoh_cbef.quantities import Chance, Probability
+from zenoh_cbef.streams import Keys, uniform
 
 _LEAST = 1e-3
 _WIDEST = 256
-
-Chance = Annotated[float, Field(gt=0.0, le=1.0, allow_inf_nan=False)]
 
 
 class BurstLoss(LinkFault):
@@ -47,26 +46,42 @@ class BurstLoss(LinkFault):
         return Effect(lost=messages.uniform(f"burst-loss/{index}") < chance)
 
     def _bad(self, messages: Messages, index: int) -> Bools:
-        """Which links (e,) are in their bad state, exactly, without their history.
+        """Which links (e,) are in their bad state. Of what came up to an earlier message, its state is all that counts.
+
+        Whether that one is remembered or not, the states are the same.
+        """
+        name, number = f"burst-loss/{index}/state", messages.number
+        latest, states = messages.streams.states.get(name, (None, None))
+        known = None if latest is None or states is None or latest > number else (number - latest, states)
+        bad = self._drawn(messages.streams.key(name), number, known)
+        messages.streams.states[name] = number, bad
+        return bad
+
+    def _drawn(self, key: Keys, number: int, known: tuple[int, Bools] | None) -> Bools:
+        """The states (e,) at a message, exactly, without their history; known: how many messages ago, and the states.
 
         One uniform draw per message moves both states at once: below the smaller of good_to_bad and 1 - bad_to_good
         either becomes bad, above the larger either becomes good, and between them both stay (or, where good_to_bad is
         the larger, both change). So the latest draw outside that band tells the state, whatever came before it:
         coupling from the past (Propp, Wilson, Random Structures and Algorithms 9, 1996).
         """
-        key = messages.streams.key(f"burst-loss/{index}/state")
         low, high = sorted((self.good_to_bad, 1.0 - self.bad_to_good))
         changes = self.good_to_bad > 1.0 - self.bad_to_good
         bad = np.zeros(len(key), dtype=bool)
         open_ = np.arange(len(key))
-        number, width = messages.number, 8
+        width, past = 8, 0
         while open_.size:
-            draws = uniform(key[open_, None], number - np.arange(width))
+            if known is not None:
+                width = min(width, known[0] - past)
+                if width == 0:
+                    bad[open_] ^= known[1][open_]
+                    break
+            draws = uniform(key[open_, None], number - past - np.arange(width))
             decided = (draws < low) | (draws >= high)
             found, first = decided.any(axis=1), decided.argmax(axis=1)
             between = np.where(found, first, width)
             bad[open_] ^= changes & (between % 2 == 1)
             bad[open_[found]] ^= (draws < low)[found, first[found]]
             open_ = open_[~found]
-            number, width = number - width, min(2 * width, _WIDEST)
+            past, width = past + width, min(2 * width, _WIDEST)
         return bad

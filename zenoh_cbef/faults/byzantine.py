@@ -9,6 +9,7 @@ from pydantic import Field
 
 from zenoh_cbef.faults.base import Floats
 from zenoh_cbef.faults.outgoing import SenderFault, Sent
+from zenoh_cbef.quantities import Metres
 from zenoh_cbef.streams import normal, stream
 
 
@@ -23,7 +24,7 @@ class Byzantine(SenderFault):
 
     kind: Literal["byzantine"]
     mode: Literal["constant", "random", "drift", "scale", "replay"] = "constant"
-    magnitude: Annotated[float, Field(allow_inf_nan=False)] = 5.0
+    magnitude: Metres = 5.0
     steps: Annotated[int, Field(ge=1, le=10_000)] = 10
 
     @property

@@ -8,9 +8,8 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from zenoh_cbef.faults.base import Effect, Floats, Ids, LinkFault, Messages
+from zenoh_cbef.quantities import Milliseconds
 from zenoh_cbef.streams import Keys, exponential, normal, uniform
-
-Milliseconds = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
 
 _MEMORY = 64
 
@@ -28,7 +27,7 @@ class Delay(LinkFault):
     jitter_ms: Milliseconds = 0.0
     distribution: Literal["constant", "uniform", "normal", "exponential", "pareto"] = "constant"
     std_ms: Milliseconds | None = None
-    shape: Annotated[float, Field(gt=1.0, allow_inf_nan=False)] = 3.0
+    shape: Annotated[float, Field(gt=1.0, le=1e6, allow_inf_nan=False)] = 3.0
     reorder: bool = True
 
     @model_validator(mode="after")

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from zenoh_cbef.faults.base import Agent, Fault, Floats, Ids, Seeds
+from zenoh_cbef.faults.base import Fault, Floats, Ids, Seeds
+from zenoh_cbef.quantities import Agent
 
 Displaced = Callable[[Floats, Floats], Floats]
 """Messages (n, d) that say the target is elsewhere by offsets (n, 3), m."""

@@ -18,7 +18,7 @@ class RateLimit(LinkFault):
     """
 
     kind: Literal["rate-limit"]
-    messages_per_second: Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
+    messages_per_second: Annotated[float, Field(ge=0.0, le=1e9, allow_inf_nan=False)]
 
     def effect(self, messages: Messages, index: int) -> Effect:
         """Lost where no token has come since the message before."""

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Literal
 
-from zenoh_cbef.faults.base import Effect, LinkFault, Messages, Probability
+from zenoh_cbef.faults.base import Effect, LinkFault, Messages
+from zenoh_cbef.quantities import Probability
 
 
 class Reorder(LinkFault):

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import inf
 from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
 
 from zenoh_cbef.faults.absence import absent
-from zenoh_cbef.faults.base import Agent, Bools, Fault, Floats, Ids
+from zenoh_cbef.faults.base import Bools, Fault, Floats, Ids
+from zenoh_cbef.quantities import Agent
 
 
 @dataclass(frozen=True)
@@ -48,6 +50,11 @@ class SensorFault(Fault):
     def measured(self, readings: Readings, index: int) -> Floats:
         """Ranges (n, K) where the fault is on; index: the fault's place in the scenario, for its streams."""
         raise NotImplementedError
+
+    @property
+    def error(self) -> float:
+        """About how wrong it makes ranges, m; infinite where nothing is said of it."""
+        return inf
 
 
 def measured_ranges(faults: Sequence[Fault], ranges: Floats, *, seed: int, time: Floats, signal_speed: float) -> Floats:

@@ -6,8 +6,9 @@ from typing import Literal
 
 import numpy as np
 
-from zenoh_cbef.faults.base import Floats, Probability
+from zenoh_cbef.faults.base import Floats
 from zenoh_cbef.faults.sensing import Readings, SensorFault
+from zenoh_cbef.quantities import Probability
 from zenoh_cbef.streams import stream, uniform
 
 
@@ -21,3 +22,8 @@ class SensorDropout(SensorFault):
         """No range where a uniform draw falls below the probability."""
         key = stream(readings.seed, f"sensor-dropout/{index}", readings.agent)
         return np.where(uniform(key, readings.step) < self.probability, np.nan, readings.ranges)
+
+    @property
+    def error(self) -> float:
+        """No range that there is not without it."""
+        return 0.0

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Literal
 
 import numpy as np
-from pydantic import Field
 
-from zenoh_cbef.faults.base import Floats, Probability
+from zenoh_cbef.faults.base import Floats
 from zenoh_cbef.faults.sensing import Readings, SensorFault
+from zenoh_cbef.quantities import Length, Probability
 from zenoh_cbef.streams import normal, stream, uniform
 
 
@@ -17,7 +17,7 @@ class SensorSpikes(SensorFault):
 
     kind: Literal["sensor-spikes"]
     probability: Probability
-    std: Annotated[float, Field(gt=0.0, allow_inf_nan=False)] = 5.0
+    std: Length = 5.0
 
     def measured(self, readings: Readings, index: int) -> Floats:
         """Spikes of either sign."""
@@ -27,3 +27,8 @@ class SensorSpikes(SensorFault):
         )
         hit = uniform(key, readings.step) < self.probability
         return readings.ranges + np.where(hit, self.std * normal(size, readings.step), 0.0)
+
+    @property
+    def error(self) -> float:
+        """Ten standard deviations."""
+        return 10.0 * self.std

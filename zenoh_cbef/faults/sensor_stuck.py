@@ -27,3 +27,8 @@ class SensorStuck(SensorFault):
         first = (heard & readings.on).argmax(axis=1)
         kept = np.where(before.any(axis=1), last, first)[:, None]
         return np.where(heard, np.take_along_axis(readings.ranges, kept, axis=1), np.nan)
+
+    @property
+    def error(self) -> float:
+        """No range that there is not without it."""
+        return 0.0

@@ -8,13 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from zenoh_cbef.protocol.messages import BIAS, DISTRUST
 from zenoh_cbef.protocol.round_codec import Rounds
+from zenoh_cbef.tracking.diagnostics import NAMES
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
-_NAMED = ("innovation", "weight", "nis", "nis_degrees", DISTRUST, *BIAS)
 _MATRIX = 8 * 36
 _FIRST_CAPACITY = 64
 
@@ -42,6 +41,12 @@ class Table:
         self.last = max(self.last, int(step[new].max(initial=0)))
         return new
 
+    def seen(self, steps: int) -> Bools:
+        """Whether numbers were put, (rows, steps)."""
+        if steps > self._seen.shape[1]:
+            self._grow(steps)
+        return self._seen[:, :steps]
+
     def upto(self, steps: int) -> Floats:
         """The numbers of steps 1 to `steps`, (rows, steps, width)."""
         if steps > self._values.shape[1]:
@@ -58,8 +63,8 @@ class Table:
 class Columns:
     """What a trace is made of, for n agents and at most `limit` steps.
 
-    truth: 6 numbers. beacons: emitted, arrived. positions: 3. estimates: state (6), innovation, weight, nis,
-    nis_degrees, distrust, bias (3). covariances: 36. faults: the last list of injected ones, JSON, or empty.
+    truth: 6 numbers. beacons: emitted, arrived. positions: 3. estimates: state (6), and the
+    diagnostics. covariances: 36. faults: the last list of injected ones, JSON, or empty.
     lives: of each agent, the last estimate of each of its lives, from one start to the next. latency:
     sum and number of the latencies by (source, destination).
     """
@@ -67,7 +72,7 @@ class Columns:
     def __init__(self, count: int, limit: int) -> None:
         self.truth = Table(1, 6, limit)
         self.beacons, self.positions = Table(count, 2, limit), Table(count, 3, limit)
-        self.estimates, self.covariances = Table(count, 14, limit), Table(count, 36, limit)
+        self.estimates, self.covariances = Table(count, 6 + len(NAMES), limit), Table(count, 36, limit)
         self.events: list[dict[str, Any]] = []
         self.faults = ""
         self.lives: dict[int, list[dict[str, Any]]] = {}
@@ -79,21 +84,26 @@ class Columns:
         if kind == "estimate":
             self._take_estimates(agent, steps, messages)
         elif kind == "beacon":
-            self.beacons.put(agent, steps, _floats([[message["emitted"], message["arrived"]] for message in messages]))
+            self._take_beacons(agent, [message for message in messages if "signal" not in message])
         elif kind == "range":
             self.positions.put(agent, steps, _floats([message["position"] for message in messages]))
         elif kind == "truth":
             self.truth.put(0, steps, _floats([message["state"] for message in messages]))
         elif kind == "faults":
             self.faults = messages[-1]["tables"]
-        else:
+        elif kind == "event":
             self.events += messages
 
     def take_rounds(self, agent: int, rounds: Rounds) -> None:
         """Payloads are no part of a trace."""
 
+    def _take_beacons(self, agent: int, messages: list[dict[str, Any]]) -> None:
+        if messages:
+            times = _floats([[message["emitted"], message["arrived"]] for message in messages])
+            self.beacons.put(agent, [message["k"] for message in messages], times)
+
     def _take_estimates(self, agent: int, steps: list[int], messages: list[dict[str, Any]]) -> None:
-        rows = [[*message["state"], *map(message.get, _NAMED)] for message in messages]
+        rows = [[*message["state"], *map(message.get, NAMES)] for message in messages]
         new = self.estimates.put(agent, steps, _floats(rows))
         messages = [message for message, is_new in zip(messages, new.tolist(), strict=True) if is_new]
         matrices = [message for message in messages if message["covariance"] and len(message["covariance"]) == _MATRIX]

@@ -120,10 +120,10 @@ class ComputedRun:
 
     def _finished(self, sender: str, name: str, last: int, rejected: int) -> None:
         sent = {key: count for (each, key), count in self._sent.items() if each == sender}
-        sent.pop(self._keys.event, None)
+        sent.pop(self._keys.event(sender), None)
         data = {"step": last, "sent": sent, "rejected": rejected}
         body = {"kind": "finished", "text": f"{name} ended after step {last}", "data": data}
-        self.say(sender, self._keys.event, self._now, body)
+        self.say(sender, self._keys.event(sender), self._now, body)
 
     def _forget(self, sender: str) -> None:
         """Who is started again numbers its messages from 0."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -14,6 +13,7 @@ from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.decoding import Decoder
 from zenoh_cbef.log.naming import END, RESOLVED, RUN
 from zenoh_cbef.log.parts import Log
+from zenoh_cbef.plain import read_toml
 from zenoh_cbef.protocol.round_codec import Rounds
 from zenoh_cbef.scenario import Scenario
 from zenoh_cbef.scenario.load import parse
@@ -34,9 +34,10 @@ def read_header(log: Log, path: Path) -> Header:
     """The run and its scenario. Raises UserError where the log lacks them."""
     attached, described = log.attachments.get(RESOLVED), log.metadata.get(RUN)
     if attached is None or described is None or "run" not in described:
-        raise UserError(f"{path} holds no scenario, so it is no log of zenoh-cbef; 'info' tells what it holds")
+        cut = "it is damaged before its scenario" if log.damage else "it is no log of zenoh-cbef"
+        raise UserError(f"{path} holds no scenario, as {cut}; 'info' tells what it holds")
     try:
-        data = tomllib.loads(attached.decode())
+        data = read_toml(attached.decode())
     except ValueError as error:
         raise UserError(f"the scenario in {path} is damaged: {error}") from None
     return Header(described["run"], parse(data, f"the scenario in {path}"), log.metadata.get(END))
@@ -64,6 +65,8 @@ class Contents:
         tables = {"beacon": self.beacons, "range": self.ranges, "estimate": self.estimates}
         if kind == "event":
             self.events += messages
+        elif kind == "signal":
+            return  # They are of the run's time, which is no part of what is compared.
         elif kind == "faults":
             self.faults = messages[-1]["tables"]
         elif kind == "truth":

@@ -10,8 +10,9 @@ from typing import Any, Protocol
 
 from zenoh_cbef.log.mcap.contents import RawMessage
 from zenoh_cbef.log.parts import Log
-from zenoh_cbef.log.sequence import Sequence
-from zenoh_cbef.protocol.keys import address, agent_of
+from zenoh_cbef.log.sequence import Sequences
+from zenoh_cbef.plain import counts_in
+from zenoh_cbef.protocol.keys import address
 from zenoh_cbef.protocol.messages import BadMessage, decode_all
 from zenoh_cbef.protocol.round_codec import RoundCodec, Rounds
 from zenoh_cbef.scenario import Scenario
@@ -37,28 +38,29 @@ class Tally:
     """What was counted in a log.
 
     recorded: messages that are what their key promises; undecodable: the others. agent_bytes: of the recorded
-    messages that agents own. sequences: by key and sender.
+    messages that agents own, but for events. sequences: of what a key's owner sent, or on others those who may.
     """
 
     recorded: int = 0
     undecodable: int = 0
     agent_bytes: int = 0
-    sequences: dict[tuple[str, str], Sequence] = field(default_factory=dict)
-
-    def sequence(self, key: str, sender: str) -> Sequence:
-        """The numbers of a sender on a key."""
-        found = self.sequences.get((key, sender))
-        if found is None:
-            found = self.sequences[key, sender] = Sequence()
-        return found
+    sequences: Sequences = field(default_factory=Sequences)
 
     def hear(self, event: dict[str, Any]) -> None:
-        """Take the word of a process that ended for how many messages it sent on each of its keys."""
-        sent = event.get("data", {}).get("sent")
-        if event["kind"] == "finished" and isinstance(sent, dict):
-            for key, count in sent.items():
-                if isinstance(key, str) and type(count) is int and count >= 0:
-                    self.sequence(key, event["from"]).tell(count)
+        """Take the word of a process that ended for how many messages it sent on each of its keys.
+
+        Likewise that of a recorder for whom it could not hear.
+        """
+        told = event.get("data", {})
+        if event["kind"] in {"left", "returned"} and event["from"].startswith("record"):
+            for (_, sender), sequence in self.sequences:
+                if told.get("name") in (sender, f"{sender}/{sender}"):
+                    (sequence.cut_off if event["kind"] == "left" else sequence.heal)()
+        if event["kind"] == "finished":
+            for key, count in counts_in(told, "sent").items():
+                at = address(key)
+                if at and at.is_of(event["from"]):
+                    self.sequences.of(key, event["from"]).tell(count)
 
 
 class _Place:
@@ -66,10 +68,10 @@ class _Place:
 
     def __init__(self, key: str, run: str, scenario: Scenario) -> None:
         found = address(key)
-        if found is None or key.split("/")[1] != run:
+        if found is None or found.run != run:
             raise BadMessage("a key that the run does not have")
-        self.key, self.kind, self.owner = key, found.kind, found.owner
-        self.agent = -1 if found.kind in ("event", "truth", "faults") else agent_of(key)
+        self.key, self.at = key, found
+        self.kind, self.owner, self.agent = found.kind, found.owner, found.agent
         if self.agent >= scenario.count:
             raise BadMessage("an agent that the run does not have")
         self.codec = RoundCodec(run, found.owner, message_size(scenario)) if found.kind == "round" else None
@@ -157,18 +159,20 @@ class Decoder:
                 self._take(place, [raw])
             return
         self.tally.recorded += len(batch)
-        if place.owner.startswith("agent/"):
+        if place.owner.startswith("agent/") and place.kind != "event":
             self.tally.agent_bytes += sum(map(len, list(zip(*batch, strict=True))[-1]))
 
     def _take_messages(self, place: _Place, batch: list[RawMessage]) -> None:
         _, _, times, numbers, data = zip(*batch, strict=True)
         messages = decode_all(place.kind, data, run=self._run, sender=place.owner)
+        self._check_steps(max(message.get("k", 0) for message in messages), ended=place.kind in {"beacon", "signal"})
         labels = [(message["seq"] & _SEQUENCE, message["sent"]) for message in messages]
         if labels != [*zip(numbers, times, strict=True)]:
             raise BadMessage(_MISLABELLED)
         for sender in dict.fromkeys(message["from"] for message in messages):
             own = [n for n, message in zip(numbers, messages, strict=True) if message["from"] == sender]
-            self.tally.sequence(place.key, sender).take_all(own)
+            if place.at.is_of(sender):
+                self.tally.sequences.of(place.key, sender).take_all(own)
         if place.kind == "event":
             for message in messages:
                 self.tally.hear(message)
@@ -177,7 +181,13 @@ class Decoder:
     def _take_rounds(self, place: _Place, codec: RoundCodec, batch: list[RawMessage]) -> None:
         _, _, times, numbers, data = zip(*batch, strict=True)
         rounds = codec.decode_all(data)
+        self._check_steps(int(rounds.step.max()))
         if (rounds.seq & _SEQUENCE).tolist() != [*numbers] or rounds.sent.tolist() != [*times]:
             raise BadMessage(_MISLABELLED)
-        self.tally.sequence(place.key, place.owner).take_all([*numbers])
+        self.tally.sequences.of(place.key, place.owner).take_all([*numbers])
         self._sink.take_rounds(place.agent, rounds)
+
+    def _check_steps(self, last: int, *, ended: bool = False) -> None:
+        # The signal that ends a run is numbered one past its last step.
+        if last > self._scenario.length + ended:
+            raise BadMessage("a step that the run does not have")

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from importlib import import_module
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.protocol.messages import BIAS, DISTRUST
+from zenoh_cbef.extras import from_extra
 from zenoh_cbef.trace import Trace
+from zenoh_cbef.tracking.diagnostics import NAMES, WHOLE
 
-_WHOLE = {"agent", "k", "first", "second", "nis_degrees"}
+_WHOLE = {"agent", "k", "first", "second"} | WHOLE
 
 Array = NDArray[np.float64] | NDArray[np.int64]
 
@@ -28,12 +28,9 @@ def arrays_of(trace: Trace) -> dict[str, Array]:
         "initial": trace.initial,
         "estimates": trace.estimates,
         "covariances": trace.covariances,
-        "innovation": trace.innovation,
-        "weight": trace.weight,
-        "nis": trace.nis,
-        "nis_degrees": trace.nis_degrees,
-        "distrust": trace.distrust,
-        "bias": trace.bias,
+        **trace.diagnostics.named(),
+        # One array of three since 0.1.0.
+        "bias": np.stack([getattr(trace.diagnostics, name) for name in ("bias", "bias_std", "bias_weight")], axis=2),
         "edges": trace.edges,
     }
 
@@ -66,10 +63,7 @@ def _write_csv(path: Path, header: list[str], rows: NDArray[np.float64]) -> None
 
 
 def _parquet_writer() -> Callable[[Path, list[str], NDArray[np.float64]], None]:
-    try:
-        arrow, parquet = import_module("pyarrow"), import_module("pyarrow.parquet")
-    except ImportError:
-        raise UserError("parquet needs pyarrow; run: pip install 'zenoh-cbef[experiment]'") from None
+    arrow, parquet = from_extra("pyarrow", "parquet"), from_extra("pyarrow.parquet", "parquet")
 
     def write(path: Path, header: list[str], rows: NDArray[np.float64]) -> None:
         columns = {
@@ -98,19 +92,14 @@ def _tables(trace: Trace) -> dict[str, tuple[list[str], list[Array]]]:
             [agent, step, np.tile(trace.time, count), trace.positions.reshape(-1, 3), trace.ranges.ravel()],
         ),
         "estimates": (
-            ["agent", "k", "time", *state, "innovation", "weight", *upper, "nis", "nis_degrees", *BIAS, DISTRUST],
+            ["agent", "k", "time", *state, *NAMES, *upper],
             [
                 agent,
                 step,
                 np.tile(trace.time, count),
                 trace.estimates.reshape(-1, 6),
-                trace.innovation.ravel(),
-                trace.weight.ravel(),
+                *trace.diagnostics.each(np.ravel).named().values(),
                 trace.covariances[:, :, rows, columns].reshape(count * steps, -1),
-                trace.nis.ravel(),
-                trace.nis_degrees.ravel(),
-                trace.bias.reshape(-1, 3),
-                trace.distrust.ravel(),
             ],
         ),
     }

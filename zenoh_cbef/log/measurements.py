@@ -15,7 +15,7 @@ from zenoh_cbef.log.contents import Header, read_header
 from zenoh_cbef.log.mcap.contents import RawMessage
 from zenoh_cbef.log.naming import RESOLVED, SOURCE
 from zenoh_cbef.log.parts import open_log
-from zenoh_cbef.protocol.keys import Address, address, agent_of
+from zenoh_cbef.protocol.keys import Address, address
 from zenoh_cbef.protocol.messages import BadMessage, decode, nil_to_nan
 from zenoh_cbef.scenario import Scenario
 from zenoh_cbef.scenario.load import Loaded, apply, parse
@@ -23,7 +23,7 @@ from zenoh_cbef.scenario.paths import agent_positions, step_times
 from zenoh_cbef.scenario.world import World
 
 _PAST = ("seed", "dt", "target", "agents", "sensor")
-_KINDS = ("truth", "beacon", "range")
+_KINDS = ("truth", "beacon", "signal", "range")
 
 
 @dataclass
@@ -31,7 +31,8 @@ class Measurements:
     """The measurements of a run.
 
     source: its scenario as it was written. truth: messages by step. beacons, ranges: by (agent, step); of ranges the
-    position counts. logged: when each step's last beacon was (ns).
+    position counts. logged: when each step's last beacon, or the start signal of step 0, was (ns). start: when step 0
+    was, s since the Unix epoch.
     """
 
     header: Header
@@ -40,6 +41,7 @@ class Measurements:
     beacons: dict[tuple[int, int], dict[str, Any]] = field(default_factory=dict)
     ranges: dict[tuple[int, int], dict[str, Any]] = field(default_factory=dict)
     logged: dict[int, int] = field(default_factory=dict)
+    start: float | None = None
 
     @property
     def steps(self) -> int:
@@ -48,6 +50,21 @@ class Measurements:
         for agent, step in self.beacons:
             last[agent] = max(last.get(agent, 0), min(step, self.header.scenario.length))
         return min(last.values(), default=0)
+
+    def lacks(self) -> list[str]:
+        """What the log does not say of the steps that are estimated from it, a sentence each."""
+        heard = {agent for agent, step in self.beacons if step > 0}
+        silent = [str(agent) for agent in range(self.header.scenario.count) if agent not in heard]
+        first = min((step for _, step in self.beacons if step > 0), default=1)
+        truth = [step for step in self.truth if 1 <= step <= self.steps]
+        said = []
+        if silent:
+            said.append(f"no beacon of agent {', '.join(silent)} is in the log: as if nothing had been measured there")
+        if first > 1:
+            said.append(f"no beacon of steps 1 to {first - 1} is in the log: the filter only predicts until then")
+        if len(truth) < self.steps:
+            said.append(f"the log has the truth of {len(truth)} of {self.steps} steps: only these can be scored")
+        return said
 
     def loaded(self, overrides: Sequence[str]) -> Loaded:
         """The run's scenario with `a.b=c` overrides, for estimating again from what was measured.
@@ -119,10 +136,14 @@ def _gather(messages: Iterable[RawMessage], found: Measurements) -> None:
         if at.kind == "truth":
             found.truth.setdefault(step, message)
             continue
-        if "signal" in message and step > 0:
-            continue  # It ends the run, or lets an agent come back.
+        if "signal" in message:
+            # Others end the run, or let an agent come back.
+            if step == 0:
+                found.start = message.get("at", found.start)
+                found.logged[0] = max(found.logged.get(0, 0), raw.log_time)
+            continue
         table = found.beacons if at.kind == "beacon" else found.ranges
-        table.setdefault((agent_of(topic), step), message)
+        table.setdefault((at.agent, step), message)
         if at.kind == "beacon":
             found.logged[step] = max(found.logged.get(step, 0), raw.log_time)
 
@@ -130,9 +151,9 @@ def _gather(messages: Iterable[RawMessage], found: Measurements) -> None:
 def _measured(topic: str, header: Header) -> Address | None:
     """What a key of the run carries; None where that is nothing that was measured."""
     at = address(topic)
-    if at is None or at.kind not in _KINDS or topic.split("/")[1] != header.run:
+    if at is None or at.kind not in _KINDS or at.run != header.run:
         return None
-    return None if at.kind != "truth" and agent_of(topic) >= header.scenario.count else at
+    return None if at.agent >= header.scenario.count else at
 
 
 def _of_sensors(scenario: Scenario) -> list[SensorFault]:

@@ -9,7 +9,7 @@ from zenoh_cbef.faults import ahead, clocks_of
 from zenoh_cbef.log.contents import Header
 from zenoh_cbef.log.mcap.contents import RawMessage
 from zenoh_cbef.log.parts import Log
-from zenoh_cbef.protocol.keys import address, agent_of
+from zenoh_cbef.protocol.keys import Address, address
 from zenoh_cbef.protocol.messages import BadMessage, decode
 from zenoh_cbef.protocol.round_codec import RoundCodec
 from zenoh_cbef.scenario.build import message_size, rounds_of
@@ -55,7 +55,7 @@ def read_times(file: Log, header: Header) -> MessageTimes:
             reader.take(raw)
         except BadMessage:
             continue
-    return reader.times
+    return reader.end()
 
 
 class _Reader:
@@ -66,40 +66,45 @@ class _Reader:
         self._codecs = [RoundCodec(header.run, f"agent/{agent}", width) for agent in range(self._count)]
         self._clocks = [clocks_of(scenario.fault, agent) for agent in range(self._count)]
         self._start: int | None = None
+        self._events: list[tuple[str, int, str]] = []
         self.times = MessageTimes(rounds_of(scenario) + 1)
 
     def take(self, raw: RawMessage) -> None:
         """Take in one message. Raises BadMessage."""
         found = address(raw.channel.topic)
-        if found is None or raw.channel.topic.split("/")[1] != self._run:
+        if found is None or found.run != self._run or found.agent >= self._count:
             return
         if self._start is None:
             self._start = raw.publish_time
         if found.kind == "event":
             message = decode("event", raw.data, run=self._run)
-            self.times.events.append((message["from"], self._since(raw.publish_time), message["text"]))
-        elif found.kind == "beacon":
-            self._beacon(raw)
+            self._events.append((message["from"], raw.publish_time, message["text"]))
+        elif found.kind in {"beacon", "signal"}:
+            self._of_target(found, raw)
         elif found.kind in {"range", "round", "estimate"}:
-            self._of_agent(found.kind, raw)
+            self._of_agent(found, raw)
 
-    def _beacon(self, raw: RawMessage) -> None:
-        message = decode("beacon", raw.data, run=self._run)
-        if message["k"] == 0:
-            self._start = round(1e9 * message.get("at", 1e-9 * raw.publish_time))
-        elif "signal" not in message:
+    def end(self) -> MessageTimes:
+        """The times; events come before the start signal too, so theirs are known only now."""
+        self.times.events.extend((who, self._since(time), text) for who, time, text in self._events)
+        return self.times
+
+    def _of_target(self, at: Address, raw: RawMessage) -> None:
+        message = decode(at.kind, raw.data, run=self._run, sender=at.owner)
+        if "signal" in message:
+            if message["k"] == 0:
+                self._start = round(1e9 * message.get("at", 1e-9 * raw.publish_time))
+        else:
             heard = message["emitted"] is not None and message["arrived"] is not None
-            name = agent_of(raw.channel.topic), message["k"]
+            name = at.agent, message["k"]
             self.times.beacons.setdefault(name, (self._since(raw.publish_time), heard))
 
-    def _of_agent(self, kind: str, raw: RawMessage) -> None:
-        agent = agent_of(raw.channel.topic)
-        if agent >= self._count:
-            return
+    def _of_agent(self, at: Address, raw: RawMessage) -> None:
+        agent, kind = at.agent, at.kind
         if kind == "round":
             step, round_, *_ = self._codecs[agent].decode(raw.data)
         else:
-            step, round_ = decode(kind, raw.data, run=self._run, sender=f"agent/{agent}")["k"], 0
+            step, round_ = decode(kind, raw.data, run=self._run, sender=at.owner)["k"], 0
         # What the scenario's faults put a clock ahead by is known.
         time = self._since(raw.publish_time) - ahead(self._clocks[agent], step * self._dt)
         if kind == "estimate":

@@ -12,6 +12,7 @@ from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.mcap.contents import NotMcapError, RawMessage, Summary
 from zenoh_cbef.log.mcap.reader import McapFile
 from zenoh_cbef.log.naming import ACTIVE, RUN, part_path
+from zenoh_cbef.plain import whole
 
 
 def find_log(path: Path) -> Path:
@@ -126,14 +127,13 @@ def _open(path: Path) -> McapFile:
     try:
         return McapFile(path)
     except NotMcapError as error:
-        raise UserError(f"{path} is no MCAP file ({error}); give a log that 'run' or 'record' wrote") from None
+        raise UserError(f"{error}; give a log that 'run' or 'record' wrote") from None
     except OSError as error:
         raise UserError(f"cannot read {path}: {error.strerror}") from None
 
 
 def _number(file: McapFile) -> int:
-    text = file.metadata.get(RUN, {}).get("part", "1")
-    return int(text) if text.isdecimal() else 1
+    return whole(file.metadata.get(RUN, {}).get("part", "1")) or 1
 
 
 def _is_part(first: McapFile, following: Path, number: int) -> bool:

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.parts import Log
+from zenoh_cbef.plain import count_in
 from zenoh_cbef.protocol.keys import address, matches
 from zenoh_cbef.protocol.messages import BadMessage, unpack
 
@@ -98,13 +99,13 @@ class Playlist:
             topic = message.channel.topic
             key = self._keys.get(topic)
             if key is not None:
-                step = _step(message.data) if topic in self._begin else 0
+                step = step_of(message.data) if topic in self._begin else 0
                 yield Item(key, message.log_time, message.data, step)
 
 
-def _step(data: bytes) -> int:
+def step_of(data: bytes) -> int:
+    """The step of a message, 0 where it has none."""
     try:
-        step = unpack(data).get("k")
+        return count_in(unpack(data), "k") or 0
     except BadMessage:
         return 0
-    return step if isinstance(step, int) else 0

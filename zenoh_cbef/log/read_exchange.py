@@ -97,7 +97,7 @@ class _Builder:
         passages = [one for step in steps for one in (*self._beacons(step), *self._messages(step))]
         near = [one for one in passages if one.ended >= since and one.sent <= until]
         times, scenario = self._times, self._scenario
-        notes = []
+        notes = self._lacking(steps)
         if any(one.fortune in {"in time", "duplicated"} and one.ended < one.sent for one in near):
             notes.append("Some messages seem to be used before they were sent: their hosts' clocks differ.")
         return Exchange(
@@ -116,6 +116,22 @@ class _Builder:
             events=[event for event in times.events if since <= event[1] <= until],
             notes=notes,
         )
+
+    def _lacking(self, steps: list[int]) -> list[str]:
+        """What the log does not hold of these steps, and the picture therefore does not show, in sentences."""
+        times, first, last = self._times, steps[0] * self._times.turns, (steps[-1] + 1) * self._times.turns
+        there = {
+            "beacon": any(step in steps for _, step in times.beacons),
+            "range": any(first <= turn < last and turn % times.turns == 0 for _, turn in times.sends),
+            "consensus message": times.turns == 1
+            or any(first <= turn < last and turn % times.turns for _, turn in times.sends),
+        }
+        gone = [name for name, found in there.items() if not found]
+        silent = sorted(set(range(self._scenario.count)) - {agent for agent, _ in times.estimates})
+        notes = [f"The log holds no {' and no '.join(gone)} of these steps, so none is drawn."] if gone else []
+        if silent:
+            notes.append(f"The log holds no estimate of agent {', '.join(map(str, silent))}.")
+        return notes
 
     def _rounds(self, step: int) -> Iterator[tuple[int, int, float]]:
         agents, turns = range(self._scenario.count), self._times.turns

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -13,14 +14,19 @@ from zenoh_cbef.log.columns import Columns
 from zenoh_cbef.log.contents import Contents, Header, read_header
 from zenoh_cbef.log.decoding import Decoder, Tally
 from zenoh_cbef.log.parts import open_logs
+from zenoh_cbef.plain import count_in
+from zenoh_cbef.protocol.keys import Keys
 from zenoh_cbef.protocol.messages import nil_to_nan
 from zenoh_cbef.scenario import Scenario, network
 from zenoh_cbef.scenario.injected import read_tables, with_faults
 from zenoh_cbef.scenario.paths import agent_positions, step_times
+from zenoh_cbef.scenario.plausible import plausible_ranges
 from zenoh_cbef.scenario.start import initial_states
 from zenoh_cbef.simulator import measured
 from zenoh_cbef.trace import Links, Trace, Traffic
+from zenoh_cbef.tracking.diagnostics import Diagnostics
 
+Bools = NDArray[np.bool_]
 Floats = NDArray[np.float64]
 
 _COUNTS = {"received": "delivered"} | {
@@ -47,10 +53,14 @@ def _trace_of(header: Header, columns: Columns, tally: Tally, *, complete: bool)
     if columns.faults:
         scenario = with_faults(scenario, read_tables(columns.faults))
     if steps == 0:
-        raise UserError(f"the log of run {header.run!r} holds no estimate; the run ended before its first step")
+        raise UserError(
+            f"the log of run {header.run!r} holds no estimate: the run ended before its first step, or this is a part "
+            "of its log without them"
+        )
     ranges, age = _measured(scenario, *np.moveaxis(columns.beacons.upto(steps), 2, 0))
     estimates = columns.estimates.upto(steps)
-    innovation, weight, nis, nis_degrees, distrust = np.moveaxis(estimates[:, :, 6:11], 2, 0)
+    diagnostics = Diagnostics.read(estimates[:, :, 6:])
+    unlogged, traffic = _unlogged(header.run, columns, tally, diagnostics.innovation), _traffic(columns, tally)
     positions = columns.positions.upto(steps)
     expected = agent_positions(scenario.model_copy(update={"steps": steps}))
     return Trace(
@@ -64,18 +74,31 @@ def _trace_of(header: Header, columns: Columns, tally: Tally, *, complete: bool)
         initial=initial_states(scenario),
         estimates=estimates[:, :, :6],
         covariances=columns.covariances.upto(steps).reshape(scenario.count, steps, 6, 6),
-        innovation=innovation,
-        weight=weight,
-        nis=nis,
-        nis_degrees=np.nan_to_num(nis_degrees).astype(np.int64),
-        distrust=distrust,
-        bias=estimates[:, :, 11:],
+        diagnostics=diagnostics,
         edges=network.edges(scenario),
         links=_links(scenario, columns),
-        traffic=_traffic(columns, tally),
+        traffic=traffic,
         events=[_event(message) for message in columns.events],
-        complete=complete and (header.end or {}).get("status") == "finished",
+        unlogged=unlogged if unlogged.any() else None,
+        complete=complete and (header.end or {}).get("status") == "finished" and traffic.missing == 0,
     )
+
+
+def _unlogged(run: str, columns: Columns, tally: Tally, innovation: Floats) -> Bools:
+    """Which measurements are not in the log, (n, K), although an agent says that it measured, or may have.
+
+    A receiver that hears nothing may say nothing. So a beacon is missing where the agent's own estimate tells of an
+    innovation; and without that estimate, where numbers of its key are missing, or nothing is in the log of either.
+    """
+    count, steps = innovation.shape
+    missing: Counter[str] = Counter()
+    for (key, _), sequence in tally.sequences:
+        missing[key] += sequence.missing
+    heard, told = columns.beacons.seen(steps), columns.estimates.seen(steps)
+    keys = Keys(run)
+    gone = np.array([missing[keys.beacon(agent)] > 0 for agent in range(count)])
+    gone |= ~heard.any(axis=1) & ~told.any(axis=1)
+    return np.asarray(~heard & (np.isfinite(innovation) | (~told & gone[:, None])))
 
 
 def heard_ranges(scenario: Scenario, contents: Contents, steps: int) -> tuple[Floats, Floats]:
@@ -90,7 +113,8 @@ def heard_ranges(scenario: Scenario, contents: Contents, steps: int) -> tuple[Fl
 
 
 def _measured(scenario: Scenario, emitted: Floats, arrived: Floats) -> tuple[Floats, Floats]:
-    ranges, age = measured(scenario, emitted, arrived, np.arange(1, emitted.shape[1] + 1, dtype=np.float64))
+    steps = np.arange(1, emitted.shape[1] + 1, dtype=np.float64)
+    ranges, age = measured(scenario, plausible_ranges(scenario), emitted, arrived, steps)
     return ranges, np.where(np.isfinite(age), age, 0.0)
 
 
@@ -131,22 +155,22 @@ def _traffic(columns: Columns, tally: Tally) -> Traffic:
     for message in columns.events:
         data = message.get("data", {})
         for name in ("rejected", "total"):
-            if isinstance(data.get(name), int):
-                rejected[message["from"]] = max(rejected.get(message["from"], 0), data[name])
-    total = sum(sequence.sent for sequence in tally.sequences.values())
+            rejected[message["from"]] = max(rejected.get(message["from"], 0), count_in(data, name) or 0)
+    total = tally.sequences.sent
     return Traffic(
         sent=total,
         recorded=tally.recorded,
         missing=max(0, total - tally.recorded),
         rejected=max(tally.undecodable, sum(rejected.values())),
         agent_bytes=tally.agent_bytes,
+        agents_missing=sum(each.missing for (_, sender), each in tally.sequences if sender.startswith("agent/")),
         gaps=_gaps(tally),
     )
 
 
 def _gaps(tally: Tally) -> dict[str, list[tuple[int, int]]]:
     gaps: dict[str, list[tuple[int, int]]] = {}
-    for (key, _), sequence in sorted(tally.sequences.items()):
+    for (key, _), sequence in tally.sequences:
         if sequence.gaps:
             gaps.setdefault(key, []).extend(sequence.gaps)
     return gaps

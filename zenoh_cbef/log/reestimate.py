@@ -18,7 +18,7 @@ from zenoh_cbef.log.computed_run import ComputedRun
 from zenoh_cbef.log.measurements import Measurements
 from zenoh_cbef.log.run_log import RunLog
 from zenoh_cbef.protocol.keys import Keys
-from zenoh_cbef.protocol.messages import ENVELOPE
+from zenoh_cbef.protocol.messages import END, ENVELOPE, START
 from zenoh_cbef.scenario import Scenario
 from zenoh_cbef.scenario.build import absences_of
 from zenoh_cbef.scenario.load import Loaded, to_toml
@@ -98,17 +98,16 @@ class _Writer:
     def __init__(self, found: Measurements, computed: ComputedRun, keys: Keys, scenario: Scenario) -> None:
         self._found, self._computed, self._keys, self._scenario = found, computed, keys, scenario
         self._pace = round(1e9 * scenario.dt)
-        starts = [message for (_, step), message in found.beacons.items() if step == 0]
-        at = next((message["at"] for message in starts if "at" in message), found.logged.get(1, 0) / 1e9)
+        at = found.logged.get(1, 0) / 1e9 if found.start is None else found.start
         began = {"kind": "started", "text": f"run {keys.run} started", "data": {"at": at}}
-        self._computed.say("target", keys.event, self._moment(0), began)
+        self._computed.say("target", keys.event("target"), self._moment(0), began)
         self._absences, self._at = absences_of(scenario), at
-        self._signal(range(scenario.count), 0, "start", at=at)
+        self._signal(range(scenario.count), 0, START, at=at)
 
     def step(self, number: int, step: Step, positions: Floats) -> None:
         """The truth and beacons of a step, and all that the agents make of it."""
         moment = self._moment(number)
-        self._signal(np.flatnonzero(self._absences.reborn(number)).tolist(), number - 1, "start", at=self._at)
+        self._signal(np.flatnonzero(self._absences.reborn(number)).tolist(), number - 1, START, at=self._at)
         truth = self._found.truth.get(number)
         if truth is not None:
             self._computed.say("target", self._keys.truth, moment, _body(truth))
@@ -121,13 +120,13 @@ class _Writer:
 
     def end(self) -> None:
         """The signal to end, and last words."""
-        self._signal(range(self._scenario.count), self._scenario.length + 1, "end")
+        self._signal(range(self._scenario.count), self._scenario.length + 1, END)
         self._computed.end(self._scenario.length)
 
     def _signal(self, agents: Iterable[int], number: int, signal: str, **more: float) -> None:
-        body = {"k": number, "emitted": None, "arrived": None, "signal": signal, **more}
+        body = {"k": number, "signal": signal, **more}
         for agent in agents:
-            self._computed.say("target", self._keys.beacon(agent), self._moment(number), body)
+            self._computed.say("target", self._keys.signal(agent), self._moment(number), body)
 
     def _moment(self, number: int) -> int:
         """When a step began (ns); where the original does not say, one step from where it does."""

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import os
 import time
+from collections import Counter
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
@@ -12,12 +15,22 @@ from zenoh_cbef import __version__
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.mcap.writer import McapWriter
 from zenoh_cbef.log.naming import ACTIVE, END, RESOLVED, RUN, SOURCE, part_path
-from zenoh_cbef.log.sequence import Sequence
-from zenoh_cbef.protocol.keys import address
-from zenoh_cbef.protocol.messages import BadMessage, json_schema, unpack
+from zenoh_cbef.log.sequence import Sequences
+from zenoh_cbef.protocol.keys import Address, address
+from zenoh_cbef.protocol.messages import LONGEST, BadMessage, json_schema, unpack
 from zenoh_cbef.scenario.model import Record
 
+UNKNOWN = "unknown"
+"""The kind of what is no message of a run."""
+
 _MOST = 1 << 63
+_NOWHERE = Address("", UNKNOWN, "nobody")
+_FREE, _LONGEST_KEY = 1000, 1000
+"""Keys that no run has which a file names, likewise keys with names that processes chose, and characters of a key.
+
+A file has numbers for 65535 channels. Those of the agents and the target always find room, as an agent's number has
+at most three digits.
+"""
 
 
 class _Part:
@@ -32,9 +45,15 @@ class _Part:
             chunk_bytes=settings.chunk_bytes,
             library=f"zenoh-cbef {__version__}",
         )
-        self.channels: dict[tuple[str, bool], tuple[str, int]] = {}
+        self.channels: dict[tuple[str, bool], tuple[Address, int]] = {}
+        self._free: Counter[bool] = Counter()
         self._schemas: dict[str, int] = {}
         self.head_bytes = 0
+
+    @property
+    def count(self) -> int:
+        """Messages in the file."""
+        return 0 if self.writer.gone else self.writer.message_count
 
     def describe(self, source: str, resolved: str, run: Mapping[str, str]) -> None:
         self.writer.add_attachment(SOURCE, "application/toml", source.encode())
@@ -43,17 +62,25 @@ class _Part:
         self.writer.flush()
         self.head_bytes = self.writer.bytes_written
 
-    def register(self, key: str, *, known: bool) -> tuple[str, int]:
-        found = address(key) if known else None
-        kind = found.kind if found else "unknown"
+    def register(self, key: str, *, known: bool) -> tuple[Address, int] | None:
+        """What a key stands for and its channel; None for one more key than a file names."""
+        at = address(key)
+        free = at is None or at.chosen
+        if len(key) > _LONGEST_KEY or (free and self._free[at is None] == _FREE):
+            return None
+        if free:
+            self._free[at is None] += 1
+        found = at if known else None
+        at = found or _NOWHERE
+        kind = at.kind
         schema = self._schemas.get(kind)
         if schema is None:
             text = json_schema(kind) if found else {}
             schema = self.writer.register_schema(f"cbef.{kind.capitalize()}", "jsonschema", json.dumps(text).encode())
             self._schemas[kind] = schema
         channel = self.writer.register_channel(key, "msgpack" if found else "", schema)
-        self.channels[key, known] = kind, channel
-        return kind, channel
+        self.channels[key, known] = at, channel
+        return at, channel
 
     def close(self, end: Mapping[str, str]) -> None:
         self.writer.add_metadata(END, end)
@@ -66,7 +93,9 @@ class RunLog:
 
     Where settings.rotate_bytes or rotate_seconds is reached, a new file begins, complete by itself. A write that fails
     (disk full) drops what it held and is named in `failure`; what was written before stays readable, and later writes
-    are tried again. missing: gaps in the senders' numbers. dropped: messages that could not be written.
+    are tried again. Where the file itself was removed, all that it held is lost, and a new one is tried. missing: gaps
+    in the senders' numbers. dropped: messages that came and are not in the log. foreign: messages that were not
+    written, as they were on more keys than a log names that no run has, or whose names processes chose.
     """
 
     def __init__(self, path: Path, settings: Record) -> None:
@@ -81,11 +110,12 @@ class RunLog:
             raise UserError(f"cannot write {path}: {error.strerror}; choose another place for the log") from None
         self._number = 1
         self._description: tuple[str, str, Mapping[str, str]] = "", "", {}
-        self._sequences: dict[tuple[str, str], Sequence] = {}
+        self._sequences = Sequences()
         self._taken, self._closed_count = 0, 0
         self._rotate_bytes = settings.rotate_bytes or 1 << 63
         self._rotate_seconds = settings.rotate_seconds or float("inf")
         self.failure = ""
+        self.foreign = 0
 
     @property
     def active(self) -> Path:
@@ -94,18 +124,18 @@ class RunLog:
 
     @property
     def count(self) -> int:
-        """Messages written."""
-        return self._closed_count + self._part.writer.message_count
+        """Messages that are in the log."""
+        return self._closed_count + self._part.count
 
     @property
     def dropped(self) -> int:
-        """Messages that came and could not be written."""
+        """Messages that came and are not in the log: they could not be written, or their file was removed."""
         return self._taken - self.count
 
     @property
     def missing(self) -> int:
         """Numbers that are missing in the sequences of all senders."""
-        return sum(sequence.missing for sequence in self._sequences.values())
+        return self._sequences.missing
 
     def describe(self, *, source: str, resolved: str, run: Mapping[str, str]) -> None:
         """Attach the scenario and say which run this is. Raises UserError where it cannot be written."""
@@ -116,15 +146,20 @@ class RunLog:
             raise UserError(f"cannot write {self.path}: {error.strerror}; make room, or choose another place") from None
 
     def add(self, key: str, data: bytes, log_time: int) -> str:
-        """Write one message as it came; returns its kind, "unknown" where it is no message of ours."""
+        """Write one message as it came; returns its kind, UNKNOWN where it is no message of ours."""
         try:
             message = unpack(data)
             seq, sent, sender = message["seq"], message["sent"], message["from"]
             known = type(seq) is int and type(sent) is int and 0 <= seq < _MOST and 0 <= sent < _MOST
+            known &= type(sender) is str and len(sender) <= LONGEST
         except (BadMessage, KeyError):
             known = False
         part = self._part
-        kind, channel = part.channels.get((key, known)) or part.register(key, known=known)
+        place = part.channels.get((key, known)) or part.register(key, known=known)
+        if place is None:
+            self.foreign += 1
+            return UNKNOWN
+        at, channel = place
         self._taken += 1
         try:
             if known:
@@ -133,15 +168,11 @@ class RunLog:
                 part.writer.add_message(channel, log_time, log_time, 0, data)
         except OSError as error:
             self._fail(error)
-        if known:
-            name = (key, str(sender))
-            sequence = self._sequences.get(name)
-            if sequence is None:
-                sequence = self._sequences[name] = Sequence()
-            sequence.take(seq)
+        if known and at.is_of(sender):
+            self._sequences.of(key, sender).take(seq)
         if part.writer.bytes_written - part.head_bytes >= self._rotate_bytes:
             self._rotate()
-        return kind
+        return at.kind
 
     def flush(self, *, sync: bool = False) -> None:
         """Hand everything so far to the operating system; with sync, to the disk. A new file begins if it is time."""
@@ -149,7 +180,10 @@ class RunLog:
             self._part.writer.flush(sync=sync)
         except OSError as error:
             self._fail(error)
-        if time.monotonic() - self._part.began >= self._rotate_seconds:
+        if self._part.writer.gone:
+            self._fail(OSError(errno.ENOENT, os.strerror(errno.ENOENT)))
+            self._rotate()
+        elif time.monotonic() - self._part.began >= self._rotate_seconds:
             self._rotate()
 
     def close(self, end: Mapping[str, str]) -> None:
@@ -162,8 +196,23 @@ class RunLog:
 
     def lacks(self, key: str, sender: str, sent: int) -> bool:
         """Whether fewer than `sent` messages of a sender on a key have come so far."""
-        found = self._sequences.get((key, sender))
-        return (found.next if found else 0) < sent
+        return self._sequences.next(key, sender) < sent
+
+    def gaps(self, of: str | None = None) -> list[tuple[str, str, int, int]]:
+        """Sender, key, first and last number of what is missing, the first stretches of it; of one sender, or all."""
+        found = [(name, one) for name, one in self._sequences.all_of(of) if one.missing]
+        return [(sender, key, *gap) for (key, sender), sequence in found for gap in sequence.gaps]
+
+    def wants(self, key: str, sender: str, data: bytes) -> bool:
+        """Whether a message is one of a sender's that are missing."""
+        try:
+            message = unpack(data)
+        except BadMessage:
+            return False
+        number, found = message.get("seq"), self._sequences.find(key, sender)
+        if message.get("from") != sender or not isinstance(number, int):
+            return False
+        return found is not None and found.lacks(number)
 
     def _fail(self, error: OSError) -> None:
         self.failure = f"cannot write {self._part.active}: {error.strerror}"
@@ -193,4 +242,4 @@ class RunLog:
             path.with_name(path.name + ACTIVE).unlink(missing_ok=True)
             return
         self._close(old, {"status": "rotated", "log": str(old.path)})
-        self._closed_count += old.writer.message_count
+        self._closed_count += old.count

@@ -14,9 +14,11 @@ from zenoh_cbef.faults.injected import FATES, IN_TIME, Injected
 from zenoh_cbef.log.contents import Contents, Header, read_contents, read_header
 from zenoh_cbef.log.parts import open_log
 from zenoh_cbef.log.read_trace import heard_ranges, logged_positions
-from zenoh_cbef.protocol.messages import BIAS, DISTRUST, BadMessage, nil_to_nan, unpack_floats
+from zenoh_cbef.protocol.messages import BadMessage, nil_to_nan, unpack_floats
 from zenoh_cbef.scenario.build import absences_of
 from zenoh_cbef.simulator import Heard, Simulation, Step
+from zenoh_cbef.tracking.diagnostics import SOMETIMES
+from zenoh_cbef.words import counted
 
 Bools = NDArray[np.bool_]
 Floats = NDArray[np.float64]
@@ -79,6 +81,7 @@ class _Comparison:
         self._contents, self._tolerance = contents, tolerance
         self._absences, self._faults = simulation.absences, _Faults(simulation.neighbours.present)
         self.compared = 0
+        self.unlogged = 0
         self.largest = 0.0
 
     def step(self, number: int, step: Step) -> None:
@@ -87,24 +90,26 @@ class _Comparison:
         for round_, sent in enumerate(step.sent, 1):
             for agent, payload in enumerate(sent):
                 logged = self._contents.rounds.get((agent, number, round_))
+                self._count(logged, there=not step.absent[agent])
                 if logged is not None:
                     self._same(f"agent {agent}, step {number}, round {round_}: payload", logged, payload)
-                    self.compared += 1
         for agent in range(len(step.estimate.state)):
             message = self._contents.estimates.get((agent, number))
+            self._count(message, there=not step.absent[agent])
             if message is not None:
                 self._estimate(agent, number, message, step)
-                self.compared += 1
+
+    def _count(self, logged: object, *, there: bool) -> None:
+        self.compared += logged is not None
+        self.unlogged += logged is None and there
 
     def _estimate(self, agent: int, number: int, message: dict[str, Any], step: Step) -> None:
         at = f"agent {agent}, step {number}: "
         estimate = step.estimate
         self._faults.compare(at, agent, message)
         self._same(at + "state", np.array(message["state"]), estimate.state[agent])
-        values = {name: getattr(estimate, name) for name in ("innovation", "weight", "nis", "nis_degrees")}
-        values |= {DISTRUST: estimate.distrust, **dict(zip(BIAS, estimate.bias.T, strict=True))}
-        for name, value in values.items():
-            if name not in message and name not in (DISTRUST, *BIAS):
+        for name, value in estimate.diagnostics.named().items():
+            if name not in message and name not in SOMETIMES:
                 continue  # A log of version 0.1.0.
             logged = message.get(name)
             number_ = nil_to_nan(float(logged) if isinstance(logged, float | int) else None)
@@ -136,6 +141,54 @@ class _Comparison:
         )
 
 
+class _Receipts:
+    """How many messages each agent should have received from each neighbour, counted as agents count."""
+
+    def __init__(self, simulation: Simulation) -> None:
+        self._simulation = simulation
+        present = simulation.neighbours.present
+        self._ids = [row[there].tolist() for row, there in zip(simulation.neighbours.index, present, strict=True)]
+        ends = np.cumsum(present.sum(axis=1)).tolist()
+        self._links = [slice(start, end) for start, end in pairwise([0, *ends])]
+        self._forgotten = np.zeros(present.sum(), dtype=np.int64)
+
+    def step(self, crashed: Bools) -> None:
+        """Take in one executed step; crashed: (n,), the agents that will count anew."""
+        for agent in np.flatnonzero(crashed).tolist():
+            self._forgotten[self._links[agent]] = self._simulation.counts.delivered[self._links[agent]]
+
+    def short(self, agent: int, message: dict[str, Any]) -> str:
+        """Which messages an agent did without, as it says in its estimate; "" where it is none."""
+        mine = self._links[agent]
+        due = (self._simulation.counts.delivered[mine] - self._forgotten[mine]).tolist()
+        for other, wanted, got in zip(self._ids[agent], due, message["received"], strict=False):
+            if got < wanted:
+                return f"by step {message['k']} agent {agent} did without {wanted - got} messages from agent {other}"
+        return ""
+
+
+def _doubt(header: Header, contents: Contents, steps: int) -> str:
+    """Why a log that differs need not be wrong: an agent did without messages that were due; "" where it is so.
+
+    An agent says that in an event. Where that did not reach the recorder, its counts show it.
+    """
+    simulation = _simulation(header, contents, steps)
+    receipts = _Receipts(simulation)
+    for number, _ in enumerate(simulation, 1):
+        receipts.step(simulation.absences.crashed(number))
+        for agent in range(header.scenario.count):
+            message = contents.estimates.get((agent, number))
+            if message is not None and (short := receipts.short(agent, message)):
+                return f"{short}, which no scenario foretells"
+    told: dict[str, set[int]] = {}
+    for event in contents.events:
+        told.setdefault(event["from"], set()).add(event["seq"])
+    silenced = [sender for sender, numbers in told.items() if len(numbers) <= max(numbers)]
+    if silenced:
+        return f"the log differs, but lacks events of {min(silenced)}, which may say why"
+    return ""
+
+
 def verify(path: Path, *, tolerance: float = 0.0) -> Verdict:
     """Execute the run of a log again and compare. Raises UserError where the file is no log of a run."""
     file = open_log(path)
@@ -161,13 +214,16 @@ def _judgeable(header: Header, contents: Contents) -> tuple[int, str]:
         last[agent] = max(last[agent], step)
     if max(last) == 0:
         return 0, "the log holds no estimate to compare"
-    surprises = [event["text"] for event in contents.events if _surprising(event)]
-    if surprises:
-        return 0, f"{surprises[0]}, which no scenario foretells"
     absent = absences_of(header.scenario).at(max(last))
     last = [max(last) if away else step for step, away in zip(last, absent.tolist(), strict=True)]
-    if max(last) - min(last) > _SKEW:
+    left = max(last) - min(last) > _SKEW
+    surprises = [event["text"] for event in contents.events if _surprising(event, left=left)]
+    if surprises:
+        return 0, f"{surprises[0]}, which no scenario foretells"
+    if left:
         agent = int(np.argmin(last))
+        if last[agent] == 0:
+            return 0, f"the log holds no estimate of agent {agent}: it never took part, or was left out of this log"
         return 0, f"agent {agent} left after step {last[agent]}, which no scenario foretells"
     steps = 0
     while steps < max(last) and all((agent, steps + 1) in contents.beacons for agent in range(count)):
@@ -177,21 +233,38 @@ def _judgeable(header: Header, contents: Contents) -> tuple[int, str]:
     return steps, ""
 
 
-def _surprising(event: dict[str, Any]) -> bool:
-    """Whether something happened that lockstep does not know: somebody fell silent, or came unasked."""
-    return bool(event["kind"] == "silent" or (event["kind"] == "joined" and not event.get("data", {}).get("planned")))
+def _surprising(event: dict[str, Any], *, left: bool) -> bool:
+    """Whether something happened that lockstep does not know: an agent did without messages, or came unasked.
+
+    left: an agent left, which says more than that others then did without its messages.
+    """
+    unasked = event["kind"] == "joined" and not event.get("data", {}).get("planned")
+    return bool(event["kind"] == "silent" or (event["kind"] == "missed" and not left) or unasked)
+
+
+def _simulation(header: Header, contents: Contents, steps: int) -> Simulation:
+    """The run of a log, to be executed again."""
+    scenario = header.scenario.model_copy(update={"steps": steps})
+    # What is plausible depends on how long the run was to be, not on where it was stopped.
+    ranges, age = heard_ranges(header.scenario, contents, steps)
+    return Simulation([scenario], [Heard(logged_positions(scenario, contents, steps), ranges, age)])
 
 
 def _execute(header: Header, contents: Contents, steps: int, tolerance: float, cut: str) -> Verdict:
-    scenario = header.scenario.model_copy(update={"steps": steps})
-    ranges, age = heard_ranges(scenario, contents, steps)
-    heard = Heard(logged_positions(scenario, contents, steps), ranges, age)
-    simulation = Simulation([scenario], [heard])
+    simulation = _simulation(header, contents, steps)
     comparison = _Comparison(contents, simulation, tolerance)
     try:
         for number, step in enumerate(simulation, 1):
             comparison.step(number, step)
     except _Different as difference:
+        if doubt := _doubt(header, contents, steps):
+            return Verdict("unknown", doubt, comparison.compared)
         return Verdict("different", f"different: {difference}", comparison.compared)
+    if comparison.unlogged:
+        cut += f"; {comparison.unlogged} more are not in the log"
     how = "bit for bit" if comparison.largest == 0.0 else f"within {comparison.largest:.1e}"
-    return Verdict("equal", f"equal {how}: {comparison.compared} messages of {steps} steps{cut}", comparison.compared)
+    return Verdict(
+        "equal",
+        f"equal {how}: {counted(comparison.compared, 'message')} of {counted(steps, 'step')}{cut}",
+        comparison.compared,
+    )

@@ -4,32 +4,49 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
+from zenoh_cbef.analysis.slowness import SLOW
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.faults import ahead, clocks_of
+from zenoh_cbef.nodes.alarm import Alarm
 from zenoh_cbef.nodes.briefing import brief
 from zenoh_cbef.nodes.entrance import Entrance, Entry
-from zenoh_cbef.nodes.inbox import Alarm, Inbox
+from zenoh_cbef.nodes.inbox import Inbox, Stopped
 from zenoh_cbef.nodes.neighbour import Neighbourhood
 from zenoh_cbef.nodes.node import Identity, Node
+from zenoh_cbef.nodes.pace import Pace
 from zenoh_cbef.nodes.readers import beacon_inbox
 from zenoh_cbef.nodes.rejections import Rejections
+from zenoh_cbef.nodes.room import require
+from zenoh_cbef.nodes.signals import Signals
 from zenoh_cbef.nodes.standstill import die, stand_still
 from zenoh_cbef.protocol.bodies import estimate_body, range_body
-from zenoh_cbef.protocol.latest import Latest
 from zenoh_cbef.protocol.mailbox import Mailbox
+from zenoh_cbef.protocol.memory import ask_latest
 from zenoh_cbef.protocol.messages import BadMessage, decode
 from zenoh_cbef.protocol.round_codec import RoundCodec
 from zenoh_cbef.scenario import Scenario
-from zenoh_cbef.scenario.build import absences_of, agent_tracker, fates_into, message_size, outgoing_of, rounds_of
+from zenoh_cbef.scenario.build import (
+    absences_of,
+    agent_tracker,
+    fates_into,
+    message_size,
+    outgoing_of,
+    rounds_of,
+    slot_of,
+)
 from zenoh_cbef.scenario.injected import read_tables, with_faults
 from zenoh_cbef.scenario.paths import agent_positions
+from zenoh_cbef.scenario.plausible import plausible_ranges
 from zenoh_cbef.simulator import measured
 from zenoh_cbef.tracking.ranging import Measurement
 
 _LEASE_SHARE = 0.4
+_PORTION_SECONDS = 0.1
+_KEPT_BYTES = 1 << 20
 
 
 @dataclass(frozen=True)
@@ -49,7 +66,8 @@ class Agent:
         self.rounds = rounds_of(scenario)
         self.tracker, neighbours = agent_tracker(scenario, agent)
         self.outgoing = outgoing_of([scenario], [agent])
-        self.path = agent_positions(scenario)[agent]
+        self.path = agent_positions(scenario, agent)[0]
+        self._plausible = plausible_ranges(scenario)
         self.rejections = Rejections(node)
         self._faults_in = Mailbox(node.session, node.keys.faults)
         self._wrong_clocks = clocks_of(scenario.fault, agent)
@@ -58,8 +76,10 @@ class Agent:
             node.clock = lambda: time.time_ns() + self._ahead_ns
         width = message_size(scenario)
         realtime = scenario.timing.mode == "realtime"
-        alarm = Alarm()
-        self.beacons: Inbox = beacon_inbox(node, agent, self.rejections, alarm)
+        alarm, patience = Alarm(), scenario.timing.patience
+        grace = 0.0 if realtime else node.grace * patience
+        self.beacons: Inbox = beacon_inbox(node, agent, self.rejections, alarm, grace)
+        self.signals = Signals(node, agent, self.rejections, self.beacons)
         self.neighbourhood = Neighbourhood(
             node,
             neighbours,
@@ -70,43 +90,58 @@ class Agent:
             shares_ranges=self.tracker.filter.uses_neighbour_ranges,
             rejections=self.rejections,
             alarm=alarm,
-            patience=scenario.timing.patience,
+            patience=patience,
+            grace=grace,
         )
         self._range_out, self._round_out, self._estimate_out = (
-            node.outbox(key, may_drop=realtime)
+            node.outbox(key, may_drop=realtime, keep=_KEPT_BYTES)
             for key in (node.keys.range(agent), node.keys.round(agent), node.keys.estimate(agent))
         )
-        self._latest = Latest(node.session, node.keys.estimate(agent))
+        node.archive.serve(node.keys.of_agent(agent))
         self._codec = RoundCodec(node.identity.run, node.identity.sender, width)
-        self._slot = scenario.dt / (self.rounds + 1)
-        if scenario.timing.round_deadline_ms is not None:
-            self._slot = 1e-3 * scenario.timing.round_deadline_ms
+        self._slot = slot_of(scenario)
         self._realtime = realtime
+        # Where a step's rounds last longer than the step, late neighbours hold an agent up, too.
+        measurable = realtime and self._slot * (self.rounds + 1) <= scenario.dt * (1.0 + 1e-9)
+        self._pace = Pace(f"agent {agent}", "rounds", partial(node.event, SLOW)) if measurable else None
         self._epoch = 0.0
+        self._uninformed = False
+        node.presence.on_change(self._note_target)
+
+    def _note_target(self, name: str, joined: bool) -> None:
+        # What the target told while it was out of sight did not come.
+        self._uninformed |= joined and name == "target/target"
 
     def run(self, entry: Entry) -> int:
         """All steps until the target ends the run; returns the last one."""
-        self._epoch = entry.epoch
+        self._epoch, self._uninformed = entry.epoch, False
         last = entry.before
         # One more than there are steps: leaving before all are done would look like a death to the others.
         for step in range(entry.before + 1, self.scenario.length + 2):
             self._ahead_ns = (
                 round(1e9 * ahead(self._wrong_clocks, step * self.scenario.dt)) if self._wrong_clocks else 0
             )
-            beacon = self._listen(step)
-            if beacon is None or self.node.stopping or step > self.scenario.length:
+            try:
+                beacon = self._listen(step)
+                if beacon is None or self.node.stopping or step > self.scenario.length:
+                    break
+                if self._realtime:
+                    self._heed_news()
+                if self.absences:
+                    self._heed_absences(step)
+                self._step(step, beacon)
+            except Stopped:
                 break
-            if self._realtime:
-                self._heed_news()
-            if self.absences:
-                self._heed_absences(step)
-            self._step(step, beacon)
             last = step
         return last
 
     def _heed_news(self) -> None:
         """Take in faults that were injected since."""
+        told = ask_latest(self.node.session, self._faults_in.key) if self._uninformed else []
+        self._uninformed = False
         while (data := self._faults_in.poll()) is not None:
+            told.append(data)
+        for data in told:
             try:
                 message = decode("faults", data, run=self.node.identity.run, sender="target")
                 self.inject(message["tables"])
@@ -119,6 +154,7 @@ class Agent:
         self.neighbourhood.fates = fates_into(scenario, self.agent, self.neighbourhood.ids)
         self.outgoing = outgoing_of([scenario], [self.agent])
         self.absences = absences_of(scenario)
+        self._plausible = plausible_ranges(scenario)
         self._wrong_clocks, self._ahead_ns = clocks_of(scenario.fault, self.agent), 0
 
     def _heed_absences(self, step: int) -> None:
@@ -150,16 +186,36 @@ class Agent:
             return None
         return self._epoch + step * self.scenario.dt + (round_ + 1) * self._slot
 
+    def _arrive(self, step: int, round_: int) -> float | None:
+        """The deadline of a round that the agent comes to now. What it comes to while it is away does not count."""
+        deadline = self._deadline(step, round_)
+        if self._pace is None or deadline is None or step > self.scenario.length:
+            return deadline
+        if not (self.absences and self.absences.at(step)[self.agent]):
+            self._pace.arrive(time.monotonic(), deadline)
+        return deadline
+
+    def _await(self, step: int) -> None:
+        """Wait for the beginning of a step, in portions: by a wrong clock it can be hours away."""
+        begin = self._epoch + step * self.scenario.dt
+        while (left := begin - time.monotonic()) > 0.0 and not (self.node.stopping or self.signals.over(step)):
+            time.sleep(min(left, _PORTION_SECONDS))
+
     def _listen(self, step: int) -> Beacon | None:
         """The beacon of a step; None where the run has ended."""
         if self._realtime:
-            time.sleep(max(0.0, self._epoch + step * self.scenario.dt - time.monotonic()))
-        message = self.beacons.take(step, self._deadline(step, 0))
+            self._await(step)
+        message = self.beacons.take(step, self._arrive(step, 0))
+        # Alone behind a broken link it would run to the last step at once.
+        if message is None and (self.signals.over(step) or (self.node.grace and not self._realtime)):
+            return None
         if message is None or message["emitted"] is None or message["arrived"] is None:
-            if message is not None and message.get("signal") == "end":
-                return None
             return Beacon(np.nan, 0.0)
-        found, age = measured(self.scenario, np.array(message["emitted"]), np.array(message["arrived"]), step)
+        times = np.array(message["emitted"]), np.array(message["arrived"])
+        found, age = measured(self.scenario, self._plausible, *times, step)
+        if np.isnan(found):
+            self.beacons.reject("a range that is not plausible in this scenario")
+            return Beacon(np.nan, 0.0)
         return Beacon(float(found), float(age))
 
     def _measurement(self, step: int, beacon: Beacon) -> Measurement:
@@ -179,12 +235,13 @@ class Agent:
             sent = self.outgoing.message(step, round_, message)
             if not away:
                 self._round_out.send_round(self._codec, step, round_, sent[0])
-            received, delivered = self.neighbourhood.round(step, round_, self._deadline(step, round_))
+            received, delivered = self.neighbourhood.round(step, round_, self._arrive(step, round_))
             message = self.tracker.exchange(received, delivered)
         estimate, counts = self.tracker.conclude(), self.neighbourhood.take_counts()
+        if estimate.refused[0]:
+            self.rejections.add(f"the update of agent {self.agent}", "it would have left the finite numbers")
         if not away:
-            data = self._estimate_out.send(**estimate_body(step, estimate, 0, self.agent, counts))
-            self._latest.keep(step, data)
+            self._estimate_out.send(**estimate_body(step, estimate, 0, self.agent, counts))
 
     def finish(self, last: int) -> None:
         """Say what was done and sent, so that the log can be checked for completeness."""
@@ -196,6 +253,7 @@ class Agent:
             step=last,
             sent={box.key: box.sent for box in boxes},
             rejected=self.rejections.total,
+            **({} if self._pace is None else self._pace.finish()),
         )
 
 
@@ -208,11 +266,14 @@ def run_agent(identity: Identity) -> int:
             raise UserError(f"run {identity.run!r} has agents 0 to {scenario.count - 1}, no agent {agent}")
         node.refuse_twin(known=agent in text.present)
         process = Agent(node, scenario, agent)
+        # Peers that tell each other of third ones link to all of them.
+        others = scenario.count - 1 if identity.connection.gossip else len(process.neighbourhood.ids)
+        require(links=others + 1 + scenario.record.awaited)
         if text.faults:
             process.inject(text.faults)
-        node.presence.announce(f"agent/{identity.name}")
+        node.presence.enter(f"agent/{identity.name}")
         entry = Entrance(process, None if text.step is None else text.agents, briefing.clock).wait()
         last = 0 if entry is None else process.run(entry)
         process.finish(last)
-        node.presence.withdraw()
+        node.presence.leave(f"agent/{identity.name}")
     return last

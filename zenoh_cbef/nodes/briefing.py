@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import time
-import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.metadata import version
@@ -14,6 +13,7 @@ from typing import Any
 from zenoh_cbef import __version__
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.nodes.node import Identity, Node
+from zenoh_cbef.plain import read_toml
 from zenoh_cbef.protocol.scenario_service import Clock, ScenarioText, fetch_scenario, measure_clock
 from zenoh_cbef.scenario import Scenario
 from zenoh_cbef.scenario.load import parse
@@ -44,7 +44,13 @@ def brief(node: Node) -> Briefing:
             f"run {run!r} is of zenoh-cbef {text.program}, this is {__version__}; "
             "install the same version on every host"
         )
-    scenario = parse(tomllib.loads(text.resolved), f"the scenario of run {run!r}")
+    try:
+        tables = read_toml(text.resolved)
+    except ValueError as error:
+        raise UserError(f"the scenario of run {run!r} is no scenario: {error}; is its target a zenoh-cbef?") from None
+    scenario = parse(tables, f"the scenario of run {run!r}")
+    if max((*text.agents, *text.present), default=0) >= scenario.count:
+        raise UserError(f"run {run!r} tells of agents that its scenario does not have; is its target a zenoh-cbef?")
     return Briefing(text, scenario, measure_clock(node.session, run))
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import resource
 import shutil
 import socket
 import ssl
@@ -15,6 +14,7 @@ from pathlib import Path
 
 from zenoh_cbef import __version__
 from zenoh_cbef.errors import UserError
+from zenoh_cbef.nodes.room import address_space_short, files_needed, files_short, memory_short
 from zenoh_cbef.protocol.reach import unreachable, wait_for_link
 from zenoh_cbef.protocol.session import Connection, open_session
 from zenoh_cbef.protocol.tls import Tls
@@ -24,7 +24,6 @@ _PYTHON = (3, 11)
 _ZENOH = ((1, 10), (2, 0))
 _PORT = 7447
 _SCOUTING = ("224.0.0.224", 7446)
-_FILES_OF_A_PROCESS, _FILES_OF_A_LINK = 64, 2
 _LITTLE_DISK, _TOO_LITTLE_DISK = 2e9, 1e8
 _SECONDS = 2.0
 
@@ -43,7 +42,9 @@ def check_host(agents: int, output: Path, *, tls: Tls | None = None) -> Iterator
     yield _python()
     yield _zenoh()
     yield _cores()
-    yield _files(agents)
+    yield _room("files", files_short(agents + 1), f"with {agents} agents a process may need {files_needed(agents + 1)}")
+    yield _room("memory", address_space_short(), "a process may map what it needs")
+    yield _room("memory", memory_short(agents + 2), f"enough for {agents + 2} processes on this host", WARNING)
     yield _disk(output)
     if tls is not None:
         yield _certificates(tls)
@@ -81,14 +82,8 @@ def _cores() -> Finding:
     return Finding("cores", OK, f"{count}; agents on this host share them")
 
 
-def _files(agents: int) -> Finding:
-    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-    needed = _FILES_OF_A_PROCESS + _FILES_OF_A_LINK * (agents + 2)
-    words = f"a process may open {soft}; with {agents} agents it may need {needed}"
-    if soft == resource.RLIM_INFINITY or soft >= needed:
-        return Finding("files", OK, words)
-    remedy = f"ulimit -n {needed}" if hard == resource.RLIM_INFINITY or hard >= needed else "raise the hard limit"
-    return Finding("files", PROBLEM, f"{words}; before starting it: {remedy}")
+def _room(subject: str, why_not: str, words: str, level: str = PROBLEM) -> Finding:
+    return Finding(subject, level, why_not) if why_not else Finding(subject, OK, words)
 
 
 def _disk(output: Path) -> Finding:

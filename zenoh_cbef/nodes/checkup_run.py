@@ -11,6 +11,7 @@ from zenoh_cbef.nodes.status import RunStatus, read_status
 from zenoh_cbef.protocol.reach import runs_on, wait_for_link, why_nobody
 from zenoh_cbef.protocol.scenario_service import measure_clock
 from zenoh_cbef.protocol.session import Connection
+from zenoh_cbef.words import counted
 
 _TRIES = 10
 _NOTICEABLE = 1e-3
@@ -34,7 +35,7 @@ def check_run(run: str | None, connection: Connection) -> Iterator[Finding]:
             yield Finding("run", PROBLEM, why_nobody(operator.session, connection, run))
             return
         status = read_status(told)
-        yield Finding("run", OK, f"{run} is {status.state}, {len(status.agents)} agents, {status.mode}")
+        yield Finding("run", OK, f"{run} is {status.state}, {counted(len(status.agents), 'agent')}, {status.mode}")
         yield _versions(status)
         yield _own_clock(operator, status)
         yield from _their_clocks(status)

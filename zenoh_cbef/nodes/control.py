@@ -8,6 +8,7 @@ from typing import Any, Protocol
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.nodes.injection import Injection
 from zenoh_cbef.nodes.survey import Survey, Surveyed
+from zenoh_cbef.plain import read_json
 
 
 class Asked(Surveyed, Protocol):
@@ -43,7 +44,7 @@ def answer(target: Asked, request: dict[str, Any]) -> dict[str, Any]:
 
 def _table(text: object) -> dict[str, Any]:
     try:
-        table = json.loads(text) if isinstance(text, str) else None
+        table = read_json(text) if isinstance(text, str) else None
     except ValueError:
         table = None
     if not isinstance(table, dict):

@@ -12,11 +12,12 @@ import numpy as np
 
 from zenoh_cbef.faults import Absences
 from zenoh_cbef.nodes.briefing import introduce
-from zenoh_cbef.nodes.inbox import Inbox
+from zenoh_cbef.nodes.inbox import MISSED, Inbox
 from zenoh_cbef.nodes.neighbour import Neighbourhood
 from zenoh_cbef.nodes.node import Node
 from zenoh_cbef.nodes.rejections import Rejections
-from zenoh_cbef.protocol.latest import ask_latest
+from zenoh_cbef.nodes.signals import Signals
+from zenoh_cbef.protocol.memory import ask_latest
 from zenoh_cbef.protocol.messages import BadMessage, decode, unpack_floats
 from zenoh_cbef.protocol.scenario_service import Clock
 from zenoh_cbef.scenario import Scenario
@@ -47,6 +48,7 @@ class Entrant(Protocol):
     agent: int
     tracker: Tracker
     beacons: Inbox
+    signals: Signals
     neighbourhood: Neighbourhood
     absences: Absences
     rejections: Rejections
@@ -82,7 +84,9 @@ class Entrance:
         if self._members is not None and start["k"] > 0:
             self._adopt(start["k"])
         # Steps are counted on the monotonic clock: a clock that is set while we run must not move them.
-        return Entry(start["k"], start.get("at", time.time()) - time.time() + time.monotonic())
+        now = time.time()
+        at = start.get("at", now)
+        return Entry(start["k"], (self._clock.ours(at) if self._clock else at) - now + time.monotonic())
 
     def _meet(self) -> bool:
         others = [one for one in self._neighbourhood.ids if self._members is None or one in self._members]
@@ -117,11 +121,9 @@ class Entrance:
 
     def _signal(self) -> dict[str, Any] | None:
         while not self._node.stopping and "target/target" in self._node.presence:
-            message = self._of.beacons.next(0.1) or {}
-            if message.get("signal") == "start":
-                return message
-            if message.get("signal") == "end":
-                return None
+            start = self._of.signals.start(0.1)
+            if start is not None or self._of.signals.over():
+                return start
             if self._members is None:
                 self._neighbourhood.drain()
         return None
@@ -150,6 +152,10 @@ class Entrance:
         while not wanted <= told.keys() and time.monotonic() < until and not self._node.stopping:
             told |= self._ask(before if exact else None)
             time.sleep(0.01)
+        if exact and (mute := sorted(wanted - told.keys())):
+            names = ", ".join(f"agent {other}" for other in mute)
+            text = f"agent {self._of.agent} begins without what {names} knew at step {before}"
+            self._node.event(MISSED, text, step=before)
         belief = neighbours_belief(self._of.tracker, ids, {other: told[other] for other in wanted & told.keys()})
         self._of.tracker.adopt(belief, np.ones(1, dtype=bool))
 

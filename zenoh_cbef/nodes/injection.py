@@ -9,12 +9,12 @@ from collections.abc import Sequence
 from typing import Any
 
 from zenoh_cbef.errors import UserError
+from zenoh_cbef.protocol.messages import LONGEST
 from zenoh_cbef.scenario import Scenario
 from zenoh_cbef.scenario.injected import with_faults
 
 _LEAD_SECONDS = 0.3
 """How long before its beginning a fault is made known: everybody must begin with the same message."""
-
 
 _MOMENT = 1e-7
 
@@ -81,6 +81,8 @@ class Injection:
         return json.dumps(self._tables)
 
     def _accept(self, tables: list[dict[str, Any]]) -> None:
+        if len(json.dumps(tables)) > LONGEST:
+            raise UserError(f"{len(self._tables)} faults were injected, and no more fit a message; start another run")
         self.scenario = with_faults(self._given, tables)
         self._tables, self._fresh = tables, True
 

@@ -12,19 +12,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zenoh_cbef.faults import Fates, Injected
-from zenoh_cbef.nodes.inbox import Alarm, Decoder, Inbox
+from zenoh_cbef.nodes.alarm import Alarm
+from zenoh_cbef.nodes.inbox import Decoder, Inbox
 from zenoh_cbef.nodes.node import Node
 from zenoh_cbef.nodes.readers import WINDOW, range_reader, round_reader
 from zenoh_cbef.nodes.rejections import Rejections
-from zenoh_cbef.protocol.mailbox import Mailbox
+from zenoh_cbef.protocol.mailbox import CAPACITY, Mailbox
 from zenoh_cbef.protocol.messages import nil_to_nan
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 _OUTWAIT_SECONDS = 5.0
-_SPARE = 4096
-"""Room in a neighbour's mailbox beyond what it can send ahead: what comes in while this process does not run."""
 
 
 @dataclass(frozen=True)
@@ -56,6 +55,7 @@ class Neighbourhood:
         rejections: Rejections,
         alarm: Alarm,
         patience: float,
+        grace: float,
     ) -> None:
         self._node, self.ids = node, list(ids)
         self.fates, self._rounds, self._lag, self._width = fates, rounds, lag, width
@@ -63,29 +63,28 @@ class Neighbourhood:
         self._rows = [memoryview(row).cast("B") for row in self._received[0]]
         self._nothing = np.zeros(self._received.size)
         self._counts = {name: [0] * len(self.ids) for name in ("received", "lost", "late")}
-        self._injected = Injected(len(self.ids))
-        self._twice: Sequence[int] = ()
-        self._order = list(range(len(self.ids)))
-        self._everyone = [True] * len(self.ids)
-        turns = rounds + 1
+        self._injected, self._twice = Injected(len(self.ids)), list[int]()
+        self._order, self._everyone = list(range(len(self.ids))), [True] * len(self.ids)
 
         def inbox(agent: int, key: str, read: Decoder, turns_per_step: int) -> Inbox:
             ahead = (WINDOW + 1 + lag) * turns_per_step
-            mailbox = Mailbox(node.session, key, _SPARE + 2 * ahead)
+            mailbox = Mailbox(node.session, key, CAPACITY + 2 * ahead)
             return Inbox(
                 node,
                 mailbox,
                 read,
                 owner=f"agent/{agent}",
                 horizon=ahead,
+                turns=turns_per_step,
                 rejections=rejections,
                 alarm=alarm,
                 patience=patience,
+                grace=grace,
             )
 
         run, keys = node.identity.run, node.keys
         self._round_boxes = [
-            inbox(agent, keys.round(agent), round_reader(run, agent, rounds, width), turns)
+            inbox(agent, keys.round(agent), round_reader(run, agent, rounds, width), rounds + 1)
             for agent in (self.ids if rounds else [])
         ]
         self._range_boxes = [
@@ -133,8 +132,8 @@ class Neighbourhood:
                 box.pass_over(step)
                 continue
             message = box.take(step, deadline)
-            self._note(box, place, came=message is not None)
             if message is not None:
+                self._counts["received"][place] += 1
                 positions[0, place] = message["position"]
                 ranges[0, place] = nil_to_nan(message["range"])
                 if place in self._twice:
@@ -148,7 +147,7 @@ class Neighbourhood:
             return self._received, np.zeros((1, len(self.ids)), dtype=bool)
         turn, boxes, rows = step * (self._rounds + 1) + round_, self._round_boxes, self._rows
         due = self._due(boxes, turn, (step, round_), deadline)
-        delivered = [False] * len(boxes)
+        delivered, received = [False] * len(boxes), self._counts["received"]
         slowest = self._order[0]
         for place in self._order:
             box = boxes[place]
@@ -158,8 +157,8 @@ class Neighbourhood:
             payload = box.take(turn, deadline)
             if box.waited:
                 slowest, box.waited = place, False
-            self._note(box, place, came=payload is not None)
             if payload is not None:
+                received[place] += 1
                 delivered[place] = True
                 rows[place][:] = payload
         for place in self._twice:
@@ -192,14 +191,6 @@ class Neighbourhood:
                         self._rows[place][:] = payload
                     else:
                         self._counts["received"][place] -= 1
-                        self._counts["lost"][place] += 1
-
-    def _note(self, box: Inbox, place: int, *, came: bool) -> None:
-        # Who is not there sends nothing that could be lost.
-        if came:
-            self._counts["received"][place] += 1
-        elif box.open:
-            self._counts["lost"][place] += 1
 
     def _due(self, boxes: Sequence[Inbox], turn: int, when: tuple[int, int], deadline: float | None) -> Sequence[bool]:
         """Which messages of a step and round the faults let arrive intact in time; the others are not waited for."""
@@ -238,13 +229,14 @@ class Neighbourhood:
             if boxes[place].hold(turn, deadline):
                 self._counts["late"][place] += 1
                 self._injected.add("injected_late", place)
-            elif boxes[place].open:
-                self._counts["lost"][place] += 1
+            else:
+                boxes[place].miss(turn)
 
     def take_counts(self) -> dict[str, list[Any]]:
         """What became of the neighbours' messages: counts since the start, and mean latency since the last call.
 
-        A message that came after it was given up was counted as lost then, and is late instead.
+        A message that came after it was given up was counted as lost then, and is late instead. Who is not there sends
+        nothing that could be lost.
         """
         received, lost, late = (self._counts[name].copy() for name in ("received", "lost", "late"))
         delay, read = [0] * len(self.ids), [0] * len(self.ids)
@@ -253,7 +245,7 @@ class Neighbourhood:
                 delay[place] += box.delay_ns
                 read[place] += box.read
                 late[place] += box.late
-                lost[place] -= box.late
+                lost[place] += box.lost
                 box.delay_ns = box.read = 0
         latency = [1e-9 * total / n if n else None for total, n in zip(delay, read, strict=True)]
         counts: dict[str, list[Any]] = {

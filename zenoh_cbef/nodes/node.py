@@ -13,13 +13,17 @@ from types import FrameType, TracebackType
 from typing import Any, Self
 
 from zenoh_cbef.errors import UserError
+from zenoh_cbef.nodes.room import require
 from zenoh_cbef.protocol.keys import Keys
+from zenoh_cbef.protocol.mailbox import Mailbox
+from zenoh_cbef.protocol.memory import KEPT_BYTES, Archive
 from zenoh_cbef.protocol.outbox import Outbox
 from zenoh_cbef.protocol.presence import Presence
 from zenoh_cbef.protocol.session import Connection, open_session, yield_to_others
 
 LEASH = "ZENOH_CBEF_LEASH"
 _FAREWELLS = 10
+_JOIN_SECONDS = 5.0
 _TOLD = 50
 _PATIENCE_WITHOUT_LAUNCHER = {"target": 0.0, "agent": 4.0, "record": 6.0}
 
@@ -57,14 +61,18 @@ class Node:
         self.born = time.monotonic()
         self.told: deque[bytes] = deque(maxlen=_TOLD)
         self._on_stop: list[Callable[[], None]] = []
+        self._readers: list[threading.Thread] = []
 
     def __enter__(self) -> Self:
+        require(links=1)
         if self.launched:
             yield_to_others()
         self.session = open_session(self.identity.connection, self.identity.patience)
         try:
             self.presence = Presence(self.session, self.keys.all_live)
-            self.events = self.outbox(self.keys.event)
+            self.archive = Archive(self.session)
+            self.events = self.outbox(self.keys.event(self.identity.sender))
+            self.archive.serve(self.events.key)
             self._obey_signals()
         except BaseException:
             self.session.close()
@@ -76,11 +84,20 @@ class Node:
     ) -> None:
         self.stop()
         self.session.close()
+        # Python ends threads at its exit by unwinding them, which aborts the process inside a call of Zenoh.
+        for reader in self._readers:
+            reader.join(_JOIN_SECONDS)
 
-    def outbox(self, key: str, *, may_drop: bool = True) -> Outbox:
-        """A publisher in this process's name."""
-        run, sender = self.identity.run, self.identity.sender
-        return Outbox(self.session, key, run=run, sender=sender, may_drop=may_drop, clock=self.clock)
+    def follow(self, mailbox: Mailbox, take: Callable[[bytes], None]) -> None:
+        """Hand on every message of a mailbox as it comes, in a thread that ends with the session."""
+        reader = threading.Thread(target=mailbox.follow, args=(take,), daemon=True)
+        self._readers.append(reader)
+        reader.start()
+
+    def outbox(self, key: str, *, may_drop: bool = True, keep: int = KEPT_BYTES) -> Outbox:
+        """A publisher in this process's name. keep: how many bytes of what it sent are kept for those who missed it."""
+        run, sender, memory = self.identity.run, self.identity.sender, self.archive.open(key, keep)
+        return Outbox(self.session, key, run=run, sender=sender, may_drop=may_drop, clock=self.clock, memory=memory)
 
     def refuse_twin(self, *, known: bool = False) -> None:
         """Raise UserError where a process with this role and name is in the run already.
@@ -115,6 +132,14 @@ class Node:
             self.event(kind, text, word=word, **data)
             if self.presence.wait(heard, 1.0):
                 return
+
+    @property
+    def grace(self) -> float:
+        """The share of a process's patience that it has with one out of sight, whose link may come back.
+
+        All processes of a launcher are on one host: there a link ends only with its process.
+        """
+        return 0.0 if self.launched else 1.0
 
     def on_stop(self, action: Callable[[], None]) -> None:
         """Call an action, from another thread, when the process is told to stop."""

@@ -7,8 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from zenoh_cbef.protocol.keys import agent_of
+from zenoh_cbef.protocol.keys import address
 from zenoh_cbef.protocol.messages import BadMessage, decode
+
+_KEPT = 256
+"""Steps that are kept while estimates are missing: more than agents can be apart."""
 
 
 @dataclass
@@ -17,8 +20,9 @@ class Status:
 
     began: whether any estimate was seen. step: what all estimates have reached; error: the network's position error
     (m) there. messages: recorded. lost, late: on links, as their receivers counted. missing: gaps in the sequence
-    numbers of what was recorded. behind: how often the recorder fell behind. dropped: messages that could not be
-    written, and failure: why not.
+    numbers of what was recorded. foreign: messages on more keys that no run
+    has than a log names, not recorded. behind: how often the recorder fell behind. dropped: messages that could not be
+    written, and failure: why not. slow: how many processes have said that they do not keep up with real time.
     """
 
     run: str
@@ -33,38 +37,56 @@ class Status:
     missing: int = 0
     behind: int = 0
     dropped: int = 0
+    foreign: int = 0
     failure: str = ""
+    slow: int = 0
     state: str = "recording"
 
 
 class Overview:
-    """Keeps a Status up to date from the messages that go by."""
+    """Keeps a Status up to date from the messages that go by. reached: the latest step of which an estimate came."""
 
     def __init__(self, status: Status, present: Callable[[], int]) -> None:
         self.status = status
         self._present = present
         self._expected = 1
+        self.reached = 0
         self._truth: dict[int, list[float]] = {}
         self._errors: dict[int, list[float]] = {}
         self._links: dict[int, tuple[int, int]] = {}
+        self._slow: set[str] = set()
+
+    def note_slow(self, process: str) -> None:
+        """A process of the run has said that it does not keep up."""
+        self._slow.add(process)
+        self.status.slow = len(self._slow)
 
     def see(self, kind: str, key: str, data: bytes) -> None:
         """Take one truth or estimate message into account."""
+        at = address(key)
+        if at is None:
+            return
         try:
-            message = decode(kind, data, run=self.status.run)
+            message = decode(kind, data, run=self.status.run, sender=at.owner)
         except BadMessage:
             return
         step = message["k"]
         if kind == "truth":
             self._truth[step] = message["state"]
+            if len(self._truth) > _KEPT:
+                # An agent that is there and says nothing would have all of them kept.
+                self._forget(min(self._truth))
             return
         self.status.began = True
-        self._links[agent_of(key)] = (sum(message["lost"]), sum(message["late"]))
+        self.reached = max(self.reached, min(step, self.status.steps))
+        self._links[at.agent] = (sum(message["lost"]), sum(message["late"]))
         truth = self._truth.get(step)
         if truth is None:
             return
         errors = self._errors.setdefault(step, [])
-        errors.append(sum((a - b) ** 2 for a, b in zip(message["state"][:3], truth[:3], strict=True)))
+        apart = [a - b for a, b in zip(message["state"][:3], truth[:3], strict=True)]
+        # A forged estimate can be too far off for its square: a product is infinite then, where a power would raise.
+        errors.append(sum(one * one for one in apart))
         # At the end everybody has left before their last words are read.
         self._expected = self._present() or self._expected
         if len(errors) >= self._expected:
@@ -72,6 +94,9 @@ class Overview:
             self.status.error = float(np.sqrt(np.mean(errors)))
             self.status.lost = sum(lost for lost, _ in self._links.values())
             self.status.late = sum(late for _, late in self._links.values())
-            for old in [known for known in self._truth if known <= step]:
-                self._truth.pop(old)
-                self._errors.pop(old, None)
+            self._forget(step)
+
+    def _forget(self, step: int) -> None:
+        for old in [known for known in self._truth if known <= step]:
+            del self._truth[old]
+            self._errors.pop(old, None)

@@ -5,7 +5,8 @@ from __future__ import annotations
 from math import inf
 from typing import Any
 
-from zenoh_cbef.nodes.inbox import Alarm, Decoder, Inbox
+from zenoh_cbef.nodes.alarm import Alarm
+from zenoh_cbef.nodes.inbox import Decoder, Inbox
 from zenoh_cbef.nodes.node import Node
 from zenoh_cbef.nodes.rejections import Rejections
 from zenoh_cbef.protocol.mailbox import Mailbox
@@ -16,11 +17,13 @@ WINDOW = 4
 """How many steps the target, and so any agent, can be ahead of the slowest agent in lockstep."""
 
 
-def beacon_inbox(node: Node, agent: int, rejections: Rejections, alarm: Alarm) -> Inbox:
-    """The beacons of an agent's own receiver; the turn is the step, 0 is the start signal."""
+def beacon_inbox(node: Node, agent: int, rejections: Rejections, alarm: Alarm, grace: float) -> Inbox:
+    """The beacons of an agent's own receiver; the turn is the step."""
 
     def read(data: bytes) -> tuple[int, int, dict[str, Any]]:
         message = decode("beacon", data, run=node.identity.run)
+        if "signal" in message:
+            raise BadMessage("a signal, which has a key of its own")
         return message["k"], message["sent"], message
 
     mailbox = Mailbox(node.session, node.keys.beacon(agent))
@@ -31,9 +34,11 @@ def beacon_inbox(node: Node, agent: int, rejections: Rejections, alarm: Alarm) -
         read,
         owner="target/target",
         horizon=2 * WINDOW,
+        turns=1,
         rejections=rejections,
         alarm=alarm,
         patience=inf,
+        grace=grace,
     )
 
 

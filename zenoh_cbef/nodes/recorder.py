@@ -12,18 +12,24 @@ from platform import node as host_name
 from typing import Any
 
 from zenoh_cbef import __version__
+from zenoh_cbef.analysis.slowness import SLOW
 from zenoh_cbef.log.run_log import RunLog
+from zenoh_cbef.nodes.acknowledgements import Acknowledgements
 from zenoh_cbef.nodes.attendance import Attendance
 from zenoh_cbef.nodes.briefing import brief, introduce
-from zenoh_cbef.nodes.node import Identity, Node, heard_token
+from zenoh_cbef.nodes.node import Identity, Node
 from zenoh_cbef.nodes.overview import Overview, Status
+from zenoh_cbef.nodes.recovery import Recovery
+from zenoh_cbef.nodes.room import require
+from zenoh_cbef.plain import count_in, counts_in
+from zenoh_cbef.protocol.keys import address
 from zenoh_cbef.protocol.mailbox import Mailbox
 from zenoh_cbef.protocol.messages import BadMessage, decode
-from zenoh_cbef.protocol.recorded import covering, recorded_keys
+from zenoh_cbef.protocol.recorded import belongs, covering, recorded_keys
 from zenoh_cbef.scenario import Scenario
 from zenoh_cbef.scenario.model import Record
 
-_CAPACITY = 1 << 18
+_CAPACITY = 1 << 17
 _REPORT_SECONDS = 0.2
 _GATHER_SECONDS = 0.005
 _PORTION = 10_000
@@ -33,28 +39,31 @@ _BEHIND_SECONDS = 1.0
 class Recorder:
     """Takes messages off the network and puts them into the log: each mailbox in a thread, the first in the caller's.
 
-    settings.on_full "stop": a log that cannot be written any more ends the recording.
+    record.on_full "stop" in the scenario: a log that cannot be written any more ends the recording.
     """
 
     def __init__(
-        self, node: Node, log: RunLog, overview: Overview, mailboxes: Sequence[Mailbox], settings: Record
+        self, node: Node, log: RunLog, overview: Overview, mailboxes: Sequence[Mailbox], scenario: Scenario
     ) -> None:
         self.node, self.log, self.overview = node, log, overview
-        self._mailboxes, self._settings = mailboxes, settings
+        self._mailboxes, self._settings = mailboxes, scenario.record
         self._covers = covering([mailbox.key for mailbox in mailboxes])
         self._lock = threading.Lock()
         self._done = threading.Event()
         self._full_since: dict[Mailbox, float] = {}
         self._told: set[str] = set()
-        self._promised: dict[tuple[str, str], int] = {}
-        self._acknowledged: set[str] = set()
+        self._promised: dict[str, dict[str, int]] = {}
+        self._acknowledgements = Acknowledgements(node)
+        self._shared = [mailbox.key for mailbox in mailboxes] if len(mailboxes) > 1 else []
         self.target_ended: int | None = None
-        self._attendance = Attendance(node, self._tell)
+        self._attendance = Attendance(node, self._tell, scenario.timing.patience)
+        self._recovery = Recovery(node, log, self._lock, self._write)
         node.on_stop(self._wake)
 
     def run(self, *, sync: bool, report: Callable[[Status], None]) -> None:
         """Record until everybody has left, or until told to stop."""
         threads = [threading.Thread(target=self._tick, args=(sync, report), daemon=True)]
+        threads.append(threading.Thread(target=self._recovery.run, args=(self._done,), daemon=True))
         threads += [threading.Thread(target=self._drain, args=(one,), daemon=True) for one in self._mailboxes[1:]]
         for thread in threads:
             thread.start()
@@ -69,7 +78,8 @@ class Recorder:
             for thread in threads:
                 thread.join()
         for mailbox in self._mailboxes:
-            self._write_waiting(mailbox, mailbox.poll_from())
+            for _ in range(0, _CAPACITY, _PORTION):  # a flood has no end
+                self._write_waiting(mailbox, mailbox.poll_from())
 
     def _drain(self, mailbox: Mailbox) -> None:
         while not self._done.is_set():
@@ -88,7 +98,8 @@ class Recorder:
         left = _PORTION
         with self._lock:
             while received is not None:
-                self._write(*received)
+                if not self._shared or belongs(received[0], mailbox.key, self._shared):
+                    self._write(*received)
                 left -= 1
                 received = mailbox.poll_from() if left else None
             if left:
@@ -104,6 +115,7 @@ class Recorder:
                     self.log.flush(sync=sync)
                 flushed = time.monotonic()
             self._warn()
+            self._acknowledgements.catch_up()
             self._wake()
             report(self.status())
 
@@ -130,7 +142,7 @@ class Recorder:
         status = self.overview.status
         with self._lock:
             status.messages, status.missing = self.log.count, self.log.missing
-            status.dropped, status.failure = self.log.dropped, self.log.failure
+            status.dropped, status.failure, status.foreign = self.log.dropped, self.log.failure, self.log.foreign
         return status
 
     def _write(self, key: str, data: bytes) -> None:
@@ -138,31 +150,32 @@ class Recorder:
         if kind in ("truth", "estimate"):
             self.overview.see(kind, key, data)
         elif kind == "event":
-            self._note_promises(data)
+            self._note_promises(key, data)
 
-    def _note_promises(self, data: bytes) -> None:
+    def _note_promises(self, key: str, data: bytes) -> None:
+        at = address(key)
         try:
-            message = decode("event", data, run=self.node.identity.run)
+            message = decode("event", data, run=self.node.identity.run, sender=at.owner if at else "")
         except BadMessage:
             return
-        told: dict[Any, Any] = message.get("data", {})
-        self._acknowledge(message["from"], told.get("word"))
-        sent = told.get("sent")
+        if at is None or not (at.owner or message["from"] == "target"):
+            return  # An old log that is replayed: those who speak in it are not there.
+        sender, told = str(message["from"]), dict[str, Any](message.get("data", {}))
+        if not self._recovery.lacks(sender):  # It asks again.
+            self._acknowledgements.hear(sender, count_in(told, "word"))
+        if message["kind"] == SLOW and (sender == "target" or sender in self.node.presence):
+            self.overview.note_slow(sender)
         if message["kind"] in {"finished", "killed"}:
-            self._attendance.farewell(message["from"])
-        if message["kind"] == "finished" and message["from"] == "target" and isinstance(told.get("step"), int):
-            self.target_ended = told["step"]
-        if message["kind"] == "finished" and isinstance(sent, dict):
-            for key, count in sent.items():
-                if isinstance(key, str) and isinstance(count, int) and self._covers(key):
-                    self._promised[key, message["from"]] = count
+            self._attendance.farewell(sender)
+        if message["kind"] == "finished":
+            if sender == "target" and (step := count_in(told, "step")) is not None:
+                self.target_ended = step
+            self._promised[sender] = self._owned(sender, counts_in(told, "sent"))
 
-    def _acknowledge(self, sender: str, word: object) -> None:
-        """Tell a process that is about to leave that all it sent has come."""
-        known = sender == "target" or sender in self.node.presence
-        if known and isinstance(word, int) and (token := heard_token(sender, word)) not in self._acknowledged:
-            self._acknowledged.add(token)
-            self.node.presence.announce(token)
+    def _owned(self, sender: str, sent: dict[str, int]) -> dict[str, int]:
+        """What a process says it sent on its own keys, as far as they are recorded."""
+        addresses = ((key, count, address(key)) for key, count in sent.items())
+        return {key: count for key, count, at in addresses if at and at.is_of(sender) and self._covers(key)}
 
     def _tell(self, kind: str, text: str, name: str) -> None:
         self.say(kind, text, name=name)
@@ -171,12 +184,13 @@ class Recorder:
         """Publish an event and write it: we do not hear ourselves."""
         message = self.node.events.send(kind=kind, text=text, data=data)
         with self._lock:
-            self._write(self.node.keys.event, message)
+            self._write(self.node.events.key, message)
 
     def _finished(self) -> bool:
         """Whether all who were here have left and what they say they sent has come, or we are told to stop."""
-        lacking = any(self.log.lacks(*name, count) for name, count in self._promised.items())
-        return self.node.stopping or self._attendance.over(lacking=lacking)
+        promised = ((key, sender, count) for sender, sent in self._promised.items() for key, count in sent.items())
+        lacking = any(self.log.lacks(*one) for one in promised)
+        return self.node.stopping or self._attendance.over(lacking=lacking, step=self.overview.reached)
 
 
 def run_recorder(
@@ -198,13 +212,14 @@ def run_recorder(
         briefing = brief(node)
         text, scenario = briefing.text, briefing.scenario
         settings: Record = scenario.record
+        require(links=scenario.count + 1)
         log = RunLog(path, settings)
         log.describe(source=text.source, resolved=text.resolved, run=_described(identity, scenario, expressions))
         overview = Overview(
             Status(identity.run, str(path), scenario.length),
             lambda: sum(name.startswith("agent/") for name in node.presence.names()),
         )
-        recorder = Recorder(node, log, overview, mailboxes, settings)
+        recorder = Recorder(node, log, overview, mailboxes, scenario)
         node.presence.announce(f"record/{identity.name}")
         if "target/target" in node.presence:  # a replay's listeners hear what was recorded, and nothing else
             introduce(identity, briefing.clock, recorder.say)

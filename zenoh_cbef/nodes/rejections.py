@@ -6,8 +6,11 @@ import time
 from collections import Counter
 
 from zenoh_cbef.nodes.node import Node
+from zenoh_cbef.words import counted
 
 _REPORT_EVERY = 1.0
+_REASONS = 1000
+"""Different reasons that are counted apart: senders can make up any number of them."""
 
 
 class Rejections:
@@ -34,7 +37,8 @@ class Rejections:
 
     def add(self, key: str, reason: str) -> None:
         """Note one."""
-        self._counts[f"{key}: {reason}"] += 1
+        named = f"{key:.200}: {reason:.200}"
+        self._counts[named if named in self._counts or len(self._counts) < _REASONS else "other reasons"] += 1
         self._unreported = True
         if self._started and time.monotonic() - self._reported_at >= _REPORT_EVERY:
             self.report()
@@ -46,5 +50,5 @@ class Rejections:
         self._unreported = False
         self._reported_at = time.monotonic()
         worst, count = self._counts.most_common(1)[0]
-        text = f"{self.total} messages rejected, {count} of them {worst}"
+        text = f"{counted(self.total, 'message')} rejected, {count} of them {worst}"
         self._node.event("rejected", text, total=self.total, reasons=dict(self._counts.most_common(10)))

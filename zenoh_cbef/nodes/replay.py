@@ -17,6 +17,7 @@ from zenoh_cbef.log.playlist import Playlist, Selection
 from zenoh_cbef.nodes.keyboard import DOWN, RIGHT, SPACE, UP, Keyboard
 from zenoh_cbef.nodes.node import Identity, Node
 from zenoh_cbef.nodes.player import Player, PlayerState
+from zenoh_cbef.protocol.keys import Keys, run_of
 from zenoh_cbef.protocol.relay import Relay
 from zenoh_cbef.protocol.replay_service import Orders, serve_replay
 from zenoh_cbef.protocol.scenario_service import ScenarioText, serve_scenario
@@ -47,8 +48,8 @@ class Playback:
 
 def replay_run(run: str, selection: Selection) -> str:
     """The name under which a run is played, which a remap may change."""
-    parts = selection.renamed(f"cbef/{run}/replay").split("/")
-    return parts[1] if len(parts) == 3 and parts[0] == "cbef" else run
+    renamed = run_of(key := selection.renamed(Keys(run).replay))
+    return renamed if renamed is not None and key == Keys(renamed).replay else run
 
 
 def run_replay(
@@ -86,12 +87,12 @@ def run_replay(
             serve_replay(node.session, identity.run, lambda orders: _obey(player, orders)),
             serve_scenario(node.session, identity.run, lambda: text),
         ]
-        node.presence.announce(f"replay/{identity.name}")
+        node.presence.enter(f"replay/{identity.name}")
         with Keyboard(_actions(player) if how.keyboard else {}):
             _play(node, relay, player, how, report)
         for service in services:
             service.undeclare()
-        node.presence.withdraw()
+        node.presence.leave(f"replay/{identity.name}")
         return player.state(), player.ended
 
 

@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from math import sqrt
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from zenoh_cbef.analysis.slowness import SLOW
+from zenoh_cbef.nodes.pace import AGAIN_SECONDS, WINDOW_SECONDS
+from zenoh_cbef.protocol.keys import agent_named
 from zenoh_cbef.protocol.messages import BadMessage, decode, unpack_floats
 
 Message = dict[str, Any]
+
+_LATELY_SECONDS = AGAIN_SECONDS + 2.0 * WINDOW_SECONDS
 
 
 @dataclass(frozen=True)
@@ -49,7 +53,10 @@ class AgentStatus:
 
 @dataclass(frozen=True)
 class LinkStatus:
-    """What an agent has received from a neighbour since the start; latency: of the last step, s."""
+    """What an agent has received from a neighbour since the start; latency: of the last step, s.
+
+    recent_...: the same counts of the last recent_seconds, some five; None where that is not known yet.
+    """
 
     source: int
     destination: int
@@ -57,6 +64,10 @@ class LinkStatus:
     lost: int
     late: int
     latency: float | None
+    recent_received: int | None = None
+    recent_lost: int | None = None
+    recent_late: int | None = None
+    recent_seconds: float | None = None
 
 
 @dataclass(frozen=True)
@@ -64,7 +75,8 @@ class RunStatus:
     """A run. error, disagreement: root mean squares over the agents that take part, m, in the step that all have done.
 
     step: the last one that has begun, None before the start. time: s since the start. now: the target's clock, s since
-    the Unix epoch.
+    the Unix epoch. slow: processes that have lately said that they do not keep up with real time. unobservable: in
+    words why the agents that take part cannot determine the position; empty where they can.
     """
 
     run: str
@@ -84,12 +96,15 @@ class RunStatus:
     links: list[LinkStatus]
     faults: list[dict[str, Any]]
     events: list[dict[str, Any]]
+    slow: list[str] = field(default_factory=list)
+    unobservable: str = ""
 
 
 def read_status(told: Mapping[str, Any]) -> RunStatus:
     """Put together what a target told."""
-    run, count = str(told["run"]), int(told["agents"])
+    run, count = told["run"], told["agents"]
     estimates = _by_sender(_messages("estimate", told["estimates"], run))
+    earlier = _by_sender(_messages("estimate", told.get("earlier", []), run))
     events = sorted(_messages("event", told["events"], run), key=lambda one: int(one["sent"]))
     cards = _by_sender(_messages("event", told["cards"], run))
     truth = {k: np.array(state) for k, state in told["truth"]}
@@ -117,9 +132,11 @@ def read_status(told: Mapping[str, Any]) -> RunStatus:
         target=_whereabouts(told["target"]),
         recorder=_whereabouts(cards.get("record", {}).get("data", {})) if recorder else None,
         agents=agents,
-        links=[link for name, message in estimates.items() for link in _links(name, message)],
+        links=[link for name, message in estimates.items() for link in _links(name, message, earlier.get(name))],
         faults=json.loads(told["faults"]),
         events=[{"from": one["from"], "at": one["sent"] * 1e-9, **_said(one)} for one in events],
+        slow=_slow(events, told["time"]),
+        unobservable=str(told.get("unobservable", "")),
     )
 
 
@@ -133,6 +150,12 @@ def _messages(kind: str, raw: list[bytes], run: str) -> list[Message]:
 
 def _by_sender(messages: list[Message]) -> dict[str, Message]:
     return {message["from"]: message for message in messages}
+
+
+def _slow(events: list[Message], now: float) -> list[str]:
+    """Who said of itself that it is too slow, and has had no time since to say so again."""
+    lately = (one["from"] for one in events if one["kind"] == SLOW and now - 1e-9 * one["sent"] < _LATELY_SECONDS)
+    return sorted({name for name in lately if name == "target" or agent_named(name) is not None})
 
 
 def _said(event: Message) -> Message:
@@ -193,9 +216,25 @@ def _network(
     return sqrt(float(np.mean(errors))) if errors else None, sqrt(float(apart.mean()))
 
 
-def _links(name: str, message: Message) -> list[LinkStatus]:
-    agent = re.fullmatch(r"agent/(\d+)", name)
-    lists = [message[field] for field in ("neighbours", "received", "lost", "late", "latency")]
+_COUNTS = ("received", "lost", "late")
+
+
+def _links(name: str, message: Message, before: Message | None) -> list[LinkStatus]:
+    agent = agent_named(name)
+    lists = [message[field] for field in ("neighbours", *_COUNTS, "latency")]
     if agent is None or len({len(one) for one in lists}) != 1:
         return []
-    return [LinkStatus(one[0], int(agent[1]), *one[1:]) for one in zip(*lists, strict=True)]
+    links = [LinkStatus(one[0], agent, *one[1:]) for one in zip(*lists, strict=True)]
+    return links if before is None else [_with_recent(link, message, before) for link in links]
+
+
+def _with_recent(link: LinkStatus, message: Message, before: Message) -> LinkStatus:
+    """The link with what it did since an earlier estimate, where that is of the same life of its agent."""
+    seconds = (message["sent"] - before["sent"]) * 1e-9
+    counts = zip(*(before[field] for field in ("neighbours", *_COUNTS)), strict=False)
+    then = next((one[1:] for one in counts if one[0] == link.source), None)
+    if then is None or seconds <= 0.0 or then[0] > link.received:
+        return link
+    # A message that was given up and came later is late instead of lost.
+    received, lost, late = (max(0, getattr(link, field) - former) for field, former in zip(_COUNTS, then, strict=True))
+    return replace(link, recent_received=received, recent_lost=lost, recent_late=late, recent_seconds=seconds)

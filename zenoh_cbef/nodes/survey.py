@@ -8,19 +8,23 @@ from __future__ import annotations
 import json
 import threading
 import time
-from collections import deque
+from collections import defaultdict, deque
 from typing import Any, Protocol
+
+import numpy as np
 
 from zenoh_cbef.faults import Absences
 from zenoh_cbef.nodes.briefing import HERE, card
+from zenoh_cbef.nodes.lookout import Lookout
 from zenoh_cbef.nodes.node import Node
 from zenoh_cbef.nodes.progress import Progress
+from zenoh_cbef.protocol.keys import address
 from zenoh_cbef.protocol.mailbox import Mailbox
 from zenoh_cbef.protocol.messages import BadMessage, decode
 from zenoh_cbef.scenario import Scenario
 from zenoh_cbef.scenario.world import World
 
-_KEPT = 50
+_KEPT_OF_EACH = 10
 _PORTION = 50
 _WAITING = 1 << 10
 _SHOWN = ("agent/", "ready/", "record/")
@@ -33,6 +37,7 @@ class Surveyed(Protocol):
     scenario: Scenario
     world: World
     progress: Progress
+    lookout: Lookout
     absences: Absences
     step: int | None
     start: float
@@ -47,8 +52,8 @@ class Survey:
 
     def __init__(self, node: Node) -> None:
         self._node = node
-        self._mailbox = Mailbox(node.session, node.keys.event, _WAITING)
-        self._events: deque[bytes] = deque(maxlen=_KEPT)
+        self._mailbox = Mailbox(node.session, node.keys.all_events, _WAITING)
+        self._events: defaultdict[str, deque[bytes]] = defaultdict(lambda: deque(maxlen=_KEPT_OF_EACH))
         self._cards: dict[str, bytes] = {}
         self._lock = threading.Lock()
 
@@ -56,22 +61,29 @@ class Survey:
         """Take in the events that have come, or a portion of them."""
         with self._lock:
             for _ in range(_PORTION):
-                data = self._mailbox.poll()
-                if data is None:
+                received = self._mailbox.poll_from()
+                if received is None:
                     return
-                self._take(data)
+                self._take(*received)
 
-    def _take(self, data: bytes) -> None:
+    def _take(self, key: str, data: bytes) -> None:
+        at = address(key)
+        sender = at.owner if at else ""
         try:
-            message = decode("event", data, run=self._node.identity.run)
+            message = decode("event", data, run=self._node.identity.run, sender=sender)
         except BadMessage:
             return  # the recorder counts those
-        if message["kind"] == HERE and self._known(message["from"]):
-            self._cards[message["from"]] = data
-        self._events.append(data)
+        known = self._known(sender)
+        if message["kind"] == HERE and known:
+            self._cards[sender] = data
+        # Of each process its own latest, so that none drowns the others'.
+        self._events[sender if known or sender in self._events else ""].append(data)
 
     def _known(self, sender: str) -> bool:
         return any(name == sender or name.startswith(f"{sender}/") for name in self._node.presence.names())
+
+    def _latest(self) -> list[bytes]:
+        return [data for events in list(self._events.values()) for data in list(events)]
 
     def of(self, target: Surveyed) -> dict[str, Any]:
         """Everything that a status is made of."""
@@ -98,11 +110,13 @@ class Survey:
             "members": target.members(),
             "silent": target.progress.silent(),
             "away": away,
+            "unobservable": target.lookout.problem,
             "faults": json.dumps(_faults_on(target)),
-            "truth": [[k, state.tolist()] for k, state in truth.items()],
+            "truth": [[k, state.tolist()] for k, state in truth.items() if np.isfinite(state).all()],
             "estimates": [data for _, data in estimates],
+            "earlier": target.progress.earlier(),
             "cards": list(self._cards.values()),
-            "events": [*self._events, *self._node.told],
+            "events": [*self._latest(), *self._node.told],
         }
 
 

@@ -4,24 +4,29 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from zenoh_cbef import __version__
+from zenoh_cbef.analysis.slowness import SLOW
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.faults import Absence, SensorFault
 from zenoh_cbef.nodes.control import answer
 from zenoh_cbef.nodes.injection import Injection
+from zenoh_cbef.nodes.lookout import Lookout
 from zenoh_cbef.nodes.node import Identity, Node
+from zenoh_cbef.nodes.pace import Pace
 from zenoh_cbef.nodes.progress import Progress
 from zenoh_cbef.nodes.readers import WINDOW
 from zenoh_cbef.nodes.registry import registered
+from zenoh_cbef.nodes.room import require
 from zenoh_cbef.nodes.survey import Survey
 from zenoh_cbef.protocol.control import serve_control
-from zenoh_cbef.protocol.messages import nan_to_nil
+from zenoh_cbef.protocol.messages import END, START, nan_to_nil
 from zenoh_cbef.protocol.scenario_service import ScenarioText, serve_scenario
 from zenoh_cbef.scenario import Scenario
-from zenoh_cbef.scenario.build import absences_of
+from zenoh_cbef.scenario.build import absences_of, slot_of
 from zenoh_cbef.scenario.load import Loaded, to_toml
 from zenoh_cbef.scenario.start import first_fix_steps
 from zenoh_cbef.scenario.world import World, make_world
@@ -52,14 +57,23 @@ class Target:
         realtime = self.scenario.timing.mode == "realtime"
         self._truth = self.node.outbox(self.node.keys.truth, may_drop=realtime)
         self._beacons = [self.node.outbox(self.node.keys.beacon(agent), may_drop=realtime) for agent in agents]
-        self.progress = Progress(self.node, self.scenario.count, self._patience)
+        self._signals = [self.node.outbox(self.node.keys.signal(agent)) for agent in agents]
+        keys = self.node.keys
+        self.node.archive.serve(keys.truth, keys.faults, keys.all_beacons, keys.all_signals)
+        grace = 0.0 if realtime else self.node.grace * self._patience
+        # In realtime agents keep time by themselves, and may be ahead of a target that is slow.
+        begun = self.scenario.length if realtime else 0
+        self.progress = Progress(self.node, self.scenario.count, self._patience, grace, begun=begun)
         self.survey = Survey(self.node)
+        self.lookout = Lookout(self.node)
         self.absences = absences_of(self.scenario)
         self._first_fix = first_fix_steps(self.scenario)
         self.start = 0.0
         self._alone_at = 0.0
         self._faults_out = self.node.outbox(self.node.keys.faults)
         self._active: set[int] = set()
+        timed = realtime and not self.receivers
+        self._pace = Pace("the target", "steps", partial(self.node.event, SLOW)) if timed else None
         self.injection: Injection | None = None
         self.step: int | None = None
 
@@ -122,11 +136,19 @@ class Target:
             self._inject()
             self._announce_faults(step)
             self._admit(step)
+            self.lookout.look(self.scenario, self._taking_part(step), step)
             self._emit(step)
+            if self._pace is not None:
+                self._pace.arrive(time.monotonic(), epoch + step * self.scenario.dt + slot_of(self.scenario))
             self.progress.excuse(self.absences.at(step), step)
             self.step = step
         self._end(self.step)
         return self.step
+
+    def _taking_part(self, step: int) -> list[int]:
+        """Who is here in a step, and does something."""
+        idle = {*self.progress.silent(), *self.absences.at(step).nonzero()[0].tolist()}
+        return [agent for agent in self.members() if agent not in idle]
 
     def _inject(self) -> None:
         """Make known what was injected since, and act on it."""
@@ -152,7 +174,7 @@ class Target:
 
     def _signal_start(self, agent: int, step: int) -> None:
         """Tell an agent that its first step is the one after this."""
-        self._beacons[agent].send(k=step, emitted=None, arrived=None, signal="start", at=self.start)
+        self._signals[agent].send(k=step, signal=START, at=self.start)
 
     def _someone_returns(self, step: int) -> bool:
         gone = self.absences.at(step - 1).nonzero()[0].tolist()
@@ -164,7 +186,8 @@ class Target:
         until = time.monotonic() + self._patience
 
         def lacking() -> list[int]:
-            here = {*self.progress.newcomers(), *self.members()}
+            # An agent that still takes part is not back: the target is some steps ahead of its end.
+            here = self.progress.newcomers()
             return [agent for agent in back if agent not in here]
 
         while back and lacking() and not self.node.stopping:
@@ -215,9 +238,9 @@ class Target:
     def _end(self, last: int) -> None:
         """No more beacons: agents finish the step they are in, so that a stopped run, too, can be verified."""
         self.progress.wait(last, even_stopping=True)
-        for beacon in self._beacons:
-            beacon.send(k=last + 1, emitted=None, arrived=None, signal="end")
-        boxes = [self._truth, *self._beacons]
+        for signal in self._signals:
+            signal.send(k=last + 1, signal=END)
+        boxes = [self._truth, *self._beacons, *self._signals]
         self.progress.rejections.report()
         self.node.last_words(
             "finished",
@@ -225,6 +248,7 @@ class Target:
             step=last,
             sent={box.key: box.sent for box in boxes},
             rejected=self.progress.rejections.total,
+            **({} if self._pace is None else self._pace.finish()),
         )
         # Agents wait for the end signal only while the target is there.
         self.node.presence.wait(lambda live: not any(name.startswith("agent/") for name in live), _LAST_WORD_SECONDS)
@@ -242,6 +266,7 @@ def run_target(
 
     world: what is measured, None for what the scenario says. receivers, wait_for: see Target.
     """
+    require(links=loaded.scenario.count + loaded.scenario.record.awaited)
     with Node(identity) as node:
         node.refuse_twin()
         emulated = make_world(loaded.scenario) if world is None else world
@@ -258,11 +283,12 @@ def run_target(
 
         service = serve_scenario(node.session, identity.run, text)
         control = serve_control(node.session, node.keys.control, lambda request: answer(target, request))
-        node.presence.announce(f"target/{identity.name}")
-        with registered(identity.run, [*identity.connection.listen, *identity.connection.connect]):
+        node.presence.enter(f"target/{identity.name}")
+        reached = [*identity.connection.listen, *identity.connection.connect]
+        with registered(identity.run, reached, launched=node.launched):
             target.wait_for_everybody(identity.patience)
             last = 0 if node.stopping else target.run()
         control.undeclare()
         service.undeclare()
-        node.presence.withdraw()
+        node.presence.leave(f"target/{identity.name}")
     return last

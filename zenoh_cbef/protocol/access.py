@@ -17,16 +17,21 @@ AGENTS = 1000
 _ANY = Keys("*")
 _HEAR = ["declare_subscriber"]
 _ASK = ["query", "liveliness_query", "declare_liveliness_subscriber"]
-_SAY = ["put", "declare_queryable", "reply"]
+_PUT = ["put"]
+_ANSWER = ["declare_queryable", "reply"]
 _LIVE = ["liveliness_token"]
-_ALL = [*_SAY, "delete", *_HEAR, *_ASK, *_LIVE]
+_ALL = [*_PUT, *_ANSWER, "delete", *_HEAR, *_ASK, *_LIVE]
 
 Rule = tuple[list[str], list[str]]
 """Kinds of messages, and the keys that they are allowed on."""
 
 _OF_AGENTS = f"{_ANY.root}/agent/*/*"
-_EVERYBODY: list[Rule] = [(_ASK, [_ANY.scenario, _ANY.all_live, _OF_AGENTS]), (["put"], [_ANY.event])]
-_READERS: list[Rule] = [*_EVERYBODY, (_HEAR, [_ANY.everything])]
+_OF_TARGET = [_ANY.truth, _ANY.faults, _ANY.all_beacons, _ANY.all_signals, _ANY.event("target")]
+_READERS: list[Rule] = [
+    # What was sent may be asked for, too: its sender keeps the latest.
+    (_ASK, [_ANY.scenario, _ANY.all_live, _OF_AGENTS, *_OF_TARGET, _ANY.all_events]),
+    (_HEAR, [_ANY.everything]),
+]
 
 
 def _token(name: str) -> str:
@@ -35,26 +40,39 @@ def _token(name: str) -> str:
 
 def _agent(agent: int) -> list[Rule]:
     # What agents say to each other any agent may hear, but beacons only its own, and the truth none.
-    own = f"{_ANY.root}/agent/{agent}/*"
+    name = f"agent/{agent}"
+    own = [_ANY.range(agent), _ANY.round(agent), _ANY.estimate(agent), _ANY.event(name)]
+    heard = [_ANY.beacon(agent), _ANY.signal(agent), _ANY.faults, _OF_AGENTS]
     return [
-        *_EVERYBODY,
-        (_SAY, [own]),
-        (_HEAR, [_ANY.beacon(agent), _ANY.faults, _OF_AGENTS]),
-        (_LIVE, [_token(f"agent/{agent}"), _token(f"ready/{agent}")]),
+        (_PUT + _ANSWER, own),
+        (_ANSWER, [_ANY.of_agent(agent)]),
+        (_HEAR, heard),
+        (_ASK, [_ANY.scenario, _ANY.all_live, *heard]),
+        (_LIVE, [_token(name), _token(f"over/{name}"), _token(f"life/{name}/*"), _token(f"ready/{agent}")]),
     ]
 
 
 _ROLES: dict[str, list[Rule]] = {
     "target": [
         *_READERS,
-        (_SAY, [_ANY.scenario, _ANY.control, _ANY.faults, f"{_ANY.root}/target/*", f"{_ANY.root}/beacon/*"]),
-        (_LIVE, [_token("target/*")]),
+        (_PUT + _ANSWER, _OF_TARGET),
+        (_ANSWER, [_ANY.scenario, _ANY.control]),
+        (_LIVE, [_token(f"{part}target/target") for part in ("", "over/")]),
+        (_LIVE, [_token("life/target/target/*")]),
     ],
-    "record": [*_READERS, (_LIVE, [_token("record/*"), _token("heard/**")])],
-    # Each publishes what it measures, and hears there when the run starts and ends.
-    "receiver": [*_EVERYBODY, (["put", *_HEAR], [f"{_ANY.root}/beacon/*"])],
+    "record": [
+        *_READERS,
+        (_PUT + _ANSWER, [_ANY.event("record/**")]),
+        (_LIVE, [_token("record/*"), _token("heard/**")]),
+    ],
+    # Each publishes what it measures, and hears when the run starts and ends.
+    "receiver": [
+        (_ASK, [_ANY.scenario, _ANY.all_live]),
+        (_PUT, [_ANY.all_beacons, _ANY.event("receiver/*")]),
+        (_HEAR, [_ANY.all_signals]),
+    ],
     "operator": [*_READERS, (_ASK, [_ANY.control, _ANY.replay])],
-    # A router passes on what it has checked itself; a replay speaks for everybody who was recorded.
+    # A router passes on what it has checked itself; a replay speaks for all who were recorded.
     "router": [(_ALL, [_ANY.everything])],
     "replay": [(_ALL, [_ANY.everything])],
 }

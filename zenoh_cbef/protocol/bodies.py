@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import isfinite
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.protocol.messages import BIAS, DISTRUST, nan_to_nil, pack_floats
+from zenoh_cbef.protocol.messages import nan_to_nil, pack_floats
+from zenoh_cbef.tracking.diagnostics import SOMETIMES, WHOLE, Diagnostics
 from zenoh_cbef.tracking.tracker import Estimate
 
 
@@ -19,26 +19,36 @@ def range_body(step: int, position: NDArray[np.float64], range_: float) -> dict[
     return {"k": step, "position": position.tolist(), "range": nan_to_nil(range_)}
 
 
+def diagnostics_body(told: Diagnostics, row: int) -> dict[str, float | int | None]:
+    """What one agent, a row of the batch, says of its step."""
+    body: dict[str, float | int | None] = {}
+    for name, values in told.named().items():
+        value = int(values[row]) if name in WHOLE else nan_to_nil(values[row])
+        if value is not None or name not in SOMETIMES:
+            body[name] = value
+    return body
+
+
+def divergence(agent: int, step: int) -> str:
+    """What is said of an agent whose estimate cannot be told any more."""
+    return (
+        f"agent {agent}'s estimate is no longer finite at step {step}; "
+        "the filter diverges in this scenario, see docs/method.md"
+    )
+
+
 def estimate_body(step: int, estimate: Estimate, row: int, agent: int, counts: Mapping[str, Any]) -> dict[str, Any]:
     """The result of a step of one agent, a row of the batch; counts: of its neighbours' messages.
 
     Raises UserError where the estimate is no longer finite.
     """
     if not np.isfinite(estimate.state[row]).all():
-        raise UserError(
-            f"agent {agent}'s estimate is no longer finite at step {step}; "
-            "the filter diverges in this scenario, see docs/method.md"
-        )
+        raise UserError(divergence(agent, step))
     covariance = estimate.covariance
-    sometimes = zip((DISTRUST, *BIAS), (estimate.distrust[row], *estimate.bias[row]), strict=True)
     return {
         "k": step,
         "state": estimate.state[row].tolist(),
-        "innovation": nan_to_nil(estimate.innovation[row]),
-        "weight": nan_to_nil(estimate.weight[row]),
-        "nis": nan_to_nil(estimate.nis[row]),
-        "nis_degrees": int(estimate.nis_degrees[row]),
-        **{name: float(value) for name, value in sometimes if isfinite(value)},
+        **diagnostics_body(estimate.diagnostics, row),
         **counts,
         "covariance": None if covariance is None else pack_floats(covariance[row]),
     }

@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 import ipaddress
+import re
 from collections.abc import Iterable, Sequence
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
+from cryptography import x509
+from cryptography.hazmat.primitives import hashes, serialization
+from cryptography.hazmat.primitives.asymmetric import ec
+from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
+
 from zenoh_cbef.errors import UserError
 
-try:
-    from cryptography import x509
-    from cryptography.hazmat.primitives import hashes, serialization
-    from cryptography.hazmat.primitives.asymmetric import ec
-    from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
-except ImportError:
-    raise UserError("certificates need the package cryptography; pip install 'zenoh-cbef[security]'") from None
-
+_LONGEST_HOST = 253
+_HOST = re.compile(r"(\*\.)?(?!-)[A-Za-z0-9_-]{1,63}(?<!-)(\.(?!-)[A-Za-z0-9_-]{1,63}(?<!-))*", re.ASCII)
 _CLOCKS_MAY_DIFFER = timedelta(hours=1)
 
 
@@ -24,14 +24,16 @@ def make_certificates(folder: Path, names: Iterable[str], *, hosts: Sequence[str
     """Make what a folder lacks: an authority, and a certificate and key for every common name; returns those made.
 
     hosts: names and addresses that the processes are reached by, in every certificate. Keys (EC, P-256) are readable
-    by their owner only. Raises UserError where the folder cannot be written, or has a certificate but not its key.
+    by their owner only. Raises UserError where the folder cannot be written, has a
+    certificate but not its key, or a host is none.
     """
+    reached = [_host(host) for host in hosts]
     try:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         authority = _Authority(folder, days)
         missing = [name for name in names if not (folder / f"{name}.pem").exists()]
         for name in missing:
-            authority.issue(name, hosts)
+            authority.issue(name, reached)
     except OSError as error:
         raise UserError(f"cannot write {error.filename or folder}: {error.strerror}; choose another folder") from None
     return missing
@@ -47,7 +49,7 @@ class _Authority:
             raise UserError(f"{certificate} is there but not {key}, so nothing can be signed; choose another folder")
         if certificate.exists():
             self._key = _read_key(key)
-            self._name = x509.load_pem_x509_certificate(certificate.read_bytes()).subject
+            self._name = _read_subject(certificate)
             return
         self._key = ec.generate_private_key(ec.SECP256R1())
         self._name = _name("zenoh-cbef test authority")
@@ -58,7 +60,7 @@ class _Authority:
         )
         self._write("ca", self._key, builder)
 
-    def issue(self, name: str, hosts: Sequence[str]) -> None:
+    def issue(self, name: str, hosts: Sequence[x509.GeneralName]) -> None:
         """Sign a certificate with a fresh key for both ends of a link."""
         key = ec.generate_private_key(ec.SECP256R1())
         both = x509.ExtendedKeyUsage([ExtendedKeyUsageOID.SERVER_AUTH, ExtendedKeyUsageOID.CLIENT_AUTH])
@@ -67,7 +69,7 @@ class _Authority:
             .add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
             .add_extension(_usage(signs=False), critical=True)
             .add_extension(both, critical=False)
-            .add_extension(x509.SubjectAlternativeName([_host(host) for host in hosts]), critical=False)
+            .add_extension(x509.SubjectAlternativeName(hosts), critical=False)
         )
         self._write(name, key, builder)
 
@@ -105,6 +107,13 @@ def _read_key(path: Path) -> ec.EllipticCurvePrivateKey:
     return key
 
 
+def _read_subject(path: Path) -> x509.Name:
+    try:
+        return x509.load_pem_x509_certificate(path.read_bytes()).subject
+    except ValueError:
+        raise UserError(f"{path} is no certificate that 'zenoh-cbef certs new' made; choose another folder") from None
+
+
 def _name(common: str) -> x509.Name:
     return x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, common)])
 
@@ -114,10 +123,13 @@ def _host(host: str) -> x509.GeneralName:
         return x509.IPAddress(ipaddress.ip_address(host))
     except ValueError:
         pass
-    try:
-        return x509.DNSName(host)
-    except ValueError:
-        raise UserError(f"--host {host!r} is neither a name nor an address") from None
+    # The names of hosts (RFC 1123), of which a certificate may replace the first label by * (RFC 6125).
+    if len(host) > _LONGEST_HOST or not _HOST.fullmatch(host):
+        raise UserError(
+            f"--host {host!r:.80} is neither a name nor an address; write a name of letters, digits, dashes and dots "
+            "(others in their form xn--...), or an address without port"
+        )
+    return x509.DNSName(host)
 
 
 def _usage(*, signs: bool) -> x509.KeyUsage:

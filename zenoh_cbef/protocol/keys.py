@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 
 
 @dataclass(frozen=True)
@@ -39,9 +39,14 @@ class Keys:
         return f"{self.root}/target/truth"
 
     @property
-    def event(self) -> str:
-        """Joins, leaves, rejected messages, ends."""
-        return f"{self.root}/event"
+    def all_events(self) -> str:
+        """Every process's events."""
+        return f"{self.root}/event/**"
+
+    @property
+    def all_signals(self) -> str:
+        """What the target tells all agents."""
+        return f"{self.root}/beacon/*/signal"
 
     @property
     def control(self) -> str:
@@ -72,6 +77,23 @@ class Keys:
         """What an agent's receiver measures."""
         return f"{self.root}/beacon/{agent}"
 
+    @property
+    def all_beacons(self) -> str:
+        """What all receivers measure."""
+        return f"{self.root}/beacon/*"
+
+    def of_agent(self, agent: int) -> str:
+        """Everything that an agent publishes of its own."""
+        return f"{self.root}/agent/{agent}/*"
+
+    def signal(self, agent: int) -> str:
+        """What the target tells an agent, and its receiver: the run begins, or is over."""
+        return f"{self.beacon(agent)}/signal"
+
+    def event(self, sender: str) -> str:
+        """What a process, as in "agent/3", tells of itself: joins, leaves, rejected messages, ends."""
+        return f"{self.root}/event/{sender}"
+
     def range(self, agent: int) -> str:
         """An agent's position and range of a step."""
         return f"{self.root}/agent/{agent}/range"
@@ -85,39 +107,69 @@ class Keys:
         return f"{self.root}/agent/{agent}/estimate"
 
 
+_ID = "0|[1-9][0-9]{0,2}"
+"""An agent's number in a key, in ASCII digits: as many as a scenario can have."""
+
+_AGENT = re.compile(f"agent/({_ID})")
+_BELOW = re.compile(r"cbef/([^/]+)/(.+)", re.DOTALL)
+_SENDER = rf"target|agent/(?:{_ID})|(?:record|replay|receiver)(?:/[^/*$]+)?"
+"""Who has a key for its events. In older logs all share the key `event`, which is of no process."""
+
+_MESSAGES = re.compile(
+    rf"target/(?P<truth>truth)|(?P<shared>faults)|(?P<event>event)(?:/(?P<sender>{_SENDER}))?"
+    rf"|(?P<beacon>beacon)/(?P<receiver>{_ID})(?:/(?P<signal>signal))?"
+    rf"|(?P<owner>agent/(?P<agent>{_ID}))/(?P<own>range|round|estimate)"
+)
+_KINDS = ("truth", "shared", "event", "signal", "beacon", "own")
+_OWNERS = {"truth": "target", "faults": "target", "signal": "target"}
+
+
 @dataclass(frozen=True)
 class Address:
-    """What a key of a run carries: the kind of message, and the process that owns the key ("" for any)."""
+    """What a key of a run carries: the kind of message, and the process that owns the key ("" for any).
 
+    agent: whose beacons, signals, ranges, rounds or estimates these are, -1 where the key is of no agent.
+    """
+
+    run: str
     kind: str
     owner: str
+    agent: int = -1
+
+    @property
+    def chosen(self) -> bool:
+        """Whether the key has a name that its owner chose: there can be any number of such keys."""
+        return self.owner not in {"", "target"} and agent_named(self.owner) is None
+
+    def is_of(self, sender: object) -> bool:
+        """Whether a process may send on the key: its owner; beacons come from the target or a receiver."""
+        if self.owner:
+            return sender == self.owner
+        return isinstance(sender, str) and (self.kind == "event" or agent_named(sender) is None)
 
 
+@lru_cache(maxsize=1024)  # a run has few keys; a flood of others must not fill the memory
 def address(key: str) -> Address | None:
-    """The address that a key stands for, None for a key that no run has."""
-    match key.split("/")[2:]:
-        case ["target", "truth"]:
-            return Address("truth", "target")
-        case ["faults"]:
-            return Address("faults", "target")
-        case ["event"]:
-            return Address("event", "")
-        case ["beacon", agent] if agent.isdecimal():
-            return Address("beacon", "")
-        case ["agent", agent, "range" | "round" | "estimate" as kind] if agent.isdecimal():
-            return Address(kind, f"agent/{agent}")
-    return None
+    """The address that a key stands for, None for a key that no run has, whatever it is."""
+    below = _BELOW.fullmatch(key)
+    found = _MESSAGES.fullmatch(below[2]) if below else None
+    if below is None or found is None:
+        return None
+    kind = next(found[group] for group in _KINDS if found[group])
+    owner = found["owner"] or found["sender"] or _OWNERS.get(kind, "")
+    return Address(below[1], kind, owner, int(found["receiver"] or found["agent"] or -1))
 
 
-def run_of(key: str) -> str:
-    """The run that a key belongs to."""
-    return key.split("/")[1]
+def run_of(key: str) -> str | None:
+    """The run that a key is of, whatever the run has there; None for a key of no run."""
+    below = _BELOW.fullmatch(key)
+    return below[1] if below else None
 
 
-def agent_of(key: str) -> int:
-    """The agent whose key (beacon, range, round, estimate) this is."""
-    parts = key.split("/")
-    return int(parts[3])
+def agent_named(process: str) -> int | None:
+    """The agent that the name of a process, as in "agent/3", stands for; None for any other text."""
+    found = _AGENT.fullmatch(process)
+    return int(found[1]) if found else None
 
 
 def matches(expression: str, key: str) -> bool:

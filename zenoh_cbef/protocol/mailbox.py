@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable
 from contextlib import suppress
 
 import zenoh
 
-_CAPACITY = 1 << 16
+CAPACITY = 512
+"""What one sender can send while its reader is held up for some seconds; older messages are past by then."""
 
 
 class Mailbox:
@@ -15,10 +17,12 @@ class Mailbox:
 
     Zenoh's blocking receive has no timeout: a wake-up is an empty message to ourselves. A full mailbox drops its
     oldest message: a channel that waits for room would hold up everything that its session receives, and so let
-    who floods one key stop all. The capacity is far beyond what senders in step can fill.
+    who floods one key stop all. The capacity is beyond what senders in step can fill.
+
+    Zenoh goes round all places of a mailbox, full or not, 256 bytes each: memory grows until the last one was used.
     """
 
-    def __init__(self, session: zenoh.Session, key: str, capacity: int = _CAPACITY) -> None:
+    def __init__(self, session: zenoh.Session, key: str, capacity: int = CAPACITY) -> None:
         self.key = key
         self._session = session
         self._subscriber = session.declare_subscriber(key, zenoh.handlers.RingChannel(capacity))
@@ -49,6 +53,14 @@ class Mailbox:
             if data is not None:
                 return str(sample.key_expr), data
         return None
+
+    def follow(self, take: Callable[[bytes], None]) -> None:
+        """Hand on every message that comes, in the caller's thread, until the session is closed."""
+        with suppress(zenoh.ZError):
+            while True:
+                data = self.receive()
+                if data is not None:
+                    take(data)
 
     def wake(self) -> None:
         """Make a receive in another thread return None."""

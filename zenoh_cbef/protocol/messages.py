@@ -8,6 +8,7 @@ of little-endian float64, last in the map.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
@@ -17,9 +18,28 @@ import msgpack
 import numpy as np
 from numpy.typing import NDArray
 
+from zenoh_cbef.plain import flaw
+from zenoh_cbef.tracking import diagnostics
+
 VERSION = 1
 LARGEST = 1 << 20
+LONGEST = 10_000
+"""Characters of a text, and items of a list or table, beyond which a message is refused."""
+
+# A list takes room for as many items as it claims, so what is claimed is limited, too. No message has extensions.
+_CLAIMS = {"max_array_len": LONGEST, "max_map_len": LONGEST, "max_ext_len": 0}
+
+FARTHEST = 1e100
+"""The largest number in a message, either way: no position, time or variance gets there, and its square is finite."""
+
 _MOST = 1 << 63
+_FAR_FUTURE = 1e10
+"""A time that is no date, s since the Unix epoch."""
+
+_MOST_COUNTED = 1 << 40
+"""The most that one of many counts can be: sums of them stay exact."""
+
+_CONTROL = re.compile("[\\x00-\\x08\\x0b-\\x1f\\x7f]")
 
 
 class BadMessage(ValueError):
@@ -47,16 +67,30 @@ def _counts(values: Values) -> bool:
     return _are(values, int) and min(values) >= 0 and max(values) < _MOST
 
 
+def _small_counts(values: Values) -> bool:
+    return _counts(values) and max(values) < _MOST_COUNTED
+
+
 def _finite(values: Values) -> bool:
-    return _are(values, float) and all(map(math.isfinite, values))
+    return (
+        _are(values, float) and all(map(math.isfinite, values)) and -FARTHEST <= min(values) <= max(values) <= FARTHEST
+    )
 
 
 def _finite_or_nil(values: Values) -> bool:
-    return _are(values, float, type(None)) and all(map(math.isfinite, filter(None, values)))
+    numbers = [value for value in values if value is not None]
+    return not numbers or _finite(numbers)
 
 
 def _texts(values: Values) -> bool:
-    return _are(values, str) and max(map(len, values)) <= 10_000
+    if not _are(values, str) or max(map(len, values)) > LONGEST:
+        return False
+    # What is shown on a terminal must not command it; a list of words can have several lines.
+    return all(map(str.isprintable, values)) or not any(map(_CONTROL.search, values))
+
+
+def _plain_tables(values: Values) -> bool:
+    return _are(values, dict) and not any(map(flaw, values))
 
 
 def _lists_of(test: Test, size: int | None = None) -> Test:
@@ -67,7 +101,7 @@ def _lists_of(test: Test, size: int | None = None) -> Test:
             return False
         sizes = set(map(len, values))
         flat = [*chain.from_iterable(values)]
-        return (max(sizes) <= 10_000 if size is None else sizes == {size}) and (not flat or test(flat))
+        return (max(sizes) <= LONGEST if size is None else sizes == {size}) and (not flat or test(flat))
 
     return hold
 
@@ -78,7 +112,8 @@ def _doubles(values: Values) -> bool:
 
 
 def _doubles_or_nil(values: Values) -> bool:
-    return _doubles([value for value in values if value is not None])
+    present = [value for value in values if value is not None]
+    return _doubles(present) and bool((np.abs(np.frombuffer(b"".join(present), "<f8")) <= FARTHEST).all())
 
 
 def _numbers(size: int) -> Field:
@@ -91,7 +126,7 @@ _INTEGER = {"type": "integer", "minimum": 0}
 _DOUBLES = {"type": "string", "contentEncoding": "binary", "description": "little-endian float64"}
 
 COUNT = Field(_counts, _INTEGER)
-COUNTS = Field(_lists_of(_counts), {"type": "array", "items": _INTEGER})
+COUNTS = Field(_lists_of(_small_counts), {"type": "array", "items": _INTEGER})
 COUNTS_IF_ANY = replace(COUNTS, optional=True)
 NUMBER = Field(_finite, {"type": "number"})
 NUMBER_OR_NIL = Field(_finite_or_nil, {"type": ["number", "null"]})
@@ -100,13 +135,18 @@ TEXT = Field(_texts, {"type": "string"})
 DOUBLES = Field(_doubles, _DOUBLES)
 DOUBLES_OR_NIL = Field(_doubles_or_nil, {**_DOUBLES, "type": ["string", "null"]})
 
+START, END = "start", "end"
+SIGNAL = Field(lambda values: _are(values, str) and {*values} <= {START, END}, {"enum": [START, END]})
+MOMENT = Field(
+    lambda values: _finite(values) and min(values) >= 0.0 and max(values) < _FAR_FUTURE,
+    {"type": "number", "minimum": 0, "exclusiveMaximum": _FAR_FUTURE},
+    optional=True,
+)
+
 ENVELOPE = {"v": COUNT, "run": TEXT, "from": TEXT, "seq": COUNT, "sent": COUNT}
 
-DISTRUST = "distrust"
-"""Field of an estimate that says how far the agent distrusted its own range."""
-
-BIAS = ("bias", "bias_std", "bias_weight")
-"""Fields of an estimate that say what is estimated of the constant error of the agent's ranges."""
+_EARLY = frozenset({"innovation", "weight"})
+"""The diagnostics that logs of version 0.1.0 have; all others are optional."""
 
 BODIES: dict[str, dict[str, Field]] = {
     "truth": {"k": COUNT, "state": _numbers(6)},
@@ -114,24 +154,20 @@ BODIES: dict[str, dict[str, Field]] = {
         "k": COUNT,
         "emitted": NUMBER_OR_NIL,
         "arrived": NUMBER_OR_NIL,
-        "signal": Field(
-            lambda values: _are(values, str) and {*values} <= {"start", "end"},
-            {"enum": ["start", "end"]},
-            optional=True,
-        ),
-        "at": replace(NUMBER, optional=True),
+        # In older logs, which have no key for signals.
+        "signal": replace(SIGNAL, optional=True),
+        "at": MOMENT,
     },
+    "signal": {"k": COUNT, "signal": SIGNAL, "at": MOMENT},
     "range": {"k": COUNT, "position": _numbers(3), "range": NUMBER_OR_NIL},
     "round": {"k": COUNT, "l": COUNT, "payload": DOUBLES},
     "estimate": {
         "k": COUNT,
         "state": _numbers(6),
-        "innovation": NUMBER_OR_NIL,
-        "weight": NUMBER_OR_NIL,
-        # Optional, as logs of version 0.1.0 lack them.
-        "nis": replace(NUMBER_OR_NIL, optional=True),
-        "nis_degrees": replace(COUNT, optional=True),
-        **{name: replace(NUMBER_OR_NIL, optional=True) for name in (DISTRUST, *BIAS)},
+        **{
+            name: replace(COUNT if name in diagnostics.WHOLE else NUMBER_OR_NIL, optional=name not in _EARLY)
+            for name in diagnostics.NAMES
+        },
         "neighbours": COUNTS,
         "received": COUNTS,
         "lost": COUNTS,
@@ -148,7 +184,7 @@ BODIES: dict[str, dict[str, Field]] = {
     "event": {
         "kind": TEXT,
         "text": TEXT,
-        "data": Field(lambda values: _are(values, dict), {"type": "object"}, optional=True),
+        "data": Field(_plain_tables, {"type": "object"}, optional=True),
     },
 }
 
@@ -179,7 +215,7 @@ def unpack(data: bytes) -> dict[str, Any]:
     if len(data) > LARGEST:
         raise BadMessage(f"larger than {LARGEST} bytes")
     try:
-        message = msgpack.unpackb(data)
+        message = msgpack.unpackb(data, **_CLAIMS)
     except Exception as error:  # noqa: BLE001 - hostile bytes raise errors of many kinds
         raise BadMessage(f"not msgpack ({type(error).__name__})") from None
     if type(message) is not dict:

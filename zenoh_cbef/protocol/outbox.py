@@ -7,6 +7,7 @@ from typing import Any
 
 import zenoh
 
+from zenoh_cbef.protocol.memory import Memory
 from zenoh_cbef.protocol.messages import encode
 from zenoh_cbef.protocol.round_codec import Floats, RoundCodec
 
@@ -16,13 +17,22 @@ class Outbox:
 
     may_drop: what a receiver cannot take in time is dropped for that receiver, so the sender never waits. Without
     it the sender waits, and a receiver that hangs loses its link after some seconds: in lockstep a message that
-    is dropped would be waited for in vain. clock: gives the sending time, ns since the Unix epoch.
+    is dropped would be waited for in vain. clock: gives the sending time, ns since the Unix epoch. memory: keeps what
+    was sent for those who missed it.
     """
 
     def __init__(
-        self, session: zenoh.Session, key: str, *, run: str, sender: str, may_drop: bool, clock: Callable[[], int]
+        self,
+        session: zenoh.Session,
+        key: str,
+        *,
+        run: str,
+        sender: str,
+        may_drop: bool,
+        clock: Callable[[], int],
+        memory: Memory,
     ) -> None:
-        self.key = key
+        self.key, self._memory = key, memory
         self._clock = clock
         self.sent = 0
         self._run, self._sender = run, sender
@@ -35,11 +45,14 @@ class Outbox:
     def send(self, **body: Any) -> bytes:
         """Publish one message, bin fields last; returns it as it was sent."""
         data = encode(self._run, self._sender, self.sent, self._clock(), body)
+        self._memory.keep(self.sent, body.get("k"), data)
         self._publisher.put(data)
         self.sent += 1
         return data
 
     def send_round(self, codec: RoundCodec, step: int, round_: int, payload: Floats) -> None:
         """Publish one consensus message; payload: (d,)."""
-        self._publisher.put(codec.encode(self.sent, self._clock(), step, round_, payload))
+        data = codec.encode(self.sent, self._clock(), step, round_, payload)
+        self._memory.keep(self.sent, step, data)
+        self._publisher.put(data)
         self.sent += 1

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Callable
 
 import zenoh
+
+_LIFE, _OVER = "life/", "over/"
 
 
 def live_now(session: zenoh.Session, expression: str) -> set[str]:
@@ -21,8 +24,10 @@ class Presence:
     def __init__(self, session: zenoh.Session, expression: str) -> None:
         self._session = session
         self._prefix = expression.removesuffix("**")
-        self._tokens: list[zenoh.LivelinessToken] = []
+        self._tokens: dict[str, zenoh.LivelinessToken] = {}
         self._live: set[str] = set()
+        self._lives: dict[str, str] = {}
+        self._over: set[str] = set()
         self._changed = threading.Condition()
         self._listeners: list[Callable[[str, bool], None]] = []
         self._subscriber = session.liveliness().declare_subscriber(expression, self._notice, history=True)
@@ -32,18 +37,51 @@ class Presence:
         joined = sample.kind == zenoh.SampleKind.PUT
         with self._changed:
             (self._live.add if joined else self._live.discard)(name)
+            if joined:
+                self._remember(name)
             self._changed.notify_all()
         for listener in self._listeners:
             listener(name, joined)
 
+    def _remember(self, name: str) -> None:
+        if name.startswith(_LIFE):
+            owner, _, life = name.removeprefix(_LIFE).rpartition("/")
+            if self._lives.get(owner) != life:
+                self._lives[owner] = life
+                self._over.discard(owner)
+        elif name.startswith(_OVER):
+            self._over.add(name.removeprefix(_OVER))
+
+    def life(self, name: str) -> str:
+        """Which process of this name was seen last; another one says another life, "" if none has said any."""
+        return self._lives.get(name, "")
+
+    def is_over(self, name: str) -> bool:
+        """Whether the process seen last under this name has said that it leaves for good."""
+        return name in self._over
+
+    def enter(self, name: str) -> None:
+        """Announce a name, and first that it is this process that has it: it may have been another's before."""
+        self.announce(f"{_LIFE}{name}/{time.time_ns()}")
+        self.announce(name)
+
+    def leave(self, name: str) -> None:
+        """Say that a name is not coming back, and take all tokens back: a link that breaks says nothing of the kind."""
+        self.announce(_OVER + name)
+        self.withdraw()
+
     def announce(self, name: str) -> None:
         """Declare a token, as in "agent/3": everybody sees it come, and go when this process goes."""
-        self._tokens.append(self._session.liveliness().declare_token(self._prefix + name))
+        self._tokens[name] = self._session.liveliness().declare_token(self._prefix + name)
+
+    def retract(self, name: str) -> None:
+        """Take one of our tokens back."""
+        self._tokens.pop(name).undeclare()
 
     def withdraw(self) -> None:
-        """Take our tokens back."""
+        """Take our tokens back, the latest first."""
         while self._tokens:
-            self._tokens.pop().undeclare()
+            self._tokens.popitem()[1].undeclare()
 
     def asks_for(self, name: str) -> bool:
         """Whether somebody answers to a name now, asked of the whole network."""

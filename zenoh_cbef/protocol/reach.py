@@ -13,6 +13,7 @@ from typing import Any
 
 import zenoh
 
+from zenoh_cbef.plain import whole
 from zenoh_cbef.protocol.keys import Keys, run_of
 from zenoh_cbef.protocol.session import Connection
 
@@ -39,7 +40,8 @@ def wait_for_link(session: zenoh.Session, seconds: float) -> bool:
 def runs_on(session: zenoh.Session) -> set[str]:
     """The names of all runs whose targets answer now."""
     replies = session.liveliness().get(Keys("*").target_live, timeout=1.0)
-    return {run_of(str(reply.ok.key_expr)) for reply in replies if reply.ok is not None}
+    named = (run_of(str(reply.ok.key_expr)) for reply in replies if reply.ok is not None)
+    return {run for run in named if run is not None}
 
 
 def why_nobody(session: zenoh.Session, connection: Connection, run: str) -> str:
@@ -76,10 +78,11 @@ def unreachable(endpoint: str, seconds: float = _REACH_SECONDS) -> str | None:
         return None if Path(place).exists() else f"there is no socket {place}; check --connect"
     host, _, port = place.rpartition(":")
     host = host.strip("[]")
-    if not host or not port.isdecimal() or int(port) > 65535:
+    number = whole(port)
+    if not host or number is None or number > 65535:
         return f"{endpoint} has no host or no port; write it as tcp/HOST:PORT"
     try:
-        found = _resolve(host, int(port), seconds)
+        found = _resolve(host, number, seconds)
     except (OSError, UnicodeError):
         return f"{host} in {endpoint} has no address; check the name in --connect, and this host's name service"
     except NotYet:

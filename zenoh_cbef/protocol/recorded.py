@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 
 import zenoh
 
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.protocol.keys import Keys
+from zenoh_cbef.protocol.keys import Keys, address
 
 
 def recorded_keys(run: str, wanted: Sequence[str]) -> list[str]:
     """The key expressions to subscribe to: whole, or relative to the run; everything where none is wanted.
 
-    Events are always among them. Raises UserError where one is malformed, of another run, or overlaps another: its
-    messages would be recorded twice.
+    Events and signals are always among them, each under one expression. Raises UserError where one is malformed, of
+    another run, or overlaps another: its messages would be recorded twice.
     """
     keys = Keys(run)
     if not wanted:
@@ -34,9 +34,20 @@ def recorded_keys(run: str, wanted: Sequence[str]) -> list[str]:
                 f"{text!r} overlaps {str(twice)!r}, so messages would be recorded twice; name each key once"
             )
         found.append(expression)
-    if not any(known.intersects(zenoh.KeyExpr(keys.event)) for known in found):
-        found.append(zenoh.KeyExpr(keys.event))
+    for always in map(zenoh.KeyExpr, (keys.all_events, keys.all_signals)):
+        if not any(known.includes(always) for known in found):
+            found = [*(known for known in found if not always.includes(known)), always]
     return [str(known) for known in found]
+
+
+def belongs(key: str, expression: str, expressions: Collection[str]) -> bool:
+    """Whether a message is to be recorded under this of the expressions that stand for its key, and under no other."""
+    at = address(key)
+    if at is None or at.kind not in {"event", "signal"}:
+        return True
+    keys = Keys(at.run)
+    home = keys.all_events if at.kind == "event" else keys.all_signals
+    return expression == home or home not in expressions
 
 
 def covering(expressions: Sequence[str]) -> Callable[[str], bool]:

@@ -5,18 +5,19 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
-from typing import Any
 
 import msgpack
 import zenoh
 
 from zenoh_cbef.errors import UserError
+from zenoh_cbef.plain import count_in
 from zenoh_cbef.protocol.keys import Keys
-from zenoh_cbef.protocol.messages import VERSION, BadMessage, unpack
+from zenoh_cbef.protocol.messages import COUNTS, VERSION, BadMessage, unpack
 from zenoh_cbef.protocol.reach import why_nobody
 from zenoh_cbef.protocol.session import Connection
 
 _TIME_ONLY = "only=time"
+_APART_SECONDS = 1.0
 
 
 @dataclass(frozen=True)
@@ -46,6 +47,13 @@ class Clock:
     ahead: float
     round_trip: float
 
+    def ours(self, theirs: float) -> float:
+        """A moment of the target's clock on ours, s.
+
+        The same, where the clocks are less than a second apart: what keeps them together is better than our comparison.
+        """
+        return theirs + self.ahead if abs(self.ahead) > _APART_SECONDS + self.round_trip else theirs
+
 
 def serve_scenario(session: zenoh.Session, run: str, text: Callable[[], ScenarioText]) -> zenoh.Queryable[None]:
     """Answer queries for the scenario, as it is then, until the returned queryable is dropped."""
@@ -74,7 +82,7 @@ def fetch_scenario(
     while not stopped():
         answers = _ask(session, Keys(run).scenario)
         if answers:
-            texts = [_read(answer, run) for answer in answers]
+            texts = [read_scenario(answer, run) for answer in answers]
             if len({text.resolved for text in texts}) > 1:
                 raise UserError(
                     f"{len(texts)} targets answer for run {run!r}, with different scenarios; "
@@ -102,46 +110,47 @@ def measure_clock(session: zenoh.Session, run: str, tries: int = 4) -> Clock | N
         before = time.time_ns()
         answers = _ask(session, f"{Keys(run).scenario}?{_TIME_ONLY}")
         after = time.time_ns()
-        told = _time_in(answers[0]) if answers else None
+        told = time_in(answers[0]) if answers else None
         if told is None:
             break
         found.append(Clock(((before + after) / 2 - told) * 1e-9, (after - before) * 1e-9))
     return min(found, key=lambda one: one.round_trip, default=None)
 
 
-def _time_in(data: bytes) -> int | None:
+def time_in(data: bytes) -> int | None:
+    """The time (ns) in an answer, None where it tells none."""
     try:
-        told = unpack(data).get("time")
+        return count_in(unpack(data), "time")
     except BadMessage:
         return None
-    return told if isinstance(told, int) else None
 
 
-def _read(data: bytes, run: str) -> ScenarioText:
+def read_scenario(data: bytes, run: str) -> ScenarioText:
+    """What a target answers. Raises UserError where that is no scenario, or of another version."""
     try:
         answer = unpack(data)
     except BadMessage as error:
         raise UserError(f"run {run!r} answers with something that is no scenario ({error})") from None
     if answer.get("v") != VERSION:
         raise UserError(
-            f"run {run!r} speaks protocol version {answer.get('v')}, this program {VERSION}; "
+            f"run {run!r} speaks protocol version {answer.get('v')!r:.40}, this program {VERSION}; "
             "install the same zenoh-cbef on every host"
         )
     parts = [answer.get(name) for name in ("source", "resolved", "program")]
     if not all(isinstance(part, str) for part in parts):
         raise UserError(f"run {run!r} answers with something that is no scenario; is its target a zenoh-cbef?")
-    step, faults = answer.get("step"), answer.get("faults")
+    faults = answer.get("faults")
     source, resolved, program = (str(part) for part in parts)
     return ScenarioText(
         source,
         resolved,
         program,
-        step=step if isinstance(step, int) else None,
-        agents=_integers(answer.get("agents")),
+        step=count_in(answer, "step"),
+        agents=_agents(answer.get("agents")),
         faults=faults if isinstance(faults, str) else "",
-        present=_integers(answer.get("present")),
+        present=_agents(answer.get("present")),
     )
 
 
-def _integers(value: Any) -> tuple[int, ...]:
-    return tuple(one for one in value if isinstance(one, int)) if isinstance(value, list) else ()
+def _agents(value: object) -> tuple[int, ...]:
+    return tuple(value) if isinstance(value, list) and COUNTS.hold([value]) else ()

@@ -13,7 +13,7 @@ from zenoh_cbef.scenario.model import Scenario
 from zenoh_cbef.scenario.start import distrusts, first_fix_steps, initial_belief, space_of
 from zenoh_cbef.tracking import graph, weights
 from zenoh_cbef.tracking.consensus import Average, Chebyshev, Consensus, RunningSums
-from zenoh_cbef.tracking.filters import BIASED, INFORMATION, Belief, Filter, FilterSettings, make_filter
+from zenoh_cbef.tracking.filters import Belief, Filter, FilterSettings, abilities_of, make_filter
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
 from zenoh_cbef.tracking.payloads import InformationPayloads, StatePayloads
 from zenoh_cbef.tracking.stale import StaleAverage
@@ -54,7 +54,7 @@ def bias_of(scenario: Scenario) -> str:
     have no bias need no states for it, and cost half the arithmetic and half the bytes.
     """
     chosen = scenario.filter
-    if chosen.kind not in BIASED:
+    if not abilities_of(chosen.kind).biases:
         return "none"
     if chosen.bias == "auto" and (chosen.recovery or distrusts(scenario) or not _may_be_biased(scenario)):
         return "none"
@@ -72,7 +72,8 @@ def distrusts_own(scenario: Scenario) -> bool:
     chosen = scenario.filter
     if chosen.distrust != "auto":
         return chosen.distrust
-    comparable = chosen.kind in INFORMATION and chosen.measurement == "range" and not distrusts(scenario)
+    averages = abilities_of(chosen.kind).information
+    comparable = averages and chosen.measurement == "range" and not distrusts(scenario)
     return comparable and any(isinstance(fault, SensorFault) for fault in scenario.fault)
 
 
@@ -121,11 +122,17 @@ def filter_of(scenario: Scenario) -> Filter:
 def payloads_of(scenario: Scenario) -> InformationPayloads | StatePayloads:
     """How to read the payloads of the scenario's filter."""
     axes, size, kind = space_of(scenario).axes, motion_of(scenario).size, scenario.filter.kind
-    if kind not in INFORMATION:
+    if not abilities_of(kind).information:
         return StatePayloads(axes)
     omega = float(scenario.count) if scenario.filter.omega is None else scenario.filter.omega
     size += bias_of(scenario) == "estimate"  # The common part of the bias is one more state.
     return InformationPayloads(axes, size, (1.0, omega) if kind == "hcmci" else (1.0,))
+
+
+def slot_of(scenario: Scenario) -> float:
+    """How long a round lasts in realtime, s: the beacon, and then each round, has to come within one."""
+    given = scenario.timing.round_deadline_ms
+    return scenario.dt / (rounds_of(scenario) + 1) if given is None else 1e-3 * given
 
 
 def rounds_of(scenario: Scenario) -> int:
@@ -139,7 +146,7 @@ def scheme_of(scenario: Scenario) -> tuple[str, str]:
     if stage.scheme != "auto":
         return stage.scheme, f"consensus.scheme = {stage.scheme!r} was given."
     quiet = not any(isinstance(fault, MessageFault) for fault in scenario.fault)
-    stateful = kind not in INFORMATION
+    stateful = not abilities_of(kind).information
     reasons = {
         "Messages of earlier steps are predicted forward, which running sums cannot be.": stage.lag > 0,
         "Neighbours' values are trimmed, which running sums cannot be.": stage.trim > 0,

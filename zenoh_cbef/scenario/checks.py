@@ -2,29 +2,49 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 
+from zenoh_cbef.datasets import read_dataset
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.faults import Crash, MessageFault, SenderFault
-from zenoh_cbef.scenario import network, paths
-from zenoh_cbef.scenario.build import absences_of
+from zenoh_cbef.scenario import network, paths, sight, size
+from zenoh_cbef.scenario.build import absences_of, motion_of, range_std_of
 from zenoh_cbef.scenario.model import Scenario
-from zenoh_cbef.scenario.start import first_fix_steps, space_of
+from zenoh_cbef.scenario.start import first_fix_steps, initial_covariance, space_of
 from zenoh_cbef.tracking import graph
 from zenoh_cbef.tracking.linalg import neighbour_sum, outer
+
+_PROPORTION = 1e7
 
 
 def check(scenario: Scenario) -> list[str]:
     """Raise UserError for what cannot work; return warnings, one sentence each."""
+    size.refuse_beyond_memory(size.world_bytes(scenario), scenario)
     edges = network.edges(scenario)
     _check_edges(scenario, edges)
     neighbours = graph.neighbours(scenario.count, edges)
     _check_epsilon(scenario, neighbours)
     check_faults(scenario)
     _check_signal(scenario)
+    _check_proportion(scenario)
     warnings = _literal_gain(scenario, neighbours) if scenario.filter.kind == "cbef" else []
     warnings += _trimming(scenario, neighbours) + _chebyshev(scenario)
-    return warnings + _faults_of_no_link(scenario, edges)
+    return warnings + _faults_of_no_link(scenario, edges) + _recorded_truth(scenario) + sight.warnings(scenario)
+
+
+def _recorded_truth(scenario: Scenario) -> list[str]:
+    """Recordings of which the truth is known in a part only; the folder may be on another host."""
+    folder = Path(scenario.target.path or "")
+    if scenario.target.motion != "dataset" or not folder.is_dir():
+        return []
+    dataset = read_dataset(folder)
+    times = dataset.origin(scenario.dt) + paths.step_times(scenario, scenario.length)
+    known = int(np.isfinite(dataset.truth_at(times)).all(axis=1).sum())
+    if known == len(times):
+        return []
+    return [f"{folder / 'truth.csv'} covers {known} of {len(times)} steps: only these are scored"]
 
 
 def _check_edges(scenario: Scenario, edges: graph.Edges) -> None:
@@ -71,13 +91,13 @@ def _check_absences(scenario: Scenario) -> None:
     absences, settled = absences_of(scenario), first_fix_steps(scenario)
     if not absences:
         return
-    for step in range(1, scenario.length + 1):
-        if absences.at(step).all():
-            raise UserError(
-                f"at {step * scenario.dt:g} s none of the {scenario.count} agents is there to track; "
-                "leave one of them out of the faults of kind crash and pause"
-            )
-        if step <= settled and absences.reborn(step).any():
+    if absences.empty is not None:
+        raise UserError(
+            f"at {absences.empty * scenario.dt:g} s none of the {scenario.count} agents is there to track; "
+            "leave one of them out of the faults of kind crash and pause"
+        )
+    for step in range(1, min(settled, scenario.length) + 1):
+        if absences.reborn(step).any():
             agent = int(absences.reborn(step).argmax())
             raise UserError(
                 f"agent {agent} comes back after a crash at {step * scenario.dt:g} s, when the network still looks for "
@@ -116,6 +136,24 @@ def _check_signal(scenario: Scenario) -> None:
             f"after {last:.6g} s the clock resolves ranges to {resolution:.3g} m only, too coarse for "
             f"sensor.range_std = {scenario.sensor.range_std}; shorten the run or lower sensor.signal_speed"
         )
+
+
+def _check_proportion(scenario: Scenario) -> None:
+    # Variances are inverted: beyond half of float64's digits between standard deviations nothing is left of them.
+    covariance = motion_of(scenario).predict_covariance(initial_covariance(scenario))
+    chosen, range_std = scenario.filter, range_std_of(scenario)
+    unknown = {
+        "the state's after one step (it follows from filter.initial_position_std, filter.initial_velocity_std, dt and "
+        "acceleration_std)": float(np.sqrt(np.diagonal(covariance).max())),
+        "filter.bias_common_std": chosen.bias_common_std or 0.0,
+        "filter.bias_own_std": chosen.bias_own_std or 0.0,
+    }
+    for name, std in unknown.items():
+        if std > _PROPORTION * range_std:
+            raise UserError(
+                f"standard deviations are out of proportion: {name} is {std:.3g}, more than {_PROPORTION:g} times "
+                f"the ranges' of {range_std:g} m; bring them closer together"
+            )
 
 
 def _trimming(scenario: Scenario, neighbours: graph.Neighbours) -> list[str]:

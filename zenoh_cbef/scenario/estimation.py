@@ -6,8 +6,9 @@ from typing import Annotated, Literal
 
 from pydantic import Field, field_validator, model_validator
 
-from zenoh_cbef.scenario.table import EachVector, Finite, NotNegative, Positive, Table, one_of
-from zenoh_cbef.tracking.filters import BIASED, DIFFERENCED, INFORMATION, KINDS, NOISE_LEARNED
+from zenoh_cbef.quantities import Acceleration, Duration, Factor, Length, Metres, Speed, Spread
+from zenoh_cbef.scenario.table import EachPosition, EachVelocity, Table, one_of
+from zenoh_cbef.tracking.filters import KINDS, Abilities, abilities_of
 
 
 class Filter(Table):
@@ -23,23 +24,29 @@ class Filter(Table):
     """
 
     kind: str = "sicf"
-    xi: Positive = 1.5
+    xi: Factor = 1.5
     saturation: Literal["auto", "bounded", "redescending"] = "auto"
     recovery: bool = False
     distrust: Annotated[bool | Literal["auto"], Field(description="true, false or 'auto'")] = "auto"
-    omega: Positive | None = None
+    omega: Factor | None = None
     measurement: Literal["range", "difference"] = "range"
-    acceleration_std: Positive | None = None
-    acceleration_interval: Positive | None = None
-    range_std: Annotated[Positive | Literal["auto"] | None, Field(description="a number, or 'auto'")] = None
+    acceleration_std: Acceleration | None = None
+    acceleration_interval: Duration | None = None
+    range_std: Annotated[Length | Literal["auto"] | None, Field(description="a number from 1e-9 to 1e7, or 'auto'")] = (
+        None
+    )
     bias: Literal["none", "estimate", "auto"] = "auto"
-    bias_common_std: NotNegative | None = None
-    bias_own_std: NotNegative | None = None
-    planar_height: Finite | None = None
-    initial_position: EachVector = None
-    initial_velocity: EachVector = None
-    initial_position_std: Positive | None = None
-    initial_velocity_std: Positive | None = None
+    bias_common_std: Length | None = None
+    bias_own_std: Spread | None = None
+    planar_height: Metres | None = None
+    initial_position: EachPosition = None
+    initial_velocity: EachVelocity = None
+    initial_position_std: Length | None = None
+    initial_velocity_std: Speed | None = None
+
+    @property
+    def _abilities(self) -> Abilities:
+        return abilities_of(self.kind)
 
     @field_validator("kind")
     @classmethod
@@ -48,7 +55,7 @@ class Filter(Table):
 
     @model_validator(mode="after")
     def _recovers(self) -> Filter:
-        if self.recovery and self.kind not in INFORMATION:
+        if self.recovery and not self._abilities.information:
             raise ValueError(
                 f"filter.recovery is for filters that average information, not for {self.kind!r}; "
                 "set filter.kind = 'sicf', or leave filter.recovery out"
@@ -62,7 +69,7 @@ class Filter(Table):
 
     @model_validator(mode="after")
     def _may_distrust(self) -> Filter:
-        if self.distrust is True and (self.kind not in INFORMATION or self.measurement == "difference"):
+        if self.distrust is True and (not self._abilities.information or self.measurement == "difference"):
             raise ValueError(
                 f"filter.distrust compares what neighbours say of their own ranges, so it is not for {self.kind!r} on "
                 f"{self.measurement}s; set filter.kind = 'sicf', or leave filter.distrust out"
@@ -71,17 +78,17 @@ class Filter(Table):
 
     @model_validator(mode="after")
     def _counted_once(self) -> Filter:
-        if self.measurement == "difference" and self.kind not in DIFFERENCED:
+        if self.measurement == "difference" and not self._abilities.differences:
             raise ValueError(
                 f"filter.measurement = 'difference' would count ranges more than once in {self.kind!r}, as agents' "
                 "differences share them; set filter.kind = 'ci', or filter.measurement = 'range'"
             )
-        if self.bias == "estimate" and self.kind not in BIASED:
+        if self.bias == "estimate" and not self._abilities.biases:
             raise ValueError(
                 f"filter.bias = 'estimate' is not for {self.kind!r}; set filter.kind = 'sicf' or 'icf', or filter.bias "
                 "= 'auto', which leaves biases alone in other filters"
             )
-        if self.range_std == "auto" and (self.kind not in NOISE_LEARNED or self.measurement == "difference"):
+        if self.range_std == "auto" and (not self._abilities.noise or self.measurement == "difference"):
             raise ValueError(
                 f"filter.range_std = 'auto' is not for {self.kind!r} on {self.measurement}s; give a number, or set "
                 "filter.kind = 'sicf'"

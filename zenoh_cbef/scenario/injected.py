@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 from zenoh_cbef.errors import UserError
+from zenoh_cbef.plain import read_json
 from zenoh_cbef.scenario.build import bias_of, distrusts_own, scheme_of
 from zenoh_cbef.scenario.checks import check_faults
 from zenoh_cbef.scenario.load import parse
@@ -30,9 +30,9 @@ def with_faults(scenario: Scenario, tables: Sequence[Mapping[str, Any]]) -> Scen
 def read_tables(text: str) -> list[dict[str, Any]]:
     """Tables of faults from JSON. Raises UserError."""
     try:
-        tables = json.loads(text)
-    except ValueError:
-        raise UserError("the injected faults are no JSON") from None
+        tables = read_json(text)
+    except ValueError as error:
+        raise UserError(f"the injected faults are no JSON: {error}") from None
     if not isinstance(tables, list) or not all(isinstance(one, dict) for one in tables):
         raise UserError("the injected faults are no list of tables")
     return tables

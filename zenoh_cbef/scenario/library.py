@@ -30,7 +30,7 @@ class Library:
         if name in known:
             return (self.folder / f"{name}.toml").read_text(encoding="utf-8"), Path.cwd()
         path = Path(name)
-        if not path.is_file():
+        if not path.exists():
             near = get_close_matches(name, known, 1)
             hint = f"did you mean {near[0]!r}?" if near else f"see 'zenoh-cbef {self.kind} list', or give a file"
             raise UserError(f"there is no built-in {self.kind} and no file named {name!r}; {hint}")

@@ -3,21 +3,28 @@
 from __future__ import annotations
 
 import json
-import tomllib
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import tomli_w
 from pydantic import ValidationError
 
 from zenoh_cbef.datasets import read_dataset
 from zenoh_cbef.errors import UserError
+from zenoh_cbef.plain import read_toml, whole
 from zenoh_cbef.scenario.library import Library
 from zenoh_cbef.scenario.mistakes import sentence
 from zenoh_cbef.scenario.model import Scenario
+from zenoh_cbef.scenario.paths import step_times
+from zenoh_cbef.words import counted
+
+_SHORT_NUMBER = re.compile(r"[+-]?(\.\d+|\d+\.)(e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
+"""A number as people write it and TOML does not take it: .3, or 5."""
 
 _LIBRARY = Library(files("zenoh_cbef.scenario") / "builtin", "scenario")
 builtin_names, read_source = _LIBRARY.names, _LIBRARY.read
@@ -43,8 +50,8 @@ def read_tables(name: str) -> tuple[str, dict[str, Any], Path]:
     """As `read_source`, with the text's tables between the two."""
     source, folder = read_source(name)
     try:
-        return source, tomllib.loads(source), folder
-    except (ValueError, RecursionError) as error:
+        return source, read_toml(source), folder
+    except ValueError as error:
         raise UserError(f"{name} is not valid TOML: {error}; mend that line") from None
 
 
@@ -95,23 +102,29 @@ def put(data: dict[str, Any], key: str, value: Any) -> None:
 
 
 def _entry(entries: list[Any], part: str, key: str) -> int:
-    if part.isdecimal() and int(part) < len(entries):
-        return int(part)
+    number = whole(part)
+    if number is not None and number < len(entries):
+        return number
     kinds = [one.get("kind") if isinstance(one, dict) else None for one in entries]
     if kinds.count(part) == 1:
         return kinds.index(part)
     if part in kinds:
         raise UserError(f"{key}: {kinds.count(part)} entries are of the kind {part}; name one by its place, from 0")
-    there = ", ".join(f"{place} ({kind})" for place, kind in enumerate(kinds)) or "none"
-    raise UserError(f"{key}: there is no entry {part}; there is {there}; add it, or name one of these")
+    if not entries:
+        raise UserError(
+            f"{key}: there is no entry {part}, as the list is empty; give the whole list, as in "
+            """fault=[{kind="loss", probability=0.3}]"""
+        )
+    there = ", ".join(f"{place} ({kind})" for place, kind in enumerate(kinds))
+    raise UserError(f"{key}: there is no entry {part}; there is {there}; name one of these")
 
 
 def value_of(text: str) -> Any:
     """A value as a command line has it: TOML, or else text without quotes."""
     try:
-        return tomllib.loads(f"value = {text}")["value"]
-    except (ValueError, RecursionError):
-        return text.strip()
+        return read_toml(f"value = {text}")["value"]
+    except ValueError:
+        return float(text) if _SHORT_NUMBER.fullmatch(text.strip()) else text.strip()
 
 
 def apply(data: dict[str, Any], override: str) -> None:
@@ -137,8 +150,15 @@ def _lay_out(scenario: Scenario, folder: Path) -> Scenario:
     data["agents"].update(count=len(positions), positions=positions, labels=dataset.labels)
     most = dataset.steps(scenario.dt)
     if scenario.steps is not None and scenario.steps > most:
-        raise UserError(f"steps = {scenario.steps}, but {path} fills only {most} steps of {scenario.dt} s; lower it")
-    data["steps"] = scenario.steps or most
+        filled = f"{path} fills only {counted(most, 'step')} of {scenario.dt} s"
+        raise UserError(f"steps = {scenario.steps}, but {filled}; lower it")
+    data["steps"] = steps = scenario.steps or most
+    if not np.isfinite(dataset.truth_at(dataset.origin(scenario.dt) + step_times(scenario, steps))).any():
+        raise UserError(
+            f"{path / 'truth.csv'} has no position in the {steps} steps of the run: its t goes from "
+            f"{dataset.truth_time[0]:.12g} to {dataset.truth_time[-1]:.12g} s, that of ranges.csv from "
+            f"{dataset.range_time[0]:.12g} to {dataset.range_time[-1]:.12g} s; bring both to one clock"
+        )
     if scenario.filter.acceleration_interval is None:
         data["filter"]["acceleration_interval"] = dataset.interval
     return parse(data, str(path))

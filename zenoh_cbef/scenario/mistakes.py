@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from difflib import get_close_matches
 from typing import Any, get_args
 
@@ -12,6 +12,9 @@ from pydantic.fields import FieldInfo
 from zenoh_cbef.scenario.model import Scenario
 
 Place = Sequence[str | int]
+
+_ALIKE = 0.8
+"""How alike a key of another table must be to be the one that was meant, from 0 to 1."""
 
 _MUST_BE = {
     "int_type": "a whole number",
@@ -33,6 +36,9 @@ def sentence(error: ValidationError) -> str:
     # of our own comes after all others have passed.
     same = [one for one, key in zip(mistakes, keys, strict=True) if key[: len(keys[0])] == keys[0]]
     meant = max(same, key=lambda one: (len(one["loc"]), one["type"] == "value_error"))
+    # A key that does not exist is often the one that another is missing for.
+    unknown = [one for one in mistakes if one["type"] == "extra_forbidden" and one["loc"][:-1] == meant["loc"][:-1]]
+    meant = unknown[0] if unknown and meant["type"] == "missing" else meant
     more = len({tuple(key[:2]) for key in keys}) - 1
     return _text(meant, same) + (f" ({more} more)" if more else "")
 
@@ -59,7 +65,7 @@ def _requirement(mistake: Any) -> str:
     field = _field(place)
     if field and field.description and kind != "finite_number" and not isinstance(place[-1], int):
         return f"must be {field.description}"
-    said = str(mistake["msg"]).replace("Input should", "must", 1)
+    said = str(mistake["msg"]).removeprefix("Value error, ").replace("Input should", "must", 1)
     return f"must be {_MUST_BE[kind]}" if kind in _MUST_BE else said
 
 
@@ -81,9 +87,25 @@ def _unknown_kind(mistake: Any, key: str) -> str:
 
 def _unknown_key(place: Place, key: str) -> str:
     known = [name for model in _models(place[:-1]) for name in _names(model)]
-    near = get_close_matches(str(place[-1]), known, 1)
-    hint = f"did you mean {near[0]!r}?" if near else "remove it, or see docs/scenario.md for the keys"
+    name = str(place[-1])
+    near = _everywhere(lambda one: one == name) or get_close_matches(name, known, 1)
+    near = near or _everywhere(lambda one: bool(get_close_matches(name, [one], 1, _ALIKE)))
+    hint = (
+        f"did you mean {' or '.join(map(repr, near))}?" if near else "remove it, or see docs/scenario.md for the keys"
+    )
     return f"{key} is not a key of a scenario; {hint}"
+
+
+def _everywhere(is_meant: Callable[[str], bool]) -> list[str]:
+    """The keys of all tables but faults whose last part is meant, as in "consensus.rounds"."""
+    return [
+        f"{table}.{name}"
+        for table, field in Scenario.model_fields.items()
+        if table != "fault"
+        for model in _tables(field.annotation)
+        for name in _names(model)
+        if is_meant(name)
+    ]
 
 
 def _shown(value: Any) -> str:

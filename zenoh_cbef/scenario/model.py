@@ -7,20 +7,25 @@ from typing import Annotated, Literal
 from pydantic import Field, field_validator, model_validator
 
 from zenoh_cbef.faults import AnyFault
-from zenoh_cbef.scenario.estimation import Filter
-from zenoh_cbef.scenario.table import (
-    Corner,
-    Eigenvalue,
-    Finite,
-    Name,
-    NotNegative,
-    Point,
-    Positive,
+from zenoh_cbef.quantities import (
+    Acceleration,
+    Agent,
+    Chance,
+    Count,
+    Duration,
+    Length,
+    Metres,
+    Milliseconds,
+    Position,
     Probability,
-    Table,
-    Vector,
-    one_of,
+    Seconds,
+    Seed,
+    SignalSpeed,
+    Speed,
+    Spread,
 )
+from zenoh_cbef.scenario.estimation import Filter
+from zenoh_cbef.scenario.table import Corner, Drift, Eigenvalue, Name, Point, Table, one_of
 from zenoh_cbef.tracking import graph
 
 
@@ -29,12 +34,12 @@ class Target(Table):
 
     motion: Literal["ncv", "waypoints", "circle", "lemniscate", "dataset"] = "ncv"
     position: Point = (0.0, 0.0, 0.0)
-    velocity: Point = (0.0, 0.0, 0.0)
-    acceleration_std: NotNegative = 0.1
-    waypoints: tuple[Vector, ...] = ()
-    speed: Positive = 1.0
-    radius: Positive = 5.0
-    period: Positive = 30.0
+    velocity: Drift = (0.0, 0.0, 0.0)
+    acceleration_std: Acceleration = 0.1
+    waypoints: tuple[Position, ...] = ()
+    speed: Speed = 1.0
+    radius: Length = 5.0
+    period: Duration = 30.0
     path: str | None = None
 
     @model_validator(mode="after")
@@ -49,16 +54,16 @@ class Target(Table):
 class Agents(Table):
     """Where the agents are. `positions` overrides `placement`; a formation moves with `velocity`."""
 
-    count: Annotated[int, Field(ge=1, le=1000)] | None = None
+    count: Count | None = None
     placement: Literal["uniform"] = "uniform"
     low: Corner = -10.0
     high: Corner = 10.0
-    positions: tuple[Vector, ...] | None = None
+    positions: tuple[Position, ...] | None = None
     labels: tuple[str, ...] | None = None
     motion: Literal["static", "waypoints", "formation"] = "static"
-    velocity: Point = (0.0, 0.0, 0.0)
-    waypoints: tuple[tuple[Vector, ...], ...] = ()
-    speed: Positive = 1.0
+    velocity: Drift = (0.0, 0.0, 0.0)
+    waypoints: tuple[tuple[Position, ...], ...] = ()
+    speed: Speed = 1.0
 
     @model_validator(mode="after")
     def _complete(self) -> Agents:
@@ -87,24 +92,24 @@ class Agents(Table):
 class Sensor(Table):
     """The receivers: ranges (m) with noise, bias, outliers (exponential, mean outlier_scale) and drop-outs."""
 
-    range_std: Positive = 0.1
+    range_std: Length = 0.1
     bias: Annotated[
-        Finite | tuple[Finite, ...], Field(description="a number, or a list with a number for each agent")
+        Metres | tuple[Metres, ...], Field(description="a number, or a list with a number for each agent")
     ] = 0.0
-    bias_std: NotNegative = 0.0
+    bias_std: Spread = 0.0
     outlier_probability: Probability = 0.0
-    outlier_scale: Positive = 5.0
+    outlier_scale: Length = 5.0
     dropout_probability: Probability = 0.0
-    signal_speed: Positive = 299_792_458.0
+    signal_speed: SignalSpeed = 299_792_458.0
 
 
 class Network(Table):
     """The communication graph. `edges` overrides `graph`."""
 
     graph: str = "erdos-renyi"
-    probability: Annotated[float, Field(gt=0.0, le=1.0)] = 0.5
-    radius: Positive = 15.0
-    edges: tuple[tuple[Annotated[int, Field(ge=0)], Annotated[int, Field(ge=0)]], ...] | None = None
+    probability: Chance = 0.5
+    radius: Length = 15.0
+    edges: tuple[tuple[Agent, Agent], ...] | None = None
 
     @field_validator("graph")
     @classmethod
@@ -122,7 +127,7 @@ class Consensus(Table):
 
     rounds: Annotated[int, Field(ge=0, le=10_000)] = 10
     weights: Literal["uniform", "metropolis"] = "metropolis"
-    epsilon: Positive | None = None
+    epsilon: Chance | None = None
     acceleration: Literal["none", "chebyshev"] = "none"
     bounds: tuple[Eigenvalue, Eigenvalue] | None = None
     scheme: Literal["auto", "average", "running-sums"] = "auto"
@@ -165,9 +170,9 @@ class Timing(Table):
     """
 
     mode: Literal["lockstep", "realtime"] = "lockstep"
-    patience: Positive = 30.0
-    round_deadline_ms: Positive | None = None
-    start_delay: NotNegative = 0.2
+    patience: Duration = 30.0
+    round_deadline_ms: Annotated[Milliseconds, Field(gt=0.0)] | None = None
+    start_delay: Seconds = 0.2
 
 
 class Record(Table):
@@ -179,11 +184,11 @@ class Record(Table):
 
     compression: Literal["zstd", "lz4", "none"] = "zstd"
     chunk_bytes: Annotated[int, Field(ge=1024, le=1 << 28)] = 1 << 20
-    flush_seconds: Positive = 0.4
+    flush_seconds: Duration = 0.4
     required: bool = True
-    recorders: Annotated[int, Field(ge=1, le=1000)] = 1
-    rotate_bytes: Annotated[int, Field(ge=0)] = 0
-    rotate_seconds: NotNegative = 0.0
+    recorders: Count = 1
+    rotate_bytes: Annotated[int, Field(ge=0, le=10**15)] = 0
+    rotate_seconds: Seconds = 0.0
     on_full: Literal["go-on", "stop"] = "go-on"
 
     @property
@@ -212,9 +217,9 @@ class Scenario(Table):
     """One run. steps None: 300, or as many as the dataset fills. dt: s."""
 
     name: Name = "tracking"
-    seed: Annotated[int, Field(ge=0, lt=2**64)] = 1
+    seed: Seed = 1
     steps: Annotated[int, Field(ge=1, le=10_000_000)] | None = None
-    dt: Positive = 0.1
+    dt: Duration = 0.1
     target: Target = Target()
     agents: Agents = Agents()
     sensor: Sensor = Sensor()

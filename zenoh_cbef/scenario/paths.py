@@ -28,14 +28,19 @@ def placement(scenario: Scenario) -> Floats:
     return np.asarray(low + (high - low) * streams.uniform(key, 0, np.arange(3)))
 
 
-def agent_positions(scenario: Scenario) -> Floats:
-    """The agents' positions in steps 1 to K, (n, K, 3)."""
-    agents, steps = scenario.agents, scenario.length
-    time = step_times(scenario, steps)
+def agent_positions(scenario: Scenario, agent: int | None = None) -> Floats:
+    """The positions of all agents in steps 1 to K, (n, K, 3); of one agent alone (1, K, 3)."""
+    return places_at(scenario, step_times(scenario, scenario.length), agent)
+
+
+def places_at(scenario: Scenario, time: Floats, agent: int | None = None) -> Floats:
+    """The positions of all agents at run times (t,), s: (n, t, 3); of one agent alone (1, t, 3)."""
+    chosen = slice(agent, None if agent is None else agent + 1)
+    agents = scenario.agents
     if agents.motion == "waypoints":
-        return np.stack([along(np.array(points), agents.speed, time)[:, :3] for points in agents.waypoints])
+        return np.stack([along(np.array(points), agents.speed, time)[:, :3] for points in agents.waypoints[chosen]])
     drift = np.array(agents.velocity) if agents.motion == "formation" else np.zeros(3)
-    return np.asarray(placement(scenario)[:, None, :] + time[None, :, None] * drift)
+    return np.asarray(placement(scenario)[chosen, None, :] + time[None, :, None] * drift)
 
 
 def along(points: Floats, speed: float, time: Floats) -> Floats:

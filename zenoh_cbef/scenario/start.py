@@ -10,7 +10,7 @@ from zenoh_cbef.faults import SenderFault
 from zenoh_cbef.scenario import paths
 from zenoh_cbef.scenario.model import Scenario
 from zenoh_cbef.scenario.world import target_start
-from zenoh_cbef.tracking.filters import BIASED, Belief
+from zenoh_cbef.tracking.filters import Belief, abilities_of
 from zenoh_cbef.tracking.ranging import Space
 
 Floats = NDArray[np.float64]
@@ -82,12 +82,12 @@ def initial_belief(scenario: Scenario) -> Belief:
 
 
 def first_fix_steps(scenario: Scenario) -> int:
-    """How many steps the first fix takes, 0 for none.
+    """How many steps the first fix takes, one for every iteration; 0 for none."""
+    return settling_steps(scenario) if _seeks(scenario) else 0
 
-    At least 20, one for every iteration, and as many as give every agent about five ranges.
-    """
-    if not _seeks(scenario):
-        return 0
+
+def settling_steps(scenario: Scenario) -> int:
+    """In how many steps a network knows where its target is: at least 20, and about five ranges of every agent."""
     interval = scenario.filter.acceleration_interval or scenario.dt
     return max(20, int(np.ceil(5.0 * interval / scenario.dt)))
 
@@ -96,4 +96,4 @@ def _seeks(scenario: Scenario) -> bool:
     """Whether nothing is known of a recorded target's start, so that the network begins with a first fix."""
     chosen = scenario.filter
     unknown = scenario.target.motion == "dataset" and chosen.initial_position is None
-    return unknown and chosen.kind in BIASED and not distrusts(scenario)
+    return unknown and abilities_of(chosen.kind).biases and not distrusts(scenario)

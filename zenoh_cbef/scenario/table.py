@@ -6,14 +6,11 @@ from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field
 
-Finite = Annotated[float, Field(allow_inf_nan=False)]
-Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
-NotNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
-Probability = Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)]
+from zenoh_cbef.quantities import Metres, Motion, Position
+
 Eigenvalue = Annotated[
     float, Field(gt=-1.0, lt=1.0, allow_inf_nan=False, description="a number between -1 and 1, both excluded")
 ]
-Vector = tuple[Finite, Finite, Finite]
 Name = Annotated[
     str,
     Field(
@@ -22,12 +19,13 @@ Name = Annotated[
         description="at most 100 letters, digits, dots, dashes and underscores, the first a letter or digit",
     ),
 ]
-Point = Annotated[Vector, Field(description="a list of three numbers, as in [1.0, 2.0, 3.0]")]
-Corner = Annotated[Finite | Vector, Field(description="a number, or three numbers [x, y, z]")]
-EachVector = Annotated[
-    Vector | tuple[Vector, ...] | None,
-    Field(description="three numbers [x, y, z], or a list with three numbers for each agent"),
-]
+_POINT = Field(description="a list of three numbers, as in [1.0, 2.0, 3.0]")
+_EACH = Field(description="three numbers [x, y, z], or a list with three numbers for each agent")
+Point = Annotated[Position, _POINT]
+Drift = Annotated[Motion, _POINT]
+Corner = Annotated[Metres | Position, Field(description="a number, or three numbers [x, y, z], each from -1e7 to 1e7")]
+EachPosition = Annotated[Position | tuple[Position, ...] | None, _EACH]
+EachVelocity = Annotated[Motion | tuple[Motion, ...] | None, _EACH]
 
 
 class Table(BaseModel):

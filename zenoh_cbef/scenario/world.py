@@ -24,8 +24,9 @@ Floats = NDArray[np.float64]
 class World:
     """What happens in steps 1 to K; row k-1 is step k.
 
-    time: (K,), s. truth: (K, 6), the target's state. positions: (n, K, 3), the agents. emitted, arrived: (n, K),
-    run time (s) at which a beacon left the target and reached an agent; NaN where none was heard.
+    time: (K,), s. truth: (K, 6), the target's state, NaN where it is not known. positions: (n, K, 3), the agents.
+    emitted, arrived: (n, K), run time (s) at which a beacon left the target and reached an agent; NaN where none was
+    heard.
     """
 
     time: Floats

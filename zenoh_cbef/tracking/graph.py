@@ -3,19 +3,25 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from math import isqrt
 
 import numpy as np
 from numpy.typing import NDArray
 
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.streams import stream, uniform
+from zenoh_cbef.streams import Keys, stream, uniform
 
 Edges = NDArray[np.int64]
+Ids = NDArray[np.int64]
+Bools = NDArray[np.bool_]
 Floats = NDArray[np.float64]
 
 KINDS = ("erdos-renyi", "ring", "path", "star", "grid", "complete", "geometric")
 _MOST_DRAWS = 1000
+_HOPELESS = 14.0
+"""So many agents without an edge, on average: then not one graph in a million is connected."""
+_AT_ONCE = 64
 
 
 @dataclass(frozen=True)
@@ -94,18 +100,36 @@ def _grid(count: int) -> list[tuple[int, int]]:
     return right + [(agent, agent + columns) for agent in range(count - columns)]
 
 
+@lru_cache(maxsize=256)
 def _erdos_renyi(count: int, probability: float, seed: int) -> Edges:
-    first, second = np.triu_indices(count, 1)
+    first, second = pairs = np.triu_indices(count, 1)
     key = stream(seed, "graph", first, second)
-    for draw in range(_MOST_DRAWS):
-        chosen = uniform(key, draw) < probability
+    # The number of agents without an edge is about Poisson distributed (Erdos, Renyi, Publ. Math. Debrecen 6, 1959).
+    lonely = count * (1.0 - probability) ** (count - 1)
+    for draw in range(_MOST_DRAWS if lonely < _HOPELESS else 0):
+        chosen = _chosen(key, pairs, probability, draw)
         edges = np.stack([first[chosen], second[chosen]], axis=1).astype(np.int64)
         if len(components(count, edges)) == 1:
+            edges.flags.writeable = False  # All who ask for this graph get the same array.
             return edges
     raise UserError(
-        f"network.probability = {probability} gave no connected graph of {count} agents in {_MOST_DRAWS} draws; "
-        "raise it, or name another network.graph"
+        f"network.probability = {probability} hardly ever joins {count} agents to one network; "
+        f"raise it to about ln(n)/n = {np.log(count) / count:.2g} or above, or name another network.graph"
     )
+
+
+def _chosen(key: Keys, pairs: tuple[Ids, Ids], probability: float, draw: int) -> Bools:
+    """Which pairs are joined in a draw, or none of the rest as soon as an agent is seen to be without any edge."""
+    first, second = pairs
+    count = 1 + int(second.max(initial=0))
+    chosen, joined = np.zeros(len(key), dtype=bool), np.zeros(count, dtype=bool)
+    for agents in range(0, count, _AT_ONCE):
+        block = slice(*np.searchsorted(first, [agents, agents + _AT_ONCE]))
+        chosen[block] = uniform(key[block], draw) < probability
+        joined[first[block][chosen[block]]] = joined[second[block][chosen[block]]] = True
+        if not joined[agents : agents + _AT_ONCE].all():
+            break
+    return chosen
 
 
 def _geometric(positions: Floats, radius: float) -> Edges:

@@ -7,12 +7,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from zenoh_cbef.tracking.filters import FilterSettings, first_fix_of, make_filter
-from zenoh_cbef.tracking.filters.auto_bias import BEGIN, LARGEST, MEMORY, mixed, weight_of
+from zenoh_cbef.tracking.filters import FilterSettings, make_filter
+from zenoh_cbef.tracking.filters.around.auto_bias import BEGIN, LARGEST, MEMORY, mixed, weight_of
+from zenoh_cbef.tracking.filters.around.biased_information import FORGETTING
+from zenoh_cbef.tracking.filters.around.first_fix import FirstFix
+from zenoh_cbef.tracking.filters.around.learned_noise import learned
 from zenoh_cbef.tracking.filters.base import Belief, Update
-from zenoh_cbef.tracking.filters.biased_information import FORGETTING
 from zenoh_cbef.tracking.filters.information_form import saturation
-from zenoh_cbef.tracking.filters.learned_noise import learned
 from zenoh_cbef.tracking.linalg import matvec
 from zenoh_cbef.tracking.ranging import Measurement, own_range
 
@@ -48,7 +49,8 @@ def joint_centralized(
         step = Ranges(positions[:, :, k], ranges[:, :, k], np.nan_to_num(age[:, :, k]), filter_.noise)
         if fixing:
             fix, update = _first_fix(settings, xi, fix, step)
-            filter_.learn(update.innovation.reshape(runs, agents), np.asarray(update.nis).reshape(runs, agents))
+            told = update.diagnostics.each(lambda values: values.reshape(runs, agents))
+            filter_.learn(told.innovation, told.nis)
             belief = Belief(fix.state[::agents], fix.known_covariance[::agents])
             if fix.parts:
                 fixing = False
@@ -71,7 +73,7 @@ def _first_fix(settings: FilterSettings, xi: float, fix: Belief, step: Ranges) -
         np.empty((rows, 0)),
         step.std.ravel(),
     )
-    filter_ = first_fix_of(settings, make_filter("sicf", replace(settings, first_fix=0, learns_noise=False)), xi)
+    filter_ = FirstFix.of(settings, make_filter("sicf", replace(settings, first_fix=0, learns_noise=False)), xi)
     update = filter_.update(fix, measurement)
     average = update.payload.reshape(runs, agents, -1).mean(axis=1)
     return filter_.conclude(np.repeat(average, agents, axis=0), update), update
@@ -105,8 +107,7 @@ class _Joint:
     def learn(self, innovation: Floats, nis: Floats) -> None:
         """Learn the noise from innovations (r, n) and their NIS."""
         if self.settings.learns_noise:
-            update = Update(np.empty(0), innovation, np.empty(0), nis=nis)
-            self._scale, self._seen = learned(self._scale, self._seen, self.noise, update)
+            self._scale, self._seen = learned(self._scale, self._seen, self.noise, innovation, nis)
 
     def step(self, step: Ranges) -> Belief:
         """One step of both filters."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,12 +45,12 @@ def belief_from(space: Space, states: Floats, covariances: Floats | None, told: 
 def merged(old: Update, new: Update, rows: Bools) -> Update:
     """An update with some rows (n,) taken from another one."""
 
-    def pick(first: Any, second: Any) -> Any:
-        return None if first is None else np.where(rows.reshape(-1, *(1,) * (first.ndim - 1)), second, first)
+    def pick(first: Floats, second: Floats) -> Floats:
+        return np.where(rows.reshape(-1, *(1,) * (first.ndim - 1)), second, first)
 
-    names = ("payload", "innovation", "weight", "nis", "nis_degrees", "distrust")
     return Update(
-        **{name: pick(getattr(old, name), getattr(new, name)) for name in names},
+        pick(old.payload, new.payload),
+        old.diagnostics.chosen(rows, new.diagnostics),
         kept=tuple(pick(*pair) for pair in zip(old.kept, new.kept, strict=True)),
         parts=tuple(merged(*pair, rows) for pair in zip(old.parts, new.parts, strict=True)),
     )

@@ -2,38 +2,34 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from zenoh_cbef.tracking.consensus import Consensus
-from zenoh_cbef.tracking.filters.base import Belief, Bias, Filter, Update
-from zenoh_cbef.tracking.filters.wrapping import resumed
+from zenoh_cbef.tracking.diagnostics import Diagnostics
+from zenoh_cbef.tracking.filters.around.wrapping import resumed
+from zenoh_cbef.tracking.filters.base import Belief, Filter, Update
+from zenoh_cbef.tracking.moderation import chosen, immoderate, immoderate_belief, unheard
 from zenoh_cbef.tracking.newcomer import merged
 from zenoh_cbef.tracking.ranging import Measurement, Space
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
-Ints = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """A step's result: state (n, 6), covariance (n, 6, 6) or None; innovation, weight, nis, nis_degrees (n,).
+    """A step's result: state (n, 6), covariance (n, 6, 6) or None, and what the agents say of it, (n,) each.
 
-    distrust: (n,), how far the agent distrusted its range, from 0 to 1; NaN for a filter that always trusts.
-    bias: (n, 3), of the agent's ranges: value, std (m) and weight, see filters.base.Bias; NaN where there is none.
+    refused: (n,), who refused the update, as it would have left the finite numbers, and goes on by prediction.
     """
 
     state: Floats
     covariance: Floats | None
-    innovation: Floats
-    weight: Floats
-    nis: Floats
-    nis_degrees: Ints
-    distrust: Floats
-    bias: Floats
+    diagnostics: Diagnostics
+    refused: Bools
 
 
 class Tracker:
@@ -50,6 +46,7 @@ class Tracker:
         self.belief = initial
         self._update: Update | None = None
         self._newcomers: tuple[Belief, Bools] | None = None
+        self._refused = np.zeros(len(initial.state), dtype=bool)
 
     def adopt(self, belief: Belief, rows: Bools) -> None:
         """Let some agents (n,) begin the next step with a belief that is not their own."""
@@ -57,12 +54,21 @@ class Tracker:
 
     def measure(self, measurement: Measurement) -> Floats:
         """Begin a step with what was measured; returns the first consensus message."""
-        self._update = self.filter.update(self.belief, measurement)
-        if self._newcomers is not None:
-            belief, rows = self._newcomers
-            self._update = merged(self._update, self.filter.update(belief, measurement), rows)
-            self._newcomers = None
-        return self.consensus.start(self._update.payload)
+        self._unheard = unheard(measurement)
+        with np.errstate(all="ignore"):  # messages can be forged
+            update = self._begin(measurement)
+            self._refused = immoderate(update.payload)
+            if self._refused.any():
+                update, self._refused = self._without(update, self._refused)
+        self._update = update
+        return self.consensus.start(update.payload)
+
+    def _begin(self, measurement: Measurement) -> Update:
+        update = self.filter.update(self.belief, measurement)
+        if self._newcomers is None:
+            return update
+        belief, rows = self._newcomers
+        return merged(update, self.filter.update(belief, measurement), rows)
 
     def exchange(self, received: Floats, delivered: Bools | None) -> Floats:
         """Take in one round's messages (n, m, d), of which some were delivered (n, m), None for all."""
@@ -72,22 +78,40 @@ class Tracker:
         """End the step."""
         if self._update is None:
             raise RuntimeError("conclude() comes after measure()")
-        self.belief = self.filter.conclude(self.consensus.result(), self._update)
-        covariance, update = self.belief.covariance, self._update
-        count = len(self.belief.state)
+        with np.errstate(all="ignore"):
+            self.belief, update = self._concluded(self._update)
+        self._newcomers = None
+        covariance, bias, diagnostics = self.belief.covariance, self.belief.bias, update.diagnostics
+        if bias is not None:
+            diagnostics = replace(diagnostics, bias=bias.value, bias_std=bias.std, bias_weight=bias.weight)
         return Estimate(
             self.space.embed_state(self.belief.state),
             None if covariance is None else self.space.embed_covariance(covariance),
-            update.innovation,
-            update.weight,
-            np.full(count, np.nan) if update.nis is None else update.nis,
-            np.zeros(count, dtype=np.int64) if update.nis_degrees is None else update.nis_degrees,
-            np.full(count, np.nan) if update.distrust is None else update.distrust,
-            _bias_columns(self.belief.bias, count),
+            diagnostics,
+            self._refused,
         )
 
+    def _concluded(self, update: Update) -> tuple[Belief, Update]:
+        """What the step leaves. Agents whose result is immoderate take back what they measured and heard."""
+        mixed = self.consensus.result()
+        wild = immoderate(mixed)
+        if wild.any():
+            update, wild = self._without(update, wild)
+            mixed = np.where(wild[:, None], update.payload, mixed)
+            self._refused = self._refused | wild
+        belief = self.filter.conclude(mixed, update)
+        wild = immoderate_belief(belief)
+        if wild.any():
+            nothing = self._begin(self._unheard)
+            predicted = self.filter.conclude(nothing.payload, nothing)
+            # Where the prediction is no better, it is the scenario that diverges.
+            wild &= ~immoderate_belief(predicted)
+            belief, update = chosen(belief, predicted, wild), merged(update, nothing, wild)
+            self._refused = self._refused | wild
+        return belief, update
 
-def _bias_columns(bias: Bias | None, count: int) -> Floats:
-    if bias is None:
-        return np.full((count, 3), np.nan)
-    return np.stack([bias.value, bias.std, bias.weight], axis=1)
+    def _without(self, update: Update, rows: Bools) -> tuple[Update, Bools]:
+        """An update in which some agents (n,) have heard nothing, and which of them are the better for it."""
+        nothing = self._begin(self._unheard)
+        better = rows & ~immoderate(nothing.payload)
+        return merged(update, nothing, better), better

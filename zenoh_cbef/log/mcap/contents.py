@@ -5,7 +5,6 @@ The format is that of the MCAP specification (https://mcap.dev/spec).
 
 from __future__ import annotations
 
-import importlib
 import mmap
 import struct
 from collections.abc import Callable
@@ -19,9 +18,15 @@ from mcap.data_stream import ReadDataStream, RecordBuilder
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 
-from zenoh_cbef.errors import UserError
+from zenoh_cbef.extras import from_extra
 
-MAX_CHUNK_BYTES = 1 << 30
+MAX_RECORD_BYTES = 1 << 28
+"""Of an attachment, a declaration, a message, or the summary: more is taken for a lie of its length."""
+
+MAX_CHUNK_BYTES = 1 << 29
+_BOMB_BYTES, _BOMB_RATIO = 1 << 26, 200
+"""A chunk that is larger than this, and by so much larger than what it is made of, is there to fill the memory."""
+
 NO_CRC = bytes(4)
 RECORD = struct.Struct("<BQ")
 MESSAGE = struct.Struct("<HIQQ")
@@ -154,7 +159,7 @@ def parse_record(parser: Any, content: bytes) -> Any:
         record = parser.read(ReadDataStream(BytesIO(content)))
         record.write(builder)
     except (McapError, struct.error, OverflowError, MemoryError) as error:
-        raise ValueError(f"it is malformed ({error})") from None
+        raise ValueError(f"it is malformed ({error})" if str(error) else "it is malformed") from None
     # The library takes fields that are too short as they are: they show in what it writes back.
     written: bytes = builder.end()[RECORD.size :]  # type: ignore[no-untyped-call]
     if parser is records.Attachment and content.endswith(NO_CRC):
@@ -168,7 +173,7 @@ def decompress(data: bytes, chunk: Chunk) -> bytes:
     """Return a chunk's records; ValueError or the library's own error where they are not what it says."""
     if chunk.compression == "":
         records_data = data
-    elif chunk.size > MAX_CHUNK_BYTES:
+    elif chunk.size > MAX_CHUNK_BYTES or chunk.size > max(_BOMB_BYTES, _BOMB_RATIO * len(data)):
         raise ValueError(f"it claims to hold {chunk.size} bytes")
     elif chunk.compression == "zstd":
         if zstandard.frame_content_size(data) not in (-1, chunk.size):
@@ -197,14 +202,14 @@ def messages_in(
             if data[position] == _MESSAGE_OPCODE and position <= last_head:
                 _, length, channel, sequence, log_time, publish_time = unpack(data, position)
                 start, position = position + _WHOLE_MESSAGE.size, position + RECORD.size + length
-                if start <= position <= end:
+                if start <= position <= end and length <= MAX_RECORD_BYTES:
                     content = data[start:position]
                     found.append(new(RawMessage, (channels[channel], log_time, publish_time, sequence, content)))
                     continue
             else:
                 opcode, length = RECORD.unpack_from(data, position)
                 start, position = position + RECORD.size, position + RECORD.size + length
-                if position <= end and opcode != _MESSAGE_OPCODE:
+                if position <= end and opcode != _MESSAGE_OPCODE and length <= MAX_RECORD_BYTES:
                     declared.add(opcode, data[start:position])
                     continue
         except KeyError as error:
@@ -215,15 +220,14 @@ def messages_in(
             continue
         if position > end:
             break
-        report("a message is shorter than its fields")
+        report("a message is shorter than its fields, or a record larger than any")
     if position != end:
         report("a chunk ends inside a record")
     return found
 
 
 def _lz4_decompressor() -> Callable[..., bytes]:
-    try:
-        decompress: Callable[..., bytes] = importlib.import_module("lz4.frame").LZ4FrameDecompressor().decompress
-    except ImportError:
-        raise UserError("the log is compressed with lz4: install zenoh-cbef[lz4]") from None
+    decompress: Callable[..., bytes] = (
+        from_extra("lz4.frame", "a log compressed with lz4").LZ4FrameDecompressor().decompress
+    )
     return decompress

@@ -21,6 +21,7 @@ from mcap import records
 from mcap.opcode import Opcode
 
 from zenoh_cbef.log.mcap.contents import (
+    MAX_RECORD_BYTES,
     RECORD,
     Closing,
     Declarations,
@@ -34,8 +35,10 @@ from zenoh_cbef.log.mcap.contents import (
 )
 from zenoh_cbef.log.mcap.walk import IN_CHUNKS, RecordWalk
 from zenoh_cbef.log.mcap.writer import MAGIC
+from zenoh_cbef.words import counted
 
 MAX_DAMAGE = 1000
+_AT_ONCE = 1 << 24
 
 _LOG_TIME = attrgetter("log_time")
 _FOOTER = struct.Struct("<BQQQI")
@@ -57,10 +60,12 @@ class McapFile:
         if path.exists() and not path.is_file():
             raise NotMcapError(f"{path} is not a file")
         with path.open("rb") as stream:
-            if stream.read(len(MAGIC)) != MAGIC:
-                raise NotMcapError(f"{path} is not an MCAP file: it does not begin with the MCAP magic")
+            if (begin := stream.read(len(MAGIC))) != MAGIC:
+                why = "it does not begin with the MCAP magic" if begin else "it is empty"
+                raise NotMcapError(f"{path} is no MCAP file: {why}")
             self._bytes = mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ)
         self.lost: list[str] = []
+        self._reported: set[str] = set()
         self.closed = False
         self._without_index = ""
         self._data_end = size = len(self._bytes)
@@ -129,7 +134,7 @@ class McapFile:
             chunked |= record.opcode == Opcode.CHUNK
             if record.opcode == Opcode.DATA_END:
                 self.closed = True
-                crc = zlib.crc32(self._bytes[checked : record.start], crc)
+                crc = self._crc(checked, record.start, crc)
                 if self._walk.number(record.end - 4, 4) not in (0, crc):
                     self._report("the data section fails its CRC")
             elif record.opcode == Opcode.MESSAGE and chunked:
@@ -137,13 +142,13 @@ class McapFile:
                 self._report(f"message at byte {record.start} stands among chunks")
             else:
                 found = self._messages_of(record, declared)
-            crc, checked = zlib.crc32(self._bytes[checked : record.end], crc), record.end
+            crc, checked = self._crc(checked, record.end, crc), record.end
             count += len(found)
             if _holds_messages(record):
                 yield found
         written = self._closing.statistics.message_count if self._closing else count
         if written != count:
-            self._report(f"{count} messages are readable of {written} that were written")
+            self._report(f"{count} of {counted(written, 'message')} that were written can be read")
 
     def summary(self) -> Summary:
         """Say what the file holds: from its statistics, or from its chunks' indexes where it has none."""
@@ -181,8 +186,16 @@ class McapFile:
                     totals[place] += number
         return Summary(library, counts.total(), dict(counts), start if counts else 0, end, *totals)
 
+    def _crc(self, start: int, end: int, crc: int) -> int:
+        """The CRC of bytes of the file, which may be more than the memory holds; a record can claim to end later."""
+        end = min(end, len(self._bytes))
+        for position in range(start, end, _AT_ONCE):
+            crc = zlib.crc32(self._bytes[position : min(end, position + _AT_ONCE)], crc)
+        return crc
+
     def _report(self, sentence: str) -> None:
-        if len(self.lost) < MAX_DAMAGE and sentence not in self.lost:
+        if len(self._reported) < MAX_DAMAGE and sentence not in self._reported:
+            self._reported.add(sentence)
             self.lost.append(sentence)
 
     def _read_closing(self, footer: int) -> Closing | None:
@@ -190,6 +203,9 @@ class McapFile:
         self._data_end = footer
         _, _, start, _, crc = _FOOTER.unpack_from(self._bytes, footer)
         if start == 0:
+            return None
+        if footer - start > MAX_RECORD_BYTES:
+            self._without_index = f"the summary claims to be {footer - start} bytes long"
             return None
         section = self._bytes[start : footer + _FOOTER.size - 4]
         if not len(MAGIC) <= start <= footer or crc not in (0, zlib.crc32(section)):
@@ -212,6 +228,9 @@ class McapFile:
             name = f"{parser.__name__.lower()} at byte {record.start}"
             if self._bytes[record.start : record.start + 1] != bytes((record.opcode,)):
                 self._report(f"{name} is not where it should be")
+                continue
+            if record.end - record.start > MAX_RECORD_BYTES:
+                self._report(f"{name} claims to be {record.end - record.start} bytes long")
                 continue
             try:
                 yield parse_record(parser, self._bytes[record.start + RECORD.size : record.end])

@@ -83,7 +83,8 @@ class RecordWalk:
     def _sound(self, record: Record) -> bool:
         """Whether a record lies in the data and agrees with its length; an unexpected kind is reported."""
         length = record.end - record.start - RECORD.size
-        if record.end > self._data_end or length < _LEAST_LENGTH.get(record.opcode, 0):
+        # No record is of kind 0, and a hole in a file reads as zeros: there can be any number of them.
+        if record.opcode == 0 or record.end > self._data_end or length < _LEAST_LENGTH.get(record.opcode, 0):
             return False
         if record.opcode == Opcode.CHUNK:
             return self.chunk(record) is not None

@@ -5,7 +5,6 @@ The format is that of the MCAP specification (https://mcap.dev/spec).
 
 from __future__ import annotations
 
-import importlib
 import os
 import struct
 import zlib
@@ -18,7 +17,8 @@ from typing import Literal, Self
 import zstandard
 from mcap.opcode import Opcode
 
-from zenoh_cbef.errors import UserError
+from zenoh_cbef.extras import from_extra
+from zenoh_cbef.log.mcap.pile import Pile
 
 Compression = Literal["zstd", "lz4", "none"]
 
@@ -49,10 +49,10 @@ class McapWriter:
     Every chunk declares the schemas and channels it uses, so that each chunk can be read by itself when the
     file is cut off or damaged elsewhere. Chunks, the data section, attachments and the summary carry a CRC.
 
-    When a write fails (disk full), OSError is raised, the file is cut back to its last whole record, and what
-    the failed write held is dropped, the messages of the open chunk included; the writer stays usable.
+    When a write fails (disk full), OSError is raised, the file is cut back to its last whole record, and what the
+    failed write held is dropped, the messages of the open chunk included; the writer stays usable.
 
-    compression: of the chunks; lz4 needs the package of that name (UserError if it is missing). chunk_bytes:
+    compression: of the chunks; lz4 needs the package of that name (MissingExtra if it is missing). chunk_bytes:
     size at which a chunk ends, before compression. library: names the writing program in the file's header.
 
     bytes_written: size of the file. message_count: messages added and not dropped by a failed write.
@@ -78,16 +78,21 @@ class McapWriter:
         self._message_counts: Counter[int] = Counter()
         self._record_counts: Counter[Opcode] = Counter()
         self._times: tuple[int, int] | None = None
-        self._summary: dict[Opcode, bytearray] = {opcode: bytearray() for opcode in _SUMMARY_ORDER}
+        self._summary = {opcode: Pile(path.parent) for opcode in _SUMMARY_ORDER}
         self._data_crc = 0
         self._file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o666)
-        self._open = True
+        self._open, self._gone = True, False
         try:
             self._write(MAGIC + _record(Opcode.HEADER, _text("") + _text(library)))
         except OSError:
             self._open = False
             os.close(self._file)
             raise
+
+    @property
+    def gone(self) -> bool:
+        """Whether the file was removed while it was open: no reader finds what was written into it."""
+        return os.fstat(self._file).st_nlink == 0 if self._open else self._gone
 
     def register_schema(self, name: str, encoding: str, data: bytes) -> int:
         """Declare a schema and return its number, from 1; ValueError when there are more than MAX_ID."""
@@ -166,10 +171,12 @@ class McapWriter:
             self._write(_record(Opcode.DATA_END, struct.pack("<I", self._data_crc)))
             self._write(self._closing())
         finally:
-            self._open = False
+            self._gone, self._open = self.gone, False
             self._channels.clear()
             self._indexes.clear()
             os.close(self._file)
+            for pile in self._summary.values():
+                pile.close()
 
     def __enter__(self) -> Self:
         return self
@@ -196,11 +203,10 @@ class McapWriter:
         start = min(min(indexes[channel][::2]) for channel in counts)
         end = max(max(indexes[channel][::2]) for channel in counts)
         compressed = self._compress(chunk)
-        head = _CHUNK.pack(start, end, len(chunk), zlib.crc32(chunk)) + _sized(self._compression)
-        head += struct.pack("<Q", len(compressed))
+        head = _CHUNK.pack(start, end, len(chunk), zlib.crc32(chunk))
+        head += _sized(self._compression) + struct.pack("<Q", len(compressed))
         chunk_length = _RECORD.size + len(head) + len(compressed)
-        block = bytearray(_RECORD.pack(Opcode.CHUNK, chunk_length - _RECORD.size) + head)
-        block += compressed
+        block = bytearray(_RECORD.pack(Opcode.CHUNK, chunk_length - _RECORD.size) + head + compressed)
         offsets = b""
         for channel in counts:
             offsets += struct.pack("<HQ", channel, self.bytes_written + len(block))
@@ -234,14 +240,14 @@ class McapWriter:
         self.bytes_written = end
 
     def _summarise(self, opcode: Opcode, record: bytes) -> None:
-        self._summary[opcode] += record
+        self._summary[opcode].add(record)
         self._record_counts[opcode] += 1
 
     def _closing(self) -> bytes:
         """Return the summary section, the footer and the magic, for the end of the file as it is."""
-        self._summary[Opcode.STATISTICS][:] = self._statistics()
         summary, offsets = bytearray(), bytearray()
-        for opcode, group in self._summary.items():
+        for opcode, pile in self._summary.items():
+            group = self._statistics() if opcode is Opcode.STATISTICS else pile.read()
             if group:
                 place = struct.pack("<BQQ", opcode, self.bytes_written + len(summary), len(group))
                 offsets += _record(Opcode.SUMMARY_OFFSET, place)
@@ -253,9 +259,8 @@ class McapWriter:
 
     def _statistics(self) -> bytes:
         counts = b"".join(struct.pack("<HQ", *item) for item in self._message_counts.items())
-        schemas, channels, _, chunks, attachments, metadata = (self._record_counts[o] for o in _SUMMARY_ORDER)
-        total = self._message_counts.total()
-        numbers = struct.pack("<QHIIII", total, schemas, channels, attachments, metadata, chunks)
+        schemas, channels, _, chunks, *others = (self._record_counts[o] for o in _SUMMARY_ORDER)
+        numbers = struct.pack("<QHIIII", self._message_counts.total(), schemas, channels, *others, chunks)
         fields = numbers + struct.pack("<QQ", *(self._times or (0, 0)))
         return _record(Opcode.STATISTICS, fields + _sized(counts))
 
@@ -265,10 +270,7 @@ def _compressor(compression: Compression) -> Callable[[bytearray], bytes]:
         return zstandard.ZstdCompressor(level=1).compress
     if compression == "none":
         return bytes
-    try:
-        compress: Callable[[bytearray], bytes] = importlib.import_module("lz4.frame").compress
-    except ImportError:
-        raise UserError("compression lz4 needs the package lz4: install zenoh-cbef[lz4]") from None
+    compress: Callable[[bytearray], bytes] = from_extra("lz4.frame", 'record.compression = "lz4"').compress
     return compress
 
 

@@ -23,7 +23,8 @@ class Findings:
     """What was found in a log.
 
     damage: one sentence for each fault of the file. missing: numbers that are not there, by key and sender, with their
-    stretches in gaps. restarts are no fault. wrong: messages that are not what their key promises, by topic and
+    stretches in gaps. unheard: likewise what was sent while the recorder was cut off, which is no fault of the log.
+    restarts are none either. wrong: messages that are not what their key promises, by topic and
     reason. out_of_order: messages logged before the one before them in the file.
     """
 
@@ -31,6 +32,7 @@ class Findings:
     damage: list[str] = field(default_factory=list)
     missing: dict[str, int] = field(default_factory=dict)
     gaps: dict[str, list[tuple[int, int]]] = field(default_factory=dict)
+    unheard: dict[str, int] = field(default_factory=dict)
     wrong: Counter[str] = field(default_factory=Counter)
     out_of_order: int = 0
 
@@ -52,7 +54,7 @@ class _Checker:
         """Likewise."""
 
     def refused(self, raw: RawMessage, reason: BadMessage) -> None:
-        self._note(f"{raw.channel.topic}: {reason}")
+        self.note(f"{raw.channel.topic}: {reason}")
 
     def see(self, batch: list[RawMessage]) -> None:
         """Look at what a message's record and channel say."""
@@ -65,9 +67,10 @@ class _Checker:
             if channel.schema_name == "cbef.Unknown":
                 continue  # its messages are refused one by one
             if promised != (channel.schema_name, channel.schema_encoding, channel.message_encoding):
-                self._note(f"{channel.topic}: its channel is declared as {channel.schema_name or 'without a schema'}")
+                self.note(f"{channel.topic}: its channel is declared as {channel.schema_name or 'without a schema'}")
 
-    def _note(self, sentence: str) -> None:
+    def note(self, sentence: str) -> None:
+        """Count one thing that is wrong."""
         wrong = self.findings.wrong
         wrong[sentence if sentence in wrong or len(wrong) < _NAMED else "others"] += 1
 
@@ -86,8 +89,16 @@ def check(log: Log) -> Findings:
     findings.damage = log.damage
     if END not in log.metadata:
         findings.damage.append("there is no end record: the recorder was killed, or could not write any more")
-    for (key, sender), sequence in sorted(decoder.tally.sequences.items()):
-        if sequence.missing:
-            findings.missing[f"{key} from {sender}"] = sequence.missing
+    for (key, sender), sequence in decoder.tally.sequences:
+        if sequence.absurd:
+            number, expected = sequence.example
+            checker.note(
+                f"{key} from {sender}: {sequence.absurd} numbers are out of all proportion, the first {number} "
+                f"in place of {expected}; nothing is taken to be missing for them"
+            )
+        if sequence.unheard:
+            findings.unheard[f"{key} from {sender}"] = sequence.unheard
+        if sequence.missing > sequence.unheard:
+            findings.missing[f"{key} from {sender}"] = sequence.missing - sequence.unheard
             findings.gaps[f"{key} from {sender}"] = sequence.gaps[:_NAMED]
     return findings

@@ -9,6 +9,7 @@ from datetime import UTC, datetime
 
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.mcap.contents import RawMessage
+from zenoh_cbef.plain import whole
 
 _LAST = 1 << 64
 _SINCE_START = re.compile(r"(\d+(?:\.\d*)?|\.\d+)s")
@@ -16,8 +17,8 @@ _SINCE_START = re.compile(r"(\d+(?:\.\d*)?|\.\d+)s")
 
 def time_of(text: str, start: Callable[[], int], option: str) -> int:
     """A time in ns since the epoch, from whole ns, an RFC 3339 date, or seconds since the log's start, as in 12.5s."""
-    if text.isdecimal():
-        return int(text)
+    if (since_epoch := whole(text)) is not None:
+        return since_epoch
     if since := _SINCE_START.fullmatch(text):
         return start() + round(float(since[1]) * 1e9)
     try:
@@ -28,8 +29,8 @@ def time_of(text: str, start: Callable[[], int], option: str) -> int:
             "or seconds since the log's start as 12.5s"
         ) from None
     moment = moment.replace(tzinfo=moment.tzinfo or UTC)
-    since_epoch = moment - datetime(1970, 1, 1, tzinfo=UTC)
-    return (since_epoch.days * 86_400 + since_epoch.seconds) * 10**9 + since_epoch.microseconds * 1000
+    passed = moment - datetime(1970, 1, 1, tzinfo=UTC)
+    return (passed.days * 86_400 + passed.seconds) * 10**9 + passed.microseconds * 1000
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zenoh_cbef.errors import UserError
+from zenoh_cbef.extras import from_extra
 from zenoh_cbef.log.viewers.scene import Scene
 from zenoh_cbef.log.viewers.viz import TRAIL, TRUTH, WARNINGS, agent_colour, body_size, health_colour
 
@@ -20,10 +20,7 @@ _LEAST_SHOWN = ("position_error", "centralized_position_error", "disagreement")
 
 def write_rrd(scene: Scene, output: Path) -> list[Path]:
     """Write the recording. Raises UserError without the package rerun-sdk, and where it cannot be written."""
-    try:
-        rerun = import_module("rerun")
-    except ImportError:
-        raise UserError("the export for Rerun needs rerun-sdk; run: pip install 'zenoh-cbef[rerun]'") from None
+    rerun = from_extra("rerun", "the export for Rerun")
     try:
         output.parent.mkdir(parents=True, exist_ok=True)
         output.touch()

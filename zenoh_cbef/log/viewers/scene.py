@@ -14,7 +14,7 @@ from zenoh_cbef.analysis.metrics import Analysis, analyze
 from zenoh_cbef.log.contents import read_header
 from zenoh_cbef.log.parts import open_log
 from zenoh_cbef.log.read_trace import read_trace
-from zenoh_cbef.protocol.keys import address, agent_of
+from zenoh_cbef.protocol.keys import address
 from zenoh_cbef.protocol.messages import BadMessage, decode
 from zenoh_cbef.trace import Trace
 
@@ -76,7 +76,7 @@ class Scene:
             "velocity_error": np.sqrt(_mean(one.velocity_error[one.counted] ** 2)),
             "centralized_position_error": one.centralized_position_error,
             "nees": _mean(one.nees[one.counted]),
-            "nis": _mean(one.trace.nis),
+            "nis": _mean(one.trace.diagnostics.nis),
             "disagreement": one.disagreement,
             "delivered": _mean(self.delivered),
         }
@@ -84,17 +84,11 @@ class Scene:
     def agent_metrics(self, agent: int) -> dict[str, Floats]:
         """Numbers of one agent by step, (K,) each; NaN where there is none."""
         one, trace = self.analysis, self.trace
-        bias, bias_std, _ = trace.bias[agent].T
         return {
             "position_error": one.position_error[agent],
             "nees": one.nees[agent],
-            "nis": trace.nis[agent],
             "range": trace.ranges[agent],
-            "innovation": trace.innovation[agent],
-            "weight": trace.weight[agent],
-            "distrust": trace.distrust[agent],
-            "bias": bias,
-            "bias_std": bias_std,
+            **trace.diagnostics.each(lambda values: values[agent].astype(np.float64)).named(),
             "delivered": _mean(self.delivered[self.links[:, 1] == agent]),
         }
 
@@ -103,7 +97,8 @@ def read_scene(path: Path) -> Scene:
     """Read a log for viewers. Raises UserError where it is no log of a run, or holds no step."""
     trace = read_trace(path)
     told, events, logged = _gather(path, len(trace.time))
-    start = logged[0] if 0 in logged else min(logged.values(), default=0) - round(1e9 * trace.scenario.dt)
+    first = min(logged, default=0)
+    start = logged.get(first, 0) - round(1e9 * trace.scenario.dt * first)
     time = start + np.round(1e9 * trace.time).astype(np.int64)
     pairs = trace.edges.tolist()
     links = np.array(sorted([*pairs, *([second, first] for first, second in pairs)]), dtype=np.int64).reshape(-1, 2)
@@ -128,15 +123,19 @@ def read_scene(path: Path) -> Scene:
 def _gather(
     path: Path, steps: int
 ) -> tuple[dict[tuple[int, int], dict[str, Any]], list[tuple[int, str, str, str]], dict[int, int]]:
-    """Estimates by (agent, step), events with their log times, and when each step's beacons were logged (ns)."""
+    """Estimates by (agent, step), events with their log times, and when each step's beacons were logged (ns).
+
+    Without any beacon: when each step's first estimate was.
+    """
     file = open_log(path)
     header = read_header(file, path)
     told: dict[tuple[int, int], dict[str, Any]] = {}
     events: list[tuple[int, str, str, str]] = []
     logged: dict[int, int] = {}
+    finished: dict[int, int] = {}
     for raw in file.messages():
         at = address(raw.channel.topic)
-        if at is None or at.kind not in ("estimate", "event", "beacon"):
+        if at is None or at.run != header.run or at.kind not in ("estimate", "event", "beacon", "signal"):
             continue
         try:
             message = decode(at.kind, raw.data, run=header.run, sender=at.owner)
@@ -144,11 +143,12 @@ def _gather(
             continue
         if at.kind == "event":
             events.append((raw.log_time, message["from"], message["kind"], message["text"]))
-        elif at.kind == "beacon" and message["k"] <= steps:
+        elif at.kind in ("beacon", "signal") and message["k"] <= steps:
             logged.setdefault(message["k"], raw.log_time)
         elif at.kind == "estimate":
-            told.setdefault((agent_of(raw.channel.topic), message["k"]), message)
-    return told, events, logged
+            told.setdefault((at.agent, message["k"]), message)
+            finished.setdefault(message["k"], raw.log_time)
+    return told, events, logged or {step: time for step, time in finished.items() if step <= steps}
 
 
 def _delivered(told: dict[tuple[int, int], dict[str, Any]], links: Ints, steps: int) -> Floats:

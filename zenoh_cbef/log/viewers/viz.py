@@ -6,7 +6,6 @@ The schemas are those of foxglove (https://docs.foxglove.dev/docs/sdk/schemas), 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from importlib import import_module
 from importlib.resources import files
 from math import isfinite
 from pathlib import Path
@@ -17,6 +16,7 @@ from numpy.typing import NDArray
 
 from zenoh_cbef import __version__
 from zenoh_cbef.errors import UserError
+from zenoh_cbef.extras import from_extra
 from zenoh_cbef.log.mcap.writer import McapWriter
 from zenoh_cbef.log.viewers.scene import Scene
 
@@ -30,7 +30,7 @@ TRAIL = 50
 TRUTH: Colour = (1.0, 1.0, 1.0, 1.0)
 _WHOLE, _BROKEN = np.array([0.2, 0.7, 0.3, 0.9]), np.array([0.9, 0.15, 0.1, 0.9])
 _UNKNOWN = np.array([0.6, 0.6, 0.6, 0.5])
-WARNINGS = ("rejected", "silent", "crashed", "left")
+WARNINGS = ("rejected", "silent", "crashed", "left", "unobservable")
 
 
 def agent_colour(agent: int, alpha: float = 1.0) -> Colour:
@@ -46,12 +46,13 @@ def health_colour(delivered: float) -> Floats:
     return _WHOLE + (1.0 - delivered) * (_BROKEN - _WHOLE) if isfinite(delivered) else _UNKNOWN
 
 
+def _library(module: str) -> Any:
+    return from_extra(module, "the export for viewers")
+
+
 def write_viz(scene: Scene, output: Path) -> list[Path]:
     """Write the file, and a layout for it beside; returns both. Raises UserError where that cannot be."""
-    try:
-        builder = _Builder(scene)
-    except ImportError:
-        raise UserError("the export for viewers needs two packages; run: pip install 'zenoh-cbef[viz]'") from None
+    builder = _Builder(scene)
     layout = output.with_name(f"{output.stem}-layout.json")
     try:
         output.parent.mkdir(parents=True, exist_ok=True)
@@ -80,7 +81,7 @@ def _write(builder: _Builder, writer: McapWriter) -> None:
 
 
 class _Builder:
-    """Makes the messages of a scene, step after step. Raises ImportError without the packages of the extra."""
+    """Makes the messages of a scene, step after step. Raises MissingExtra without the packages of the extra."""
 
     def __init__(self, scene: Scene) -> None:
         self._scene, self._trace = scene, scene.trace
@@ -90,9 +91,9 @@ class _Builder:
             *("SceneUpdate", "SceneEntity", "SpherePrimitive", "CubePrimitive", "LinePrimitive", "TextPrimitive"),
             *("Color", "Point3", "Vector3", "Quaternion", "Log"),
         ):
-            self._classes[name] = getattr(import_module(f"foxglove_schemas_protobuf.{name}_pb2"), name)
-        self.schema_of = import_module("mcap_protobuf.schema").build_file_descriptor_set
-        self._stamp = import_module("google.protobuf.timestamp_pb2").Timestamp
+            self._classes[name] = getattr(_library(f"foxglove_schemas_protobuf.{name}_pb2"), name)
+        self.schema_of = _library("mcap_protobuf.schema").build_file_descriptor_set
+        self._stamp = _library("google.protobuf.timestamp_pb2").Timestamp
         self._network = scene.metrics()
         self._agents = [scene.agent_metrics(agent) for agent in range(len(scene.trace.positions))]
         self._numbers = {
@@ -258,7 +259,7 @@ def body_size(scene: Scene) -> float:
 
 def _numbers_class(name: str, fields: Sequence[str]) -> Any:
     """The class of a message of plain numbers."""
-    descriptor, pool = import_module("google.protobuf.descriptor_pb2"), import_module("google.protobuf.descriptor_pool")
+    descriptor, pool = _library("google.protobuf.descriptor_pb2"), _library("google.protobuf.descriptor_pool")
     file = descriptor.FileDescriptorProto(name=f"cbef/{name}.proto", package="cbef", syntax="proto3")
     message = file.message_type.add(name=name)
     message.field.add(name="step", number=1, type=3, label=1)
@@ -266,7 +267,7 @@ def _numbers_class(name: str, fields: Sequence[str]) -> Any:
         message.field.add(name=field, number=number, type=1, label=1)
     own = pool.DescriptorPool()
     own.Add(file)
-    factory = import_module("google.protobuf.message_factory")
+    factory = _library("google.protobuf.message_factory")
     return factory.GetMessageClass(own.FindMessageTypeByName(f"cbef.{name}"))
 
 

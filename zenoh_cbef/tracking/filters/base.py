@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import ClassVar, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from zenoh_cbef.tracking.diagnostics import Diagnostics
+from zenoh_cbef.tracking.filters.settings import FilterSettings
 from zenoh_cbef.tracking.ranging import Measurement
 
 Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -52,22 +53,33 @@ class Belief:
 class Update:
     """A filter's local update.
 
-    payload: (n, d), what the consensus stage mixes. innovation: (n,), size of the innovation (NaN where nothing
-    was measured). weight: (n,), the saturation gain in (0, 1] that was applied (NaN likewise). kept: arrays (n, ...)
-    that the filter needs to conclude and tells nobody. nis: (n,), the innovation squared in units of the covariance
-    that the filter predicted for it, before saturation (NaN likewise), and nis_degrees: (n,), its degrees of freedom;
-    None for a filter without covariance. distrust: (n,), how far the range was distrusted, from 0 to 1; None for a
-    filter that always trusts. parts: the updates of the filters that a filter is made of.
+    payload: (n, d), what the consensus stage mixes. diagnostics: (n,) each, what the agent says of the update, nothing
+    where it measured nothing. kept: arrays (n, ...) that the filter needs to conclude and keeps to itself. parts: the
+    updates of the filters that a filter is made of.
     """
 
     payload: Floats
-    innovation: Floats
-    weight: Floats
+    diagnostics: Diagnostics
     kept: tuple[Floats, ...] = ()
-    nis: Floats | None = None
-    nis_degrees: Ints | None = None
-    distrust: Floats | None = None
     parts: tuple[Update, ...] = ()
+
+
+@dataclass(frozen=True)
+class Abilities:
+    """What a kind of filter can do, declared on its class.
+
+    information: its payload is information, of which any convex combination is meaningful. saturates: it saturates
+    ranges at xi of their standard deviations. differences: it may take in differences of ranges; other kinds would
+    count shared noise more than once. covariance: it knows how far its estimate may be off. biases: it estimates
+    biases of ranges, and begins with a first fix. noise: the range noise can be learned online around it.
+    """
+
+    information: bool = False
+    saturates: bool = False
+    differences: bool = False
+    covariance: bool = True
+    biases: bool = False
+    noise: bool = False
 
 
 class Filter(Protocol):
@@ -90,3 +102,13 @@ class Filter(Protocol):
 
     def conclude(self, payload: Floats, update: Update) -> Belief:
         """Turn the payload that consensus left back into a belief; update: what the step began with."""
+
+
+class Kind(Filter, Protocol):
+    """A filter that `filter.kind` names."""
+
+    abilities: ClassVar[Abilities]
+
+    @classmethod
+    def of(cls, settings: FilterSettings) -> Self:
+        """The filter of these settings."""

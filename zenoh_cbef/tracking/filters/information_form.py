@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from zenoh_cbef.tracking.filters.base import Belief, Floats, Ints, Update
+from zenoh_cbef.tracking.diagnostics import Bools, Diagnostics
+from zenoh_cbef.tracking.filters.base import Belief, Floats, Update
 from zenoh_cbef.tracking.linalg import inverse, matvec, neighbour_sum, outer, pack_upper, unpack_upper
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
 from zenoh_cbef.tracking.ranging import Measurement, Space, differenced_rows, own_range
@@ -25,17 +26,24 @@ _ROUNDING = 1e-9
 class RangeInformation:
     """The information of ranges, for a prior x.
 
-    vector: u, (n, s), see the functions that make it. matrix: U = sum w H^T H / sigma^2, (n, s, s).
-    innovation: (n,), m, size of the own range's innovation. weight: (n,), its saturation gain. nis: (n,), its square
-    in units of the predicted variance, before saturation. NaN without a range. nis_degrees: (n,), of freedom.
+    vector: u, (n, s), see the functions that make it. matrix: U = sum w H^T H / sigma^2, (n, s, s). diagnostics: of
+    the own range's innovation, (n,).
     """
 
     vector: Floats
     matrix: Floats
-    innovation: Floats
-    weight: Floats
-    nis: Floats
-    nis_degrees: Ints
+    diagnostics: Diagnostics
+
+
+def told(measured: Bools, innovation: Floats, weight: Floats, spread: Floats) -> Diagnostics:
+    """What an agent says of one range's innovation (n,), m, of predicted standard deviation `spread` (n,), m.
+
+    measured: (n,), whether there is a range. weight: (n,), the innovation's saturation gain.
+    """
+    size, square = np.abs(innovation), (innovation / spread) ** 2
+    return Diagnostics.where(
+        measured, innovation=size, weight=weight, nis=square, nis_degrees=measured.astype(np.int64)
+    )
 
 
 def predict(motion: NearlyConstantVelocity, belief: Belief) -> tuple[Floats, Floats]:
@@ -71,10 +79,7 @@ def own_information(
     return RangeInformation(
         (precision * (innovation + np.sum(row * state, axis=1)))[:, None] * row,
         precision[:, None, None] * outer(row, row),
-        np.where(measured, np.abs(innovation), np.nan),
-        np.where(measured, weight, np.nan),
-        np.where(measured, (innovation / spread) ** 2, np.nan),
-        measured.astype(np.int64),
+        told(measured, innovation, weight, spread),
     )
 
 
@@ -115,10 +120,7 @@ def neighbourhood_information(
     return RangeInformation(
         neighbour_sum(vectors),
         neighbour_sum(matrices).reshape(count, size, size),
-        np.where(measured[:, 0], np.abs(innovation[:, 0]), np.nan),
-        np.where(measured[:, 0], 1.0, np.nan),
-        np.where(measured[:, 0], (innovation[:, 0] / spread) ** 2, np.nan),
-        measured[:, 0].astype(np.int64),
+        told(measured[:, 0], innovation[:, 0], np.ones(count), spread),
     )
 
 
@@ -166,10 +168,7 @@ def differenced_information(
     return RangeInformation(
         weight[:, None] * (vector + matvec(matrix, state)),
         weight[:, None, None] * matrix,
-        np.where(count > 0, deviation, np.nan),
-        np.where(count > 0, weight, np.nan),
-        np.where(count > 0, nis, np.nan),
-        count.astype(np.int64),
+        Diagnostics.where(count > 0, innovation=deviation, weight=weight, nis=nis, nis_degrees=count.astype(np.int64)),
     )
 
 

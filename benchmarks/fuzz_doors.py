@@ -1,0 +1,223 @@
+"""Every place where what others sent is read, as a function that takes it: what it takes, and how it says no."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import msgpack
+
+from benchmarks.fuzz_material import AGENTS, KEYS, RUN, WIDTH, Material
+from zenoh_cbef.errors import UserError
+from zenoh_cbef.log.columns import Columns
+from zenoh_cbef.log.decoding import Decoder
+from zenoh_cbef.log.mcap.contents import Channel, RawMessage
+from zenoh_cbef.log.playlist import step_of
+from zenoh_cbef.log.run_log import UNKNOWN, RunLog
+from zenoh_cbef.nodes.control import answer
+from zenoh_cbef.nodes.injection import Injection
+from zenoh_cbef.nodes.overview import Overview, Status
+from zenoh_cbef.nodes.status import read_status
+from zenoh_cbef.plain import read_json, read_toml
+from zenoh_cbef.protocol.control import read_answer, read_request
+from zenoh_cbef.protocol.keys import address, agent_named, run_of
+from zenoh_cbef.protocol.messages import BODIES, BadMessage, decode, decode_all, peek, unpack
+from zenoh_cbef.protocol.round_codec import RoundCodec
+from zenoh_cbef.protocol.scenario_service import read_scenario, time_in
+from zenoh_cbef.scenario.injected import read_tables, with_faults
+from zenoh_cbef.scenario.load import load, parse, to_toml
+
+Door = Callable[[Material], str]
+"""Feeds one thing in; says what became of it: "accepted", or why it was refused, in the words of the refusal."""
+
+REFUSALS = (BadMessage, UserError)
+"""What a door may raise: each is caught where the door is used, and becomes a count or a sentence."""
+
+
+@dataclass
+class Doors:
+    """All of them, over a folder for files."""
+
+    folder: Path
+
+    def __post_init__(self) -> None:
+        self.scenario = load("tracking", [f"agents.count={AGENTS}", "steps=50", "timing.mode=realtime"]).scenario
+        self._codec = RoundCodec(RUN, "agent/0", WIDTH)
+        self._log = self._new_log(0)
+        self._logged = 0
+        self._overview = Overview(Status(RUN, "", 50), lambda: AGENTS)
+        self._columns = Columns(AGENTS, 50)
+        self._decoder = Decoder(RUN, self.scenario, self._columns)
+        self._target: Any = SimpleNamespace(
+            node=SimpleNamespace(stop=lambda: None),
+            survey=SimpleNamespace(of=lambda _: {}),
+            injection=Injection(self.scenario, time.time()),
+            step=3,
+        )
+        self._toml = to_toml(self.scenario)
+        self._tables = self.scenario.model_dump(mode="json", by_alias=True, exclude_none=True)
+
+    def _new_log(self, number: int) -> RunLog:
+        return RunLog(self.folder / f"fuzz-{number}.mcap", self.scenario.record)
+
+    def close(self) -> None:
+        """Close the log that messages went into."""
+        self._log.close({"status": "finished"})
+
+    def of_messages(self) -> dict[str, Door]:
+        """What every message on the network meets."""
+        return {
+            "message": self.message,
+            "messages of one key": self.several,
+            "round message": self.round,
+            "recorder": self.recorder,
+            "log reader": self.log_reader,
+        }
+
+    def of_texts(self) -> dict[str, Door]:
+        """What else is read from the network and from files."""
+        return {
+            "key": self.key,
+            "JSON": self.json,
+            "TOML": self.toml,
+            "injected faults": self.faults,
+            "scenario's tables": self.scenario_tables,
+            "scenario reply": self.scenario_reply,
+            "request to a run": self.request,
+            "answer of a run": self.answer,
+        }
+
+    def message(self, material: Material) -> str:
+        """The general decoder, as live readers use it."""
+        kind, _, data = material.message()
+        sender = material.pick(("", "agent/0", "target"))
+        decode(kind, data, run=RUN, sender=sender)
+        if "k" in BODIES[kind]:
+            peek(kind, data, run=RUN, sender=sender)
+        return "accepted"
+
+    def several(self, material: Material) -> str:
+        """The decoder of many messages of one key."""
+        kind, _, data = material.message()
+        decode_all(kind, [data, data], run=RUN)
+        return "accepted"
+
+    def round(self, material: Material) -> str:
+        """The decoder of consensus messages."""
+        _, _, data = material.message()
+        self._codec.decode(data)
+        self._codec.decode_all([data, data])
+        return "accepted"
+
+    def recorder(self, material: Material) -> str:
+        """The recorder's log and its overview."""
+        kind, key, data = material.message()
+        key = material.key() if material.random.random() < 0.3 else key
+        self._logged += 1
+        if not self._logged % 50_000:
+            self._log.close({"status": "stopped"})
+            self._log.path.unlink()
+            self._log = self._new_log(self._logged)
+        kind = self._log.add(key, data, self._logged)
+        if kind in {"truth", "estimate"}:
+            self._overview.see(kind, key, data)
+        return "refused: not a message of the run" if kind == UNKNOWN else "accepted"
+
+    def log_reader(self, material: Material) -> str:
+        """The reader of logs, and a replay's look at steps."""
+        _, key, data = material.message()
+        key = material.key() if material.random.random() < 0.3 else key
+        before = self._decoder.tally.recorded
+        raw = RawMessage(Channel(1, key, "msgpack", "", "", b"", {}), 5, *_label(data), data)
+        step_of(data)
+        self._decoder.take([raw])
+        if len(self._columns.events) > 1000:
+            self._columns.events.clear()
+        return "accepted" if self._decoder.tally.recorded > before else "refused: not as its key promises"
+
+    def key(self, material: Material) -> str:
+        """The parser of keys."""
+        key = material.key()
+        run_of(key)
+        agent_named(key.removeprefix(f"{KEYS.root}/"))
+        return "refused: no key of a run" if address(key) is None else "accepted"
+
+    def json(self, material: Material) -> str:
+        """JSON, as in injected faults."""
+        return _read(read_json, material.json(self._tables))
+
+    def toml(self, material: Material) -> str:
+        """TOML, as a scenario's text."""
+        return _read(read_toml, material.bytes(self._toml.encode()).decode(errors="replace"))
+
+    def faults(self, material: Material) -> str:
+        """Injected faults, and the scenario with them."""
+        fault = {"kind": material.pick(("loss", "delay", "crash", "clock")), "probability": 0.5, "from": 1.0}
+        with_faults(self.scenario, read_tables(material.json([fault])))
+        return "accepted"
+
+    def scenario_tables(self, material: Material) -> str:
+        """A scenario's tables."""
+        parse(material.changed(self._tables), "the scenario")
+        return "accepted"
+
+    def scenario_reply(self, material: Material) -> str:
+        """A target's answer with the scenario."""
+        reply = {"v": 1, "run": RUN, "time": 5, "source": self._toml, "resolved": self._toml, "program": "1"}
+        reply |= {"step": 3, "agents": [0, 1], "faults": "[]", "present": [2]}
+        data = _mutated(material, reply)
+        time_in(data)
+        read_scenario(data, RUN)
+        return "accepted"
+
+    def request(self, material: Material) -> str:
+        """What a target is asked for."""
+        fault = '{"kind": "loss", "probability": 0.5}'
+        order = {"ask": "fault add", "fault": fault, "seconds": 5.0, "numbers": [0]}
+        request = read_request(_mutated(material, {"v": 1, **order}))
+        if material.random.random() < 0.02:
+            self._target.injection = Injection(self.scenario, time.time())
+        answer(self._target, request)
+        return "accepted"
+
+    def answer(self, material: Material) -> str:
+        """What a target answers to `status`."""
+        truth, lists = [[3, [0.5] * 6]], {name: [0, 1] for name in ("members", "silent", "away")}
+        told = {"run": RUN, "name": "n", "filter": "sicf", "mode": "lockstep", "agents": AGENTS, "steps": 50, "dt": 0.1}
+        told |= {"planar": False, "step": 3, "start": 1.0, "time": 2.0, "stopping": False, "target": {"host": "h"}}
+        told |= {"live": ["agent/0"], **lists, "faults": '[{"fault": 0, "kind": "loss"}]', "truth": truth}
+        told |= {
+            name: [material.message()[2] for _ in range(3)] for name in ("estimates", "earlier", "cards", "events")
+        }
+        read_status(read_answer(_mutated(material, told), "status", KEYS.control))
+        return "accepted"
+
+
+def _read(read: Callable[[str], Any], text: str) -> str:
+    try:
+        read(text)
+    except ValueError as error:
+        return f"refused: {str(error).split(':')[0]:.40}"
+    return "accepted"
+
+
+def _mutated(material: Material, value: dict[str, Any]) -> bytes:
+    try:
+        data = bytes(msgpack.packb(material.changed(value)))
+    except (ValueError, OverflowError):
+        data = b""
+    return material.bytes(data) if material.random.random() < 0.3 else data
+
+
+def _label(data: bytes) -> tuple[int, int]:
+    """Sending time and number, as the recorder writes them beside a message."""
+    try:
+        message = unpack(data)
+    except BadMessage:
+        return 0, 0
+    sent, seq = message.get("sent"), message.get("seq")
+    return (sent, seq & 0xFFFFFFFF) if isinstance(sent, int) and isinstance(seq, int) else (0, 0)

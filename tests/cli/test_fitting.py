@@ -1,0 +1,103 @@
+"""No table cuts a number or the name of a row, however narrow the terminal is."""
+
+import functools
+import io
+import re
+
+import pytest
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from zenoh_cbef.analysis.compare import row
+from zenoh_cbef.analysis.design import design
+from zenoh_cbef.analysis.metrics import analyze
+from zenoh_cbef.analysis.summary import summarize
+from zenoh_cbef.cli import compare
+from zenoh_cbef.cli.design_tables import design_lines
+from zenoh_cbef.cli.fitting import Fitting, Told
+from zenoh_cbef.cli.status_tables import agents_table, links_table
+from zenoh_cbef.cli.tables import metrics_table, summary_table
+from zenoh_cbef.nodes.status import AgentStatus, LinkStatus, RunStatus, Whereabouts
+from zenoh_cbef.scenario.load import load
+from zenoh_cbef.simulator import simulate
+
+LOSSY = ["steps=12", 'fault=[{kind="loss", probability=0.3}]']
+NOWHERE = Whereabouts()
+
+
+def status() -> RunStatus:
+    where = Whereabouts("a-host-with-a-long-name.example.org", 1234567, "0.1.0", "1.10.0", -0.001234567, 0.0002)
+    agents = [AgentStatus(one, "paused", where, 299, 0.123456 * one, 0.2, 0.98, 1) for one in range(6)]
+    links = [LinkStatus(one, (one + 1) % 6, 123456, 7891, 12, 0.0123) for one in range(6)]
+    told = {"error": 0.1, "disagreement": 0.002, "target": where, "recorder": NOWHERE, "faults": [], "events": []}
+    times = {"step": 299, "steps": 300, "dt": 0.1, "time": 29.9, "now": 1e9}
+    return RunStatus("mine", "sicf", "realtime", "running", agents=agents, links=links, **told, **times)
+
+
+@functools.cache
+def tables() -> dict[str, Fitting]:
+    traces = simulate([load("tracking", [*LOSSY, f"seed={seed}"]).scenario for seed in (1, 2)])
+    analyses = analyze(traces)
+    told = design(load("tracking", ["steps=30"]).scenario, within=0.01, skip=0.25)
+    designs = [part for part in design_lines(told) if isinstance(part, Fitting)]
+    rows = [row(one, f"tracking-with-a-long-name-{number}") for number, one in enumerate(analyses)]
+    return {
+        "metrics": metrics_table(analyses[0].metrics),
+        "summary": summary_table(summarize([one.metrics for one in analyses])),
+        "compare": compare.runs_table(rows),
+        "agents": agents_table(status()),
+        "agents, brief": agents_table(status(), brief=True),
+        "links": links_table(status()),
+    } | {f"design {number}": one for number, one in enumerate(designs)}
+
+
+def drawn(fitting: Fitting, width: int) -> list[str]:
+    screen = Console(file=io.StringIO(), width=width, color_system=None)
+    screen.print(fitting)
+    lines = [line.rstrip() for line in screen.file.getvalue().splitlines()]
+    assert all(len(line) <= width for line in lines)
+    return lines
+
+
+def words(cell: object) -> list[str]:
+    return (cell.plain if isinstance(cell, Text) else Text.from_markup(str(cell)).plain).split()
+
+
+@pytest.mark.parametrize("name", ["metrics", "summary", "compare", "agents", "agents, brief", "links", "design 0"])
+def test_every_number_and_every_name_is_whole_at_any_width(name):
+    fitting = tables()[name]
+    names, *others = [list(column.cells) for column in fitting.table.columns]
+    wanted = {word for column in (names, *others) for cell in column for word in words(cell)}
+    for width in range(40, 201):
+        lines = drawn(fitting, width)
+        lines = [re.sub("[│┃]", " ", line) for line in lines]
+        seen = {word.strip(";") for line in lines for word in line.split()}
+        assert {word.strip(";") for word in wanted} <= seen, width
+        for cell in names:
+            assert any(" ".join(words(cell)) in " ".join(line.split()) for line in lines), (cell, width)
+        assert not any("…" in line for line in lines)
+
+
+def test_what_fits_is_a_table_with_its_title_and_caption():
+    table = Table(title="a title", caption="a caption", title_justify="left")
+    table.add_column("name")
+    table.add_column("value", justify="right")
+    table.add_row("first", "1.5")
+    lines = drawn(Fitting(table), 40)
+    assert lines[0] == "a title"
+    assert lines[-1] == "a caption"
+    assert any("│ first │   1.5 │" in line for line in lines)
+    assert any("│first│  1.5│" in line for line in drawn(Fitting(table), 14))
+    assert drawn(Fitting(table), 12) == ["a title", "name first", "  value: 1.5", "a caption"]
+
+
+def test_a_cell_that_says_what_it_is_of_needs_no_head_below_its_name():
+    table = Table()
+    for head in ("", "network", "centralised"):
+        table.add_column(head)
+    table.add_row("error", "1.5 m", "1.4 m")
+    table.add_row("on links", Told("660 sent"), Told("12 lost"))
+    lines = drawn(Fitting(table), 24)
+    assert lines[-1] == "  660 sent; 12 lost"
+    assert "network: 1.5 m" in " ".join(lines)

@@ -1,0 +1,34 @@
+"""Where logs go when the command line does not say."""
+
+from contextlib import suppress
+from pathlib import Path
+
+from zenoh_cbef.cli.places import place_of_log
+
+
+def fail_to_start(chosen: Path | None, log: bytes = b"") -> Path:
+    """The place that a start had, after it has failed with this much in its log."""
+    with suppress(InterruptedError), place_of_log("mine", chosen) as path:
+        if log:
+            path.with_name("run.mcap.active").write_bytes(log)
+        raise InterruptedError
+    return path
+
+
+def test_a_failed_start_leaves_no_folder_and_its_name_is_free(monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    for _ in range(2):
+        assert str(fail_to_start(None)) == "logs/mine/run.mcap"
+        assert not (tmp_path / "logs" / "mine").exists()
+
+
+def test_what_was_logged_stays_also_after_a_failure(monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    fail_to_start(None, b"precious")
+    assert str(fail_to_start(None)) == "logs/mine-2/run.mcap"
+    assert [one.name for one in (tmp_path / "logs").iterdir()] == ["mine"]
+
+
+def test_a_folder_that_the_user_chose_is_left_alone(tmp_path):
+    assert fail_to_start(tmp_path / "run.mcap") == tmp_path / "run.mcap"
+    assert tmp_path.exists()

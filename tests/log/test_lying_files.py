@@ -1,0 +1,76 @@
+"""Files that lie about their lengths neither fill the memory nor keep a reader busy."""
+
+from __future__ import annotations
+
+import random
+import struct
+
+import pytest
+import zstandard
+
+from zenoh_cbef.log.mcap.contents import MAX_RECORD_BYTES, RECORD
+from zenoh_cbef.log.mcap.reader import McapFile
+from zenoh_cbef.log.mcap.writer import MAGIC, McapWriter
+
+
+@pytest.fixture
+def head(tmp_path):
+    """The beginning of a file: magic, header, one message in a chunk."""
+    path = tmp_path / "sound.mcap"
+    with McapWriter(path, library="test") as writer:
+        channel = writer.register_channel("a", "msgpack", writer.register_schema("s", "jsonschema", b"{}"))
+        writer.add_message(channel, 1, 1, 0, b"x")
+        writer.flush()
+        size = writer.bytes_written
+    return path.read_bytes()[:size]
+
+
+def chunk(size: int, data: bytes) -> bytes:
+    content = struct.pack("<QQQI", 0, 0, size, 0) + struct.pack("<I", 4) + b"zstd" + struct.pack("<Q", len(data)) + data
+    return RECORD.pack(6, len(content)) + content
+
+
+@pytest.mark.parametrize("size", [100 << 20, 1 << 40])
+def test_a_chunk_that_is_there_to_fill_the_memory_is_damaged(tmp_path, head, size):
+    path = tmp_path / "bomb.mcap"
+    path.write_bytes(head + chunk(size, zstandard.compress(bytes(100 << 20))))
+    file = McapFile(path)
+    assert len(list(file.messages())) == 1
+    assert any(f"it claims to hold {size} bytes" in sentence for sentence in file.damage)
+
+
+def test_a_large_chunk_that_is_no_bomb_is_read(tmp_path):
+    path = tmp_path / "large.mcap"
+    with McapWriter(path, library="test", chunk_bytes=80 << 20) as writer:
+        channel = writer.register_channel("a", "msgpack", 0)
+        block = random.Random(1).randbytes(1 << 20)  # noqa: S311
+        for number in range(70):
+            writer.add_message(channel, number, number, number, block)
+    assert len(list(McapFile(path).messages())) == 70
+
+
+def test_a_hole_is_passed_over_at_once(tmp_path, head):
+    path = tmp_path / "hole.mcap"
+    path.write_bytes(head)
+    with path.open("r+b") as stream:
+        stream.truncate(64 << 20)
+    file = McapFile(path)
+    assert len(list(file.messages())) == 1
+    assert file.damage
+    # Record by record, the hole would be seven million of kind 0.
+    assert len(file.damage) < 5
+
+
+def test_a_record_that_claims_more_than_any_has_is_damaged(tmp_path, head):
+    path = tmp_path / "attachment.mcap"
+    path.write_bytes(head + RECORD.pack(9, MAX_RECORD_BYTES + 1))
+    with path.open("r+b") as stream:
+        stream.truncate(len(head) + RECORD.size + MAX_RECORD_BYTES + 1)
+    file = McapFile(path)
+    assert file.attachments == {}
+    assert any("claims to be" in sentence for sentence in file.damage)
+
+
+def test_a_file_of_nothing_but_its_magic_is_read(tmp_path):
+    (tmp_path / "magic.mcap").write_bytes(MAGIC)
+    assert list(McapFile(tmp_path / "magic.mcap").messages()) == []

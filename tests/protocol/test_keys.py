@@ -1,0 +1,70 @@
+"""Keys are read by one pattern, which takes what a run has and nothing else, and raises for no text at all."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from zenoh_cbef.protocol.keys import Address, Keys, address, agent_named, run_of
+
+RUNS = st.text(st.characters(exclude_characters="/", codec="utf-8"), min_size=1, max_size=20)
+AGENTS = st.integers(0, 999)
+OF_AGENTS = ("beacon", "signal", "range", "round", "estimate")
+PARTS = st.one_of(
+    st.sampled_from(["cbef", "run", "agent", "target", "truth", "faults", "event", "record", *OF_AGENTS, ""]),
+    st.integers().map(str),
+    st.text(max_size=5),
+    st.integers(4000, 6000).map("9".__mul__),
+)
+
+
+@given(RUNS, AGENTS)
+def test_every_key_of_a_run_is_read_as_what_it_was_made_of(run, agent):
+    keys = Keys(run)
+    owner = f"agent/{agent}"
+    assert address(keys.truth) == Address(run, "truth", "target")
+    assert address(keys.faults) == Address(run, "faults", "target")
+    for sender in ("target", owner, "record", "record/host-b", "replay", "receiver/3"):
+        assert address(keys.event(sender)) == Address(run, "event", sender)
+    assert address(f"{keys.root}/event") == Address(run, "event", "")
+    assert address(keys.signal(agent)) == Address(run, "signal", "target", agent)
+    assert address(keys.beacon(agent)) == Address(run, "beacon", "", agent)
+    assert address(keys.range(agent)) == Address(run, "range", owner, agent)
+    assert address(keys.round(agent)) == Address(run, "round", owner, agent)
+    assert address(keys.estimate(agent)) == Address(run, "estimate", owner, agent)
+    assert {run_of(key) for key in (keys.truth, keys.scenario, keys.control, keys.target_live)} == {run}
+    assert agent_named(owner) == agent
+
+
+@given(st.one_of(st.text(), st.lists(PARTS, max_size=6).map("/".join), PARTS.map("cbef/run/agent/{}/round".format)))
+def test_any_text_is_a_key_of_a_run_or_none(text):
+    found = address(text)
+    if found is not None:
+        assert run_of(text) == found.run
+        assert text in {
+            *(getattr(Keys(found.run), name) for name in ("truth", "faults")),
+            *(getattr(Keys(found.run), name)(found.agent) for name in OF_AGENTS),
+            *(f"{Keys(found.run).root}/event", Keys(found.run).event(found.owner)),
+        }
+    named = agent_named(text)
+    assert named is None or text == f"agent/{named}"
+
+
+@pytest.mark.parametrize("number", ["9" * 5000, "01", "٣", "²", "+1", "-1", " 1", "1_0", "", "1\n", "1000"])
+def test_no_agent_has_a_number_written_otherwise(number):
+    for key in (f"cbef/run/agent/{number}/round", f"cbef/run/beacon/{number}"):
+        assert address(key) is None
+        assert run_of(key) == "run"
+    assert agent_named(f"agent/{number}") is None
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        *("", "/", "cbef", "cbef/run", "cbef//event", "cbef/run/", "other/run/event", "cbef/run/event/"),
+        *("cbef/run/event/x", "cbef/run/event/record/a/b", "cbef/run/event/receiver/*"),
+    ],
+)
+def test_what_is_no_key_of_a_run_has_no_address(text):
+    assert address(text) is None

@@ -1,0 +1,69 @@
+"""What senders remember, and whom they tell."""
+
+from __future__ import annotations
+
+import socket
+import time
+
+import pytest
+import zenoh
+from hypothesis import given
+from hypothesis import strategies as st
+
+from zenoh_cbef.protocol.memory import Archive, Memory, ask_latest, ask_numbers, ask_since
+from zenoh_cbef.protocol.session import Connection, open_session
+
+KEY = "cbef/test/agent/3/round"
+
+
+@given(st.lists(st.integers(0, 50), max_size=60), st.integers(0, 400))
+def test_a_memory_keeps_the_last_messages_that_fit(sizes: list[int], most: int) -> None:
+    memory = Memory(most)
+    sent = [bytes(size) for size in sizes]
+    for number, data in enumerate(sent):
+        memory.keep(number, number // 3, data)
+    kept = memory.answer(zenoh.Parameters({"first": "0", "last": "1000"}))
+    assert sum(map(len, kept)) <= most
+    assert kept == sent[len(sent) - len(kept) :]
+    if len(kept) < len(sent):
+        assert sum(map(len, kept)) + len(sent[-1 - len(kept)]) > most
+
+
+def test_what_is_too_old_is_forgotten(monkeypatch: pytest.MonkeyPatch) -> None:
+    memory, now = Memory(), [0.0]
+    monkeypatch.setattr(time, "monotonic", lambda: now[0])
+    for number in range(10):
+        memory.keep(number, None, b"%d" % number)
+        now[0] += 10.0
+    assert memory.answer(zenoh.Parameters({"first": "0", "last": "9"})) == [b"%d" % n for n in range(3, 10)]
+
+
+@given(st.text(max_size=20), st.text(max_size=20))
+def test_a_question_of_any_kind_is_answered_or_not(name: str, value: str) -> None:
+    memory = Memory()
+    memory.keep(0, 0, b"0")
+    try:
+        asked = zenoh.Parameters({name: value})
+    except zenoh.ZError:
+        return
+    assert memory.answer(asked) in ([], [b"0"])
+
+
+def test_who_missed_messages_asks_for_their_numbers_or_steps() -> None:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        here = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+    with open_session(Connection(listen=[here])) as sender, open_session(Connection(connect=[here])) as other:
+        archive = Archive(sender)
+        memory = archive.open(KEY)
+        archive.serve("cbef/test/agent/3/*")
+        for number in range(12):
+            memory.keep(number, number // 3, b"%d" % number)
+        until = time.monotonic() + 10
+        while not ask_latest(other, KEY) and time.monotonic() < until:
+            time.sleep(0.01)
+        assert ask_latest(other, KEY) == [b"11"]
+        assert ask_latest(other, KEY, 1) == [b"3", b"4", b"5"]
+        assert ask_since(other, KEY, 3) == [b"9", b"10", b"11"]
+        assert ask_numbers(other, KEY, 4, 6) == [b"4", b"5", b"6"]
+        assert ask_numbers(other, "cbef/test/agent/3/range", 0, 9) == []

@@ -1,0 +1,153 @@
+"""Nothing that others send stops a reader: what is nested, endless, absurd or a lie is refused in a few words."""
+
+from __future__ import annotations
+
+import contextlib
+
+import msgpack
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tests.log.hand_made import KEYS, RUN, Maker
+from tests.log.made import made_log
+from zenoh_cbef.errors import UserError
+from zenoh_cbef.log.parts import open_log
+from zenoh_cbef.log.read_trace import read_trace
+from zenoh_cbef.log.tools.check import check
+from zenoh_cbef.log.verify import verify
+from zenoh_cbef.nodes.overview import Overview, Status
+from zenoh_cbef.plain import DEEPEST, count_in, counts_in, flaw, read_json, read_toml, whole
+from zenoh_cbef.protocol.control import read_answer, read_request
+from zenoh_cbef.protocol.messages import BadMessage, decode, encode
+from zenoh_cbef.protocol.scenario_service import Clock, read_scenario
+from zenoh_cbef.scenario.injected import read_tables
+
+PLAIN = st.recursive(
+    st.one_of(st.none(), st.booleans(), st.integers(-(1 << 63), (1 << 64) - 1), st.floats(), st.text(max_size=5)),
+    lambda inner: st.one_of(st.lists(inner, max_size=4), st.dictionaries(st.text(max_size=5), inner, max_size=4)),
+    max_leaves=20,
+)
+TABLES = st.dictionaries(st.sampled_from(["sent", "step", "word", "total", "rejected", "planned", "agent"]), PLAIN)
+
+
+def nested(levels):
+    value = 1
+    for _ in range(levels):
+        value = [value]
+    return value
+
+
+@settings(max_examples=60, deadline=None)
+@given(TABLES)
+def test_an_event_with_any_data_is_refused_or_read_by_all_who_take_something_from_it(data):
+    message = encode(RUN, "agent/0", 0, 1, {"kind": "finished", "text": "", "data": data})
+    try:
+        event = decode("event", message, run=RUN)
+    except BadMessage:
+        assert flaw(data)
+        return
+    assert all(type(count) is int and count >= 0 for count in counts_in(event["data"], "sent").values())
+    step = count_in(event["data"], "step")
+    assert step is None or (type(step) is int and step >= 0)
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        nested(DEEPEST + 1),
+        nested(400),
+        float("nan"),
+        msgpack.Timestamp(1),
+        msgpack.ExtType(5, b"abc"),
+        b"bytes",
+        {b"name": 1},
+    ],
+)
+def test_an_event_that_is_not_plain_is_refused(data):
+    message = msgpack.packb(
+        {"v": 1, "run": RUN, "from": "a", "seq": 0, "sent": 0, "kind": "", "text": "", "data": {"x": data}}
+    )
+    with pytest.raises(BadMessage):
+        decode("event", message, run=RUN)
+
+
+def test_lists_that_claim_to_be_long_take_no_room():
+    with pytest.raises(BadMessage, match="not msgpack"):
+        decode("event", b"\x81\xa1x" + b"\xdd\x00\x0f\xff\xff" * 1000 + bytes(1 << 19), run=RUN)
+
+
+@pytest.mark.parametrize("text", ["\x1b[2J", "\x00", "a\x07"])
+def test_a_text_cannot_command_a_terminal(text):
+    with pytest.raises(BadMessage):
+        decode("event", encode(RUN, "a", 0, 0, {"kind": "x", "text": text}), run=RUN)
+
+
+@pytest.mark.parametrize(
+    "text", ["[" * 100_000, '{"a":' * 5000, "9" * 5000, "NaN", "1e999", '"\\ud800"', " " * (1 << 21), nested(40)]
+)
+def test_json_has_limits(text):
+    with pytest.raises(ValueError, match=r"it (nests|holds|is longer)|digits|Expecting"):
+        read_json(str(text))
+    with pytest.raises(UserError, match="injected faults"):
+        read_tables(str(text))
+
+
+@pytest.mark.parametrize("text", ["a." * 500_000 + "a=1", "x=" + "[" * 5000, "x=" + "{a=" * 3000, "x=" + "9" * 5000])
+def test_toml_has_limits(text):
+    with pytest.raises(ValueError, match=r"it nests|digits"):
+        read_toml(text)
+    reply = {"v": 1, "run": RUN, "source": "", "resolved": text, "program": "1", "step": [], "agents": [-1]}
+    assert read_scenario(msgpack.packb(reply), RUN).agents == ()
+
+
+@given(st.one_of(st.text(max_size=8), st.integers().map(str), st.just("9" * 5000)))
+def test_whole_numbers_are_read_without_a_crash(text):
+    found = whole(text)
+    assert found is None or (text.isascii() and int(text) == found)
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.dictionaries(st.sampled_from(["v", "ask", "fault", "x"]), PLAIN), st.binary(max_size=40))
+def test_requests_and_answers_are_taken_or_refused(table, raw):
+    for data in (msgpack.packb(table), raw):
+        with contextlib.suppress(BadMessage):
+            assert isinstance(read_request(data)["ask"], str)
+        for asked in ("status", "fault list", "fault add", "fault clear", "stop"):
+            with pytest.raises(UserError):
+                read_answer(data, asked, "cbef/run/control")
+
+
+def test_a_forged_estimate_far_away_does_not_stop_a_recorder():
+    overview = Overview(Status(RUN, "", 50), lambda: 1)
+    counts = {name: [] for name in ("neighbours", "received", "lost", "late", "latency")}
+    far = {"k": 1, "state": [1e99] * 6, "innovation": None, "weight": None, **counts, "covariance": None}
+    overview.see("truth", KEYS.truth, encode(RUN, "target", 0, 0, {"k": 1, "state": [-1e99] * 6}))
+    overview.see("estimate", KEYS.estimate(0), encode(RUN, "agent/0", 0, 0, far))
+    assert overview.status.step == 1
+
+
+def test_a_log_with_messages_on_any_key_is_read_by_every_verb(tmp_path):
+    made = Maker(tmp_path / "run.mcap")
+    for number in range(3000):
+        made.log.add(f"cbef/{RUN}/agent/{number}/{'9' * 10}", b"\x80", made.now)
+    for key in (f"cbef/{RUN}/agent/{'9' * 5000}/round", f"cbef/{RUN}/agent/{'9' * 900}/round", "x/" + "y" * 70_000):
+        made.log.add(key, b"\x80", made.now)
+    made.step(1)
+    made.send(KEYS.estimate(0), "agent/0", k=1 << 62, state=[0.0] * 6)
+    made.close()
+    assert made.log.foreign >= 2000
+    wrong = check(open_log(tmp_path / "run.mcap")).wrong
+    assert wrong["others"] > 800
+    assert read_trace(tmp_path / "run.mcap").estimates.shape[1] == 1
+    assert verify(tmp_path / "run.mcap").exit_status in {1, 2}
+
+
+def test_a_sound_log_to_its_end_is_sound(tmp_path):
+    # The signal that ends a run is numbered one past its last step.
+    assert check(open_log(made_log(tmp_path / "run.mcap", "steps=5"))).exit_status == 0
+
+
+@pytest.mark.parametrize(("ahead", "ours"), [(3600.0, 3700.0), (-3600.0, -3500.0), (0.9, 100.0)])
+def test_a_moment_is_told_on_our_clock_where_the_clocks_are_far_apart(ahead, ours):
+    assert Clock(ahead, 0.01).ours(100.0) == ours

@@ -1,0 +1,91 @@
+"""Whatever numbers a scenario has within their ranges: a result in finite numbers, or one sentence."""
+
+from __future__ import annotations
+
+import math
+import warnings
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tests.scenario.extremes import scenario_of
+from zenoh_cbef.analysis.divergence import refuse_divergence
+from zenoh_cbef.analysis.metrics import analyze
+from zenoh_cbef.errors import UserError
+from zenoh_cbef.scenario import size
+from zenoh_cbef.scenario.checks import check
+from zenoh_cbef.scenario.load import load, parse
+from zenoh_cbef.simulator import simulate
+
+
+def numbers(value):
+    if isinstance(value, dict | list):
+        for part in value.values() if isinstance(value, dict) else value:
+            yield from numbers(part)
+    elif isinstance(value, float):
+        yield value
+
+
+def told_by_sim(data):
+    """The metrics that `sim` tells, and the sentence that it ends with."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        try:
+            scenario = parse(data, "extreme")
+            check(scenario)
+            with np.errstate(all="ignore"):
+                [trace] = simulate([scenario])
+            refuse_divergence(trace)
+            with np.errstate(over="raise", divide="raise", invalid="raise"):
+                return analyze([trace])[0].metrics, ""
+        except (UserError, ArithmeticError, np.linalg.LinAlgError) as error:
+            return {}, str(error)
+
+
+@settings(max_examples=150, deadline=None)
+@given(st.randoms(use_true_random=False))
+def test_numbers_at_the_ends_of_their_ranges_give_a_result_or_a_sentence(random):
+    told, failure = told_by_sim(scenario_of(random))
+    assert "\n" not in failure
+    assert all(math.isfinite(one) for one in numbers(told))
+
+
+@pytest.mark.parametrize(
+    "override",
+    [
+        "agents.low=1e300",
+        "filter.planar_height=1e300",
+        "target.planar_height=1e300",
+        "filter.range_std=1e-200",
+        "network.edges=[[0, 18446744073709551616]]",
+        'fault=[{kind="outage", agents=[99999999999999999999]}]',
+        'fault=[{kind="loss", probability=1.0, links="agent:99999999999999999999"}]',
+        "timing.patience=1e300",
+        "filter.acceleration_std=1e5",
+    ],
+)
+def test_numbers_out_of_all_proportion_are_refused_by_the_check(override):
+    key = override.partition("=")[0]
+    with pytest.raises(UserError, match=f"{key}|standard deviations are out of proportion"):
+        check(load("tracking", [override, "dt=1000", "steps=20", "sensor.range_std=0.05"]).scenario)
+
+
+def test_what_does_not_fit_the_memory_is_refused_with_an_estimate():
+    with pytest.raises(UserError, match=r"1000 agents in 10000000 steps take about 1\.3 TB of memory.* lower steps"):
+        check(load("tracking", ["steps=10000000", "agents.count=1000"]).scenario)
+
+
+def test_more_than_the_memory_that_is_left_is_not_simulated(monkeypatch):
+    monkeypatch.setattr(size, "available_bytes", lambda: 10**6)
+    few, many = (load("tracking", [f"steps={steps}"]).scenario for steps in (10, 300))
+    simulate([few])
+    for runs in ([many], [few] * 30):
+        with pytest.raises(UserError, match="of memory, and 1 MB are left"):
+            simulate(runs)
+
+
+def test_the_last_seed_is_a_seed():
+    last = load("tracking", ["seed=18446744073709551615", "steps=3"]).scenario
+    assert np.isfinite(simulate([last])[0].estimates).all()

@@ -1,0 +1,89 @@
+"""No message makes an estimate infinite, and agents that heard none of it compute what they would have computed."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from zenoh_cbef.scenario.build import agent_tracker, batch_tracker
+from zenoh_cbef.scenario.load import load
+from zenoh_cbef.scenario.plausible import plausible_ranges
+from zenoh_cbef.scenario.world import make_world
+from zenoh_cbef.simulator import heard_in, measured
+from zenoh_cbef.tracking.filters import KINDS
+from zenoh_cbef.tracking.ranging import Measurement
+
+WILD = st.sampled_from([1e90, 1e101, 1e160, -1e200, 1e308, -1e308])
+
+
+@pytest.mark.parametrize("kind", sorted(KINDS))
+@settings(deadline=None, max_examples=8)
+@given(told=WILD, payload=WILD, step=st.integers(0, 3))
+def test_no_message_makes_an_estimate_infinite(kind: str, told: float, payload: float, step: int) -> None:
+    scenario = load("tracking", ["steps=5", "agents.count=4", "network.graph=ring", f"filter.kind={kind}"]).scenario
+    heard = heard_in(scenario, make_world(scenario))
+    batch, neighbours = batch_tracker([scenario])
+    alone = [agent_tracker(scenario, agent)[0] for agent in range(4)]
+    index, several = neighbours.index, batch.filter.uses_neighbour_ranges
+
+    def measurement(rows: list[int], k: int) -> Measurement:
+        ids = index[rows] if several else index[rows][:, :0]
+        places, ranges = heard.positions[ids, k], heard.ranges[ids, k].copy()
+        if k == step and several and 0 in rows:
+            ranges[rows.index(0), 0] = told
+        return Measurement(heard.positions[rows, k], heard.ranges[rows, k], heard.age[rows, k], places, ranges)
+
+    for k in range(5):
+        sent = batch.measure(measurement([0, 1, 2, 3], k))
+        single = [one.measure(measurement([agent], k)) for agent, one in enumerate(alone)]
+        for round_ in range(3):
+            assert all((sent[agent] == one[0]).all() for agent, one in enumerate(single))
+            received = sent[index]
+            if k == step and round_ == 2:
+                received[0, 0] = payload
+            sent = batch.exchange(received, neighbours.present)
+            single = [one.exchange(received[[agent]], None) for agent, one in enumerate(alone)]
+        estimate = batch.conclude()
+        assert np.isfinite(estimate.state).all()
+        for agent, one in enumerate(alone):
+            own = one.conclude()
+            assert own.state.tobytes() == estimate.state[agent].tobytes()
+            assert own.refused[0] == estimate.refused[agent]
+        if k != step:
+            assert not estimate.refused.any()
+
+
+@pytest.mark.parametrize(
+    ("emitted", "arrived"), [(1e200, 0.1), (0.1, 1e200), (1e200, 1e200), (0.1, 1e9), (-1e308, 1e308), (0.1, -1.0)]
+)
+def test_a_range_out_of_all_proportion_is_no_range(emitted: float, arrived: float) -> None:
+    scenario = load("tracking").scenario
+    times = np.array(emitted), np.array(arrived)
+    found, age = measured(scenario, plausible_ranges(scenario), *times, 1)
+    assert np.isnan([found, age]).all()
+
+
+@pytest.mark.parametrize(
+    "overrides",
+    [
+        [],
+        ["sensor.outlier_probability=0.5", "sensor.outlier_scale=1000.0"],
+        ['fault=[{kind="sensor-spikes", probability=1.0, std=1e4}]'],
+        ['fault=[{kind="sensor-bias", bias=-1e7}]'],
+        ['fault=[{kind="clock", offset=-5.0}]'],
+        ["agents.low=-1e6", "agents.high=1e6"],
+        ["target.position=[1e7, 0.0, 0.0]", "steps=2000"],
+        ["target.velocity=[1e4, 0.0, 0.0]", "dt=10.0"],
+        ["target.acceleration_std=1e3", "steps=3000"],
+        ["sensor.range_std=1e-9", "sensor.signal_speed=1.0"],
+        ["agents.motion=formation", "agents.velocity=[100.0, 0.0, 0.0]"],
+        ["target.motion=circle", "target.radius=1e5", "target.period=1e5"],
+    ],
+)
+def test_what_a_scenario_emulates_is_plausible(overrides: list[str]) -> None:
+    scenario = load("tracking", overrides).scenario
+    world = make_world(scenario)
+    ranges = heard_in(scenario, world).ranges
+    assert (np.isfinite(ranges) == np.isfinite(world.emitted)).all()

@@ -1,0 +1,72 @@
+"""The centralised filter and the bound of logged or simulated runs, as far as the traces hold what was measured."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zenoh_cbef.scenario.build import motion_of, power_of, range_std_of, settings_of
+from zenoh_cbef.scenario.start import initial_covariance, space_of
+from zenoh_cbef.trace import Trace
+from zenoh_cbef.tracking.filters import Belief, level_of
+from zenoh_cbef.tracking.joint import joint_centralized
+from zenoh_cbef.tracking.reference import centralized, posterior_bound
+
+Floats = NDArray[np.float64]
+
+
+def yardsticks(traces: Sequence[Trace]) -> tuple[Floats, Floats]:
+    """States of the centralised filter (r, K, 6) and bounds (r, K, 6, 6) for r runs of one shape, as one batch.
+
+    NaN from the first step on of which a measurement is not in the trace: what follows would know less than the
+    network did. The bound is NaN where the truth is not known, too; there it goes on along the centralised estimate.
+    """
+    measured = [trace.measured_steps for trace in traces]
+    truth = _stacked(traces, "truth")
+    states, bounds = np.full(truth.shape, np.nan), np.full((*truth.shape, 6), np.nan)
+    reach = max(measured)
+    states[:, :reach] = _centralized(traces, reach)
+    known = np.isfinite(truth)
+    bounds[:, :reach] = _bounds(traces, np.where(known, truth, states)[:, :reach])
+    for run, steps in enumerate(measured):
+        states[run, steps:] = bounds[run, steps:] = np.nan
+    bounds[~known.all(axis=2)] = np.nan
+    return states, bounds
+
+
+def _stacked(traces: Sequence[Trace], part: str) -> Floats:
+    return np.stack([getattr(trace, part) for trace in traces])
+
+
+def _prior(traces: Sequence[Trace]) -> Floats:
+    covariance = initial_covariance(traces[0].scenario)
+    return np.broadcast_to(covariance, (len(traces), *covariance.shape))
+
+
+def _centralized(traces: Sequence[Trace], steps: int) -> Floats:
+    scenario = traces[0].scenario
+    kept = space_of(scenario).kept
+    initial = Belief(_stacked(traces, "initial").mean(axis=1)[:, kept], _prior(traces))
+    xi = level_of(scenario.filter.kind, scenario.filter.xi)
+    seen = {part: _stacked(traces, part)[:, :, :steps] for part in ("positions", "ranges", "age")}
+    settings = settings_of(scenario)
+    if settings.bias != "none" or settings.first_fix or settings.learns_noise:
+        return joint_centralized(initial, settings, xi, **seen)[0]
+    motion, space, range_std = motion_of(scenario), space_of(scenario), range_std_of(scenario)
+    return centralized(initial, motion, space, range_std=range_std, xi=xi, power=power_of(scenario), **seen)[0]
+
+
+def _bounds(traces: Sequence[Trace], truth: Floats) -> Floats:
+    scenario, steps = traces[0].scenario, truth.shape[1]
+    return posterior_bound(
+        _prior(traces),
+        motion_of(scenario),
+        space_of(scenario),
+        truth=truth,
+        positions=_stacked(traces, "positions")[:, :, :steps],
+        measured=np.isfinite(_stacked(traces, "ranges")[:, :, :steps]),
+        age=_stacked(traces, "age")[:, :, :steps],
+        range_std=range_std_of(scenario),
+    )

@@ -1,0 +1,45 @@
+"""Ends waits that have no end of their own."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from typing import TypeVar
+
+from zenoh_cbef.protocol.mailbox import Mailbox
+
+T = TypeVar("T")
+
+_TICK_SECONDS = 2.0
+
+
+class Alarm:
+    """Ends a wait at its deadline, and every now and then one without: Zenoh's blocking receive has no timeout."""
+
+    def __init__(self) -> None:
+        self._waiting: tuple[float | None, Mailbox] | None = None
+        self._armed = threading.Event()
+        threading.Thread(target=self._watch, daemon=True).start()
+
+    def limit(self, receive: Callable[[], T], mailbox: Mailbox, deadline: float | None) -> T:
+        """What a blocking receive of the mailbox gives, woken at the deadline (monotonic s), or every other second."""
+        self._waiting = (deadline, mailbox)
+        if deadline is not None:
+            self._armed.set()
+        try:
+            return receive()
+        finally:
+            self._waiting = None
+
+    def _watch(self) -> None:
+        while True:
+            waiting = self._waiting
+            if waiting is not None and waiting[0] is not None:
+                time.sleep(max(0.0, waiting[0] - time.monotonic()))
+            elif self._armed.wait(_TICK_SECONDS):
+                self._armed.clear()
+                continue
+            if waiting is not None and self._waiting is waiting:
+                self._waiting = None
+                waiting[1].wake()

@@ -1,0 +1,24 @@
+"""How numbers are written for people to read."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import isfinite
+
+
+def number(value: float | None, unit: str = "", *, nothing: str = "-") -> str:
+    """A number in four significant digits; `nothing` where there is none."""
+    if value is None or not isfinite(value):
+        return nothing
+    return f"{value:.4g}" + (f" {unit}" if unit else "")
+
+
+def written(value: object) -> str:
+    """Values of any kind, as in what an event tells: numbers as `number` has them, but with all their whole digits."""
+    if isinstance(value, float):
+        return f"{value:.0f}" if 1e4 <= abs(value) < 1e16 else number(value, nothing=str(value))
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{key}: {written(one)}" for key, one in value.items()) + "}"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(map(written, value)) + "]"
+    return str(value)

@@ -1,0 +1,82 @@
+"""Which ranges the receivers of a scenario can measure at all: what lies far beyond is no measurement."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zenoh_cbef.faults import SensorFault
+from zenoh_cbef.scenario.model import Scenario
+from zenoh_cbef.scenario.paths import placement
+
+Floats = NDArray[np.float64]
+
+FACTOR = 1000.0
+"""How far beyond what the scenario allows for a range may be. No outlier of an emulated receiver comes near it."""
+
+_ROUNDING = 4.0 * float(np.finfo(np.float64).eps)
+
+
+@dataclass(frozen=True)
+class Plausible:
+    """Least and largest range, m, and the largest age of a beacon, before or after its step, s."""
+
+    least: float
+    largest: float
+    age: float
+
+    def holds(self, ranges: Floats, age: Floats) -> NDArray[np.bool_]:
+        """Which ranges (m) of which ages (s) are plausible; NaN is not."""
+        return np.asarray((ranges >= self.least) & (ranges <= self.largest) & (np.abs(age) <= self.age))
+
+
+def plausible_ranges(scenario: Scenario) -> Plausible:
+    """What a receiver of the scenario can measure, generously.
+
+    largest: 1000 times the sum of how far apart agents, target and initial estimates can be at first, of how far they
+    can go in the run's time, and of all errors of receivers. least: minus 1000 times these errors.
+    """
+    duration = scenario.length * scenario.dt
+    errors = _errors(scenario)
+    rounding = _ROUNDING * scenario.sensor.signal_speed * (duration + 1.0)
+    return Plausible(
+        -FACTOR * (errors + rounding),
+        FACTOR * (_apart(scenario) + _travel(scenario, duration) + errors + rounding + 1.0),
+        duration + FACTOR * scenario.dt,
+    )
+
+
+def _apart(scenario: Scenario) -> float:
+    """How far agents, target and initial estimates can be from each other at the start, or where they are sent, m."""
+    agents, target, chosen = scenario.agents, scenario.target, scenario.filter
+    places = [placement(scenario), *(np.array(points) for points in agents.waypoints)]
+    if target.motion == "waypoints":
+        places.append(np.array(target.waypoints))
+    elif target.motion != "dataset":
+        places.append(np.array([target.position]))
+    if chosen.initial_position is not None:
+        places.append(np.array(chosen.initial_position).reshape(-1, 3))
+    box = float(np.ptp(np.concatenate(places), axis=0).sum())
+    return 10.0 * (box + target.radius + (chosen.initial_position_std or 0.0) + abs(chosen.planar_height or 0.0))
+
+
+def _travel(scenario: Scenario, duration: float) -> float:
+    """How far target and agents can go in a run, m: also with the speeds that the filter takes to be possible."""
+    agents, target, chosen = scenario.agents, scenario.target, scenario.filter
+    speeds = [*agents.velocity, *target.velocity, chosen.initial_velocity_std or 1.0, agents.speed, target.speed]
+    if chosen.initial_velocity is not None:
+        speeds += np.abs(np.array(chosen.initial_velocity)).ravel().tolist()
+    walk = max(target.acceleration_std, chosen.acceleration_std or 0.0) * float(np.sqrt(duration * scenario.dt))
+    return 10.0 * duration * (float(np.abs(speeds).sum()) + walk)
+
+
+def _errors(scenario: Scenario) -> float:
+    """How wrong receivers can be, m; infinite with faults that say nothing of it."""
+    sensor, assumed = scenario.sensor, scenario.filter.range_std
+    told = assumed if isinstance(assumed, float) else 0.0
+    outliers = sensor.outlier_scale if sensor.outlier_probability > 0.0 else 0.0
+    bias = float(np.abs(np.array(sensor.bias)).max()) + sensor.bias_std
+    faults = [fault for fault in scenario.fault if isinstance(fault, SensorFault)]
+    return max(sensor.range_std, told) + bias + outliers + sum(fault.error for fault in faults)

@@ -1,0 +1,92 @@
+"""How much memory a scenario takes, and whether there is so much."""
+
+from __future__ import annotations
+
+import resource
+from pathlib import Path
+
+from zenoh_cbef.errors import UserError
+from zenoh_cbef.scenario.build import message_size
+from zenoh_cbef.scenario.model import Scenario
+from zenoh_cbef.scenario.network import by_radio, edges
+
+_WORLD = 130
+"""Bytes that an emulated world takes for an agent in a step, while it is made."""
+_SIMULATED = 540
+_ANALYSED = 900
+"""Bytes of a trace for an agent in a step, and what the analysis of one run takes besides; measured, not derived."""
+_TIMES_RECEIVED = 4
+_IN_RANGE = 3
+"""Arrays of one byte for two agents in a step, which the graph `radio` takes."""
+
+
+def world_bytes(scenario: Scenario) -> int:
+    """What the emulated world takes, which the target keeps, as well as any simulation."""
+    apart = _IN_RANGE * scenario.count**2 if by_radio(scenario) else 0
+    return scenario.length * (_WORLD * scenario.count + apart)
+
+
+def _simulation_bytes(scenario: Scenario, links: int, runs: int = 1) -> int:
+    """What runs of a scenario, whose graph has so many edges, take as arrays that are analysed."""
+    cells = scenario.count * scenario.length
+    received = 2 * links * message_size(scenario) * 8 * _TIMES_RECEIVED
+    return world_bytes(scenario) + runs * _SIMULATED * cells + _ANALYSED * cells + received
+
+
+def refuse_a_trace_beyond_memory(scenario: Scenario, runs: int = 1) -> None:
+    """Raise UserError where runs of a scenario cannot be simulated, or analysed, in this host's memory."""
+    refuse_beyond_memory(_simulation_bytes(scenario, len(edges(scenario)), runs), scenario, runs)
+
+
+def refuse_beyond_memory(needed: int, scenario: Scenario, runs: int = 1) -> None:
+    """Raise UserError where so many bytes are more than this host has left."""
+    left = available_bytes()
+    if left is None or needed <= left:
+        return
+    many = f"{runs} runs of " if runs > 1 else ""
+    raise UserError(
+        f"{many}{scenario.count} agents in {scenario.length} steps take about {_told(needed)} of memory, and "
+        f"{_told(left)} are left; lower steps or agents.count{' or --seeds' if many else ''}"
+    )
+
+
+def available_bytes() -> int | None:
+    """How much memory this process may still take; None where the system does not say."""
+    found = [one for one in (_host(), _group(), _limit()) if one is not None]
+    return max(0, min(found)) if found else None
+
+
+def _host() -> int | None:
+    for line in _lines(Path("/proc/meminfo")):
+        name, _, value = line.partition(":")
+        if name == "MemAvailable":
+            return int(value.split()[0]) * 1024
+    return None
+
+
+def _group() -> int | None:
+    """What the control group, as of a container, leaves."""
+    folder = Path("/sys/fs/cgroup")
+    most, used = ("".join(_lines(folder / name)) for name in ("memory.max", "memory.current"))
+    return int(most) - int(used) if most.isdecimal() and used.isdecimal() else None
+
+
+def _limit() -> int | None:
+    most, used = resource.getrlimit(resource.RLIMIT_AS)[0], _lines(Path("/proc/self/statm"))
+    if most == resource.RLIM_INFINITY or not used:
+        return None
+    return most - int(used[0].split()[0]) * resource.getpagesize()
+
+
+def _lines(path: Path) -> list[str]:
+    try:
+        return path.read_text(encoding="ascii").splitlines()
+    except OSError:
+        return []
+
+
+def _told(size: int) -> str:
+    for unit, power in (("TB", 1e12), ("GB", 1e9)):
+        if size >= power:
+            return f"{size / power:.3g} {unit}"
+    return f"{size / 1e6:.0f} MB"

@@ -1,0 +1,101 @@
+"""What an agent says about a step besides its state: the one list of these numbers.
+
+Messages, logs, traces, exports, proofs and viewers iterate over the fields. A new diagnostic is a field here, and the
+filter that fills it in.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+FloatsIfAny = NDArray[np.float64]
+"""Floats that a message leaves out where there are none."""
+
+Ints = NDArray[np.int64]
+"""Whole numbers, 0 where there are none."""
+
+Bools = NDArray[np.bool_]
+Numbers = NDArray[Any]
+"""Floats, or whole numbers."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Diagnostics:
+    """Arrays of one shape: (n,) for a step of n agents, (n, K) for a run.
+
+    innovation: size of the innovation, in the filter's unit (m, m^2 for cbef). weight: the saturation gain in (0, 1]
+    that was applied. nis: the innovation squared in units of the covariance that the filter predicted for it, before
+    saturation. nis_degrees: its degrees of freedom. distrust: how far the agent distrusted its range, 0 to 1. bias,
+    bias_std: constant error of the agent's ranges as it estimates it, and its standard deviation, m. bias_weight: how
+    far the state relies on that estimate, 0 to 1.
+    """
+
+    innovation: Floats
+    weight: Floats
+    nis: Floats
+    nis_degrees: Ints
+    distrust: FloatsIfAny
+    bias: FloatsIfAny
+    bias_std: FloatsIfAny
+    bias_weight: FloatsIfAny
+
+    @classmethod
+    def of(cls, *shape: int, **known: Numbers) -> Self:
+        """What is known, and nothing in all other fields."""
+        return cls(**{name: known[name] if name in known else nothing(name, *shape) for name in NAMES})
+
+    @classmethod
+    def where(cls, measured: Bools, **known: Numbers) -> Self:
+        """What is known of the agents (n,) that measured something, and nothing of the others."""
+        masked = {name: one if name in WHOLE else np.where(measured, one, np.nan) for name, one in known.items()}
+        return cls.of(len(measured), **masked)
+
+    @classmethod
+    def read(cls, columns: Floats) -> Self:
+        """The fields from the last axis of an array, in their order; NaN stands for nothing in all of them."""
+        return cls(**{name: read(name, columns[..., place]) for place, name in enumerate(NAMES)})
+
+    def named(self) -> Mapping[str, Numbers]:
+        """The arrays by their names."""
+        return vars(self)
+
+    def each(self, change: Callable[[Numbers], Numbers]) -> Self:
+        """The same with every array changed."""
+        return type(self)(**{name: change(values) for name, values in self.named().items()})
+
+    def put(self, place: Any, other: Diagnostics) -> None:
+        """Write what another one says into a place of the arrays."""
+        for name, values in self.named().items():
+            values[place] = getattr(other, name)
+
+    def chosen(self, rows: Bools, other: Diagnostics) -> Self:
+        """The same, with some rows (n,) from another one."""
+        return type(self)(
+            **{name: np.where(rows, getattr(other, name), values) for name, values in self.named().items()}
+        )
+
+
+NAMES: tuple[str, ...] = tuple(one.name for one in fields(Diagnostics))
+"""The names of all diagnostics: fields of messages, columns of exports."""
+
+WHOLE: frozenset[str] = frozenset(one.name for one in fields(Diagnostics) if one.type == "Ints")
+"""Those that are whole numbers."""
+
+SOMETIMES: frozenset[str] = frozenset(one.name for one in fields(Diagnostics) if one.type == "FloatsIfAny")
+"""Those that a message leaves out where there is nothing to say."""
+
+
+def nothing(name: str, *shape: int) -> Numbers:
+    """An array of a diagnostic that says nothing."""
+    return np.zeros(shape, dtype=np.int64) if name in WHOLE else np.full(shape, np.nan)
+
+
+def read(name: str, values: Floats) -> Numbers:
+    """A diagnostic from floats in which NaN stands for nothing."""
+    return np.nan_to_num(values).astype(np.int64) if name in WHOLE else values

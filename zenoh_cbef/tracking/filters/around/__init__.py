@@ -1,0 +1,1 @@
+"""What may stand around a filter of any kind: one file each."""

@@ -1,0 +1,174 @@
+"""The information-weighted consensus filter that estimates the constant bias of every agent's ranges."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Self
+
+import numpy as np
+
+from zenoh_cbef.tracking.filters.base import Belief, Bias, Floats, Update
+from zenoh_cbef.tracking.filters.information_form import (
+    belief_of,
+    pack,
+    packed_size,
+    saturation,
+    told,
+    unless_alone,
+    variance_of,
+)
+from zenoh_cbef.tracking.filters.settings import FilterSettings
+from zenoh_cbef.tracking.linalg import inverse, matvec, outer
+from zenoh_cbef.tracking.motion import NearlyConstantVelocity
+from zenoh_cbef.tracking.ranging import Measurement, Space, own_range
+
+FORGETTING = 0.004
+"""By how much, relatively, one more range widens the variance of an own bias: it follows the last few hundred."""
+
+_LEAST = 1e-9
+"""Least variance of a bias given the state, over the range noise's."""
+
+
+@dataclass(frozen=True)
+class BiasedInformation:
+    """sicf or icf with ranges r_i = |p - p_i| + c + d_i + v_i: a bias c common to the network, an own part d_i.
+
+    The network shares x = (p, v, c). An agent keeps its d_i to itself, with its variance and its covariance with x,
+    so messages do not grow with the network. Given x, other agents' ranges say nothing of d_i, so agent i describes
+    it by what it is given x, and takes it out of its own range exactly:
+
+        d_i | x ~ N(a + b^T x, s)              b = P^-1 cov(x, d_i),  s = var(d_i) - b^T cov(x, d_i)
+        F = H + b,  z = r - h(x) - c - d_i     innovation of variance S = F P F^T + s + sigma^2
+        w = min(1, xi sqrt(S)/|z|)^power           a saturated range has the noise sigma^2/w
+        V_i = P^-1 x/n + F^T (z + F x)/(s + sigma^2/w),   O_i = P^-1/n + F^T F/(s + sigma^2/w)
+        g = s/(s + sigma^2/w);   a <- a + g (z + F x),  b <- b - g F,  s <- (1 - g) s
+        after averaging V and O as in icf:  d_i = a + b^T x,  cov(x, d_i) = P b,  var(d_i) = s + b^T P b
+
+    This is the joint Kalman filter of (x, d_i) at each agent. What it leaves out is that d_i and d_j, both learned
+    against the same x, are correlated given x; that is small where the target moves. Because of it the variance of
+    d_i is widened a little with every range, up to the prior's.
+
+    range_std: sigma (m). common_std, own_std: prior standard deviations of c and d_i (m). network_size: n. xi:
+    saturation level in standard deviations. power: 1 bounds the pull of an outlier, 2 lets it fall (redescending).
+    """
+
+    motion: NearlyConstantVelocity
+    space: Space
+    range_std: float
+    network_size: int
+    common_std: float
+    own_std: float
+    xi: float = np.inf
+    power: int = 1
+
+    uses_neighbour_ranges = False
+
+    @classmethod
+    def of(cls, settings: FilterSettings, xi: float) -> Self:
+        """The filter of these settings. xi: saturation level in standard deviations."""
+        return cls(
+            settings.motion,
+            settings.space,
+            settings.range_std,
+            settings.network_size,
+            settings.common_bias_std,
+            settings.own_bias_std,
+            xi,
+            settings.power,
+        )
+
+    @property
+    def cooperates(self) -> bool:
+        """An agent alone has nobody to average with."""
+        return self.network_size > 1
+
+    @property
+    def payload_size(self) -> int:
+        """Information vector and the upper triangle of the information matrix of (p, v, c)."""
+        return packed_size(self.motion.size + 1)
+
+    @cached_property
+    def _transition(self) -> Floats:
+        size = self.motion.size
+        transition = np.eye(size + 1)
+        transition[:size, :size] = self.motion.transition
+        return transition
+
+    @cached_property
+    def _process_noise(self) -> Floats:
+        return np.pad(self.motion.process_noise, ((0, 1), (0, 1)))
+
+    def update(self, belief: Belief, measurement: Measurement) -> Update:
+        """The agent's share of the network's information on (p, v, c); kept: its own bias given that, (a, b, s)."""
+        state, covariance, own, own_variance, cross = self._predicted(belief)
+        measured = np.isfinite(measurement.range)
+        variance = variance_of(measurement, self.range_std)
+        widened = np.minimum((1.0 + FORGETTING) * own_variance, np.maximum(own_variance, self.own_std**2))
+        own_variance = np.where(measured, widened, own_variance)
+        information = inverse(covariance)
+        slope = matvec(information, cross)
+        given = np.maximum(own_variance - np.sum(slope * cross, axis=1), _LEAST * variance)
+        predicted, row = own_range(self.space, state[:, :-1], measurement.position, measurement.age)
+        row = np.concatenate([row, np.ones_like(row[:, :1])], axis=1) + slope
+        innovation = np.where(measured, measurement.range - predicted - state[:, -1] - own, 0.0)
+        spread = np.sqrt(np.sum(row * matvec(covariance, row), axis=1) + given + variance)
+        weight = saturation(innovation, self.xi * spread, self.power)
+        noise = given + variance / weight
+        precision = np.where(measured, 1.0 / noise, 0.0)
+        equivalent = innovation + np.sum(row * state, axis=1)
+        share = information / self.network_size
+        payload = pack(
+            matvec(share, state) + (precision * equivalent)[:, None] * row,
+            share + precision[:, None, None] * outer(row, row),
+        )
+        gain = precision * given
+        offset = own - np.sum(slope * state, axis=1) + gain * equivalent
+        return Update(
+            payload,
+            told(measured, innovation, weight, spread),
+            (offset, slope - gain[:, None] * row, (1.0 - gain) * given, state, covariance),
+        )
+
+    def conclude(self, payload: Floats, update: Update) -> Belief:
+        """State and covariance from the averaged information, and the own bias that goes with them."""
+        offset, slope, given, *prior = update.kept
+        averaged = belief_of(payload, update.payload, self.motion.size + 1)
+        averaged = Belief(averaged.state, averaged.known_covariance / self.network_size)
+        if self.cooperates:
+            averaged = unless_alone(averaged, payload, replace(update, kept=tuple(prior)))
+        state, covariance = averaged.state, averaged.known_covariance
+        cross = matvec(covariance, slope)
+        own = offset + np.sum(slope * state, axis=1)
+        own_variance = given + np.sum(slope * cross, axis=1)
+        total = np.maximum(covariance[:, -1, -1] + 2.0 * cross[:, -1] + own_variance, 0.0)
+        return Belief(
+            np.ascontiguousarray(state[:, :-1]),
+            np.ascontiguousarray(covariance[:, :-1, :-1]),
+            Bias(state[:, -1] + own, np.sqrt(total), np.ones(len(state))),
+            (state, covariance, own, own_variance, cross),
+        )
+
+    def _predicted(self, belief: Belief) -> tuple[Floats, ...]:
+        """State (n, s + 1) and covariance of (p, v, c), mean and variance (n,) of d_i, their covariance (n, s + 1)."""
+        state, covariance, own, own_variance, cross = belief.memory or self._prior(belief)
+        return (
+            matvec(self._transition, state),
+            self._transition @ covariance @ self._transition.T + self._process_noise,
+            own,
+            own_variance,
+            matvec(self._transition, cross),
+        )
+
+    def _prior(self, belief: Belief) -> tuple[Floats, ...]:
+        count, size = belief.state.shape
+        covariance = np.zeros((count, size + 1, size + 1))
+        covariance[:, :size, :size] = belief.known_covariance
+        covariance[:, size, size] = self.common_std**2
+        return (
+            np.pad(belief.state, ((0, 0), (0, 1))),
+            covariance,
+            np.zeros(count),
+            np.full(count, self.own_std**2),
+            np.zeros((count, size + 1)),
+        )

@@ -1,0 +1,87 @@
+"""A receiver that stays implausible is distrusted by its own agent, until it is plausible again."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from zenoh_cbef.tracking.diagnostics import Diagnostics
+from zenoh_cbef.tracking.filters.around.wrapping import Wrapping
+from zenoh_cbef.tracking.filters.base import Belief, Floats, Update
+from zenoh_cbef.tracking.ranging import Measurement
+
+LARGEST = 9.0
+"""Where a NIS is cut off, so that one wild range is no proof: three standard deviations."""
+
+MEMORY = 5.0
+"""How many of its own ranges an agent remembers."""
+
+EXCESS = (3.0, 5.0)
+"""By how much the mean cut NIS must be above the network's for distrust to begin, and for it to be full."""
+
+KEPT = 0.9
+"""How much of an agent's distance from the network's average is kept from step to step."""
+
+WIDEST = 30.0
+"""Factor of sigma at full distrust."""
+
+
+@dataclass(frozen=True)
+class Distrusting(Wrapping):
+    """Any filter of information on own ranges, with one number more in its payload: how implausible its ranges are.
+
+        S_i = H P_i H^T + sigma^2                           as if the range were trusted
+        e_i <- e_i + (min(z_i^2/S_i, 9) - e_i)/5            where a range was measured; at first 1
+        m_i <- average of e_j + 0.9 (m_j - former e_j)      over the network, as far as rounds reach
+        d_i = step(e_i - max(m_i, 1); 3, 5)                 step(x; a, b): smooth, 0 up to a and 1 from b on
+        sigma_i = (1 + 29 d_i^2) sigma                      in the next step
+
+    Saturation bounds what a single wrong range can do, but one that is wrong in every step pulls in every step. An
+    agent cannot tell by itself whether its ranges are wrong or its estimate is. The network can: a wrong estimate
+    is implausible to all, and then nobody stands out. So an agent distrusts itself only as far as the others are
+    not surprised, and one that hears nobody ceases to. One round does not reach all, but m is averaged over steps
+    too: dynamic average consensus (Zhu and Martinez, Automatica 46(2), 2010), with a leak for lost messages. e is
+    that of a trusted range, so distrust does not feed itself, and ends when ranges are plausible again.
+
+    range_std: sigma (m), unless the measurement says otherwise.
+    """
+
+    range_std: float
+
+    more = 1
+
+    def update(self, belief: Belief, measurement: Measurement) -> Update:
+        """The filter's update with the noise that the distrust so far asks for, and the number."""
+        inner = belief.parts[0] if belief.parts else belief
+        count = len(belief.state)
+        before, network = belief.memory or (np.ones(count), np.ones(count))
+        distrust = _step(before - np.maximum(network, 1.0))
+        std = np.full(count, self.range_std) if measurement.range_std is None else measurement.range_std
+        wide = (1.0 + (WIDEST - 1.0) * distrust * distrust) * std
+        update = self.filter.update(inner, replace(measurement, range_std=wide))
+        nis = trusted_nis(update.diagnostics, wide**2 - std**2)
+        mean = np.where(np.isfinite(nis), before + (np.minimum(nis, LARGEST) - before) / MEMORY, before)
+        number = mean + KEPT * (network - before)
+        payload = np.concatenate([update.payload, number[:, None]], axis=1)
+        return Update(payload, replace(update.diagnostics, distrust=distrust), (mean,), (update,))
+
+    def conclude(self, payload: Floats, update: Update) -> Belief:
+        """The filter's belief."""
+        inner = self.filter.conclude(np.ascontiguousarray(payload[:, :-1]), update.parts[0])
+        (mean,) = update.kept
+        return replace(inner, memory=(mean, payload[:, -1].copy()), parts=(inner,))
+
+
+def trusted_nis(told: Diagnostics, added: Floats) -> Floats:
+    """NIS (n,) without the variance (n,), m^2, that was added to the range's; NaN where nothing was measured."""
+    square = told.innovation**2
+    usable = told.nis > 0.0
+    predicted = square / np.where(usable, told.nis, 1.0) - added
+    return np.where(usable, square / np.where(usable, predicted, 1.0), told.nis)
+
+
+def _step(excess: Floats) -> Floats:
+    low, high = EXCESS
+    way = np.clip((excess - low) / (high - low), 0.0, 1.0)
+    return np.asarray(way * way * (3.0 - 2.0 * way))

@@ -1,0 +1,178 @@
+"""The network's first fix: nonlinear least squares on the ranges of the first steps."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+
+from zenoh_cbef.tracking.diagnostics import Diagnostics
+from zenoh_cbef.tracking.filters.around.squared_ranges import Frame, Seen, SquaredRanges
+from zenoh_cbef.tracking.filters.around.wrapping import Wrapping
+from zenoh_cbef.tracking.filters.base import Belief, Filter, Floats, Update
+from zenoh_cbef.tracking.filters.information_form import (
+    belief_of,
+    pack,
+    packed_size,
+    predict,
+    saturation,
+    told,
+    variance_of,
+)
+from zenoh_cbef.tracking.filters.settings import FilterSettings
+from zenoh_cbef.tracking.linalg import inverse, matvec, neighbour_sum, outer
+from zenoh_cbef.tracking.motion import NearlyConstantVelocity
+from zenoh_cbef.tracking.ranging import Measurement, Space, own_range
+
+
+@dataclass(frozen=True)
+class FirstFix(Wrapping):
+    """Least squares on all ranges of the first steps, one iteration a step, then another filter.
+
+    A recursive filter that starts far off linearises where it should not, is sure of the result, and saturation then
+    keeps it there. So in the first steps an agent keeps its ranges, and sends the information in all of them. At
+    first they are squared, which makes them linear in what is sought, and finds the side of the agents that the
+    target is on (squared_ranges.py). Then ranges are linearised anew in every step at the latest estimate, carried
+    back along its velocity (Gauss-Newton), and the prior is the initial estimate:
+
+        variance of a range that is t old:  sigma^2 + (q t^2/2)^2 + m beta^2
+        saturation of innovation z:         w = min(1, xi s/|z|),  s^2 = H P H^T + variance + (H dx)^2
+
+    dx is the latest iteration's correction: while the iteration still moves, nothing is an outlier. The second term
+    of the variance is what the target may have done since, the third keeps a bias of variance beta^2 from averaging
+    out over the m ranges that an agent has. After the last of these steps `filter` starts from the fix.
+
+    range_std: sigma (m). bias_std: beta (m). network_size: n. steps: how many it takes, half of
+    them on squared ranges. xi: saturation level in standard deviations.
+    """
+
+    motion: NearlyConstantVelocity
+    space: Space
+    range_std: float
+    bias_std: float
+    network_size: int
+    steps: int
+    xi: float = np.inf
+
+    @classmethod
+    def of(cls, settings: FilterSettings, then: Filter, xi: float) -> Self:
+        """The first fix before a filter. xi: saturation level in standard deviations."""
+        bias_std = 0.0 if settings.bias == "none" else np.hypot(settings.common_bias_std, settings.own_bias_std)
+        return cls(
+            then,
+            settings.motion,
+            settings.space,
+            settings.range_std,
+            float(bias_std),
+            settings.network_size,
+            settings.first_fix,
+            xi,
+        )
+
+    @property
+    def _squared(self) -> SquaredRanges:
+        return SquaredRanges(self.space, self.network_size, self.xi)
+
+    def update(self, belief: Belief, measurement: Measurement) -> Update:
+        """The agent's share of the information in all ranges so far."""
+        if belief.parts:
+            return replace(inner := self.filter.update(belief.parts[0], measurement), parts=(inner,))
+        state, covariance = predict(self.motion, belief)
+        prior, seen, correction = self._history(belief, measurement)
+        measured = np.isfinite(seen.ranges)
+        alike = self.bias_std**2 * neighbour_sum(measured.astype(np.float64))
+        variance = (variance_of(measurement, self.range_std) + alike)[:, None]
+        drift = 0.5 * self.motion.acceleration_std * seen.ages**2
+        rows = self._rows(seen, state, covariance, correction, variance + drift**2)
+        if seen.steps > self.steps // 2:
+            information = inverse(prior.known_covariance) / self.network_size
+            payload = pack(
+                matvec(information, prior.state) + neighbour_sum(rows.vectors),
+                information + neighbour_sum(rows.matrices).reshape(information.shape),
+            )
+        else:
+            axes = self.space.axes
+            payload = self._squared.payload(
+                self._frame(prior),
+                Belief(state[:, :axes], covariance[:, :axes, :axes]),
+                seen,
+                variance=variance,
+                speed=np.sqrt(prior.known_covariance[:, axes, axes]),
+            )
+        return Update(
+            np.pad(payload, ((0, 0), (0, self.payload_size - payload.shape[1]))),
+            rows.latest,
+            (prior.state, prior.known_covariance, seen.positions, seen.ages, seen.ranges, state),
+        )
+
+    def conclude(self, payload: Floats, update: Update) -> Belief:
+        """The fix so far; after the last step of it, where the filter that follows begins."""
+        if update.parts:
+            inner = self.filter.conclude(payload, update.parts[0])
+            return Belief(inner.state, inner.covariance, inner.bias, parts=(inner,))
+        *history, predicted = update.kept
+        steps, size = history[-1].shape[1], self.motion.size
+        if steps <= self.steps // 2:
+            fix = self._at_rest(payload, update)
+        else:
+            own, mixed = (np.ascontiguousarray(part[:, : packed_size(size)]) for part in (update.payload, payload))
+            averaged = belief_of(mixed, own, size)
+            fix = Belief(averaged.state, averaged.known_covariance / self.network_size)
+        if steps >= self.steps:
+            return Belief(fix.state, fix.covariance, parts=(fix,))
+        return replace(fix, memory=(*history, fix.state - predicted))
+
+    def _at_rest(self, payload: Floats, update: Update) -> Belief:
+        axes, prior = self.space.axes, Belief(update.kept[0], update.kept[1])
+        place = self._squared.solve(payload, update.payload, self._frame(prior))
+        covariance = np.array(prior.known_covariance)
+        covariance[:, :axes] = covariance[:, :, :axes] = 0.0
+        covariance[:, :axes, :axes] = place.known_covariance
+        return Belief(np.concatenate([place.state, prior.state[:, axes:]], axis=1), covariance)
+
+    def _frame(self, prior: Belief) -> Frame:
+        return Frame(prior.state[:, : self.space.axes], np.sqrt(prior.known_covariance[:, 0, 0]))
+
+    def _history(self, belief: Belief, measurement: Measurement) -> tuple[Belief, Seen, Floats]:
+        """The initial estimate carried to this step, what was measured so far, and the latest correction (n, s)."""
+        new = Seen(measurement.position[:, None], measurement.age[:, None], measurement.range[:, None])
+        if not belief.memory:
+            return Belief(*predict(self.motion, belief)), new, np.zeros_like(belief.state)
+        state, covariance, positions, ages, ranges, correction = belief.memory
+        seen = Seen(
+            np.concatenate([positions, new.positions], axis=1),
+            np.concatenate([ages + self.motion.dt, new.ages], axis=1),
+            np.concatenate([ranges, new.ranges], axis=1),
+        )
+        return Belief(*predict(self.motion, Belief(state, covariance))), seen, correction
+
+    def _rows(self, seen: Seen, state: Floats, covariance: Floats, correction: Floats, variance: Floats) -> _Rows:
+        """All ranges linearised at a state."""
+        count, kept = seen.ranges.shape
+        predicted, rows = own_range(
+            self.space, np.repeat(state, kept, axis=0), seen.positions.reshape(-1, 3), seen.ages.ravel()
+        )
+        rows = rows.reshape(count, kept, -1)
+        measured = np.isfinite(seen.ranges)
+        innovation = np.where(measured, seen.ranges - predicted.reshape(count, kept), 0.0)
+        expected = np.sum(rows * matvec(covariance[:, None], rows), axis=2) + variance
+        spread = np.sqrt(expected + np.sum(rows * correction[:, None], axis=2) ** 2)
+        weight = saturation(innovation, self.xi * spread)
+        precision = np.where(measured, weight, 0.0) / variance
+        equivalent = innovation + np.sum(rows * state[:, None], axis=2)
+        squares = outer(rows, rows).reshape(count, kept, -1)
+        return _Rows(
+            (precision * equivalent)[:, :, None] * rows,
+            precision[:, :, None] * squares,
+            told(measured[:, -1], innovation[:, -1], weight[:, -1], spread[:, -1]),
+        )
+
+
+@dataclass(frozen=True)
+class _Rows:
+    """Information of each range, (n, k, s) and (n, k, s^2), and what is said of the latest one, (n,)."""
+
+    vectors: Floats
+    matrices: Floats
+    latest: Diagnostics

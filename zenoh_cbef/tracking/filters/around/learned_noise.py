@@ -1,0 +1,62 @@
+"""Range noise learned online: every agent its own receiver's, from its own innovations."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from zenoh_cbef.tracking.filters.around.wrapping import Wrapping
+from zenoh_cbef.tracking.filters.base import Belief, Floats, Update
+from zenoh_cbef.tracking.ranging import Measurement
+
+_MEDIAN = 0.67448975
+"""Median of |v| for v ~ N(0, 1)."""
+
+_SLOWEST = 0.02
+"""Least step of the logarithm of sigma."""
+
+_WIDEST = 30.0
+"""By what factor sigma may leave where it began."""
+
+
+@dataclass(frozen=True)
+class LearnedNoise(Wrapping):
+    """Stochastic approximation (Robbins and Monro, 1951) of the noise at which half of the innovations are small.
+
+        log sigma <- log sigma + g f (1[z^2/S > 0.6745^2] - 1/2) 2,   f = sigma^2/S,  g = max(1/(1 + m/5), 0.02)
+
+    Of Gaussian innovations z of variance S half are larger than 0.6745 of their standard deviation. A median does
+    not mind how large outliers are: with a share of 30 % of them it is too large by a factor 1.6. Where the
+    innovation says more of the state than of the range, f is small and little is learned. m: ranges so far.
+
+    initial_std: sigma to begin with (m).
+    """
+
+    initial_std: float
+
+    def update(self, belief: Belief, measurement: Measurement) -> Update:
+        """The filter's update with the noise known so far; kept: the noise known after it."""
+        inner = belief.parts[0] if belief.parts else belief
+        count = len(belief.state)
+        scale, seen = belief.memory or (np.zeros(count), np.zeros(count))
+        std = self.initial_std * np.exp(scale)
+        update = self.filter.update(inner, replace(measurement, range_std=std))
+        told = update.diagnostics
+        return replace(update, kept=learned(scale, seen, std, told.innovation, told.nis), parts=(update,))
+
+    def conclude(self, payload: Floats, update: Update) -> Belief:
+        """The filter's belief."""
+        inner = self.filter.conclude(payload, update.parts[0])
+        return Belief(inner.state, inner.covariance, inner.bias, update.kept, (inner,))
+
+
+def learned(scale: Floats, seen: Floats, std: Floats, innovation: Floats, nis: Floats) -> tuple[Floats, Floats]:
+    """Log sigma/initial and number of ranges after an update, (n,); std: (n,), m, with which it was made."""
+    usable = nis > 0.0
+    nis = np.where(usable, nis, 1.0)
+    share = np.where(usable, std**2 * nis / np.where(usable, innovation, 1.0) ** 2, 0.0)
+    gain = np.maximum(1.0 / (1.0 + seen / 5.0), _SLOWEST)
+    step = gain * np.minimum(share, 1.0) * np.where(nis > _MEDIAN**2, 1.0, -1.0)
+    limit = np.log(_WIDEST)
+    return np.clip(scale + step, -limit, limit), seen + usable

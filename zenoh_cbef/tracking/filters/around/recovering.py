@@ -1,0 +1,53 @@
+"""A network that has lost its target finds it again."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from zenoh_cbef.tracking.filters.around.wrapping import Wrapping, resumed
+from zenoh_cbef.tracking.filters.base import Belief, Floats, Update
+from zenoh_cbef.tracking.ranging import Measurement
+
+_IMPLAUSIBLE = 9.0
+"""Innovations of more than three of their own standard deviations are, by the chi-squared law, 1 in 370."""
+
+_SHARE = 0.5
+"""Outliers hit some agents; where more than this share has an implausible innovation, the prior is wrong."""
+
+_INFLATION = 4.0
+"""By how much the covariance grows in a step: standard deviations double."""
+
+
+@dataclass(frozen=True)
+class Recovering(Wrapping):
+    """Any filter that saturates, with one number more in its payload: whether its own innovation is implausible.
+
+        y_i = [NIS_i > 9] - 0.5 where a range was measured, otherwise 0
+        P_i <- 4 P_i where the average of y is positive
+
+    Saturation cannot tell an outlier from a wrong prior by one range. The network can: outliers hit some agents, a
+    wrong prior is seen by most. A larger covariance makes room for larger innovations, so nothing is done
+    once they fit. Agents decide from the same average, up to what consensus left of their differences; one that
+    decides differently has a covariance that is too large, which does no harm.
+    """
+
+    more = 1
+
+    def update(self, belief: Belief, measurement: Measurement) -> Update:
+        """The filter's update, and the number."""
+        update = self.filter.update(belief, measurement)
+        nis = update.diagnostics.nis
+        number = np.where(np.isfinite(nis), (np.nan_to_num(nis) > _IMPLAUSIBLE) - _SHARE, 0.0)
+        return replace(update, payload=np.concatenate([update.payload, number[:, None]], axis=1))
+
+    def conclude(self, payload: Floats, update: Update) -> Belief:
+        """The filter's belief, with a larger covariance where most of the network was surprised."""
+        belief = self.filter.conclude(payload[:, :-1], replace(update, payload=update.payload[:, :-1]))
+        factor = np.where(payload[:, -1] > 0.0, _INFLATION, 1.0)
+        return replace(belief, covariance=belief.known_covariance * factor[:, None, None])
+
+    def resumed(self, belief: Belief) -> Belief:
+        """What the filter around which this stands carries: nothing is added to it."""
+        return resumed(self.filter, belief)

@@ -1,0 +1,50 @@
+"""The diffusion Kalman filter."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar, Self
+
+from zenoh_cbef.tracking.filters.base import Abilities, Belief, Floats, Update
+from zenoh_cbef.tracking.filters.information_form import neighbourhood_information, predict
+from zenoh_cbef.tracking.filters.settings import FilterSettings
+from zenoh_cbef.tracking.filters.state_form import StateExchange
+from zenoh_cbef.tracking.linalg import inverse, matvec
+from zenoh_cbef.tracking.ranging import Measurement
+
+
+@dataclass(frozen=True)
+class Diffusion(StateExchange):
+    """Diffusion Kalman filter of Cattivelli and Sayed (IEEE TAC 55(9), 2010), on linearised ranges.
+
+        incremental:  P_i   = (P_i^-1 + sum_j U_j)^-1                                 j = i and its neighbours
+                      psi_i = x_i + P_i sum_j H_j^T (r_j - h_j(x_i))/sigma^2
+        diffusion:    xhat_i = sum_j c_ij psi_j,   P_i as it is
+
+    x_i, P_i: prior. Neighbours send position and range before the update, and psi after it. The combination is the
+    consensus stage: C = W, or W^L with L rounds; its rows sum to one, as the paper asks.
+
+    Known to be inconsistent, as the paper says: P_i is not the covariance of the combined estimate. There is no
+    saturation, so outliers hit it in full. range_std: sigma (m).
+    """
+
+    range_std: float
+
+    abilities: ClassVar = Abilities()
+
+    @classmethod
+    def of(cls, settings: FilterSettings) -> Self:
+        """The filter of these settings."""
+        return cls(settings.motion, settings.space, settings.range_std)
+
+    def update(self, belief: Belief, measurement: Measurement) -> Update:
+        """The incremental update; the payload is psi (n, s)."""
+        state, covariance = predict(self.motion, belief)
+        heard = neighbourhood_information(self.space, state, covariance, measurement, range_std=self.range_std)
+        updated = inverse(inverse(covariance) + heard.matrix)
+        psi = state + matvec(updated, heard.vector)
+        return Update(psi, heard.diagnostics, (updated,))
+
+    def conclude(self, payload: Floats, update: Update) -> Belief:
+        """The combined state, with the covariance of before."""
+        return Belief(payload, update.kept[0])

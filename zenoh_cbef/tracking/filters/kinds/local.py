@@ -1,0 +1,21 @@
+"""No cooperation: every agent alone with its own ranges."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import ClassVar, Self
+
+from zenoh_cbef.tracking.filters.kinds.ci import CovarianceIntersection
+from zenoh_cbef.tracking.filters.settings import FilterSettings
+
+
+@dataclass(frozen=True)
+class Local(CovarianceIntersection):
+    """ci without an exchange: what an agent knows by itself, which bounds from below what cooperation is worth."""
+
+    abilities: ClassVar = replace(CovarianceIntersection.abilities, information=False)
+
+    @classmethod
+    def of(cls, settings: FilterSettings) -> Self:
+        """The filter of these settings."""
+        return replace(super().of(settings), cooperates=False)

@@ -1,0 +1,37 @@
+"""What a filter is told when it is made."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from zenoh_cbef.tracking.motion import NearlyConstantVelocity
+from zenoh_cbef.tracking.ranging import Space
+
+
+@dataclass(frozen=True)
+class FilterSettings:
+    """What any filter may need to know.
+
+    range_std: m; learns_noise: it is where learning it begins. xi, omega: see the filter; omega None: network_size.
+    network_size: number of agents. differenced: whether ci and local take in differences of ranges in place of the
+    agent's own range. power: of the saturation. recovers: whether the network widens its covariances where most
+    agents are surprised. distrusts: whether agents weigh down their own ranges while these stay implausible. bias:
+    none, estimate or auto; common_bias_std, own_bias_std: its prior, m. first_fix: over how many steps the initial
+    estimate, a guess, is improved by least squares on the first ranges; 0: it is none.
+    """
+
+    motion: NearlyConstantVelocity
+    space: Space
+    range_std: float
+    xi: float
+    network_size: int
+    omega: float | None = None
+    differenced: bool = False
+    power: int = 1
+    recovers: bool = False
+    distrusts: bool = False
+    bias: str = "none"
+    common_bias_std: float = 0.0
+    own_bias_std: float = 0.0
+    learns_noise: bool = False
+    first_fix: int = 0

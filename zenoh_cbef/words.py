@@ -1,0 +1,8 @@
+"""Words of messages that depend on numbers."""
+
+from __future__ import annotations
+
+
+def counted(number: int, what: str, several: str = "") -> str:
+    """A number of things, as in "1 message" and "2 messages"; several: the plural where it does not end in s."""
+    return f"{number} {what if number == 1 else several or what + 's'}"
