@@ -28,8 +28,11 @@ def recorded(tmp_path_factory) -> World:
     world.end()
 
 
-def copy_with(source: Path, target: Path, change) -> None:
-    """The same log, every message passed through change(topic, data); None leaves it out."""
+def copy_with(source: Path, target: Path, change, *, last: str | None = None) -> None:
+    """The same log, every message passed through change(topic, data); None leaves it out.
+
+    last: how the topics end whose messages are moved to the end.
+    """
     file = McapFile(source)
     writer = McapWriter(target, library="test")
     for name, data in file.attachments.items():
@@ -37,7 +40,7 @@ def copy_with(source: Path, target: Path, change) -> None:
     for name, data in file.metadata.items():
         writer.add_metadata(name, data)
     channels = {}
-    for message in file.messages():
+    for message in sorted(file.messages(), key=lambda one: last is not None and one.channel.topic.endswith(last)):
         data = change(message.channel.topic, message.data)
         if data is None:
             continue

@@ -60,6 +60,12 @@ def test_messages_are_used_after_they_were_sent_and_before_their_receiver_goes_o
     assert len(exchange.estimates) == 30 * 4
 
 
+def test_a_log_may_hold_what_followed_from_the_start_signal_before_the_signal(faulty):
+    changed = faulty.folder / "signals-last.mcap"
+    copy_with(faulty.log, changed, lambda _, data: data, last="/signal")
+    assert read_exchange(changed, steps=ALL) == read_exchange(faulty.log, steps=ALL)
+
+
 def test_a_window_of_time_holds_what_was_under_way_in_it(faulty):
     whole = read_exchange(faulty.log, steps=ALL)
     middle = 0.5 * (whole.since + whole.until)

@@ -65,17 +65,22 @@ class _Reader:
         width = message_size(scenario)
         self._codecs = [RoundCodec(header.run, f"agent/{agent}", width) for agent in range(self._count)]
         self._clocks = [clocks_of(scenario.fault, agent) for agent in range(self._count)]
+        self._turns = rounds_of(scenario) + 1
+        self._first: int | None = None
         self._start: int | None = None
+        # All in nanoseconds: a log can hold what followed from the start signal before the signal itself.
+        self._beacons: dict[tuple[int, int], tuple[int, bool]] = {}
+        self._sends: dict[tuple[int, int], int] = {}
+        self._estimates: dict[tuple[int, int], tuple[int, bytes]] = {}
         self._events: list[tuple[str, int, str]] = []
-        self.times = MessageTimes(rounds_of(scenario) + 1)
 
     def take(self, raw: RawMessage) -> None:
         """Take in one message. Raises BadMessage."""
         found = address(raw.channel.topic)
         if found is None or found.run != self._run or found.agent >= self._count:
             return
-        if self._start is None:
-            self._start = raw.publish_time
+        if self._first is None:
+            self._first = raw.publish_time
         if found.kind == "event":
             message = decode("event", raw.data, run=self._run)
             self._events.append((message["from"], raw.publish_time, message["text"]))
@@ -85,19 +90,25 @@ class _Reader:
             self._of_agent(found, raw)
 
     def end(self) -> MessageTimes:
-        """The times; events come before the start signal too, so theirs are known only now."""
-        self.times.events.extend((who, self._since(time), text) for who, time, text in self._events)
-        return self.times
+        """The times, as all messages are known."""
+        since = self._since
+        return MessageTimes(
+            self._turns,
+            {name: (since(time), heard) for name, (time, heard) in self._beacons.items()},
+            {name: since(time) for name, time in self._sends.items()},
+            {name: (since(time), data) for name, (time, data) in self._estimates.items()},
+            [(who, since(time), text) for who, time, text in self._events],
+        )
 
     def _of_target(self, at: Address, raw: RawMessage) -> None:
         message = decode(at.kind, raw.data, run=self._run, sender=at.owner)
         if "signal" in message:
-            if message["k"] == 0:
+            if message["k"] == 0 and self._start is None:
                 self._start = round(1e9 * message.get("at", 1e-9 * raw.publish_time))
         else:
             heard = message["emitted"] is not None and message["arrived"] is not None
             name = at.agent, message["k"]
-            self.times.beacons.setdefault(name, (self._since(raw.publish_time), heard))
+            self._beacons.setdefault(name, (raw.publish_time, heard))
 
     def _of_agent(self, at: Address, raw: RawMessage) -> None:
         agent, kind = at.agent, at.kind
@@ -106,11 +117,11 @@ class _Reader:
         else:
             step, round_ = decode(kind, raw.data, run=self._run, sender=at.owner)["k"], 0
         # What the scenario's faults put a clock ahead by is known.
-        time = self._since(raw.publish_time) - ahead(self._clocks[agent], step * self._dt)
+        time = raw.publish_time - round(1e9 * ahead(self._clocks[agent], step * self._dt))
         if kind == "estimate":
-            self.times.estimates.setdefault((agent, step), (time, raw.data))
+            self._estimates.setdefault((agent, step), (time, raw.data))
         else:
-            self.times.sends.setdefault((agent, step * self.times.turns + round_), time)
+            self._sends.setdefault((agent, step * self._turns + round_), time)
 
     def _since(self, nanoseconds: int) -> float:
-        return 1e-9 * (nanoseconds - (self._start or 0))
+        return 1e-9 * (nanoseconds - (self._start or self._first or 0))
