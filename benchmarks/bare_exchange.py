@@ -15,7 +15,7 @@ from dataclasses import asdict, dataclass
 import zenoh
 
 from benchmarks.common import children, end_with_parent
-from zenoh_cbef.nodes.ports import free_ports
+from zenoh_cbef.nodes.launch.ports import free_ports
 from zenoh_cbef.protocol.session import ONE_RUNTIME, Connection, open_session, yield_to_others
 
 _PATIENCE_SECONDS = 120.0

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from benchmarks.common import children
-from zenoh_cbef.nodes.node import LEASH
-from zenoh_cbef.nodes.ports import free_ports
+from zenoh_cbef.nodes.common.node import LEASH
+from zenoh_cbef.nodes.launch.ports import free_ports
 from zenoh_cbef.protocol.session import ONE_RUNTIME
 from zenoh_cbef.scenario import network
 from zenoh_cbef.scenario.load import load

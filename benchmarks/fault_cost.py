@@ -9,7 +9,7 @@ import numpy as np
 from rich.table import Table
 
 from benchmarks.common import below, plain_table, results
-from zenoh_cbef.nodes.neighbour import Neighbourhood
+from zenoh_cbef.nodes.agent.neighbour import Neighbourhood
 from zenoh_cbef.protocol.round_codec import RoundCodec
 from zenoh_cbef.scenario.build import agent_tracker, fates_into, message_size, outgoing_of
 from zenoh_cbef.scenario.load import load

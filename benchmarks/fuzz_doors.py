@@ -18,10 +18,10 @@ from zenoh_cbef.log.decoding import Decoder
 from zenoh_cbef.log.mcap.contents import Channel, RawMessage
 from zenoh_cbef.log.playlist import step_of
 from zenoh_cbef.log.run_log import UNKNOWN, RunLog
-from zenoh_cbef.nodes.control import answer
-from zenoh_cbef.nodes.injection import Injection
-from zenoh_cbef.nodes.overview import Overview, Status
-from zenoh_cbef.nodes.status import read_status
+from zenoh_cbef.nodes.recorder.overview import Overview, Status
+from zenoh_cbef.nodes.target.control import answer
+from zenoh_cbef.nodes.target.injection import Injection
+from zenoh_cbef.outside.status import read_status
 from zenoh_cbef.plain import read_json, read_toml
 from zenoh_cbef.protocol.control import read_answer, read_request
 from zenoh_cbef.protocol.keys import address, agent_named, run_of

@@ -14,7 +14,7 @@ from rich.table import Table
 
 from benchmarks.bare_exchange import RUNTIMES, bare_rate
 from benchmarks.common import Row, at_least, results
-from zenoh_cbef.nodes.launcher import Launcher
+from zenoh_cbef.nodes.launch.launcher import Launcher
 from zenoh_cbef.scenario import network
 from zenoh_cbef.scenario.build import message_size, rounds_of
 from zenoh_cbef.scenario.load import load

@@ -18,11 +18,11 @@ LEVELS = (
     ("nodes",),
     ("log",),
     ("simulator", "analysis"),
-    ("trace",),
+    ("trace", "outside"),
     ("protocol", "scenario"),
     ("faults",),
     ("datasets", "tracking"),
-    ("streams", "extras", "numbers", "quantities", "plain"),
+    ("streams", "extras", "numbers", "quantities", "plain", "machine"),
     ("errors", "words", "__init__"),
 )
 LEVEL = {part: level for level, parts in enumerate(LEVELS) for part in parts}
@@ -35,6 +35,10 @@ OWNERS = {
     "msgpack": "protocol",
     "cryptography": "protocol",
 }
+
+
+ROOMS = {"nodes": "common"}
+"""Parts whose rooms do not know each other, and the one room that all of them know."""
 
 
 def part_of(path: Path) -> str:
@@ -79,6 +83,18 @@ def test_imports_point_down():
         if (part := imported_part(name)) is not None and part != part_of(path) and LEVEL[part] <= LEVEL[part_of(path)]
     ]
     assert upward == []
+
+
+@pytest.mark.parametrize("part", ROOMS)
+def test_rooms_of_a_part_know_only_what_they_have_in_common(part):
+    astray = [
+        f"{place(path, line)} imports {name}"
+        for path in FILES
+        if part_of(path) == part
+        for line, name in imports(path)
+        if name.startswith(f"{PACKAGE}.{part}.") and name.split(".")[2] not in {ROOMS[part], path.parent.name}
+    ]
+    assert astray == []
 
 
 def test_within_a_part_imports_make_no_circle():

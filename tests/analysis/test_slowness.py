@@ -7,10 +7,10 @@ import pytest
 
 from tests.cli.test_recent import AFTER, SECOND, told
 from zenoh_cbef.analysis.metrics import analyze, notes
-from zenoh_cbef.analysis.slowness import REMEDY
-from zenoh_cbef.nodes.pace import AGAIN_SECONDS, WINDOW_SECONDS, Pace
-from zenoh_cbef.nodes.status import read_status
+from zenoh_cbef.nodes.common.pace import Pace
+from zenoh_cbef.outside.status import read_status
 from zenoh_cbef.protocol.messages import encode
+from zenoh_cbef.protocol.slow import AGAIN_SECONDS, REMEDY, WINDOW_SECONDS
 from zenoh_cbef.scenario.load import load
 from zenoh_cbef.simulator import simulate
 

@@ -18,7 +18,7 @@ from zenoh_cbef.cli.design_tables import design_lines
 from zenoh_cbef.cli.fitting import Fitting, Told
 from zenoh_cbef.cli.status_tables import agents_table, links_table
 from zenoh_cbef.cli.tables import metrics_table, summary_table
-from zenoh_cbef.nodes.status import AgentStatus, LinkStatus, RunStatus, Whereabouts
+from zenoh_cbef.outside.status import AgentStatus, LinkStatus, RunStatus, Whereabouts
 from zenoh_cbef.scenario.load import load
 from zenoh_cbef.simulator import simulate
 

@@ -6,8 +6,8 @@ from types import SimpleNamespace
 import pytest
 
 from tests.processes.conftest import unused_port
-from zenoh_cbef.nodes import attendance
-from zenoh_cbef.nodes.attendance import Attendance
+from zenoh_cbef.nodes.recorder import attendance
+from zenoh_cbef.nodes.recorder.attendance import Attendance
 from zenoh_cbef.protocol.keys import Keys
 from zenoh_cbef.protocol.presence import Presence
 from zenoh_cbef.protocol.session import Connection, open_session

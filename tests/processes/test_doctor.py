@@ -8,7 +8,7 @@ from tests.processes.conftest import unused_port
 from tests.processes.test_live_faults import wait_until_known
 from tests.processes.test_refusals import mute
 from zenoh_cbef import __version__
-from zenoh_cbef.nodes.registry import known_runs
+from zenoh_cbef.outside.registry import known_runs
 
 FEW_FILES = """
 import os, resource, sys

@@ -11,7 +11,7 @@ import pytest
 
 from tests.processes.conftest import settings
 from zenoh_cbef.cli import main as command_line
-from zenoh_cbef.nodes import launcher
+from zenoh_cbef.nodes.launch import launcher
 
 LONG = "steps=100000"
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from zenoh_cbef.analysis.metrics import analyze
 from zenoh_cbef.log.read_trace import read_trace
-from zenoh_cbef.nodes.registry import known_runs
+from zenoh_cbef.outside.registry import known_runs
 
 
 def wait_until_known(run: str) -> None:

@@ -2,7 +2,7 @@
 
 import json
 
-from zenoh_cbef.analysis.slowness import REMEDY
+from zenoh_cbef.protocol.slow import REMEDY
 
 
 def test_an_overloaded_run_says_so_while_it_runs_in_its_table_and_in_its_log(world):

@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from zenoh_cbef.log.playlist import Item
-from zenoh_cbef.nodes import player as module
-from zenoh_cbef.nodes.player import Player, Timeline
+from zenoh_cbef.nodes.replay import player as module
+from zenoh_cbef.nodes.replay.player import Player, Timeline
 
 SECOND = 1_000_000_000
 CHANGES = st.lists(

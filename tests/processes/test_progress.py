@@ -3,8 +3,8 @@
 import time
 import uuid
 
-from zenoh_cbef.nodes.node import Identity, Node
-from zenoh_cbef.nodes.progress import Progress
+from zenoh_cbef.nodes.common.node import Identity, Node
+from zenoh_cbef.nodes.target.progress import Progress
 from zenoh_cbef.protocol.messages import encode
 
 ESTIMATE = {"state": [0.0] * 6, "innovation": None, "weight": None, "neighbours": [], "received": [], "lost": []}

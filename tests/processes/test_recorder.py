@@ -13,7 +13,7 @@ from tests.processes.conftest import settings
 from tests.test_benchmarks import ROOT  # noqa: F401 - puts the benchmarks on the path
 from zenoh_cbef.log.mcap.reader import McapFile
 from zenoh_cbef.log.parts import open_log
-from zenoh_cbef.nodes.ports import free_ports
+from zenoh_cbef.nodes.launch.ports import free_ports
 
 
 def test_a_rotated_run_is_analysed_and_verified_as_one(world):

@@ -7,7 +7,7 @@ import uuid
 import pytest
 
 from tests.processes.conftest import COMMAND, processes_of
-from zenoh_cbef.nodes import room
+from zenoh_cbef import machine
 
 RUN = f"room-{uuid.uuid4().hex[:12]}"
 
@@ -58,8 +58,8 @@ def test_the_soft_limit_is_raised_where_that_is_allowed(tmp_path):
 def test_memory_for_all_processes_is_asked_for(tmp_path, monkeypatch):
     told = tmp_path / "meminfo"
     told.write_text("MemTotal: 9 kB\nMemAvailable:  1000000 kB\nSwapFree: 24000 kB\n")
-    monkeypatch.setattr(room, "_MACHINE", told)
-    assert room.memory_short(20) == ""
-    assert "21 processes need about 1.1 GB of memory, and 1 GB are free" in room.memory_short(21)
-    monkeypatch.setattr(room, "_MACHINE", tmp_path / "none")
-    assert room.memory_short(10**6) == ""
+    monkeypatch.setattr(machine, "_MEMORY_INFO", told)
+    assert machine.memory_short(20) == ""
+    assert "21 processes need about 1.1 GB of memory, and 1 GB are free" in machine.memory_short(21)
+    monkeypatch.setattr(machine, "_MEMORY_INFO", tmp_path / "none")
+    assert machine.memory_short(10**6) == ""

@@ -16,7 +16,7 @@ from zenoh_cbef.log.parts import open_log
 from zenoh_cbef.log.read_trace import read_trace
 from zenoh_cbef.log.tools.check import check
 from zenoh_cbef.log.verify import verify
-from zenoh_cbef.nodes.overview import Overview, Status
+from zenoh_cbef.nodes.recorder.overview import Overview, Status
 from zenoh_cbef.plain import DEEPEST, count_in, counts_in, flaw, read_json, read_toml, whole
 from zenoh_cbef.protocol.control import read_answer, read_request
 from zenoh_cbef.protocol.messages import BadMessage, decode, encode

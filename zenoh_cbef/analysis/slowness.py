@@ -6,18 +6,9 @@ from collections.abc import Mapping
 from typing import Any
 
 from zenoh_cbef.plain import count_in
+from zenoh_cbef.protocol.slow import REMEDY, SLOW, too_slow
 from zenoh_cbef.trace import Trace
 from zenoh_cbef.words import counted
-
-SLOW = "slow"
-"""Kind of the event with which a process says that it does not keep up."""
-REMEDY = "raise dt, lower consensus.rounds, or run fewer agents on a host"
-_FEWEST, _SHARE = 10, 0.1
-
-
-def too_slow(late: int, due: int) -> bool:
-    """Whether so many late ones of so many are more than a hiccup of the host."""
-    return late >= _FEWEST and late >= _SHARE * due
 
 
 def slowness(trace: Trace) -> dict[str, Any] | None:

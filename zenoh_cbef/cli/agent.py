@@ -8,7 +8,7 @@ import typer
 
 from zenoh_cbef.cli.joining import Joining, Patience, identity_of, joins
 from zenoh_cbef.cli.options import MOST_AGENTS, Run
-from zenoh_cbef.nodes.agent import run_agent
+from zenoh_cbef.nodes.agent.agent import run_agent
 from zenoh_cbef.protocol.tls import common_name
 
 

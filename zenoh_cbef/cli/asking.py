@@ -12,8 +12,8 @@ from zenoh_cbef.cli.console import errors
 from zenoh_cbef.cli.joining import Joining
 from zenoh_cbef.cli.names import check_run
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.nodes.operator import Operator
-from zenoh_cbef.nodes.registry import KnownRun, find_run
+from zenoh_cbef.outside.operator import Operator
+from zenoh_cbef.outside.registry import KnownRun, find_run
 from zenoh_cbef.protocol.session import Connection
 
 RunName = Annotated[

@@ -16,9 +16,9 @@ from zenoh_cbef.cli.console import console
 from zenoh_cbef.cli.joining import Joining, joins
 from zenoh_cbef.cli.options import MOST_AGENTS, AsJson
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.nodes.checkup import OK, PROBLEM, WARNING, Finding, check_endpoints, check_host
-from zenoh_cbef.nodes.checkup_run import check_run
-from zenoh_cbef.nodes.registry import known_runs
+from zenoh_cbef.outside.doctor import OK, PROBLEM, WARNING, Finding, check_endpoints, check_host
+from zenoh_cbef.outside.doctor_run import check_run
+from zenoh_cbef.outside.registry import known_runs
 
 _COLOURS = {OK: "green", WARNING: "yellow", PROBLEM: "red"}
 

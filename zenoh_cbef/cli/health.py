@@ -10,7 +10,7 @@ import typer
 from zenoh_cbef.cli.asking import RunName, locate
 from zenoh_cbef.cli.joining import Joining, Patience, joins
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.nodes.health import is_there
+from zenoh_cbef.outside.health import is_there
 from zenoh_cbef.protocol.keys import agent_named
 from zenoh_cbef.protocol.tls import common_name
 

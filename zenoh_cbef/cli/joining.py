@@ -15,7 +15,7 @@ import typer
 from zenoh_cbef.cli.names import checked
 from zenoh_cbef.cli.options import LONGEST_SECONDS, Connect, listening
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.nodes.node import Identity
+from zenoh_cbef.nodes.common.node import Identity
 from zenoh_cbef.protocol.session import Connection
 from zenoh_cbef.protocol.tls import Tls
 

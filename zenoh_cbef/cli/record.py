@@ -12,8 +12,8 @@ import typer
 
 from zenoh_cbef.cli.joining import Joining, Patience, identity_of, joins
 from zenoh_cbef.cli.options import Run
-from zenoh_cbef.nodes.overview import Status
-from zenoh_cbef.nodes.recorder import run_recorder
+from zenoh_cbef.nodes.recorder.overview import Status
+from zenoh_cbef.nodes.recorder.recorder import run_recorder
 from zenoh_cbef.words import counted
 
 

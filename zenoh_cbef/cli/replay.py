@@ -20,8 +20,8 @@ from zenoh_cbef.log.contents import read_header
 from zenoh_cbef.log.measurements import read_measurements
 from zenoh_cbef.log.parts import find_log, open_log
 from zenoh_cbef.log.playlist import Selection
-from zenoh_cbef.nodes.player import PlayerState
-from zenoh_cbef.nodes.replay import Playback, replay_run, run_replay
+from zenoh_cbef.nodes.replay.player import PlayerState
+from zenoh_cbef.nodes.replay.replay import Playback, replay_run, run_replay
 from zenoh_cbef.protocol.session import Connection
 from zenoh_cbef.words import counted
 

@@ -10,7 +10,7 @@ import typer
 
 from zenoh_cbef.cli.joining import Joining, joins, warn_of_exposure
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.nodes.router import run_router
+from zenoh_cbef.outside.router import run_router
 from zenoh_cbef.protocol.session import configuration
 
 _PORT = 7447

@@ -16,7 +16,6 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from zenoh_cbef.analysis.metrics import analyze, notes
 from zenoh_cbef.analysis.outputs import REPORT, write_outputs
-from zenoh_cbef.analysis.slowness import REMEDY
 from zenoh_cbef.cli.console import console, errors, number, tell, tell_what_lacks
 from zenoh_cbef.cli.joining import warn_of_exposure
 from zenoh_cbef.cli.names import check_run
@@ -27,9 +26,10 @@ from zenoh_cbef.errors import UserError
 from zenoh_cbef.extras import MissingExtra
 from zenoh_cbef.log.parts import find_log
 from zenoh_cbef.log.read_trace import read_trace
-from zenoh_cbef.nodes.launcher import Launcher
-from zenoh_cbef.nodes.room import require
+from zenoh_cbef.machine import require
+from zenoh_cbef.nodes.launch.launcher import Launcher
 from zenoh_cbef.protocol.session import Connection
+from zenoh_cbef.protocol.slow import REMEDY
 from zenoh_cbef.scenario.checks import check
 from zenoh_cbef.scenario.load import Loaded, load, to_toml
 from zenoh_cbef.scenario.size import refuse_a_trace_beyond_memory

@@ -15,8 +15,8 @@ from zenoh_cbef.cli.console import console
 from zenoh_cbef.cli.joining import Joining, joins
 from zenoh_cbef.cli.options import AsJson
 from zenoh_cbef.cli.status_tables import status_view
-from zenoh_cbef.nodes.operator import Operator
-from zenoh_cbef.nodes.status import RunStatus, read_status
+from zenoh_cbef.outside.operator import Operator
+from zenoh_cbef.outside.status import RunStatus, read_status
 
 _EVERY_SECONDS = 1.0
 

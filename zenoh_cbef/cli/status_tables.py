@@ -10,10 +10,10 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from zenoh_cbef.analysis.slowness import REMEDY, SLOW
 from zenoh_cbef.cli.console import number
 from zenoh_cbef.cli.fitting import Fitting
-from zenoh_cbef.nodes.status import AgentStatus, LinkStatus, RunStatus, Whereabouts
+from zenoh_cbef.outside.status import AgentStatus, LinkStatus, RunStatus, Whereabouts
+from zenoh_cbef.protocol.slow import REMEDY, SLOW
 from zenoh_cbef.words import counted
 
 _MOST_LINKS = 12

@@ -12,7 +12,7 @@ from zenoh_cbef.cli.console import errors
 from zenoh_cbef.cli.joining import Joining, joins
 from zenoh_cbef.cli.options import LONGEST_SECONDS
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.nodes.operator import Operator
+from zenoh_cbef.outside.operator import Operator
 
 _POLL_SECONDS = 0.2
 

@@ -18,9 +18,9 @@ from zenoh_cbef.cli.console import console, number
 from zenoh_cbef.cli.joining import Joining, joins
 from zenoh_cbef.cli.status_tables import agents_table, events_view, headline, links_line, links_table, status_view
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.nodes.keyboard import Keyboard
-from zenoh_cbef.nodes.operator import Operator
-from zenoh_cbef.nodes.status import RunStatus, read_status
+from zenoh_cbef.outside.keyboard import Keyboard
+from zenoh_cbef.outside.operator import Operator
+from zenoh_cbef.outside.status import RunStatus, read_status
 
 _EVERY_SECONDS = 0.5
 _KEPT = 1000

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import resource
-from pathlib import Path
-
 from zenoh_cbef.errors import UserError
+from zenoh_cbef.machine import available_bytes
 from zenoh_cbef.scenario.build import message_size
 from zenoh_cbef.scenario.model import Scenario
 from zenoh_cbef.scenario.network import by_radio, edges
@@ -48,41 +46,6 @@ def refuse_beyond_memory(needed: int, scenario: Scenario, runs: int = 1) -> None
         f"{many}{scenario.count} agents in {scenario.length} steps take about {_told(needed)} of memory, and "
         f"{_told(left)} are left; lower steps or agents.count{' or --seeds' if many else ''}"
     )
-
-
-def available_bytes() -> int | None:
-    """How much memory this process may still take; None where the system does not say."""
-    found = [one for one in (_host(), _group(), _limit()) if one is not None]
-    return max(0, min(found)) if found else None
-
-
-def _host() -> int | None:
-    for line in _lines(Path("/proc/meminfo")):
-        name, _, value = line.partition(":")
-        if name == "MemAvailable":
-            return int(value.split()[0]) * 1024
-    return None
-
-
-def _group() -> int | None:
-    """What the control group, as of a container, leaves."""
-    folder = Path("/sys/fs/cgroup")
-    most, used = ("".join(_lines(folder / name)) for name in ("memory.max", "memory.current"))
-    return int(most) - int(used) if most.isdecimal() and used.isdecimal() else None
-
-
-def _limit() -> int | None:
-    most, used = resource.getrlimit(resource.RLIMIT_AS)[0], _lines(Path("/proc/self/statm"))
-    if most == resource.RLIM_INFINITY or not used:
-        return None
-    return most - int(used[0].split()[0]) * resource.getpagesize()
-
-
-def _lines(path: Path) -> list[str]:
-    try:
-        return path.read_text(encoding="ascii").splitlines()
-    except OSError:
-        return []
 
 
 def _told(size: int) -> str:

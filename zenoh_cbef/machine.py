@@ -1,0 +1,107 @@
+"""What this host has left, and whether that is enough: open files, address space and memory."""
+
+from __future__ import annotations
+
+import resource
+from contextlib import suppress
+from pathlib import Path
+
+from zenoh_cbef.errors import UserError
+
+_FILES_OF_A_PROCESS, _FILES_OF_A_LINK = 24, 2
+_ADDRESS_SPACE = 1 << 30
+"""Mapped by a process with its threads' stacks and heaps, bytes; most of it is never used."""
+_MEMORY = 50e6
+"""Memory that a process shares with no other, bytes."""
+_UNLIMITED = resource.RLIM_INFINITY
+_MEMORY_INFO = Path("/proc/meminfo")
+
+
+def files_needed(links: int) -> int:
+    """How many files a process with so many links to others may have open at once."""
+    return _FILES_OF_A_PROCESS + _FILES_OF_A_LINK * links
+
+
+def files_short(links: int) -> str:
+    """Raise the soft limit of open files as far as so many links need; why that is not enough, empty where it is."""
+    needed = files_needed(links)
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    if soft == _UNLIMITED or soft >= needed:
+        return ""
+    possible = needed if hard == _UNLIMITED else min(needed, hard)
+    with suppress(ValueError, OSError):  # macOS has a lower limit than it says
+        resource.setrlimit(resource.RLIMIT_NOFILE, (max(soft, possible), hard))
+    allowed = resource.getrlimit(resource.RLIMIT_NOFILE)[0]
+    if allowed >= needed:
+        return ""
+    return (
+        f"a process with {links} links needs {needed} open files, and may have {allowed}; take fewer "
+        f"agents, or raise the hard limit: ulimit -Hn {needed} as administrator, or LimitNOFILE of systemd"
+    )
+
+
+def address_space_short() -> str:
+    """Why there is too little address space for one process; empty where there is enough."""
+    soft, _ = resource.getrlimit(resource.RLIMIT_AS)
+    if soft == _UNLIMITED or soft >= _ADDRESS_SPACE:
+        return ""
+    return (
+        f"a process needs {_ADDRESS_SPACE >> 20} MiB of address space, and may have {soft >> 20}; "
+        "before the start: ulimit -v unlimited"
+    )
+
+
+def memory_short(processes: int) -> str:
+    """Why this host has too little memory for so many processes; empty where it has enough, or does not tell."""
+    free = available_bytes()
+    if free is None or free >= processes * _MEMORY:
+        return ""
+    return (
+        f"{processes} processes need about {1e-9 * processes * _MEMORY:.2g} GB of memory, and {1e-9 * free:.2g} GB are "
+        "free; end other programs, take fewer agents (agents.count), or use several hosts"
+    )
+
+
+def require(*, links: int, processes: int = 1) -> None:
+    """Make sure that processes with so many links each can start on this host. Raises UserError with what is missing.
+
+    The limit of open files is raised where that is allowed; processes that are started later inherit it.
+    """
+    for why in (address_space_short(), files_short(links), memory_short(processes)):
+        if why:
+            raise UserError(why)
+
+
+def available_bytes() -> int | None:
+    """How much memory this process may still take; None where the system does not say."""
+    found = [one for one in (_host(), _group(), _limit()) if one is not None]
+    return max(0, min(found)) if found else None
+
+
+def _host() -> int | None:
+    for line in _lines(_MEMORY_INFO):
+        name, _, value = line.partition(":")
+        if name == "MemAvailable":
+            return int(value.split()[0]) * 1024
+    return None
+
+
+def _group() -> int | None:
+    """What the control group, as of a container, leaves."""
+    folder = Path("/sys/fs/cgroup")
+    most, used = ("".join(_lines(folder / name)) for name in ("memory.max", "memory.current"))
+    return int(most) - int(used) if most.isdecimal() and used.isdecimal() else None
+
+
+def _limit() -> int | None:
+    most, used = resource.getrlimit(resource.RLIMIT_AS)[0], _lines(Path("/proc/self/statm"))
+    if most == resource.RLIM_INFINITY or not used:
+        return None
+    return most - int(used[0].split()[0]) * resource.getpagesize()
+
+
+def _lines(path: Path) -> list[str]:
+    try:
+        return path.read_text(encoding="ascii").splitlines()
+    except OSError:
+        return []

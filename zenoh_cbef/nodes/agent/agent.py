@@ -1,0 +1,279 @@
+"""The agent process: measures, exchanges rounds with its neighbours, publishes its estimate."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from zenoh_cbef.errors import UserError
+from zenoh_cbef.faults import ahead, clocks_of
+from zenoh_cbef.machine import require
+from zenoh_cbef.nodes.agent.entrance import Entrance, Entry
+from zenoh_cbef.nodes.agent.neighbour import Neighbourhood
+from zenoh_cbef.nodes.agent.signals import Signals
+from zenoh_cbef.nodes.common.alarm import Alarm
+from zenoh_cbef.nodes.common.briefing import brief
+from zenoh_cbef.nodes.common.inbox import Inbox, Stopped
+from zenoh_cbef.nodes.common.node import Identity, Node
+from zenoh_cbef.nodes.common.pace import Pace
+from zenoh_cbef.nodes.common.readers import beacon_inbox
+from zenoh_cbef.nodes.common.rejections import Rejections
+from zenoh_cbef.nodes.common.standstill import die, stand_still
+from zenoh_cbef.protocol.bodies import estimate_body, range_body
+from zenoh_cbef.protocol.mailbox import Mailbox
+from zenoh_cbef.protocol.memory import ask_latest
+from zenoh_cbef.protocol.messages import BadMessage, decode
+from zenoh_cbef.protocol.round_codec import RoundCodec
+from zenoh_cbef.protocol.slow import SLOW
+from zenoh_cbef.scenario import Scenario
+from zenoh_cbef.scenario.build import (
+    absences_of,
+    agent_tracker,
+    fates_into,
+    message_size,
+    outgoing_of,
+    rounds_of,
+    slot_of,
+)
+from zenoh_cbef.scenario.injected import read_tables, with_faults
+from zenoh_cbef.scenario.paths import agent_positions
+from zenoh_cbef.scenario.plausible import plausible_ranges
+from zenoh_cbef.simulator import measured
+from zenoh_cbef.tracking.ranging import Measurement
+
+_LEASE_SHARE = 0.4
+_PORTION_SECONDS = 0.1
+_KEPT_BYTES = 1 << 20
+
+
+@dataclass(frozen=True)
+class Beacon:
+    """What the agent's receiver measured: range (m) and age (s), NaN and 0 where nothing was heard."""
+
+    range: float
+    age: float
+
+
+class Agent:
+    """One agent of a run, step after step."""
+
+    def __init__(self, node: Node, scenario: Scenario, agent: int) -> None:
+        self.node, self.scenario, self.agent = node, scenario, agent
+        self.absences = absences_of(scenario)
+        self.rounds = rounds_of(scenario)
+        self.tracker, neighbours = agent_tracker(scenario, agent)
+        self.outgoing = outgoing_of([scenario], [agent])
+        self.path = agent_positions(scenario, agent)[0]
+        self._plausible = plausible_ranges(scenario)
+        self.rejections = Rejections(node)
+        self._faults_in = Mailbox(node.session, node.keys.faults)
+        self._wrong_clocks = clocks_of(scenario.fault, agent)
+        self._ahead_ns = 0
+        if self._wrong_clocks or scenario.timing.mode == "realtime":
+            node.clock = lambda: time.time_ns() + self._ahead_ns
+        width = message_size(scenario)
+        realtime = scenario.timing.mode == "realtime"
+        alarm, patience = Alarm(), scenario.timing.patience
+        grace = 0.0 if realtime else node.grace * patience
+        self.beacons: Inbox = beacon_inbox(node, agent, self.rejections, alarm, grace)
+        self.signals = Signals(node, agent, self.rejections, self.beacons)
+        self.neighbourhood = Neighbourhood(
+            node,
+            neighbours,
+            fates_into(scenario, agent, neighbours),
+            rounds=self.rounds,
+            lag=scenario.consensus.lag,
+            width=width,
+            shares_ranges=self.tracker.filter.uses_neighbour_ranges,
+            rejections=self.rejections,
+            alarm=alarm,
+            patience=patience,
+            grace=grace,
+        )
+        self._range_out, self._round_out, self._estimate_out = (
+            node.outbox(key, may_drop=realtime, keep=_KEPT_BYTES)
+            for key in (node.keys.range(agent), node.keys.round(agent), node.keys.estimate(agent))
+        )
+        node.archive.serve(node.keys.of_agent(agent))
+        self._codec = RoundCodec(node.identity.run, node.identity.sender, width)
+        self._slot = slot_of(scenario)
+        self._realtime = realtime
+        # Where a step's rounds last longer than the step, late neighbours hold an agent up, too.
+        measurable = realtime and self._slot * (self.rounds + 1) <= scenario.dt * (1.0 + 1e-9)
+        self._pace = Pace(f"agent {agent}", "rounds", partial(node.event, SLOW)) if measurable else None
+        self._epoch = 0.0
+        self._uninformed = False
+        node.presence.on_change(self._note_target)
+
+    def _note_target(self, name: str, joined: bool) -> None:
+        # What the target told while it was out of sight did not come.
+        self._uninformed |= joined and name == "target/target"
+
+    def run(self, entry: Entry) -> int:
+        """All steps until the target ends the run; returns the last one."""
+        self._epoch, self._uninformed = entry.epoch, False
+        last = entry.before
+        # One more than there are steps: leaving before all are done would look like a death to the others.
+        for step in range(entry.before + 1, self.scenario.length + 2):
+            self._ahead_ns = (
+                round(1e9 * ahead(self._wrong_clocks, step * self.scenario.dt)) if self._wrong_clocks else 0
+            )
+            try:
+                beacon = self._listen(step)
+                if beacon is None or self.node.stopping or step > self.scenario.length:
+                    break
+                if self._realtime:
+                    self._heed_news()
+                if self.absences:
+                    self._heed_absences(step)
+                self._step(step, beacon)
+            except Stopped:
+                break
+            last = step
+        return last
+
+    def _heed_news(self) -> None:
+        """Take in faults that were injected since."""
+        told = ask_latest(self.node.session, self._faults_in.key) if self._uninformed else []
+        self._uninformed = False
+        while (data := self._faults_in.poll()) is not None:
+            told.append(data)
+        for data in told:
+            try:
+                message = decode("faults", data, run=self.node.identity.run, sender="target")
+                self.inject(message["tables"])
+            except (BadMessage, UserError) as error:
+                self.rejections.add(self._faults_in.key, str(error))
+
+    def inject(self, tables: str) -> None:
+        """Live with these faults besides the scenario's, a JSON list of all. Raises UserError where they are none."""
+        scenario = with_faults(self.scenario, read_tables(tables))
+        self.neighbourhood.fates = fates_into(scenario, self.agent, self.neighbourhood.ids)
+        self.outgoing = outgoing_of([scenario], [self.agent])
+        self.absences = absences_of(scenario)
+        self._plausible = plausible_ranges(scenario)
+        self._wrong_clocks, self._ahead_ns = clocks_of(scenario.fault, self.agent), 0
+
+    def _heed_absences(self, step: int) -> None:
+        """Be killed, or stopped for a while, where the scenario says so; wait for those who come back."""
+        gone, forgotten = self.absences.begun(step), self.absences.crashed(step) & ~self.absences.crashed(step - 1)
+        if gone[self.agent] or forgotten[self.agent]:
+            if not self._realtime:
+                self.neighbourhood.outwait(step, self.absences.at(step))
+            if forgotten[self.agent]:
+                self.node.last_words(
+                    "killed", f"agent {self.agent} is killed at step {step}", agent=self.agent, step=step
+                )
+                die(step, self.absences.return_of(self.agent, step))
+            self._pause(step)
+        self.neighbourhood.expect(self.absences.ended(step))
+
+    def _pause(self, step: int) -> None:
+        back = self.absences.return_of(self.agent, step) or self.scenario.length
+        seconds = (back - step) * self.scenario.dt
+        if not self._realtime:
+            # Nobody waits for wall-clock time, but a link that is silent for longer would be given up.
+            seconds = min(seconds, _LEASE_SHARE * 1e-3 * self.scenario.zenoh.lease_ms)
+        self.node.last_words("paused", f"agent {self.agent} is stopped at step {step}", agent=self.agent, step=step)
+        stand_still(seconds)
+        self.node.event("continued", f"agent {self.agent} goes on", agent=self.agent, step=step)
+
+    def _deadline(self, step: int, round_: int) -> float | None:
+        if not self._realtime:
+            return None
+        return self._epoch + step * self.scenario.dt + (round_ + 1) * self._slot
+
+    def _arrive(self, step: int, round_: int) -> float | None:
+        """The deadline of a round that the agent comes to now. What it comes to while it is away does not count."""
+        deadline = self._deadline(step, round_)
+        if self._pace is None or deadline is None or step > self.scenario.length:
+            return deadline
+        if not (self.absences and self.absences.at(step)[self.agent]):
+            self._pace.arrive(time.monotonic(), deadline)
+        return deadline
+
+    def _await(self, step: int) -> None:
+        """Wait for the beginning of a step, in portions: by a wrong clock it can be hours away."""
+        begin = self._epoch + step * self.scenario.dt
+        while (left := begin - time.monotonic()) > 0.0 and not (self.node.stopping or self.signals.over(step)):
+            time.sleep(min(left, _PORTION_SECONDS))
+
+    def _listen(self, step: int) -> Beacon | None:
+        """The beacon of a step; None where the run has ended."""
+        if self._realtime:
+            self._await(step)
+        message = self.beacons.take(step, self._arrive(step, 0))
+        # Alone behind a broken link it would run to the last step at once.
+        if message is None and (self.signals.over(step) or (self.node.grace and not self._realtime)):
+            return None
+        if message is None or message["emitted"] is None or message["arrived"] is None:
+            return Beacon(np.nan, 0.0)
+        times = np.array(message["emitted"]), np.array(message["arrived"])
+        found, age = measured(self.scenario, self._plausible, *times, step)
+        if np.isnan(found):
+            self.beacons.reject("a range that is not plausible in this scenario")
+            return Beacon(np.nan, 0.0)
+        return Beacon(float(found), float(age))
+
+    def _measurement(self, step: int, beacon: Beacon) -> Measurement:
+        position = self.path[step - 1]
+        told = self.outgoing.ranges(step, np.array([beacon.range]))
+        if not self.absences.at(step)[self.agent]:
+            self._range_out.send(**range_body(step, position, told[0]))
+        heard = self.neighbourhood.ranges(step, self._deadline(step, 0))
+        return Measurement(
+            position[None].copy(), np.array([beacon.range]), np.array([beacon.age]), heard.positions, heard.ranges
+        )
+
+    def _step(self, step: int, beacon: Beacon) -> None:
+        away = self.absences.at(step)[self.agent]
+        message = self.tracker.measure(self._measurement(step, beacon))
+        for round_ in range(1, self.rounds + 1):
+            sent = self.outgoing.message(step, round_, message)
+            if not away:
+                self._round_out.send_round(self._codec, step, round_, sent[0])
+            received, delivered = self.neighbourhood.round(step, round_, self._arrive(step, round_))
+            message = self.tracker.exchange(received, delivered)
+        estimate, counts = self.tracker.conclude(), self.neighbourhood.take_counts()
+        if estimate.refused[0]:
+            self.rejections.add(f"the update of agent {self.agent}", "it would have left the finite numbers")
+        if not away:
+            self._estimate_out.send(**estimate_body(step, estimate, 0, self.agent, counts))
+
+    def finish(self, last: int) -> None:
+        """Say what was done and sent, so that the log can be checked for completeness."""
+        self.rejections.report()
+        boxes = (self._range_out, self._round_out, self._estimate_out)
+        self.node.last_words(
+            "finished",
+            f"agent {self.agent} ended after step {last}",
+            step=last,
+            sent={box.key: box.sent for box in boxes},
+            rejected=self.rejections.total,
+            **({} if self._pace is None else self._pace.finish()),
+        )
+
+
+def run_agent(identity: Identity) -> int:
+    """Run one agent process to the end of its run; returns the last step."""
+    with Node(identity) as node:
+        briefing = brief(node)
+        text, scenario, agent = briefing.text, briefing.scenario, int(identity.name)
+        if agent >= scenario.count:
+            raise UserError(f"run {identity.run!r} has agents 0 to {scenario.count - 1}, no agent {agent}")
+        node.refuse_twin(known=agent in text.present)
+        process = Agent(node, scenario, agent)
+        # Peers that tell each other of third ones link to all of them.
+        others = scenario.count - 1 if identity.connection.gossip else len(process.neighbourhood.ids)
+        require(links=others + 1 + scenario.record.awaited)
+        if text.faults:
+            process.inject(text.faults)
+        node.presence.enter(f"agent/{identity.name}")
+        entry = Entrance(process, None if text.step is None else text.agents, briefing.clock).wait()
+        last = 0 if entry is None else process.run(entry)
+        process.finish(last)
+        node.presence.leave(f"agent/{identity.name}")
+    return last

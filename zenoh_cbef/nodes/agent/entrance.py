@@ -1,0 +1,174 @@
+"""How an agent gets into its run: at the start together with all others, or when it is under way."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Collection, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+
+from zenoh_cbef.faults import Absences
+from zenoh_cbef.nodes.agent.neighbour import Neighbourhood
+from zenoh_cbef.nodes.agent.signals import Signals
+from zenoh_cbef.nodes.common.briefing import introduce
+from zenoh_cbef.nodes.common.inbox import MISSED, Inbox
+from zenoh_cbef.nodes.common.node import Node
+from zenoh_cbef.nodes.common.rejections import Rejections
+from zenoh_cbef.protocol.memory import ask_latest
+from zenoh_cbef.protocol.messages import BadMessage, decode, unpack_floats
+from zenoh_cbef.protocol.scenario_service import Clock
+from zenoh_cbef.scenario import Scenario
+from zenoh_cbef.tracking.filters import Belief
+from zenoh_cbef.tracking.newcomer import belief_from
+from zenoh_cbef.tracking.tracker import Tracker
+
+_JOIN_SECONDS = 1.0
+_ANSWER_SECONDS = 5.0
+_LOOK_SECONDS = 0.2
+_RETURN_SECONDS = 2.0
+"""How long a target may be out of sight before the start: a link or a router can come back."""
+
+
+@dataclass(frozen=True)
+class Entry:
+    """before: the step before an agent's first one. epoch: when step 0 is or was, s on the monotonic clock."""
+
+    before: int
+    epoch: float
+
+
+class Entrant(Protocol):
+    """What of an agent its entrance needs."""
+
+    node: Node
+    scenario: Scenario
+    agent: int
+    tracker: Tracker
+    beacons: Inbox
+    signals: Signals
+    neighbourhood: Neighbourhood
+    absences: Absences
+    rejections: Rejections
+
+
+class Entrance:
+    """Waits for the start.
+
+    members: who takes part in a run that is under way, None before its start. clock: ours against the target's.
+    """
+
+    def __init__(self, entrant: Entrant, members: Collection[int] | None, clock: Clock | None) -> None:
+        self._of, self._members, self._clock = entrant, members, clock
+        self._node, self._neighbourhood = entrant.node, entrant.neighbourhood
+
+    def wait(self) -> Entry | None:
+        """Wait until everybody the agent deals with is there, then for the target's start signal.
+
+        None where the run ends before. Who comes later begins with what its neighbours know.
+        """
+        if not self._meet():
+            return None
+        if self._members is not None:
+            self._ask(None)  # The answers show that the neighbours know of our subscriptions.
+        introduce(self._node.identity, self._clock, self._node.event)
+        self._node.presence.announce(f"ready/{self._of.agent}")
+        start = self._signal()
+        if start is None:
+            return None
+        self._neighbourhood.drain(start["k"])
+        self._neighbourhood.look_around()
+        self._of.rejections.start()
+        if self._members is not None and start["k"] > 0:
+            self._adopt(start["k"])
+        # Steps are counted on the monotonic clock: a clock that is set while we run must not move them.
+        now = time.time()
+        at = start.get("at", now)
+        return Entry(start["k"], (self._clock.ours(at) if self._clock else at) - now + time.monotonic())
+
+    def _meet(self) -> bool:
+        others = [one for one in self._neighbourhood.ids if self._members is None or one in self._members]
+        needed = {"target/target"} | {f"agent/{other}" for other in others}
+        recorders = self._of.scenario.record.awaited
+
+        def everybody(live: set[str]) -> bool:
+            return needed <= live and sum(name.startswith("record/") for name in live) >= recorders
+
+        def drain() -> None:
+            while self._of.beacons.next(0.0) is not None:
+                pass
+            self._neighbourhood.drain(0 if self._members is None else self._of.scenario.length)
+
+        if self._members is None:
+            return self._wait_with_target(everybody, drain)
+        # Some may have left a moment ago; the run goes on without them, and so do we.
+        self._node.wait_for(everybody, _JOIN_SECONDS, drain)
+        return not self._node.stopping and "target/target" in self._node.presence
+
+    def _wait_with_target(self, everybody: Callable[[set[str]], bool], meanwhile: Callable[[], None]) -> bool:
+        """Wait until everybody is there; False where the target leaves for good before that, or we are to stop."""
+        last_seen = time.monotonic()  # it has told the scenario
+        while not self._node.stopping:
+            if self._node.wait_for(everybody, _LOOK_SECONDS, meanwhile):
+                return True
+            if "target/target" in self._node.presence:
+                last_seen = time.monotonic()
+            elif time.monotonic() - last_seen > _RETURN_SECONDS:
+                return False
+        return False
+
+    def _signal(self) -> dict[str, Any] | None:
+        while not self._node.stopping and "target/target" in self._node.presence:
+            start = self._of.signals.start(0.1)
+            if start is not None or self._of.signals.over():
+                return start
+            if self._members is None:
+                self._neighbourhood.drain()
+        return None
+
+    def _ask(self, step: int | None) -> dict[int, dict[str, Any]]:
+        """The estimates of a step (None: the last ones) of those neighbours who answer."""
+        told = {}
+        for other in self._neighbourhood.ids:
+            sender = f"agent/{other}"
+            answers = []
+            if sender in self._node.presence:
+                answers = ask_latest(self._node.session, self._node.keys.estimate(other), step)
+            for data in answers:
+                with suppress(BadMessage):
+                    told[other] = decode("estimate", data, run=self._node.identity.run, sender=sender)
+        return told
+
+    def _adopt(self, before: int) -> None:
+        """Begin with what the neighbours know: in lockstep exactly those whom the scenario lets answer."""
+        ids, absent = self._neighbourhood.ids, self._of.absences.at(before)
+        reaches = self._neighbourhood.fates.reaches(before + 1)
+        wanted = {other for other, open_ in zip(ids, reaches, strict=True) if open_ and not absent[other]}
+        exact = self._of.scenario.timing.mode == "lockstep"
+        until = time.monotonic() + (_ANSWER_SECONDS if exact else _JOIN_SECONDS)
+        told: dict[int, dict[str, Any]] = {}
+        while not wanted <= told.keys() and time.monotonic() < until and not self._node.stopping:
+            told |= self._ask(before if exact else None)
+            time.sleep(0.01)
+        if exact and (mute := sorted(wanted - told.keys())):
+            names = ", ".join(f"agent {other}" for other in mute)
+            text = f"agent {self._of.agent} begins without what {names} knew at step {before}"
+            self._node.event(MISSED, text, step=before)
+        belief = neighbours_belief(self._of.tracker, ids, {other: told[other] for other in wanted & told.keys()})
+        self._of.tracker.adopt(belief, np.ones(1, dtype=bool))
+
+
+def neighbours_belief(tracker: Tracker, ids: Sequence[int], told: Mapping[int, Mapping[str, Any]]) -> Belief:
+    """What a tracker begins with that has these estimates of its neighbours, by their ids."""
+    known = np.array([[other in told for other in ids]], dtype=bool).reshape(1, len(ids))
+    states, covariances = np.zeros((1, len(ids), 6)), np.zeros((1, len(ids), 6, 6))
+    bare = False
+    for place, other in enumerate(ids):
+        if other in told:
+            states[0, place], packed = told[other]["state"], told[other]["covariance"]
+            bare |= packed is None
+            if packed is not None:
+                covariances[0, place] = unpack_floats(packed, 6, 6)
+    return belief_from(tracker.space, states, None if bare else covariances, known, tracker.belief)

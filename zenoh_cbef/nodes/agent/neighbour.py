@@ -1,0 +1,258 @@
+"""An agent's neighbours: one inbox each, in ascending order, with what the faults say of every message."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import isnan
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zenoh_cbef.faults import Fates, Injected
+from zenoh_cbef.nodes.common.alarm import Alarm
+from zenoh_cbef.nodes.common.inbox import Decoder, Inbox
+from zenoh_cbef.nodes.common.node import Node
+from zenoh_cbef.nodes.common.readers import WINDOW, range_reader, round_reader
+from zenoh_cbef.nodes.common.rejections import Rejections
+from zenoh_cbef.protocol.mailbox import CAPACITY, Mailbox
+from zenoh_cbef.protocol.messages import nil_to_nan
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+_OUTWAIT_SECONDS = 5.0
+
+
+@dataclass(frozen=True)
+class Ranges:
+    """Neighbours' positions (1, m, 3) and ranges (1, m) of a step, NaN where none was delivered."""
+
+    positions: Floats
+    ranges: Floats
+
+
+class Neighbourhood:
+    """All neighbours of one agent.
+
+    ids: the neighbours, ascending. fates: of the messages from them, in the same order. rounds: L. lag: of what step
+    before an agent's own it takes its neighbours' messages. width: of a round's message. shares_ranges: whether
+    neighbours' ranges are wanted.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        ids: Sequence[int],
+        fates: Fates,
+        *,
+        rounds: int,
+        lag: int,
+        width: int,
+        shares_ranges: bool,
+        rejections: Rejections,
+        alarm: Alarm,
+        patience: float,
+        grace: float,
+    ) -> None:
+        self._node, self.ids = node, list(ids)
+        self.fates, self._rounds, self._lag, self._width = fates, rounds, lag, width
+        self._received = np.zeros((1, len(self.ids), width))
+        self._rows = [memoryview(row).cast("B") for row in self._received[0]]
+        self._nothing = np.zeros(self._received.size)
+        self._counts = {name: [0] * len(self.ids) for name in ("received", "lost", "late")}
+        self._injected, self._twice = Injected(len(self.ids)), list[int]()
+        self._order, self._everyone = list(range(len(self.ids))), [True] * len(self.ids)
+
+        def inbox(agent: int, key: str, read: Decoder, turns_per_step: int) -> Inbox:
+            ahead = (WINDOW + 1 + lag) * turns_per_step
+            mailbox = Mailbox(node.session, key, CAPACITY + 2 * ahead)
+            return Inbox(
+                node,
+                mailbox,
+                read,
+                owner=f"agent/{agent}",
+                horizon=ahead,
+                turns=turns_per_step,
+                rejections=rejections,
+                alarm=alarm,
+                patience=patience,
+                grace=grace,
+            )
+
+        run, keys = node.identity.run, node.keys
+        self._round_boxes = [
+            inbox(agent, keys.round(agent), round_reader(run, agent, rounds, width), rounds + 1)
+            for agent in (self.ids if rounds else [])
+        ]
+        self._range_boxes = [
+            inbox(agent, keys.range(agent), range_reader(run, agent), 1)
+            for agent in (self.ids if shares_ranges else [])
+        ]
+
+    def drain(self, step: int = 0) -> None:
+        """Drop what has come up to a step, 0: what came before the first one."""
+        for box in self._round_boxes:
+            box.pass_over(step * (self._rounds + 1) + self._rounds)
+        for box in self._range_boxes:
+            box.pass_over(step)
+
+    def look_around(self) -> None:
+        """From now on wait for those neighbours who are there."""
+        for box in (*self._round_boxes, *self._range_boxes):
+            box.expect(there=box.owner in self._node.presence)
+
+    def expect(self, agents: Bools) -> None:
+        """From now on wait for those of all agents (n,) who come back in this step."""
+        for boxes in (self._round_boxes, self._range_boxes):
+            for agent, box in zip(self.ids, boxes, strict=False):
+                if agents[agent]:
+                    box.expect(there=True)
+
+    def outwait(self, step: int, absent: Bools) -> None:
+        """Wait until all neighbours who are there in a step have begun it.
+
+        Then what they had to hear before it has reached them. absent: (n,), which agents are not there.
+        """
+        until = time.monotonic() + _OUTWAIT_SECONDS
+        for boxes, turn in ((self._range_boxes, step), (self._round_boxes, step * (self._rounds + 1) + 1)):
+            for agent, box in zip(self.ids, boxes, strict=False):
+                if not absent[agent]:
+                    box.hold(turn, until)
+
+    def ranges(self, step: int, deadline: float | None) -> Ranges:
+        """The neighbours' positions and ranges of a step; none where the filter does not want them."""
+        count = len(self._range_boxes)
+        positions, ranges = np.zeros((1, count, 3)), np.full((1, count), np.nan)
+        due = self._due(self._range_boxes, step, (step, 0), deadline) if count else []
+        for place, box in enumerate(self._range_boxes):
+            if not due[place]:
+                box.pass_over(step)
+                continue
+            message = box.take(step, deadline)
+            if message is not None:
+                self._counts["received"][place] += 1
+                positions[0, place] = message["position"]
+                ranges[0, place] = nil_to_nan(message["range"])
+                if place in self._twice:
+                    box.repeat(step)
+        return Ranges(positions, ranges)
+
+    def round(self, step: int, round_: int, deadline: float | None) -> tuple[Floats, Bools | None]:
+        """The neighbours' payloads for a round, (1, m, d), and which were delivered, (1, m), None for all."""
+        step -= self._lag
+        if step < 1:
+            return self._received, np.zeros((1, len(self.ids)), dtype=bool)
+        turn, boxes, rows = step * (self._rounds + 1) + round_, self._round_boxes, self._rows
+        due = self._due(boxes, turn, (step, round_), deadline)
+        delivered, received = [False] * len(boxes), self._counts["received"]
+        slowest = self._order[0]
+        for place in self._order:
+            box = boxes[place]
+            if not due[place]:
+                box.pass_over(turn)
+                continue
+            payload = box.take(turn, deadline)
+            if box.waited:
+                slowest, box.waited = place, False
+            if payload is not None:
+                received[place] += 1
+                delivered[place] = True
+                rows[place][:] = payload
+        for place in self._twice:
+            if delivered[place]:
+                boxes[place].repeat(turn)
+        # Whoever came last this time is waited for first next time: the others are there by then, and every
+        # wait that is not needed saves two context switches.
+        if slowest != self._order[0]:
+            self._order.remove(slowest)
+            self._order.insert(0, slowest)
+        # Zero times a value is NaN where the value is not finite: one call looks at all of them.
+        if isnan(self._received.ravel().dot(self._nothing)):
+            self._refuse_infinite(turn, delivered, deadline)
+        return self._received, None if all(delivered) else np.array([delivered])
+
+    def _refuse_infinite(self, turn: int, delivered: list[bool], deadline: float | None) -> None:
+        """Drop payloads that are not finite, and wait for their senders again.
+
+        A forged message must not take the place of a true one.
+        """
+        values = self._received[0]
+        for place, box in enumerate(self._round_boxes):
+            while not np.isfinite(values[place]).all():
+                values[place] = 0.0
+                if delivered[place]:
+                    box.reject("a payload that is not finite")
+                    payload = box.take(turn, deadline)
+                    delivered[place] = payload is not None
+                    if payload is not None:
+                        self._rows[place][:] = payload
+                    else:
+                        self._counts["received"][place] -= 1
+
+    def _due(self, boxes: Sequence[Inbox], turn: int, when: tuple[int, int], deadline: float | None) -> Sequence[bool]:
+        """Which messages of a step and round the faults let arrive intact in time; the others are not waited for."""
+        if self.fates.quiet:
+            return self._everyone
+        fate = self.fates.of(*when)
+        self._injected.note(fate)
+        due: list[bool] = fate.due.tolist()
+        for place in np.flatnonzero(~(fate.due | fate.absent)).tolist():
+            self._counts["late" if fate.late[place] else "lost"][place] += 1
+        if deadline is not None:
+            self._delay(boxes, turn, np.where(fate.due, fate.delay, 0.0), due, deadline)
+        for place in np.flatnonzero(fate.corrupted).tolist():
+            boxes[place].spoil(turn, deadline)
+        self._twice = np.flatnonzero(fate.duplicated).tolist()
+        return due
+
+    def _delay(self, boxes: Sequence[Inbox], turn: int, delay: Floats, due: list[bool], deadline: float) -> None:
+        """Hold messages back for their delays (m,), s, and strike from `due` those that are late by them.
+
+        A message must have come by the deadline less its delay. Whoever has the earliest limit is waited for first,
+        so no limit passes unseen; the others arrive meanwhile.
+        """
+        ready, late = time.monotonic(), []
+        for place in sorted(np.flatnonzero(delay).tolist(), key=lambda one: -delay[one]):
+            came = boxes[place].hold(turn, deadline - delay[place])
+            usable = time.monotonic() + delay[place]
+            if came and usable <= deadline:
+                ready = max(ready, usable)
+                boxes[place].delay_ns += int(1e9 * delay[place])
+            else:
+                late.append(place)
+        time.sleep(max(0.0, (deadline if late else ready) - time.monotonic()))
+        for place in late:
+            due[place] = False
+            if boxes[place].hold(turn, deadline):
+                self._counts["late"][place] += 1
+                self._injected.add("injected_late", place)
+            else:
+                boxes[place].miss(turn)
+
+    def take_counts(self) -> dict[str, list[Any]]:
+        """What became of the neighbours' messages: counts since the start, and mean latency since the last call.
+
+        A message that came after it was given up was counted as lost then, and is late instead. Who is not there sends
+        nothing that could be lost.
+        """
+        received, lost, late = (self._counts[name].copy() for name in ("received", "lost", "late"))
+        delay, read = [0] * len(self.ids), [0] * len(self.ids)
+        for boxes in (self._round_boxes, self._range_boxes):
+            for place, box in enumerate(boxes):
+                delay[place] += box.delay_ns
+                read[place] += box.read
+                late[place] += box.late
+                lost[place] += box.lost
+                box.delay_ns = box.read = 0
+        latency = [1e-9 * total / n if n else None for total, n in zip(delay, read, strict=True)]
+        counts: dict[str, list[Any]] = {
+            "neighbours": self.ids,
+            "received": received,
+            "lost": lost,
+            "late": late,
+            "latency": latency,
+        }
+        return counts if self.fates.quiet else counts | self._injected.take()

@@ -1,0 +1,60 @@
+"""What the target tells an agent of the run: that it begins, and that it is over."""
+
+from __future__ import annotations
+
+import queue
+from typing import Any
+
+from zenoh_cbef.nodes.common.inbox import Inbox
+from zenoh_cbef.nodes.common.node import Node
+from zenoh_cbef.nodes.common.rejections import Rejections
+from zenoh_cbef.protocol.mailbox import Mailbox
+from zenoh_cbef.protocol.memory import ask_latest
+from zenoh_cbef.protocol.messages import END, START, BadMessage, decode
+
+_KEPT = 64
+_WAITING = 1 << 10
+
+
+class Signals:
+    """The signals to one agent, read by a thread of their own: no flood of beacons can drown or delay them.
+
+    A signal carries the step that it is of, so it does not matter whether a beacon overtakes it. beacons: what is told
+    when no more of them will come.
+    """
+
+    def __init__(self, node: Node, agent: int, rejections: Rejections, beacons: Inbox) -> None:
+        self._node, self._rejections, self._beacons = node, rejections, beacons
+        self._mailbox = Mailbox(node.session, node.keys.signal(agent), _WAITING)
+        self._starts: queue.SimpleQueue[dict[str, Any]] = queue.SimpleQueue()
+        self._end: int | None = None
+        # A link that breaks may have lost the end of the run, too.
+        beacons.on_recall = self._ask
+        node.follow(self._mailbox, self._take)
+
+    def start(self, seconds: float) -> dict[str, Any] | None:
+        """The next start signal, waited for so many seconds; None where none came."""
+        try:
+            return self._starts.get(timeout=seconds)
+        except queue.Empty:
+            return None
+
+    def over(self, step: int | None = None) -> bool:
+        """Whether the run was said to be over before a step, None: before any."""
+        return self._end is not None and (step is None or step >= self._end)
+
+    def _ask(self) -> None:
+        for data in ask_latest(self._node.session, self._mailbox.key):
+            self._take(data, starts=False)
+
+    def _take(self, data: bytes, *, starts: bool = True) -> None:
+        try:
+            message = decode("signal", data, run=self._node.identity.run, sender="target")
+        except BadMessage as error:
+            self._rejections.add(self._mailbox.key, str(error))
+            return
+        if message["signal"] == END:
+            self._end = message["k"]
+            self._beacons.end(self._end)
+        elif starts and message["signal"] == START and self._starts.qsize() < _KEPT:
+            self._starts.put(message)

@@ -1,0 +1,67 @@
+"""What a process learns of its run before it takes part, and what it tells of itself."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib.metadata import version
+from platform import node as host_name
+from typing import Any
+
+from zenoh_cbef import __version__
+from zenoh_cbef.errors import UserError
+from zenoh_cbef.nodes.common.node import Identity, Node
+from zenoh_cbef.plain import read_toml
+from zenoh_cbef.protocol.scenario_service import Clock, ScenarioText, fetch_scenario, measure_clock
+from zenoh_cbef.scenario import Scenario
+from zenoh_cbef.scenario.load import parse
+
+HERE = "here"
+"""Kind of the event with which a process says where it is."""
+
+
+@dataclass(frozen=True)
+class Briefing:
+    """text: the scenario as the target told it. clock: ours against the target's, None where it tells no time."""
+
+    text: ScenarioText
+    scenario: Scenario
+    clock: Clock | None
+
+
+def brief(node: Node) -> Briefing:
+    """Ask the target for the scenario, for as long as the process's patience lasts.
+
+    Raises UserError where nobody answers, or a target of another version.
+    """
+    run = node.identity.run
+    left = max(0.0, node.born + node.identity.patience - time.monotonic())
+    text = fetch_scenario(node.session, run, node.identity.connection, patience=left, stopped=lambda: node.stopping)
+    if text.program != __version__:
+        raise UserError(
+            f"run {run!r} is of zenoh-cbef {text.program}, this is {__version__}; "
+            "install the same version on every host"
+        )
+    try:
+        tables = read_toml(text.resolved)
+    except ValueError as error:
+        raise UserError(f"the scenario of run {run!r} is no scenario: {error}; is its target a zenoh-cbef?") from None
+    scenario = parse(tables, f"the scenario of run {run!r}")
+    if max((*text.agents, *text.present), default=0) >= scenario.count:
+        raise UserError(f"run {run!r} tells of agents that its scenario does not have; is its target a zenoh-cbef?")
+    return Briefing(text, scenario, measure_clock(node.session, run))
+
+
+def introduce(identity: Identity, clock: Clock | None, say: Callable[..., None]) -> None:
+    """Tell the target and the log who is where. say: publishes an event of a kind, with a text and data."""
+    told = card()
+    about = {} if clock is None else {"clock": clock.ahead, "round_trip": clock.round_trip}
+    name = identity.sender.replace("/", " ")
+    say(HERE, f"{name} is process {told['pid']} on {told['host']}", **told, **about)
+
+
+def card() -> dict[str, Any]:
+    """Where this process is, and what it is made of."""
+    return {"host": host_name(), "pid": os.getpid(), "version": __version__, "zenoh": version("eclipse-zenoh")}

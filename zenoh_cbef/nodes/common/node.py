@@ -1,0 +1,201 @@
+"""What every process has: a session, its liveliness token, an event channel, and a clean way to stop."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from types import FrameType, TracebackType
+from typing import Any, Self
+
+from zenoh_cbef.errors import UserError
+from zenoh_cbef.machine import require
+from zenoh_cbef.protocol.keys import Keys
+from zenoh_cbef.protocol.mailbox import Mailbox
+from zenoh_cbef.protocol.memory import KEPT_BYTES, Archive
+from zenoh_cbef.protocol.outbox import Outbox
+from zenoh_cbef.protocol.presence import Presence
+from zenoh_cbef.protocol.session import Connection, open_session, yield_to_others
+
+LEASH = "ZENOH_CBEF_LEASH"
+_FAREWELLS = 10
+_JOIN_SECONDS = 5.0
+_TOLD = 50
+_PATIENCE_WITHOUT_LAUNCHER = {"target": 0.0, "agent": 4.0, "record": 6.0}
+
+
+@dataclass(frozen=True)
+class Identity:
+    """Which process of which run this is. patience: s that it waits for the others to appear."""
+
+    run: str
+    role: str
+    name: str
+    connection: Connection = field(default_factory=Connection)
+    patience: float = 30.0
+
+    @property
+    def sender(self) -> str:
+        """The name in messages: "agent/3", "record/host-b", or the bare role where that is the name."""
+        return self.role if self.name == self.role else f"{self.role}/{self.name}"
+
+
+def heard_token(sender: str, word: int) -> str:
+    """The liveliness name with which a recorder says that it has heard somebody's last words."""
+    return f"heard/{sender}/{word}"
+
+
+class Node:
+    """A process on the network. Use as a context manager: leaving it closes the session whatever happened."""
+
+    def __init__(self, identity: Identity) -> None:
+        self.identity = identity
+        self.keys = Keys(identity.run)
+        self.clock: Callable[[], int] = time.time_ns
+        self.stopping = False
+        self.launched = LEASH in os.environ
+        self.born = time.monotonic()
+        self.told: deque[bytes] = deque(maxlen=_TOLD)
+        self._on_stop: list[Callable[[], None]] = []
+        self._readers: list[threading.Thread] = []
+
+    def __enter__(self) -> Self:
+        require(links=1)
+        if self.launched:
+            yield_to_others()
+        self.session = open_session(self.identity.connection, self.identity.patience)
+        try:
+            self.presence = Presence(self.session, self.keys.all_live)
+            self.archive = Archive(self.session)
+            self.events = self.outbox(self.keys.event(self.identity.sender))
+            self.archive.serve(self.events.key)
+            self._obey_signals()
+        except BaseException:
+            self.session.close()
+            raise
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.stop()
+        self.session.close()
+        # Python ends threads at its exit by unwinding them, which aborts the process inside a call of Zenoh.
+        for reader in self._readers:
+            reader.join(_JOIN_SECONDS)
+
+    def follow(self, mailbox: Mailbox, take: Callable[[bytes], None]) -> None:
+        """Hand on every message of a mailbox as it comes, in a thread that ends with the session."""
+        reader = threading.Thread(target=mailbox.follow, args=(take,), daemon=True)
+        self._readers.append(reader)
+        reader.start()
+
+    def outbox(self, key: str, *, may_drop: bool = True, keep: int = KEPT_BYTES) -> Outbox:
+        """A publisher in this process's name. keep: how many bytes of what it sent are kept for those who missed it."""
+        run, sender, memory = self.identity.run, self.identity.sender, self.archive.open(key, keep)
+        return Outbox(self.session, key, run=run, sender=sender, may_drop=may_drop, clock=self.clock, memory=memory)
+
+    def refuse_twin(self, *, known: bool = False) -> None:
+        """Raise UserError where a process with this role and name is in the run already.
+
+        known: somebody told us so. Peers do not relay, so a twin that we have no link to yet does not answer.
+        """
+        if known or self.presence.asks_for(f"{self.identity.role}/{self.identity.name}"):
+            agent = self.identity.role == "agent"
+            raise UserError(
+                f"{self.identity.sender.replace('/', ' ')} is already in run {self.identity.run!r}; "
+                f"give another {'id' if agent else '--run'}, or end that process"
+            )
+
+    def event(self, kind: str, text: str, **data: Any) -> None:
+        """Tell the log what happened."""
+        self.told.append(self.events.send(kind=kind, text=text, data=data))
+
+    def last_words(self, kind: str, text: str, **data: Any) -> None:
+        """Tell the log that we are done, until a recorder says that it has heard it.
+
+        Zenoh keeps the order of a session's messages, so by then the recorder has all the others too: what is still
+        on its way to a busy one when a session closes would be lost.
+        """
+        word = time.time_ns()
+
+        def heard(live: set[str]) -> bool:
+            return heard_token(self.identity.sender, word) in live or not any(
+                name.startswith("record/") for name in live
+            )
+
+        for _ in range(_FAREWELLS):
+            self.event(kind, text, word=word, **data)
+            if self.presence.wait(heard, 1.0):
+                return
+
+    @property
+    def grace(self) -> float:
+        """The share of a process's patience that it has with one out of sight, whose link may come back.
+
+        All processes of a launcher are on one host: there a link ends only with its process.
+        """
+        return 0.0 if self.launched else 1.0
+
+    def on_stop(self, action: Callable[[], None]) -> None:
+        """Call an action, from another thread, when the process is told to stop."""
+        self._on_stop.append(action)
+
+    def stop(self) -> None:
+        """Tell the process to stop."""
+        if not self.stopping:
+            self.stopping = True
+            for action in self._on_stop:
+                action()
+
+    def wait_for(
+        self,
+        condition: Callable[[set[str]], bool],
+        timeout: float | None = None,
+        meanwhile: Callable[[], None] = lambda: None,
+    ) -> bool:
+        """Wait until a condition on who is there holds; False at a stop, or after `timeout` s.
+
+        meanwhile is called every now and then: whoever has mailboxes must empty them, as a full one holds up all.
+        """
+        until = None if timeout is None else time.monotonic() + timeout
+        while not self.stopping:
+            if self.presence.wait(condition, 0.1):
+                return True
+            meanwhile()
+            if until is not None and time.monotonic() > until:
+                return False
+        return False
+
+    def _obey_signals(self) -> None:
+        # The handler runs in the main thread, perhaps inside a blocking receive: only another thread may send
+        # the wake-ups that end it.
+        asked = threading.Event()
+
+        def ask(_signum: int, _frame: FrameType | None) -> None:
+            asked.set()
+
+        def obey() -> None:
+            asked.wait()
+            self.stop()
+
+        for number in (signal.SIGTERM, signal.SIGINT):
+            signal.signal(number, ask)
+        threading.Thread(target=obey, daemon=True).start()
+        if self.launched:
+            threading.Thread(target=self._follow_leash, args=(asked,), daemon=True).start()
+
+    def _follow_leash(self, asked: threading.Event) -> None:
+        # The launcher holds the other end of our standard input: its end is the launcher's, however it died. The
+        # target then ends the run for all at the same step; the others stop by themselves only if it does not.
+        # Read past sys.stdin, whose lock a thread that still holds it at exit would turn into an abort.
+        while os.read(0, 4096):
+            pass
+        time.sleep(_PATIENCE_WITHOUT_LAUNCHER.get(self.identity.role, 4.0))
+        asked.set()
+        time.sleep(6.0)
+        os._exit(1)

@@ -1,0 +1,65 @@
+"""How an agent reads what others send it: turn, sending time and content of every message."""
+
+from __future__ import annotations
+
+from math import inf
+from typing import Any
+
+from zenoh_cbef.nodes.common.alarm import Alarm
+from zenoh_cbef.nodes.common.inbox import Decoder, Inbox
+from zenoh_cbef.nodes.common.node import Node
+from zenoh_cbef.nodes.common.rejections import Rejections
+from zenoh_cbef.protocol.mailbox import Mailbox
+from zenoh_cbef.protocol.messages import BadMessage, decode
+from zenoh_cbef.protocol.round_codec import RoundCodec
+
+WINDOW = 4
+"""How many steps the target, and so any agent, can be ahead of the slowest agent in lockstep."""
+
+
+def beacon_inbox(node: Node, agent: int, rejections: Rejections, alarm: Alarm, grace: float) -> Inbox:
+    """The beacons of an agent's own receiver; the turn is the step."""
+
+    def read(data: bytes) -> tuple[int, int, dict[str, Any]]:
+        message = decode("beacon", data, run=node.identity.run)
+        if "signal" in message:
+            raise BadMessage("a signal, which has a key of its own")
+        return message["k"], message["sent"], message
+
+    mailbox = Mailbox(node.session, node.keys.beacon(agent))
+    # The target waits for whoever is stuck, and its own patience ends the run.
+    return Inbox(
+        node,
+        mailbox,
+        read,
+        owner="target/target",
+        horizon=2 * WINDOW,
+        turns=1,
+        rejections=rejections,
+        alarm=alarm,
+        patience=inf,
+        grace=grace,
+    )
+
+
+def round_reader(run: str, agent: int, rounds: int, width: int) -> Decoder:
+    """Consensus messages of a neighbour; the turn counts the ranges of a step as its round 0."""
+    codec, turns = RoundCodec(run, f"agent/{agent}", width), rounds + 1
+
+    def read(data: bytes) -> tuple[int, int, bytes]:
+        step, round_, sent, payload = codec.decode(data)
+        if not 1 <= round_ <= rounds:
+            raise BadMessage(f"round {round_} of a step of {rounds}")
+        return step * turns + round_, sent, payload
+
+    return read
+
+
+def range_reader(run: str, agent: int) -> Decoder:
+    """Positions and ranges of a neighbour; the turn is the step."""
+
+    def read(data: bytes) -> tuple[int, int, dict[str, Any]]:
+        message = decode("range", data, run=run, sender=f"agent/{agent}")
+        return message["k"], message["sent"], message
+
+    return read

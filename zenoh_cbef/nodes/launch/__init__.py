@@ -1,0 +1,1 @@
+"""All processes of a run, started and watched from one place."""

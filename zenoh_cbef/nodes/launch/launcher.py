@@ -1,0 +1,274 @@
+"""Starts target, agents and recorder as processes of their own on this host, and leaves none behind."""
+
+from __future__ import annotations
+
+import json
+import os
+import selectors
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import IO, Any, Self
+
+from zenoh_cbef.nodes.common.node import LEASH
+from zenoh_cbef.nodes.common.standstill import KILLED, returns_after
+from zenoh_cbef.nodes.launch.ports import free_ports
+from zenoh_cbef.protocol.session import ONE_RUNTIME
+from zenoh_cbef.scenario import network
+from zenoh_cbef.scenario.load import Loaded
+
+_POLITE_SECONDS = 6.0
+_LAST_SECONDS = 3.0
+_PATIENCE_SECONDS = 30.0
+"""The others are started together with the target, which may have a large world to make before it answers."""
+_TAIL = 4000
+
+
+@dataclass(frozen=True)
+class Death:
+    """A process that ended in any way but its own.
+
+    status: its exit status; negative for a signal, 0 for one that hung. words: the last it said.
+    """
+
+    name: str
+    status: int
+    words: str
+
+    def __str__(self) -> str:
+        if self.status == 0:
+            how = "had to be ended"
+        else:
+            how = f"was killed by signal {-self.status}" if self.status < 0 else f"ended with status {self.status}"
+        return f"{self.name} {how}" + (f": {self.words}" if self.words else "")
+
+
+def _keep_to_one_core(pid: int, agent: int, count: int) -> None:
+    """Where cores are fewer than agents, bind each to a core: moving between them costs more than waiting."""
+    if not hasattr(os, "sched_setaffinity"):
+        return
+    cores = sorted(os.sched_getaffinity(0))
+    if count > len(cores):
+        with suppress(OSError):  # it has ended already, which is noticed elsewhere
+            os.sched_setaffinity(pid, {cores[agent % len(cores)]})
+
+
+class Launcher:
+    """All processes of one run. Use as a context manager: leaving it ends every process.
+
+    arguments: the scenario as the command line gave it (a name or file, and --set options), which the target
+    reads for itself. loaded: the same, read here for the graph.
+    """
+
+    def __init__(self, arguments: Sequence[str], loaded: Loaded, run: str, log: Path, *, sync: bool = False) -> None:
+        self._arguments, self._loaded, self._run = list(arguments), loaded, run
+        self._log, self._sync = log, sync
+        self._processes: dict[str, subprocess.Popen[bytes]] = {}
+        self._commands: dict[str, list[str]] = {}
+        self._restarts: dict[str, float] = {}
+        self._ended: set[str] = set()
+        self._told: set[str] = set()
+        self._status: dict[str, Any] = {}
+        self._asked_at: float | None = None
+        self.deaths: list[Death] = []
+
+    def __enter__(self) -> Self:
+        self._folder = tempfile.TemporaryDirectory(prefix="zenoh-cbef-")
+        try:
+            self._start_all()
+        except BaseException:
+            self.kill()
+            self._folder.cleanup()
+            raise
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.kill()
+        self._folder.cleanup()
+
+    def _start_all(self) -> None:
+        count = self._loaded.scenario.count
+        scheme = "tls" if self._loaded.scenario.zenoh.tls else "tcp"
+        endpoints = [f"{scheme}/127.0.0.1:{port}" for port in free_ports(count + 2)]
+        target, recorder, agents = endpoints[0], endpoints[1], endpoints[2:]
+        extra = list(self._loaded.scenario.zenoh.listen)
+        self._start("target", ["target", *self._arguments], listen=[target, *extra], connect=[])
+        log = ["--output", str(self._log), "--status-json", *(["--sync"] if self._sync else [])]
+        self._start("recorder", ["record", *log], listen=[recorder], connect=[target])
+        lower: list[list[str]] = [[] for _ in range(count)]
+        for first, second in network.edges(self._loaded.scenario).tolist():
+            lower[second].append(agents[first])
+        for agent in range(count):
+            connect = [target, recorder, *lower[agent]]
+            self._start(f"agent {agent}", ["agent", str(agent)], listen=[agents[agent]], connect=connect)
+
+    def _start(self, name: str, command: list[str], *, listen: Sequence[str], connect: Sequence[str]) -> None:
+        settings = self._loaded.scenario.zenoh
+        command += ["--run", self._run, "--no-gossip", "--lease-ms", str(settings.lease_ms)]
+        command += ["--tls", settings.tls] if settings.tls else []
+        command += [] if name == "target" else ["--patience", str(_PATIENCE_SECONDS)]
+        for option, endpoints in (("--listen", listen), ("--connect", connect)):
+            for endpoint in endpoints:
+                command += [option, endpoint]
+        self._spawn(name, command)
+
+    def _spawn(self, name: str, command: list[str]) -> None:
+        self._commands[name] = command
+        # One thread per process: the matrices are six by six, and cores are few.
+        environment = os.environ | {LEASH: "1", "OPENBLAS_NUM_THREADS": "1", "ZENOH_RUNTIME": ONE_RUNTIME}
+        with self._words(name).open("ab") as words:
+            self._processes[name] = subprocess.Popen(
+                [sys.executable, "-m", "zenoh_cbef", *command],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE if name == "recorder" else subprocess.DEVNULL,
+                stderr=words,
+                env=environment,
+                start_new_session=True,
+            )
+        if name.startswith("agent"):
+            agent = int(name.removeprefix("agent "))
+            _keep_to_one_core(self._processes[name].pid, agent, self._loaded.scenario.count)
+
+    def _words(self, name: str) -> Path:
+        return Path(self._folder.name) / name.replace(" ", "-")
+
+    def pids(self) -> dict[str, int]:
+        """The processes by name."""
+        return {name: process.pid for name, process in self._processes.items()}
+
+    def watch(self, on_status: Callable[[dict[str, Any]], None], asked_to_stop: Callable[[], int]) -> dict[str, Any]:
+        """Watch until every process has ended; returns the recorder's last status.
+
+        on_status gets the recorder's reports. asked_to_stop: how often the user asked; once stops the run
+        cleanly, twice at once. A process that dies before the first step ends the run.
+        """
+        with selectors.DefaultSelector() as selector:
+            output = self._processes["recorder"].stdout
+            if output is None:
+                raise RuntimeError("the recorder was started without a pipe")
+            os.set_blocking(output.fileno(), False)
+            selector.register(output, selectors.EVENT_READ)
+            while len(self._ended) < len(self._processes) or self._restarts:
+                for _ in selector.select(0.05):
+                    if not self._read_status(output, on_status):
+                        selector.unregister(output)
+                self._note_ends()
+                self._restart()
+                self._obey(asked_to_stop())
+        return self._status
+
+    def _read_status(self, output: IO[bytes], on_status: Callable[[dict[str, Any]], None]) -> bool:
+        data = output.read()
+        if not data:
+            time.sleep(0.02)
+            return data is None
+        for line in data.splitlines():
+            try:
+                self._status = json.loads(line)
+            except ValueError:  # half a line: the next report is due in a moment
+                continue
+            on_status(self._status)
+        return True
+
+    def _note_ends(self) -> None:
+        for name, process in self._processes.items():
+            status = process.poll()
+            if status is None or name in self._ended:
+                continue
+            self._ended.add(name)
+            words = self._last_words(name)
+            if status == -signal.SIGKILL and words.startswith(KILLED):
+                self._plan_restart(name, returns_after(words))
+            elif status != 0 and not (status < 0 and name in self._told):
+                self.deaths.append(Death(name, status, words))
+
+    def _plan_restart(self, name: str, steps: int | None) -> None:
+        """Where the scenario has an agent come back: at once in lockstep, as nobody goes on without it."""
+        if steps is not None:
+            scenario = self._loaded.scenario
+            away = steps * scenario.dt if scenario.timing.mode == "realtime" else 0.0
+            self._restarts[name] = time.monotonic() + away
+
+    def _restart(self) -> None:
+        if "target" in self._ended or self._asked_at is not None:
+            self._restarts.clear()
+        for name in [name for name, due in self._restarts.items() if time.monotonic() >= due]:
+            del self._restarts[name]
+            self._ended.discard(name)
+            self._close_pipes(self._processes[name])
+            self._spawn(name, self._commands[name])
+
+    def _last_words(self, name: str) -> str:
+        text = self._words(name).read_bytes()[-_TAIL:].decode(errors="replace").strip()
+        return text.splitlines()[-1].removeprefix("zenoh-cbef: ") if text else ""
+
+    @property
+    def lost_a_port(self) -> bool:
+        """Whether the run did not start because another program took one of its ports first."""
+        return not self.started and any("in use" in death.words for death in self.deaths)
+
+    @property
+    def started(self) -> bool:
+        """Whether a first step was seen."""
+        return bool(self._status.get("began"))
+
+    def _obey(self, asked: int) -> None:
+        now = time.monotonic()
+        if self._loaded.scenario.record.on_full == "stop" and any(death.name == "recorder" for death in self.deaths):
+            asked = max(asked, 1)
+        over = "target" in self._ended and len(self._processes.keys() - self._ended - {"recorder"}) == 0
+        over = over or {"target", "recorder"} <= self._ended
+        if asked > 1:
+            self.kill()
+        elif self._asked_at is not None:
+            waited = now - self._asked_at
+            if waited > _POLITE_SECONDS + _LAST_SECONDS:
+                hung = [name for name in self._processes if name not in self._ended]
+                self.kill()
+                self.deaths += [Death(name, 0, "it did not answer any more") for name in hung]
+            elif waited > _POLITE_SECONDS:
+                self._terminate(set(self._processes))
+        elif asked and "target" not in self._ended:
+            # The target ends the run for all at the same step.
+            self._asked_at = now
+            self._terminate({"target"})
+        elif asked or (self.deaths and not self.started):
+            self._asked_at = now
+            self._terminate(set(self._processes))
+        elif over:
+            # What is left is on its way out, or hangs.
+            self._asked_at = now
+
+    def _terminate(self, names: set[str]) -> None:
+        for name in names - self._ended:
+            self._told.add(name)
+            self._processes[name].terminate()
+
+    def kill(self) -> None:
+        """End every process now; the recorder gets a moment to close its file."""
+        for name, process in self._processes.items():
+            if process.poll() is None:
+                self._told.add(name)
+                (process.terminate if name == "recorder" else process.kill)()
+        for process in self._processes.values():
+            try:
+                process.wait(_LAST_SECONDS)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+            self._close_pipes(process)
+
+    @staticmethod
+    def _close_pipes(process: subprocess.Popen[bytes]) -> None:
+        for pipe in (process.stdin, process.stdout):
+            if pipe is not None:
+                pipe.close()

@@ -1,0 +1,71 @@
+"""Who of a run is there, as its recorder sees it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+from zenoh_cbef.nodes.common.node import Node
+
+_TARGET = "target/target"
+_GRACE_SECONDS = 2.0
+_LOST_SECONDS = 30.0
+_LEADING = ("target/", "replay/")
+_TAKING_PART = ("agent/", *_LEADING)
+
+
+class Attendance:
+    """Tells who went without a farewell and who came back, and when everybody has left for good.
+
+    tell: puts an event of this kind, text and data into the log; called from a background thread. patience: how long
+    (s) agents of the run wait for each other.
+    """
+
+    def __init__(self, node: Node, tell: Callable[[str, str, str], None], patience: float) -> None:
+        self._node, self._tell, self._patience = node, tell, _LOST_SECONDS + 2.0 * patience
+        self._alive_at, self._step = time.monotonic(), 0
+        self._departed: set[str] = set()
+        self._lost: set[str] = set()
+        self._seen = False
+        self._gone_at: float | None = None
+        node.presence.on_change(self._note_change)
+
+    def farewell(self, sender: str) -> None:
+        """A process says that it is done."""
+        self._departed.add(_TARGET if sender == "target" else sender)
+
+    def _note_change(self, name: str, joined: bool) -> None:
+        if joined:
+            self._departed.discard(name)
+        if not name.startswith(_TAKING_PART) or self._node.stopping:
+            return
+        if name in self._departed or self._node.presence.is_over(name):
+            return
+        who = name.replace("/", " ") if name.startswith("agent/") else f"the {name.partition('/')[0]}"
+        if joined and name in self._lost:
+            self._lost.discard(name)
+            self._tell("returned", f"{who} is there again", name)
+        elif not joined:
+            self._lost.add(name)
+            self._tell("left", f"{who} is gone without a farewell", name)
+
+    def over(self, *, lacking: bool, step: int) -> bool:
+        """Whether no process of the run is there any more; lacking: what they said they sent has not all come.
+
+        Who vanished without a farewell may be behind a broken link, and so may we: they are waited for longer, and so
+        is who told us the scenario and has not been seen since. step: the latest of which an estimate came. Without
+        the target, agents that get no further are not waited for: so nothing that they say or leave undone keeps a
+        recorder for ever.
+        """
+        names, now = self._node.presence.names(), time.monotonic()
+        if step > self._step or any(name.startswith(_LEADING) for name in names):
+            self._alive_at, self._step = now, step
+        hung = now - self._alive_at > self._patience
+        if not hung and any(name.startswith(_TAKING_PART) for name in names):
+            self._seen, self._gone_at = True, None
+            return False
+        self._gone_at = self._gone_at or now
+        lost = self._lost and _TARGET not in self._departed and not self._node.launched
+        if lost or not self._seen:
+            return time.monotonic() - self._gone_at > _LOST_SECONDS
+        return not lacking or time.monotonic() - self._gone_at > _GRACE_SECONDS

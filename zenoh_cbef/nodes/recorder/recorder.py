@@ -1,0 +1,252 @@
+"""The recorder process: writes everything that crosses the network into one log, and survives being killed."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import asdict
+from datetime import UTC, datetime
+from pathlib import Path
+from platform import node as host_name
+from typing import Any
+
+from zenoh_cbef import __version__
+from zenoh_cbef.log.run_log import RunLog
+from zenoh_cbef.machine import require
+from zenoh_cbef.nodes.common.briefing import brief, introduce
+from zenoh_cbef.nodes.common.node import Identity, Node
+from zenoh_cbef.nodes.recorder.acknowledgements import Acknowledgements
+from zenoh_cbef.nodes.recorder.attendance import Attendance
+from zenoh_cbef.nodes.recorder.overview import Overview, Status
+from zenoh_cbef.nodes.recorder.recovery import Recovery
+from zenoh_cbef.plain import count_in, counts_in
+from zenoh_cbef.protocol.keys import address
+from zenoh_cbef.protocol.mailbox import Mailbox
+from zenoh_cbef.protocol.messages import BadMessage, decode
+from zenoh_cbef.protocol.recorded import belongs, covering, recorded_keys
+from zenoh_cbef.protocol.slow import SLOW
+from zenoh_cbef.scenario import Scenario
+from zenoh_cbef.scenario.model import Record
+
+_CAPACITY = 1 << 17
+_REPORT_SECONDS = 0.2
+_GATHER_SECONDS = 0.005
+_PORTION = 10_000
+_BEHIND_SECONDS = 1.0
+
+
+class Recorder:
+    """Takes messages off the network and puts them into the log: each mailbox in a thread, the first in the caller's.
+
+    record.on_full "stop" in the scenario: a log that cannot be written any more ends the recording.
+    """
+
+    def __init__(
+        self, node: Node, log: RunLog, overview: Overview, mailboxes: Sequence[Mailbox], scenario: Scenario
+    ) -> None:
+        self.node, self.log, self.overview = node, log, overview
+        self._mailboxes, self._settings = mailboxes, scenario.record
+        self._covers = covering([mailbox.key for mailbox in mailboxes])
+        self._lock = threading.Lock()
+        self._done = threading.Event()
+        self._full_since: dict[Mailbox, float] = {}
+        self._told: set[str] = set()
+        self._promised: dict[str, dict[str, int]] = {}
+        self._acknowledgements = Acknowledgements(node)
+        self._shared = [mailbox.key for mailbox in mailboxes] if len(mailboxes) > 1 else []
+        self.target_ended: int | None = None
+        self._attendance = Attendance(node, self._tell, scenario.timing.patience)
+        self._recovery = Recovery(node, log, self._lock, self._write)
+        node.on_stop(self._wake)
+
+    def run(self, *, sync: bool, report: Callable[[Status], None]) -> None:
+        """Record until everybody has left, or until told to stop."""
+        threads = [threading.Thread(target=self._tick, args=(sync, report), daemon=True)]
+        threads.append(threading.Thread(target=self._recovery.run, args=(self._done,), daemon=True))
+        threads += [threading.Thread(target=self._drain, args=(one,), daemon=True) for one in self._mailboxes[1:]]
+        for thread in threads:
+            thread.start()
+        try:
+            while not self._finished():
+                self._write_waiting(self._mailboxes[0], self._mailboxes[0].receive_from())
+                # Being woken for every single message costs more than writing it: let a few gather.
+                time.sleep(_GATHER_SECONDS)
+        finally:
+            self._done.set()
+            self._wake()
+            for thread in threads:
+                thread.join()
+        for mailbox in self._mailboxes:
+            for _ in range(0, _CAPACITY, _PORTION):  # a flood has no end
+                self._write_waiting(mailbox, mailbox.poll_from())
+
+    def _drain(self, mailbox: Mailbox) -> None:
+        while not self._done.is_set():
+            self._write_waiting(mailbox, mailbox.receive_from())
+            time.sleep(_GATHER_SECONDS)
+
+    def _wake(self) -> None:
+        for mailbox in self._mailboxes:
+            mailbox.wake()
+
+    def _write_waiting(self, mailbox: Mailbox, received: tuple[str, bytes] | None) -> None:
+        """Write a message and those behind it.
+
+        No more than a portion: in a flood, too, the log is flushed and the end of the run is seen.
+        """
+        left = _PORTION
+        with self._lock:
+            while received is not None:
+                if not self._shared or belongs(received[0], mailbox.key, self._shared):
+                    self._write(*received)
+                left -= 1
+                received = mailbox.poll_from() if left else None
+            if left:
+                self._full_since.pop(mailbox, None)
+            else:
+                self._full_since.setdefault(mailbox, time.monotonic())
+
+    def _tick(self, sync: bool, report: Callable[[Status], None]) -> None:
+        flushed, seconds = time.monotonic(), self._settings.flush_seconds
+        while not self._done.wait(min(seconds, _REPORT_SECONDS)):
+            if time.monotonic() - flushed >= seconds:
+                with self._lock:
+                    self.log.flush(sync=sync)
+                flushed = time.monotonic()
+            self._warn()
+            self._acknowledgements.catch_up()
+            self._wake()
+            report(self.status())
+
+    def _warn(self) -> None:
+        """Say once what goes wrong, each time it begins to."""
+        behind = time.monotonic() - min(self._full_since.values(), default=time.monotonic())
+        if behind < _BEHIND_SECONDS:
+            self._told.discard("behind")
+        elif "behind" not in self._told:
+            self._told.add("behind")
+            self.overview.status.behind += 1
+            text = f"the recorder has not kept up for {behind:.1f} s; what does not fit its mailbox is lost to the log"
+            self.say("behind", text, seconds=behind, missing=self.log.missing)
+        if self.log.failure and "full" not in self._told:
+            self._told.add("full")
+            stops = self._settings.on_full == "stop"
+            goes_on = "the recorder ends" if stops else "the run goes on without what does not fit"
+            self.say("full", f"{self.log.failure}; {goes_on}", dropped=self.log.dropped)
+            if stops:
+                self.node.stop()
+
+    def status(self) -> Status:
+        """The present state of affairs."""
+        status = self.overview.status
+        with self._lock:
+            status.messages, status.missing = self.log.count, self.log.missing
+            status.dropped, status.failure, status.foreign = self.log.dropped, self.log.failure, self.log.foreign
+        return status
+
+    def _write(self, key: str, data: bytes) -> None:
+        kind = self.log.add(key, data, time.time_ns())
+        if kind in ("truth", "estimate"):
+            self.overview.see(kind, key, data)
+        elif kind == "event":
+            self._note_promises(key, data)
+
+    def _note_promises(self, key: str, data: bytes) -> None:
+        at = address(key)
+        try:
+            message = decode("event", data, run=self.node.identity.run, sender=at.owner if at else "")
+        except BadMessage:
+            return
+        if at is None or not (at.owner or message["from"] == "target"):
+            return  # An old log that is replayed: those who speak in it are not there.
+        sender, told = str(message["from"]), dict[str, Any](message.get("data", {}))
+        if not self._recovery.lacks(sender):  # It asks again.
+            self._acknowledgements.hear(sender, count_in(told, "word"))
+        if message["kind"] == SLOW and (sender == "target" or sender in self.node.presence):
+            self.overview.note_slow(sender)
+        if message["kind"] in {"finished", "killed"}:
+            self._attendance.farewell(sender)
+        if message["kind"] == "finished":
+            if sender == "target" and (step := count_in(told, "step")) is not None:
+                self.target_ended = step
+            self._promised[sender] = self._owned(sender, counts_in(told, "sent"))
+
+    def _owned(self, sender: str, sent: dict[str, int]) -> dict[str, int]:
+        """What a process says it sent on its own keys, as far as they are recorded."""
+        addresses = ((key, count, address(key)) for key, count in sent.items())
+        return {key: count for key, count, at in addresses if at and at.is_of(sender) and self._covers(key)}
+
+    def _tell(self, kind: str, text: str, name: str) -> None:
+        self.say(kind, text, name=name)
+
+    def say(self, kind: str, text: str, **data: object) -> None:
+        """Publish an event and write it: we do not hear ourselves."""
+        message = self.node.events.send(kind=kind, text=text, data=data)
+        with self._lock:
+            self._write(self.node.events.key, message)
+
+    def _finished(self) -> bool:
+        """Whether all who were here have left and what they say they sent has come, or we are told to stop."""
+        promised = ((key, sender, count) for sender, sent in self._promised.items() for key, count in sent.items())
+        lacking = any(self.log.lacks(*one) for one in promised)
+        return self.node.stopping or self._attendance.over(lacking=lacking, step=self.overview.reached)
+
+
+def run_recorder(
+    identity: Identity,
+    path: Path,
+    *,
+    keys: Sequence[str] = (),
+    sync: bool,
+    report: Callable[[Status], None],
+) -> Status:
+    """Run the recorder process until the run ends or it is told to stop; returns the last status.
+
+    keys: key expressions of what is recorded, whole or relative to the run; everything where there are none.
+    """
+    expressions = recorded_keys(identity.run, keys)
+    with Node(identity) as node:
+        # Subscribed before anybody can see us: nothing is sent before we listen. A full mailbox must not slow agents.
+        mailboxes = [Mailbox(node.session, one, _CAPACITY) for one in expressions]
+        briefing = brief(node)
+        text, scenario = briefing.text, briefing.scenario
+        settings: Record = scenario.record
+        require(links=scenario.count + 1)
+        log = RunLog(path, settings)
+        log.describe(source=text.source, resolved=text.resolved, run=_described(identity, scenario, expressions))
+        overview = Overview(
+            Status(identity.run, str(path), scenario.length),
+            lambda: sum(name.startswith("agent/") for name in node.presence.names()),
+        )
+        recorder = Recorder(node, log, overview, mailboxes, scenario)
+        node.presence.announce(f"record/{identity.name}")
+        if "target/target" in node.presence:  # a replay's listeners hear what was recorded, and nothing else
+            introduce(identity, briefing.clock, recorder.say)
+        try:
+            recorder.run(sync=sync, report=report)
+        finally:
+            status = recorder.status()
+            finished = recorder.target_ended == scenario.length
+            log.close({"status": "finished" if finished else "stopped", **_text(status)})
+        status = recorder.status()
+        status.state = "done"
+        report(status)
+        node.presence.withdraw()
+    return status
+
+
+def _described(identity: Identity, scenario: Scenario, expressions: Sequence[str]) -> dict[str, str]:
+    return {
+        "run": identity.run,
+        "name": scenario.name,
+        "seed": str(scenario.seed),
+        "version": __version__,
+        "host": host_name(),
+        "started": datetime.now(UTC).isoformat(),
+        "keys": " ".join(expressions),
+    }
+
+
+def _text(status: Status) -> dict[str, str]:
+    return {name: str(value) for name, value in asdict(status).items() if name != "state"}

@@ -1,0 +1,1 @@
+"""The replay process: a log is published again."""

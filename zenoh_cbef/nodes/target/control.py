@@ -1,0 +1,60 @@
+"""What can be asked of a run that goes on; the target answers."""
+
+from __future__ import annotations
+
+import json
+from typing import Any, Protocol
+
+from zenoh_cbef.errors import UserError
+from zenoh_cbef.nodes.target.injection import Injection
+from zenoh_cbef.nodes.target.survey import Survey, Surveyed
+from zenoh_cbef.plain import read_json
+
+
+class Asked(Surveyed, Protocol):
+    """What of a target its answers need."""
+
+    survey: Survey
+    injection: Injection | None
+
+
+def answer(target: Asked, request: dict[str, Any]) -> dict[str, Any]:
+    """Answer one request, from another thread than the target's own. Raises UserError."""
+    asked = request.get("ask")
+    if asked == "stop":
+        target.node.stop()
+        return {"stopping": True, "step": target.step}
+    if asked == "status":
+        return target.survey.of(target)
+    if asked not in {"fault add", "fault list", "fault clear"}:
+        raise UserError(f"a run does not know what {asked!r:.40} is; use the same zenoh-cbef on every host")
+    injection = target.injection
+    if injection is None:
+        raise UserError(
+            "faults are injected into runs in realtime that have started; in lockstep they are part of the scenario, "
+            "so that the run can be repeated: write them there, or set timing.mode = 'realtime'"
+        )
+    if asked == "fault list":
+        return {"faults": json.dumps(injection.listed())}
+    if asked == "fault clear":
+        return {"ended": injection.clear(_numbers(request.get("numbers")))}
+    number = injection.add(_table(request.get("fault")), _seconds(request.get("seconds")))
+    return {"number": number, "from": injection.listed()[number]["from"]}
+
+
+def _table(text: object) -> dict[str, Any]:
+    try:
+        table = read_json(text) if isinstance(text, str) else None
+    except ValueError:
+        table = None
+    if not isinstance(table, dict):
+        raise UserError("the fault is no table; use the same zenoh-cbef on every host")
+    return table
+
+
+def _numbers(given: object) -> list[int] | None:
+    return [one for one in given if isinstance(one, int)] if isinstance(given, list) else None
+
+
+def _seconds(given: object) -> float | None:
+    return float(given) if isinstance(given, int | float) and given > 0.0 else None

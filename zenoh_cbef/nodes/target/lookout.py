@@ -1,0 +1,40 @@
+"""Whether the agents that are left can see the target at all."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from zenoh_cbef.nodes.common.node import Node
+from zenoh_cbef.scenario import Scenario
+from zenoh_cbef.scenario.sight import described, open_axes_between, window_of
+from zenoh_cbef.tracking.sight import MIRRORED
+
+
+class Lookout:
+    """Tells the log when the agents that take part cannot determine the position any more, and when they can again.
+
+    problem: in words what their ranges leave open; empty where they determine the position, but for a mirror image.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._agents: list[int] | None = None
+        self._due = 0
+        self.problem = ""
+
+    def look(self, scenario: Scenario, agents: Sequence[int], step: int) -> None:
+        """Look at who takes part in a step; where the same agents do, once in a window of steps, as they may move."""
+        span = window_of(scenario, scenario.length)
+        if list(agents) == self._agents and step < self._due:
+            return
+        self._agents, self._due = list(agents), step + span
+        first = max(1, min(step - span // 2, scenario.length - span + 1))
+        left_open = open_axes_between(scenario, agents, first, first + span - 1)
+        former, self.problem = self.problem, ""
+        if left_open > MIRRORED:
+            self.problem = described(scenario, len(agents), left_open)
+        if self.problem and not former:
+            text = f"from step {step} on the position cannot be determined: {self.problem}"
+            self._node.event("unobservable", text, step=step, agents=self._agents)
+        elif former and not self.problem:
+            self._node.event("observable", f"from step {step} on the position can be determined again", step=step)

@@ -1,0 +1,177 @@
+"""How far the agents of a run are, as their estimates show, and who of them takes part."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+
+from zenoh_cbef.faults.base import Bools
+from zenoh_cbef.nodes.common.alarm import Alarm
+from zenoh_cbef.nodes.common.node import Node
+from zenoh_cbef.nodes.common.rejections import Rejections
+from zenoh_cbef.protocol.keys import address, agent_named
+from zenoh_cbef.protocol.mailbox import CAPACITY, Mailbox
+from zenoh_cbef.protocol.messages import BadMessage, peek
+
+_GATHER_SECONDS = 0.001
+_PORTION = 10_000
+_ROOM = 16
+"""Estimates of each agent that can wait: more than it can be ahead."""
+_KEPT = 8
+"""Estimates of each agent that are kept: more than agents can be apart."""
+_LOOK_BACK = 6
+"""Estimates of each agent that are kept from the last seconds, one of each."""
+
+
+class Progress:
+    """How far the agents are; who left, or is not there for a while, is not waited for.
+
+    patience, grace: how long (s) an agent that is there may not get on, or be out of sight, before it is taken to be
+    gone. begun: the last step that an agent can have come to; it grows with the steps that the target begins.
+    """
+
+    def __init__(self, node: Node, count: int, patience: float, grace: float, *, begun: int) -> None:
+        self._node, self._patience, self._grace = node, patience, grace
+        self._lives = [""] * count
+        self._last_seen: dict[int, float] = {}
+        self._away: set[int] = set()
+        self._alarm = Alarm()
+        self.rejections = Rejections(node)
+        self._begun = begun
+        self._reached = [0] * count
+        self._silent: set[int] = set()
+        self._recent: list[deque[tuple[int, bytes]]] = [deque(maxlen=_KEPT) for _ in range(count)]
+        self._past: list[deque[tuple[float, bytes]]] = [deque(maxlen=_LOOK_BACK) for _ in range(count)]
+        self._members = set(range(count))
+        self._mailbox = Mailbox(node.session, node.keys.all_estimates, CAPACITY + _ROOM * count)
+        node.presence.on_change(self._note_change)
+        node.on_stop(self._mailbox.wake)
+
+    def _note_change(self, name: str, joined: bool) -> None:
+        agent = agent_named(name)
+        if agent is not None and joined:
+            self._last_seen.pop(agent, None)
+        elif agent is not None and agent < len(self._reached):
+            self._last_seen[agent] = time.monotonic()
+        self._mailbox.wake()
+
+    def _dismiss(self) -> None:
+        """Take no more to take part who has left, was started again, or is out of sight for too long."""
+        for agent in list(self._members):
+            name = f"agent/{agent}"
+            life, gone = self._node.presence.life(name), self._last_seen.get(agent)
+            hope = self._grace and agent not in self._away and not self._node.presence.is_over(name)
+            lost = gone is not None and not (hope and time.monotonic() < gone + self._grace)
+            if lost or life != (self._lives[agent] or life):
+                self._members.discard(agent)
+                self._lives[agent] = ""
+            else:
+                self._lives[agent] = life
+
+    def begin(self, ready: set[int]) -> None:
+        """The run starts with those who are ready."""
+        self._members = set(ready)
+
+    def members(self) -> list[int]:
+        """Who takes part, and is here."""
+        self._dismiss()
+        return sorted(self._members)
+
+    def newcomers(self) -> list[int]:
+        """Who is here and ready, but does not take part yet."""
+        self._dismiss()
+        others = [agent for agent in range(len(self._reached)) if agent not in self._members]
+        live = self._node.presence.names() if others else set()
+        # Of one that dies the tokens go one after the other.
+        return [agent for agent in others if {f"agent/{agent}", f"ready/{agent}"} <= live]
+
+    def admit(self, agent: int, step: int) -> None:
+        """An agent takes part from a step on."""
+        self._members.add(agent)
+        self._silent.discard(agent)
+        self._reached[agent] = max(self._reached[agent], step - 1)
+
+    def excuse(self, absent: Bools, step: int) -> None:
+        """A step has begun: do not wait for it of those agents (n,) who are not there in it."""
+        self._begun = max(self._begun, step)
+        self._away = set(absent.nonzero()[0].tolist())
+        for agent in self._away:
+            self._reached[agent] = max(self._reached[agent], step)
+
+    def _slowest(self) -> int | None:
+        """The step that every agent here that is not silent has finished; None where all are."""
+        return min((self._reached[agent] for agent in self.members() if agent not in self._silent), default=None)
+
+    def silent(self) -> list[int]:
+        """Who is here, but is not waited for any more."""
+        return sorted(self._silent & set(self.members()))
+
+    def estimates(self) -> list[tuple[int, bytes]]:
+        """Every agent's estimate as it came, and its step: that of the last step that all have done, or the last."""
+        common = self._slowest() or 0
+        kept = [list(recent) for recent in self._recent]
+        return [next((one for one in recent if one[0] == common), recent[-1]) for recent in kept if recent]
+
+    def earlier(self) -> list[bytes]:
+        """An estimate of every agent from some five seconds before its last one, or the first that came since."""
+        return [past[0][1] for past in map(list, self._past) if past]
+
+    def wait(self, step: int, *, even_stopping: bool = False) -> bool:
+        """Wait until every agent has finished a step; False where the run has no agents or is told to stop.
+
+        Agents that do not get on for longer than the agents' own patience are waited for no more until they do. When
+        that is all of them, and goes on for as long again, the run is over.
+        """
+        until = time.monotonic() + self._patience
+        while self.members() and (even_stopping or not self._node.stopping):
+            slowest = self._slowest()
+            if slowest is not None and slowest >= step:
+                return True
+            if time.monotonic() >= until:
+                if slowest is None:
+                    return False
+                self._leave_behind(slowest)
+                until = time.monotonic() + self._patience
+            received = self._alarm.limit(self._mailbox.receive_from, self._mailbox, None)
+            if received is not None:
+                self._note(*received)
+                # The window leaves time to let the others' estimates gather: a wake-up each would cost more.
+                time.sleep(_GATHER_SECONDS)
+                self.drain()
+        return False
+
+    def _leave_behind(self, step: int) -> None:
+        behind = [agent for agent in self.members() if agent not in self._silent and self._reached[agent] == step]
+        self._silent.update(behind)
+        names = ", ".join(f"agent {agent}" for agent in behind)
+        self._node.event("silent", f"{names} did not get beyond step {step}; the run goes on without", step=step)
+
+    def drain(self) -> None:
+        """Take in what has come, or a portion of it, without waiting."""
+        for _ in range(_PORTION):
+            received = self._mailbox.poll_from()
+            if received is None:
+                return
+            self._note(*received)
+
+    def _note(self, key: str, data: bytes) -> None:
+        at = address(key)
+        try:
+            if at is None or at.kind != "estimate":
+                raise BadMessage("not an estimate key")
+            message = peek("estimate", data, run=self._node.identity.run, sender=at.owner)
+            if at.agent >= len(self._reached):
+                raise BadMessage("from an agent that the scenario does not have")
+            if message["k"] > self._begun:
+                raise BadMessage("of a step that no agent can have come to")
+        except BadMessage as error:
+            self.rejections.add(key, str(error))
+        else:
+            self._recent[at.agent].append((message["k"], data))
+            past, now = self._past[at.agent], time.monotonic()
+            if not past or now - past[-1][0] >= 1.0:
+                past.append((now, data))
+            # Who says the same again and again does not get on.
+            if message["k"] > self._reached[at.agent]:
+                self._reached[at.agent] = message["k"]
+                self._silent.discard(at.agent)

@@ -1,0 +1,131 @@
+"""What a target knows of its run, for whoever asks: messages as they came, which whoever asks decodes.
+
+Nothing is decoded while the run goes on but a few events, and nothing is put together until it is asked for.
+"""
+
+from __future__ import annotations
+
+import json
+import threading
+import time
+from collections import defaultdict, deque
+from typing import Any, Protocol
+
+import numpy as np
+
+from zenoh_cbef.faults import Absences
+from zenoh_cbef.nodes.common.briefing import HERE, card
+from zenoh_cbef.nodes.common.node import Node
+from zenoh_cbef.nodes.target.lookout import Lookout
+from zenoh_cbef.nodes.target.progress import Progress
+from zenoh_cbef.protocol.keys import address
+from zenoh_cbef.protocol.mailbox import Mailbox
+from zenoh_cbef.protocol.messages import BadMessage, decode
+from zenoh_cbef.scenario import Scenario
+from zenoh_cbef.scenario.world import World
+
+_KEPT_OF_EACH = 10
+_PORTION = 50
+_WAITING = 1 << 10
+_SHOWN = ("agent/", "ready/", "record/")
+
+
+class Surveyed(Protocol):
+    """What of a target is told."""
+
+    node: Node
+    scenario: Scenario
+    world: World
+    progress: Progress
+    lookout: Lookout
+    absences: Absences
+    step: int | None
+    start: float
+
+    def members(self) -> list[int]:
+        """Who takes part in the run, and is here."""
+        ...
+
+
+class Survey:
+    """The latest events of a run, who said where it is, and all the rest when it is asked for."""
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._mailbox = Mailbox(node.session, node.keys.all_events, _WAITING)
+        self._events: defaultdict[str, deque[bytes]] = defaultdict(lambda: deque(maxlen=_KEPT_OF_EACH))
+        self._cards: dict[str, bytes] = {}
+        self._lock = threading.Lock()
+
+    def drain(self) -> None:
+        """Take in the events that have come, or a portion of them."""
+        with self._lock:
+            for _ in range(_PORTION):
+                received = self._mailbox.poll_from()
+                if received is None:
+                    return
+                self._take(*received)
+
+    def _take(self, key: str, data: bytes) -> None:
+        at = address(key)
+        sender = at.owner if at else ""
+        try:
+            message = decode("event", data, run=self._node.identity.run, sender=sender)
+        except BadMessage:
+            return  # the recorder counts those
+        known = self._known(sender)
+        if message["kind"] == HERE and known:
+            self._cards[sender] = data
+        # Of each process its own latest, so that none drowns the others'.
+        self._events[sender if known or sender in self._events else ""].append(data)
+
+    def _known(self, sender: str) -> bool:
+        return any(name == sender or name.startswith(f"{sender}/") for name in self._node.presence.names())
+
+    def _latest(self) -> list[bytes]:
+        return [data for events in list(self._events.values()) for data in list(events)]
+
+    def of(self, target: Surveyed) -> dict[str, Any]:
+        """Everything that a status is made of."""
+        self.drain()
+        scenario, step = target.scenario, target.step
+        estimates = target.progress.estimates()
+        truth = {k: target.world.truth[k - 1] for k, _ in estimates if 1 <= k <= scenario.length}
+        away = [] if step is None else target.absences.at(step).nonzero()[0].tolist()
+        return {
+            "run": self._node.identity.run,
+            "name": scenario.name,
+            "filter": scenario.filter.kind,
+            "mode": scenario.timing.mode,
+            "agents": scenario.count,
+            "steps": scenario.length,
+            "dt": scenario.dt,
+            "planar": scenario.filter.planar_height is not None,
+            "step": step,
+            "start": target.start,
+            "time": time.time(),
+            "stopping": self._node.stopping,
+            "target": card(),
+            "live": sorted(name for name in self._node.presence.names() if name.startswith(_SHOWN)),
+            "members": target.members(),
+            "silent": target.progress.silent(),
+            "away": away,
+            "unobservable": target.lookout.problem,
+            "faults": json.dumps(_faults_on(target)),
+            "truth": [[k, state.tolist()] for k, state in truth.items() if np.isfinite(state).all()],
+            "estimates": [data for _, data in estimates],
+            "earlier": target.progress.earlier(),
+            "cards": list(self._cards.values()),
+            "events": [*self._latest(), *self._node.told],
+        }
+
+
+def _faults_on(target: Surveyed) -> list[dict[str, Any]]:
+    if target.step is None:
+        return []
+    now = target.step * target.scenario.dt
+    return [
+        {"fault": place, **fault.model_dump(mode="json", by_alias=True, exclude_defaults=True), "kind": fault.kind}
+        for place, fault in enumerate(target.scenario.fault)
+        if fault.active(now)
+    ]

@@ -1,0 +1,294 @@
+"""The target process: emits the beacons, emulates what the receivers measure, serves the scenario, ends the run."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from zenoh_cbef import __version__
+from zenoh_cbef.errors import UserError
+from zenoh_cbef.faults import Absence, SensorFault
+from zenoh_cbef.machine import require
+from zenoh_cbef.nodes.common.node import Identity, Node
+from zenoh_cbef.nodes.common.pace import Pace
+from zenoh_cbef.nodes.common.readers import WINDOW
+from zenoh_cbef.nodes.target.control import answer
+from zenoh_cbef.nodes.target.injection import Injection
+from zenoh_cbef.nodes.target.lookout import Lookout
+from zenoh_cbef.nodes.target.progress import Progress
+from zenoh_cbef.nodes.target.survey import Survey
+from zenoh_cbef.outside.registry import registered
+from zenoh_cbef.protocol.control import serve_control
+from zenoh_cbef.protocol.messages import END, START, nan_to_nil
+from zenoh_cbef.protocol.scenario_service import ScenarioText, serve_scenario
+from zenoh_cbef.protocol.slow import SLOW
+from zenoh_cbef.scenario import Scenario
+from zenoh_cbef.scenario.build import absences_of, slot_of
+from zenoh_cbef.scenario.load import Loaded, to_toml
+from zenoh_cbef.scenario.start import first_fix_steps
+from zenoh_cbef.scenario.world import World, make_world
+
+_LAST_WORD_SECONDS = 5.0
+_ALONE_SECONDS = 30.0
+_LONGER = 4.0
+"""The target's patience over the agents' own, who may have to lose it one after the other."""
+
+
+@dataclass
+class Target:
+    """The target of a run.
+
+    recorded: what is measured was measured before, and no fault changes it. receivers: real ones publish the beacons.
+    wait_for: how many agents have to be ready for the run to start, None: all.
+    """
+
+    node: Node
+    scenario: Scenario
+    world: World
+    recorded: bool = False
+    wait_for: int | None = None
+    receivers: bool = False
+
+    def __post_init__(self) -> None:
+        agents = range(self.scenario.count)
+        realtime = self.scenario.timing.mode == "realtime"
+        self._truth = self.node.outbox(self.node.keys.truth, may_drop=realtime)
+        self._beacons = [self.node.outbox(self.node.keys.beacon(agent), may_drop=realtime) for agent in agents]
+        self._signals = [self.node.outbox(self.node.keys.signal(agent)) for agent in agents]
+        keys = self.node.keys
+        self.node.archive.serve(keys.truth, keys.faults, keys.all_beacons, keys.all_signals)
+        grace = 0.0 if realtime else self.node.grace * self._patience
+        # In realtime agents keep time by themselves, and may be ahead of a target that is slow.
+        begun = self.scenario.length if realtime else 0
+        self.progress = Progress(self.node, self.scenario.count, self._patience, grace, begun=begun)
+        self.survey = Survey(self.node)
+        self.lookout = Lookout(self.node)
+        self.absences = absences_of(self.scenario)
+        self._first_fix = first_fix_steps(self.scenario)
+        self.start = 0.0
+        self._alone_at = 0.0
+        self._faults_out = self.node.outbox(self.node.keys.faults)
+        self._active: set[int] = set()
+        timed = realtime and not self.receivers
+        self._pace = Pace("the target", "steps", partial(self.node.event, SLOW)) if timed else None
+        self.injection: Injection | None = None
+        self.step: int | None = None
+
+    @property
+    def _patience(self) -> float:
+        return _LONGER * self.scenario.timing.patience
+
+    def members(self) -> list[int]:
+        """Who takes part in the run, and is here."""
+        return self.progress.members()
+
+    def present(self) -> list[int]:
+        """Which agents are here, whether they take part or not."""
+        return [agent for agent in range(self.scenario.count) if f"agent/{agent}" in self.node.presence]
+
+    def wait_for_everybody(self, patience: float) -> None:
+        """Wait until every agent is ready, and a recorder where one is required. Raises UserError otherwise."""
+        ready = {f"ready/{agent}" for agent in range(self.scenario.count)}
+
+        def missing(live: set[str]) -> list[str]:
+            recorded = sum(name.startswith("record/") for name in live) >= self.scenario.record.awaited
+            enough = self.wait_for is not None and len(ready & live) >= self.wait_for
+            unready = [] if enough else [name.replace("ready/", "agent/") for name in sorted(ready - live)]
+            absent = [name for name in unready if name not in live]
+            others = absent or [f"{name} (here, but not linked to all it needs)" for name in unready]
+            return [name.replace("/", " ") for name in others] + ([] if recorded else ["the recorder"])
+
+        everybody = self.node.wait_for(lambda live: not missing(live), patience, self.progress.drain)
+        if not everybody and not self.node.stopping:
+            names = ", ".join(missing(self.node.presence.names()))
+            raise UserError(
+                f"after {patience:g} s the run still lacks {names}; start what is missing with the same --run, "
+                "check its --connect, or wait longer with --patience"
+            )
+
+    def run(self) -> int:
+        """Emit all beacons; returns the last step emitted."""
+        realtime = self.scenario.timing.mode == "realtime"
+        self.start = time.time() + (self.scenario.timing.start_delay if realtime else 0.0)
+        epoch = self.start - time.time() + time.monotonic()
+        self.node.event("started", f"run {self.node.identity.run} started", at=self.start)
+        self.progress.rejections.start()
+        ready = {agent for agent in range(self.scenario.count) if f"ready/{agent}" in self.node.presence}
+        self.progress.begin(ready)
+        if realtime:
+            self.injection = Injection(self.scenario, self.start)
+        self.step = 0
+        for agent in sorted(ready):
+            self._signal_start(agent, 0)
+        for step in range(1, self.scenario.length + 1):
+            if realtime:
+                self.progress.drain()
+                self._sleep_until(epoch + step * self.scenario.dt)
+                going_on = self._in_company()
+            else:
+                going_on = self.progress.wait(step - WINDOW) and self._await_return(step)
+            if self.node.stopping or not (going_on or self._someone_returns(step)):
+                break
+            self.survey.drain()
+            self._inject()
+            self._announce_faults(step)
+            self._admit(step)
+            self.lookout.look(self.scenario, self._taking_part(step), step)
+            self._emit(step)
+            if self._pace is not None:
+                self._pace.arrive(time.monotonic(), epoch + step * self.scenario.dt + slot_of(self.scenario))
+            self.progress.excuse(self.absences.at(step), step)
+            self.step = step
+        self._end(self.step)
+        return self.step
+
+    def _taking_part(self, step: int) -> list[int]:
+        """Who is here in a step, and does something."""
+        idle = {*self.progress.silent(), *self.absences.at(step).nonzero()[0].tolist()}
+        return [agent for agent in self.members() if agent not in idle]
+
+    def _inject(self) -> None:
+        """Make known what was injected since, and act on it."""
+        news = None if self.injection is None else self.injection.news()
+        if self.injection is None or news is None:
+            return
+        self._faults_out.send(tables=news)
+        former, self.scenario = self.scenario, self.injection.scenario
+        self.absences = absences_of(self.scenario)
+        touched = [one for one in {*former.fault, *self.scenario.fault} if isinstance(one, SensorFault | Absence)]
+        if touched and not self.recorded:
+            self.world = make_world(self.scenario)
+
+    def _announce_faults(self, step: int) -> None:
+        """Tell the log which faults begin and end."""
+        on = {index for index, fault in enumerate(self.scenario.fault) if fault.active(step * self.scenario.dt)}
+        for index in sorted(on ^ self._active):
+            word, kind = "begins" if index in on else "ends", self.scenario.fault[index].kind
+            self.node.event(
+                "fault", f"fault {index} ({kind}) {word} at step {step}", fault=index, step=step, on=index in on
+            )
+        self._active = on
+
+    def _signal_start(self, agent: int, step: int) -> None:
+        """Tell an agent that its first step is the one after this."""
+        self._signals[agent].send(k=step, signal=START, at=self.start)
+
+    def _someone_returns(self, step: int) -> bool:
+        gone = self.absences.at(step - 1).nonzero()[0].tolist()
+        return any(self.absences.return_of(agent, step) is not None for agent in gone)
+
+    def _await_return(self, step: int) -> bool:
+        """In lockstep, wait for those who the scenario says are started again for this step."""
+        back = self.absences.reborn(step).nonzero()[0].tolist()
+        until = time.monotonic() + self._patience
+
+        def lacking() -> list[int]:
+            # An agent that still takes part is not back: the target is some steps ahead of its end.
+            here = self.progress.newcomers()
+            return [agent for agent in back if agent not in here]
+
+        while back and lacking() and not self.node.stopping:
+            if time.monotonic() > until:
+                names = ", ".join(f"agent {agent}" for agent in lacking())
+                self.node.event(
+                    "silent", f"{names} did not come back for step {step}; the run goes on without", step=step
+                )
+                return True
+            self.node.presence.wait(lambda _live: not lacking(), 0.1)
+            self.progress.drain()
+        return True
+
+    def _admit(self, step: int) -> None:
+        """Let those who came since begin with this step, unless the scenario has them away."""
+        if step <= self._first_fix + 1:
+            return
+        for agent in self.progress.newcomers():
+            if not self.absences.at(step)[agent]:
+                planned = bool(self.absences.ended(step)[agent])
+                self.progress.admit(agent, step)
+                self.node.event(
+                    "joined", f"agent {agent} joined at step {step}", agent=agent, step=step, planned=planned
+                )
+                self._signal_start(agent, step - 1)
+
+    def _in_company(self) -> bool:
+        """Whether anybody takes part; who is alone may be so by a broken link, and goes on for a while."""
+        now = time.monotonic()
+        if self.members():
+            self._alone_at = now
+        return now - self._alone_at <= (0.0 if self.node.launched else _ALONE_SECONDS)
+
+    def _sleep_until(self, moment: float) -> None:
+        while not self.node.stopping and (left := moment - time.monotonic()) > 0.0:
+            time.sleep(min(left, 0.1))
+
+    def _emit(self, step: int) -> None:
+        if self.receivers:
+            return
+        truth = self.world.truth[step - 1]
+        if np.isfinite(truth).all():  # of a real target nobody knows it
+            self._truth.send(k=step, state=truth.tolist())
+        for agent, beacon in enumerate(self._beacons):
+            emitted, arrived = self.world.emitted[agent, step - 1], self.world.arrived[agent, step - 1]
+            beacon.send(k=step, emitted=nan_to_nil(emitted), arrived=nan_to_nil(arrived))
+
+    def _end(self, last: int) -> None:
+        """No more beacons: agents finish the step they are in, so that a stopped run, too, can be verified."""
+        self.progress.wait(last, even_stopping=True)
+        for signal in self._signals:
+            signal.send(k=last + 1, signal=END)
+        boxes = [self._truth, *self._beacons, *self._signals]
+        self.progress.rejections.report()
+        self.node.last_words(
+            "finished",
+            f"the target ended after step {last}",
+            step=last,
+            sent={box.key: box.sent for box in boxes},
+            rejected=self.progress.rejections.total,
+            **({} if self._pace is None else self._pace.finish()),
+        )
+        # Agents wait for the end signal only while the target is there.
+        self.node.presence.wait(lambda live: not any(name.startswith("agent/") for name in live), _LAST_WORD_SECONDS)
+
+
+def run_target(
+    identity: Identity,
+    loaded: Loaded,
+    world: World | None = None,
+    *,
+    receivers: bool = False,
+    wait_for: int | None = None,
+) -> int:
+    """Run the target process of a scenario to its end; returns the last step.
+
+    world: what is measured, None for what the scenario says. receivers, wait_for: see Target.
+    """
+    require(links=loaded.scenario.count + loaded.scenario.record.awaited)
+    with Node(identity) as node:
+        node.refuse_twin()
+        emulated = make_world(loaded.scenario) if world is None else world
+        how = {"recorded": world is not None, "receivers": receivers}
+        target = Target(node, loaded.scenario, emulated, **how, wait_for=wait_for)
+        resolved = to_toml(loaded.scenario)
+
+        def text() -> ScenarioText:
+            injected = "" if target.injection is None else target.injection.tables()
+            # Where not all are waited for, everybody comes as if the run were under way.
+            step = target.step if target.step is not None or wait_for is None else 0
+            members = () if target.step is None else tuple(target.members())
+            return ScenarioText(loaded.source, resolved, __version__, step, members, injected, tuple(target.present()))
+
+        service = serve_scenario(node.session, identity.run, text)
+        control = serve_control(node.session, node.keys.control, lambda request: answer(target, request))
+        node.presence.enter(f"target/{identity.name}")
+        reached = [*identity.connection.listen, *identity.connection.connect]
+        with registered(identity.run, reached, launched=node.launched):
+            target.wait_for_everybody(identity.patience)
+            last = 0 if node.stopping else target.run()
+        control.undeclare()
+        service.undeclare()
+        node.presence.leave(f"target/{identity.name}")
+    return last

@@ -1,0 +1,1 @@
+"""What looks at runs, or ends them, from outside: it stands above the protocol alone."""

@@ -1,0 +1,125 @@
+"""Which runs go on on this host, and where they are reached: a small file each, locked while its target lives."""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import IO
+
+from zenoh_cbef.errors import UserError
+from zenoh_cbef.outside.origin import own_sessions, starter_sessions
+from zenoh_cbef.plain import read_json
+
+_LONGEST = 1 << 16
+"""Characters of a file here: endpoints, sessions and a folder."""
+
+
+@dataclass(frozen=True)
+class KnownRun:
+    """A run whose target lives on this host.
+
+    endpoints: where it is reached. sessions: those of the operating system that it was started from, the nearest
+    first. folder, started: where and when that was, s since the Unix epoch; None where its file does not say.
+    """
+
+    name: str
+    endpoints: list[str]
+    sessions: list[int]
+    folder: str | None = None
+    started: float | None = None
+
+    @property
+    def own(self) -> bool:
+        """Whether the run was started from this program's terminal, or without one by the same script."""
+        return not own_sessions().isdisjoint(self.sessions)
+
+    def __str__(self) -> str:
+        when = "" if self.started is None else f" at {time.strftime('%H:%M', time.localtime(self.started))}"
+        where = "" if self.folder is None else f" in {self.folder}"
+        known = f", started{when}{where}" if when or where else ""
+        return f"{self.name!r}{known}"
+
+
+def _folder() -> Path:
+    return Path(os.environ.get("XDG_RUNTIME_DIR") or tempfile.gettempdir()) / f"zenoh-cbef-{os.getuid()}"
+
+
+@contextmanager
+def registered(run: str, endpoints: Sequence[str], *, launched: bool = False) -> Iterator[None]:
+    """Let other programs of this user find a run, until the block is left; without a place for that none does.
+
+    launched: whether `run` has started this process. Raises UserError where a run of this name goes on already: on
+    another network, as it would have been heard of.
+    """
+    if run in (runs := known_runs()):
+        raise UserError(
+            f"a run {run!r} goes on on this host already, at {', '.join(runs[run].endpoints)}; "
+            "give this one another name with --run, or end that one"
+        )
+    path = _folder() / f"{run}.json"
+    with ExitStack() as held:
+        with suppress(OSError):
+            path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+            unseen = path.with_suffix(f".{os.getpid()}")
+            file = held.enter_context(unseen.open("w"))
+            # However the process ends, the lock ends with it. No program sees the file without.
+            fcntl.flock(file, fcntl.LOCK_EX)
+            told = {"endpoints": list(endpoints), "sessions": starter_sessions(launched=launched)}
+            file.write(json.dumps(told | {"folder": str(Path.cwd()), "started": time.time()}))
+            file.flush()
+            held.callback(partial(path.unlink, missing_ok=True))
+            unseen.rename(path)
+        yield
+
+
+def known_runs() -> dict[str, KnownRun]:
+    """The runs whose targets live on this host, by name."""
+    found: dict[str, KnownRun] = {}
+    for path in sorted(_folder().glob("*.json")):
+        with suppress(OSError, ValueError, TypeError, KeyError), path.open() as file:
+            if _held(file):
+                found[path.stem] = _read(path.stem, file)
+            else:
+                path.unlink()  # Its target was killed.
+    return found
+
+
+def _read(name: str, file: IO[str]) -> KnownRun:
+    told = read_json(file.read(_LONGEST))
+    if isinstance(told, list):  # as earlier versions wrote it
+        return KnownRun(name, [str(one) for one in told], [])
+    sessions = [int(one) for one in told["sessions"]]
+    return KnownRun(name, [str(one) for one in told["endpoints"]], sessions, told.get("folder"), told.get("started"))
+
+
+def _held(file: IO[str]) -> bool:
+    """Whether the process of this user that wrote a file still lives."""
+    if os.fstat(file.fileno()).st_uid != os.getuid():
+        return False
+    try:
+        fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    return False
+
+
+def find_run(run: str | None) -> KnownRun:
+    """A run of this host, by its name or as the only one. Raises UserError."""
+    runs = known_runs()
+    if run is None and len(runs) == 1:
+        return next(iter(runs.values()))
+    there = f"there is {', '.join(runs)}" if runs else "there is none"
+    if run is None:
+        remedy = "say which run with --run" if runs else "start one, or reach one of another host with --connect"
+        raise UserError(f"{remedy}; on this host {there}")
+    if run not in runs:
+        raise UserError(f"no run {run!r} goes on on this host ({there}); give --run, or --connect for another host's")
+    return runs[run]

@@ -1,0 +1,239 @@
+"""The state of a run that goes on, made of what its target told: who is where, how well it tracks, what is lost."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from math import sqrt
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zenoh_cbef.protocol.keys import agent_named
+from zenoh_cbef.protocol.messages import BadMessage, decode, unpack_floats
+from zenoh_cbef.protocol.slow import AGAIN_SECONDS, SLOW, WINDOW_SECONDS
+
+Message = dict[str, Any]
+
+_LATELY_SECONDS = AGAIN_SECONDS + 2.0 * WINDOW_SECONDS
+
+
+@dataclass(frozen=True)
+class Whereabouts:
+    """A process as it introduced itself; None where it has not yet.
+
+    clock: s that its clock is ahead of the target's, known to within half of round_trip (s).
+    """
+
+    host: str | None = None
+    pid: int | None = None
+    version: str | None = None
+    zenoh: str | None = None
+    clock: float | None = None
+    round_trip: float | None = None
+
+
+@dataclass(frozen=True)
+class AgentStatus:
+    """One agent. error: position error in `step`, m; spread: what its covariance claims that to be, m."""
+
+    agent: int
+    state: str
+    where: Whereabouts
+    step: int | None = None
+    error: float | None = None
+    spread: float | None = None
+    nis: float | None = None
+    nis_degrees: int | None = None
+
+
+@dataclass(frozen=True)
+class LinkStatus:
+    """What an agent has received from a neighbour since the start; latency: of the last step, s.
+
+    recent_...: the same counts of the last recent_seconds, some five; None where that is not known yet.
+    """
+
+    source: int
+    destination: int
+    received: int
+    lost: int
+    late: int
+    latency: float | None
+    recent_received: int | None = None
+    recent_lost: int | None = None
+    recent_late: int | None = None
+    recent_seconds: float | None = None
+
+
+@dataclass(frozen=True)
+class RunStatus:
+    """A run. error, disagreement: root mean squares over the agents that take part, m, in the step that all have done.
+
+    step: the last one that has begun, None before the start. time: s since the start. now: the target's clock, s since
+    the Unix epoch. slow: processes that have lately said that they do not keep up with real time. unobservable: in
+    words why the agents that take part cannot determine the position; empty where they can.
+    """
+
+    run: str
+    filter: str
+    mode: str
+    state: str
+    step: int | None
+    steps: int
+    dt: float
+    time: float | None
+    now: float
+    error: float | None
+    disagreement: float | None
+    target: Whereabouts
+    recorder: Whereabouts | None
+    agents: list[AgentStatus]
+    links: list[LinkStatus]
+    faults: list[dict[str, Any]]
+    events: list[dict[str, Any]]
+    slow: list[str] = field(default_factory=list)
+    unobservable: str = ""
+
+
+def read_status(told: Mapping[str, Any]) -> RunStatus:
+    """Put together what a target told."""
+    run, count = told["run"], told["agents"]
+    estimates = _by_sender(_messages("estimate", told["estimates"], run))
+    earlier = _by_sender(_messages("estimate", told.get("earlier", []), run))
+    events = sorted(_messages("event", told["events"], run), key=lambda one: int(one["sent"]))
+    cards = _by_sender(_messages("event", told["cards"], run))
+    truth = {k: np.array(state) for k, state in told["truth"]}
+    axes = 2 if told["planar"] else 3
+    agents = []
+    for agent in range(count):
+        name = f"agent/{agent}"
+        where = _whereabouts(cards.get(name, {}).get("data", {}))
+        agents.append(AgentStatus(agent, _state(told, agent), where, **_quality(estimates.get(name), truth, axes)))
+    taking_part = [estimates[f"agent/{agent}"] for agent in told["members"] if f"agent/{agent}" in estimates]
+    error, disagreement = _network(taking_part, truth, axes)
+    started, recorder = told["step"] is not None, any(name.startswith("record/") for name in told["live"])
+    return RunStatus(
+        run=run,
+        filter=told["filter"],
+        mode=told["mode"],
+        state="ending" if told["stopping"] else "running" if started else "waiting",
+        step=told["step"],
+        steps=told["steps"],
+        dt=told["dt"],
+        time=told["time"] - told["start"] if started else None,
+        now=told["time"],
+        error=error,
+        disagreement=disagreement,
+        target=_whereabouts(told["target"]),
+        recorder=_whereabouts(cards.get("record", {}).get("data", {})) if recorder else None,
+        agents=agents,
+        links=[link for name, message in estimates.items() for link in _links(name, message, earlier.get(name))],
+        faults=json.loads(told["faults"]),
+        events=[{"from": one["from"], "at": one["sent"] * 1e-9, **_said(one)} for one in events],
+        slow=_slow(events, told["time"]),
+        unobservable=str(told.get("unobservable", "")),
+    )
+
+
+def _messages(kind: str, raw: list[bytes], run: str) -> list[Message]:
+    found = []
+    for data in raw:
+        with suppress(BadMessage):
+            found.append(decode(kind, data, run=run))
+    return found
+
+
+def _by_sender(messages: list[Message]) -> dict[str, Message]:
+    return {message["from"]: message for message in messages}
+
+
+def _slow(events: list[Message], now: float) -> list[str]:
+    """Who said of itself that it is too slow, and has had no time since to say so again."""
+    lately = (one["from"] for one in events if one["kind"] == SLOW and now - 1e-9 * one["sent"] < _LATELY_SECONDS)
+    return sorted({name for name in lately if name == "target" or agent_named(name) is not None})
+
+
+def _said(event: Message) -> Message:
+    return {name: event.get(name) for name in ("kind", "text", "data")}
+
+
+def _state(told: Mapping[str, Any], agent: int) -> str:
+    live = told["live"]
+    away = agent in told["away"]
+    if f"agent/{agent}" not in live:
+        return "killed" if away else "missing" if told["step"] is None else "gone"
+    if away:
+        return "paused"
+    if agent in told["silent"]:
+        return "silent"
+    if told["step"] is None:
+        return "ready" if f"ready/{agent}" in live else "linking"
+    return "on" if agent in told["members"] else "joining"
+
+
+def _whereabouts(data: Mapping[str, Any]) -> Whereabouts:
+    kinds = {"host": str, "pid": int, "version": str, "zenoh": str, "clock": float, "round_trip": float}
+    return Whereabouts(**{name: data[name] for name, kind in kinds.items() if isinstance(data.get(name), kind)})
+
+
+def _quality(message: Message | None, truth: Mapping[int, NDArray[np.float64]], axes: int) -> Message:
+    if message is None:
+        return {}
+    found: Message = {name: message.get(name) for name in ("nis", "nis_degrees")}
+    packed = message["covariance"]
+    if packed is not None:
+        with suppress(BadMessage):
+            found["spread"] = sqrt(max(0.0, float(np.trace(unpack_floats(packed, 6, 6)[:axes, :axes]))))
+    error = _distance(message, truth, axes)
+    return {"step": message["k"], "error": None if error is None else sqrt(error), **found}
+
+
+def _distance(message: Message, truth: Mapping[int, NDArray[np.float64]], axes: int) -> float | None:
+    """Squared, m²; None where nobody knows the truth."""
+    real = truth.get(message["k"])
+    if real is None or not np.isfinite(real[:axes]).all():
+        return None
+    return float(((np.array(message["state"]) - real)[:axes] ** 2).sum())
+
+
+def _network(
+    messages: list[Message], truth: Mapping[int, NDArray[np.float64]], axes: int
+) -> tuple[float | None, float | None]:
+    """Error and disagreement of those who are at the step that most are at."""
+    steps = [message["k"] for message in messages]
+    if not steps:
+        return None, None
+    common = max(set(steps), key=lambda step: (steps.count(step), step))
+    together = [message for message in messages if message["k"] == common]
+    errors = [found for one in together if (found := _distance(one, truth, axes)) is not None]
+    places = np.array([message["state"][:axes] for message in together])
+    apart = ((places - places.mean(axis=0)) ** 2).sum(axis=1)
+    return sqrt(float(np.mean(errors))) if errors else None, sqrt(float(apart.mean()))
+
+
+_COUNTS = ("received", "lost", "late")
+
+
+def _links(name: str, message: Message, before: Message | None) -> list[LinkStatus]:
+    agent = agent_named(name)
+    lists = [message[field] for field in ("neighbours", *_COUNTS, "latency")]
+    if agent is None or len({len(one) for one in lists}) != 1:
+        return []
+    links = [LinkStatus(one[0], agent, *one[1:]) for one in zip(*lists, strict=True)]
+    return links if before is None else [_with_recent(link, message, before) for link in links]
+
+
+def _with_recent(link: LinkStatus, message: Message, before: Message) -> LinkStatus:
+    """The link with what it did since an earlier estimate, where that is of the same life of its agent."""
+    seconds = (message["sent"] - before["sent"]) * 1e-9
+    counts = zip(*(before[field] for field in ("neighbours", *_COUNTS)), strict=False)
+    then = next((one[1:] for one in counts if one[0] == link.source), None)
+    if then is None or seconds <= 0.0 or then[0] > link.received:
+        return link
+    # A message that was given up and came later is late instead of lost.
+    received, lost, late = (max(0, getattr(link, field) - former) for field, former in zip(_COUNTS, then, strict=True))
+    return replace(link, recent_received=received, recent_lost=lost, recent_late=late, recent_seconds=seconds)
