@@ -13,11 +13,11 @@ import msgpack
 
 from benchmarks.fuzz_material import AGENTS, KEYS, RUN, WIDTH, Material
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.log.columns import Columns
-from zenoh_cbef.log.decoding import Decoder
 from zenoh_cbef.log.mcap.contents import Channel, RawMessage
-from zenoh_cbef.log.playlist import step_of
-from zenoh_cbef.log.run_log import UNKNOWN, RunLog
+from zenoh_cbef.log.read.columns import Columns
+from zenoh_cbef.log.read.decoding import Decoder
+from zenoh_cbef.log.tools.playlist import step_of
+from zenoh_cbef.log.write.run_log import UNKNOWN, RunLog
 from zenoh_cbef.nodes.recorder.overview import Overview, Status
 from zenoh_cbef.nodes.target.control import answer
 from zenoh_cbef.nodes.target.injection import Injection

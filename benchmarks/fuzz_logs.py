@@ -20,12 +20,12 @@ from benchmarks.fuzz_material import AGENTS, RUN, Material
 from benchmarks.made_logs import MadeLog
 from zenoh_cbef.cli.main import main
 from zenoh_cbef.errors import UserError
+from zenoh_cbef.log.common.naming import END, RESOLVED
+from zenoh_cbef.log.common.naming import RUN as ABOUT
 from zenoh_cbef.log.mcap.contents import RawMessage
-from zenoh_cbef.log.naming import END, RESOLVED
-from zenoh_cbef.log.naming import RUN as ABOUT
-from zenoh_cbef.log.parts import open_log
-from zenoh_cbef.log.playlist import Playlist, Selection
-from zenoh_cbef.log.run_log import RunLog
+from zenoh_cbef.log.read.parts import open_log
+from zenoh_cbef.log.tools.playlist import Playlist, Selection
+from zenoh_cbef.log.write.run_log import RunLog
 from zenoh_cbef.scenario.load import load, to_toml
 
 _STEPS = 8

@@ -18,7 +18,7 @@ from rich.table import Table
 
 from benchmarks.by_hand import by_hand
 from benchmarks.common import Children, Row, children, results
-from zenoh_cbef.log.parts import open_log
+from zenoh_cbef.log.read.parts import open_log
 from zenoh_cbef.nodes.launch.ports import free_ports
 from zenoh_cbef.protocol.keys import Keys
 from zenoh_cbef.protocol.memory import Memory

@@ -16,7 +16,7 @@ from rich.table import Table
 
 from benchmarks.common import ROOT, Row, at_least, below, results
 from benchmarks.mcap_speed import payloads, write_ours
-from zenoh_cbef.log.parts import open_log
+from zenoh_cbef.log.read.parts import open_log
 
 _STEPS = 12_700
 _WRITTEN = 200_000

@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from zenoh_cbef.log.run_log import RunLog
+from zenoh_cbef.log.write.run_log import RunLog
 from zenoh_cbef.protocol.bodies import estimate_body
 from zenoh_cbef.protocol.keys import Keys
 from zenoh_cbef.protocol.messages import encode, nan_to_nil

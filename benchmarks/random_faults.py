@@ -18,8 +18,8 @@ from rich.table import Table
 from benchmarks.common import Row, results
 from tests.faults.strategies import scenarios
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.log.read_trace import read_trace
-from zenoh_cbef.log.verify import verify
+from zenoh_cbef.log.prove.verify import verify
+from zenoh_cbef.log.read.trace import read_trace
 from zenoh_cbef.scenario.checks import check
 from zenoh_cbef.scenario.load import parse
 

@@ -19,8 +19,8 @@ from rich.table import Table
 
 from benchmarks.common import ROOT, Row, below, results
 from zenoh_cbef.analysis.metrics import analyze
-from zenoh_cbef.log.parts import open_log
-from zenoh_cbef.log.read_trace import read_trace
+from zenoh_cbef.log.read.parts import open_log
+from zenoh_cbef.log.read.trace import read_trace
 from zenoh_cbef.scenario.load import load
 from zenoh_cbef.simulator import simulate
 from zenoh_cbef.trace import Trace

@@ -17,7 +17,7 @@ from rich.table import Table
 from benchmarks.by_hand import by_hand
 from benchmarks.common import ROOT, Row, below, results
 from zenoh_cbef.cli.console import number
-from zenoh_cbef.log.parts import open_log
+from zenoh_cbef.log.read.parts import open_log
 from zenoh_cbef.protocol.keys import Keys
 from zenoh_cbef.protocol.presence import Presence
 from zenoh_cbef.protocol.session import Connection, open_session

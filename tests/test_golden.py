@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from zenoh_cbef.log.verify import verify
+from zenoh_cbef.log.prove.verify import verify
 from zenoh_cbef.tracking.filters import KINDS
 
 LOGS = sorted((Path(__file__).parent / "golden").glob("*.mcap"))

@@ -15,7 +15,7 @@ FILES = sorted(ROOT.rglob("*.py"))
 LEVELS = (
     ("cli",),
     ("experiment",),
-    ("nodes",),
+    ("nodes", "viewers"),
     ("log",),
     ("simulator", "analysis"),
     ("trace", "outside"),
@@ -37,8 +37,11 @@ OWNERS = {
 }
 
 
-ROOMS = {"nodes": "common"}
-"""Parts whose rooms do not know each other, and the one room that all of them know."""
+ROOMS = {
+    "nodes": (("agent", "target", "recorder", "replay", "launch"), ("common",)),
+    "log": (("prove", "tools"), ("read", "write"), ("common", "mcap")),
+}
+"""Parts that have rooms, from the top down: a room knows itself and what stands below, never what stands beside."""
 
 
 def part_of(path: Path) -> str:
@@ -86,13 +89,16 @@ def test_imports_point_down():
 
 
 @pytest.mark.parametrize("part", ROOMS)
-def test_rooms_of_a_part_know_only_what_they_have_in_common(part):
+def test_rooms_of_a_part_know_only_themselves_and_those_below(part):
+    level = {room: number for number, rooms in enumerate(ROOMS[part]) for room in rooms}
     astray = [
         f"{place(path, line)} imports {name}"
         for path in FILES
-        if part_of(path) == part
+        if part_of(path) == part and path.parent.name != part
         for line, name in imports(path)
-        if name.startswith(f"{PACKAGE}.{part}.") and name.split(".")[2] not in {ROOMS[part], path.parent.name}
+        if name.startswith(f"{PACKAGE}.{part}.")
+        and (other := name.split(".")[2]) != (room := path.parent.name)
+        and level[other] <= level[room]
     ]
     assert astray == []
 

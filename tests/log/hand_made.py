@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from zenoh_cbef.log.run_log import RunLog
+from zenoh_cbef.log.write.run_log import RunLog
 from zenoh_cbef.protocol.keys import Keys
 from zenoh_cbef.protocol.messages import encode
 from zenoh_cbef.protocol.round_codec import RoundCodec

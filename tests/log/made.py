@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
-from zenoh_cbef.log.contents import Header
-from zenoh_cbef.log.measurements import Measurements
-from zenoh_cbef.log.reestimate import reestimate
+from zenoh_cbef.log.prove.reestimate import reestimate
+from zenoh_cbef.log.read.contents import Header
+from zenoh_cbef.log.read.measurements import Measurements
 from zenoh_cbef.protocol.messages import nan_to_nil
 from zenoh_cbef.scenario.load import load, to_toml
 from zenoh_cbef.scenario.world import make_world

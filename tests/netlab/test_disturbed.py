@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from zenoh_cbef.log.read_trace import read_trace
+from zenoh_cbef.log.read.trace import read_trace
 
 DT = 0.1
 FOUND, STEPS = 40, 170

@@ -14,10 +14,10 @@ from tests.processes.test_log import copy_with
 from zenoh_cbef.analysis.metrics import analyze
 from zenoh_cbef.analysis.traffic import other_bytes, round_bytes
 from zenoh_cbef.faults import Fates
-from zenoh_cbef.log.contents import read_contents, read_header
-from zenoh_cbef.log.parts import open_log
-from zenoh_cbef.log.read_trace import read_trace
-from zenoh_cbef.log.verify import Verdict, verify
+from zenoh_cbef.log.prove.verify import Verdict, verify
+from zenoh_cbef.log.read.contents import read_contents, read_header
+from zenoh_cbef.log.read.parts import open_log
+from zenoh_cbef.log.read.trace import read_trace
 from zenoh_cbef.scenario.build import fates_into
 from zenoh_cbef.scenario.load import load, parse
 from zenoh_cbef.simulator import simulate

@@ -6,7 +6,7 @@ import time
 import numpy as np
 
 from zenoh_cbef.analysis.metrics import analyze
-from zenoh_cbef.log.read_trace import read_trace
+from zenoh_cbef.log.read.trace import read_trace
 from zenoh_cbef.outside.registry import known_runs
 
 

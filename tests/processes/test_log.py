@@ -10,10 +10,10 @@ import pytest
 
 from tests.processes.conftest import World
 from zenoh_cbef.analysis.design import design
-from zenoh_cbef.log.contents import read_header
 from zenoh_cbef.log.mcap.reader import McapFile
 from zenoh_cbef.log.mcap.writer import McapWriter
-from zenoh_cbef.log.parts import open_log
+from zenoh_cbef.log.read.contents import read_header
+from zenoh_cbef.log.read.parts import open_log
 
 STEPS, AGENTS = 40, 4
 

@@ -10,7 +10,7 @@ import pytest
 from tests.processes.conftest import settings
 from tests.processes.test_live_faults import wait_until_known
 from zenoh_cbef import __version__
-from zenoh_cbef.log.read_trace import read_trace
+from zenoh_cbef.log.read.trace import read_trace
 
 
 def status_of(world, *options: str) -> dict:

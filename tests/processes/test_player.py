@@ -6,7 +6,7 @@ import time
 from hypothesis import given
 from hypothesis import strategies as st
 
-from zenoh_cbef.log.playlist import Item
+from zenoh_cbef.log.tools.playlist import Item
 from zenoh_cbef.nodes.replay import player as module
 from zenoh_cbef.nodes.replay.player import Player, Timeline
 

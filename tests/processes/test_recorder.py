@@ -12,7 +12,7 @@ from benchmarks.kills import Kills
 from tests.processes.conftest import settings
 from tests.test_benchmarks import ROOT  # noqa: F401 - puts the benchmarks on the path
 from zenoh_cbef.log.mcap.reader import McapFile
-from zenoh_cbef.log.parts import open_log
+from zenoh_cbef.log.read.parts import open_log
 from zenoh_cbef.nodes.launch.ports import free_ports
 
 

@@ -15,7 +15,7 @@ from tests.processes.test_datasets import small_set, track
 from tests.processes.test_faults import EVERY_KIND
 from tests.processes.test_log import copy_with
 from zenoh_cbef.log.mcap.reader import McapFile
-from zenoh_cbef.log.read_trace import read_trace
+from zenoh_cbef.log.read.trace import read_trace
 
 OWN = ("run", "sent", "latency", "at")
 """Fields that are of the run, not of what was computed."""

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from tests.processes.conftest import World, settings
-from zenoh_cbef.log.parts import open_log
-from zenoh_cbef.log.read_trace import read_trace
+from zenoh_cbef.log.read.parts import open_log
+from zenoh_cbef.log.read.trace import read_trace
 from zenoh_cbef.trace import Trace
 
 

@@ -11,7 +11,7 @@ import zenoh
 from tests.processes.conftest import settings
 from tests.processes.test_hostile import forged, wait_for
 from zenoh_cbef.log.mcap.reader import McapFile
-from zenoh_cbef.log.read_trace import read_trace
+from zenoh_cbef.log.read.trace import read_trace
 from zenoh_cbef.protocol.session import Connection, open_session
 from zenoh_cbef.protocol.tls import Tls
 

@@ -13,8 +13,8 @@ from tests.processes.conftest import World
 from tests.processes.test_faults import EVERY_KIND
 from tests.processes.test_log import copy_with
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.log.read_exchange import MOST, read_exchange
-from zenoh_cbef.log.read_trace import read_trace
+from zenoh_cbef.log.read.exchange import MOST, read_exchange
+from zenoh_cbef.log.read.trace import read_trace
 
 ALL = (1, 30)
 

@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 from tests.log.hand_made import KEYS, RUN, Maker
 from tests.log.made import made_log
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.log.parts import open_log
-from zenoh_cbef.log.read_trace import read_trace
+from zenoh_cbef.log.prove.verify import verify
+from zenoh_cbef.log.read.parts import open_log
+from zenoh_cbef.log.read.trace import read_trace
 from zenoh_cbef.log.tools.check import check
-from zenoh_cbef.log.verify import verify
 from zenoh_cbef.nodes.recorder.overview import Overview, Status
 from zenoh_cbef.plain import DEEPEST, count_in, counts_in, flaw, read_json, read_toml, whole
 from zenoh_cbef.protocol.control import read_answer, read_request

@@ -15,8 +15,8 @@ from zenoh_cbef.cli.options import AsJson, Force, Skip
 from zenoh_cbef.cli.places import beside, new_folder_of
 from zenoh_cbef.cli.tables import metrics_table
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.log.parts import find_log
-from zenoh_cbef.log.read_trace import read_trace
+from zenoh_cbef.log.read.parts import find_log
+from zenoh_cbef.log.read.trace import read_trace
 
 
 def _analyze(

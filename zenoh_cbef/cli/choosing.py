@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from zenoh_cbef.cli.console import errors
-from zenoh_cbef.log.parts import Log
+from zenoh_cbef.log.read.parts import Log
 from zenoh_cbef.log.tools.selection import Selection, select, time_of
 
 LOSSY = 3

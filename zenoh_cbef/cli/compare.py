@@ -20,8 +20,8 @@ from zenoh_cbef.cli.fitting import Fitting
 from zenoh_cbef.cli.options import AsJson, Force, Skip
 from zenoh_cbef.cli.places import new_file
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.log.parts import find_log
-from zenoh_cbef.log.read_trace import read_trace
+from zenoh_cbef.log.read.parts import find_log
+from zenoh_cbef.log.read.trace import read_trace
 from zenoh_cbef.trace import Trace
 
 Logs = Annotated[list[Path], typer.Argument(metavar="LOG...", help="Logs, folders of runs, or names in logs/.")]

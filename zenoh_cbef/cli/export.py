@@ -13,12 +13,12 @@ from zenoh_cbef.cli.console import tell_what_lacks
 from zenoh_cbef.cli.options import Force, LogFile
 from zenoh_cbef.cli.places import new_place, stem_of
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.log.export import export
-from zenoh_cbef.log.parts import find_log
-from zenoh_cbef.log.read_trace import read_trace
-from zenoh_cbef.log.viewers.rerun_file import write_rrd
-from zenoh_cbef.log.viewers.scene import read_scene
-from zenoh_cbef.log.viewers.viz import write_viz
+from zenoh_cbef.log.read.parts import find_log
+from zenoh_cbef.log.read.trace import read_trace
+from zenoh_cbef.viewers.arrays import export
+from zenoh_cbef.viewers.rerun_file import write_rrd
+from zenoh_cbef.viewers.scene import read_scene
+from zenoh_cbef.viewers.viz import write_viz
 
 
 class Format(StrEnum):

@@ -9,7 +9,7 @@ import typer
 
 from zenoh_cbef.cli.choosing import LOSSY, selection_of, tell_damage
 from zenoh_cbef.cli.options import Compress, End, Exclude, Include, NewLog, Start
-from zenoh_cbef.log.parts import open_log
+from zenoh_cbef.log.read.parts import open_log
 from zenoh_cbef.log.tools.filtering import filter_log
 from zenoh_cbef.words import counted
 

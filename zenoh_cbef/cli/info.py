@@ -13,8 +13,8 @@ from rich.table import Table
 from zenoh_cbef.cli.console import console
 from zenoh_cbef.cli.fitting import Fitting
 from zenoh_cbef.cli.options import AsJson, LogFile
-from zenoh_cbef.log.naming import END, RUN
-from zenoh_cbef.log.parts import open_log
+from zenoh_cbef.log.common.naming import END, RUN
+from zenoh_cbef.log.read.parts import open_log
 
 _FOREIGN = "none, as this is no log of zenoh-cbef"
 

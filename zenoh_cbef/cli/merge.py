@@ -10,7 +10,7 @@ import typer
 from zenoh_cbef.cli.choosing import LOSSY, tell_damage
 from zenoh_cbef.cli.options import Compress, NewLog
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.log.parts import open_log
+from zenoh_cbef.log.read.parts import open_log
 from zenoh_cbef.log.tools.merge import Clock, merge
 from zenoh_cbef.words import counted
 

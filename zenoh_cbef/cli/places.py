@@ -7,7 +7,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.log.naming import ACTIVE
+from zenoh_cbef.log.common.naming import ACTIVE
 
 _FILES = {".csv", ".html", ".json", ".mcap", ".npz", ".parquet", ".pdf", ".png", ".rrd", ".svg", ".toml"}
 """Suffixes of files, with which no folder of results is called."""

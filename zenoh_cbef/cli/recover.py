@@ -9,7 +9,7 @@ import typer
 
 from zenoh_cbef.cli.choosing import tell_damage
 from zenoh_cbef.cli.options import Compress, NewLog
-from zenoh_cbef.log.parts import find_log
+from zenoh_cbef.log.read.parts import find_log
 from zenoh_cbef.log.tools.recover import recover
 from zenoh_cbef.words import counted
 

@@ -13,8 +13,8 @@ from zenoh_cbef.cli.names import check_run
 from zenoh_cbef.cli.options import LogFile, Overrides
 from zenoh_cbef.cli.places import place_of_log
 from zenoh_cbef.cli.tables import scheme_line
-from zenoh_cbef.log.measurements import read_measurements
-from zenoh_cbef.log.reestimate import Reestimated, reestimate
+from zenoh_cbef.log.prove.reestimate import Reestimated, reestimate
+from zenoh_cbef.log.read.measurements import read_measurements
 from zenoh_cbef.scenario.checks import check
 from zenoh_cbef.words import counted
 

@@ -16,10 +16,10 @@ from zenoh_cbef.cli.joining import Joining, identity_of, joins
 from zenoh_cbef.cli.options import LONGEST_SECONDS, LogFile
 from zenoh_cbef.cli.run import run_processes
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.log.contents import read_header
-from zenoh_cbef.log.measurements import read_measurements
-from zenoh_cbef.log.parts import find_log, open_log
-from zenoh_cbef.log.playlist import Selection
+from zenoh_cbef.log.read.contents import read_header
+from zenoh_cbef.log.read.measurements import read_measurements
+from zenoh_cbef.log.read.parts import find_log, open_log
+from zenoh_cbef.log.tools.playlist import Selection
 from zenoh_cbef.nodes.replay.player import PlayerState
 from zenoh_cbef.nodes.replay.replay import Playback, replay_run, run_replay
 from zenoh_cbef.protocol.session import Connection

@@ -24,8 +24,8 @@ from zenoh_cbef.cli.places import beside, place_of_log
 from zenoh_cbef.cli.tables import metrics_table, scheme_line
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.extras import MissingExtra
-from zenoh_cbef.log.parts import find_log
-from zenoh_cbef.log.read_trace import read_trace
+from zenoh_cbef.log.read.parts import find_log
+from zenoh_cbef.log.read.trace import read_trace
 from zenoh_cbef.machine import require
 from zenoh_cbef.nodes.launch.launcher import Launcher
 from zenoh_cbef.protocol.session import Connection

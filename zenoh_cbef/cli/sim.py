@@ -18,11 +18,11 @@ from zenoh_cbef.cli.options import AsJson, Force, Overrides, ScenarioName, Skip
 from zenoh_cbef.cli.places import new_file
 from zenoh_cbef.cli.tables import metrics_table, scheme_line, summary_table
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.log.export import export
 from zenoh_cbef.quantities import SEEDS
 from zenoh_cbef.scenario.checks import check
 from zenoh_cbef.scenario.load import load
 from zenoh_cbef.simulator import simulate
+from zenoh_cbef.viewers.arrays import export
 
 
 def _sim(

@@ -13,7 +13,7 @@ from zenoh_cbef.cli.joining import Joining, Patience, identity_of, joins
 from zenoh_cbef.cli.names import check_run
 from zenoh_cbef.cli.options import MOST_AGENTS, Overrides, ScenarioName
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.log.measurements import read_measurements
+from zenoh_cbef.log.read.measurements import read_measurements
 from zenoh_cbef.nodes.target.target import run_target
 from zenoh_cbef.protocol.session import Connection
 from zenoh_cbef.scenario.checks import check

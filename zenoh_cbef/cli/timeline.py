@@ -12,8 +12,8 @@ from zenoh_cbef.cli.console import tell
 from zenoh_cbef.cli.options import LONGEST_SECONDS, Force, LogFile
 from zenoh_cbef.cli.places import beside, new_file
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.log.parts import find_log
-from zenoh_cbef.log.read_exchange import read_exchange
+from zenoh_cbef.log.read.exchange import read_exchange
+from zenoh_cbef.log.read.parts import find_log
 from zenoh_cbef.plain import whole
 
 Since = Annotated[

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from zenoh_cbef.cli.options import LogFile
-from zenoh_cbef.log.verify import verify
+from zenoh_cbef.log.prove.verify import verify
 
 Tolerance = Annotated[
     float, typer.Option(min=0.0, max=1.0, help="Relative difference to let pass, for logs of another processor family.")

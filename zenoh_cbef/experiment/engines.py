@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from zenoh_cbef.analysis.metrics import Analysis, analyze, ratio_to_centralized
 from zenoh_cbef.analysis.traffic import other_bytes, round_bytes
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.log.parts import find_log
-from zenoh_cbef.log.read_trace import read_trace
+from zenoh_cbef.log.read.parts import find_log
+from zenoh_cbef.log.read.trace import read_trace
 from zenoh_cbef.nodes.launch.launcher import Launcher
 from zenoh_cbef.scenario import Scenario
 from zenoh_cbef.scenario.build import rounds_of

@@ -6,11 +6,11 @@ from collections import Counter
 from dataclasses import dataclass, field
 from typing import Any
 
-from zenoh_cbef.log.contents import read_header
-from zenoh_cbef.log.decoding import Decoder
+from zenoh_cbef.log.common.naming import END
 from zenoh_cbef.log.mcap.contents import RawMessage
-from zenoh_cbef.log.naming import END
-from zenoh_cbef.log.parts import Log
+from zenoh_cbef.log.read.contents import read_header
+from zenoh_cbef.log.read.decoding import Decoder
+from zenoh_cbef.log.read.parts import Log
 from zenoh_cbef.protocol.keys import address
 from zenoh_cbef.protocol.messages import BadMessage
 from zenoh_cbef.protocol.round_codec import Rounds

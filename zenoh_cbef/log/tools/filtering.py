@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from zenoh_cbef.log.mcap.writer import Compression
-from zenoh_cbef.log.parts import Log
+from zenoh_cbef.log.read.parts import Log
 from zenoh_cbef.log.tools.output import OutputLog
 from zenoh_cbef.log.tools.selection import Selection
 

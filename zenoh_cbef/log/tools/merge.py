@@ -10,10 +10,10 @@ from pathlib import Path
 from statistics import median
 
 from zenoh_cbef.errors import UserError
+from zenoh_cbef.log.common.naming import END, RESOLVED, RUN
 from zenoh_cbef.log.mcap.contents import RawMessage
 from zenoh_cbef.log.mcap.writer import Compression
-from zenoh_cbef.log.naming import END, RESOLVED, RUN
-from zenoh_cbef.log.parts import Log
+from zenoh_cbef.log.read.parts import Log
 from zenoh_cbef.log.tools.output import OutputLog
 from zenoh_cbef.protocol.keys import address
 from zenoh_cbef.protocol.messages import BadMessage, unpack

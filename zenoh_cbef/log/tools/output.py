@@ -11,9 +11,9 @@ from mcap import records
 
 from zenoh_cbef import __version__
 from zenoh_cbef.errors import UserError
+from zenoh_cbef.log.common.naming import ACTIVE
 from zenoh_cbef.log.mcap.contents import Channel, RawMessage
 from zenoh_cbef.log.mcap.writer import Compression, McapWriter
-from zenoh_cbef.log.naming import ACTIVE
 
 
 class OutputLog:

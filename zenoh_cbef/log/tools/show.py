@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from zenoh_cbef.log.mcap.contents import RawMessage
-from zenoh_cbef.log.parts import Log
+from zenoh_cbef.log.read.parts import Log
 from zenoh_cbef.log.tools.selection import Selection
 from zenoh_cbef.protocol.messages import BadMessage, unpack
 

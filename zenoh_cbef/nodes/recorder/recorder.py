@@ -12,7 +12,7 @@ from platform import node as host_name
 from typing import Any
 
 from zenoh_cbef import __version__
-from zenoh_cbef.log.run_log import RunLog
+from zenoh_cbef.log.write.run_log import RunLog
 from zenoh_cbef.machine import require
 from zenoh_cbef.nodes.common.briefing import brief, introduce
 from zenoh_cbef.nodes.common.node import Identity, Node

@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 
-from zenoh_cbef.log.run_log import RunLog
+from zenoh_cbef.log.write.run_log import RunLog
 from zenoh_cbef.nodes.common.node import Node
 from zenoh_cbef.protocol.memory import ask_numbers
 

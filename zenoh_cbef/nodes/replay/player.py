@@ -9,7 +9,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.log.playlist import Item
+from zenoh_cbef.log.tools.playlist import Item
 
 Source = Callable[[int, int], Iterator[Item]]
 

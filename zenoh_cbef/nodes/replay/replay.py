@@ -11,9 +11,9 @@ from typing import Any
 
 from zenoh_cbef import __version__
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.log.naming import RESOLVED, SOURCE
-from zenoh_cbef.log.parts import Log
-from zenoh_cbef.log.playlist import Playlist, Selection
+from zenoh_cbef.log.common.naming import RESOLVED, SOURCE
+from zenoh_cbef.log.read.parts import Log
+from zenoh_cbef.log.tools.playlist import Playlist, Selection
 from zenoh_cbef.nodes.common.node import Identity, Node
 from zenoh_cbef.nodes.replay.player import Player, PlayerState
 from zenoh_cbef.outside.keyboard import DOWN, RIGHT, SPACE, UP, Keyboard

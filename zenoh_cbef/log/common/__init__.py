@@ -1,0 +1,1 @@
+"""What writer and reader of a log agree on: names in its files, and the numbers of its messages."""

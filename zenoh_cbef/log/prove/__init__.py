@@ -1,0 +1,1 @@
+"""The run of a log executed again: to prove it, or with another filter."""

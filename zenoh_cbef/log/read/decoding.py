@@ -1,0 +1,193 @@
+"""The messages of a log, checked against what their keys promise, and handed on by what they are."""
+
+from __future__ import annotations
+
+import gc
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any, Protocol
+
+from zenoh_cbef.log.common.sequence import Sequences
+from zenoh_cbef.log.mcap.contents import RawMessage
+from zenoh_cbef.log.read.parts import Log
+from zenoh_cbef.plain import counts_in
+from zenoh_cbef.protocol.keys import address
+from zenoh_cbef.protocol.messages import BadMessage, decode_all
+from zenoh_cbef.protocol.round_codec import RoundCodec, Rounds
+from zenoh_cbef.scenario import Scenario
+from zenoh_cbef.scenario.build import message_size
+
+_SEQUENCE = 0xFFFFFFFF
+"""What of a number fits into an MCAP record."""
+_MISLABELLED = "its record in the file has another number or time"
+
+
+class Sink(Protocol):
+    """Takes in the messages of a log."""
+
+    def take(self, kind: str, agent: int, messages: list[dict[str, Any]]) -> None:
+        """Take some messages of one key, in order, that are no round messages. agent: whose key, -1 for no agent's."""
+
+    def take_rounds(self, agent: int, rounds: Rounds) -> None:
+        """Take some consensus messages of an agent, in order."""
+
+
+@dataclass
+class Tally:
+    """What was counted in a log.
+
+    recorded: messages that are what their key promises; undecodable: the others. agent_bytes: of the recorded
+    messages that agents own, but for events. sequences: of what a key's owner sent, or on others those who may.
+    """
+
+    recorded: int = 0
+    undecodable: int = 0
+    agent_bytes: int = 0
+    sequences: Sequences = field(default_factory=Sequences)
+
+    def hear(self, event: dict[str, Any]) -> None:
+        """Take the word of a process that ended for how many messages it sent on each of its keys.
+
+        Likewise that of a recorder for whom it could not hear.
+        """
+        told = event.get("data", {})
+        if event["kind"] in {"left", "returned"} and event["from"].startswith("record"):
+            for (_, sender), sequence in self.sequences:
+                if told.get("name") in (sender, f"{sender}/{sender}"):
+                    (sequence.cut_off if event["kind"] == "left" else sequence.heal)()
+        if event["kind"] == "finished":
+            for key, count in counts_in(told, "sent").items():
+                at = address(key)
+                if at and at.is_of(event["from"]):
+                    self.sequences.of(key, event["from"]).tell(count)
+
+
+class _Place:
+    """One key of the log: what it carries, and its round messages of the present batch."""
+
+    def __init__(self, key: str, run: str, scenario: Scenario) -> None:
+        found = address(key)
+        if found is None or found.run != run:
+            raise BadMessage("a key that the run does not have")
+        self.key, self.at = key, found
+        self.kind, self.owner, self.agent = found.kind, found.owner, found.agent
+        if self.agent >= scenario.count:
+            raise BadMessage("an agent that the run does not have")
+        self.codec = RoundCodec(run, found.owner, message_size(scenario)) if found.kind == "round" else None
+        self.waiting: list[RawMessage] = []
+
+
+def _ignore(raw: RawMessage, reason: BadMessage) -> None:
+    """What is not as promised is counted, which is enough for most."""
+
+
+class Decoder:
+    """Hands the messages of a run to a sink, and counts them. refused is told of what is not as its key promises."""
+
+    def __init__(
+        self,
+        run: str,
+        scenario: Scenario,
+        sink: Sink,
+        refused: Callable[[RawMessage, BadMessage], None] = _ignore,
+    ) -> None:
+        self.tally = Tally()
+        self._run, self._scenario, self._sink, self._refused = run, scenario, sink, refused
+        self._places: list[_Place] = []
+        self._takers: dict[str, Callable[[RawMessage], None]] = {}
+
+    def take_all(self, log: Log) -> None:
+        """Take all messages of a log."""
+        collecting = gc.isenabled()
+        # Messages form no circles: looking for them takes a tenth of the time.
+        gc.disable()
+        try:
+            for batch in log.batches():
+                self.take(batch)
+        finally:
+            if collecting:
+                gc.enable()
+
+    def take(self, batch: list[RawMessage]) -> None:
+        """Check, count and hand on the messages of a batch: those of one key at once."""
+        takers = self._takers
+        for raw in batch:
+            topic = raw.channel.topic
+            (takers.get(topic) or self._taker(topic))(raw)
+        self._hand_on()
+
+    def _taker(self, topic: str) -> Callable[[RawMessage], None]:
+        """What to do with a message of a key."""
+        taker: Callable[[RawMessage], None]
+        try:
+            place = _Place(topic, self._run, self._scenario)
+        except BadMessage as error:
+            taker = partial(self._refuse, reason=error)
+        else:
+            self._places.append(place)
+            taker = partial(self._take_event, place) if place.kind == "event" else place.waiting.append
+        self._takers[topic] = taker
+        return taker
+
+    def _take_event(self, place: _Place, raw: RawMessage) -> None:
+        # What a process says of its numbers is true of those before.
+        self._hand_on()
+        self._take(place, [raw])
+
+    def _hand_on(self) -> None:
+        for place in self._places:
+            if place.waiting:
+                self._take(place, place.waiting)
+                place.waiting.clear()
+
+    def _refuse(self, raw: RawMessage, reason: BadMessage) -> None:
+        self.tally.undecodable += 1
+        self._refused(raw, reason)
+
+    def _take(self, place: _Place, batch: list[RawMessage]) -> None:
+        try:
+            if place.codec is None:
+                self._take_messages(place, batch)
+            else:
+                self._take_rounds(place, place.codec, batch)
+        except BadMessage as error:
+            if len(batch) == 1:
+                self._refuse(batch[0], error)
+                return
+            for raw in batch:
+                self._take(place, [raw])
+            return
+        self.tally.recorded += len(batch)
+        if place.owner.startswith("agent/") and place.kind != "event":
+            self.tally.agent_bytes += sum(map(len, list(zip(*batch, strict=True))[-1]))
+
+    def _take_messages(self, place: _Place, batch: list[RawMessage]) -> None:
+        _, _, times, numbers, data = zip(*batch, strict=True)
+        messages = decode_all(place.kind, data, run=self._run, sender=place.owner)
+        self._check_steps(max(message.get("k", 0) for message in messages), ended=place.kind in {"beacon", "signal"})
+        labels = [(message["seq"] & _SEQUENCE, message["sent"]) for message in messages]
+        if labels != [*zip(numbers, times, strict=True)]:
+            raise BadMessage(_MISLABELLED)
+        for sender in dict.fromkeys(message["from"] for message in messages):
+            own = [n for n, message in zip(numbers, messages, strict=True) if message["from"] == sender]
+            if place.at.is_of(sender):
+                self.tally.sequences.of(place.key, sender).take_all(own)
+        if place.kind == "event":
+            for message in messages:
+                self.tally.hear(message)
+        self._sink.take(place.kind, place.agent, messages)
+
+    def _take_rounds(self, place: _Place, codec: RoundCodec, batch: list[RawMessage]) -> None:
+        _, _, times, numbers, data = zip(*batch, strict=True)
+        rounds = codec.decode_all(data)
+        self._check_steps(int(rounds.step.max()))
+        if (rounds.seq & _SEQUENCE).tolist() != [*numbers] or rounds.sent.tolist() != [*times]:
+            raise BadMessage(_MISLABELLED)
+        self.tally.sequences.of(place.key, place.owner).take_all([*numbers])
+        self._sink.take_rounds(place.agent, rounds)
+
+    def _check_steps(self, last: int, *, ended: bool = False) -> None:
+        # The signal that ends a run is numbered one past its last step.
+        if last > self._scenario.length + ended:
+            raise BadMessage("a step that the run does not have")

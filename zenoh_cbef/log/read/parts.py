@@ -1,0 +1,144 @@
+"""A log on disk: one MCAP file, or several where the recorder began new ones."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from mcap import records
+
+from zenoh_cbef.errors import UserError
+from zenoh_cbef.log.common.naming import ACTIVE, RUN, part_path
+from zenoh_cbef.log.mcap.contents import NotMcapError, RawMessage, Summary
+from zenoh_cbef.log.mcap.reader import McapFile
+from zenoh_cbef.plain import whole
+
+
+def find_log(path: Path) -> Path:
+    """The log meant by a file, a run's folder or its name in logs/, or the name that a killed recorder left."""
+    if not path.exists() and len(path.parts) == 1 and (Path("logs") / path).is_dir():
+        path = Path("logs") / path
+    found = _existing(path / "run.mcap" if path.is_dir() else path)
+    if found is None:
+        raise UserError(f"there is no log {path}; give an .mcap file or a run's folder, such as logs/latest")
+    return found
+
+
+def open_log(path: Path) -> Log:
+    """Open a log: a part alone where its file is named, all parts where it is the first. Raises UserError."""
+    found = find_log(path)
+    files = {found: _open(found)}
+    first = found.with_name(found.name.removesuffix(ACTIVE))
+    number = 2
+    while (following := _existing(part_path(first, number))) is not None and _is_part(files[found], following, number):
+        files[following] = _open(following)
+        number += 1
+    return Log(files)
+
+
+def open_logs(paths: Sequence[Path]) -> Log:
+    """Open the files of one run as one log, in the order of their parts."""
+    if len(paths) == 1:
+        return open_log(paths[0])
+    files = {find_log(path): _open(find_log(path)) for path in paths}
+    runs = {file.metadata.get(RUN, {}).get("run") for file in files.values()}
+    if len(runs) > 1:
+        raise UserError(f"{', '.join(map(str, files))} are of different runs; give the files of one, or use 'compare'")
+    return Log(dict(sorted(files.items(), key=lambda item: _number(item[1]))))
+
+
+class Log:
+    """The files of one log, in order, read as if they were one. Not empty.
+
+    complete, damage, lost: as of McapFile, of all files together.
+    """
+
+    def __init__(self, files: dict[Path, McapFile]) -> None:
+        self.files = files
+        self.path = next(iter(files))
+        first, last = files[self.path], list(files.values())[-1]
+        self.attachments = last.attachments | first.attachments
+        # What is said of the run is that of the first file, what is said of its end that of the last.
+        self.metadata = last.metadata | {RUN: first.metadata[RUN]} if RUN in first.metadata else last.metadata
+
+    @property
+    def complete(self) -> bool:
+        """Whether every file was closed."""
+        return all(file.complete for file in self.files.values())
+
+    @property
+    def damage(self) -> list[str]:
+        """What is wrong with the files, as far as they have been read."""
+        return [self._of(path, sentence) for path, file in self.files.items() for sentence in file.damage]
+
+    @property
+    def bytes(self) -> int:
+        """Size of all files."""
+        return sum(path.stat().st_size for path in self.files)
+
+    def attached(self) -> Iterator[records.Attachment]:
+        """Yield the attachments of the first file."""
+        return self.files[self.path].attached()
+
+    def messages(self) -> Iterator[RawMessage]:
+        """Yield all messages, in file order."""
+        for file in self.files.values():
+            yield from file.messages()
+
+    def batches(self) -> Iterator[list[RawMessage]]:
+        """Yield all messages, those of a chunk together."""
+        for file in self.files.values():
+            yield from file.batches()
+
+    def messages_in_order(self) -> Iterator[RawMessage]:
+        """Yield all messages by log time within each file."""
+        for file in self.files.values():
+            yield from file.messages_in_order()
+
+    def summary(self) -> Summary:
+        """What all files hold."""
+        each = [file.summary() for file in self.files.values()]
+        counts: Counter[str] = Counter()
+        for one in each:
+            counts.update(one.channel_counts)
+        full = [one for one in each if one.message_count]
+        return Summary(
+            each[0].library,
+            counts.total(),
+            dict(counts),
+            min((one.start_time for one in full), default=0),
+            max((one.end_time for one in full), default=0),
+            sum(one.chunks for one in each),
+            sum(one.compressed_bytes for one in each),
+            sum(one.uncompressed_bytes for one in each),
+        )
+
+    def _of(self, path: Path, sentence: str) -> str:
+        return sentence if len(self.files) == 1 else f"{path.name}: {sentence}"
+
+
+def _existing(path: Path) -> Path | None:
+    candidates = [path, path.with_name(path.name + ACTIVE)]
+    return next((candidate for candidate in candidates if candidate.is_file()), None)
+
+
+def _open(path: Path) -> McapFile:
+    try:
+        return McapFile(path)
+    except NotMcapError as error:
+        raise UserError(f"{error}; give a log that 'run' or 'record' wrote") from None
+    except OSError as error:
+        raise UserError(f"cannot read {path}: {error.strerror}") from None
+
+
+def _number(file: McapFile) -> int:
+    return whole(file.metadata.get(RUN, {}).get("part", "1")) or 1
+
+
+def _is_part(first: McapFile, following: Path, number: int) -> bool:
+    """Whether a file beside a log is that part of the same recording: its name alone does not tell."""
+    said, other = first.metadata.get(RUN, {}), _open(following)
+    shared = {name: said.get(name) for name in ("run", "started")}
+    found = {name: other.metadata.get(RUN, {}).get(name) for name in ("run", "started")}
+    return shared == found and _number(other) == number

@@ -1,0 +1,111 @@
+"""What of a log is played, under which keys, and in what order."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import takewhile
+from typing import NamedTuple
+
+from zenoh_cbef.errors import UserError
+from zenoh_cbef.log.read.parts import Log
+from zenoh_cbef.plain import count_in
+from zenoh_cbef.protocol.keys import address, matches
+from zenoh_cbef.protocol.messages import BadMessage, unpack
+
+_BEGIN_STEPS = ("truth", "beacon")
+
+
+class Item(NamedTuple):
+    """A message to be published. log_time: ns since the epoch. step: of the messages that can begin one, else 0."""
+
+    key: str
+    log_time: int
+    data: bytes
+    step: int
+
+
+@dataclass(frozen=True)
+class Selection:
+    """Which keys are played, and what they are called then.
+
+    topics, exclude: key expressions. regex, exclude_regex: searched for in the key. remap: OLD:=NEW, where OLD is a key
+    or what keys begin with, up to a slash; the first that fits counts. Raises UserError for what is none of these.
+    """
+
+    topics: Sequence[str] = ()
+    exclude: Sequence[str] = ()
+    regex: Sequence[str] = ()
+    exclude_regex: Sequence[str] = ()
+    remap: Sequence[str] = ()
+
+    def __post_init__(self) -> None:
+        for pattern in (*self.regex, *self.exclude_regex):
+            try:
+                re.compile(pattern)
+            except re.error as error:
+                raise UserError(f"{pattern!r} is no regular expression ({error}); mend it") from None
+        for rule in self.remap:
+            old, found, new = rule.partition(":=")
+            if not (old and found and new):
+                raise UserError(f"--remap {rule!r} is not of the form OLD:=NEW, as in --remap cbef/one:=cbef/two")
+
+    def takes(self, topic: str) -> bool:
+        """Whether a key is played."""
+        wanted = not (self.topics or self.regex) or self._any(self.topics, self.regex, topic)
+        return wanted and not self._any(self.exclude, self.exclude_regex, topic)
+
+    @staticmethod
+    def _any(expressions: Sequence[str], patterns: Sequence[str], topic: str) -> bool:
+        return any(matches(one, topic) for one in expressions) or any(re.search(one, topic) for one in patterns)
+
+    def renamed(self, topic: str) -> str:
+        """What a key is called when it is played."""
+        for rule in self.remap:
+            old, _, new = rule.partition(":=")
+            if topic == old or topic.startswith(old.rstrip("/") + "/"):
+                return new.rstrip("/") + topic[len(old.rstrip("/")) :]
+        return topic
+
+
+class Playlist:
+    """The messages of a log that a selection takes, read as they are played: in file order, which is that of arrival.
+
+    start, end: log times of the whole log (ns). keys: all that will be published on. Raises UserError for none.
+    """
+
+    def __init__(self, file: Log, selection: Selection) -> None:
+        self._file = file
+        summary = file.summary()
+        self.start, self.end = summary.start_time, summary.end_time
+        self._keys = {topic: selection.renamed(topic) for topic in summary.channel_counts if selection.takes(topic)}
+        if not self._keys:
+            raise UserError("nothing is left to replay; see the log's keys with 'info', and mend --topics")
+        kinds = {topic: found.kind for topic in self._keys if (found := address(topic)) is not None}
+        # Without truth and beacons a step begins with whatever is first to tell its number.
+        self._begin = {topic for topic, kind in kinds.items() if kind in _BEGIN_STEPS} or set(self._keys)
+
+    @property
+    def keys(self) -> set[str]:
+        """The keys that are published on."""
+        return set(self._keys.values())
+
+    def items(self, since: int, until: int) -> Iterator[Item]:
+        """The messages from one log time on (ns) up to another; what arrived before is read over."""
+        for message in takewhile(lambda one: one.log_time <= until, self._file.messages()):
+            if message.log_time < since:
+                continue
+            topic = message.channel.topic
+            key = self._keys.get(topic)
+            if key is not None:
+                step = step_of(message.data) if topic in self._begin else 0
+                yield Item(key, message.log_time, message.data, step)
+
+
+def step_of(data: bytes) -> int:
+    """The step of a message, 0 where it has none."""
+    try:
+        return count_in(unpack(data), "k") or 0
+    except BadMessage:
+        return 0

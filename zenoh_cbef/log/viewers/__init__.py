@@ -1,1 +1,0 @@
-"""Runs as the scenes that viewers show."""

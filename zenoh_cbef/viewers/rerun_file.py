@@ -1,0 +1,119 @@
+"""A run as a recording of Rerun (https://rerun.io), with what to show where."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zenoh_cbef.errors import UserError
+from zenoh_cbef.extras import from_extra
+from zenoh_cbef.viewers.scene import Scene
+from zenoh_cbef.viewers.viz import TRAIL, TRUTH, WARNINGS, agent_colour, body_size, health_colour
+
+Floats = NDArray[np.float64]
+
+_LEAST_SHOWN = ("position_error", "centralized_position_error", "disagreement")
+
+
+def write_rrd(scene: Scene, output: Path) -> list[Path]:
+    """Write the recording. Raises UserError without the package rerun-sdk, and where it cannot be written."""
+    rerun = from_extra("rerun", "the export for Rerun")
+    try:
+        output.parent.mkdir(parents=True, exist_ok=True)
+        output.touch()
+    except OSError as error:
+        raise UserError(f"cannot write {output}: {error.strerror}; choose another --output") from None
+    recording = rerun.RecordingStream("zenoh-cbef", recording_id=scene.trace.name)
+    recording.save(str(output), default_blueprint=_layout(rerun.blueprint, len(scene.trace.positions)))
+    _Writer(scene, rerun, recording).write()
+    recording.flush()
+    recording.disconnect()
+    return [output]
+
+
+def _layout(blueprint: Any, count: int) -> Any:
+    delivered = [f"agents/{agent}/delivered" for agent in range(count)]
+    plots = [
+        blueprint.TimeSeriesView(name="errors (m)", contents=[f"metrics/{name}" for name in _LEAST_SHOWN]),
+        blueprint.TimeSeriesView(name="honesty", contents=["metrics/nees", "metrics/nis"]),
+        blueprint.TimeSeriesView(name="messages in time", contents=delivered),
+        blueprint.TextLogView(name="events", origin="events"),
+    ]
+    world = blueprint.Spatial3DView(name="world", origin="world")
+    return blueprint.Blueprint(
+        blueprint.Horizontal(world, blueprint.Vertical(*plots), column_shares=[3, 2]), collapse_panels=True
+    )
+
+
+class _Writer:
+    def __init__(self, scene: Scene, rerun: Any, recording: Any) -> None:
+        self._scene, self._trace, self._rr, self._recording = scene, scene.trace, rerun, recording
+        self._colours = [agent_colour(agent) for agent in range(len(scene.trace.positions))]
+        self._faint = [agent_colour(agent, 0.25) for agent in range(len(scene.trace.positions))]
+        self._labels = [str(agent) for agent in range(len(scene.trace.positions))]
+        self._radius = 0.5 * body_size(scene)
+
+    def write(self) -> None:
+        """Log everything."""
+        for row in range(len(self._trace.time)):
+            self._recording.set_time("run", duration=float(self._trace.time[row]))
+            self._recording.set_time("step", sequence=row + 1)
+            self._step(row)
+        self._curves()
+        start = int(self._scene.time[0]) - round(1e9 * self._trace.scenario.dt)
+        self._recording.reset_time()
+        for event in self._scene.events:
+            self._recording.set_time("run", duration=max(0.0, 1e-9 * (event.time - start)))
+            level = "WARN" if event.kind in WARNINGS else "INFO"
+            self._log("events", self._rr.TextLog(f"{event.sender}: {event.text}", level=level))
+
+    def _log(self, entity: str, what: Any) -> None:
+        self._recording.log(entity, what)
+
+    def _step(self, row: int) -> None:
+        rr, trace, first = self._rr, self._trace, max(0, row + 1 - TRAIL)
+        bodies = {"colors": self._colours, "labels": self._labels, "show_labels": True}
+        self._log("world/agents", rr.Points3D(trace.positions[:, row], radii=self._radius, **bodies))
+        truth = trace.truth[first : row + 1, :3]
+        if np.isfinite(truth).all():
+            self._log("world/target", rr.Points3D([truth[-1]], radii=self._radius, colors=[TRUTH]))
+            self._log("world/target/path", rr.LineStrips3D([truth], colors=[TRUTH]))
+        places, axes = trace.estimates[:, row, :3], self._scene.ellipsoids.axes[:, row]
+        there = np.asarray(np.isfinite(places).all(axis=1))
+        colours = [colour for colour, known in zip(self._colours, there, strict=True) if known]
+        self._log("world/estimates", rr.Points3D(places[there], radii=0.3 * self._radius, colors=colours))
+        sure = np.asarray(there & np.isfinite(axes).all(axis=1))
+        shapes = rr.Ellipsoids3D(
+            centers=places[sure],
+            half_sizes=axes[sure],
+            quaternions=self._scene.ellipsoids.orientation[sure, row],
+            colors=[colour for colour, known in zip(self._faint, sure, strict=True) if known],
+            fill_mode="solid",
+        )
+        self._log("world/uncertainty", shapes)
+        mean = self._scene.estimate[first : row + 1]
+        self._log("world/estimates/path", rr.LineStrips3D([mean[np.isfinite(mean).all(axis=1)]]))
+        self._links(row)
+
+    def _links(self, row: int) -> None:
+        positions = self._trace.positions[:, row]
+        here, there = positions[self._scene.links[:, 1]], positions[self._scene.links[:, 0]]
+        halves = np.stack([here, 0.5 * (here + there)], axis=1)
+        colours = [health_colour(float(share)) for share in self._scene.delivered[:, row]]
+        self._log("world/links", self._rr.LineStrips3D(halves, colors=colours))
+
+    def _curves(self) -> None:
+        curves = {f"metrics/{name}": values for name, values in self._scene.metrics().items()}
+        for agent in range(len(self._trace.positions)):
+            metrics = self._scene.agent_metrics(agent)
+            curves |= {f"agents/{agent}/{name}": values for name, values in metrics.items()}
+        rr, time = self._rr, self._trace.time
+        for name, values in curves.items():
+            known = np.isfinite(values)
+            steps = np.flatnonzero(known)
+            indexes = [rr.TimeColumn("run", duration=time[steps]), rr.TimeColumn("step", sequence=steps + 1)]
+            if len(steps):
+                self._recording.send_columns(name, indexes=indexes, columns=rr.Scalars.columns(scalars=values[steps]))

@@ -1,0 +1,209 @@
+"""A run as viewers show it: what was where at each step, how sure the agents were, and how their links fared."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zenoh_cbef.analysis.chi2 import chi2_quantile
+from zenoh_cbef.analysis.metrics import Analysis, analyze
+from zenoh_cbef.log.read.contents import read_header
+from zenoh_cbef.log.read.parts import open_log
+from zenoh_cbef.log.read.trace import read_trace
+from zenoh_cbef.protocol.keys import address
+from zenoh_cbef.protocol.messages import BadMessage, decode
+from zenoh_cbef.trace import Trace
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+_CONFIDENCE = 0.95
+_THINNEST = 1e-3
+
+
+@dataclass(frozen=True)
+class Ellipsoids:
+    """Where targets are with a probability of 95 %: half axes (n, K, 3), m, and orientations (n, K, 4) as x, y, z, w.
+
+    NaN where an agent has no covariance.
+    """
+
+    axes: Floats
+    orientation: Floats
+
+
+@dataclass(frozen=True)
+class SceneEvent:
+    """What a node reported. time: ns since the Unix epoch, on the axis of the scene."""
+
+    time: int
+    sender: str
+    kind: str
+    text: str
+
+
+@dataclass(frozen=True)
+class Scene:
+    """One run; n agents, K steps, e directed links.
+
+    time: (K,), ns since the Unix epoch, k dt after the start of the run: however fast that was, viewers show it in its
+    own time. links: (e, 2), source and destination. delivered: (e, K), share of each step's messages that came in
+    time, NaN where their receiver said nothing. estimate: (K, 3), mean of the agents' positions of the target, m.
+    """
+
+    analysis: Analysis
+    time: Ints
+    links: Ints
+    delivered: Floats
+    ellipsoids: Ellipsoids
+    estimate: Floats
+    events: list[SceneEvent]
+
+    @property
+    def trace(self) -> Trace:
+        """The run."""
+        return self.analysis.trace
+
+    def metrics(self) -> dict[str, Floats]:
+        """Numbers of the whole network by step, (K,) each; NaN where there is none."""
+        one = self.analysis
+        return {
+            "position_error": np.sqrt(_mean(one.position_error[one.counted] ** 2)),
+            "velocity_error": np.sqrt(_mean(one.velocity_error[one.counted] ** 2)),
+            "centralized_position_error": one.centralized_position_error,
+            "nees": _mean(one.nees[one.counted]),
+            "nis": _mean(one.trace.diagnostics.nis),
+            "disagreement": one.disagreement,
+            "delivered": _mean(self.delivered),
+        }
+
+    def agent_metrics(self, agent: int) -> dict[str, Floats]:
+        """Numbers of one agent by step, (K,) each; NaN where there is none."""
+        one, trace = self.analysis, self.trace
+        return {
+            "position_error": one.position_error[agent],
+            "nees": one.nees[agent],
+            "range": trace.ranges[agent],
+            **trace.diagnostics.each(lambda values: values[agent].astype(np.float64)).named(),
+            "delivered": _mean(self.delivered[self.links[:, 1] == agent]),
+        }
+
+
+def read_scene(path: Path) -> Scene:
+    """Read a log for viewers. Raises UserError where it is no log of a run, or holds no step."""
+    trace = read_trace(path)
+    told, events, logged = _gather(path, len(trace.time))
+    first = min(logged, default=0)
+    start = logged.get(first, 0) - round(1e9 * trace.scenario.dt * first)
+    time = start + np.round(1e9 * trace.time).astype(np.int64)
+    pairs = trace.edges.tolist()
+    links = np.array(sorted([*pairs, *([second, first] for first, second in pairs)]), dtype=np.int64).reshape(-1, 2)
+    # Events are placed between the steps that they came between.
+    known = sorted(logged)
+    ticks = [start + round(1e9 * step * trace.scenario.dt) for step in known]
+    placed = [
+        SceneEvent(int(np.interp(at, [logged[step] for step in known], ticks)) if known else at, *words)
+        for at, *words in events
+    ]
+    return Scene(
+        analyze([trace])[0],
+        time,
+        links,
+        _delivered(told, links, len(time)),
+        ellipsoids(trace.covariances[:, :, :3, :3]),
+        _mean(trace.estimates[:, :, :3]),
+        placed,
+    )
+
+
+def _gather(
+    path: Path, steps: int
+) -> tuple[dict[tuple[int, int], dict[str, Any]], list[tuple[int, str, str, str]], dict[int, int]]:
+    """Estimates by (agent, step), events with their log times, and when each step's beacons were logged (ns).
+
+    Without any beacon: when each step's first estimate was.
+    """
+    file = open_log(path)
+    header = read_header(file, path)
+    told: dict[tuple[int, int], dict[str, Any]] = {}
+    events: list[tuple[int, str, str, str]] = []
+    logged: dict[int, int] = {}
+    finished: dict[int, int] = {}
+    for raw in file.messages():
+        at = address(raw.channel.topic)
+        if at is None or at.run != header.run or at.kind not in ("estimate", "event", "beacon", "signal"):
+            continue
+        try:
+            message = decode(at.kind, raw.data, run=header.run, sender=at.owner)
+        except BadMessage:
+            continue
+        if at.kind == "event":
+            events.append((raw.log_time, message["from"], message["kind"], message["text"]))
+        elif at.kind in ("beacon", "signal") and message["k"] <= steps:
+            logged.setdefault(message["k"], raw.log_time)
+        elif at.kind == "estimate":
+            told.setdefault((at.agent, message["k"]), message)
+            finished.setdefault(message["k"], raw.log_time)
+    return told, events, logged or {step: time for step, time in finished.items() if step <= steps}
+
+
+def _delivered(told: dict[tuple[int, int], dict[str, Any]], links: Ints, steps: int) -> Floats:
+    share = np.full((len(links), steps), np.nan)
+    place = {(source, destination): row for row, (source, destination) in enumerate(links.tolist())}
+    before: dict[int, dict[str, Any]] = {}
+    for (agent, step), message in sorted(told.items(), key=lambda item: item[0]):
+        last = before.get(agent)
+        # Who was started again counts from 0.
+        last = last if last is not None and last["seq"] < message["seq"] else None
+        for at, source in enumerate(message["neighbours"]):
+            new = [message[name][at] - (last[name][at] if last else 0) for name in ("received", "lost", "late")]
+            if (source, agent) in place and 1 <= step <= steps and sum(new) > 0:
+                share[place[source, agent], step - 1] = new[0] / sum(new)
+        before[agent] = message
+    return share
+
+
+def ellipsoids(covariances: Floats) -> Ellipsoids:
+    """The 95 % ellipsoids of covariances (n, K, 3, 3); where a height is given, ellipses as thin discs."""
+    shape = covariances.shape[:2]
+    axes, orientation = np.full((*shape, 3), np.nan), np.full((*shape, 4), np.nan)
+    known = np.isfinite(covariances).all(axis=(2, 3))
+    values, vectors = np.linalg.eigh(covariances[known])
+    # Of a left-handed set of axes no rotation is made.
+    vectors[:, :, 0] *= np.sign(np.linalg.det(vectors))[:, None]
+    flat = (covariances[known][:, 2, 2] == 0.0).all() if known.any() else False
+    reach = np.sqrt(chi2_quantile(_CONFIDENCE, 2.0 if flat else 3.0))
+    axes[known] = np.maximum(reach * np.sqrt(np.maximum(values, 0.0)), _THINNEST)
+    orientation[known] = quaternions(vectors)
+    return Ellipsoids(axes, orientation)
+
+
+def quaternions(rotations: Floats) -> Floats:
+    """Unit quaternions (m, 4) as x, y, z, w of rotation matrices (m, 3, 3).
+
+    Bar-Itzhack (2000): the dominant eigenvector of a symmetric matrix made of the rotation's elements.
+    """
+    r = rotations
+    k = np.empty((len(r), 4, 4))
+    k[:, :3, :3] = r + r.transpose(0, 2, 1)
+    diagonal = np.einsum("mii->mi", r)
+    trace = diagonal.sum(axis=1)
+    for axis in range(3):
+        k[:, axis, axis] = 2.0 * diagonal[:, axis] - trace
+    skew = np.stack([r[:, 2, 1] - r[:, 1, 2], r[:, 0, 2] - r[:, 2, 0], r[:, 1, 0] - r[:, 0, 1]], axis=1)
+    k[:, 3, :3] = k[:, :3, 3] = skew
+    k[:, 3, 3] = trace
+    _, vectors = np.linalg.eigh(k / 3.0)
+    return np.asarray(vectors[:, :, -1])
+
+
+def _mean(values: Floats) -> Floats:
+    """Mean over the first axis of what there is; NaN where there is nothing."""
+    present = np.isfinite(values)
+    count = present.sum(axis=0)
+    total = np.where(present, values, 0.0).sum(axis=0)
+    return np.where(count > 0, total / np.maximum(count, 1), np.nan)
