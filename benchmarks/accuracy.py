@@ -12,7 +12,6 @@ from benchmarks.common import SEEDS, Row, analyses, at_least, below, results
 from zenoh_cbef.analysis.consistency import Consistency, over_seeds
 from zenoh_cbef.analysis.metrics import Analysis
 from zenoh_cbef.cli.console import number
-from zenoh_cbef.scenario.start import space_of
 
 Floats = NDArray[np.float64]
 
@@ -29,7 +28,7 @@ def position_mse(runs: Sequence[Analysis]) -> Floats:
 
 def consistency(runs: Sequence[Analysis]) -> Consistency:
     """Compare NEES with the chi-squared distribution of s x 6 degrees, divided by s."""
-    dimension = len(space_of(runs[0].trace.scenario).kept)
+    dimension = len(runs[0].trace.plan.space.kept)
     return over_seeds(np.stack([run.nees for run in runs]), dimension, runs[0].first)
 
 

@@ -12,7 +12,6 @@ from benchmarks.common import children
 from zenoh_cbef.nodes.common.node import LEASH
 from zenoh_cbef.nodes.launch.ports import free_ports
 from zenoh_cbef.protocol.session import ONE_RUNTIME
-from zenoh_cbef.scenario import network
 from zenoh_cbef.scenario.load import load
 
 
@@ -28,7 +27,7 @@ class ByHand:
 @contextmanager
 def by_hand(name: str, overrides: Sequence[str], *, agents: Sequence[int], log: Path | None = None) -> Iterator[ByHand]:
     """Start target, some agents, and a recorder where a log is given; all end with the block."""
-    scenario = load(name, overrides).scenario
+    plan = load(name, overrides).plan
     run = f"by-hand-{name}-{time.time_ns()}"
     names = ["target", *(["recorder"] if log else []), *(f"agent {agent}" for agent in agents)]
     ports = free_ports(len(names))
@@ -42,7 +41,7 @@ def by_hand(name: str, overrides: Sequence[str], *, agents: Sequence[int], log: 
     if log:
         commands["recorder"] = (["record", "--output", str(log)], hubs.copy())
         hubs.append(endpoints["recorder"])
-    edges = network.edges(scenario).tolist()
+    edges = plan.edges.tolist()
     for agent in agents:
         lower = [endpoints[f"agent {a}"] for a, b in edges if b == agent and a in agents]
         commands[f"agent {agent}"] = (["agent", str(agent)], [*hubs, *lower])

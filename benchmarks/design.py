@@ -33,7 +33,7 @@ def predicted(overrides: Sequence[str], seeds: int = SEEDS) -> Floats:
     """Position RMSE (m), its ratio to centralised, velocity RMSE (m/s) and NEES, (seeds, 4), before any run."""
     found = []
     for seed in range(1, seeds + 1):
-        told = design(load("tracking", [f"seed={seed}", *overrides]).scenario, search=False)["configured"]
+        told = design(load("tracking", [f"seed={seed}", *overrides]).plan, search=False)["configured"]
         found.append([told[name] for name in ("position_rmse", "ratio_to_centralized", "velocity_rmse", "nees")])
     return np.array(found)
 

@@ -11,7 +11,7 @@ from rich.table import Table
 from benchmarks.common import below, plain_table, results
 from zenoh_cbef.nodes.agent.neighbour import Neighbourhood
 from zenoh_cbef.protocol.round_codec import RoundCodec
-from zenoh_cbef.scenario.build import agent_tracker, fates_into, message_size, outgoing_of
+from zenoh_cbef.scenario.build import agent_tracker, fates_into, outgoing_of
 from zenoh_cbef.scenario.load import load
 from zenoh_cbef.tracking.ranging import Measurement
 
@@ -23,17 +23,17 @@ class Rounds:
     """Agent 0 of `tracking` in a loop: a round's arithmetic and messages, without sockets, and its fault path alone."""
 
     def __init__(self) -> None:
-        scenario = load("tracking").scenario
-        self.tracker, self.neighbours = agent_tracker(scenario, 0)
+        plan = load("tracking").plan
+        self.tracker, self.neighbours = agent_tracker(plan, 0)
         nobody = np.empty((1, 0))
         here = Measurement(np.zeros((1, 3)), np.array([5.0]), np.zeros(1), np.empty((1, 0, 3)), nobody)
         self.message = self.tracker.measure(here)
-        self.outgoing = outgoing_of([scenario], [0])
-        self.codecs = [RoundCodec("run", f"agent/{one}", message_size(scenario)) for one in self.neighbours]
+        self.outgoing = outgoing_of([plan], [0])
+        self.codecs = [RoundCodec("run", f"agent/{one}", plan.message_size) for one in self.neighbours]
         self.coming = [codec.encode(0, _SENT, 1, 1, self.message[0]) for codec in self.codecs]
         # The method that decides what is due, without the sockets that its class would open.
         self.neighbourhood = Neighbourhood.__new__(Neighbourhood)
-        self.neighbourhood.fates = fates_into(scenario, 0, self.neighbours)
+        self.neighbourhood.fates = fates_into(plan, 0, self.neighbours)
         self.neighbourhood._everyone = [True] * len(self.neighbours)  # noqa: SLF001 - as its constructor has it
 
     def faults(self) -> None:

@@ -16,7 +16,6 @@ from benchmarks.common import plain_table
 from zenoh_cbef.analysis.metrics import analyze
 from zenoh_cbef.analysis.summary import pick
 from zenoh_cbef.analysis.traffic import other_bytes, round_bytes
-from zenoh_cbef.scenario.build import rounds_of
 from zenoh_cbef.scenario.load import load
 from zenoh_cbef.simulator import simulate
 from zenoh_cbef.tracking.filters import KINDS
@@ -39,7 +38,8 @@ HEADS = ("filter", "position RMSE", "/ centralised", "velocity / centralised", "
 
 def measured(kind: str, name: str, overrides: Sequence[str], seeds: int) -> list[str]:
     """One filter's row: medians over seeds."""
-    scenario = load(name, [f"filter.kind={kind}", *overrides]).scenario
+    plan = load(name, [f"filter.kind={kind}", *overrides]).plan
+    scenario = plan.scenario
     runs = [scenario.model_copy(update={"seed": seed}) for seed in range(1, seeds + 1)]
     began = time.process_time()
     with np.errstate(all="ignore"):  # What diverges shows in its numbers.
@@ -53,7 +53,7 @@ def measured(kind: str, name: str, overrides: Sequence[str], seeds: int) -> list
         _median(velocity),
         _median([pick(one, "nees.average") / pick(one, "nees.dimension") for one in found]),
         _median([pick(one, "nis.average") / pick(one, "nis.dimension") for one in found]),
-        f"{other_bytes(scenario) + rounds_of(scenario) * round_bytes(scenario):.0f}",
+        f"{other_bytes(plan) + plan.rounds * round_bytes(plan):.0f}",
         f"{1e6 * spent / (seeds * scenario.length * scenario.count):.0f} µs",
     ]
     return [f"`{kind}`", *cells]

@@ -30,6 +30,7 @@ from zenoh_cbef.protocol.round_codec import RoundCodec
 from zenoh_cbef.protocol.scenario_service import read_scenario, time_in
 from zenoh_cbef.scenario.injected import read_tables, with_faults
 from zenoh_cbef.scenario.load import load, parse, to_toml
+from zenoh_cbef.scenario.plan import Plan
 
 Door = Callable[[Material], str]
 """Feeds one thing in; says what became of it: "accepted", or why it was refused, in the words of the refusal."""
@@ -51,11 +52,12 @@ class Doors:
         self._logged = 0
         self._overview = Overview(Status(RUN, "", 50), lambda: AGENTS)
         self._columns = Columns(AGENTS, 50)
-        self._decoder = Decoder(RUN, self.scenario, self._columns)
+        self._plan = Plan(self.scenario)
+        self._decoder = Decoder(RUN, self._plan, self._columns)
         self._target: Any = SimpleNamespace(
             node=SimpleNamespace(stop=lambda: None),
             survey=SimpleNamespace(of=lambda _: {}),
-            injection=Injection(self.scenario, time.time()),
+            injection=Injection(self._plan, time.time()),
             step=3,
         )
         self._toml = to_toml(self.scenario)
@@ -157,7 +159,7 @@ class Doors:
     def faults(self, material: Material) -> str:
         """Injected faults, and the scenario with them."""
         fault = {"kind": material.pick(("loss", "delay", "crash", "clock")), "probability": 0.5, "from": 1.0}
-        with_faults(self.scenario, read_tables(material.json([fault])))
+        with_faults(self._plan, read_tables(material.json([fault])))
         return "accepted"
 
     def scenario_tables(self, material: Material) -> str:
@@ -168,7 +170,7 @@ class Doors:
     def scenario_reply(self, material: Material) -> str:
         """A target's answer with the scenario."""
         reply = {"v": 1, "run": RUN, "time": 5, "source": self._toml, "resolved": self._toml, "program": "1"}
-        reply |= {"step": 3, "agents": [0, 1], "faults": "[]"}
+        reply |= {"step": 3, "agents": [0, 1], "faults": "[]", "present": [2]}
         data = _mutated(material, reply)
         time_in(data)
         read_scenario(data, RUN)
@@ -180,7 +182,7 @@ class Doors:
         order = {"ask": "fault add", "fault": fault, "seconds": 5.0, "numbers": [0]}
         request = read_request(_mutated(material, {"v": 1, **order}))
         if material.random.random() < 0.02:
-            self._target.injection = Injection(self.scenario, time.time())
+            self._target.injection = Injection(self._plan, time.time())
         answer(self._target, request)
         return "accepted"
 

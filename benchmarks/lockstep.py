@@ -15,8 +15,6 @@ from rich.table import Table
 from benchmarks.bare_exchange import RUNTIMES, bare_rate
 from benchmarks.common import Row, at_least, results
 from zenoh_cbef.nodes.launch.launcher import Launcher
-from zenoh_cbef.scenario import network
-from zenoh_cbef.scenario.build import message_size, rounds_of
 from zenoh_cbef.scenario.load import load
 
 STEPS = {"tracking": 1200, "scale24": 250}
@@ -54,30 +52,30 @@ def agents_rate(name: str, steps: int) -> float:
             launcher.watch(pace.note, lambda: 0)
             if launcher.deaths:
                 raise RuntimeError(str(launcher.deaths[0]))
-    return pace.rate * rounds_of(loaded.scenario)
+    return pace.rate * loaded.plan.rounds
 
 
 def measure(name: str, repeats: int) -> dict[str, list[float]]:
     """Measure every arm's rounds per second, interleaved: a busy minute of the machine hits all alike."""
-    scenario = load(name).scenario
-    edges = [(first, second) for first, second in network.edges(scenario).tolist()]
-    size = 8 * message_size(scenario)
-    rounds = rounds_of(scenario) * STEPS[name]
+    plan = load(name).plan
+    edges = [(first, second) for first, second in plan.edges.tolist()]
+    size = 8 * plan.message_size
+    rounds = plan.rounds * STEPS[name]
     rates: dict[str, list[float]] = {_OURS: [], **{arm: [] for arm in RUNTIMES}}
     for _ in range(repeats):
         for arm, environment in RUNTIMES.items():
-            rates[arm].append(bare_rate(edges, scenario.count, rounds=rounds, size=size, environment=environment))
+            rates[arm].append(bare_rate(edges, plan.scenario.count, rounds=rounds, size=size, environment=environment))
         rates[_OURS].append(agents_rate(name, STEPS[name]))
     return rates
 
 
 def run(repeats: int) -> Iterator[Table]:
     for name in STEPS:
-        scenario = load(name).scenario
-        edges, size = network.edges(scenario), 8 * message_size(scenario)
+        plan = load(name).plan
+        edges, size = plan.edges, 8 * plan.message_size
         busy = os.getloadavg()[0]
         rates = measure(name, repeats)
-        title = f"{name}: {scenario.count} agents, {len(edges)} edges, {size} bytes, medians of {repeats}"
+        title = f"{name}: {plan.scenario.count} agents, {len(edges)} edges, {size} bytes, medians of {repeats}"
         yield results(title, [*_rows(rates), Row("load average before", f"{busy:.1f}")])
 
 

@@ -11,9 +11,9 @@ from zenoh_cbef.protocol.bodies import estimate_body
 from zenoh_cbef.protocol.keys import Keys
 from zenoh_cbef.protocol.messages import encode, nan_to_nil
 from zenoh_cbef.protocol.round_codec import RoundCodec
-from zenoh_cbef.scenario import Scenario, network
-from zenoh_cbef.scenario.build import message_size
+from zenoh_cbef.scenario import Scenario
 from zenoh_cbef.scenario.load import load, to_toml
+from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.scenario.world import make_world
 from zenoh_cbef.simulator import Heard, Simulation, Step, heard_in
 
@@ -24,7 +24,7 @@ class MadeLog:
     """Writes the log of a scenario without processes. Times go on by a microsecond from message to message."""
 
     def __init__(self, path: Path, scenario: Scenario, run: str = "made") -> None:
-        self.scenario, self.run, self.keys = scenario, run, Keys(run)
+        self.plan, self.scenario, self.run, self.keys = Plan(scenario), scenario, run, Keys(run)
         self.log = RunLog(path, scenario.record)
         described = {
             "run": run,
@@ -35,11 +35,11 @@ class MadeLog:
             "started": "",
         }
         self.log.describe(source="", resolved=to_toml(scenario), run=described)
-        width = message_size(scenario)
+        width = self.plan.message_size
         self._codecs = [RoundCodec(run, f"agent/{agent}", width) for agent in range(scenario.count)]
         self._seq: dict[str, int] = {}
         self._now = _START
-        pairs = network.edges(scenario).tolist()
+        pairs = self.plan.edges.tolist()
         self._neighbours = [
             sorted({a + b - agent for a, b in pairs if agent in (a, b)}) for agent in range(scenario.count)
         ]
@@ -47,8 +47,8 @@ class MadeLog:
     def write(self) -> None:
         """Simulate the run and write all of it."""
         world = make_world(self.scenario)
-        heard: Heard = heard_in(self.scenario, world)
-        for number, step in enumerate(Simulation([self.scenario], [heard]), 1):
+        heard: Heard = heard_in(self.plan, world)
+        for number, step in enumerate(Simulation([self.plan], [heard]), 1):
             self._send(self.keys.truth, "target", k=number, state=world.truth[number - 1].tolist())
             for agent in range(self.scenario.count):
                 times = (nan_to_nil(each[agent, number - 1]) for each in (world.emitted, world.arrived))

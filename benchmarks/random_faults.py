@@ -22,6 +22,7 @@ from zenoh_cbef.log.prove.verify import verify
 from zenoh_cbef.log.read.trace import read_trace
 from zenoh_cbef.scenario.checks import check
 from zenoh_cbef.scenario.load import parse
+from zenoh_cbef.scenario.plan import Plan
 
 SCENARIOS, SECONDS = 200, 120.0
 KINDS = ("equal", "different", "unknown", "failed", "hung", "not finite")
@@ -42,7 +43,7 @@ def drawn(count: int) -> list[dict[str, Any]]:
     @given(scenarios())
     def draw(scenario: dict[str, Any]) -> None:
         try:
-            check(parse(scenario, "a drawn scenario"))
+            check(Plan(parse(scenario, "a drawn scenario")))
         except UserError:
             return  # Nobody is there to track, say: the command line refuses it likewise.
         if scenario not in found:

@@ -16,7 +16,6 @@ from zenoh_cbef.protocol.keys import Keys
 from zenoh_cbef.protocol.mailbox import Mailbox
 from zenoh_cbef.protocol.messages import decode
 from zenoh_cbef.protocol.session import Connection, open_session
-from zenoh_cbef.scenario.build import rounds_of
 from zenoh_cbef.scenario.load import load
 
 _STEPS = 1000
@@ -25,11 +24,11 @@ _STEPS = 1000
 def rate(*, recorder: bool) -> float:
     """Measure rounds per second of `tracking` between a tenth and the end, by the estimates of agent 0."""
     overrides = [f"steps={_STEPS}", f"record.required={str(recorder).lower()}"]
-    scenario = load("tracking", overrides).scenario
+    plan = load("tracking", overrides).plan
     times: dict[int, float] = {}
     with tempfile.TemporaryDirectory() as folder:
         log = Path(folder) / "run.mcap" if recorder else None
-        with by_hand("tracking", overrides, agents=range(scenario.count), log=log) as hand:
+        with by_hand("tracking", overrides, agents=range(plan.scenario.count), log=log) as hand:
             connection = Connection(connect=[hand.endpoints["agent 0"]], gossip=False)
             with open_session(connection) as session:
                 mailbox = Mailbox(session, Keys(hand.run).estimate(0), 2 * _STEPS)
@@ -39,7 +38,7 @@ def rate(*, recorder: bool) -> float:
                         step = decode("estimate", data, run=hand.run, sender="agent/0")["k"]
                         times[step] = time.monotonic()
     first = min(step for step in times if step >= _STEPS // 10)
-    return rounds_of(scenario) * (_STEPS - first) / (times[_STEPS] - times[first])
+    return plan.rounds * (_STEPS - first) / (times[_STEPS] - times[first])
 
 
 def run(repeats: int) -> Iterator[Table]:

@@ -11,10 +11,10 @@ from zenoh_cbef.analysis.design import design
 from zenoh_cbef.analysis.metrics import analyze
 from zenoh_cbef.datasets import read_dataset
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.scenario.build import motion_of, settings_of
 from zenoh_cbef.scenario.checks import check
 from zenoh_cbef.scenario.load import load
-from zenoh_cbef.scenario.start import initial_covariance, initial_states, initial_std
+from zenoh_cbef.scenario.plan import Plan
+from zenoh_cbef.scenario.start import initial_std
 from zenoh_cbef.scenario.world import make_world
 from zenoh_cbef.simulator import heard_in, simulate
 
@@ -74,7 +74,7 @@ def test_the_noise_of_the_motion_of_a_recorded_target_does_not_hang_on_the_step(
         scenario = scenario_of(folder, f"dt={dt}", "filter.acceleration_std=2.0")
         assert scenario.filter.acceleration_interval == pytest.approx(0.2)
         # Variance of the velocity after a second.
-        assert motion_of(scenario).process_noise[3, 3] / dt == pytest.approx(2.0**2 * 0.2)
+        assert Plan(scenario).motion.process_noise[3, 3] / dt == pytest.approx(2.0**2 * 0.2)
 
 
 def test_a_range_after_the_last_step_is_dropped(tmp_path):
@@ -178,7 +178,7 @@ def test_a_dataset_says_how_many_agents_and_steps_there_are(tmp_path):
     assert scenario.length == 5
     assert scenario.agents.positions == ((0.0, 0.0, 1.0), (4.0, 0.0, 1.0))
     assert scenario.agents.labels == ("3", "7")
-    check(scenario)
+    check(Plan(scenario))
 
 
 def test_values_for_each_anchor_are_counted_against_the_anchors(tmp_path):
@@ -207,7 +207,7 @@ def test_more_steps_than_the_ranges_fill_and_moving_anchors_are_refused(tmp_path
 def test_recorded_ranges_reach_the_agents_with_their_age(tmp_path):
     scenario = scenario_of(write(tmp_path))
     world = make_world(scenario)
-    heard = heard_in(scenario, world)
+    heard = heard_in(Plan(scenario), world)
     expected = [[1.0, np.nan, 3.0, 4.0, np.nan], [np.nan, 2.0, np.nan, np.nan, 5.0]]
     np.testing.assert_allclose(heard.ranges, expected, atol=1e-6)
     ages = np.array([[0.0, 0.0, 0.0, 0.05, 0.0], [0.0, 0.0, 0.0, 0.0, 0.0]])
@@ -217,7 +217,7 @@ def test_recorded_ranges_reach_the_agents_with_their_age(tmp_path):
 
 def test_the_initial_estimate_is_the_middle_of_the_anchors_at_rest(tmp_path):
     scenario = scenario_of(write(tmp_path), "filter.initial_position_std=3")
-    assert initial_states(scenario).tolist() == [[2.0, 0.0, 1.0, 0.0, 0.0, 0.0]] * 2
+    assert Plan(scenario).initial_states.tolist() == [[2.0, 0.0, 1.0, 0.0, 0.0, 0.0]] * 2
     assert initial_std(scenario)[0] == 3.0
 
 
@@ -225,18 +225,18 @@ def test_a_first_fix_is_sought_farther_off_than_a_given_start(tmp_path):
     folder = write(tmp_path)
     sought, given = (scenario_of(folder, *more) for more in ([], ["filter.initial_position=[1, 1, 1]"]))
     # Half a diagonal is 2 m; tracking.toml gives 1 m and 0.5 m/s.
-    np.testing.assert_allclose(np.sqrt(np.diag(initial_covariance(sought))), [20.0] * 3 + [3.0] * 3)
-    np.testing.assert_allclose(np.sqrt(np.diag(initial_covariance(given))), [1.0] * 3 + [0.5] * 3)
-    assert (settings_of(sought).first_fix, settings_of(given).first_fix) == (20, 0)
-    assert settings_of(scenario_of(folder, "dt=0.03")).first_fix == 34
+    np.testing.assert_allclose(np.sqrt(np.diag(Plan(sought).initial_covariance)), [20.0] * 3 + [3.0] * 3)
+    np.testing.assert_allclose(np.sqrt(np.diag(Plan(given).initial_covariance)), [1.0] * 3 + [0.5] * 3)
+    assert (Plan(sought).settings.first_fix, Plan(given).settings.first_fix) == (20, 0)
+    assert Plan(scenario_of(folder, "dt=0.03")).settings.first_fix == 34
 
 
 def test_what_is_assumed_of_recorded_ranges(tmp_path):
     folder = write(tmp_path)
-    assert settings_of(scenario_of(folder)).power == 2
+    assert Plan(scenario_of(folder)).settings.power == 2
     for unknown in ("filter.range_std=auto", "filter.bias=none", "filter.kind=ci"):
-        assert settings_of(scenario_of(folder, unknown)).power == 1
-    assert motion_of(scenario_of(folder, "dt=0.2")).acceleration_std == pytest.approx(1.0)
+        assert Plan(scenario_of(folder, unknown)).settings.power == 1
+    assert Plan(scenario_of(folder, "dt=0.2")).motion.acceleration_std == pytest.approx(1.0)
 
 
 RECORDED = Path(__file__).resolve().parents[2] / "shared" / "data"
@@ -262,7 +262,7 @@ def test_recorded_sets_use_almost_all_of_their_ranges(name):
         "sensor.range_std=0.3",
     ]
     scenario = scenario_of(RECORDED / name, *overrides)
-    check(scenario)
+    check(Plan(scenario))
     world = make_world(scenario)
     assert world.truth.shape == (scenario.length, 6)
     assert np.isfinite(world.emitted).sum() > 0.99 * count
@@ -290,8 +290,8 @@ def test_only_steps_of_which_the_truth_is_known_are_scored(tmp_path):
     assert metrics["scored"]["steps"] == [[3, 11]]
     assert metrics["ratio_to_centralized"] is not None
     assert "the truth is not known in steps 12 to 40" in metrics["lacks"][0]
-    assert any("covers 11 of 40 steps" in warning for warning in check(scenario))
-    assert np.isfinite(design(scenario, search=False)["centralized"]["position_rmse"])
+    assert any("covers 11 of 40 steps" in warning for warning in check(Plan(scenario)))
+    assert np.isfinite(design(Plan(scenario), search=False)["centralized"]["position_rmse"])
 
 
 def test_a_gap_in_the_truth_is_not_bridged(tmp_path):

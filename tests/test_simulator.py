@@ -9,8 +9,9 @@ import pytest
 
 from zenoh_cbef.analysis.metrics import analyze
 from zenoh_cbef.scenario import network
-from zenoh_cbef.scenario.build import agent_tracker, fates_into, message_size, outgoing_of, rounds_of
+from zenoh_cbef.scenario.build import agent_tracker, fates_into, outgoing_of
 from zenoh_cbef.scenario.load import load, parse
+from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.scenario.world import make_world
 from zenoh_cbef.simulator import heard_in, simulate
 from zenoh_cbef.tracking.filters import KINDS
@@ -99,9 +100,10 @@ class Agent:
     """What an agent process does, without the process: its own tracker, fates and neighbours."""
 
     def __init__(self, one, number):
-        self.tracker, self.others = agent_tracker(one, number)
-        self.fates = fates_into(one, number, self.others)
-        self.outgoing = outgoing_of([one], [number])
+        self.plan = Plan(one)
+        self.tracker, self.others = agent_tracker(self.plan, number)
+        self.fates = fates_into(self.plan, number, self.others)
+        self.outgoing = outgoing_of([self.plan], [number])
         self.number = number
 
     def told_range(self, heard, step):
@@ -110,7 +112,7 @@ class Agent:
     def measure(self, heard, step, told):
         own = self.number, step - 1
         positions, ranges = np.empty((1, 0, 3)), np.empty((1, 0))
-        if self.tracker.filter.uses_neighbour_ranges:
+        if self.plan.sharing.uses_neighbour_ranges:
             due = self.fates.of(step, 0).due
             positions = np.where(due[:, None], heard.positions[self.others, step - 1], 0.0)[None]
             ranges = np.where(due, told[self.others], np.nan)[None]
@@ -134,13 +136,13 @@ def test_agents_on_their_own_compute_the_bits_of_the_simulator(kind, stage, faul
     one = scenario(3, filter=FILTERS[kind], consensus=STAGES[stage], fault=FAULTS[fault], steps=6)
     [trace] = simulate([one], keep_payloads=True)
     agents = [Agent(one, number) for number in range(5)]
-    heard = heard_in(one, make_world(one))
+    heard = heard_in(Plan(one), make_world(one))
     for step in range(1, 7):
         told = np.array([agent.told_range(heard, step) for agent in agents])
         sent = [agent.measure(heard, step, told) for agent in agents]
-        for round_ in range(1, rounds_of(one) + 1):
+        for round_ in range(1, Plan(one).rounds + 1):
             sent = [agent.outgoing.message(step, round_, own) for agent, own in zip(agents, sent, strict=True)]
-            assert sent[0].shape == (1, message_size(one))
+            assert sent[0].shape == (1, Plan(one).message_size)
             assert np.concatenate(sent).tobytes() == trace.payloads[:, step - 1, round_ - 1].tobytes()
             sent = [agent.exchange(sent, step, round_) for agent in agents]
         for agent in agents:
@@ -173,8 +175,8 @@ def test_every_message_is_delivered_lost_or_late(kind, fault):
     assert links.sent.tolist() == [20 * per_step] * len(pairs)
     first_round = 0 if kind == "cbef" else 1
     for place, (source, destination) in enumerate(pairs):
-        fates = fates_into(one, destination, [source])
-        rounds = [(step, round_) for step in range(1, 21) for round_ in range(first_round, rounds_of(one) + 1)]
+        fates = fates_into(Plan(one), destination, [source])
+        rounds = [(step, round_) for step in range(1, 21) for round_ in range(first_round, Plan(one).rounds + 1)]
         told = [fates.of(*at) for at in rounds]
         due, late = sum(int(one.due[0]) for one in told), sum(int(one.late[0]) for one in told)
         assert links.delivered[place] == due
@@ -257,12 +259,12 @@ def test_a_longer_run_begins_like_a_shorter_one():
 
 def test_recorded_measurements_replace_the_emulated_ones():
     one, other = scenario(10), scenario(11)
-    heard = heard_in(other, make_world(other))
+    heard = heard_in(Plan(other), make_world(other))
     [trace] = simulate([one], heard=[heard])
     assert trace.ranges.tobytes() == heard.ranges.tobytes()
     [emulated] = simulate([one])
     assert (trace.estimates != emulated.estimates).any()
-    [again] = simulate([one], heard=[heard_in(one, make_world(one))])
+    [again] = simulate([one], heard=[heard_in(Plan(one), make_world(one))])
     assert_same(again, emulated)
 
 

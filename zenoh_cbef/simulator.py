@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 
 from zenoh_cbef.faults import Fate, Fates
 from zenoh_cbef.scenario import Scenario
-from zenoh_cbef.scenario.build import absences_of, batch_tracker, fates_of, outgoing_of, rounds_of
-from zenoh_cbef.scenario.plausible import Plausible, plausible_ranges
+from zenoh_cbef.scenario.build import batch_tracker, fates_of, outgoing_of
+from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.scenario.size import refuse_a_trace_beyond_memory
-from zenoh_cbef.scenario.start import initial_states
 from zenoh_cbef.scenario.world import World, make_world
 from zenoh_cbef.trace import LinkCounts, Links, Trace, Traffic
 from zenoh_cbef.tracking.diagnostics import Diagnostics
@@ -55,51 +54,49 @@ class Step:
     absent: Bools
 
 
-def measured(
-    scenario: Scenario, plausible: Plausible, emitted: Floats, arrived: Floats, step: int | Floats
-) -> tuple[Floats, Floats]:
+def measured(plan: Plan, emitted: Floats, arrived: Floats, step: int | Floats) -> tuple[Floats, Floats]:
     """Range (m) and age (s) that agents take from beacon times; NaN where none was heard, or none that is plausible.
 
     The one place with this arithmetic, for processes and simulator alike. step counts from 1.
     """
     with np.errstate(over="ignore", invalid="ignore"):  # times can be forged
-        ranges, age = scenario.sensor.signal_speed * (arrived - emitted), step * scenario.dt - emitted
-    holds = plausible.holds(ranges, age)
+        ranges, age = plan.scenario.sensor.signal_speed * (arrived - emitted), step * plan.scenario.dt - emitted
+    holds = plan.plausible.holds(ranges, age)
     return np.where(holds, ranges, np.nan), np.where(holds, age, np.nan)
 
 
-def heard_in(scenario: Scenario, world: World) -> Heard:
+def heard_in(plan: Plan, world: World) -> Heard:
     """What one world's receivers measured."""
-    steps = np.arange(1, scenario.length + 1, dtype=np.float64)
-    ranges, age = measured(scenario, plausible_ranges(scenario), world.emitted, world.arrived, steps)
+    steps = np.arange(1, plan.scenario.length + 1, dtype=np.float64)
+    ranges, age = measured(plan, world.emitted, world.arrived, steps)
     return Heard(world.positions, ranges, np.where(np.isfinite(age), age, 0.0))
 
 
-def _all_fates(scenarios: Sequence[Scenario], neighbours: Neighbours) -> Fates:
-    first, count = scenarios[0], scenarios[0].count
+def _all_fates(plans: Sequence[Plan], neighbours: Neighbours) -> Fates:
+    count = plans[0].scenario.count
     rows, _ = np.nonzero(neighbours.present)
-    seeds = np.array([one.seed for one in scenarios], dtype=np.uint64)[rows // count]
+    seeds = np.array([one.scenario.seed for one in plans], dtype=np.uint64)[rows // count]
     source = (neighbours.index[neighbours.present] % count).astype(np.int64)
-    return fates_of(first, seeds, source, (rows % count).astype(np.int64))
+    return fates_of(plans[0], seeds, source, (rows % count).astype(np.int64))
 
 
 class Simulation:
     """A batch of runs, step by step."""
 
-    def __init__(self, scenarios: Sequence[Scenario], heard: Sequence[Heard]) -> None:
-        self.scenario = scenarios[0]
-        self.rounds = rounds_of(self.scenario)
-        self.tracker, self.neighbours = batch_tracker(scenarios)
+    def __init__(self, plans: Sequence[Plan], heard: Sequence[Heard]) -> None:
+        self.plan, self.scenario = plans[0], plans[0].scenario
+        self.rounds = self.plan.rounds
+        self.tracker, self.neighbours = batch_tracker(plans)
         self.heard = Heard(
             np.concatenate([one.positions for one in heard]),
             np.concatenate([one.ranges for one in heard]),
             np.concatenate([one.age for one in heard]),
         )
         self.counts = LinkCounts(self.neighbours.present)
-        self._fates = _all_fates(scenarios, self.neighbours)
-        self._outgoing = outgoing_of(scenarios, range(self.scenario.count))
+        self._fates = _all_fates(plans, self.neighbours)
+        self._outgoing = outgoing_of(plans, range(self.scenario.count))
         # What was sent in the steps from the one whose messages are used to the present one.
-        self.absences, self._runs = absences_of(self.scenario), len(scenarios)
+        self.absences, self._runs = self.plan.absences, len(plans)
         self._initial = self.tracker.belief
         self._estimate: Estimate | None = None
         self._sent: deque[list[Floats]] = deque(maxlen=1 + self.scenario.consensus.lag)
@@ -127,7 +124,7 @@ class Simulation:
         position, range_, age = (
             part[:, step - 1] for part in (self.heard.positions, self.heard.ranges, self.heard.age)
         )
-        if not self.tracker.filter.uses_neighbour_ranges:
+        if not self.plan.sharing.uses_neighbour_ranges:
             nobody = len(position), 0
             return Measurement(position, range_, age, np.empty((*nobody, 3)), np.empty(nobody))
         delivered = self._delivered(step, 0)
@@ -186,9 +183,10 @@ def simulate(
 
     heard: measurements in place of the emulated ones. progress is called with each finished step.
     """
-    refuse_a_trace_beyond_memory(scenarios[0], len(scenarios))
+    plans = [Plan(one) for one in scenarios]
+    refuse_a_trace_beyond_memory(plans[0], len(plans))
     worlds = [make_world(one) for one in scenarios]
-    heard = heard or [heard_in(one, world) for one, world in zip(scenarios, worlds, strict=True)]
+    heard = heard or [heard_in(one, world) for one, world in zip(plans, worlds, strict=True)]
     size = max(1, _BLOCK // scenarios[0].count)
     blocks = range(0, len(scenarios), size)
     traces: list[Trace] = []
@@ -199,19 +197,19 @@ def simulate(
             if progress is not None:
                 progress((done * scenarios[0].length + step) // len(blocks))
 
-        traces += _simulate_block(scenarios[mine], worlds[mine], heard[mine], advance, keep_payloads=keep_payloads)
+        traces += _simulate_block(plans[mine], worlds[mine], heard[mine], advance, keep_payloads=keep_payloads)
     return traces
 
 
 def _simulate_block(
-    scenarios: Sequence[Scenario],
+    plans: Sequence[Plan],
     worlds: Sequence[World],
     heard: Sequence[Heard],
     progress: Callable[[int], None],
     *,
     keep_payloads: bool,
 ) -> list[Trace]:
-    simulation = Simulation(scenarios, heard)
+    simulation = Simulation(plans, heard)
     results = _Results(simulation)
     for k, step in enumerate(simulation):
         results.put(k, step, keep_payloads=keep_payloads)
@@ -219,7 +217,7 @@ def _simulate_block(
     count = simulation.scenario.count
     return [
         results.trace(one, worlds[run], heard[run], slice(run * count, (run + 1) * count))
-        for run, one in enumerate(scenarios)
+        for run, one in enumerate(plans)
     ]
 
 
@@ -256,19 +254,19 @@ class _Results:
         if self.payloads is not None:
             self.payloads[absent, k] = np.nan
 
-    def trace(self, scenario: Scenario, world: World, heard: Heard, mine: slice) -> Trace:
+    def trace(self, plan: Plan, world: World, heard: Heard, mine: slice) -> Trace:
         """The rows of one run."""
         links = _links(self._simulation, mine)
         upward = links.destination < links.source
         return Trace(
-            name=scenario.name,
-            scenario=scenario,
+            name=plan.scenario.name,
+            plan=plan,
             time=world.time,
             truth=world.truth,
             positions=heard.positions,
             ranges=heard.ranges,
             age=heard.age,
-            initial=initial_states(scenario),
+            initial=plan.initial_states,
             estimates=self.estimates[mine],
             covariances=self.covariances[mine],
             diagnostics=self.diagnostics.each(lambda values: values[mine]),

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from zenoh_cbef.faults import Fate
 from zenoh_cbef.scenario.model import Scenario
+from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.tracking.diagnostics import Diagnostics
 
 Bools = NDArray[np.bool_]
@@ -131,7 +132,7 @@ class Trace:
     """
 
     name: str
-    scenario: Scenario
+    plan: Plan
     time: Floats
     truth: Floats
     positions: Floats
@@ -148,6 +149,11 @@ class Trace:
     events: list[dict[str, object]] = field(default_factory=list)
     unlogged: Bools | None = None
     complete: bool = True
+
+    @property
+    def scenario(self) -> Scenario:
+        """What the run was to be."""
+        return self.plan.scenario
 
     @property
     def measured_steps(self) -> int:

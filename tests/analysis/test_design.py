@@ -11,8 +11,8 @@ from zenoh_cbef.analysis.mixing import SCHEMES, contraction, mixing
 from zenoh_cbef.analysis.observability import observability
 from zenoh_cbef.analysis.prediction import Clipping, Sight, propagate
 from zenoh_cbef.scenario import network
-from zenoh_cbef.scenario.build import consensus_of, motion_of
 from zenoh_cbef.scenario.load import load
+from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.scenario.world import make_world
 from zenoh_cbef.simulator import simulate
 from zenoh_cbef.tracking import graph
@@ -52,7 +52,7 @@ def test_a_single_agent_is_predicted_at_the_posterior_bound():
     world, initial = make_world(scenario), np.diag([1.0] * 3 + [0.25] * 3)
     bound = posterior_bound(
         initial[None],
-        motion_of(scenario),
+        Plan(scenario).motion,
         Space(),
         truth=world.truth[None],
         positions=world.positions[None],
@@ -62,8 +62,8 @@ def test_a_single_agent_is_predicted_at_the_posterior_bound():
     )[0]
     expected = propagate(
         initial,
-        motion_of(scenario),
-        sight_of(scenario),
+        Plan(scenario).motion,
+        sight_of(Plan(scenario)),
         np.ones((1, 1, 1, 1)),
         weight=np.ones(1),
         clipping=Clipping.at(np.inf),
@@ -117,7 +117,7 @@ def test_the_predicted_error_is_that_of_the_recursion_drawn_many_times(xi):
 )
 def test_predictions_agree_with_simulations_over_seeds(overrides):
     scenarios = [tracking(f"seed={seed}", *overrides) for seed in range(1, 17)]
-    before = [design(one, search=False)["configured"] for one in scenarios]
+    before = [design(Plan(one), search=False)["configured"] for one in scenarios]
     after = [one.metrics for one in analyze(simulate(scenarios))]
 
     def both(name):
@@ -134,7 +134,7 @@ def test_predictions_agree_with_simulations_over_seeds(overrides):
 
 def test_under_loss_the_error_is_predicted_and_its_small_excess_to_a_factor_of_two():
     scenarios = [tracking(f"seed={seed}", "consensus.rounds=4", LOSS, "steps=120") for seed in range(1, 13)]
-    before = [design(one, search=False)["configured"] for one in scenarios]
+    before = [design(Plan(one), search=False)["configured"] for one in scenarios]
     after = [one.metrics for one in analyze(simulate(scenarios))]
     predicted, simulated = (np.sqrt(np.mean([one["position_rmse"] ** 2 for one in each])) for each in (before, after))
     assert predicted == pytest.approx(simulated, rel=0.08)
@@ -145,11 +145,11 @@ def test_under_loss_the_error_is_predicted_and_its_small_excess_to_a_factor_of_t
 def test_mixing_is_the_power_of_the_weights_and_its_rows_sum_to_one_under_loss():
     scenario = tracking("steps=5")
     lists = graph.neighbours(6, network.edges(scenario))
-    weights = weight_matrix(lists, consensus_of(scenario, lists)[0])
-    found = mixing(scenario, "average", 4)
+    weights = weight_matrix(lists, Plan(scenario).weights)
+    found = mixing(Plan(scenario), "average", 4)
     np.testing.assert_allclose(found[3, 0], np.linalg.matrix_power(weights, 4), atol=1e-12)
     for scheme in SCHEMES:
-        lossy = mixing(tracking("steps=5", LOSS), scheme, 4)
+        lossy = mixing(Plan(tracking("steps=5", LOSS)), scheme, 4)
         assert lossy.shape == (4, 5, 6, 6)
         np.testing.assert_allclose(lossy.sum(axis=3), 1.0, atol=1e-12)
         assert (lossy[0, 0] != lossy[0, 1]).any()
@@ -158,13 +158,13 @@ def test_mixing_is_the_power_of_the_weights_and_its_rows_sum_to_one_under_loss()
 @pytest.mark.parametrize("scheme", SCHEMES)
 def test_disagreement_shrinks_by_the_contraction(scheme):
     scenario = tracking("network.graph=ring", "agents.count=9")
-    apart = np.linalg.norm(mixing(scenario, scheme, 40)[:, 0] - 1.0 / 9.0, axis=(1, 2))
+    apart = np.linalg.norm(mixing(Plan(scenario), scheme, 40)[:, 0] - 1.0 / 9.0, axis=(1, 2))
     rate = (apart[35] / apart[15]) ** (1.0 / 20.0)
-    assert rate == pytest.approx(contraction(scenario, scheme), rel=0.03)
+    assert rate == pytest.approx(contraction(Plan(scenario), scheme), rel=0.03)
 
 
 def test_the_smallest_number_of_rounds_is_the_smallest():
-    told = design(tracking("network.graph=path"), within=0.01)
+    told = design(Plan(tracking("network.graph=path")), within=0.01)
     rows = {(scheme, row["rounds"]): row[scheme] for row in told["rounds"] for scheme in SCHEMES if scheme in row}
     for scheme in SCHEMES:
         enough = told["smallest"][scheme]
@@ -175,7 +175,7 @@ def test_the_smallest_number_of_rounds_is_the_smallest():
 
 def test_what_cannot_be_reached_is_not_promised():
     # Covariance intersection stays worse than the centralised filter however many rounds there are.
-    told = design(tracking("filter.kind=ci", "steps=60"), within=0.01)
+    told = design(Plan(tracking("filter.kind=ci", "steps=60")), within=0.01)
     assert set(told["smallest"].values()) == {None}
     assert min(row["average"]["ratio_to_centralized"] for row in told["rounds"] if "average" in row) > 1.05
 
@@ -189,7 +189,7 @@ def test_observability_tells_what_agents_on_a_line_cannot_see():
             "target.acceleration_std=0.0",
         ]
         scenario = tracking(*world, "target.velocity=[0, 0, 0]", "steps=100", "filter.acceleration_std=0.3")
-        return observability(np.eye(6), motion_of(scenario), sight_of(scenario), 25)
+        return observability(np.eye(6), Plan(scenario).motion, sight_of(Plan(scenario)), 25)
 
     line = seen([[0, 0, 0], [4, 0, 0], [8, 0, 0], [12, 0, 0]])
     spread = seen([[0, 0, 0], [10, 0, 0], [0, 10, 0], [0, 0, 10]])
@@ -217,7 +217,7 @@ def test_what_is_left_out_is_said(overrides, words):
 
 
 def test_a_filter_that_is_not_predicted_still_gets_geometry_and_bytes():
-    told = design(tracking("filter.kind=kcf", "steps=20"))
+    told = design(Plan(tracking("filter.kind=kcf", "steps=20")))
     assert told["centralized"] is None
     assert told["rounds"] == []
     assert told["observability"]["network"]["rank"] == 6

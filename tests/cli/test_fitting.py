@@ -39,7 +39,7 @@ def status() -> RunStatus:
 def tables() -> dict[str, Fitting]:
     traces = simulate([load("tracking", [*LOSSY, f"seed={seed}"]).scenario for seed in (1, 2)])
     analyses = analyze(traces)
-    told = design(load("tracking", ["steps=30"]).scenario, within=0.01, skip=0.25)
+    told = design(load("tracking", ["steps=30"]).plan, within=0.01, skip=0.25)
     designs = [part for part in design_lines(told) if isinstance(part, Fitting)]
     rows = [row(one, f"tracking-with-a-long-name-{number}") for number, one in enumerate(analyses)]
     return {

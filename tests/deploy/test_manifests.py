@@ -20,6 +20,7 @@ from check_jsonschema.builtin_schemas import get_builtin_schema
 from zenoh_cbef.cli.verbs import build
 from zenoh_cbef.scenario.checks import check
 from zenoh_cbef.scenario.load import load
+from zenoh_cbef.scenario.plan import Plan
 
 ROOT = Path(__file__).resolve().parents[2]
 DEPLOY = ROOT / "deploy"
@@ -125,7 +126,7 @@ def test_the_configmap_is_the_scenario_and_it_can_run(tmp_path):
     assert text == (DEPLOY / "scenario.toml").read_text()
     (tmp_path / "scenario.toml").write_text(text)
     scenario = load(str(tmp_path / "scenario.toml"), ()).scenario
-    assert check(scenario) == []
+    assert check(Plan(scenario)) == []
     (agents,) = [one for one in MANIFESTS if one["kind"] == "StatefulSet"]
     assert agents["spec"]["replicas"] == scenario.count
 

@@ -7,6 +7,7 @@ from zenoh_cbef.errors import UserError
 from zenoh_cbef.faults import Absences, Crash, Pause
 from zenoh_cbef.scenario.checks import check
 from zenoh_cbef.scenario.load import parse
+from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.simulator import simulate
 
 
@@ -61,9 +62,9 @@ def test_a_paused_agent_goes_on_from_what_it_knew():
 def test_what_cannot_work_is_refused():
     everybody = [{"kind": "crash", "agents": [0, 1], "from": 1.0}, {"kind": "pause", "agents": [2], "until": 2.0}]
     with pytest.raises(UserError, match="none of the 3 agents is there"):
-        check(parse({"agents": {"count": 3}, "fault": everybody}, "test"))
+        check(Plan(parse({"agents": {"count": 3}, "fault": everybody}, "test")))
     replay = {"kind": "byzantine", "mode": "replay", "agents": [1]}
     with pytest.raises(UserError, match="remembers nothing"):
-        check(parse({"fault": [replay, {"kind": "crash", "agents": [1], "from": 1.0, "until": 2.0}]}, "test"))
+        check(Plan(parse({"fault": [replay, {"kind": "crash", "agents": [1], "from": 1.0, "until": 2.0}]}, "test")))
     with pytest.raises(UserError, match="a pause ends"):
         parse({"fault": [{"kind": "pause", "agents": [1]}]}, "test")

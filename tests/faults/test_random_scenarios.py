@@ -11,9 +11,9 @@ from tests.faults.strategies import scenarios
 from tests.test_simulator import assert_same
 from zenoh_cbef.analysis.metrics import analyze
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.scenario.build import absences_of
 from zenoh_cbef.scenario.checks import check
 from zenoh_cbef.scenario.load import parse
+from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.simulator import simulate
 
 
@@ -22,11 +22,11 @@ from zenoh_cbef.simulator import simulate
 def test_a_faulty_run_is_finite_and_the_same_alone_and_in_a_batch(given):
     one = parse(given, "test")
     try:
-        check(one)
+        check(Plan(one))
     except UserError as error:
         assume(not re.search("is there to track|remembers nothing", str(error)))
         raise
-    there = ~np.stack([absences_of(one).at(step) for step in range(1, one.length + 1)], axis=1)
+    there = ~np.stack([Plan(one).absences.at(step) for step in range(1, one.length + 1)], axis=1)
     other = one.model_copy(update={"seed": one.seed + 1})
     together = simulate([one, other], keep_payloads=True)
     for expected in together:

@@ -11,8 +11,8 @@ from zenoh_cbef.log.write.run_log import RunLog
 from zenoh_cbef.protocol.keys import Keys
 from zenoh_cbef.protocol.messages import encode
 from zenoh_cbef.protocol.round_codec import RoundCodec
-from zenoh_cbef.scenario.build import message_size
 from zenoh_cbef.scenario.load import load, to_toml
+from zenoh_cbef.scenario.plan import Plan
 
 RUN, START = "made", 1_700_000_000_000_000_000
 KEYS = Keys(RUN)
@@ -27,7 +27,7 @@ class Maker:
         self.log = RunLog(path, self.scenario.record)
         described = {"run": run, "host": host, "started": "then"}
         self.log.describe(source="as written", resolved=to_toml(self.scenario), run=described)
-        self.codecs = [RoundCodec(run, f"agent/{agent}", message_size(self.scenario)) for agent in range(3)]
+        self.codecs = [RoundCodec(run, f"agent/{agent}", Plan(self.scenario).message_size) for agent in range(3)]
         self.way: dict[str, int] = {}
         self.seq: dict[tuple[str, str], int] = {}
 
@@ -52,7 +52,7 @@ class Maker:
             seq = self.seq.get((key, me), 0)
             self.seq[key, me] = seq + 1
             self.now += 1_000_000
-            payload = np.full(message_size(self.scenario), float(k))
+            payload = np.full(Plan(self.scenario).message_size, float(k))
             if logged:
                 data = self.codecs[agent].encode(seq, self.now, k, 1, payload)
                 self.log.add(key, data, self.now + self.way.get(me, 0) + self.ahead)

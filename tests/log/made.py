@@ -16,7 +16,7 @@ def made_log(path: Path, *overrides: str) -> Path:
     """The log of a run named `made`."""
     loaded = load("tracking", overrides)
     scenario, world = loaded.scenario, make_world(loaded.scenario)
-    found = Measurements(Header("made", scenario, None), to_toml(scenario))
+    found = Measurements(Header("made", loaded.plan, None), to_toml(scenario))
     for row, state in enumerate(world.truth.tolist()):
         found.truth[row + 1] = {"k": row + 1, "state": state}
         found.logged[row + 1] = START + round(1e9 * scenario.dt) * (row + 1)

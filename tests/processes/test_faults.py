@@ -20,6 +20,7 @@ from zenoh_cbef.log.read.parts import open_log
 from zenoh_cbef.log.read.trace import read_trace
 from zenoh_cbef.scenario.build import fates_into
 from zenoh_cbef.scenario.load import load, parse
+from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.simulator import simulate
 
 EVERY_KIND = {
@@ -67,7 +68,7 @@ def test_every_kind_of_fault_gives_the_simulators_bits_and_is_counted_and_marked
     scenario = EVERY_KIND | {"filter": {"kind": kind, **measurement}}
     metrics = run(world, scenario)
     told = load(str(world.folder / "scenario.toml")).scenario.model_copy(update={"name": world.run})
-    foretold = other_bytes(told) + 3 * round_bytes(told)
+    foretold = other_bytes(Plan(told)) + 3 * round_bytes(Plan(told))
     assert foretold == pytest.approx(metrics["bytes_per_step"], rel=0.02)
     totals = Counter()
     for link in metrics["links"]:
@@ -118,7 +119,7 @@ def verify_changed(world: World, name: str | None, change) -> Verdict:
 
 def marks(scenario, agent: int, step: int, message: dict, kind: str) -> list[str]:
     """What the log should say of a step, from the scenario alone."""
-    fates: Fates = fates_into(scenario, agent, message["neighbours"])
+    fates: Fates = fates_into(Plan(scenario), agent, message["neighbours"])
     told = [fates.of(step, round_) for round_ in range(kind != "ci", 4)]
     signs = {"lost": "x", "late": ">", "corrupted": "!", "duplicated": "+"}
     expected = np.full((len(message["neighbours"]), len(told)), ".")

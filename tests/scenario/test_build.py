@@ -9,18 +9,9 @@ from zenoh_cbef.scenario import network, paths
 from zenoh_cbef.scenario.build import (
     agent_tracker,
     batch_tracker,
-    consensus_of,
-    filter_of,
-    message_size,
-    motion_of,
-    power_of,
-    range_std_of,
-    rounds_of,
-    scheme_of,
-    space_of,
 )
 from zenoh_cbef.scenario.load import parse
-from zenoh_cbef.scenario.start import initial_belief, initial_states
+from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.tracking import graph
 
 
@@ -34,39 +25,39 @@ def test_initial_estimates_are_spread_around_the_targets_start():
         target={"position": [10, 20, 30], "velocity": [1, 2, 3]},
         filter={"initial_position_std": 2.0, "initial_velocity_std": 0.5},
     )
-    states = initial_states(one)
+    states = Plan(one).initial_states
     std = np.repeat([2.0, 0.5], 3)
     assert (np.abs(states.mean(axis=0) - [10, 20, 30, 1, 2, 3]) < 6 * std / np.sqrt(1000)).all()
     assert (np.abs(states.std(axis=0) / std - 1.0) < 6 / np.sqrt(2000)).all()
-    np.testing.assert_allclose(initial_belief(one).covariance, np.tile(np.diag(std**2), (1000, 1, 1)))
+    np.testing.assert_allclose(Plan(one).initial_belief.covariance, np.tile(np.diag(std**2), (1000, 1, 1)))
 
 
 def test_given_initial_states_are_taken_as_they_are():
     one = scenario(filter={"initial_position": [1, 2, 3], "initial_velocity": [[n, 0, 0] for n in range(5)]})
-    states = initial_states(one)
+    states = Plan(one).initial_states
     assert states[:, :3].tolist() == [[1, 2, 3]] * 5
     assert states[:, 3].tolist() == [0, 1, 2, 3, 4]
 
 
 def test_a_plane_holds_its_height():
     one = scenario(filter={"planar_height": 1.5})
-    assert (initial_states(one)[:, [2, 5]] == [1.5, 0.0]).all()
-    assert space_of(one).axes == 2
-    assert initial_belief(one).state.shape == (5, 4)
+    assert (Plan(one).initial_states[:, [2, 5]] == [1.5, 0.0]).all()
+    assert Plan(one).space.axes == 2
+    assert Plan(one).initial_belief.state.shape == (5, 4)
 
 
 def test_what_the_filter_is_not_told_it_takes_from_target_and_sensor():
     keys = {"target": {"acceleration_std": 0.7}, "sensor": {"range_std": 0.3}}
     told = scenario(**keys, filter={"acceleration_std": 0.2, "range_std": 0.9})
-    assert motion_of(scenario(**keys)).acceleration_std == 0.7
-    assert range_std_of(scenario(**keys)) == 0.3
-    assert motion_of(told).acceleration_std == 0.2
-    assert range_std_of(told) == 0.9
+    assert Plan(scenario(**keys)).motion.acceleration_std == 0.7
+    assert Plan(scenario(**keys)).range_std == 0.3
+    assert Plan(told).motion.acceleration_std == 0.2
+    assert Plan(told).range_std == 0.9
 
 
 def test_a_filter_that_keeps_to_itself_has_no_rounds():
-    assert rounds_of(scenario(filter={"kind": "local"})) == 0
-    assert rounds_of(scenario(consensus={"rounds": 7})) == 7
+    assert Plan(scenario(filter={"kind": "local"})).rounds == 0
+    assert Plan(scenario(consensus={"rounds": 7})).rounds == 7
 
 
 LOSS = {"kind": "loss", "probability": 0.1}
@@ -86,7 +77,7 @@ LOSS = {"kind": "loss", "probability": 0.1}
     ],
 )
 def test_auto_picks_running_sums_where_links_fail_and_says_why(keys, chosen, why):
-    picked, reason = scheme_of(scenario(**keys))
+    picked, reason = Plan(scenario(**keys)).scheme
     assert picked == chosen
     assert why in reason
     assert reason.endswith(".")
@@ -95,13 +86,13 @@ def test_auto_picks_running_sums_where_links_fail_and_says_why(keys, chosen, why
 def test_running_sums_send_one_number_more():
     for kind, size in (("sicf", 27), ("hcmci", 54), ("cbef", 6)):
         keys = {"filter": {"kind": kind}}
-        assert message_size(scenario(**keys)) == size
-        assert message_size(scenario(**keys, consensus={"scheme": "running-sums"})) == size + 1
+        assert Plan(scenario(**keys)).message_size == size
+        assert Plan(scenario(**keys, consensus={"scheme": "running-sums"})).message_size == size + 1
 
 
 def test_a_network_of_one_agent_has_nobody_to_talk_to():
     one = scenario(agents={"count": 1})
-    tracker, others = agent_tracker(one, 0)
+    tracker, others = agent_tracker(Plan(one), 0)
     assert others == []
     assert tracker.belief.state.shape == (1, 6)
     assert network.edges(one).shape == (0, 2)
@@ -110,9 +101,9 @@ def test_a_network_of_one_agent_has_nobody_to_talk_to():
 @pytest.mark.parametrize("acceleration", ["none", "chebyshev"])
 def test_an_agents_neighbours_and_weights_are_its_row_of_the_batch(acceleration):
     one = scenario(consensus={"acceleration": acceleration}, seed=4)
-    batch, lists = batch_tracker([one])
+    batch, lists = batch_tracker([Plan(one)])
     for agent in range(5):
-        tracker, others = agent_tracker(one, agent)
+        tracker, others = agent_tracker(Plan(one), agent)
         assert others == lists.row(agent).index[0].tolist()
         weights = batch.consensus.weights[agent][lists.present[agent]]
         assert tracker.consensus.weights.tolist() == [weights.tolist()]
@@ -149,8 +140,8 @@ def test_uniform_weights_use_epsilon_or_the_largest_degree():
     ],
 )
 def test_saturation_redescends_where_outliers_are_expected(keys, power):
-    assert power_of(scenario(**keys)) == power
-    assert filter_of(scenario(**keys)).power == power
+    assert Plan(scenario(**keys)).power == power
+    assert Plan(scenario(**keys)).filter.power == power
 
 
 def test_eigenvalue_bounds_are_the_graphs_unless_given():
@@ -159,13 +150,12 @@ def test_eigenvalue_bounds_are_the_graphs_unless_given():
     values = []
     for keys in ({}, {"bounds": [-0.4, 0.9]}):
         one = scenario(**{**ring, "consensus": {**chebyshev, **keys}})
-        lists = graph.neighbours(one.count, network.edges(one))
-        values.append(consensus_of(one, lists)[1][0].tolist())
+        values.append(Plan(one).bounds[0].tolist())
     # Five agents on a ring with weights of a third.
     ring_values = [1 / 3 + 2 / 3 * np.cos(2 * np.pi * k / 5) for k in (2, 1)]
     np.testing.assert_allclose(values, [ring_values, [-0.4, 0.9]])
 
 
 def test_without_rounds_everybody_is_a_network_of_one():
-    assert filter_of(scenario(consensus={"rounds": 0})).network_size == 1
-    assert rounds_of(scenario(consensus={"rounds": 0})) == 0
+    assert Plan(scenario(consensus={"rounds": 0})).filter.network_size == 1
+    assert Plan(scenario(consensus={"rounds": 0})).rounds == 0

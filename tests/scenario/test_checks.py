@@ -9,11 +9,12 @@ from hypothesis import strategies as st
 
 from zenoh_cbef.scenario.checks import check
 from zenoh_cbef.scenario.load import load, parse
+from zenoh_cbef.scenario.plan import Plan
 
 
 def contraction(scenario):
     """The warnings that the literal filter may not converge."""
-    return [warning for warning in check(scenario) if warning.startswith("cbef may not converge")]
+    return [warning for warning in check(Plan(scenario)) if warning.startswith("cbef may not converge")]
 
 
 def placed(positions, kind="cbef", **keys):
@@ -58,32 +59,32 @@ def test_other_filters_are_not_warned_of():
 
 def test_the_built_in_paper_scenario_stays_where_its_filter_contracts():
     for seed in range(20):
-        assert check(load("paper", [f"seed={seed}"]).scenario) == []
-    assert check(load("tracking", ["filter.kind=cbef"]).scenario)
+        assert check(load("paper", [f"seed={seed}"]).plan) == []
+    assert check(load("tracking", ["filter.kind=cbef"]).plan)
 
 
 def test_chebyshev_on_links_that_lose_messages_is_warned_of():
     loss, chebyshev = [{"kind": "loss", "probability": 0.1}], {"acceleration": "chebyshev"}
-    assert "plain averaging" in check(parse({"consensus": chebyshev, "fault": loss}, "test"))[0]
-    assert check(parse({"consensus": chebyshev}, "test")) == []
-    assert check(parse({"fault": loss}, "test")) == []
-    assert check(parse({"fault": [{"kind": "byzantine", "agents": [0]}]}, "test")) == []
+    assert "plain averaging" in check(Plan(parse({"consensus": chebyshev, "fault": loss}, "test")))[0]
+    assert check(Plan(parse({"consensus": chebyshev}, "test"))) == []
+    assert check(Plan(parse({"fault": loss}, "test"))) == []
+    assert check(Plan(parse({"fault": [{"kind": "byzantine", "agents": [0]}]}, "test"))) == []
 
 
 def test_a_graph_too_sparse_for_trimming_is_warned_of():
     ring = {"network": {"graph": "ring"}, "consensus": {"trim": 1}}
-    assert "3 neighbours or more, but agent 0 has 2" in check(parse(ring, "test"))[0]
-    assert check(parse({**ring, "network": {"graph": "complete"}}, "test")) == []
+    assert "3 neighbours or more, but agent 0 has 2" in check(Plan(parse(ring, "test")))[0]
+    assert check(Plan(parse({**ring, "network": {"graph": "complete"}}, "test"))) == []
 
 
 def test_a_fault_on_agents_that_are_no_neighbours_is_warned_of():
     overrides = ["network.graph=path", "fault=[{kind='loss', probability=0.5, links=[[1, 0], [0, 3]]}]"]
-    [warning] = check(load("tracking", overrides).scenario)
+    [warning] = check(load("tracking", overrides).plan)
     assert "names the link [0, 3]" in warning
     overrides[1] = "fault=[{kind='loss', probability=0.5, links=[[1, 0], [2, 3]]}]"
-    assert check(load("tracking", overrides).scenario) == []
+    assert check(load("tracking", overrides).plan) == []
 
 
 def test_a_fault_between_groups_names_no_single_link():
     fault = "fault=[{kind='partition', links={between=[[0, 1, 2], [3, 4, 5]]}}]"
-    assert check(load("tracking", [fault]).scenario) == []
+    assert check(load("tracking", [fault]).plan) == []

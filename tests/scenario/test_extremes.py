@@ -17,6 +17,7 @@ from zenoh_cbef.errors import UserError
 from zenoh_cbef.scenario import size
 from zenoh_cbef.scenario.checks import check
 from zenoh_cbef.scenario.load import load, parse
+from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.simulator import simulate
 
 
@@ -34,7 +35,7 @@ def told_by_sim(data):
         warnings.simplefilter("error")
         try:
             scenario = parse(data, "extreme")
-            check(scenario)
+            check(Plan(scenario))
             with np.errstate(all="ignore"):
                 [trace] = simulate([scenario])
             refuse_divergence(trace)
@@ -69,12 +70,12 @@ def test_numbers_at_the_ends_of_their_ranges_give_a_result_or_a_sentence(random)
 def test_numbers_out_of_all_proportion_are_refused_by_the_check(override):
     key = override.partition("=")[0]
     with pytest.raises(UserError, match=f"{key}|standard deviations are out of proportion"):
-        check(load("tracking", [override, "dt=1000", "steps=20", "sensor.range_std=0.05"]).scenario)
+        check(load("tracking", [override, "dt=1000", "steps=20", "sensor.range_std=0.05"]).plan)
 
 
 def test_what_does_not_fit_the_memory_is_refused_with_an_estimate():
     with pytest.raises(UserError, match=r"1000 agents in 10000000 steps take about 1\.3 TB of memory.* lower steps"):
-        check(load("tracking", ["steps=10000000", "agents.count=1000"]).scenario)
+        check(load("tracking", ["steps=10000000", "agents.count=1000"]).plan)
 
 
 def test_more_than_the_memory_that_is_left_is_not_simulated(monkeypatch):

@@ -21,7 +21,7 @@ def test_the_promised_scenarios_are_built_in():
 @pytest.mark.parametrize("name", builtin_names())
 def test_built_in_scenarios_load_and_check(name):
     loaded = load(name)
-    check(loaded.scenario)
+    check(loaded.plan)
     assert loaded.scenario.name == name
     assert loaded.source == read_source(name)[0]
     assert parse(tomllib.loads(to_toml(loaded.scenario)), name) == loaded.scenario

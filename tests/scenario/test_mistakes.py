@@ -11,6 +11,7 @@ import pytest
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.scenario.checks import check
 from zenoh_cbef.scenario.load import load, parse
+from zenoh_cbef.scenario.plan import Plan
 
 UNKNOWN = "is not a key of a scenario"
 FAULTS = (
@@ -177,7 +178,7 @@ def test_a_mistyped_scenario_is_refused_with_file_key_and_remedy(text):
 def test_what_cannot_work_is_refused_before_anything_starts(text):
     scenario = parse(tomllib.loads(text), "my.toml")
     with pytest.raises(UserError) as caught:
-        check(scenario)
+        check(Plan(scenario))
     message = str(caught.value)
     assert IMPOSSIBLE[text] in message
     assert_one_sentence(message)
@@ -199,7 +200,7 @@ def test_what_cannot_work_is_refused_before_anything_starts(text):
     ],
 )
 def test_what_can_work_is_accepted(text):
-    warnings = check(parse(tomllib.loads(text), "my.toml"))
+    warnings = check(Plan(parse(tomllib.loads(text), "my.toml")))
     # So few agents do not see a position, which is said and no mistake.
     assert [one for one in warnings if "ranges of" not in one] == []
 

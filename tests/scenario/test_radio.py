@@ -6,6 +6,7 @@ from zenoh_cbef.scenario import network
 from zenoh_cbef.scenario.build import fates_into
 from zenoh_cbef.scenario.load import parse
 from zenoh_cbef.scenario.paths import agent_positions
+from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.simulator import simulate
 
 # Two agents rest, 10 m apart; the third passes both of them.
@@ -24,7 +25,7 @@ PASSING = {
 def test_links_exist_while_their_ends_are_in_range():
     scenario = parse(PASSING, "test")
     assert network.edges(scenario).tolist() == [[0, 1], [0, 2], [1, 2]]
-    fates = fates_into(scenario, 2, [0, 1])
+    fates = fates_into(Plan(scenario), 2, [0, 1])
     assert not fates.quiet
     third = agent_positions(scenario)[2]
     for step in range(1, 61):

@@ -7,6 +7,7 @@ import pytest
 from zenoh_cbef.analysis.metrics import analyze, notes
 from zenoh_cbef.scenario.checks import check
 from zenoh_cbef.scenario.load import load, parse
+from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.simulator import simulate
 
 FLAT = [[0, 0, 0], [10, 1, 0], [5, 5, 0], [9, 0, 0]]
@@ -24,7 +25,7 @@ def away(kind, agent, since, until=None):
 
 @pytest.mark.parametrize("name", ["tracking", "paper", "scale24", "outliers"])
 def test_built_in_scenarios_are_fine(name):
-    assert check(load(name).scenario) == []
+    assert check(load(name).plan) == []
 
 
 @pytest.mark.parametrize(
@@ -42,7 +43,7 @@ def test_built_in_scenarios_are_fine(name):
     ],
 )
 def test_too_few_agents_and_flat_ones_are_warned_of(agents, height, words):
-    warnings = check(scenario(agents=agents, filter={} if height is None else {"planar_height": height}))
+    warnings = check(Plan(scenario(agents=agents, filter={} if height is None else {"planar_height": height})))
     assert len(warnings) == (words is not None)
     assert all(words in warning for warning in warnings)
     assert all(("filter.planar_height" in warning) == (height is None) for warning in warnings)
@@ -50,18 +51,20 @@ def test_too_few_agents_and_flat_ones_are_warned_of(agents, height, words):
 
 def test_agents_whose_ways_vary_are_not_warned_of():
     ways = [[[0, 0, 0], [9, 0, 3], [9, 9, 0]], [[5, 0, 0], [5, 9, 9], [0, 0, 2]], [[0, 5, 9], [7, 7, 0], [0, 0, 0]]]
-    assert check(scenario(agents={"count": 3, "motion": "waypoints", "waypoints": ways, "speed": 4.0})) == []
+    assert check(Plan(scenario(agents={"count": 3, "motion": "waypoints", "waypoints": ways, "speed": 4.0}))) == []
 
 
 def test_absences_that_leave_too_few_are_warned_of_by_their_steps():
     faults = [away("crash", 0, 3.0), away("pause", 1, 5.0, 6.0), away("pause", 2, 0.5, 1.0)]
     agents = {"count": 5}
-    assert check(scenario(agents=agents, fault=faults)) == [], "three are left at any time"
+    assert check(Plan(scenario(agents=agents, fault=faults))) == [], "three are left at any time"
     faults.append(away("pause", 4, 3.5, 7.0))
-    assert check(scenario(agents=agents, fault=faults)) == [], "two are left for a second, which the estimate bridges"
+    assert check(Plan(scenario(agents=agents, fault=faults))) == [], (
+        "two are left for a second, which the estimate bridges"
+    )
     faults[1] = away("pause", 1, 5.0, 9.0)
     faults[3] = away("pause", 4, 3.5, 8.0)
-    [warning] = check(scenario(agents=agents, fault=faults))
+    [warning] = check(Plan(scenario(agents=agents, fault=faults)))
     assert warning.startswith("from step 50 to 79 faults leave only 2 agents: ranges of 2 agents fit every point of a ")
 
 

@@ -7,6 +7,7 @@ import pytest
 
 from zenoh_cbef.scenario.load import parse
 from zenoh_cbef.scenario.paths import agent_positions, along
+from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.scenario.world import make_world, target_path, target_start
 from zenoh_cbef.simulator import heard_in
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
@@ -128,7 +129,7 @@ def errors(**sensor):
     one = scenario(steps=20_000, dt=0.01, agents=keys, sensor=sensor, target={"acceleration_std": 0.0})
     world = make_world(one)
     distance = np.linalg.norm(world.truth[None, :, :3] - world.positions, axis=2)
-    return heard_in(one, world).ranges - distance
+    return heard_in(Plan(one), world).ranges - distance
 
 
 def test_range_noise_has_its_standard_deviation_and_no_bias():
@@ -165,7 +166,7 @@ def test_drop_outs_come_at_their_rate():
 
 def test_a_range_is_never_negative():
     one = scenario(agents={"positions": [[0, 0, 0]]}, sensor={"range_std": 5.0})
-    ranges = heard_in(one, make_world(one)).ranges
+    ranges = heard_in(Plan(one), make_world(one)).ranges
     assert ranges.min() == 0.0
 
 
@@ -174,7 +175,7 @@ def test_times_of_flight_keep_ranges_to_the_resolution_of_the_clock(speed):
     one = scenario(steps=3000, dt=0.1, sensor={"range_std": 1e-9, "signal_speed": speed})
     world = make_world(one)
     distance = np.linalg.norm(world.truth[None, :, :3] - world.positions, axis=2)
-    heard = heard_in(one, world)
+    heard = heard_in(Plan(one), world)
     assert np.abs(heard.ranges - distance).max() < np.spacing(301.0) * speed + 1e-8
     assert (heard.age == 0.0).all()
     np.testing.assert_allclose(world.time, 0.1 * np.arange(1, 3001))

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from zenoh_cbef.tracking.consensus import Average
-from zenoh_cbef.tracking.filters import Belief, FilterSettings, make_filter
+from zenoh_cbef.tracking.filters import Belief, FilterSettings, make_filter, sharing_of
 from zenoh_cbef.tracking.graph import make_edges, neighbours
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
 from zenoh_cbef.tracking.ranging import Measurement, Space
@@ -42,7 +42,8 @@ class Network:
         if together:
             state, covariance = np.tile(state[0], (count, 1)), np.tile(covariance[0], (count, 1, 1))
         self.state, self.covariance = list(state), list(covariance)
-        made = make_filter(kind, FilterSettings(self.motion, space, STD, XI, count, omega))
+        told = FilterSettings(self.motion, space, STD, XI, count, omega)
+        made, self.sharing = make_filter(kind, told), sharing_of(kind, told)
         self.tracker = Tracker(made, Average(weights), space, Belief(state, covariance))
 
     def measure(self, dropout=0.2):
@@ -53,7 +54,7 @@ class Network:
         self.ranges[self.random.random(self.count) < dropout] = np.nan
         index = self.lists.index
         heard = np.where(self.lists.present, self.ranges[index], np.nan)
-        if not self.tracker.filter.uses_neighbour_ranges:
+        if not self.sharing.uses_neighbour_ranges:
             index, heard = index[:, :0], heard[:, :0]
         return Measurement(self.position, self.ranges, np.zeros(self.count), self.position[index], heard)
 
@@ -202,7 +203,7 @@ def test_covariance_intersection_of_equal_priors_counts_them_once():
 @pytest.mark.parametrize(("kind", "size"), [("ci", 27), ("hcmci", 54), ("kcf", 6), ("diffusion", 6), ("sicf", 27)])
 def test_payloads_are_as_long_as_they_say(kind, size):
     network = Network(kind, Space(), 7)
-    assert network.tracker.filter.payload_size == size
+    assert network.sharing.payload_size == size
     assert network.tracker.measure(network.measure()).shape == (5, size)
 
 

@@ -14,8 +14,8 @@ from zenoh_cbef.analysis.metrics import analyze
 from zenoh_cbef.analysis.report import write_report
 from zenoh_cbef.cli.tables import metrics_table
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.scenario.build import distrusts_own
 from zenoh_cbef.scenario.load import load, parse
+from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.simulator import simulate
 from zenoh_cbef.tracking.filters import Belief, SaturatedInformation
 from zenoh_cbef.tracking.filters.around.distrusting import Distrusting
@@ -115,7 +115,7 @@ def test_one_round_a_step_is_enough_to_stand_out():
 def test_the_network_is_better_off_and_says_who_was_wrong(tmp_path):
     fault = 'fault=[{kind="sensor-bias", bias=2.0, agents=[3], from=3.0, until=6.0}]'
     scenario = load("tracking", [fault, "steps=100"]).scenario
-    assert distrusts_own(scenario)
+    assert Plan(scenario).distrusts_own
     trusting = scenario.model_copy(update={"filter": scenario.filter.model_copy(update={"distrust": False})})
     runs, others = (
         analyze(simulate([one.model_copy(update={"seed": seed}) for seed in range(1, 9)]))
@@ -152,7 +152,7 @@ def test_auto_is_for_receivers_with_faults_and_neighbours_that_are_trusted():
         ({"filter": {"distrust": True}}, True),
         ({"fault": [stuck], "filter": {"distrust": False}}, False),
     ):
-        assert distrusts_own(parse(keys, "test")) is wanted
+        assert Plan(parse(keys, "test")).distrusts_own is wanted
 
 
 def test_without_a_fault_the_estimates_are_those_of_a_filter_that_always_trusts():

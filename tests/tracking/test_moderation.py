@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from zenoh_cbef.scenario.build import agent_tracker, batch_tracker
 from zenoh_cbef.scenario.load import load
-from zenoh_cbef.scenario.plausible import plausible_ranges
+from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.scenario.world import make_world
 from zenoh_cbef.simulator import heard_in, measured
 from zenoh_cbef.tracking.filters import KINDS
@@ -23,10 +23,11 @@ WILD = st.sampled_from([1e90, 1e101, 1e160, -1e200, 1e308, -1e308])
 @given(told=WILD, payload=WILD, step=st.integers(0, 3))
 def test_no_message_makes_an_estimate_infinite(kind: str, told: float, payload: float, step: int) -> None:
     scenario = load("tracking", ["steps=5", "agents.count=4", "network.graph=ring", f"filter.kind={kind}"]).scenario
-    heard = heard_in(scenario, make_world(scenario))
-    batch, neighbours = batch_tracker([scenario])
-    alone = [agent_tracker(scenario, agent)[0] for agent in range(4)]
-    index, several = neighbours.index, batch.filter.uses_neighbour_ranges
+    plan = Plan(scenario)
+    heard = heard_in(plan, make_world(scenario))
+    batch, neighbours = batch_tracker([plan])
+    alone = [agent_tracker(plan, agent)[0] for agent in range(4)]
+    index, several = neighbours.index, plan.sharing.uses_neighbour_ranges
 
     def measurement(rows: list[int], k: int) -> Measurement:
         ids = index[rows] if several else index[rows][:, :0]
@@ -59,9 +60,9 @@ def test_no_message_makes_an_estimate_infinite(kind: str, told: float, payload: 
     ("emitted", "arrived"), [(1e200, 0.1), (0.1, 1e200), (1e200, 1e200), (0.1, 1e9), (-1e308, 1e308), (0.1, -1.0)]
 )
 def test_a_range_out_of_all_proportion_is_no_range(emitted: float, arrived: float) -> None:
-    scenario = load("tracking").scenario
+    plan = load("tracking").plan
     times = np.array(emitted), np.array(arrived)
-    found, age = measured(scenario, plausible_ranges(scenario), *times, 1)
+    found, age = measured(plan, *times, 1)
     assert np.isnan([found, age]).all()
 
 
@@ -85,5 +86,5 @@ def test_a_range_out_of_all_proportion_is_no_range(emitted: float, arrived: floa
 def test_what_a_scenario_emulates_is_plausible(overrides: list[str]) -> None:
     scenario = load("tracking", overrides).scenario
     world = make_world(scenario)
-    ranges = heard_in(scenario, world).ranges
+    ranges = heard_in(Plan(scenario), world).ranges
     assert (np.isfinite(ranges) == np.isfinite(world.emitted)).all()

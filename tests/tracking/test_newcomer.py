@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from zenoh_cbef.scenario.build import filter_of
 from zenoh_cbef.scenario.load import parse
+from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.tracking.consensus import Average
 from zenoh_cbef.tracking.filters import Belief
 from zenoh_cbef.tracking.newcomer import belief_from
@@ -64,7 +64,7 @@ def test_some_rows_begin_anew_and_the_others_go_on():
     measurement = Measurement(np.zeros((3, 3)), np.full(3, 6.0), np.zeros(3), *nobody)
 
     def payload(belief: Belief, adopted: np.ndarray | None = None) -> np.ndarray:
-        tracker = Tracker(filter_of(scenario), Average(np.zeros((3, 0))), Space(), belief)
+        tracker = Tracker(Plan(scenario).filter, Average(np.zeros((3, 0))), Space(), belief)
         if adopted is not None:
             tracker.adopt(elsewhere, adopted)
         return tracker.measure(measurement)

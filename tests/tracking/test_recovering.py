@@ -9,8 +9,8 @@ import pytest
 
 from zenoh_cbef.analysis.metrics import analyze
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.scenario.build import filter_of
 from zenoh_cbef.scenario.load import load, parse
+from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.simulator import simulate
 from zenoh_cbef.tracking.filters import Belief
 from zenoh_cbef.tracking.ranging import Measurement
@@ -18,7 +18,7 @@ from zenoh_cbef.tracking.ranging import Measurement
 
 def surprised(count):
     """A step of six agents of which `count` have a range 10 m too long, and one has none."""
-    made = filter_of(parse({"filter": {"recovery": True}}, "test"))
+    made = Plan(parse({"filter": {"recovery": True}}, "test")).filter
     random = np.random.default_rng(1)
     positions = random.uniform(-10.0, 10.0, (6, 3))
     ranges = np.linalg.norm(positions, axis=1)

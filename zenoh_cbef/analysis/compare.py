@@ -16,7 +16,6 @@ from zenoh_cbef.analysis.mixing import configured_scheme
 from zenoh_cbef.analysis.summary import pick
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.extras import from_extra
-from zenoh_cbef.scenario.build import rounds_of
 from zenoh_cbef.trace import Trace
 
 Floats = NDArray[np.float64]
@@ -39,15 +38,15 @@ def row(analysis: Analysis, name: str) -> dict[str, Any]:
 
     missed: share of the messages between agents that were lost or late.
     """
-    scenario, links = analysis.trace.scenario, analysis.trace.links
+    plan, links = analysis.trace.plan, analysis.trace.links
     sent = int(links.sent.sum())
     metrics = {**analysis.metrics, "missed": (sent - int(links.delivered.sum())) / sent if sent else None}
     values = {column: pick(metrics, column) for column in COLUMNS}
     return {
         "run": name,
         **{key: metrics[key] for key in ("filter", "agents", "steps", "seed")},
-        "consensus": configured_scheme(scenario),
-        "rounds": rounds_of(scenario),
+        "consensus": configured_scheme(plan),
+        "rounds": plan.rounds,
         "complete": metrics["complete"],
         **{column: value if np.isfinite(value) else None for column, value in values.items()},
     }

@@ -12,9 +12,7 @@ from zenoh_cbef.analysis.mixing import SCHEMES, Scheme, configured_scheme, contr
 from zenoh_cbef.analysis.observability import observability
 from zenoh_cbef.analysis.prediction import Clipping, Sight, propagate
 from zenoh_cbef.analysis.traffic import other_bytes, round_bytes
-from zenoh_cbef.scenario import Scenario, network
-from zenoh_cbef.scenario.build import motion_of, range_std_of, rounds_of
-from zenoh_cbef.scenario.start import initial_covariance, space_of
+from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.scenario.world import make_world
 from zenoh_cbef.tracking.filters import level_of
 from zenoh_cbef.tracking.ranging import own_range
@@ -29,64 +27,63 @@ _MOST_STATES = 240
 _PREDICTED = ("sicf", "icf", "hcmci", "ci", "local")
 
 
-def design(scenario: Scenario, *, within: float = 0.01, skip: float = 0.25, search: bool = True) -> dict[str, Any]:
+def design(plan: Plan, *, within: float = 0.01, skip: float = 0.25, search: bool = True) -> dict[str, Any]:
     """Everything that `zenoh-cbef design` tells, as one JSON object.
 
     within: wanted excess of the position RMSE over the centralised filter's. skip: share of steps left out at the
     start. search: also predict other numbers of rounds and schemes than the configured ones.
     """
+    scenario, rounds = plan.scenario, plan.rounds
     first = min(int(skip * scenario.length), scenario.length - 1)
-    sight, initial = sight_of(scenario), initial_covariance(scenario)
-    edges = network.edges(scenario)
-    scheme = configured_scheme(scenario)
+    sight, scheme = sight_of(plan), configured_scheme(plan)
     told: dict[str, Any] = {
         "name": scenario.name,
         "filter": scenario.filter.kind,
         "agents": scenario.count,
         "steps": scenario.length,
         "skip": first,
-        "edges": len(edges),
+        "edges": len(plan.edges),
         "within": within,
-        "observability": observability(initial, motion_of(scenario), sight, first),
-        "spectral_gap": {each: 1.0 - contraction(scenario, each) for each in SCHEMES},
+        "observability": observability(plan.initial_covariance, plan.motion, sight, first),
+        "spectral_gap": {each: 1.0 - contraction(plan, each) for each in SCHEMES},
         "bytes": {
-            "round": {each: round_bytes(with_scheme(scenario, each)) for each in SCHEMES},
-            "other": other_bytes(scenario),
+            "round": {each: round_bytes(with_scheme(plan, each)) for each in SCHEMES},
+            "other": other_bytes(plan),
         },
-        "cannot": cannot(scenario),
-        "configured": {"scheme": scheme, "rounds": rounds_of(scenario)},
+        "cannot": cannot(plan),
+        "configured": {"scheme": scheme, "rounds": rounds},
     }
-    told["configured"]["bytes_per_step"] = _bytes(told, scheme, rounds_of(scenario))
-    if not _predictable(scenario):
+    told["configured"]["bytes_per_step"] = _bytes(told, scheme, rounds)
+    if not _predictable(plan):
         return {**told, "centralized": None, "rounds": [], "smallest": dict.fromkeys(SCHEMES)}
-    predictor = _Predictor(scenario, sight, first)
-    smallest = _search(predictor, within) if search and rounds_of(scenario) else dict.fromkeys(SCHEMES)
-    predictor.predict([(scheme, rounds_of(scenario))])
-    told["configured"] |= _compared(predictor, scheme, rounds_of(scenario))
+    predictor = _Predictor(plan, sight, first)
+    smallest = _search(predictor, within) if search and rounds else dict.fromkeys(SCHEMES)
+    predictor.predict([(scheme, rounds)])
+    told["configured"] |= _compared(predictor, scheme, rounds)
     rows = [
         {
-            "rounds": rounds,
+            "rounds": tried,
             **{
-                each: {**_compared(predictor, each, rounds), "bytes_per_step": _bytes(told, each, rounds)}
+                each: {**_compared(predictor, each, tried), "bytes_per_step": _bytes(told, each, tried)}
                 for each in SCHEMES
-                if (each, rounds) in predictor.found
+                if (each, tried) in predictor.found
             },
         }
-        for rounds in sorted({rounds for _, rounds in predictor.found})
+        for tried in sorted({tried for _, tried in predictor.found})
     ]
     return {**told, "centralized": predictor.centralized, "rounds": rows, "smallest": smallest}
 
 
-def sight_of(scenario: Scenario) -> Sight:
+def sight_of(plan: Plan) -> Sight:
     """What the agents will measure along the path that the scenario describes, linearised at the truth."""
-    world, space = make_world(scenario), space_of(scenario)
-    steps, agents = scenario.length, scenario.count
+    world, space = make_world(plan.scenario), plan.space
+    steps, agents = plan.scenario.length, plan.scenario.count
     heard = np.isfinite(world.arrived).T
     age = np.where(heard, (world.time - world.emitted).T, 0.0)
     state = np.repeat(_path(world.truth)[:, space.kept], agents, axis=0)
     positions = np.swapaxes(world.positions, 0, 1).reshape(-1, 3)
     _, rows = own_range(space, state, positions, age.ravel())
-    return Sight(np.where(heard[:, :, None], rows.reshape(steps, agents, -1), 0.0), range_std_of(scenario))
+    return Sight(np.where(heard[:, :, None], rows.reshape(steps, agents, -1), 0.0), plan.range_std)
 
 
 def _path(truth: Floats) -> Floats:
@@ -97,9 +94,10 @@ def _path(truth: Floats) -> Floats:
     return np.stack([np.interp(steps, steps[known], each) for each in truth[known].T], axis=1)
 
 
-def cannot(scenario: Scenario) -> list[str]:
+def cannot(plan: Plan) -> list[str]:
     """What the prediction leaves out of account, one sentence each."""
-    chosen, sensor, recorded = scenario.filter, scenario.sensor, scenario.target.motion == "dataset"
+    scenario, recorded = plan.scenario, plan.recorded
+    chosen, sensor = scenario.filter, scenario.sensor
     said = {
         f"The error of {chosen.kind} is not predicted, as it is no linear average of information; try 'sim'.": (
             chosen.kind not in _PREDICTED
@@ -107,11 +105,11 @@ def cannot(scenario: Scenario) -> list[str]:
         "Errors from differenced ranges are not predicted, as agents share their noise; try 'sim'.": (
             chosen.measurement == "difference"
         ),
-        f"Errors of more than {_MOST_STATES // motion_of(scenario).size} agents are not predicted; try 'sim'.": (
-            scenario.count * motion_of(scenario).size > _MOST_STATES
+        f"Errors of more than {_MOST_STATES // plan.motion.size} agents are not predicted; try 'sim'.": (
+            scenario.count * plan.motion.size > _MOST_STATES
         ),
         "Recorded ranges have biases and outliers that nobody knows beforehand: errors are those of noise of "
-        f"{range_std_of(scenario):g} m alone, so expect more.": recorded,
+        f"{plan.range_std:g} m alone, so expect more.": recorded,
         "Outliers are not in the prediction: expect larger errors.": (
             not recorded and sensor.outlier_probability > 0.0
         ),
@@ -119,7 +117,7 @@ def cannot(scenario: Scenario) -> list[str]:
             not recorded and (sensor.bias_std > 0.0 or bool(np.any(sensor.bias)))
         ),
         "The filter assumes another range noise than the receivers have; the prediction believes the filter.": (
-            not recorded and range_std_of(scenario) != sensor.range_std
+            not recorded and plan.range_std != sensor.range_std
         ),
         "Messages of earlier steps are not in the prediction, which is of consensus.lag = 0.": (
             scenario.consensus.lag > 0
@@ -132,9 +130,9 @@ def cannot(scenario: Scenario) -> list[str]:
     return [sentence for sentence, holds in said.items() if holds]
 
 
-def _predictable(scenario: Scenario) -> bool:
-    states = scenario.count * motion_of(scenario).size
-    plain = scenario.filter.kind in _PREDICTED and scenario.filter.measurement == "range"
+def _predictable(plan: Plan) -> bool:
+    chosen, states = plan.scenario.filter, plan.scenario.count * plan.motion.size
+    plain = chosen.kind in _PREDICTED and chosen.measurement == "range"
     return plain and states <= _MOST_STATES
 
 
@@ -171,10 +169,9 @@ def _compared(predictor: _Predictor, scheme: Scheme, rounds: int) -> dict[str, f
 class _Predictor:
     """Expected errors of a scenario, by scheme and number of rounds."""
 
-    def __init__(self, scenario: Scenario, sight: Sight, first: int) -> None:
-        self.scenario, self._sight, self._first = scenario, sight, first
-        self._initial = initial_covariance(scenario)
-        self._motion = motion_of(scenario)
+    def __init__(self, plan: Plan, sight: Sight, first: int) -> None:
+        scenario = plan.scenario
+        self._plan, self._sight, self._first = plan, sight, first
         kind, count = scenario.filter.kind, float(scenario.count)
         omega = count if scenario.filter.omega is None else scenario.filter.omega
         self._weight = {"sicf": count, "icf": count, "hcmci": omega}.get(kind, 1.0)
@@ -196,16 +193,16 @@ class _Predictor:
 
     def _rounds(self, scheme: Scheme, rounds: int) -> Floats:
         if rounds == 0:
-            return np.eye(self.scenario.count)[None]
+            return np.eye(self._plan.scenario.count)[None]
         if len(self._mixing.get(scheme, ())) < rounds:
-            self._mixing[scheme] = mixing(self.scenario, scheme, rounds)
+            self._mixing[scheme] = mixing(self._plan, scheme, rounds)
         matrices: Floats = self._mixing[scheme][rounds - 1]
         return matrices
 
     def _errors(self, matrices: Floats, weight: float) -> list[dict[str, float]]:
         expected = propagate(
-            self._initial,
-            self._motion,
+            self._plan.initial_covariance,
+            self._plan.motion,
             self._sight,
             matrices,
             weight=np.full(len(matrices), weight),

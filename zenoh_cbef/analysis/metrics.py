@@ -15,7 +15,6 @@ from zenoh_cbef.analysis.observability import unseen_steps
 from zenoh_cbef.analysis.slowness import slow_note, slowness
 from zenoh_cbef.analysis.yardsticks import yardsticks
 from zenoh_cbef.faults import SenderFault
-from zenoh_cbef.scenario.start import space_of
 from zenoh_cbef.trace import Trace
 
 Floats = NDArray[np.float64]
@@ -108,7 +107,7 @@ def _analyze(trace: Trace, states: Floats, bound: Floats, skip: float) -> Analys
     number = np.maximum(present.sum(axis=0), 1)
     mean = np.where(present[:, :, None], positions, 0.0).sum(axis=0) / number[:, None]
     apart = np.where(present, np.sum((positions - mean) ** 2, axis=2), 0.0)
-    kept = space_of(trace.scenario).kept
+    kept = trace.plan.space.kept
     msee = running_mean(np.sum(error**2, axis=2))
     analysis = Analysis(
         trace=trace,
@@ -144,7 +143,7 @@ def _first(scorable: Bools, skip: float) -> int:
 
 def _estimated_only(trace: Trace, error: Floats) -> Floats:
     """Errors (..., 6) along the estimated axes; in a plane the height is given, so it is no error of the tracker's."""
-    counted = np.isin(np.arange(6), space_of(trace.scenario).kept)
+    counted = np.isin(np.arange(6), trace.plan.space.kept)
     return np.where(counted, error, 0.0)
 
 
@@ -248,7 +247,7 @@ def _last(values: Floats) -> float | None:
 
 
 def _nees_metrics(analysis: Analysis) -> dict[str, Any] | None:
-    degrees = np.full(analysis.nees.shape, len(space_of(analysis.trace.scenario).kept))
+    degrees = np.full(analysis.nees.shape, len(analysis.trace.plan.space.kept))
     return described(analysis.nees, degrees, time=analysis.trace.time, first=analysis.first, counted=analysis.counted)
 
 

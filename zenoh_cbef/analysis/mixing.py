@@ -7,8 +7,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from zenoh_cbef.scenario import Scenario, network
-from zenoh_cbef.scenario.build import batch_tracker, fates_into, scheme_of
+from zenoh_cbef.scenario.build import batch_tracker, fates_into
+from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.tracking import graph
 from zenoh_cbef.tracking.weights import weight_matrix
 
@@ -17,32 +17,33 @@ Scheme = Literal["average", "chebyshev", "running-sums"]
 SCHEMES: tuple[Scheme, ...] = ("average", "chebyshev", "running-sums")
 
 
-def configured_scheme(scenario: Scenario) -> Scheme:
+def configured_scheme(plan: Plan) -> Scheme:
     """The way of averaging that a run of the scenario would use."""
-    if scheme_of(scenario)[0] == "running-sums":
+    if plan.sums:
         return "running-sums"
-    return "chebyshev" if scenario.consensus.acceleration == "chebyshev" else "average"
+    return "chebyshev" if plan.scenario.consensus.acceleration == "chebyshev" else "average"
 
 
-def with_scheme(scenario: Scenario, scheme: Scheme) -> Scenario:
-    """The scenario with another way of averaging, without trimming, which is not linear."""
+def with_scheme(plan: Plan, scheme: Scheme) -> Plan:
+    """The plan with another way of averaging, without trimming, which is not linear."""
     settings = {
         "scheme": "running-sums" if scheme == "running-sums" else "average",
         "acceleration": "chebyshev" if scheme == "chebyshev" else "none",
         "trim": 0,
     }
-    return scenario.model_copy(update={"consensus": scenario.consensus.model_copy(update=settings)})
+    scenario = plan.scenario
+    return Plan(scenario.model_copy(update={"consensus": scenario.consensus.model_copy(update=settings)}))
 
 
-def mixing(scenario: Scenario, scheme: Scheme, most: int) -> Floats:
+def mixing(plan: Plan, scheme: Scheme, most: int) -> Floats:
     """M after 1 to `most` rounds in every step, (most, K, n, n); K is 1 where no link has a fault.
 
     Every stage is linear in the payloads, so what it does to unit payloads says everything. With faults each step
     has its own M, from the fates that the scenario's seed gives its messages.
     """
-    tracker, neighbours = batch_tracker([with_scheme(scenario, scheme)])
-    stage, count = tracker.consensus, scenario.count
-    fates = [fates_into(scenario, agent, _sources(neighbours, agent)) for agent in range(count)]
+    tracker, neighbours = batch_tracker([with_scheme(plan, scheme)])
+    stage, scenario, count = tracker.consensus, plan.scenario, plan.scenario.count
+    fates = [fates_into(plan, agent, _sources(neighbours, agent)) for agent in range(count)]
     found = []
     for step in range(1, scenario.length + 1 if scenario.fault else 2):
         message = stage.start(np.eye(count))
@@ -57,20 +58,20 @@ def mixing(scenario: Scenario, scheme: Scheme, most: int) -> Floats:
     return np.swapaxes(np.reshape(found, (-1, most, count, count)), 0, 1)
 
 
-def contraction(scenario: Scenario, scheme: Scheme) -> float:
+def contraction(plan: Plan, scheme: Scheme) -> float:
     """The factor by which disagreement shrinks in a round in the long run, without faults.
 
     The second largest modulus of W's eigenvalues; for Chebyshev of the best polynomial, that is rho/(1 + sqrt(1 -
     rho^2)) with rho the half-width of the spectrum over its middle's distance from 1 (Montijano, Montijano, Sagues,
     IEEE TSP 61(3), 2013); for running sums of (I + adjacency) D^-1.
     """
-    lists = graph.neighbours(scenario.count, network.edges(scenario))
+    lists = plan.neighbours
     if scheme == "running-sums":
         shares = weight_matrix(lists, np.where(lists.present, 1.0, 0.0))
-        shares[np.diag_indices(scenario.count)] = 1.0
+        shares[np.diag_indices(plan.scenario.count)] = 1.0
         matrix = shares / (lists.degree + 1.0)
     else:
-        matrix = weight_matrix(lists, network.consensus_weights(scenario, lists))
+        matrix = weight_matrix(lists, plan.weights)
     # All are similar to symmetric matrices, so their eigenvalues are real.
     rest = np.sort(np.linalg.eigvals(matrix).real)[:-1]
     if not rest.size:

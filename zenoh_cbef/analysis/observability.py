@@ -59,7 +59,7 @@ def unseen_steps(trace: Trace) -> Bools:
     there = (np.isfinite(trace.ranges) & (estimated | silent)) | ~known
     if trace.unlogged is not None:
         there |= trace.unlogged
-    return np.asarray(unobservable_steps(trace.scenario, trace.positions, there) & known)
+    return np.asarray(unobservable_steps(trace.plan, trace.positions, there) & known)
 
 
 def _conditioned(gramian: Floats) -> dict[str, Any]:

@@ -22,7 +22,6 @@ from zenoh_cbef.analysis.metrics import notes as noted
 from zenoh_cbef.analysis.plots import Plot, network_plot, space_plot, time_plot, top_plot
 from zenoh_cbef.extras import from_extra
 from zenoh_cbef.numbers import written
-from zenoh_cbef.scenario.build import scheme_of
 from zenoh_cbef.trace import began
 
 _MOST_ROWS = 200
@@ -159,7 +158,7 @@ def _facts(analysis: Analysis) -> str:
     consensus, network = scenario.consensus, scenario.network
     graph = "given edges" if network.edges is not None else network.graph
     chebyshev = ", Chebyshev" if consensus.acceleration == "chebyshev" else ""
-    how = "running sums" if scheme_of(scenario)[0] == "running-sums" else f"{consensus.weights} weights"
+    how = "running sums" if trace.plan.sums else f"{consensus.weights} weights"
     faults = [_fault(fault.model_dump(mode="json", by_alias=True, exclude_defaults=True)) for fault in scenario.fault]
     left = {
         "Filter": f"{scenario.filter.kind}, ξ = {scenario.filter.xi:g}",

@@ -10,10 +10,9 @@ from zenoh_cbef.faults.injected import FATES, Injected
 from zenoh_cbef.protocol.bodies import estimate_body, range_body
 from zenoh_cbef.protocol.messages import encode
 from zenoh_cbef.protocol.round_codec import RoundCodec
-from zenoh_cbef.scenario import Scenario, network
-from zenoh_cbef.scenario.build import agent_tracker, fates_into, filter_of, message_size, rounds_of, settings_of
+from zenoh_cbef.scenario.build import agent_tracker, fates_into
 from zenoh_cbef.scenario.paths import agent_positions
-from zenoh_cbef.tracking import graph
+from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.tracking.ranging import Measurement
 from zenoh_cbef.tracking.tracker import Estimate
 
@@ -22,51 +21,51 @@ _AGENTS, _STEPS = 12, 4
 """How many agents and steps of a run are looked at."""
 
 
-def round_bytes(scenario: Scenario) -> int:
+def round_bytes(plan: Plan) -> int:
     """Bytes of one consensus message."""
-    width = message_size(scenario)
-    return len(RoundCodec(scenario.name, "agent/0", width).encode(0, _SENT, 1, 1, np.zeros(width)))
+    width = plan.message_size
+    return len(RoundCodec(plan.scenario.name, "agent/0", width).encode(0, _SENT, 1, 1, np.zeros(width)))
 
 
-def other_bytes(scenario: Scenario) -> float:
+def other_bytes(plan: Plan) -> float:
     """Bytes that an agent publishes in a step besides its consensus messages: its range and its estimate.
 
     The mean over some agents and steps, as what faults do is told in the steps in which they do something.
     """
-    lists = graph.neighbours(scenario.count, network.edges(scenario))
+    scenario, lists = plan.scenario, plan.neighbours
     agents = np.unique(np.linspace(0, scenario.count - 1, _AGENTS).round().astype(int))
     steps = np.unique(np.linspace(1, scenario.length, _STEPS + 2).round().astype(int))
-    estimate = _estimate(scenario)
+    estimate = _estimate(plan)
 
     def published(agent: int, step: int) -> int:
-        counts = _counts(scenario, agent, lists.row(agent).index[0].tolist(), step)
+        counts = _counts(plan, agent, lists.row(agent).index[0].tolist(), step)
         bodies = range_body(step, np.full(3, 0.5), 0.5), estimate_body(step, estimate, 0, agent, counts)
         return sum(len(encode(scenario.name, f"agent/{agent}", step, _SENT, body)) for body in bodies)
 
     return float(np.mean([published(agent, step) for agent in agents.tolist() for step in steps[1:-1].tolist() or [1]]))
 
 
-def _estimate(scenario: Scenario) -> Estimate:
+def _estimate(plan: Plan) -> Estimate:
     """What agent 0 says once its filter is past the first fix: which numbers there are matters, not what they are."""
-    tracker, neighbours = agent_tracker(scenario, 0)
-    places = agent_positions(scenario)[:, 0]
+    tracker, neighbours = agent_tracker(plan, 0)
+    places = agent_positions(plan.scenario)[:, 0]
     # Ranges to a point beside the agents: no row of any filter is without information.
     ranges = np.linalg.norm(places - places[0], axis=1) + 1.0
     measurement = Measurement(places[:1], ranges[:1], np.zeros(1), places[None, neighbours], ranges[None, neighbours])
-    for _ in range(settings_of(scenario).first_fix):
+    for _ in range(plan.first_fix_steps):
         tracker.measure(measurement)
         tracker.conclude()
     tracker.measure(measurement)
     return tracker.conclude()
 
 
-def _counts(scenario: Scenario, agent: int, neighbours: list[int], step: int) -> dict[str, Any]:
+def _counts(plan: Plan, agent: int, neighbours: list[int], step: int) -> dict[str, Any]:
     """What an agent tells of its neighbours' messages in a step, as if all steps before had been like this one."""
-    rounds = range(not filter_of(scenario).uses_neighbour_ranges, rounds_of(scenario) + 1)
+    rounds = range(not plan.sharing.uses_neighbour_ranges, plan.rounds + 1)
     counts: dict[str, Any] = {"neighbours": neighbours, "latency": [0.5] * len(neighbours)}
     counts["received"] = [step * len(rounds)] * len(neighbours)
     counts |= {name: [0] * len(neighbours) for name in ("lost", "late")}
-    fates = fates_into(scenario, agent, neighbours)
+    fates = fates_into(plan, agent, neighbours)
     if fates.quiet:
         return counts
     injected = Injected(len(neighbours))

@@ -7,8 +7,6 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from zenoh_cbef.scenario.build import motion_of, power_of, range_std_of, settings_of
-from zenoh_cbef.scenario.start import initial_covariance, space_of
 from zenoh_cbef.trace import Trace
 from zenoh_cbef.tracking.filters import Belief, level_of
 from zenoh_cbef.tracking.joint import joint_centralized
@@ -41,32 +39,32 @@ def _stacked(traces: Sequence[Trace], part: str) -> Floats:
 
 
 def _prior(traces: Sequence[Trace]) -> Floats:
-    covariance = initial_covariance(traces[0].scenario)
+    covariance = traces[0].plan.initial_covariance
     return np.broadcast_to(covariance, (len(traces), *covariance.shape))
 
 
 def _centralized(traces: Sequence[Trace], steps: int) -> Floats:
-    scenario = traces[0].scenario
-    kept = space_of(scenario).kept
+    plan = traces[0].plan
+    scenario, kept = plan.scenario, plan.space.kept
     initial = Belief(_stacked(traces, "initial").mean(axis=1)[:, kept], _prior(traces))
     xi = level_of(scenario.filter.kind, scenario.filter.xi)
     seen = {part: _stacked(traces, part)[:, :, :steps] for part in ("positions", "ranges", "age")}
-    settings = settings_of(scenario)
+    settings = plan.settings
     if settings.bias != "none" or settings.first_fix or settings.learns_noise:
         return joint_centralized(initial, settings, xi, **seen)[0]
-    motion, space, range_std = motion_of(scenario), space_of(scenario), range_std_of(scenario)
-    return centralized(initial, motion, space, range_std=range_std, xi=xi, power=power_of(scenario), **seen)[0]
+    motion, space, range_std, power = plan.motion, plan.space, plan.range_std, plan.power
+    return centralized(initial, motion, space, range_std=range_std, xi=xi, power=power, **seen)[0]
 
 
 def _bounds(traces: Sequence[Trace], truth: Floats) -> Floats:
-    scenario, steps = traces[0].scenario, truth.shape[1]
+    plan, steps = traces[0].plan, truth.shape[1]
     return posterior_bound(
         _prior(traces),
-        motion_of(scenario),
-        space_of(scenario),
+        plan.motion,
+        plan.space,
         truth=truth,
         positions=_stacked(traces, "positions")[:, :, :steps],
         measured=np.isfinite(_stacked(traces, "ranges")[:, :, :steps]),
         age=_stacked(traces, "age")[:, :, :steps],
-        range_std=range_std_of(scenario),
+        range_std=plan.range_std,
     )

@@ -30,11 +30,11 @@ def _design(
 ) -> None:
     """Predict errors, bytes and the rounds that are needed, without a run, from the scenario's geometry and graph."""
     wanted = _share(within)
-    loaded = load(scenario, overrides or ()).scenario
-    for warning in check(loaded):
+    plan = load(scenario, overrides or ()).plan
+    for warning in check(plan):
         errors.print(f"warning: {warning}", highlight=False, soft_wrap=True)
-    refuse_a_trace_beyond_memory(loaded)
-    told = design(loaded, within=wanted, skip=skip)
+    refuse_a_trace_beyond_memory(plan)
+    told = design(plan, within=wanted, skip=skip)
     if as_json:
         print(json.dumps(told))
         return

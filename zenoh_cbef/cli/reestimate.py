@@ -36,9 +36,9 @@ def _reestimate(
     found = read_measurements(log)
     loaded = found.loaded(overrides or ())
     tell_what_lacks(found.lacks())
-    for warning in check(loaded.scenario):
+    for warning in check(loaded.plan):
         errors.print(f"warning: {warning}", highlight=False, soft_wrap=True)
-    if line := scheme_line(loaded.scenario):
+    if line := scheme_line(loaded.plan):
         errors.print(line, highlight=False, soft_wrap=True)
     name = run or f"{found.header.run}-{loaded.scenario.filter.kind}"
     with (

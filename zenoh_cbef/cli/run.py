@@ -122,11 +122,11 @@ def run_processes(
 
     arguments: what tells the target the scenario that `loaded` is. log: None for a folder of its own in logs/.
     """
-    for warning in check(loaded.scenario):
+    for warning in check(loaded.plan):
         errors.print(f"warning: {warning}", highlight=False, soft_wrap=True)
-    if line := scheme_line(loaded.scenario):
+    if line := scheme_line(loaded.plan):
         errors.print(line, highlight=False, soft_wrap=True)
-    refuse_a_trace_beyond_memory(loaded.scenario)
+    refuse_a_trace_beyond_memory(loaded.plan)
     warn_of_exposure(Connection(listen=loaded.scenario.zenoh.listen))
     require(links=loaded.scenario.count + 1, processes=loaded.scenario.count + 2)
     with place_of_log(run, log) as path, _StopRequests() as stops:

@@ -9,7 +9,6 @@ import typer
 
 from zenoh_cbef.cli.options import Overrides, ScenarioName
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.scenario import network
 from zenoh_cbef.scenario.checks import check
 from zenoh_cbef.scenario.library import purpose_of
 from zenoh_cbef.scenario.load import builtin_names, load, read_source, to_toml
@@ -38,11 +37,11 @@ def _show(
 
 def _check(scenario: ScenarioName = "tracking", overrides: Overrides = None) -> None:
     """Check a scenario: exit status 0 it can run, 2 it cannot, and why."""
-    loaded = load(scenario, overrides or ()).scenario
-    for warning in check(loaded):
+    plan = load(scenario, overrides or ()).plan
+    for warning in check(plan):
         typer.echo(f"warning: {warning}")
-    refuse_a_trace_beyond_memory(loaded)
-    edges = network.edges(loaded).tolist()
+    refuse_a_trace_beyond_memory(plan)
+    loaded, edges = plan.scenario, plan.edges.tolist()
     typer.echo(
         f"{loaded.name}: {counted(loaded.count, 'agent')}, {counted(len(edges), 'edge')}, "
         f"{counted(loaded.length, 'step')} of "

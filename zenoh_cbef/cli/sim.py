@@ -41,11 +41,12 @@ def _sim(
         new_file(output, {".npz": "for arrays"}, force=force)
         if seeds > 1:
             raise UserError("--output writes the arrays of one run; leave out --seeds")
-    loaded = load(scenario, overrides or ()).scenario
-    for warning in check(loaded):
+    plan = load(scenario, overrides or ()).plan
+    for warning in check(plan):
         errors.print(f"warning: {warning}", highlight=False, soft_wrap=True)
-    if line := scheme_line(loaded):
+    if line := scheme_line(plan):
         errors.print(line, highlight=False, soft_wrap=True)
+    loaded = plan.scenario
     scenarios = [loaded.model_copy(update={"seed": (loaded.seed + more) % SEEDS}) for more in range(seeds)]
     with Progress(console=errors, transient=True, disable=not errors.is_terminal) as progress:
         task = progress.add_task("simulating", total=loaded.length)

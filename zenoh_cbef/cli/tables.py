@@ -9,16 +9,15 @@ from rich.table import Table
 from zenoh_cbef.analysis.metrics import LINK_COUNTS
 from zenoh_cbef.cli.console import number
 from zenoh_cbef.cli.fitting import Fitting, Told
-from zenoh_cbef.scenario import Scenario
-from zenoh_cbef.scenario.build import rounds_of, scheme_of
+from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.words import counted
 
 
-def scheme_line(scenario: Scenario) -> str:
+def scheme_line(plan: Plan) -> str:
     """What consensus.scheme = "auto" picked, and why; empty where nothing was picked."""
-    if scenario.consensus.scheme != "auto" or rounds_of(scenario) == 0:
+    if plan.scenario.consensus.scheme != "auto" or plan.rounds == 0:
         return ""
-    scheme, reason = scheme_of(scenario)
+    scheme, reason = plan.scheme
     return f"consensus.scheme = {scheme}: {reason[0].lower()}{reason[1:]}"
 
 

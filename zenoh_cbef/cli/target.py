@@ -72,7 +72,7 @@ def _target(
         found = read_measurements(beacons)
         loaded = found.loaded(overrides or ())
         world = found.world(loaded.scenario)
-    for warning in check(loaded.scenario):
+    for warning in check(loaded.plan):
         sys.stderr.write(f"warning: {warning}\n")
     if wait_for is not None and loaded.scenario.timing.mode != "realtime":
         raise UserError("--wait-for needs timing.mode = 'realtime': in lockstep the scenario says who is there")

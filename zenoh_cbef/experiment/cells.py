@@ -16,6 +16,7 @@ from zenoh_cbef.quantities import SEEDS
 from zenoh_cbef.scenario import Scenario
 from zenoh_cbef.scenario.checks import check
 from zenoh_cbef.scenario.load import builtin_names, complete, put, read_tables
+from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.scenario.size import refuse_a_trace_beyond_memory
 
 # What `loss = 0.3` means, where a kind of fault has several numbers.
@@ -58,13 +59,13 @@ def cells_of(written: Written) -> list[Cell]:
         try:
             for key, value in values.items():
                 put(data, key, deepcopy(value))
-            scenario = complete(data, written.name, folder)
-            check(scenario)
-            refuse_a_trace_beyond_memory(scenario)
+            plan = Plan(complete(data, written.name, folder))
+            check(plan)
+            refuse_a_trace_beyond_memory(plan)
         except UserError as error:
             cells.append(Cell(index, values, facts_of(values, data), None, str(error)))
         else:
-            cells.append(Cell(index, values, facts_of(values, data), scenario))
+            cells.append(Cell(index, values, facts_of(values, data), plan.scenario))
     if all(cell.scenario is None for cell in cells):
         raise UserError(cells[0].error)
     _distinct(cells)

@@ -16,9 +16,9 @@ from zenoh_cbef.log.read.parts import find_log
 from zenoh_cbef.log.read.trace import read_trace
 from zenoh_cbef.nodes.launch.launcher import Launcher
 from zenoh_cbef.scenario import Scenario
-from zenoh_cbef.scenario.build import rounds_of
 from zenoh_cbef.scenario.checks import check
 from zenoh_cbef.scenario.load import Loaded, to_toml
+from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.simulator import simulate
 
 Floats = NDArray[np.float64]
@@ -31,27 +31,27 @@ _SUMMED = ("sent", "delivered", "lost", "late", "injected_lost", "injected_late"
 
 def simulated(scenario: Scenario, seeds: Sequence[int], skip: float) -> list[Outcome]:
     """The outcomes of a cell's seeds, simulated and analysed as one batch."""
-    scenarios, outcomes = [], []
+    plans, outcomes = list[Plan](), list[Outcome]()
     for seed in seeds:
-        one = scenario.model_copy(update={"seed": seed})
+        one = Plan(scenario.model_copy(update={"seed": seed}))
         try:
             check(one)
         except UserError as error:
             outcomes.append({"seed": seed, "error": str(error)})
         else:
-            scenarios.append(one)
-    if not scenarios:
+            plans.append(one)
+    if not plans:
         return outcomes
     try:
         with np.errstate(all="ignore"):
-            analyses = analyze(simulate(scenarios), skip)
-        sent = _bytes(scenarios[0])
+            analyses = analyze(simulate([one.scenario for one in plans]), skip)
+        sent = _bytes(plans[0])
         return outcomes + [outcome_of(one, sent) for one in analyses]
     except Exception as error:  # noqa: BLE001 - one run's failure is reported, and the others go on
-        if len(scenarios) == 1:
-            return [*outcomes, {"seed": scenarios[0].seed, "error": described(error)}]
-    for one in scenarios:
-        outcomes += simulated(scenario, [one.seed], skip)
+        if len(plans) == 1:
+            return [*outcomes, {"seed": plans[0].scenario.seed, "error": described(error)}]
+    for one in plans:
+        outcomes += simulated(scenario, [one.scenario.seed], skip)
     return outcomes
 
 
@@ -63,10 +63,11 @@ def executed(scenario: Scenario, seed: int, skip: float, folder: Path) -> Outcom
     for stale in folder.glob("run.mcap*"):
         stale.unlink()
     try:
-        check(one)
         text = to_toml(one)
+        loaded = Loaded(text, one)
+        check(loaded.plan)
         source.write_text(text, encoding="utf-8")
-        deaths = _launched([str(source)], Loaded(text, one), f"{one.name}-{folder.name}"[:100], log)
+        deaths = _launched([str(source)], loaded, f"{one.name}-{folder.name}"[:100], log)
         if deaths:
             return {"seed": seed, "error": deaths[0]}
         return outcome_of(analyze([read_trace(find_log(log))], skip)[0], None)
@@ -149,6 +150,6 @@ def described(error: Exception) -> str:
     return first if isinstance(error, UserError) else f"{type(error).__name__}: {first}"
 
 
-def _bytes(scenario: Scenario) -> float:
+def _bytes(plan: Plan) -> float:
     """Bytes that an agent would publish in a step, which a simulation does not send."""
-    return other_bytes(scenario) + rounds_of(scenario) * round_bytes(scenario)
+    return other_bytes(plan) + plan.rounds * round_bytes(plan)

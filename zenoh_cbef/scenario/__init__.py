@@ -1,7 +1,8 @@
 """The typed description of a run, and everything that follows from it alone.
 
 model: the keys. load: files, built-ins, overrides. checks: what cannot work is refused. network, world, build:
-the graph, the emulated target and receivers, and the tracker that a scenario describes, as pure functions.
+the graph, the emulated target and receivers, and the tracker that a scenario describes, as pure functions. plan: all
+that follows from a scenario, made once and handed down.
 """
 
 from zenoh_cbef.scenario.model import Scenario

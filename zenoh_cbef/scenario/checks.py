@@ -9,29 +9,27 @@ import numpy as np
 from zenoh_cbef.datasets import read_dataset
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.faults import Crash, MessageFault, SenderFault
-from zenoh_cbef.scenario import network, paths, sight, size
-from zenoh_cbef.scenario.build import absences_of, motion_of, range_std_of
+from zenoh_cbef.scenario import paths, sight, size
 from zenoh_cbef.scenario.model import Scenario
-from zenoh_cbef.scenario.start import first_fix_steps, initial_covariance, space_of
+from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.tracking import graph
 from zenoh_cbef.tracking.linalg import neighbour_sum, outer
 
 _PROPORTION = 1e7
 
 
-def check(scenario: Scenario) -> list[str]:
+def check(plan: Plan) -> list[str]:
     """Raise UserError for what cannot work; return warnings, one sentence each."""
+    scenario = plan.scenario
     size.refuse_beyond_memory(size.world_bytes(scenario), scenario)
-    edges = network.edges(scenario)
-    _check_edges(scenario, edges)
-    neighbours = graph.neighbours(scenario.count, edges)
-    _check_epsilon(scenario, neighbours)
-    check_faults(scenario)
+    _check_edges(scenario, plan.edges)
+    _check_epsilon(scenario, plan.neighbours)
+    check_faults(plan)
     _check_signal(scenario)
-    _check_proportion(scenario)
-    warnings = _literal_gain(scenario, neighbours) if scenario.filter.kind == "cbef" else []
-    warnings += _trimming(scenario, neighbours) + _chebyshev(scenario)
-    return warnings + _faults_of_no_link(scenario, edges) + _recorded_truth(scenario) + sight.warnings(scenario)
+    _check_proportion(plan)
+    warnings = _literal_gain(plan) if scenario.filter.kind == "cbef" else []
+    warnings += _trimming(scenario, plan.neighbours) + _chebyshev(scenario)
+    return warnings + _faults_of_no_link(scenario, plan.edges) + _recorded_truth(scenario) + sight.warnings(plan)
 
 
 def _recorded_truth(scenario: Scenario) -> list[str]:
@@ -74,8 +72,9 @@ def _check_epsilon(scenario: Scenario, neighbours: graph.Neighbours) -> None:
         )
 
 
-def check_faults(scenario: Scenario) -> None:
+def check_faults(plan: Plan) -> None:
     """Raise UserError for faults that cannot be."""
+    scenario = plan.scenario
     for number, fault in enumerate(scenario.fault):
         unknown = sorted(agent for agent in fault.named() if agent >= scenario.count)
         if unknown:
@@ -84,11 +83,11 @@ def check_faults(scenario: Scenario) -> None:
             )
         if fault.until is not None and fault.until <= fault.since:
             raise UserError(f"fault {number} ({fault.kind}): until must be later than from")
-    _check_absences(scenario)
+    _check_absences(plan)
 
 
-def _check_absences(scenario: Scenario) -> None:
-    absences, settled = absences_of(scenario), first_fix_steps(scenario)
+def _check_absences(plan: Plan) -> None:
+    scenario, absences, settled = plan.scenario, plan.absences, plan.first_fix_steps
     if not absences:
         return
     if absences.empty is not None:
@@ -138,10 +137,10 @@ def _check_signal(scenario: Scenario) -> None:
         )
 
 
-def _check_proportion(scenario: Scenario) -> None:
+def _check_proportion(plan: Plan) -> None:
     # Variances are inverted: beyond half of float64's digits between standard deviations nothing is left of them.
-    covariance = motion_of(scenario).predict_covariance(initial_covariance(scenario))
-    chosen, range_std = scenario.filter, range_std_of(scenario)
+    covariance = plan.motion.predict_covariance(plan.initial_covariance)
+    chosen, range_std = plan.scenario.filter, plan.range_std
     unknown = {
         "the state's after one step (it follows from filter.initial_position_std, filter.initial_velocity_std, dt and "
         "acceleration_std)": float(np.sqrt(np.diagonal(covariance).max())),
@@ -180,9 +179,9 @@ def _chebyshev(scenario: Scenario) -> list[str]:
     return [warning]
 
 
-def _literal_gain(scenario: Scenario, neighbours: graph.Neighbours) -> list[str]:
+def _literal_gain(plan: Plan) -> list[str]:
+    scenario, neighbours, axes = plan.scenario, plan.neighbours, plan.space.axes
     positions = paths.placement(scenario)
-    axes = space_of(scenario).axes
     rows = positions[neighbours.index] - positions[:, None, :]
     rows = np.where(neighbours.present[:, :, None], rows, 0.0)[:, :, :axes]
     gram = neighbour_sum(outer(rows.reshape(-1, axes), rows.reshape(-1, axes)).reshape(*rows.shape, axes))

@@ -1,4 +1,4 @@
-"""A scenario with faults that were injected while its run went on."""
+"""A plan with faults that were injected while its run went on."""
 
 from __future__ import annotations
 
@@ -7,22 +7,21 @@ from typing import Any
 
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.plain import read_json
-from zenoh_cbef.scenario.build import bias_of, distrusts_own, scheme_of
 from zenoh_cbef.scenario.checks import check_faults
 from zenoh_cbef.scenario.load import parse
-from zenoh_cbef.scenario.model import Scenario
+from zenoh_cbef.scenario.plan import Plan
 
 
-def with_faults(scenario: Scenario, tables: Sequence[Mapping[str, Any]]) -> Scenario:
-    """The scenario with more faults, as tables of `[[fault]]`. Raises UserError where they are none.
+def with_faults(plan: Plan, tables: Sequence[Mapping[str, Any]]) -> Plan:
+    """The plan with more faults, as tables of `[[fault]]`. Raises UserError where they are none.
 
     What the scenario leaves to be derived from its faults stays as it was: a run cannot change its messages.
     """
-    data = scenario.model_dump(mode="json", by_alias=True, exclude_none=True)
+    data = plan.scenario.model_dump(mode="json", by_alias=True, exclude_none=True)
     data["fault"] = [*data["fault"], *tables]
-    data["consensus"]["scheme"] = scheme_of(scenario)[0]
-    data["filter"] |= {"bias": bias_of(scenario), "distrust": distrusts_own(scenario)}
-    extended = parse(data, "the fault")
+    data["consensus"]["scheme"] = plan.scheme[0]
+    data["filter"] |= {"bias": plan.bias, "distrust": plan.distrusts_own}
+    extended = Plan(parse(data, "the fault"))
     check_faults(extended)
     return extended
 

@@ -6,6 +6,7 @@ import json
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -21,6 +22,7 @@ from zenoh_cbef.scenario.library import Library
 from zenoh_cbef.scenario.mistakes import sentence
 from zenoh_cbef.scenario.model import Scenario
 from zenoh_cbef.scenario.paths import step_times
+from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.words import counted
 
 _SHORT_NUMBER = re.compile(r"[+-]?(\.\d+|\d+\.)(e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
@@ -36,6 +38,11 @@ class Loaded:
 
     source: str
     scenario: Scenario
+
+    @cached_property
+    def plan(self) -> Plan:
+        """What the scenario means."""
+        return Plan(self.scenario)
 
 
 def load(name: str, overrides: Sequence[str] = ()) -> Loaded:

@@ -118,7 +118,7 @@ class Network(Table):
 
 
 class Consensus(Table):
-    """How payloads are averaged. epsilon None: 1/(largest degree + 1). scheme auto: see build.scheme_of.
+    """How payloads are averaged. epsilon None: 1/(largest degree + 1). scheme auto: see Plan.scheme.
 
     bounds: least and largest eigenvalue of W other than 1, for chebyshev; None: those of the graph.
     trim: F, how many neighbours' values are left out in every round (W-MSR); 0: none.

@@ -8,9 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zenoh_cbef.scenario import paths
-from zenoh_cbef.scenario.build import absences_of, range_std_of
-from zenoh_cbef.scenario.model import Scenario
-from zenoh_cbef.scenario.start import settling_steps, space_of
+from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.tracking.sight import MIRRORED, open_axes
 from zenoh_cbef.words import counted
 
@@ -26,37 +24,38 @@ _REMEDY = {
 }
 
 
-def window_of(scenario: Scenario, steps: int) -> int:
+def window_of(plan: Plan, steps: int) -> int:
     """Of how many steps the ranges are looked at together, where there are so many; the estimate bridges fewer."""
-    return max(1, min(settling_steps(scenario), steps))
+    return max(1, min(plan.settling_steps, steps))
 
 
-def open_axes_between(scenario: Scenario, agents: Sequence[int], first: int, last: int) -> int:
+def open_axes_between(plan: Plan, agents: Sequence[int], first: int, last: int) -> int:
     """How many axes (see tracking.sight) these agents leave open from one step to another, where the scenario has them.
 
     Of a long time as many moments are looked at as a window has steps.
     """
-    first, last = max(first, 1), max(1, min(last, scenario.length))
-    window = window_of(scenario, last - first + 1)
-    places = paths.places_at(scenario, scenario.dt * np.linspace(first, last, window))[:, :, : space_of(scenario).axes]
+    first, last = max(first, 1), max(1, min(last, plan.scenario.length))
+    window = window_of(plan, last - first + 1)
+    times = plan.scenario.dt * np.linspace(first, last, window)
+    places = paths.places_at(plan.scenario, times)[:, :, : plan.space.axes]
     there = np.zeros(places.shape[:2], dtype=bool)
     there[list(agents)] = True
-    return int(open_axes(places, there, window, range_std_of(scenario))[0])
+    return int(open_axes(places, there, window, plan.range_std)[0])
 
 
-def unobservable_steps(scenario: Scenario, positions: Floats, there: Bools) -> Bools:
+def unobservable_steps(plan: Plan, positions: Floats, there: Bools) -> Bools:
     """The steps (K,) of all windows in which ranges do not determine the position, whatever came before.
 
     positions: (n, K, 3), m. there: (n, K), of whom there is a range.
     """
-    window = window_of(scenario, there.shape[1])
-    left_open = open_axes(positions[:, :, : space_of(scenario).axes], there, window, range_std_of(scenario))
+    window = window_of(plan, there.shape[1])
+    left_open = open_axes(positions[:, :, : plan.space.axes], there, window, plan.range_std)
     return np.asarray(np.convolve(left_open > MIRRORED, np.ones(window)) > 0.5)
 
 
-def described(scenario: Scenario, agents: int, left_open: int) -> str:
+def described(plan: Plan, agents: int, left_open: int) -> str:
     """In words what ranges of so many agents fit that leave axes open."""
-    axes = space_of(scenario).axes
+    axes = plan.space.axes
     spanned = axes - left_open
     who = "no agent" if agents == 0 else counted(agents, "agent")
     who += f" {_FLAT[spanned]}" if agents > spanned + 1 else ""
@@ -67,32 +66,33 @@ def described(scenario: Scenario, agents: int, left_open: int) -> str:
     return f"ranges of {who} fit a mirror image of the target, too"
 
 
-def warnings(scenario: Scenario) -> list[str]:
+def warnings(plan: Plan) -> list[str]:
     """What the places of agents leave open, all of them and those whom planned absences leave: a sentence each."""
-    axes, left_open = space_of(scenario).axes, open_axes_between(scenario, range(scenario.count), 1, scenario.length)
+    count, axes, length = plan.scenario.count, plan.space.axes, plan.scenario.length
+    left_open = open_axes_between(plan, range(count), 1, length)
     if left_open > MIRRORED:
-        return [f"the position cannot be determined: {described(scenario, scenario.count, left_open)}; {_REMEDY[axes]}"]
+        return [f"the position cannot be determined: {described(plan, count, left_open)}; {_REMEDY[axes]}"]
     found = []
     if left_open == MIRRORED:
-        said = f"{described(scenario, scenario.count, left_open)}, and only the initial estimate tells the two apart"
+        said = f"{described(plan, count, left_open)}, and only the initial estimate tells the two apart"
         found.append(f"{said}; {_REMEDY[axes]}")
-    for first, last, fewest, most_open in _dark_stretches(scenario):
-        if last - first + 1 >= window_of(scenario, scenario.length):
+    for first, last, fewest, most_open in _dark_stretches(plan):
+        if last - first + 1 >= window_of(plan, length):
             left = f"from step {first} to {last} faults leave only {counted(fewest, 'agent')}"
-            found.append(f"{left}: {described(scenario, fewest, most_open)}; let more agents stay")
+            found.append(f"{left}: {described(plan, fewest, most_open)}; let more agents stay")
     return found
 
 
-def _dark_stretches(scenario: Scenario) -> list[tuple[int, int, int, int]]:
+def _dark_stretches(plan: Plan) -> list[tuple[int, int, int, int]]:
     """Stretches in which the agents that faults leave do not determine the position.
 
     Each is its first and last step, the fewest agents that are left in it, and the most axes that they leave open.
     """
     dark: list[tuple[int, int, int, int]] = []
-    absences = absences_of(scenario)
+    absences = plan.absences
     for first, last in absences.stretches():
         left = np.flatnonzero(~absences.at(first)).tolist()
-        left_open = open_axes_between(scenario, left, first, last)
+        left_open = open_axes_between(plan, left, first, last)
         if left_open > MIRRORED:
             joins = dark and dark[-1][1] == first - 1
             since, _, fewest, most_open = dark.pop() if joins else (first, last, len(left), left_open)

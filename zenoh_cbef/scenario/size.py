@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.machine import available_bytes
-from zenoh_cbef.scenario.build import message_size
 from zenoh_cbef.scenario.model import Scenario
-from zenoh_cbef.scenario.network import by_radio, edges
+from zenoh_cbef.scenario.network import by_radio
+from zenoh_cbef.scenario.plan import Plan
 
 _WORLD = 130
 """Bytes that an emulated world takes for an agent in a step, while it is made."""
@@ -24,16 +24,17 @@ def world_bytes(scenario: Scenario) -> int:
     return scenario.length * (_WORLD * scenario.count + apart)
 
 
-def _simulation_bytes(scenario: Scenario, links: int, runs: int = 1) -> int:
-    """What runs of a scenario, whose graph has so many edges, take as arrays that are analysed."""
+def _simulation_bytes(plan: Plan, runs: int = 1) -> int:
+    """What runs of a scenario take as arrays that are analysed."""
+    scenario = plan.scenario
     cells = scenario.count * scenario.length
-    received = 2 * links * message_size(scenario) * 8 * _TIMES_RECEIVED
+    received = 2 * len(plan.edges) * plan.message_size * 8 * _TIMES_RECEIVED
     return world_bytes(scenario) + runs * _SIMULATED * cells + _ANALYSED * cells + received
 
 
-def refuse_a_trace_beyond_memory(scenario: Scenario, runs: int = 1) -> None:
+def refuse_a_trace_beyond_memory(plan: Plan, runs: int = 1) -> None:
     """Raise UserError where runs of a scenario cannot be simulated, or analysed, in this host's memory."""
-    refuse_beyond_memory(_simulation_bytes(scenario, len(edges(scenario)), runs), scenario, runs)
+    refuse_beyond_memory(_simulation_bytes(plan, runs), plan.scenario, runs)
 
 
 def refuse_beyond_memory(needed: int, scenario: Scenario, runs: int = 1) -> None:

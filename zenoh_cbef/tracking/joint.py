@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from zenoh_cbef.tracking.filters import FilterSettings, make_filter
+from zenoh_cbef.tracking.filters import FilterSettings, make_filter, sharing_of
 from zenoh_cbef.tracking.filters.around.auto_bias import BEGIN, LARGEST, MEMORY, mixed, weight_of
 from zenoh_cbef.tracking.filters.around.biased_information import FORGETTING
 from zenoh_cbef.tracking.filters.around.first_fix import FirstFix
@@ -73,7 +73,8 @@ def _first_fix(settings: FilterSettings, xi: float, fix: Belief, step: Ranges) -
         np.empty((rows, 0)),
         step.std.ravel(),
     )
-    filter_ = FirstFix.of(settings, make_filter("sicf", replace(settings, first_fix=0, learns_noise=False)), xi)
+    then = make_filter("sicf", replace(settings, first_fix=0, learns_noise=False))
+    filter_ = FirstFix.of(settings, then, xi, sharing_of("sicf", settings).payload_size)
     update = filter_.update(fix, measurement)
     average = update.payload.reshape(runs, agents, -1).mean(axis=1)
     return filter_.conclude(np.repeat(average, agents, axis=0), update), update

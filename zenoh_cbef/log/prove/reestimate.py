@@ -20,8 +20,8 @@ from zenoh_cbef.log.write.run_log import RunLog
 from zenoh_cbef.protocol.keys import Keys
 from zenoh_cbef.protocol.messages import END, ENVELOPE, START
 from zenoh_cbef.scenario import Scenario
-from zenoh_cbef.scenario.build import absences_of
 from zenoh_cbef.scenario.load import Loaded, to_toml
+from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.simulator import Simulation, Step, heard_in
 
 Floats = NDArray[np.float64]
@@ -53,12 +53,13 @@ def reestimate(
     the log cannot be written.
     """
     scenario = _in_lockstep(loaded.scenario)
+    plan = Plan(scenario)
     world = found.world(scenario)
-    simulation = Simulation([scenario], [heard_in(scenario, world)])
+    simulation = Simulation([plan], [heard_in(plan, world)])
     log = RunLog(output, scenario.record)
     try:
         log.describe(source=loaded.source, resolved=to_toml(scenario), run=_description(found, scenario, run))
-        writer = _Writer(found, ComputedRun(log, run, scenario, simulation.neighbours), Keys(run), scenario)
+        writer = _Writer(found, ComputedRun(log, run, plan, simulation.neighbours), Keys(run), plan)
         began, writing = time.perf_counter(), 0.0
         for number, step in enumerate(simulation, 1):
             computed = time.perf_counter()
@@ -95,14 +96,14 @@ def _description(found: Measurements, scenario: Scenario, run: str) -> dict[str,
 class _Writer:
     """Target and agents by the clock of the original: a step is as long as from its beacons to the next ones."""
 
-    def __init__(self, found: Measurements, computed: ComputedRun, keys: Keys, scenario: Scenario) -> None:
-        self._found, self._computed, self._keys, self._scenario = found, computed, keys, scenario
-        self._pace = round(1e9 * scenario.dt)
+    def __init__(self, found: Measurements, computed: ComputedRun, keys: Keys, plan: Plan) -> None:
+        self._found, self._computed, self._keys, self._scenario = found, computed, keys, plan.scenario
+        self._pace = round(1e9 * plan.scenario.dt)
         at = found.logged.get(1, 0) / 1e9 if found.start is None else found.start
         began = {"kind": "started", "text": f"run {keys.run} started", "data": {"at": at}}
         self._computed.say("target", keys.event("target"), self._moment(0), began)
-        self._absences, self._at = absences_of(scenario), at
-        self._signal(range(scenario.count), 0, START, at=at)
+        self._absences, self._at = plan.absences, at
+        self._signal(range(plan.scenario.count), 0, START, at=at)
 
     def step(self, number: int, step: Step, positions: Floats) -> None:
         """The truth and beacons of a step, and all that the agents make of it."""

@@ -15,7 +15,7 @@ from zenoh_cbef.log.read.contents import Contents, Header, read_contents, read_h
 from zenoh_cbef.log.read.parts import open_log
 from zenoh_cbef.log.read.trace import heard_ranges, logged_positions
 from zenoh_cbef.protocol.messages import BadMessage, nil_to_nan, unpack_floats
-from zenoh_cbef.scenario.build import absences_of
+from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.simulator import Heard, Simulation, Step
 from zenoh_cbef.tracking.diagnostics import SOMETIMES
 from zenoh_cbef.words import counted
@@ -214,7 +214,7 @@ def _judgeable(header: Header, contents: Contents) -> tuple[int, str]:
         last[agent] = max(last[agent], step)
     if max(last) == 0:
         return 0, "the log holds no estimate to compare"
-    absent = absences_of(header.scenario).at(max(last))
+    absent = header.plan.absences.at(max(last))
     last = [max(last) if away else step for step, away in zip(last, absent.tolist(), strict=True)]
     left = max(last) - min(last) > _SKEW
     surprises = [event["text"] for event in contents.events if _surprising(event, left=left)]
@@ -246,8 +246,8 @@ def _simulation(header: Header, contents: Contents, steps: int) -> Simulation:
     """The run of a log, to be executed again."""
     scenario = header.scenario.model_copy(update={"steps": steps})
     # What is plausible depends on how long the run was to be, not on where it was stopped.
-    ranges, age = heard_ranges(header.scenario, contents, steps)
-    return Simulation([scenario], [Heard(logged_positions(scenario, contents, steps), ranges, age)])
+    ranges, age = heard_ranges(header.plan, contents, steps)
+    return Simulation([Plan(scenario)], [Heard(logged_positions(scenario, contents, steps), ranges, age)])
 
 
 def _execute(header: Header, contents: Contents, steps: int, tolerance: float, cut: str) -> Verdict:

@@ -17,6 +17,7 @@ from zenoh_cbef.plain import read_toml
 from zenoh_cbef.protocol.round_codec import Rounds
 from zenoh_cbef.scenario import Scenario
 from zenoh_cbef.scenario.load import parse
+from zenoh_cbef.scenario.plan import Plan
 
 Floats = NDArray[np.float64]
 
@@ -26,8 +27,13 @@ class Header:
     """What a log says of itself: the run's name, its scenario, and whether the recorder ended it."""
 
     run: str
-    scenario: Scenario
+    plan: Plan
     end: dict[str, str] | None
+
+    @property
+    def scenario(self) -> Scenario:
+        """What the run was to be."""
+        return self.plan.scenario
 
 
 def read_header(log: Log, path: Path) -> Header:
@@ -40,7 +46,7 @@ def read_header(log: Log, path: Path) -> Header:
         data = read_toml(attached.decode())
     except ValueError as error:
         raise UserError(f"the scenario in {path} is damaged: {error}") from None
-    return Header(described["run"], parse(data, f"the scenario in {path}"), log.metadata.get(END))
+    return Header(described["run"], Plan(parse(data, f"the scenario in {path}")), log.metadata.get(END))
 
 
 @dataclass
@@ -87,5 +93,5 @@ class Contents:
 def read_contents(log: Log, header: Header, *, rounds: bool = True) -> Contents:
     """Read all messages of a log; with rounds=False consensus payloads are checked but not kept."""
     contents = Contents(keeps_rounds=rounds)
-    Decoder(header.run, header.scenario, contents).take_all(log)
+    Decoder(header.run, header.plan, contents).take_all(log)
     return contents

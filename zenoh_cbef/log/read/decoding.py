@@ -15,8 +15,7 @@ from zenoh_cbef.plain import counts_in
 from zenoh_cbef.protocol.keys import address
 from zenoh_cbef.protocol.messages import BadMessage, decode_all
 from zenoh_cbef.protocol.round_codec import RoundCodec, Rounds
-from zenoh_cbef.scenario import Scenario
-from zenoh_cbef.scenario.build import message_size
+from zenoh_cbef.scenario.plan import Plan
 
 _SEQUENCE = 0xFFFFFFFF
 """What of a number fits into an MCAP record."""
@@ -66,15 +65,15 @@ class Tally:
 class _Place:
     """One key of the log: what it carries, and its round messages of the present batch."""
 
-    def __init__(self, key: str, run: str, scenario: Scenario) -> None:
+    def __init__(self, key: str, run: str, plan: Plan) -> None:
         found = address(key)
         if found is None or found.run != run:
             raise BadMessage("a key that the run does not have")
         self.key, self.at = key, found
         self.kind, self.owner, self.agent = found.kind, found.owner, found.agent
-        if self.agent >= scenario.count:
+        if self.agent >= plan.scenario.count:
             raise BadMessage("an agent that the run does not have")
-        self.codec = RoundCodec(run, found.owner, message_size(scenario)) if found.kind == "round" else None
+        self.codec = RoundCodec(run, found.owner, plan.message_size) if found.kind == "round" else None
         self.waiting: list[RawMessage] = []
 
 
@@ -88,12 +87,12 @@ class Decoder:
     def __init__(
         self,
         run: str,
-        scenario: Scenario,
+        plan: Plan,
         sink: Sink,
         refused: Callable[[RawMessage, BadMessage], None] = _ignore,
     ) -> None:
         self.tally = Tally()
-        self._run, self._scenario, self._sink, self._refused = run, scenario, sink, refused
+        self._run, self._plan, self._sink, self._refused = run, plan, sink, refused
         self._places: list[_Place] = []
         self._takers: dict[str, Callable[[RawMessage], None]] = {}
 
@@ -121,7 +120,7 @@ class Decoder:
         """What to do with a message of a key."""
         taker: Callable[[RawMessage], None]
         try:
-            place = _Place(topic, self._run, self._scenario)
+            place = _Place(topic, self._run, self._plan)
         except BadMessage as error:
             taker = partial(self._refuse, reason=error)
         else:
@@ -189,5 +188,5 @@ class Decoder:
 
     def _check_steps(self, last: int, *, ended: bool = False) -> None:
         # The signal that ends a run is numbered one past its last step.
-        if last > self._scenario.length + ended:
+        if last > self._plan.scenario.length + ended:
             raise BadMessage("a step that the run does not have")

@@ -14,7 +14,7 @@ from zenoh_cbef.log.read.contents import Header, read_header
 from zenoh_cbef.log.read.parts import open_log
 from zenoh_cbef.log.read.times import MessageTimes, read_times
 from zenoh_cbef.protocol.messages import decode
-from zenoh_cbef.scenario.build import fates_into, filter_of
+from zenoh_cbef.scenario.build import fates_into
 from zenoh_cbef.trace import Exchange, Fortune, Passage
 
 MOST = 4000
@@ -72,8 +72,8 @@ class _Builder:
         self._header, self._times = header, times
         scenario = self._scenario = header.scenario
         self._lag = scenario.consensus.lag
-        self._ranges = filter_of(scenario).uses_neighbour_ranges
-        self._fates = cache(lambda agent, sources: fates_into(scenario, agent, list(sources)))
+        self._ranges = header.plan.sharing.uses_neighbour_ranges
+        self._fates = cache(lambda agent, sources: fates_into(header.plan, agent, list(sources)))
         self._told = cache(self._estimate)
 
     def _estimate(self, agent: int, step: int) -> dict[str, Any] | None:

@@ -12,7 +12,6 @@ from zenoh_cbef.log.read.parts import Log
 from zenoh_cbef.protocol.keys import Address, address
 from zenoh_cbef.protocol.messages import BadMessage, decode
 from zenoh_cbef.protocol.round_codec import RoundCodec
-from zenoh_cbef.scenario.build import message_size, rounds_of
 
 
 @dataclass
@@ -62,10 +61,10 @@ class _Reader:
     def __init__(self, header: Header) -> None:
         scenario = header.scenario
         self._run, self._count, self._dt = header.run, scenario.count, scenario.dt
-        width = message_size(scenario)
+        width = header.plan.message_size
         self._codecs = [RoundCodec(header.run, f"agent/{agent}", width) for agent in range(self._count)]
         self._clocks = [clocks_of(scenario.fault, agent) for agent in range(self._count)]
-        self._turns = rounds_of(scenario) + 1
+        self._turns = header.plan.rounds + 1
         self._first: int | None = None
         self._start: int | None = None
         # All in nanoseconds: a log can hold what followed from the start signal before the signal itself.

@@ -17,11 +17,10 @@ from zenoh_cbef.log.read.parts import open_logs
 from zenoh_cbef.plain import count_in
 from zenoh_cbef.protocol.keys import Keys
 from zenoh_cbef.protocol.messages import nil_to_nan
-from zenoh_cbef.scenario import Scenario, network
+from zenoh_cbef.scenario import Scenario
 from zenoh_cbef.scenario.injected import read_tables, with_faults
 from zenoh_cbef.scenario.paths import agent_positions, step_times
-from zenoh_cbef.scenario.plausible import plausible_ranges
-from zenoh_cbef.scenario.start import initial_states
+from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.simulator import measured
 from zenoh_cbef.trace import Links, Trace, Traffic
 from zenoh_cbef.tracking.diagnostics import Diagnostics
@@ -42,41 +41,41 @@ def read_trace(*paths: Path) -> Trace:
     log = open_logs(paths)
     header = read_header(log, log.path)
     columns = Columns(header.scenario.count, header.scenario.length)
-    decoder = Decoder(header.run, header.scenario, columns)
+    decoder = Decoder(header.run, header.plan, columns)
     decoder.take_all(log)
     return _trace_of(header, columns, decoder.tally, complete=log.complete and not log.damage)
 
 
 def _trace_of(header: Header, columns: Columns, tally: Tally, *, complete: bool) -> Trace:
     """The arrays of a log's messages, as far as any agent got."""
-    scenario, steps = header.scenario, columns.estimates.last
+    plan, steps = header.plan, columns.estimates.last
     if columns.faults:
-        scenario = with_faults(scenario, read_tables(columns.faults))
+        plan = with_faults(plan, read_tables(columns.faults))
     if steps == 0:
         raise UserError(
             f"the log of run {header.run!r} holds no estimate: the run ended before its first step, or this is a part "
             "of its log without them"
         )
-    ranges, age = _measured(scenario, *np.moveaxis(columns.beacons.upto(steps), 2, 0))
+    ranges, age = _measured(plan, *np.moveaxis(columns.beacons.upto(steps), 2, 0))
     estimates = columns.estimates.upto(steps)
     diagnostics = Diagnostics.read(estimates[:, :, 6:])
     unlogged, traffic = _unlogged(header.run, columns, tally, diagnostics.innovation), _traffic(columns, tally)
     positions = columns.positions.upto(steps)
-    expected = agent_positions(scenario.model_copy(update={"steps": steps}))
+    expected = agent_positions(plan.scenario.model_copy(update={"steps": steps}))
     return Trace(
         name=header.run,
-        scenario=scenario,
-        time=step_times(scenario, steps),
+        plan=plan,
+        time=step_times(plan.scenario, steps),
         truth=columns.truth.upto(steps)[0],
         positions=np.where(np.isfinite(positions), positions, expected),
         ranges=ranges,
         age=age,
-        initial=initial_states(scenario),
+        initial=plan.initial_states,
         estimates=estimates[:, :, :6],
-        covariances=columns.covariances.upto(steps).reshape(scenario.count, steps, 6, 6),
+        covariances=columns.covariances.upto(steps).reshape(plan.scenario.count, steps, 6, 6),
         diagnostics=diagnostics,
-        edges=network.edges(scenario),
-        links=_links(scenario, columns),
+        edges=plan.edges,
+        links=_links(plan, columns),
         traffic=traffic,
         events=[_event(message) for message in columns.events],
         unlogged=unlogged if unlogged.any() else None,
@@ -101,20 +100,20 @@ def _unlogged(run: str, columns: Columns, tally: Tally, innovation: Floats) -> B
     return np.asarray(~heard & (np.isfinite(innovation) | (~told & gone[:, None])))
 
 
-def heard_ranges(scenario: Scenario, contents: Contents, steps: int) -> tuple[Floats, Floats]:
+def heard_ranges(plan: Plan, contents: Contents, steps: int) -> tuple[Floats, Floats]:
     """Ranges and ages (n, K) from the logged beacons, NaN and 0 where none was heard."""
-    emitted = np.full((scenario.count, steps), np.nan)
-    arrived = np.full((scenario.count, steps), np.nan)
+    emitted = np.full((plan.scenario.count, steps), np.nan)
+    arrived = np.full((plan.scenario.count, steps), np.nan)
     for (agent, step), message in contents.beacons.items():
         if 1 <= step <= steps:
             emitted[agent, step - 1] = nil_to_nan(message["emitted"])
             arrived[agent, step - 1] = nil_to_nan(message["arrived"])
-    return _measured(scenario, emitted, arrived)
+    return _measured(plan, emitted, arrived)
 
 
-def _measured(scenario: Scenario, emitted: Floats, arrived: Floats) -> tuple[Floats, Floats]:
+def _measured(plan: Plan, emitted: Floats, arrived: Floats) -> tuple[Floats, Floats]:
     steps = np.arange(1, emitted.shape[1] + 1, dtype=np.float64)
-    ranges, age = measured(scenario, plausible_ranges(scenario), emitted, arrived, steps)
+    ranges, age = measured(plan, emitted, arrived, steps)
     return ranges, np.where(np.isfinite(age), age, 0.0)
 
 
@@ -127,10 +126,10 @@ def logged_positions(scenario: Scenario, contents: Contents, steps: int) -> Floa
     return positions
 
 
-def _links(scenario: Scenario, columns: Columns) -> Links:
+def _links(plan: Plan, columns: Columns) -> Links:
     """What the receivers counted: the last counts of each of their lives, and the mean of their latencies."""
     rows = []
-    for first, second in network.edges(scenario).tolist():
+    for first, second in plan.edges.tolist():
         for source, destination in ((first, second), (second, first)):
             each = [_counts(message, source) for message in columns.lives.get(destination, [])]
             counts = np.sum(each, axis=0).tolist() if each else [0] * len(_COUNTS)

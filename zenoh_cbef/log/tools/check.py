@@ -80,7 +80,7 @@ def check(log: Log) -> Findings:
     header = read_header(log, log.path)
     findings = Findings()
     checker = _Checker(findings)
-    decoder = Decoder(header.run, header.scenario, checker, checker.refused)
+    decoder = Decoder(header.run, header.plan, checker, checker.refused)
     for batch in log.batches():
         checker.see(batch)
         decoder.take(batch)

@@ -16,8 +16,8 @@ from zenoh_cbef.protocol.bodies import estimate_body, range_body
 from zenoh_cbef.protocol.keys import Keys
 from zenoh_cbef.protocol.messages import encode
 from zenoh_cbef.protocol.round_codec import RoundCodec
-from zenoh_cbef.scenario import Scenario
-from zenoh_cbef.scenario.build import absences_of, fates_into, filter_of, message_size, rounds_of
+from zenoh_cbef.scenario.build import fates_into
+from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.simulator import Step
 from zenoh_cbef.tracking.graph import Neighbours
 
@@ -27,12 +27,12 @@ Floats = NDArray[np.float64]
 class _Received:
     """What became of the messages on all links, as the agents' processes count them."""
 
-    def __init__(self, scenario: Scenario, neighbours: Neighbours) -> None:
+    def __init__(self, plan: Plan, neighbours: Neighbours) -> None:
         rows = zip(neighbours.index, neighbours.present, strict=True)
         self._ids = [index[present].tolist() for index, present in rows]
         ends = np.cumsum([len(ids) for ids in self._ids]).tolist()
         self._links = [slice(end - len(ids), end) for ids, end in zip(self._ids, ends, strict=True)]
-        self._quiet = [fates_into(scenario, agent, ids).quiet for agent, ids in enumerate(self._ids)]
+        self._quiet = [fates_into(plan, agent, ids).quiet for agent, ids in enumerate(self._ids)]
         self._injected = Injected(ends[-1])
         self._received, self._lost, self._late, self._corrupted = np.zeros((4, ends[-1]), dtype=np.int64)
 
@@ -74,15 +74,15 @@ def _part(injected: dict[str, list[Any]], links: slice) -> dict[str, list[Any]]:
 class ComputedRun:
     """Writes the messages of target and agents into a log, step after step."""
 
-    def __init__(self, log: RunLog, run: str, scenario: Scenario, neighbours: Neighbours) -> None:
-        self._log, self._run, self._scenario = log, run, scenario
-        self._keys, self._absences = Keys(run), absences_of(scenario)
-        self._rounds, self._shares_ranges = rounds_of(scenario), filter_of(scenario).uses_neighbour_ranges
+    def __init__(self, log: RunLog, run: str, plan: Plan, neighbours: Neighbours) -> None:
+        self._log, self._run, self._scenario = log, run, plan.scenario
+        self._keys, self._absences = Keys(run), plan.absences
+        self._rounds, self._shares_ranges = plan.rounds, plan.sharing.uses_neighbour_ranges
         self._sent: Counter[tuple[str, str]] = Counter()
         self._now = 0
-        width = message_size(scenario)
-        self._codecs = [RoundCodec(run, f"agent/{agent}", width) for agent in range(scenario.count)]
-        self._received = _Received(scenario, neighbours)
+        width = plan.message_size
+        self._codecs = [RoundCodec(run, f"agent/{agent}", width) for agent in range(plan.scenario.count)]
+        self._received = _Received(plan, neighbours)
 
     def say(self, sender: str, key: str, moment: int, body: Mapping[str, Any]) -> None:
         """One message of anybody; moment: ns since the Unix epoch. Time in a log does not go back."""

@@ -28,19 +28,10 @@ from zenoh_cbef.protocol.memory import ask_latest
 from zenoh_cbef.protocol.messages import BadMessage, decode
 from zenoh_cbef.protocol.round_codec import RoundCodec
 from zenoh_cbef.protocol.slow import SLOW
-from zenoh_cbef.scenario import Scenario
-from zenoh_cbef.scenario.build import (
-    absences_of,
-    agent_tracker,
-    fates_into,
-    message_size,
-    outgoing_of,
-    rounds_of,
-    slot_of,
-)
+from zenoh_cbef.scenario.build import agent_tracker, fates_into, outgoing_of
 from zenoh_cbef.scenario.injected import read_tables, with_faults
 from zenoh_cbef.scenario.paths import agent_positions
-from zenoh_cbef.scenario.plausible import plausible_ranges
+from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.simulator import measured
 from zenoh_cbef.tracking.ranging import Measurement
 
@@ -60,22 +51,19 @@ class Beacon:
 class Agent:
     """One agent of a run, step after step."""
 
-    def __init__(self, node: Node, scenario: Scenario, agent: int) -> None:
-        self.node, self.scenario, self.agent = node, scenario, agent
-        self.absences = absences_of(scenario)
-        self.rounds = rounds_of(scenario)
-        self.tracker, neighbours = agent_tracker(scenario, agent)
-        self.outgoing = outgoing_of([scenario], [agent])
+    def __init__(self, node: Node, plan: Plan, agent: int) -> None:
+        self.node, self.plan, self.agent = node, plan, agent
+        self._given, self.scenario = plan, plan.scenario
+        scenario, realtime = plan.scenario, plan.realtime
+        self.tracker, neighbours = agent_tracker(plan, agent)
+        self.outgoing = outgoing_of([plan], [agent])
         self.path = agent_positions(scenario, agent)[0]
-        self._plausible = plausible_ranges(scenario)
         self.rejections = Rejections(node)
         self._faults_in = Mailbox(node.session, node.keys.faults)
         self._wrong_clocks = clocks_of(scenario.fault, agent)
         self._ahead_ns = 0
-        if self._wrong_clocks or scenario.timing.mode == "realtime":
+        if self._wrong_clocks or realtime:
             node.clock = lambda: time.time_ns() + self._ahead_ns
-        width = message_size(scenario)
-        realtime = scenario.timing.mode == "realtime"
         alarm, patience = Alarm(), scenario.timing.patience
         grace = 0.0 if realtime else node.grace * patience
         self.beacons: Inbox = beacon_inbox(node, agent, self.rejections, alarm, grace)
@@ -83,11 +71,11 @@ class Agent:
         self.neighbourhood = Neighbourhood(
             node,
             neighbours,
-            fates_into(scenario, agent, neighbours),
-            rounds=self.rounds,
+            fates_into(plan, agent, neighbours),
+            rounds=plan.rounds,
             lag=scenario.consensus.lag,
-            width=width,
-            shares_ranges=self.tracker.filter.uses_neighbour_ranges,
+            width=plan.message_size,
+            shares_ranges=plan.sharing.uses_neighbour_ranges,
             rejections=self.rejections,
             alarm=alarm,
             patience=patience,
@@ -98,11 +86,10 @@ class Agent:
             for key in (node.keys.range(agent), node.keys.round(agent), node.keys.estimate(agent))
         )
         node.archive.serve(node.keys.of_agent(agent))
-        self._codec = RoundCodec(node.identity.run, node.identity.sender, width)
-        self._slot = slot_of(scenario)
+        self._codec = RoundCodec(node.identity.run, node.identity.sender, plan.message_size)
         self._realtime = realtime
         # Where a step's rounds last longer than the step, late neighbours hold an agent up, too.
-        measurable = realtime and self._slot * (self.rounds + 1) <= scenario.dt * (1.0 + 1e-9)
+        measurable = realtime and self.plan.slot * (self.plan.rounds + 1) <= scenario.dt * (1.0 + 1e-9)
         self._pace = Pace(f"agent {agent}", "rounds", partial(node.event, SLOW)) if measurable else None
         self._epoch = 0.0
         self._uninformed = False
@@ -127,7 +114,7 @@ class Agent:
                     break
                 if self._realtime:
                     self._heed_news()
-                if self.absences:
+                if self.plan.absences:
                     self._heed_absences(step)
                 self._step(step, beacon)
             except Stopped:
@@ -150,29 +137,28 @@ class Agent:
 
     def inject(self, tables: str) -> None:
         """Live with these faults besides the scenario's, a JSON list of all. Raises UserError where they are none."""
-        scenario = with_faults(self.scenario, read_tables(tables))
-        self.neighbourhood.fates = fates_into(scenario, self.agent, self.neighbourhood.ids)
-        self.outgoing = outgoing_of([scenario], [self.agent])
-        self.absences = absences_of(scenario)
-        self._plausible = plausible_ranges(scenario)
-        self._wrong_clocks, self._ahead_ns = clocks_of(scenario.fault, self.agent), 0
+        self.plan = with_faults(self._given, read_tables(tables))
+        self.neighbourhood.fates = fates_into(self.plan, self.agent, self.neighbourhood.ids)
+        self.outgoing = outgoing_of([self.plan], [self.agent])
+        self._wrong_clocks, self._ahead_ns = clocks_of(self.plan.scenario.fault, self.agent), 0
 
     def _heed_absences(self, step: int) -> None:
         """Be killed, or stopped for a while, where the scenario says so; wait for those who come back."""
-        gone, forgotten = self.absences.begun(step), self.absences.crashed(step) & ~self.absences.crashed(step - 1)
+        absences = self.plan.absences
+        gone, forgotten = absences.begun(step), absences.crashed(step) & ~absences.crashed(step - 1)
         if gone[self.agent] or forgotten[self.agent]:
             if not self._realtime:
-                self.neighbourhood.outwait(step, self.absences.at(step))
+                self.neighbourhood.outwait(step, absences.at(step))
             if forgotten[self.agent]:
                 self.node.last_words(
                     "killed", f"agent {self.agent} is killed at step {step}", agent=self.agent, step=step
                 )
-                die(step, self.absences.return_of(self.agent, step))
+                die(step, absences.return_of(self.agent, step))
             self._pause(step)
-        self.neighbourhood.expect(self.absences.ended(step))
+        self.neighbourhood.expect(absences.ended(step))
 
     def _pause(self, step: int) -> None:
-        back = self.absences.return_of(self.agent, step) or self.scenario.length
+        back = self.plan.absences.return_of(self.agent, step) or self.scenario.length
         seconds = (back - step) * self.scenario.dt
         if not self._realtime:
             # Nobody waits for wall-clock time, but a link that is silent for longer would be given up.
@@ -184,14 +170,14 @@ class Agent:
     def _deadline(self, step: int, round_: int) -> float | None:
         if not self._realtime:
             return None
-        return self._epoch + step * self.scenario.dt + (round_ + 1) * self._slot
+        return self._epoch + step * self.scenario.dt + (round_ + 1) * self.plan.slot
 
     def _arrive(self, step: int, round_: int) -> float | None:
         """The deadline of a round that the agent comes to now. What it comes to while it is away does not count."""
         deadline = self._deadline(step, round_)
         if self._pace is None or deadline is None or step > self.scenario.length:
             return deadline
-        if not (self.absences and self.absences.at(step)[self.agent]):
+        if not (self.plan.absences and self.plan.absences.at(step)[self.agent]):
             self._pace.arrive(time.monotonic(), deadline)
         return deadline
 
@@ -212,7 +198,7 @@ class Agent:
         if message is None or message["emitted"] is None or message["arrived"] is None:
             return Beacon(np.nan, 0.0)
         times = np.array(message["emitted"]), np.array(message["arrived"])
-        found, age = measured(self.scenario, self._plausible, *times, step)
+        found, age = measured(self.plan, *times, step)
         if np.isnan(found):
             self.beacons.reject("a range that is not plausible in this scenario")
             return Beacon(np.nan, 0.0)
@@ -221,7 +207,7 @@ class Agent:
     def _measurement(self, step: int, beacon: Beacon) -> Measurement:
         position = self.path[step - 1]
         told = self.outgoing.ranges(step, np.array([beacon.range]))
-        if not self.absences.at(step)[self.agent]:
+        if not self.plan.absences.at(step)[self.agent]:
             self._range_out.send(**range_body(step, position, told[0]))
         heard = self.neighbourhood.ranges(step, self._deadline(step, 0))
         return Measurement(
@@ -229,9 +215,9 @@ class Agent:
         )
 
     def _step(self, step: int, beacon: Beacon) -> None:
-        away = self.absences.at(step)[self.agent]
+        away = self.plan.absences.at(step)[self.agent]
         message = self.tracker.measure(self._measurement(step, beacon))
-        for round_ in range(1, self.rounds + 1):
+        for round_ in range(1, self.plan.rounds + 1):
             sent = self.outgoing.message(step, round_, message)
             if not away:
                 self._round_out.send_round(self._codec, step, round_, sent[0])
@@ -264,8 +250,8 @@ def run_agent(identity: Identity) -> int:
         text, scenario, agent = briefing.text, briefing.scenario, int(identity.name)
         if agent >= scenario.count:
             raise UserError(f"run {identity.run!r} has agents 0 to {scenario.count - 1}, no agent {agent}")
-        node.claim_name()
-        process = Agent(node, scenario, agent)
+        node.refuse_twin(known=agent in text.present)
+        process = Agent(node, briefing.plan, agent)
         # Peers that tell each other of third ones link to all of them.
         others = scenario.count - 1 if identity.connection.gossip else len(process.neighbourhood.ids)
         require(links=others + 1 + scenario.record.awaited)

@@ -10,7 +10,6 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from zenoh_cbef.faults import Absences
 from zenoh_cbef.nodes.agent.neighbour import Neighbourhood
 from zenoh_cbef.nodes.agent.signals import Signals
 from zenoh_cbef.nodes.common.briefing import introduce
@@ -20,7 +19,7 @@ from zenoh_cbef.nodes.common.rejections import Rejections
 from zenoh_cbef.protocol.memory import ask_latest
 from zenoh_cbef.protocol.messages import BadMessage, decode, unpack_floats
 from zenoh_cbef.protocol.scenario_service import Clock
-from zenoh_cbef.scenario import Scenario
+from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.tracking.filters import Belief
 from zenoh_cbef.tracking.newcomer import belief_from
 from zenoh_cbef.tracking.tracker import Tracker
@@ -44,13 +43,12 @@ class Entrant(Protocol):
     """What of an agent its entrance needs."""
 
     node: Node
-    scenario: Scenario
+    plan: Plan
     agent: int
     tracker: Tracker
     beacons: Inbox
     signals: Signals
     neighbourhood: Neighbourhood
-    absences: Absences
     rejections: Rejections
 
 
@@ -91,7 +89,7 @@ class Entrance:
     def _meet(self) -> bool:
         others = [one for one in self._neighbourhood.ids if self._members is None or one in self._members]
         needed = {"target/target"} | {f"agent/{other}" for other in others}
-        recorders = self._of.scenario.record.awaited
+        recorders = self._of.plan.scenario.record.awaited
 
         def everybody(live: set[str]) -> bool:
             return needed <= live and sum(name.startswith("record/") for name in live) >= recorders
@@ -99,7 +97,7 @@ class Entrance:
         def drain() -> None:
             while self._of.beacons.next(0.0) is not None:
                 pass
-            self._neighbourhood.drain(0 if self._members is None else self._of.scenario.length)
+            self._neighbourhood.drain(0 if self._members is None else self._of.plan.scenario.length)
 
         if self._members is None:
             return self._wait_with_target(everybody, drain)
@@ -143,10 +141,10 @@ class Entrance:
 
     def _adopt(self, before: int) -> None:
         """Begin with what the neighbours know: in lockstep exactly those whom the scenario lets answer."""
-        ids, absent = self._neighbourhood.ids, self._of.absences.at(before)
+        ids, absent = self._neighbourhood.ids, self._of.plan.absences.at(before)
         reaches = self._neighbourhood.fates.reaches(before + 1)
         wanted = {other for other, open_ in zip(ids, reaches, strict=True) if open_ and not absent[other]}
-        exact = self._of.scenario.timing.mode == "lockstep"
+        exact = not self._of.plan.realtime
         until = time.monotonic() + (_ANSWER_SECONDS if exact else _JOIN_SECONDS)
         told: dict[int, dict[str, Any]] = {}
         while not wanted <= told.keys() and time.monotonic() < until and not self._node.stopping:

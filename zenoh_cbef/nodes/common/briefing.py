@@ -17,6 +17,7 @@ from zenoh_cbef.plain import read_toml
 from zenoh_cbef.protocol.scenario_service import Clock, ScenarioText, fetch_scenario, measure_clock
 from zenoh_cbef.scenario import Scenario
 from zenoh_cbef.scenario.load import parse
+from zenoh_cbef.scenario.plan import Plan
 
 HERE = "here"
 """Kind of the event with which a process says where it is."""
@@ -27,8 +28,13 @@ class Briefing:
     """text: the scenario as the target told it. clock: ours against the target's, None where it tells no time."""
 
     text: ScenarioText
-    scenario: Scenario
+    plan: Plan
     clock: Clock | None
+
+    @property
+    def scenario(self) -> Scenario:
+        """What the run is."""
+        return self.plan.scenario
 
 
 def brief(node: Node) -> Briefing:
@@ -49,9 +55,9 @@ def brief(node: Node) -> Briefing:
     except ValueError as error:
         raise UserError(f"the scenario of run {run!r} is no scenario: {error}; is its target a zenoh-cbef?") from None
     scenario = parse(tables, f"the scenario of run {run!r}")
-    if max(text.agents, default=0) >= scenario.count:
+    if max((*text.agents, *text.present), default=0) >= scenario.count:
         raise UserError(f"run {run!r} tells of agents that its scenario does not have; is its target a zenoh-cbef?")
-    return Briefing(text, scenario, measure_clock(node.session, run))
+    return Briefing(text, Plan(scenario), measure_clock(node.session, run))
 
 
 def introduce(identity: Identity, clock: Clock | None, say: Callable[..., None]) -> None:

@@ -21,7 +21,6 @@ from zenoh_cbef.nodes.common.node import LEASH
 from zenoh_cbef.nodes.common.standstill import KILLED, returns_after
 from zenoh_cbef.nodes.launch.ports import free_ports
 from zenoh_cbef.protocol.session import ONE_RUNTIME
-from zenoh_cbef.scenario import network
 from zenoh_cbef.scenario.load import Loaded
 
 _POLITE_SECONDS = 6.0
@@ -105,7 +104,7 @@ class Launcher:
         log = ["--output", str(self._log), "--status-json", *(["--sync"] if self._sync else [])]
         self._start("recorder", ["record", *log], listen=[recorder], connect=[target])
         lower: list[list[str]] = [[] for _ in range(count)]
-        for first, second in network.edges(self._loaded.scenario).tolist():
+        for first, second in self._loaded.plan.edges.tolist():
             lower[second].append(agents[first])
         for agent in range(count):
             connect = [target, recorder, *lower[agent]]

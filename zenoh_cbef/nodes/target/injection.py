@@ -10,8 +10,8 @@ from typing import Any
 
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.protocol.messages import LONGEST
-from zenoh_cbef.scenario import Scenario
 from zenoh_cbef.scenario.injected import with_faults
+from zenoh_cbef.scenario.plan import Plan
 
 _LEAD_SECONDS = 0.3
 """How long before its beginning a fault is made known: everybody must begin with the same message."""
@@ -25,9 +25,9 @@ class Injection:
     start: when the run started, s since the Unix epoch; the times of faults are counted from it.
     """
 
-    def __init__(self, scenario: Scenario, start: float) -> None:
-        self._given, self._start = scenario, start
-        self.scenario = scenario
+    def __init__(self, plan: Plan, start: float) -> None:
+        self._given, self._start = plan, start
+        self.plan = plan
         self._tables: list[dict[str, Any]] = []
         self._lock = threading.Lock()
         self._fresh = False
@@ -64,7 +64,7 @@ class Injection:
     def listed(self) -> list[dict[str, Any]]:
         """All injected faults, each with its number and whether it is on."""
         now = self._now()
-        faults = self.scenario.fault[len(self._given.fault) :]
+        faults = self.plan.scenario.fault[len(self._given.scenario.fault) :]
         return [
             {"number": number, "active": fault.active(now), **table}
             for number, (fault, table) in enumerate(zip(faults, self._tables, strict=True))
@@ -83,7 +83,7 @@ class Injection:
     def _accept(self, tables: list[dict[str, Any]]) -> None:
         if len(json.dumps(tables)) > LONGEST:
             raise UserError(f"{len(self._tables)} faults were injected, and no more fit a message; start another run")
-        self.scenario = with_faults(self._given, tables)
+        self.plan = with_faults(self._given, tables)
         self._tables, self._fresh = tables, True
 
     def _now(self) -> float:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from zenoh_cbef.nodes.common.node import Node
-from zenoh_cbef.scenario import Scenario
+from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.scenario.sight import described, open_axes_between, window_of
 from zenoh_cbef.tracking.sight import MIRRORED
 
@@ -22,17 +22,18 @@ class Lookout:
         self._due = 0
         self.problem = ""
 
-    def look(self, scenario: Scenario, agents: Sequence[int], step: int) -> None:
+    def look(self, plan: Plan, agents: Sequence[int], step: int) -> None:
         """Look at who takes part in a step; where the same agents do, once in a window of steps, as they may move."""
-        span = window_of(scenario, scenario.length)
+        length = plan.scenario.length
+        span = window_of(plan, length)
         if list(agents) == self._agents and step < self._due:
             return
         self._agents, self._due = list(agents), step + span
-        first = max(1, min(step - span // 2, scenario.length - span + 1))
-        left_open = open_axes_between(scenario, agents, first, first + span - 1)
+        first = max(1, min(step - span // 2, length - span + 1))
+        left_open = open_axes_between(plan, agents, first, first + span - 1)
         former, self.problem = self.problem, ""
         if left_open > MIRRORED:
-            self.problem = described(scenario, len(agents), left_open)
+            self.problem = described(plan, len(agents), left_open)
         if self.problem and not former:
             text = f"from step {step} on the position cannot be determined: {self.problem}"
             self._node.event("unobservable", text, step=step, agents=self._agents)

@@ -13,7 +13,6 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from zenoh_cbef.faults import Absences
 from zenoh_cbef.nodes.common.briefing import HERE, card
 from zenoh_cbef.nodes.common.node import Node
 from zenoh_cbef.nodes.target.lookout import Lookout
@@ -21,7 +20,7 @@ from zenoh_cbef.nodes.target.progress import Progress
 from zenoh_cbef.protocol.keys import address
 from zenoh_cbef.protocol.mailbox import Mailbox
 from zenoh_cbef.protocol.messages import BadMessage, decode
-from zenoh_cbef.scenario import Scenario
+from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.scenario.world import World
 
 _KEPT_OF_EACH = 10
@@ -34,11 +33,10 @@ class Surveyed(Protocol):
     """What of a target is told."""
 
     node: Node
-    scenario: Scenario
+    plan: Plan
     world: World
     progress: Progress
     lookout: Lookout
-    absences: Absences
     step: int | None
     start: float
 
@@ -88,10 +86,10 @@ class Survey:
     def of(self, target: Surveyed) -> dict[str, Any]:
         """Everything that a status is made of."""
         self.drain()
-        scenario, step = target.scenario, target.step
+        scenario, step = target.plan.scenario, target.step
         estimates = target.progress.estimates()
         truth = {k: target.world.truth[k - 1] for k, _ in estimates if 1 <= k <= scenario.length}
-        away = [] if step is None else target.absences.at(step).nonzero()[0].tolist()
+        away = [] if step is None else target.plan.absences.at(step).nonzero()[0].tolist()
         return {
             "run": self._node.identity.run,
             "name": scenario.name,
@@ -123,9 +121,9 @@ class Survey:
 def _faults_on(target: Surveyed) -> list[dict[str, Any]]:
     if target.step is None:
         return []
-    now = target.step * target.scenario.dt
+    now = target.step * target.plan.scenario.dt
     return [
         {"fault": place, **fault.model_dump(mode="json", by_alias=True, exclude_defaults=True), "kind": fault.kind}
-        for place, fault in enumerate(target.scenario.fault)
+        for place, fault in enumerate(target.plan.scenario.fault)
         if fault.active(now)
     ]

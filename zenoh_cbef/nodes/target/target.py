@@ -21,15 +21,13 @@ from zenoh_cbef.nodes.target.lookout import Lookout
 from zenoh_cbef.nodes.target.progress import Progress
 from zenoh_cbef.nodes.target.survey import Survey
 from zenoh_cbef.outside.registry import registered
-from zenoh_cbef.protocol.claims import Claims, serve_claims
 from zenoh_cbef.protocol.control import serve_control
 from zenoh_cbef.protocol.messages import END, START, nan_to_nil
 from zenoh_cbef.protocol.scenario_service import ScenarioText, serve_scenario
 from zenoh_cbef.protocol.slow import SLOW
 from zenoh_cbef.scenario import Scenario
-from zenoh_cbef.scenario.build import absences_of, slot_of
 from zenoh_cbef.scenario.load import Loaded, to_toml
-from zenoh_cbef.scenario.start import first_fix_steps
+from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.scenario.world import World, make_world
 
 _LAST_WORD_SECONDS = 5.0
@@ -47,7 +45,7 @@ class Target:
     """
 
     node: Node
-    scenario: Scenario
+    plan: Plan
     world: World
     recorded: bool = False
     wait_for: int | None = None
@@ -55,7 +53,7 @@ class Target:
 
     def __post_init__(self) -> None:
         agents = range(self.scenario.count)
-        realtime = self.scenario.timing.mode == "realtime"
+        realtime = self.plan.realtime
         self._truth = self.node.outbox(self.node.keys.truth, may_drop=realtime)
         self._beacons = [self.node.outbox(self.node.keys.beacon(agent), may_drop=realtime) for agent in agents]
         self._signals = [self.node.outbox(self.node.keys.signal(agent)) for agent in agents]
@@ -67,8 +65,7 @@ class Target:
         self.progress = Progress(self.node, self.scenario.count, self._patience, grace, begun=begun)
         self.survey = Survey(self.node)
         self.lookout = Lookout(self.node)
-        self.absences = absences_of(self.scenario)
-        self._first_fix = first_fix_steps(self.scenario)
+        self._first_fix = self.plan.first_fix_steps
         self.start = 0.0
         self._alone_at = 0.0
         self._faults_out = self.node.outbox(self.node.keys.faults)
@@ -79,12 +76,21 @@ class Target:
         self.step: int | None = None
 
     @property
+    def scenario(self) -> Scenario:
+        """What the run is, with the faults that were injected since."""
+        return self.plan.scenario
+
+    @property
     def _patience(self) -> float:
         return _LONGER * self.scenario.timing.patience
 
     def members(self) -> list[int]:
         """Who takes part in the run, and is here."""
         return self.progress.members()
+
+    def present(self) -> list[int]:
+        """Which agents are here, whether they take part or not."""
+        return [agent for agent in range(self.scenario.count) if f"agent/{agent}" in self.node.presence]
 
     def wait_for_everybody(self, patience: float) -> None:
         """Wait until every agent is ready, and a recorder where one is required. Raises UserError otherwise."""
@@ -108,7 +114,7 @@ class Target:
 
     def run(self) -> int:
         """Emit all beacons; returns the last step emitted."""
-        realtime = self.scenario.timing.mode == "realtime"
+        realtime = self.plan.realtime
         self.start = time.time() + (self.scenario.timing.start_delay if realtime else 0.0)
         epoch = self.start - time.time() + time.monotonic()
         self.node.event("started", f"run {self.node.identity.run} started", at=self.start)
@@ -116,7 +122,7 @@ class Target:
         ready = {agent for agent in range(self.scenario.count) if f"ready/{agent}" in self.node.presence}
         self.progress.begin(ready)
         if realtime:
-            self.injection = Injection(self.scenario, self.start)
+            self.injection = Injection(self.plan, self.start)
         self.step = 0
         for agent in sorted(ready):
             self._signal_start(agent, 0)
@@ -133,18 +139,18 @@ class Target:
             self._inject()
             self._announce_faults(step)
             self._admit(step)
-            self.lookout.look(self.scenario, self._taking_part(step), step)
+            self.lookout.look(self.plan, self._taking_part(step), step)
             self._emit(step)
             if self._pace is not None:
-                self._pace.arrive(time.monotonic(), epoch + step * self.scenario.dt + slot_of(self.scenario))
-            self.progress.excuse(self.absences.at(step), step)
+                self._pace.arrive(time.monotonic(), epoch + step * self.scenario.dt + self.plan.slot)
+            self.progress.excuse(self.plan.absences.at(step), step)
             self.step = step
         self._end(self.step)
         return self.step
 
     def _taking_part(self, step: int) -> list[int]:
         """Who is here in a step, and does something."""
-        idle = {*self.progress.silent(), *self.absences.at(step).nonzero()[0].tolist()}
+        idle = {*self.progress.silent(), *self.plan.absences.at(step).nonzero()[0].tolist()}
         return [agent for agent in self.members() if agent not in idle]
 
     def _inject(self) -> None:
@@ -153,8 +159,7 @@ class Target:
         if self.injection is None or news is None:
             return
         self._faults_out.send(tables=news)
-        former, self.scenario = self.scenario, self.injection.scenario
-        self.absences = absences_of(self.scenario)
+        former, self.plan = self.scenario, self.injection.plan
         touched = [one for one in {*former.fault, *self.scenario.fault} if isinstance(one, SensorFault | Absence)]
         if touched and not self.recorded:
             self.world = make_world(self.scenario)
@@ -174,12 +179,12 @@ class Target:
         self._signals[agent].send(k=step, signal=START, at=self.start)
 
     def _someone_returns(self, step: int) -> bool:
-        gone = self.absences.at(step - 1).nonzero()[0].tolist()
-        return any(self.absences.return_of(agent, step) is not None for agent in gone)
+        gone = self.plan.absences.at(step - 1).nonzero()[0].tolist()
+        return any(self.plan.absences.return_of(agent, step) is not None for agent in gone)
 
     def _await_return(self, step: int) -> bool:
         """In lockstep, wait for those who the scenario says are started again for this step."""
-        back = self.absences.reborn(step).nonzero()[0].tolist()
+        back = self.plan.absences.reborn(step).nonzero()[0].tolist()
         until = time.monotonic() + self._patience
 
         def lacking() -> list[int]:
@@ -203,8 +208,8 @@ class Target:
         if step <= self._first_fix + 1:
             return
         for agent in self.progress.newcomers():
-            if not self.absences.at(step)[agent]:
-                planned = bool(self.absences.ended(step)[agent])
+            if not self.plan.absences.at(step)[agent]:
+                planned = bool(self.plan.absences.ended(step)[agent])
                 self.progress.admit(agent, step)
                 self.node.event(
                     "joined", f"agent {agent} joined at step {step}", agent=agent, step=step, planned=planned
@@ -268,7 +273,7 @@ def run_target(
         node.refuse_twin()
         emulated = make_world(loaded.scenario) if world is None else world
         how = {"recorded": world is not None, "receivers": receivers}
-        target = Target(node, loaded.scenario, emulated, **how, wait_for=wait_for)
+        target = Target(node, loaded.plan, emulated, **how, wait_for=wait_for)
         resolved = to_toml(loaded.scenario)
 
         def text() -> ScenarioText:
@@ -276,10 +281,9 @@ def run_target(
             # Where not all are waited for, everybody comes as if the run were under way.
             step = target.step if target.step is not None or wait_for is None else 0
             members = () if target.step is None else tuple(target.members())
-            return ScenarioText(loaded.source, resolved, __version__, step, members, injected)
+            return ScenarioText(loaded.source, resolved, __version__, step, members, injected, tuple(target.present()))
 
         service = serve_scenario(node.session, identity.run, text)
-        claims = serve_claims(node.session, node.keys.claims, Claims(node.presence))
         control = serve_control(node.session, node.keys.control, lambda request: answer(target, request))
         node.presence.enter(f"target/{identity.name}")
         reached = [*identity.connection.listen, *identity.connection.connect]
@@ -288,6 +292,5 @@ def run_target(
             last = 0 if node.stopping else target.run()
         control.undeclare()
         service.undeclare()
-        claims.undeclare()
         node.presence.leave(f"target/{identity.name}")
     return last

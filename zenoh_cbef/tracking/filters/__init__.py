@@ -10,7 +10,7 @@ from zenoh_cbef.tracking.filters.around.distrusting import Distrusting
 from zenoh_cbef.tracking.filters.around.first_fix import FirstFix
 from zenoh_cbef.tracking.filters.around.learned_noise import LearnedNoise
 from zenoh_cbef.tracking.filters.around.recovering import Recovering
-from zenoh_cbef.tracking.filters.base import Abilities, Belief, Filter, Kind, Update
+from zenoh_cbef.tracking.filters.base import Abilities, Belief, Filter, Kind, Sharing, Update
 from zenoh_cbef.tracking.filters.kinds.cbef import Cbef
 from zenoh_cbef.tracking.filters.kinds.cbef_scaled import ScaledCbef
 from zenoh_cbef.tracking.filters.kinds.ci import CovarianceIntersection
@@ -28,10 +28,12 @@ __all__ = [
     "Belief",
     "Filter",
     "FilterSettings",
+    "Sharing",
     "Update",
     "abilities_of",
     "level_of",
     "make_filter",
+    "sharing_of",
 ]
 
 KINDS: dict[str, type[Kind]] = {
@@ -57,6 +59,15 @@ def level_of(kind: str, xi: float) -> float:
     return xi if abilities_of(kind).saturates else np.inf
 
 
+def sharing_of(kind: str, settings: FilterSettings) -> Sharing:
+    """What agents with the filter of one kind exchange, with what the settings put around it."""
+    shared = KINDS[kind].sharing(settings)
+    if settings.bias != "none":
+        biased = BiasedInformation.sharing(settings)
+        shared = biased if settings.bias == "estimate" else shared.longer(biased.payload_size + AutoBias.more)
+    return shared.longer(settings.recovers * Recovering.more + settings.distrusts * Distrusting.more)
+
+
 def make_filter(kind: str, settings: FilterSettings) -> Filter:
     """The filter of one kind, with what the settings put around it."""
     chosen: Filter = KINDS[kind].of(settings)
@@ -70,5 +81,5 @@ def make_filter(kind: str, settings: FilterSettings) -> Filter:
     if settings.distrusts:
         chosen = Distrusting(chosen, settings.range_std)
     if settings.first_fix:
-        chosen = FirstFix.of(settings, chosen, xi)
+        chosen = FirstFix.of(settings, chosen, xi, sharing_of(kind, settings).payload_size)
     return LearnedNoise(chosen, settings.range_std) if settings.learns_noise else chosen

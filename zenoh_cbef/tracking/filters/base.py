@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar, Protocol, Self
 
 import numpy as np
@@ -82,20 +82,25 @@ class Abilities:
     noise: bool = False
 
 
+@dataclass(frozen=True)
+class Sharing:
+    """What the agents of a filter exchange. Its class tells it, so it is known before any filter is made.
+
+    payload_size: length d of the payload vector. cooperates: whether payloads are exchanged with neighbours at all.
+    uses_neighbour_ranges: whether agents need their neighbours' positions and ranges before the update.
+    """
+
+    payload_size: int
+    cooperates: bool = True
+    uses_neighbour_ranges: bool = False
+
+    def longer(self, numbers: int) -> Sharing:
+        """The same with more numbers at the end of a payload."""
+        return replace(self, payload_size=self.payload_size + numbers)
+
+
 class Filter(Protocol):
     """One estimation filter for a batch of agents. The consensus stage knows nothing of it."""
-
-    @property
-    def payload_size(self) -> int:
-        """Length d of the payload vector."""
-
-    @property
-    def uses_neighbour_ranges(self) -> bool:
-        """Whether agents need their neighbours' positions and ranges before the update."""
-
-    @property
-    def cooperates(self) -> bool:
-        """Whether payloads are exchanged with neighbours at all."""
 
     def update(self, belief: Belief, measurement: Measurement) -> Update:
         """Predict one step and take in the measurement."""
@@ -108,6 +113,10 @@ class Kind(Filter, Protocol):
     """A filter that `filter.kind` names."""
 
     abilities: ClassVar[Abilities]
+
+    @classmethod
+    def sharing(cls, settings: FilterSettings) -> Sharing:
+        """What agents with the filter of these settings exchange."""
 
     @classmethod
     def of(cls, settings: FilterSettings) -> Self:

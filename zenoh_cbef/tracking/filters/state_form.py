@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from zenoh_cbef.tracking.filters.base import Sharing
+from zenoh_cbef.tracking.filters.settings import FilterSettings
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
 from zenoh_cbef.tracking.ranging import Space
 
@@ -15,10 +17,7 @@ class StateExchange:
     motion: NearlyConstantVelocity
     space: Space
 
-    uses_neighbour_ranges = True
-    cooperates = True
-
-    @property
-    def payload_size(self) -> int:
-        """A state."""
-        return self.motion.size
+    @classmethod
+    def sharing(cls, settings: FilterSettings) -> Sharing:
+        """A state, after positions and ranges."""
+        return Sharing(settings.motion.size, uses_neighbour_ranges=True)

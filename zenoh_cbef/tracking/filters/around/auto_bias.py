@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -43,17 +44,8 @@ class AutoBias:
     plain: Filter
     biased: BiasedInformation
 
-    uses_neighbour_ranges = False
-
-    @property
-    def cooperates(self) -> bool:
-        """An agent alone has nobody to average with."""
-        return self.plain.cooperates
-
-    @property
-    def payload_size(self) -> int:
-        """Both filters' payloads, two NIS and how many ranges there were."""
-        return self.plain.payload_size + self.biased.payload_size + 3
+    more: ClassVar[int] = 3
+    """Two NIS and how many ranges there were, after both filters' payloads."""
 
     def update(self, belief: Belief, measurement: Measurement) -> Update:
         """Both filters' updates; what is reported of the innovation is of the one that is believed more."""
@@ -72,7 +64,7 @@ class AutoBias:
 
     def conclude(self, payload: Floats, update: Update) -> Belief:
         """The mixture of both beliefs."""
-        split = self.plain.payload_size
+        split = update.parts[0].payload.shape[1]
         plain = self.plain.conclude(np.ascontiguousarray(payload[:, :split]), update.parts[0])
         biased = self.biased.conclude(np.ascontiguousarray(payload[:, split:-3]), update.parts[1])
         # Averages times n are the network's sums. Accelerated averaging may leave a count a little below zero.

@@ -8,7 +8,7 @@ from typing import Self
 
 import numpy as np
 
-from zenoh_cbef.tracking.filters.base import Belief, Bias, Floats, Update
+from zenoh_cbef.tracking.filters.base import Belief, Bias, Floats, Sharing, Update
 from zenoh_cbef.tracking.filters.information_form import (
     belief_of,
     pack,
@@ -62,31 +62,24 @@ class BiasedInformation:
     xi: float = np.inf
     power: int = 1
 
-    uses_neighbour_ranges = False
+    @classmethod
+    def sharing(cls, settings: FilterSettings) -> Sharing:
+        """Information vector and the upper triangle of the information matrix of (p, v, c)."""
+        return Sharing(packed_size(settings.motion.size + 1), cooperates=settings.network_size > 1)
 
     @classmethod
     def of(cls, settings: FilterSettings, xi: float) -> Self:
         """The filter of these settings. xi: saturation level in standard deviations."""
         return cls(
-            settings.motion,
-            settings.space,
-            settings.range_std,
-            settings.network_size,
-            settings.common_bias_std,
-            settings.own_bias_std,
-            xi,
-            settings.power,
+            motion=settings.motion,
+            space=settings.space,
+            range_std=settings.range_std,
+            network_size=settings.network_size,
+            common_std=settings.common_bias_std,
+            own_std=settings.own_bias_std,
+            xi=xi,
+            power=settings.power,
         )
-
-    @property
-    def cooperates(self) -> bool:
-        """An agent alone has nobody to average with."""
-        return self.network_size > 1
-
-    @property
-    def payload_size(self) -> int:
-        """Information vector and the upper triangle of the information matrix of (p, v, c)."""
-        return packed_size(self.motion.size + 1)
 
     @cached_property
     def _transition(self) -> Floats:
@@ -135,7 +128,7 @@ class BiasedInformation:
         offset, slope, given, *prior = update.kept
         averaged = belief_of(payload, update.payload, self.motion.size + 1)
         averaged = Belief(averaged.state, averaged.known_covariance / self.network_size)
-        if self.cooperates:
+        if self.network_size > 1:
             averaged = unless_alone(averaged, payload, replace(update, kept=tuple(prior)))
         state, covariance = averaged.state, averaged.known_covariance
         cross = matvec(covariance, slope)

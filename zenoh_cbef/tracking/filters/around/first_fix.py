@@ -43,8 +43,8 @@ class FirstFix(Wrapping):
     of the variance is what the target may have done since, the third keeps a bias of variance beta^2 from averaging
     out over the m ranges that an agent has. After the last of these steps `filter` starts from the fix.
 
-    range_std: sigma (m). bias_std: beta (m). network_size: n. steps: how many it takes, half of
-    them on squared ranges. xi: saturation level in standard deviations.
+    range_std: sigma (m). bias_std: beta (m). network_size: n. steps: how many it takes, half of them on squared
+    ranges. payload_size: the filter's, to which messages are filled up. xi: saturation level in standard deviations.
     """
 
     motion: NearlyConstantVelocity
@@ -53,21 +53,23 @@ class FirstFix(Wrapping):
     bias_std: float
     network_size: int
     steps: int
+    payload_size: int
     xi: float = np.inf
 
     @classmethod
-    def of(cls, settings: FilterSettings, then: Filter, xi: float) -> Self:
-        """The first fix before a filter. xi: saturation level in standard deviations."""
+    def of(cls, settings: FilterSettings, then: Filter, xi: float, payload_size: int) -> Self:
+        """The first fix before a filter. xi: saturation level in standard deviations. payload_size: the filter's."""
         bias_std = 0.0 if settings.bias == "none" else np.hypot(settings.common_bias_std, settings.own_bias_std)
         return cls(
             then,
-            settings.motion,
-            settings.space,
-            settings.range_std,
-            float(bias_std),
-            settings.network_size,
-            settings.first_fix,
-            xi,
+            motion=settings.motion,
+            space=settings.space,
+            range_std=settings.range_std,
+            bias_std=float(bias_std),
+            network_size=settings.network_size,
+            steps=settings.first_fix,
+            payload_size=payload_size,
+            xi=xi,
         )
 
     @property

@@ -20,21 +20,6 @@ class Wrapping:
 
     more: ClassVar[int] = 0
 
-    @property
-    def uses_neighbour_ranges(self) -> bool:
-        """As the filter."""
-        return self.filter.uses_neighbour_ranges
-
-    @property
-    def cooperates(self) -> bool:
-        """As the filter."""
-        return self.filter.cooperates
-
-    @property
-    def payload_size(self) -> int:
-        """The filter's, and what is sent besides."""
-        return self.filter.payload_size + self.more
-
     def resumed(self, belief: Belief) -> Belief:
         """A belief that did not begin here, as this filter carries it from step to step."""
         return Belief(belief.state, belief.covariance, parts=(resumed(self.filter, belief),))

@@ -7,7 +7,7 @@ from typing import ClassVar, Self
 
 import numpy as np
 
-from zenoh_cbef.tracking.filters.base import Abilities, Belief, Floats, Update
+from zenoh_cbef.tracking.filters.base import Abilities, Belief, Floats, Sharing, Update
 from zenoh_cbef.tracking.filters.information_form import (
     belief_of,
     differenced_information,
@@ -37,30 +37,22 @@ class CovarianceIntersection:
     For the same reason it is the one that may take in the paper's differenced rows, whose noise the agents share.
 
     range_std: sigma (m). xi: saturation level in standard deviations, infinite to turn it off. power: of the
-    saturation, see `sicf`. differenced: whether u and U are of the differenced rows. cooperates: False leaves every
-    agent with its own posterior, as `local` does.
+    saturation, see `sicf`. differenced: whether u and U are of the differenced rows.
     """
 
     motion: NearlyConstantVelocity
     space: Space
     range_std: float
     xi: float = np.inf
-
     differenced: bool = False
-    cooperates: bool = True
     power: int = 1
 
     abilities: ClassVar = Abilities(information=True, saturates=True, differences=True, noise=True)
 
-    @property
-    def uses_neighbour_ranges(self) -> bool:
-        """Only differences need them."""
-        return self.differenced
-
-    @property
-    def payload_size(self) -> int:
-        """Information vector and the upper triangle of the information matrix."""
-        return packed_size(self.motion.size)
+    @classmethod
+    def sharing(cls, settings: FilterSettings) -> Sharing:
+        """Information vector and the upper triangle of the information matrix; only differences need more."""
+        return Sharing(packed_size(settings.motion.size), uses_neighbour_ranges=settings.differenced)
 
     @classmethod
     def of(cls, settings: FilterSettings) -> Self:

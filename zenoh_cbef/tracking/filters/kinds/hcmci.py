@@ -7,7 +7,7 @@ from typing import ClassVar, Self
 
 import numpy as np
 
-from zenoh_cbef.tracking.filters.base import Abilities, Belief, Floats, Update
+from zenoh_cbef.tracking.filters.base import Abilities, Belief, Floats, Sharing, Update
 from zenoh_cbef.tracking.filters.information_form import (
     belief_of,
     own_information,
@@ -49,13 +49,10 @@ class HybridConsensus:
 
     abilities: ClassVar = Abilities(information=True, saturates=True, noise=True)
 
-    uses_neighbour_ranges = False
-    cooperates = True
-
-    @property
-    def payload_size(self) -> int:
+    @classmethod
+    def sharing(cls, settings: FilterSettings) -> Sharing:
         """Prior and new information, each a vector and the upper triangle of a matrix."""
-        return 2 * packed_size(self.motion.size)
+        return Sharing(2 * packed_size(settings.motion.size))
 
     @classmethod
     def of(cls, settings: FilterSettings) -> Self:

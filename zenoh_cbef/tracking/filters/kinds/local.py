@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import ClassVar, Self
+from typing import ClassVar
 
+from zenoh_cbef.tracking.filters.base import Sharing
 from zenoh_cbef.tracking.filters.kinds.ci import CovarianceIntersection
 from zenoh_cbef.tracking.filters.settings import FilterSettings
 
@@ -16,6 +17,6 @@ class Local(CovarianceIntersection):
     abilities: ClassVar = replace(CovarianceIntersection.abilities, information=False)
 
     @classmethod
-    def of(cls, settings: FilterSettings) -> Self:
-        """The filter of these settings."""
-        return replace(super().of(settings), cooperates=False)
+    def sharing(cls, settings: FilterSettings) -> Sharing:
+        """No payload is exchanged: every agent keeps its own posterior."""
+        return replace(super().sharing(settings), cooperates=False)

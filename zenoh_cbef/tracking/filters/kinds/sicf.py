@@ -7,7 +7,7 @@ from typing import ClassVar, Self
 
 import numpy as np
 
-from zenoh_cbef.tracking.filters.base import Abilities, Belief, Floats, Update
+from zenoh_cbef.tracking.filters.base import Abilities, Belief, Floats, Sharing, Update
 from zenoh_cbef.tracking.filters.information_form import (
     belief_of,
     own_information,
@@ -51,17 +51,10 @@ class SaturatedInformation:
 
     abilities: ClassVar = Abilities(information=True, saturates=True, biases=True, noise=True)
 
-    uses_neighbour_ranges = False
-
-    @property
-    def cooperates(self) -> bool:
-        """An agent alone has nobody to average with."""
-        return self.network_size > 1
-
-    @property
-    def payload_size(self) -> int:
-        """Information vector and the upper triangle of the information matrix."""
-        return packed_size(self.motion.size)
+    @classmethod
+    def sharing(cls, settings: FilterSettings) -> Sharing:
+        """Information vector and the upper triangle of the information matrix; an agent alone exchanges nothing."""
+        return Sharing(packed_size(settings.motion.size), cooperates=settings.network_size > 1)
 
     @classmethod
     def of(cls, settings: FilterSettings) -> Self:
@@ -89,4 +82,4 @@ class SaturatedInformation:
         """State and covariance from the averaged information, of which the network has n times as much."""
         averaged = belief_of(payload, update.payload, self.motion.size)
         belief = Belief(averaged.state, averaged.known_covariance / self.network_size)
-        return unless_alone(belief, payload, update) if self.cooperates else belief
+        return unless_alone(belief, payload, update) if self.network_size > 1 else belief

@@ -1,0 +1,290 @@
+"""The plan of a run: everything that follows from its scenario alone, made once and handed down."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zenoh_cbef.faults import Absences, MessageFault, SenderFault, SensorFault
+from zenoh_cbef.scenario import network, start
+from zenoh_cbef.scenario.model import Scenario
+from zenoh_cbef.scenario.plausible import Plausible, plausible_ranges
+from zenoh_cbef.tracking import graph
+from zenoh_cbef.tracking.filters import (
+    Abilities,
+    Belief,
+    Filter,
+    FilterSettings,
+    Sharing,
+    abilities_of,
+    make_filter,
+    sharing_of,
+)
+from zenoh_cbef.tracking.motion import NearlyConstantVelocity
+from zenoh_cbef.tracking.payloads import InformationPayloads, StatePayloads
+from zenoh_cbef.tracking.ranging import Space
+from zenoh_cbef.tracking.weights import spectrum_bounds, weight_matrix
+
+Floats = NDArray[np.float64]
+
+_RECORDED_ACCELERATION = 1.0
+"""What is assumed of a real target of which nothing is said, m/s^2: a person walking, a trolley, a slow vehicle."""
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """What a scenario means. Every part is made when it is first asked for, and kept.
+
+    The parts are in the order in which they build upon each other: what the filter is told, what it exchanges, who
+    talks to whom, where everything begins.
+    """
+
+    scenario: Scenario
+
+    @property
+    def realtime(self) -> bool:
+        """Whether rounds have deadlines."""
+        return self.scenario.timing.mode == "realtime"
+
+    @property
+    def recorded(self) -> bool:
+        """Whether the target is a recorded one."""
+        return self.scenario.target.motion == "dataset"
+
+    @property
+    def abilities(self) -> Abilities:
+        """What the scenario's kind of filter can do."""
+        return abilities_of(self.scenario.filter.kind)
+
+    @cached_property
+    def space(self) -> Space:
+        """Three axes, or the plane at filter.planar_height."""
+        return Space(self.scenario.filter.planar_height)
+
+    @cached_property
+    def motion(self) -> NearlyConstantVelocity:
+        """The filter's model of the target's motion."""
+        scenario, chosen = self.scenario, self.scenario.filter
+        assumed = chosen.acceleration_std
+        if assumed is None:
+            assumed = _RECORDED_ACCELERATION if self.recorded else scenario.target.acceleration_std
+        if chosen.acceleration_interval is not None:
+            # The same power of the noise in a second, however long a step is.
+            assumed *= float(np.sqrt(chosen.acceleration_interval / scenario.dt))
+        return NearlyConstantVelocity(scenario.dt, assumed, self.space.axes)
+
+    @cached_property
+    def range_std(self) -> float:
+        """The range noise that the filter assumes, m; where it is learned, what it begins with."""
+        assumed = self.scenario.filter.range_std
+        return self.scenario.sensor.range_std if assumed is None or assumed == "auto" else assumed
+
+    @cached_property
+    def distrusts_others(self) -> bool:
+        """Whether neighbours may send wrong values: what is then compared and trimmed is one filter's information."""
+        return self.scenario.consensus.trim > 0 or self._has(SenderFault)
+
+    @cached_property
+    def distrusts_own(self) -> bool:
+        """Whether agents distrust their own receivers while implausible; auto: where receivers have faults."""
+        chosen = self.scenario.filter
+        if chosen.distrust != "auto":
+            return chosen.distrust
+        comparable = self.abilities.information and chosen.measurement == "range" and not self.distrusts_others
+        return comparable and self._has(SensorFault)
+
+    @cached_property
+    def bias(self) -> str:
+        """What the filter does about biases: none, estimate, or auto where it can weigh them.
+
+        As with the noise, a filter that is told nothing knows of emulated receivers what the scenario says: those that
+        have no bias need no states for it, and cost half the arithmetic and half the bytes.
+        """
+        chosen = self.scenario.filter
+        if not self.abilities.biases:
+            return "none"
+        if chosen.bias == "auto" and (chosen.recovery or self.distrusts_others or not self._may_be_biased):
+            return "none"
+        return chosen.bias
+
+    @property
+    def _may_be_biased(self) -> bool:
+        sensor = self.scenario.sensor
+        biased = bool(np.any(np.array(sensor.bias))) or sensor.bias_std > 0.0
+        return biased or self._has(SensorFault) or self.recorded
+
+    @cached_property
+    def power(self) -> int:
+        """The power of the saturation: 1 bounds the pull of an outlier, 2 lets it fall (redescending).
+
+        Real ranges have outliers. But where biases are left alone or the noise is still learned, good ones may look
+        alike.
+        """
+        chosen = self.scenario.filter.saturation
+        if chosen == "auto":
+            known = self.bias != "none" and self.scenario.filter.range_std != "auto"
+            outliers = self.scenario.sensor.outlier_probability > 0.0
+            chosen = "redescending" if (self.recorded and known) or outliers else "bounded"
+        return 2 if chosen == "redescending" else 1
+
+    @cached_property
+    def settings(self) -> FilterSettings:
+        """What the scenario's filter is told."""
+        scenario, chosen, range_std = self.scenario, self.scenario.filter, self.range_std
+        common, own = chosen.bias_common_std, chosen.bias_own_std
+        return FilterSettings(
+            motion=self.motion,
+            space=self.space,
+            range_std=range_std,
+            xi=chosen.xi,
+            # Without rounds each agent is a network of one.
+            network_size=scenario.count if scenario.consensus.rounds else 1,
+            omega=chosen.omega,
+            differenced=chosen.measurement == "difference",
+            power=self.power,
+            recovers=chosen.recovery,
+            distrusts=self.distrusts_own,
+            bias=self.bias,
+            common_bias_std=1.5 * range_std if common is None else common,
+            own_bias_std=0.15 * range_std if own is None else own,
+            learns_noise=chosen.range_std == "auto",
+            first_fix=self.first_fix_steps,
+        )
+
+    @cached_property
+    def filter(self) -> Filter:
+        """The scenario's filter."""
+        return make_filter(self.scenario.filter.kind, self.settings)
+
+    @cached_property
+    def sharing(self) -> Sharing:
+        """What the filter's agents exchange; no filter is made for it."""
+        return sharing_of(self.scenario.filter.kind, self.settings)
+
+    @cached_property
+    def payloads(self) -> InformationPayloads | StatePayloads:
+        """How to read the payloads of the scenario's filter."""
+        axes, size, kind = self.space.axes, self.motion.size, self.scenario.filter.kind
+        if not self.abilities.information:
+            return StatePayloads(axes)
+        omega = float(self.scenario.count) if self.scenario.filter.omega is None else self.scenario.filter.omega
+        size += self.bias == "estimate"  # The common part of the bias is one more state.
+        return InformationPayloads(axes, size, (1.0, omega) if kind == "hcmci" else (1.0,))
+
+    @cached_property
+    def rounds(self) -> int:
+        """Consensus rounds per step, L; none for a filter that keeps to itself."""
+        return self.scenario.consensus.rounds if self.sharing.cooperates else 0
+
+    @cached_property
+    def slot(self) -> float:
+        """How long a round lasts in realtime, s: the beacon, and then each round, has to come within one."""
+        given = self.scenario.timing.round_deadline_ms
+        return self.scenario.dt / (self.rounds + 1) if given is None else 1e-3 * given
+
+    @cached_property
+    def scheme(self) -> tuple[str, str]:
+        """The consensus scheme, average or running-sums, and one sentence on why it was chosen."""
+        stage, kind = self.scenario.consensus, self.scenario.filter.kind
+        if stage.scheme != "auto":
+            return stage.scheme, f"consensus.scheme = {stage.scheme!r} was given."
+        reasons = {
+            "Messages of earlier steps are predicted forward, which running sums cannot be.": stage.lag > 0,
+            "Neighbours' values are trimmed, which running sums cannot be.": stage.trim > 0,
+            "No link has a fault, so averaging loses nothing.": not self._has(MessageFault),
+            f"{kind} does not average information, and its exchange is defined by consensus weights.": (
+                not self.abilities.information
+            ),
+            f"Running sums cannot be accelerated, and {stage.acceleration} was asked for.": (
+                stage.acceleration != "none"
+            ),
+        }
+        for reason, holds in reasons.items():
+            if holds:
+                return "average", reason
+        return "running-sums", "Links have faults, and with running sums the next message repairs a lost one."
+
+    @property
+    def sums(self) -> bool:
+        """Whether the consensus scheme is running sums."""
+        return self.scheme[0] == "running-sums"
+
+    @cached_property
+    def message_size(self) -> int:
+        """How many numbers a consensus message holds: the payload's, and one more for running sums."""
+        return self.sharing.payload_size + self.sums
+
+    @cached_property
+    def edges(self) -> graph.Edges:
+        """The undirected communication graph, (m, 2)."""
+        return network.edges(self.scenario)
+
+    @cached_property
+    def neighbours(self) -> graph.Neighbours:
+        """The neighbours of every agent, in ascending order."""
+        return graph.neighbours(self.scenario.count, self.edges)
+
+    @cached_property
+    def weights(self) -> Floats:
+        """Consensus weights of every agent's neighbours, (n, m)."""
+        return network.consensus_weights(self.scenario, self.neighbours)
+
+    @cached_property
+    def bounds(self) -> Floats:
+        """Least and largest eigenvalue of W other than 1, the same for every agent, (n, 2); zeros where unused."""
+        bounds, stage = (0.0, 0.0), self.scenario.consensus
+        if stage.acceleration == "chebyshev":
+            bounds = stage.bounds or spectrum_bounds(weight_matrix(self.neighbours, self.weights))
+        return np.tile(bounds, (self.scenario.count, 1))
+
+    @cached_property
+    def absences(self) -> Absences:
+        """When the scenario's agents are not there."""
+        scenario = self.scenario
+        return Absences(scenario.fault, agents=scenario.count, dt=scenario.dt, steps=scenario.length)
+
+    @cached_property
+    def plausible(self) -> Plausible:
+        """Which ranges its receivers can measure at all."""
+        return plausible_ranges(self.scenario)
+
+    @cached_property
+    def settling_steps(self) -> int:
+        """In how many steps a network knows where its target is: at least 20, and about five ranges of every agent."""
+        interval = self.scenario.filter.acceleration_interval or self.scenario.dt
+        return max(20, int(np.ceil(5.0 * interval / self.scenario.dt)))
+
+    @property
+    def _seeks(self) -> bool:
+        """Whether nothing is known of a recorded target's start, so that the network begins with a first fix."""
+        unknown = self.recorded and self.scenario.filter.initial_position is None
+        return unknown and self.abilities.biases and not self.distrusts_others
+
+    @cached_property
+    def first_fix_steps(self) -> int:
+        """How many steps the first fix takes, one for every iteration; 0 for none."""
+        return self.settling_steps if self._seeks else 0
+
+    @cached_property
+    def initial_states(self) -> Floats:
+        """The agents' estimates before step 1, as configured, (n, 6)."""
+        return start.initial_states(self.scenario)
+
+    @cached_property
+    def initial_covariance(self) -> Floats:
+        """Covariance of the initial estimate along the estimated axes, (s, s). Before a first fix it is wide."""
+        std = start.widened_std(self.scenario) if self._seeks else start.initial_std(self.scenario)
+        return np.asarray(np.diag(std[self.space.kept] ** 2))
+
+    @cached_property
+    def initial_belief(self) -> Belief:
+        """The agents' initial estimates along the estimated axes: states (n, s), covariances (n, s, s)."""
+        covariance = self.initial_covariance
+        states = self.initial_states[:, self.space.kept]
+        return Belief(states, np.broadcast_to(covariance, (self.scenario.count, *covariance.shape)))
+
+    def _has(self, fault: type[MessageFault | SenderFault | SensorFault]) -> bool:
+        return any(isinstance(one, fault) for one in self.scenario.fault)
