@@ -212,8 +212,8 @@ def test_observability_tells_what_agents_on_a_line_cannot_see():
     ],
 )
 def test_what_is_left_out_is_said(overrides, words):
-    assert any(words in sentence for sentence in cannot(tracking(*overrides)))
-    assert cannot(tracking()) == []
+    assert any(words in sentence for sentence in cannot(Plan(tracking(*overrides))))
+    assert cannot(Plan(tracking())) == []
 
 
 def test_a_filter_that_is_not_predicted_still_gets_geometry_and_bytes():
