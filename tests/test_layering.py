@@ -18,7 +18,7 @@ LEVELS = (
     ("nodes", "viewers"),
     ("log",),
     ("simulator", "analysis"),
-    ("trace", "outside"),
+    ("trace", "outside", "pages"),
     ("protocol", "scenario"),
     ("faults",),
     ("datasets", "tracking"),
@@ -34,6 +34,7 @@ OWNERS = {
     "rich": "cli",
     "msgpack": "protocol",
     "cryptography": "protocol",
+    "jinja2": "pages",
 }
 
 

@@ -69,7 +69,7 @@ def test_an_experiment_leaves_its_tables_figures_and_page(monkeypatch, capsys, t
     assert {"msee.average", "centralized.position_rmse", "nees.inside", "links.lost", "bytes_per_step"} <= set(rows[0])
     page = (tmp_path / "out" / "index.html").read_text()
     assert "A small experiment" in page
-    assert "Plotly.newPlot" in page
+    assert "Plotly.react(" in page
     figures = {path.name for path in (tmp_path / "out" / "figures").iterdir()}
     assert {"position-rmse.html", "position-rmse-map.html", "position-error-over-time.html"} <= figures
 

@@ -10,27 +10,31 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from zenoh_cbef.analysis.figures import agent_style, positive
+from zenoh_cbef.analysis.figures import agent_style, points_each
 from zenoh_cbef.analysis.metrics import Analysis
 from zenoh_cbef.analysis.mixing import configured_scheme
+from zenoh_cbef.analysis.plots import series
 from zenoh_cbef.analysis.summary import pick
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.extras import from_extra
+from zenoh_cbef.pages.parts import Figure, Plot, Table, number, plots_of
+from zenoh_cbef.pages.render import render
 from zenoh_cbef.trace import Trace
 
 Floats = NDArray[np.float64]
 
-COLUMNS = (
-    "position_rmse",
-    "velocity_rmse",
-    "ratio_to_centralized",
-    "msee.average",
-    "nees.average",
-    "nis.average",
-    "disagreement",
-    "bytes_per_step",
-    "missed",
-)
+COLUMNS = {
+    "position_rmse": "position RMSE (m)",
+    "velocity_rmse": "velocity RMSE (m/s)",
+    "ratio_to_centralized": "ratio to centralised",
+    "msee.average": "average MSEE",
+    "nees.average": "NEES",
+    "nis.average": "NIS",
+    "disagreement": "disagreement (m)",
+    "bytes_per_step": "bytes per step",
+    "missed": "missed",
+}
+"""The metrics of a row, and what people call them."""
 
 
 def row(analysis: Analysis, name: str) -> dict[str, Any]:
@@ -78,49 +82,62 @@ def differences(traces: Sequence[Trace], names: Sequence[str]) -> list[str]:
     return said
 
 
-def _page(html: str) -> str:
-    """The page as wide as the screen also on a phone."""
-    return html.replace("<head>", '<head><meta name="viewport" content="width=device-width, initial-scale=1">', 1)
-
-
-def write_picture(analyses: Sequence[Analysis], names: Sequence[str], path: Path) -> None:
-    """Write the average MSEE and the position error of all runs over time, as one HTML file that opens offline.
+def write_comparison(analyses: Sequence[Analysis], names: Sequence[str], path: Path) -> None:
+    """Write the runs' rows, and their average MSEE and position error over time, as one HTML file that opens offline.
 
     Raises UserError where plotly is not installed, or the file cannot be written.
     """
-    plotly = from_extra("plotly.io", "the picture")
+    plotly = from_extra("plotly.offline", "the picture")
+    figures = _figures(analyses, names)
+    text = render(
+        "comparison.html",
+        name="Runs compared",
+        warnings=differences([one.trace for one in analyses], names),
+        runs=_table([row(one, name) for one, name in zip(analyses, names, strict=True)]),
+        figures=figures,
+        plots=plots_of(figures),
+        plotly=plotly.get_plotlyjs(),
+    )
     try:
-        path.write_text(
-            _page(plotly.to_html(_figure(analyses, names), include_plotlyjs=True, config={"responsive": True})),
-            encoding="utf-8",
-        )
+        path.write_text(text, encoding="utf-8")
     except OSError as error:
         raise UserError(f"cannot write {path}: {error.strerror}; choose another --output") from None
 
 
-def _figure(analyses: Sequence[Analysis], names: Sequence[str]) -> dict[str, Any]:
-    lines = []
-    for place, (one, name) in enumerate(zip(analyses, names, strict=True)):
-        colour, dash = agent_style(place)
-        present = np.isfinite(one.position_error)
-        squares = np.where(present, one.position_error, 0.0) ** 2
-        error = np.sqrt(squares.sum(axis=0) / np.maximum(present.sum(axis=0), 1))
-        style = {"name": escape(name), "legendgroup": str(place), "line": {"color": colour, "dash": dash, "width": 1.6}}
-        for axes, values in (("", one.msee_average), ("2", error)):
-            shown = [value if np.isfinite(value) else None for value in positive(values).tolist()]
-            line = {"x": one.trace.time.tolist(), "y": shown, "xaxis": f"x{axes}", "yaxis": f"y{axes}"}
-            lines.append({"type": "scatter", "mode": "lines", "showlegend": not axes, **style, **line})
-    layout = {
-        "title": {"text": "Runs compared"},
-        "template": "plotly_white",
-        "height": 820,
-        "hovermode": "x unified",
-        "xaxis": {"anchor": "y", "matches": "x2"},
-        "yaxis": {"domain": [0.55, 1.0], "type": "log", "title": {"text": "average MSEE (m² + m²/s²)"}},
-        "xaxis2": {"anchor": "y2", "title": {"text": "time (s)"}},
-        "yaxis2": {"domain": [0.0, 0.45], "type": "log", "title": {"text": "position error, RMS of agents (m)"}},
-    }
-    return {"data": lines, "layout": layout}
+def _table(rows: Sequence[dict[str, Any]]) -> Table:
+    caption = "The whole window of each run; missed: share of the messages that were lost or late"
+    told = [
+        [one["run"], one["filter"], f"{one['rounds']}, {one['consensus']}", *(number(one[name]) for name in COLUMNS)]
+        for one in rows
+    ]
+    return Table(caption, ["run", "filter", "rounds", *COLUMNS.values()], told)
+
+
+def _figures(analyses: Sequence[Analysis], names: Sequence[str]) -> tuple[Figure, Figure]:
+    caption = "A click on a name in the legend hides or shows its line."
+    average = [one.msee_average for one in analyses]
+    error = [_rms_of_agents(one.position_error) for one in analyses]
+    times = [one.trace.time for one in analyses]
+    unit = "average MSEE (m² + m²/s²)"
+    return (
+        Figure("msee-average", "Average MSEE", caption, _curves(times, average, names, unit)),
+        Figure("position-error", "Position error", caption, _curves(times, error, names, "position error, RMS (m)")),
+    )
+
+
+def _curves(times: Sequence[Floats], values: Sequence[Floats], names: Sequence[str], title: str) -> Plot:
+    lines = [
+        series(time, line, points_each(len(names)), agent_style(place), 1.6) | {"name": escape(name)}
+        for place, (time, line, name) in enumerate(zip(times, values, names, strict=True))
+    ]
+    axes = {"xaxis": {"title": {"text": "time (s)"}}, "yaxis": {"type": "log", "title": {"text": title}}}
+    return {"data": lines, "layout": {**axes, "showlegend": True}}
+
+
+def _rms_of_agents(error: Floats) -> Floats:
+    present = np.isfinite(error)
+    squares = np.where(present, error, 0.0) ** 2
+    return np.asarray(np.sqrt(squares.sum(axis=0) / np.maximum(present.sum(axis=0), 1)))
 
 
 def _both_known(first: Floats, second: Floats) -> tuple[Floats, Floats]:

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from zenoh_cbef.analysis.html_parts import number, table
 from zenoh_cbef.analysis.plots import missed_share
+from zenoh_cbef.pages.parts import Table, number
 from zenoh_cbef.trace import Links
 
 _MOST_ROWS = 200
@@ -30,7 +30,7 @@ def _happened(links: Links) -> list[str]:
     return [name for name in _KINDS if getattr(links, name).any()]
 
 
-def links_table(links: Links, names: Sequence[str]) -> str:
+def links_table(links: Links, names: Sequence[str]) -> Table:
     """One row per directed link. What happened on no link has no column.
 
     Of very many links those that missed most are shown. names: of the agents.
@@ -53,4 +53,4 @@ def links_table(links: Links, names: Sequence[str]) -> str:
         caption += f"; the {_MOST_ROWS} of {len(share)} links that missed most"
     if kinds:
         caption += "; missed: lost, late or damaged"
-    return table(caption, heads, rows)
+    return Table(caption, heads, rows)

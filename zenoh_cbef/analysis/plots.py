@@ -8,7 +8,6 @@ from __future__ import annotations
 import base64
 import html
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,10 +27,10 @@ from zenoh_cbef.analysis.figures import (
     thinned,
 )
 from zenoh_cbef.analysis.metrics import Analysis
+from zenoh_cbef.pages.parts import Plot
 from zenoh_cbef.trace import Links
 
 Floats = NDArray[np.float64]
-Plot = dict[str, Any]
 
 _LARGEST = float(np.finfo(np.float32).max)
 _LOSS_COLOURS = ("#8b96a1", "#b99a58", "#e0a030", "#d97a2c", "#cc4a2c", "#9c1c3c")
@@ -42,9 +41,9 @@ def time_plot(chart: Chart, analysis: Analysis) -> Plot:
     time, names = analysis.trace.time, agent_names(analysis)
     width, points, data = 1.0 if len(names) > 12 else 1.4, points_each(len(names)), []
     for agent, values in enumerate([] if chart.agents is None else chart.agents):
-        data.append(_series(time, values, points, agent_style(agent), width) | _owned(agent, names[agent]))
+        data.append(series(time, values, points, agent_style(agent), width) | _owned(agent, names[agent]))
     for reference in chart.references:
-        line = _series(time, reference.values, points_each(1), ROLES[reference.role], 2.0)
+        line = series(time, reference.values, points_each(1), ROLES[reference.role], 2.0)
         data.append(line | {"name": reference.name, "meta": "muted" if reference.role == "bound" else "ink"})
     end = float(time[-1])
     shapes, notes = _faults(analysis, end)
@@ -118,7 +117,8 @@ def _owned(agent: int, name: str) -> Plot:
     return {"name": html.escape(f"agent {name}"), "legendgroup": f"agent-{agent}", "showlegend": False}
 
 
-def _series(time: Floats, values: Floats, points: int, style: tuple[str, Dash], width: float) -> Plot:
+def series(time: Floats, values: Floats, points: int, style: tuple[str, Dash], width: float) -> Plot:
+    """Draw positive values (K,) over time, thinned to about so many points; style: colour and dash."""
     shown = positive(values)
     kept = thinned(shown, points)
     return {

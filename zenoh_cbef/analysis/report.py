@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
-from html import escape
-from importlib.resources import files
 from pathlib import Path
-from string import Template
 from typing import Any
 
 import tomli_w
@@ -15,14 +11,16 @@ import tomli_w
 from zenoh_cbef.analysis.coverage import spelt, why_no_nees, why_no_nis
 from zenoh_cbef.analysis.error_charts import error_charts
 from zenoh_cbef.analysis.figures import Chart, agent_names, agent_style, paper_charts
-from zenoh_cbef.analysis.html_parts import NOTHING, counted, definitions, number, ratio, table
 from zenoh_cbef.analysis.links_table import is_wide, links_table
 from zenoh_cbef.analysis.metrics import Analysis
 from zenoh_cbef.analysis.metrics import notes as noted
-from zenoh_cbef.analysis.plots import Plot, network_plot, space_plot, time_plot, top_plot
+from zenoh_cbef.analysis.plots import network_plot, space_plot, time_plot, top_plot
 from zenoh_cbef.extras import from_extra
 from zenoh_cbef.numbers import written
+from zenoh_cbef.pages.parts import NOTHING, Figure, Table, number, plots_of
+from zenoh_cbef.pages.render import render
 from zenoh_cbef.trace import began
+from zenoh_cbef.words import counted
 
 _MOST_ROWS = 200
 _ENVELOPE = ("v", "run", "seq", "sent", "from", "kind", "text", "data")
@@ -33,85 +31,61 @@ def write_report(analysis: Analysis, path: Path) -> None:
     """Write a run's report, with plotly.js inside. Raises MissingExtra where plotly is not installed."""
     plotly = from_extra("plotly.offline", "the report")
     trace = analysis.trace
-    plots: dict[str, Plot] = {}
-    scenario = trace.scenario.model_dump(mode="json", by_alias=True, exclude_none=True)
-    sections = _sections(analysis, plots)
-    page = Template(files(__package__).joinpath("report.html").read_text(encoding="utf-8"))
-    text = page.substitute(
-        name=escape(trace.name),
+    paper = [_timed(chart, analysis) for chart in paper_charts(analysis)]
+    position, *honest = (_timed(chart, analysis) for chart in error_charts(analysis))
+    maps, network = _maps(analysis), _network(analysis)
+    text = render(
+        "report.html",
+        name=trace.name,
         lead=_lead(analysis),
-        banner=_banner(analysis),
+        incomplete="" if trace.complete else f"{analysis.metrics['steps']} of {trace.scenario.length} steps",
+        notes=[f"{said[0].upper()}{said[1:]}." for said in noted(analysis.metrics)],
         facts=_facts(analysis),
-        summary=_summary(analysis),
+        errors=_errors(analysis),
+        honesty=_honesty(analysis),
+        traffic=_traffic(analysis),
+        each_agent=_each_agent(analysis),
         agents=_agents(analysis),
-        sections=sections,
-        scenario=escape(tomli_w.dumps(scenario)),
-        # A "<" could end the script element that carries the data.
-        plots=json.dumps(plots, separators=(",", ":")).replace("<", "\\u003c"),
+        paper=paper,
+        position=position,
+        maps=maps,
+        honest=honest,
+        network=network,
+        links=links_table(trace.links, agent_names(analysis)) if network.plot else None,
+        links_are_wide=is_wide(trace.links),
+        events=_events(analysis),
+        scenario=tomli_w.dumps(trace.scenario.model_dump(mode="json", by_alias=True, exclude_none=True)),
+        plots=plots_of([*paper, position, *maps, *honest, network]),
         plotly=plotly.get_plotlyjs(),
     )
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(text, encoding="utf-8")
 
 
-def _sections(analysis: Analysis, plots: dict[str, Plot]) -> str:
-    """Write the page below the summary; the plots it has places for are put into `plots`."""
-    innovation, msee, average = paper_charts(analysis)
-    position, nees, nis, disagreement = error_charts(analysis)
-
-    def timed(chart: Chart) -> str:
-        if chart.empty:
-            return f'<h3>{chart.title}</h3><p class="note">{chart.caption} This run has none.</p>'
-        return _figure(plots, chart.name, chart.title, chart.caption, time_plot(chart, analysis))
-
-    return "\n".join(
-        [
-            "<h2>The paper's figures</h2>",
-            *map(timed, (innovation, msee, average)),
-            "<h2>Tracking</h2>",
-            timed(position),
-            _maps(analysis, plots),
-            "<h2>Honesty and agreement</h2>",
-            timed(nees),
-            timed(nis),
-            timed(disagreement),
-            "<h2>Network</h2>",
-            _network(analysis, plots),
-            _events(analysis),
-        ]
-    )
+def _timed(chart: Chart, analysis: Analysis) -> Figure:
+    plot = None if chart.empty else time_plot(chart, analysis)
+    return Figure(chart.name, chart.title, chart.caption, plot)
 
 
-def _figure(plots: dict[str, Plot], name: str, title: str, caption: str, plot: Plot) -> str:
-    plots[name] = plot
-    place = f'<div class="plot" id="plot-{name}"></div>'
-    return f"<figure><h3>{title}</h3><figcaption>{caption}</figcaption>{place}</figure>"
-
-
-def _maps(analysis: Analysis, plots: dict[str, Plot]) -> str:
+def _maps(analysis: Analysis) -> list[Figure]:
     caption = "Diamonds: agents, where they ended; dotted: their way. Estimates in the agents' colours."
-    above = _figure(plots, "top", "Seen from above", caption, top_plot(analysis))
+    above = Figure("top", "Seen from above", caption, top_plot(analysis))
     if analysis.trace.scenario.filter.planar_height is not None:
-        return above
+        return [above]
     caption = "Drag to turn, scroll to zoom. Estimates far from everything else are cut off."
-    space = _figure(plots, "space", "Trajectory", caption, space_plot(analysis))
-    return f'<div class="pair">{space}{above}</div>'
+    return [Figure("space", "Trajectory", caption, space_plot(analysis)), above]
 
 
-def _network(analysis: Analysis, plots: dict[str, Plot]) -> str:
-    links, names = analysis.trace.links, agent_names(analysis)
-    if not len(links.source):
-        return '<p class="note">The agents had no links.</p>'
-    told = "Wider and redder: more messages lost or late. Point at an arrow for its counts."
-    drawing = _figure(plots, "network", "Links", told, network_plot(analysis))
-    listed = f'<div class="scroll">{links_table(links, names)}</div>'
-    return drawing + listed if is_wide(links) else f'<div class="pair">{drawing}{listed}</div>'
+def _network(analysis: Analysis) -> Figure:
+    plot = network_plot(analysis) if len(analysis.trace.links.source) else None
+    caption = "Wider and redder: more messages lost or late. Point at an arrow for its counts."
+    return Figure("network", "Links", caption, plot)
 
 
-def _events(analysis: Analysis) -> str:
+def _events(analysis: Analysis) -> Table | None:
     events = analysis.trace.events
     if not events:
-        return ""
+        return None
     rows = []
     start = began(events)
     for event in events[:_MOST_ROWS]:
@@ -124,8 +98,7 @@ def _events(analysis: Analysis) -> str:
     caption = "What the processes reported, in order, s after the start by their clocks"
     if len(events) > _MOST_ROWS:
         caption += f"; the first {_MOST_ROWS} of {len(events)}"
-    shown = table(caption, ["time (s)", "from", "kind", "text", "data"], rows)
-    return f'<h2>Events</h2><div class="words scroll">{shown}</div>'
+    return Table(caption, ["time (s)", "from", "kind", "text", "data"], rows)
 
 
 def _when(event: Mapping[str, object], start: float | None) -> str:
@@ -137,23 +110,11 @@ def _lead(analysis: Analysis) -> str:
     scenario, steps = analysis.trace.scenario, analysis.metrics["steps"]
     return (
         f"{counted(len(analysis.trace.estimates), 'agent')} tracking one target with "
-        f"{escape(scenario.filter.kind)}, {counted(steps, 'step')} of {scenario.dt:g} s."
+        f"{scenario.filter.kind}, {counted(steps, 'step')} of {scenario.dt:g} s."
     )
 
 
-def _banner(analysis: Analysis) -> str:
-    trace, metrics = analysis.trace, analysis.metrics
-    notes = "".join(f'<p class="note">{escape(said[0].upper() + said[1:])}.</p>' for said in noted(metrics))
-    if trace.complete:
-        return notes
-    steps = f"{metrics['steps']} of {trace.scenario.length} steps"
-    return (
-        '<p class="alarm" role="alert"><strong>This run is not complete.</strong> It did not end as planned, its log '
-        f"was not closed, or messages are not in it. All below is about what was recorded: {steps}.</p>{notes}"
-    )
-
-
-def _facts(analysis: Analysis) -> str:
+def _facts(analysis: Analysis) -> tuple[dict[str, str], dict[str, str]]:
     trace, scenario = analysis.trace, analysis.trace.scenario
     consensus, network = scenario.consensus, scenario.network
     graph = "given edges" if network.edges is not None else network.graph
@@ -174,7 +135,7 @@ def _facts(analysis: Analysis) -> str:
         "Faults": "; ".join(faults) or "none",
         "Complete": "yes" if trace.complete else "no",
     }
-    return f'<div class="pair">{definitions(left)}{definitions(right)}</div>'
+    return left, right
 
 
 def _fault(fault: dict[str, Any]) -> str:
@@ -183,11 +144,11 @@ def _fault(fault: dict[str, Any]) -> str:
     return ", ".join([f"{fault.pop('kind')} {when}", *(f"{key} {value}" for key, value in fault.items())])
 
 
-def _summary(analysis: Analysis) -> str:
+def _errors(analysis: Analysis) -> Table:
     metrics = analysis.metrics
     central, bound = metrics["centralized"], metrics["bound"]
-    errors = [
-        [name, *(number(value) for value in (own, central[key], bound[key], ratio(own, central[key])))]
+    rows = [
+        [name, *map(number, (own, central[key], bound[key], own / central[key] if own and central[key] else None))]
         for name, key, own in (
             ("position RMSE (m)", "position_rmse", metrics["position_rmse"]),
             ("velocity RMSE (m/s)", "velocity_rmse", metrics["velocity_rmse"]),
@@ -197,8 +158,11 @@ def _summary(analysis: Analysis) -> str:
     skipped = counted(analysis.first, "step")
     caption = f"Errors. RMSE, NEES and disagreement leave out the first {skipped}; MSEE starts at step 1."
     caption += " The target moves in a plane: errors are those of x and y alone." if metrics["planar"] else ""
-    heads = ["", "network", "centralised", "bound", "network / centralised"]
-    messages = metrics["messages"]
+    return Table(caption, ["", "network", "centralised", "bound", "network / centralised"], rows)
+
+
+def _honesty(analysis: Analysis) -> Table:
+    metrics = analysis.metrics
     rows = [["disagreement of the agents", f"{number(metrics['disagreement'])} m"]]
     if metrics["left_out"]:
         rows.append(["left out: agents that send wrong values", ", ".join(map(str, metrics["left_out"]))])
@@ -210,19 +174,18 @@ def _summary(analysis: Analysis) -> str:
             continue
         low, high = found["band"]
         rows.append([f"{name}, average", f"{number(found['average'])}, expected {found['dimension']}"])
-        rows.append([f"{name} inside {low:.3g} to {high:.3g}", f"{_percent(found['inside'])}, expected 95 %"])
-    traffic = [[f"messages {key}", f"{count:,}".replace(",", "\u2009")] for key, count in messages.items()]
-    if not any(messages.values()):
-        traffic = [["messages", "none logged: a simulated run"]]
-    tables = table("Honesty and agreement", [], rows) + table("Traffic", [], traffic)
-    return f'{table(caption, heads, errors)}<div class="pair">{tables}</div>{_each_agent(analysis)}'
+        inside = "none" if found["inside"] is None else f"{100.0 * found['inside']:.1f} %"
+        rows.append([f"{name} inside {low:.3g} to {high:.3g}", f"{inside}, expected 95 %"])
+    return Table("Honesty and agreement", [], rows)
 
 
-def _percent(share: float | None) -> str:
-    return "none" if share is None else f"{100.0 * share:.1f} %"
+def _traffic(analysis: Analysis) -> Table:
+    messages = analysis.metrics["messages"]
+    rows = [[f"messages {key}", f"{count:,}".replace(",", "\u2009")] for key, count in messages.items()]
+    return Table("Traffic", [], rows if any(messages.values()) else [["messages", "none logged: a simulated run"]])
 
 
-def _each_agent(analysis: Analysis) -> str:
+def _each_agent(analysis: Analysis) -> Table:
     metrics = analysis.metrics
     columns = {"MSEE at the end": metrics["msee"]["agents"]}
     columns |= {name: found["agents"] for name in ("NEES", "NIS") if (found := metrics[name.lower()]) is not None}
@@ -233,15 +196,12 @@ def _each_agent(analysis: Analysis) -> str:
     if (slow := metrics["slow"]) is not None:
         columns["rounds too late by itself (%)"] = [share and 100.0 * share for share in slow["agents"]]
     rows = zip(agent_names(analysis), *(map(number, values) for values in columns.values()), strict=True)
-    return f'<div class="scroll">{table("Each agent", ["agent", *columns], list(rows))}</div>'
+    return Table("Each agent", ["agent", *columns], list(rows))
 
 
-def _agents(analysis: Analysis) -> str:
-    buttons = []
-    for agent, name in enumerate(agent_names(analysis)):
-        colour, dash = agent_style(agent)
-        stroke = f'stroke="{colour}" stroke-width="3" stroke-dasharray="{_SVG_DASH[dash]}"'
-        swatch = f'<svg width="22" height="10" aria-hidden="true"><path d="M0 5H22" {stroke}/></svg>'
-        state = f'type="button" aria-pressed="true" data-group="agent-{agent}"'
-        buttons.append(f"<button {state}>{swatch}{escape(name)}</button>")
-    return "".join(buttons)
+def _agents(analysis: Analysis) -> list[dict[str, str]]:
+    styles = map(agent_style, range(len(analysis.trace.estimates)))
+    return [
+        {"name": name, "colour": colour, "dashes": _SVG_DASH[dash]}
+        for name, (colour, dash) in zip(agent_names(analysis), styles, strict=True)
+    ]

@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
-from html import escape
-from importlib.resources import files
 from pathlib import Path
-from string import Template
 
 import numpy as np
 
 from zenoh_cbef.errors import UserError
+from zenoh_cbef.pages.parts import Table
+from zenoh_cbef.pages.render import render
 from zenoh_cbef.trace import Exchange, Fortune, Passage
 from zenoh_cbef.words import counted
 
@@ -35,6 +34,9 @@ _WORDS: dict[Fortune, tuple[str, str]] = {
 }
 """The class of each fortune in the picture, and what it means, in the order of drawing."""
 
+_ARRIVE: frozenset[Fortune] = frozenset(("in time", "duplicated", "late"))
+"""Fortunes that end with an arrow's head."""
+
 
 def check_format(path: Path) -> None:
     """Raises UserError where a picture cannot be written under this name."""
@@ -54,23 +56,14 @@ def write_timeline(exchange: Exchange, path: Path) -> None:
 
 def timeline_html(exchange: Exchange) -> str:
     """One page with the picture, which scrolls sideways where it is wide."""
-    page = Template(files(__package__).joinpath("timeline.html").read_text(encoding="utf-8"))
-    notes = "".join(f'<p class="note">{escape(note)}</p>' for note in exchange.notes)
-    rows = (
-        f"<tr><td>{_moment(time)}</td><td>{escape(who)}</td><td>{escape(text)}</td></tr>"
-        for who, time, text in exchange.events
-    )
-    events = (
-        "<h2>Events</h2><p>Times since the start.</p><table>" + "".join(rows) + "</table>" if exchange.events else ""
-    )
-    return page.substitute(
-        name=escape(exchange.name), lead=escape(_lead(exchange)), notes=notes, events=events, picture=_svg(exchange)
-    )
+    events = Table("Times since the start", [], [[_moment(time), who, text] for who, time, text in exchange.events])
+    return render("timeline.html", notes=exchange.notes, events=events, alone=False, **_picture(exchange))
 
 
 def timeline_svg(exchange: Exchange) -> str:
     """The picture alone, a valid SVG file."""
-    return '<?xml version="1.0" encoding="UTF-8"?>\n' + _svg(exchange)
+    picture = render("timeline.svg", alone=True, **_picture(exchange))
+    return '<?xml version="1.0" encoding="UTF-8"?>\n' + picture[picture.index("<svg") :] + "\n"
 
 
 def _lead(exchange: Exchange) -> str:
@@ -120,63 +113,93 @@ def _frame(exchange: Exchange) -> _Frame:
     return _Frame(since, until, width, lane, target, count)
 
 
-def _svg(exchange: Exchange) -> str:
+@dataclass(frozen=True)
+class _Arrow:
+    """A message as it is drawn; told: its whole story."""
+
+    fortune: Fortune
+    x0: float
+    y0: float
+    x1: float
+    y1: float
+    told: str
+
+    @property
+    def kind(self) -> str:
+        return _WORDS[self.fortune][0]
+
+    @property
+    def arrives(self) -> bool:
+        return self.fortune in _ARRIVE
+
+
+@dataclass(frozen=True)
+class _Shade:
+    """The time of one round; dark: every other one. round, step, shown: what is written there."""
+
+    left: float
+    right: float
+    dark: bool
+    round: str
+    step: str
+    shown: str
+
+
+@dataclass(frozen=True)
+class _Sign:
+    """One entry of the legend, at x and y."""
+
+    kind: str
+    fortune: Fortune | None
+    arrives: bool
+    x: float
+    y: float
+    text: str
+
+
+def _picture(exchange: Exchange) -> dict[str, object]:
+    """What the template draws: names, sizes, and where everything is."""
     frame = _frame(exchange)
-    counts = Counter(one.fortune for one in exchange.passages)
-    width, height = frame.right + _RIGHT, frame.bottom + _BOTTOM
-    size, sides = f"{width:.0f} {height:.0f}", f'width="{width:.0f}" height="{height:.0f}"'
-    style = files(__package__).joinpath("timeline.css").read_text(encoding="utf-8")
-    drawn = [_passage(one, frame, exchange) for name in _WORDS for one in exchange.passages if one.fortune == name]
-    title = f"{exchange.name}: who sent what to whom, {_lead(exchange)}"
-    parts = [
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {size}" {sides} role="img" aria-labelledby="about">',
-        f'<title id="about">{escape(title)}</title>',
-        f"<style>{style}</style>",
-        _definitions(frame),
-        f'<rect class="paper" {sides}/>',
-        *_shades(exchange, frame),
-        *_axis(frame, exchange),
-        *_lines(exchange, frame),
-        f'<g clip-path="url(#inside)">{"".join(drawn)}</g>',
-        *_estimates(exchange, frame),
-        *_legend(counts, frame),
-        "</svg>",
-    ]
-    return "\n".join(parts) + "\n"
+    unit, ticks = _ticks(frame)
+    nodes: list[int | None] = [None] if frame.target else []
+    arrows = [_arrow(one, frame, exchange) for name in _WORDS for one in exchange.passages if one.fortune == name]
+    return {
+        "name": exchange.name,
+        "lead": _lead(exchange),
+        "width": round(frame.right + _RIGHT),
+        "height": round(frame.bottom + _BOTTOM),
+        "left": _LEFT,
+        "right": frame.right,
+        "top": _TOP,
+        "bottom": frame.bottom,
+        "kinds": [kind for kind, _ in _WORDS.values()],
+        "shades": list(_shades(exchange, frame)),
+        "unit": unit,
+        "ticks": ticks,
+        "nodes": [(frame.y(node), _name(node, exchange)) for node in [*nodes, *range(frame.agents)]],
+        "arrows": arrows,
+        "estimates": [
+            (frame.x(time), frame.y(agent), f"{_name(agent, exchange)}: estimate of step {step}, at {_moment(time)}")
+            for agent, step, time in exchange.estimates
+        ],
+        "legend": list(_legend(Counter(one.fortune for one in exchange.passages), frame)),
+    }
 
 
-def _definitions(frame: _Frame) -> str:
-    heads = "".join(
-        f'<marker id="head-{name}" viewBox="0 0 8 8" refX="7.5" refY="4" markerWidth="7" markerHeight="7" '
-        f'markerUnits="userSpaceOnUse" orient="auto"><path class="head {name}" d="M0.5 1L7.5 4L0.5 7Z"/></marker>'
-        for name, _ in _WORDS.values()
-    )
-    place = f'x="{_LEFT}" y="{_TOP}" width="{frame.width:.1f}" height="{frame.bottom - _TOP:.1f}"'
-    return f'<defs>{heads}<clipPath id="inside"><rect {place}/></clipPath></defs>'
-
-
-def _shades(exchange: Exchange, frame: _Frame) -> Iterator[str]:
-    """Every other round shaded, from when half of the agents had sent in it; a line and a name where a step begins."""
+def _shades(exchange: Exchange, frame: _Frame) -> Iterator[_Shade]:
+    """Every round from when half of the agents had sent in it; a name where a step begins."""
     ends = [*(time for *_, time in exchange.rounds), max(exchange.until, frame.until)][1:]
     for (step, round_, begin), end in zip(exchange.rounds, ends, strict=bool(exchange.rounds)):
         left, right = (min(max(frame.x(time), _LEFT), frame.right) for time in (begin, end))
         if right <= left:
             continue
-        if round_ % 2:
-            yield (
-                f'<rect class="shade" x="{left:.1f}" y="{_TOP}" width="{right - left:.1f}" '
-                f'height="{frame.bottom - _TOP:.1f}"/>'
-            )
-        if right - left > 14.0 and round_:
-            yield f'<text class="round" x="{(left + right) / 2:.1f}" y="{_TOP - 8}">{round_}</text>'
+        name = shown = ""
         if not round_ and frame.x(begin) >= _LEFT:
-            yield f'<path class="step" d="M{left:.1f} {_TOP - 34}V{frame.bottom:.1f}"/>'
-            name = f"step {step}, {step * exchange.dt:.6g} s of run time"
-            room = _room(exchange, frame, step)
-            shown = (
-                name if room > 6.4 * len(name) else f"step {step}" if room > 48.0 else f"{step}" if room > 20 else ""
-            )
-            yield f'<text class="name" x="{left + 5:.1f}" y="{_TOP - 24}">{shown}<title>{name}</title></text>'
+            name, room = f"step {step}, {step * exchange.dt:.6g} s of run time", _room(exchange, frame, step)
+            names = (name, 6.4 * len(name)), (f"step {step}", 48.0), (f"{step}", 20.0)
+            shown = next((text for text, wanted in names if room > wanted), "")
+        number = str(round_) if round_ and right - left > 14.0 else ""
+        yield _Shade(left, right, dark=bool(round_ % 2), round=number, step=name, shown=shown)
 
 
 def _room(exchange: Exchange, frame: _Frame, step: int) -> float:
@@ -184,72 +207,40 @@ def _room(exchange: Exchange, frame: _Frame, step: int) -> float:
     return (frame.x(begins[1]) if len(begins) > 1 else frame.right) - frame.x(begins[0])
 
 
-def _axis(frame: _Frame, exchange: Exchange) -> Iterator[str]:
+def _ticks(frame: _Frame) -> tuple[str, list[tuple[float, str]]]:
+    """The unit of the axis, and the places and texts of its ticks."""
     span = frame.until - frame.since
     size = 10.0 ** np.floor(np.log10(span / max(frame.width / 110.0, 1.0)))
     size *= next(factor for factor in (1.0, 2.0, 5.0, 10.0) if span / (size * factor) <= frame.width / 90.0)
     unit, scale = ("s", 1.0) if size >= 0.1 else ("ms", 1e3)
-    bottom = frame.bottom
-    yield f'<path class="axis" d="M{_LEFT} {bottom:.1f}H{frame.right:.1f}"/>'
-    for tick in np.arange(np.ceil(frame.since / size), np.floor(frame.until / size) + 1):
-        x = frame.x(float(tick * size))
-        yield f'<path class="axis" d="M{x:.1f} {bottom:.1f}v5"/>'
-        yield f'<text class="tick" x="{x:.1f}" y="{bottom + 18:.1f}">{float(tick * size * scale):.10g}</text>'
-    told = f"time since the start ({unit})"
-    yield f'<text class="tick" x="{_LEFT + frame.width / 2:.1f}" y="{bottom + 36:.1f}">{told}</text>'
-    if exchange.rounds:
-        yield f'<text class="side" x="{_LEFT - 12}" y="{_TOP - 8}">round</text>'
+    times = size * np.arange(np.ceil(frame.since / size), np.floor(frame.until / size) + 1)
+    return unit, [(frame.x(time), f"{time * scale:.10g}") for time in times.tolist()]
 
 
-def _lines(exchange: Exchange, frame: _Frame) -> Iterator[str]:
-    nodes: list[int | None] = [None] if frame.target else []
-    for node in [*nodes, *range(frame.agents)]:
-        y, name = frame.y(node), "target" if node is None else f"agent {exchange.labels[node]}"
-        yield f'<path class="node" d="M{_LEFT} {y:.1f}H{frame.right:.1f}"/>'
-        yield f'<text class="side" x="{_LEFT - 12}" y="{y + 4:.1f}">{escape(name)}</text>'
+def _name(node: int | None, exchange: Exchange) -> str:
+    return "target" if node is None else f"agent {exchange.labels[node]}"
 
 
-def _estimates(exchange: Exchange, frame: _Frame) -> Iterator[str]:
-    for agent, step, time in exchange.estimates:
-        told = escape(f"agent {exchange.labels[agent]}: estimate of step {step}, at {_moment(time)}")
-        where = f'cx="{frame.x(time):.1f}" cy="{frame.y(agent):.1f}"'
-        yield f'<circle class="estimate" {where} r="3.6"><title>{told}</title></circle>'
-
-
-def _passage(one: Passage, frame: _Frame, exchange: Exchange) -> str:
-    name, words = _WORDS[one.fortune]
+def _arrow(one: Passage, frame: _Frame, exchange: Exchange) -> _Arrow:
     x0, y0, x1, y1 = frame.x(one.sent), frame.y(one.source), frame.x(one.ended), frame.y(one.destination)
     if one.fortune in {"lost", "unheard"}:
         x1, y1 = x0 + _CROSS * min(max(x1 - x0, 0.0), _LONGEST), y0 + _CROSS * (y1 - y0)
-    way = f"M{x0:.1f} {y0:.1f}L{x1:.1f} {y1:.1f}"
-    marks = {
-        "lost": f'<path class="sign" d="M{x1 - 4:.1f} {y1 - 4:.1f}l8 8m0 -8l-8 8"/>',
-        "unheard": f'<path class="sign" d="M{x1 - 4:.1f} {y1 - 4:.1f}l8 8m0 -8l-8 8"/>',
-        "damaged": f'<path class="sign" d="M{x1 - 5:.1f} {y1:.1f}l5 -5l5 5l-5 5Z"/>',
-        "missed": f'<circle class="sign" cx="{x1:.1f}" cy="{y1:.1f}" r="4"/>',
-        "duplicated": f'<path d="M{x0 + 5:.1f} {y0:.1f}L{x1 + 5:.1f} {y1:.1f}" marker-end="url(#head-{name})"/>',
-    }
-    head = f' marker-end="url(#head-{name})"' if one.fortune in {"in time", "late", "duplicated"} else ""
-    return (
-        f'<g class="{name}"><title>{escape(_told(one, words, exchange))}</title><path class="near" d="{way}"/>'
-        f'<path d="{way}"{head}/>{marks.get(one.fortune, "")}</g>\n'
-    )
+    return _Arrow(one.fortune, x0, y0, x1, y1, _told(one, exchange))
 
 
-def _told(one: Passage, words: str, exchange: Exchange) -> str:
-    source = "target" if one.source is None else f"agent {exchange.labels[one.source]}"
+def _told(one: Passage, exchange: Exchange) -> str:
     what = "beacon" if one.source is None else f"round {one.round}" if one.round else "range"
-    route = f"{source} → agent {exchange.labels[one.destination]}, step {one.step}, {what}"
+    route = f"{_name(one.source, exchange)} → {_name(one.destination, exchange)}, step {one.step}, {what}"
     took = 1e3 * (one.ended - one.sent)
-    after = f", {took:.3g} ms after it was sent" if one.fortune in {"in time", "duplicated", "late"} else ""
-    return f"{route}: {words}{after if 0.0 < took < np.inf else ''}; sent at {_moment(one.sent)}"
+    after = f", {took:.3g} ms after it was sent" if one.fortune in _ARRIVE and 0.0 < took < np.inf else ""
+    return f"{route}: {_WORDS[one.fortune][1]}{after}; sent at {_moment(one.sent)}"
 
 
 def _moment(time: float) -> str:
     return f"{time:.4f} s"
 
 
-def _legend(counts: Counter[Fortune], frame: _Frame) -> Iterator[str]:
+def _legend(counts: Counter[Fortune], frame: _Frame) -> Iterator[_Sign]:
     """The arrows that occur and how many there are, in as many rows as they need."""
     x, y = _LEFT, frame.bottom + 64.0
     for name, (kind, words) in _WORDS.items():
@@ -258,20 +249,6 @@ def _legend(counts: Counter[Fortune], frame: _Frame) -> Iterator[str]:
         text = f"{words} ({counts[name]})"
         if x + 44.0 + 6.6 * len(text) > frame.right and x > _LEFT:
             x, y = _LEFT, y + 20.0
-        sign = {
-            "lost": '<path class="sign" d="M22 -4l8 8m0 -8l-8 8"/>',
-            "unheard": '<path class="sign" d="M22 -4l8 8m0 -8l-8 8"/>',
-            "damaged": '<path class="sign" d="M21 0l5 -5l5 5l-5 5Z"/>',
-            "missed": '<circle class="sign" cx="26" cy="0" r="4"/>',
-            "duplicated": '<path d="M0 4H28" marker-end="url(#head-twice)"/>',
-        }.get(name, "")
-        head = f' marker-end="url(#head-{kind})"' if name in {"in time", "late", "duplicated"} else ""
-        yield (
-            f'<g class="{kind}" transform="translate({x:.1f} {y:.1f})"><path d="M0 0H28"{head}/>{sign}'
-            f'<text class="word" x="38" y="4">{text}</text></g>'
-        )
+        yield _Sign(kind, name, name in _ARRIVE, x, y, text)
         x += 62.0 + 6.6 * len(text)
-    yield (
-        f'<g transform="translate({x:.1f} {y:.1f})"><circle class="estimate" cx="14" cy="0" r="3.6"/>'
-        '<text class="word" x="26" y="4">estimate</text></g>'
-    )
+    yield _Sign("estimates", None, arrives=False, x=x, y=y, text="estimate")

@@ -13,7 +13,7 @@ import typer
 from rich import box
 from rich.table import Table
 
-from zenoh_cbef.analysis.compare import differences, names_of, row, write_picture
+from zenoh_cbef.analysis.compare import differences, names_of, row, write_comparison
 from zenoh_cbef.analysis.metrics import analyze, notes
 from zenoh_cbef.cli.console import console, errors, number, tell, tell_what_lacks
 from zenoh_cbef.cli.fitting import Fitting
@@ -69,7 +69,7 @@ def _compare(
         console.print(runs_table(rows))
     for path in output or ():
         if path.suffix == ".html":
-            write_picture(analyses, names, path)
+            write_comparison(analyses, names, path)
         else:
             _write(path, _csv(rows))
 

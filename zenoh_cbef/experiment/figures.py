@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
 from html import escape
 from typing import Any
 
 from zenoh_cbef.analysis.figures import INK, MUTED, agent_style
-
-Plot = dict[str, Any]
+from zenoh_cbef.pages.parts import Figure, Plot
 
 # Metric, what it is called, and the metrics of the yardsticks that are drawn with it.
 SHOWN = (
@@ -24,16 +22,6 @@ SHOWN = (
 )
 _MOST_CURVES = 12
 _CURVES = (("position_error", "position error (m)"), ("disagreement", "disagreement (m)"))
-
-
-@dataclass(frozen=True)
-class Figure:
-    """One picture: a name for its file, a title, what to see in it, and plotly's description."""
-
-    name: str
-    title: str
-    caption: str
-    plot: Plot
 
 
 def figures_of(summary: dict[str, Any]) -> list[Figure]:
@@ -132,13 +120,12 @@ def _lines(cells: Sequence[Plot], varied: Sequence[str], metric: str, title: str
         )
         for yardstick, label in yardsticks:
             drawn = {"x": lines[-1]["x"], "y": [_median(cell, yardstick) for cell in known]}
-            dashed = {"color": INK if len(groups) == 1 else MUTED, "dash": "dash", "width": 1}
+            colour, role = (INK, "ink") if len(groups) == 1 else (MUTED, "muted")
+            dashed = {"meta": role, "line": {"color": colour, "dash": "dash", "width": 1}}
             # What consensus does is nothing to a centralised filter: one line is enough where it is the same.
             if any(line["x"] == drawn["x"] and line["y"] == drawn["y"] for line in lines):
                 continue
-            lines.append(
-                {"type": "scatter", "mode": "lines", "name": f"{escape(name)} {label}", **drawn, "line": dashed}
-            )
+            lines.append({"type": "scatter", "mode": "lines", "name": f"{escape(name)} {label}", **drawn, **dashed})
     alone = [line for line in lines if "error_y" not in line]
     if len(alone) == 1:
         alone[0]["name"] = yardsticks[0][1]
@@ -185,12 +172,6 @@ def _curves(cells: Sequence[Plot], name: str, title: str) -> Plot:
 def _layout(axis: Plot, title: str) -> Plot:
     # Of a ratio the distance from one is what counts, of anything else the distance from nothing.
     return {
-        "template": "plotly_white",
-        "font": {"family": 'system-ui, "Segoe UI", "Noto Sans", sans-serif', "size": 13, "color": INK},
-        "height": 430,
-        "margin": {"t": 48, "b": 60, "l": 76, "r": 16},
         "xaxis": axis,
         "yaxis": {"title": {"text": title}, "rangemode": "normal" if " / " in title else "tozero"},
-        "legend": {"orientation": "h", "x": 0, "y": 1.02, "yanchor": "bottom"},
-        "modebar": {"bgcolor": "rgba(0,0,0,0)", "remove": ["select", "lasso", "zoomin", "zoomout", "autoscale"]},
     }

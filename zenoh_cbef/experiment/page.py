@@ -4,23 +4,21 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from html import escape
-from importlib.resources import files
 from pathlib import Path
-from string import Template
 from typing import Any
 
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.experiment.figures import SHOWN, Figure, figures_of, written_value
+from zenoh_cbef.experiment.figures import SHOWN, figures_of, written_value
 from zenoh_cbef.experiment.table import write_table
 from zenoh_cbef.extras import MissingExtra, from_extra
+from zenoh_cbef.pages.parts import Table, plots_of
+from zenoh_cbef.pages.render import render
 from zenoh_cbef.words import counted
 
 RESULTS = ("results.csv", "results.parquet", "summary.json", "index.html", "figures")
 """What is written into an experiment's folder."""
 
 _MOST_FAILURES = 20
-_CONFIG = {"displaylogo": False, "displayModeBar": "hover", "responsive": True}
 
 
 def write_outputs(summary: dict[str, Any], rows: Sequence[dict[str, Any]], source: str, folder: Path) -> list[str]:
@@ -45,54 +43,42 @@ def _write_page(summary: dict[str, Any], source: str, folder: Path) -> str:
     place.mkdir(exist_ok=True)
     for stale in place.glob("*.html"):
         stale.unlink()
-    plotly: Any = None
+    script = missing = ""
     try:
-        plotly = from_extra("plotly.io", "the folder of figures", extra="experiment")
+        script = from_extra("plotly.offline", "the folder of figures", extra="experiment").get_plotlyjs()
     except MissingExtra as error:
         missing = str(error)
-    else:
-        missing = ""
-        for figure in figures:
-            text = plotly.to_html(figure.plot, include_plotlyjs="directory", default_height="100vh", config=_CONFIG)
-            (place / f"{figure.name}.html").write_text(text, encoding="utf-8")
-        if figures:
-            script = from_extra("plotly.offline", "the page").get_plotlyjs()
-            (place / "plotly.min.js").write_text(script, encoding="utf-8")
-    page = Template(files(__package__).joinpath("page.html").read_text(encoding="utf-8"))
-    text = page.substitute(
-        name=escape(summary["experiment"]),
-        purpose=escape(summary["purpose"]),
+        figures = []
+    if figures:
+        (place / "plotly.min.js").write_text(script, encoding="utf-8")
+    for figure in figures:
+        text = render("figure.html", name=summary["experiment"], it=figure, plots=plots_of([figure]))
+        (place / f"{figure.name}.html").write_text(text, encoding="utf-8")
+    text = render(
+        "experiment.html",
+        name=summary["experiment"],
+        purpose=summary["purpose"],
         facts=_facts(summary),
-        level=f"{summary['level']:.0%}",
+        verdict=summary["verdict"],
         expectations=_expectations(summary),
         failures=_failures(summary),
-        table=_table(summary),
-        figures="".join(_placed(figure, plotly, first=not place) for place, figure in enumerate(figures)) or missing,
-        source=escape(source),
+        results=_results(summary),
+        figures=figures,
+        missing=missing,
+        source=source,
+        plots=plots_of(figures),
+        plotly=script,
     )
     (folder / "index.html").write_text(text, encoding="utf-8")
     return missing
 
 
-def _placed(figure: Figure, plotly: Any, *, first: bool) -> str:
-    if plotly is None:
-        return ""
-    drawn = plotly.to_html(figure.plot, full_html=False, include_plotlyjs=first, config=_CONFIG)
-    return f"<figure><h3>{escape(figure.title)}</h3><figcaption>{escape(figure.caption)}</figcaption>{drawn}</figure>"
-
-
 def _facts(summary: dict[str, Any]) -> str:
     how = {"simulate": "simulated", "processes": "run as processes"}[summary["engine"]]
-    verdict = summary["verdict"]
     return (
-        f"{counted(summary['runs'], 'run')} of {escape(summary['base'])} in "
-        f"{counted(len(summary['cells']), 'cell')}, {how}; "
-        f"{summary['failed']} failed. Verdict: {_marked(verdict)}."
+        f"{counted(summary['runs'], 'run')} of {summary['base']} in {counted(len(summary['cells']), 'cell')}, {how}; "
+        f"{summary['failed']} failed."
     )
-
-
-def _marked(verdict: str) -> str:
-    return f'<span class="{verdict.replace(" ", "-")}">{verdict}</span>'
 
 
 def limits_of(one: dict[str, Any]) -> str:
@@ -106,46 +92,39 @@ def values_of(cell: dict[str, Any]) -> str:
     return ", ".join(f"{key} = {written_value(value)}" for key, value in cell["values"].items()) or "all runs"
 
 
-def _expectations(summary: dict[str, Any]) -> str:
-    if not summary["expect"]:
-        return ""
-    rows = [
-        [escape(one["metric"]), limits_of(one), escape(values_of(cell)), _interval(cell), _marked(cell["verdict"])]
+def _expectations(summary: dict[str, Any]) -> list[list[str]]:
+    return [
+        [one["metric"], limits_of(one), values_of(cell), _interval(cell), cell["verdict"]]
         for one in summary["expect"]
         for cell in one["cells"]
     ]
-    return "<h2>Expectations</h2>" + _rows(["metric", "expected", "where", "found", "verdict"], rows)
 
 
-def _failures(summary: dict[str, Any]) -> str:
+def _failures(summary: dict[str, Any]) -> Table:
     failures = [(cell, one) for cell in summary["cells"] for one in cell["failures"]]
-    if not failures:
-        return ""
-    rows = [[escape(values_of(cell)), str(one["seed"]), escape(one["error"])] for cell, one in failures]
-    more = f"<p>and {len(rows) - _MOST_FAILURES} more in results.csv</p>" if len(rows) > _MOST_FAILURES else ""
-    return '<h2 class="alarm">Failed runs</h2>' + _rows(["cell", "seed", "why"], rows[:_MOST_FAILURES]) + more
+    rows = [[values_of(cell), str(one["seed"]), one["error"]] for cell, one in failures]
+    more = len(rows) - _MOST_FAILURES
+    return Table(f"{more} more are in results.csv" if more > 0 else "", ["cell", "seed", "why"], rows[:_MOST_FAILURES])
 
 
-def _table(summary: dict[str, Any]) -> str:
+def _results(summary: dict[str, Any]) -> Table:
     metrics = [name for name, *_ in SHOWN if any(name in cell["metrics"] for cell in summary["cells"])]
     rows = [
         [
-            *(escape(written_value(value)) for value in cell["values"].values()),
+            *(written_value(value) for value in cell["values"].values()),
             f"{cell['runs'] - cell['failed']} of {cell['runs']}",
             *(_interval(cell["metrics"].get(name, {})) for name in metrics),
         ]
         for cell in summary["cells"]
     ]
-    return _rows([*map(escape, summary["varied"]), "runs", *metrics], rows)
+    caption = (
+        f"Medians over the seeds, in brackets their {summary['level']:.0%} bootstrap intervals. All metrics of all "
+        "runs: results.csv."
+    )
+    return Table(caption, [*summary["varied"], "runs", *metrics], rows)
 
 
 def _interval(found: dict[str, Any]) -> str:
     if "median" not in found:
         return "-"
     return f"{found['median']:.4g} ({found['low']:.4g} to {found['high']:.4g})"
-
-
-def _rows(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    head = "".join(f"<th>{one}</th>" for one in heads)
-    body = "".join("<tr>" + "".join(f"<td>{one}</td>" for one in row) + "</tr>" for row in rows)
-    return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"

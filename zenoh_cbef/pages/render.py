@@ -1,0 +1,25 @@
+"""Fills the templates of this folder. They escape every value, and a page loads nothing from outside."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
+
+
+def render(template: str, /, **values: object) -> str:
+    """The text of a template with its values."""
+    return _environment().get_template(template).render(values)
+
+
+@cache
+def _environment() -> Environment:
+    from jinja2 import Environment, PackageLoader, StrictUndefined  # noqa: PLC0415 - time that only pages should cost
+
+    loader = PackageLoader("zenoh_cbef", "pages")
+    found = Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    found.filters["at"] = "{:.1f}".format
+    found.policies["json.dumps_kwargs"] = {"separators": (",", ":")}
+    return found
