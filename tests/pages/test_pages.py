@@ -16,6 +16,7 @@ from zenoh_cbef.experiment.engines import simulated
 from zenoh_cbef.experiment.file import read_experiment
 from zenoh_cbef.experiment.page import write_outputs
 from zenoh_cbef.experiment.summary import summarize
+from zenoh_cbef.experiment.table import rows_of
 from zenoh_cbef.scenario import Scenario
 from zenoh_cbef.simulator import simulate
 from zenoh_cbef.trace import Exchange, Passage
@@ -86,7 +87,7 @@ def pages(tmp_path_factory):
     cells = cells_of(written)
     outcomes = [simulated(cell.scenario, [1], 0.25) for cell in cells]
     outcomes[0].append({"seed": 2, "error": HOSTILE})
-    write_outputs(summarize(written, cells, outcomes), [], written.source, folder)
+    write_outputs(summarize(written, cells, outcomes), rows_of(cells, outcomes), written.source, folder)
     return {kind: (folder / f"{kind}.html").read_text(encoding="utf-8") for kind in KINDS}
 
 
