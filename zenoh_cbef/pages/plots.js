@@ -18,7 +18,10 @@ function axisStyle(axis) {
 function traceStyle(trace) {
   const shown = {...trace, visible: !hidden.has(trace.legendgroup)};
   if (trace.meta === "ink" || trace.meta === "muted") shown.line = {...trace.line, color: colour(trace.meta)};
-  if (trace.type === "heatmap") shown.colorbar = {...trace.colorbar, thickness: 12, outlinewidth: 0};
+  if (trace.type === "heatmap") {
+    const title = {...trace.colorbar.title, font: {size: 13}};
+    shown.colorbar = {...trace.colorbar, title, thickness: 12, outlinewidth: 0};
+  }
   if (trace.meta === "arrow") {
     const bar = {title: {text: "lost or late (%)", side: "right", font: {size: 13}}, thickness: 12, outlinewidth: 0};
     shown.marker = {...trace.marker, symbol: "triangle-up", line: {color: colour("paper"), width: 1}, colorbar: bar};
