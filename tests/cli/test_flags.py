@@ -1,14 +1,14 @@
 """Numbers on the command line have a range, and what is out of it starts nothing."""
 
-import inspect
 import sys
 import typing
 import warnings
+from collections.abc import Iterator
 
 import pytest
-import typer
-from typer.models import ArgumentInfo, OptionInfo
+from typer.core import TyperArgument, TyperOption
 
+from tests.cli.command_line import leaves
 from tests.cli.test_errors import call
 from zenoh_cbef.cli import main as command_line
 from zenoh_cbef.cli import verbs
@@ -24,38 +24,32 @@ GIVEN = {
     "fault clear": ["--run", "x"],
     "certs new": ["there"],
     "compare": ["nowhere"],
-    "experiment": ["loss"],
+    "experiment run": ["loss"],
 }
 
 
-def commands(app: typer.Typer, above: str = "") -> typing.Iterator[tuple[str, typing.Callable[..., object]]]:
-    for command in app.registered_commands:
-        yield f"{above} {command.name}".strip(), command.callback
-    for group in app.registered_groups:
-        yield from commands(group.typer_instance, group.name)
+def numbers() -> Iterator[tuple[str, TyperOption | TyperArgument]]:
+    """Verb and option of everything on the command line that takes a number."""
+    for verb, command in leaves():
+        yield from ((verb, one) for one in command.params if kind_of(one) in (int, float))
 
 
-def numbers() -> typing.Iterator[tuple[str, type, OptionInfo | ArgumentInfo]]:
-    """Verb, kind and option of everything on the command line that takes a number."""
-    for verb, callback in commands(verbs.build(None)):
-        for one in inspect.signature(callback, eval_str=True).parameters.values():
-            annotation = one.annotation
-            for info in getattr(annotation, "__metadata__", ()):
-                kinds = {annotation.__origin__, *typing.get_args(annotation.__origin__)}
-                kinds |= {part for kind in list(kinds) for part in typing.get_args(kind)}
-                for kind in {int, float} & kinds:
-                    yield verb, kind, info
+def kind_of(option: TyperOption | TyperArgument) -> type | None:
+    """What an option takes, or takes several of."""
+    annotation = option.type_descriptor.annotation
+    parts = {annotation, *typing.get_args(annotation)}
+    return next((kind for kind in (int, float, bool) if kind in parts), None)
 
 
 def test_every_number_has_a_range():
     found = list(numbers())
     assert len(found) > 30
-    for verb, _, info in found:
-        assert info.min is not None, (verb, info.param_decls)
-        assert info.max is not None, (verb, info.param_decls)
+    for verb, option in found:
+        assert option.min is not None, (verb, option.name)
+        assert option.max is not None, (verb, option.name)
 
 
-OPTIONS = [(verb, info.param_decls[0], kind) for verb, kind, info in numbers() if info.param_decls]
+OPTIONS = sorted((verb, one.opts[0], kind_of(one)) for verb, one in numbers() if isinstance(one, TyperOption))
 
 
 @pytest.mark.parametrize("one", [one for one in OPTIONS if one[1] != "--lease-ms"], ids=lambda one: " ".join(one[:2]))
@@ -94,7 +88,7 @@ def test_warnings_reach_the_user_as_a_sentence(monkeypatch, capsys):
             warnings.warn("something\n else", UserWarning, stacklevel=1)
 
     monkeypatch.setattr(sys, "argv", ["zenoh-cbef", "sim"])
-    monkeypatch.setattr(verbs, "build", lambda _verb: warn)
+    monkeypatch.setattr(verbs, "build", lambda: warn)
     warnings.simplefilter("always")
     with pytest.raises(SystemExit):
         command_line.main()

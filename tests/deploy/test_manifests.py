@@ -8,16 +8,14 @@ import sys
 from pathlib import Path
 from typing import Any
 
-import click
 import jsonschema
 import kubernetes_validate
 import pytest
-import typer
 import yaml
 import zenoh
 from check_jsonschema.builtin_schemas import get_builtin_schema
 
-from zenoh_cbef.cli.verbs import build
+from tests.cli.command_line import parse
 from zenoh_cbef.scenario.checks import check
 from zenoh_cbef.scenario.load import load
 from zenoh_cbef.scenario.plan import Plan
@@ -35,15 +33,6 @@ UNITS = sorted((DEPLOY / "systemd").glob("*.service"))
 KUBERNETES = "1.30"
 EXPOSURE = 20
 """The most that systemd-analyze security may find, in tenths."""
-
-
-def parsed(command: list[str]) -> None:
-    """Let the command line parse the words after "zenoh-cbef"; it fails for what it does not know."""
-    group = typer.main.get_command(build(None))
-    assert isinstance(group, click.Group) or hasattr(group, "commands")
-    context = group.make_context("zenoh-cbef", command[:1], resilient_parsing=True)
-    name, verb, _ = group.resolve_command(context, command[:1])
-    verb.make_context(name, command[1:], parent=context)
 
 
 def commands_of(text: str) -> list[list[str]]:
@@ -83,10 +72,10 @@ def test_compose_has_router_target_recorder_and_an_agent_for_each_of_the_scenari
 def test_what_compose_starts_the_command_line_takes(name):
     service = COMPOSE["services"][name]
     if "command" in service:
-        parsed([str(word) for word in service["command"]])
+        parse([str(word) for word in service["command"]])
     for words in (service.get("entrypoint"), service.get("healthcheck", {}).get("test")):
         for command in commands_of(words[-1].replace("$$AGENT", "3")) if words else []:
-            parsed(command)
+            parse(command)
 
 
 @pytest.mark.parametrize("manifest", MANIFESTS, ids=lambda one: f"{one['kind']}-{one['metadata']['name']}")
@@ -117,7 +106,7 @@ def test_what_kubernetes_starts_and_asks_the_command_line_takes(where):
             commands += commands_of(expand(line, container))
     assert commands
     for command in commands:
-        parsed(command)
+        parse(command)
 
 
 def test_the_configmap_is_the_scenario_and_it_can_run(tmp_path):
@@ -152,7 +141,7 @@ def test_what_systemd_starts_the_command_line_takes(unit, tmp_path):
     # systemd puts the environment's values there before it starts the command.
     line = re.sub(r"\$\{CBEF_RUN\}", "demo", line)
     (command,) = commands_of(line)
-    parsed(command)
+    parse(command)
 
 
 @pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="systemd-analyze is not installed")

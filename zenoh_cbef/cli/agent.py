@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from zenoh_cbef.cli.joining import Joining, Patience, identity_of, joins
+from zenoh_cbef.cli.joining import JoiningCommand, JoiningContext, Patience, identity_of
 from zenoh_cbef.cli.options import MOST_AGENTS, Run
 from zenoh_cbef.nodes.agent.agent import run_agent
 from zenoh_cbef.protocol.tls import common_name
@@ -17,15 +17,17 @@ def _agent(
         int, typer.Argument(metavar="ID", min=0, max=MOST_AGENTS - 1, help="Which agent of the scenario to be.")
     ],
     run: Run,
-    joining: Joining,
+    ctx: JoiningContext,
     patience: Patience = 3.0,
 ) -> None:
     """Run one agent process; it fetches the scenario from the run's target."""
-    connection = joining.connection(common_name("agent", str(agent)))
+    connection = ctx.joining.connection(common_name("agent", str(agent)))
     last = run_agent(identity_of("agent", str(agent), run, connection, patience))
     typer.echo(f"agent {agent} ended " + (f"after step {last}" if last else f"before run {run} had begun"))
 
 
 def register(app: typer.Typer) -> None:
     """Add the verb."""
-    app.command("agent")(joins(_agent))
+    app.command(
+        "agent", cls=JoiningCommand, epilog="Example: zenoh-cbef agent 3 --run mine --connect tcp/192.0.2.1:7447"
+    )(_agent)

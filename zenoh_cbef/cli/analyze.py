@@ -10,6 +10,7 @@ import typer
 
 from zenoh_cbef.analysis.metrics import analyze, notes
 from zenoh_cbef.analysis.outputs import FIGURES, METRICS, REPORT, write_outputs
+from zenoh_cbef.cli.completing import logs
 from zenoh_cbef.cli.console import console, tell, tell_what_lacks
 from zenoh_cbef.cli.options import AsJson, Force, Skip
 from zenoh_cbef.cli.places import beside, new_folder_of
@@ -21,7 +22,8 @@ from zenoh_cbef.log.read.trace import read_trace
 
 def _analyze(
     logs: Annotated[
-        list[Path] | None, typer.Argument(metavar="LOG...", help="A log, the folder of a run, or the files of one run.")
+        list[Path] | None,
+        typer.Argument(metavar="LOG", autocompletion=logs, help="A log, the folder of a run, or the files of one run."),
     ] = None,
     as_json: AsJson = False,
     skip: Skip = 0.25,
@@ -57,4 +59,4 @@ def _analyze(
 
 def register(app: typer.Typer) -> None:
     """Add the verb."""
-    app.command("analyze")(_analyze)
+    app.command("analyze", epilog="Example: zenoh-cbef analyze logs/latest --report")(_analyze)

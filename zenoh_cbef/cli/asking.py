@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
+from zenoh_cbef.cli.completing import runs
 from zenoh_cbef.cli.console import errors
 from zenoh_cbef.cli.joining import Joining
 from zenoh_cbef.cli.names import check_run
@@ -17,7 +18,10 @@ from zenoh_cbef.outside.registry import KnownRun, find_run
 from zenoh_cbef.protocol.session import Connection
 
 RunName = Annotated[
-    str | None, typer.Option("--run", callback=check_run, help="The run's name; default: the only one on this host.")
+    str | None,
+    typer.Option(
+        "--run", callback=check_run, autocompletion=runs, help="The run's name; default: the only one on this host."
+    ),
 ]
 
 _NOTHING_DONE = 1
@@ -31,7 +35,7 @@ def locate(
     order: what is to be done to the run, as in "end it"; empty for what only looks. A run that was not named and not
     started from this terminal gets an order only where the user agrees; without a terminal to ask on it is refused.
     """
-    if joining.connect is None and joining.config is None:
+    if not joining.connect and joining.config is None:
         found = find_run(run)
         if run is None and not found.own:
             _make_sure(found, order)

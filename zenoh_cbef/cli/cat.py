@@ -30,4 +30,4 @@ def _cat(
 
 def register(app: typer.Typer) -> None:
     """Add the verb."""
-    app.command("cat")(_cat)
+    app.command("cat", epilog="Example: zenoh-cbef cat logs/latest -y '.*/estimate' --start 2s --end 3s")(_cat)

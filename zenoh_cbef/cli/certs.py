@@ -35,5 +35,5 @@ def _new(
 def register(app: typer.Typer) -> None:
     """Add the verb."""
     group = typer.Typer(help="Certificates for mutual TLS.", no_args_is_help=True)
-    group.command("new")(_new)
+    group.command("new", epilog="Example: zenoh-cbef certs new certificates --agents 12 --host 192.0.2.1")(_new)
     app.add_typer(group, name="certs")

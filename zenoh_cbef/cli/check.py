@@ -49,4 +49,4 @@ def _tell(found: Findings) -> None:
 
 def register(app: typer.Typer) -> None:
     """Add the verb."""
-    app.command("check")(_check)
+    app.command("check", epilog="Example: zenoh-cbef check logs/latest --json")(_check)

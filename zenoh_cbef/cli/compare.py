@@ -15,6 +15,7 @@ from rich.table import Table
 
 from zenoh_cbef.analysis.compare import differences, names_of, row, write_comparison
 from zenoh_cbef.analysis.metrics import analyze, notes
+from zenoh_cbef.cli.completing import logs
 from zenoh_cbef.cli.console import console, errors, number, tell, tell_what_lacks
 from zenoh_cbef.cli.fitting import Fitting
 from zenoh_cbef.cli.options import AsJson, Force, Skip
@@ -24,7 +25,9 @@ from zenoh_cbef.log.read.parts import find_log
 from zenoh_cbef.log.read.trace import read_trace
 from zenoh_cbef.trace import Trace
 
-Logs = Annotated[list[Path], typer.Argument(metavar="LOG...", help="Logs, folders of runs, or names in logs/.")]
+Logs = Annotated[
+    list[Path], typer.Argument(metavar="LOG", autocompletion=logs, help="Logs, folders of runs, or names in logs/.")
+]
 AsCsv = Annotated[bool, typer.Option("--csv", help="Print comma-separated values instead of a table.")]
 Outputs = Annotated[
     list[Path] | None,
@@ -133,4 +136,4 @@ def _short(value: float | None) -> str:
 
 def register(app: typer.Typer) -> None:
     """Add the verb."""
-    app.command("compare")(_compare)
+    app.command("compare", epilog="Example: zenoh-cbef compare logs/one logs/two -o curves.html")(_compare)

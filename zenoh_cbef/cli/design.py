@@ -54,4 +54,4 @@ def _share(text: str) -> float:
 
 def register(app: typer.Typer) -> None:
     """Add the verb."""
-    app.command("design")(_design)
+    app.command("design", epilog="Example: zenoh-cbef design paper --within 5%")(_design)

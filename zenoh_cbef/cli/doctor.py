@@ -13,7 +13,7 @@ from rich.text import Text
 
 from zenoh_cbef.cli.asking import RunName, locate
 from zenoh_cbef.cli.console import console
-from zenoh_cbef.cli.joining import Joining, joins
+from zenoh_cbef.cli.joining import Joining, JoiningCommand, JoiningContext
 from zenoh_cbef.cli.options import MOST_AGENTS, AsJson
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.outside.doctor import OK, PROBLEM, WARNING, Finding, check_endpoints, check_host
@@ -24,7 +24,7 @@ _COLOURS = {OK: "green", WARNING: "yellow", PROBLEM: "red"}
 
 
 def _doctor(
-    joining: Joining,
+    ctx: JoiningContext,
     run: RunName = None,
     agents: Annotated[int, typer.Option(min=1, max=MOST_AGENTS, help="How many agents a run is to have.")] = 100,
     output: Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="Where logs go.")] = Path("logs"),
@@ -33,7 +33,7 @@ def _doctor(
 ) -> None:
     """Check this host, endpoints, and a run: status 0 if all is well, 2 if there is a problem."""
     worst, told = OK, []
-    for finding in _findings(joining, run, agents, output):
+    for finding in _findings(ctx.joining, run, agents, output):
         worst = max(worst, finding.level, key=[OK, WARNING, PROBLEM].index)
         told.append(asdict(finding))
         if not as_json:
@@ -74,4 +74,4 @@ def _findings(joining: Joining, run: str | None, agents: int, output: Path) -> I
 
 def register(app: typer.Typer) -> None:
     """Add the verb."""
-    app.command("doctor")(joins(_doctor))
+    app.command("doctor", cls=JoiningCommand, epilog="Example: zenoh-cbef doctor --agents 24")(_doctor)

@@ -1,4 +1,4 @@
-"""experiment: sweeps of scenarios with a verdict; list, show."""
+"""experiment: sweeps of scenarios with a verdict; run, list, show."""
 
 from __future__ import annotations
 
@@ -8,25 +8,26 @@ from typing import Annotated, Any
 import typer
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
+from typer.core import TyperGroup
 
-from zenoh_cbef.cli.console import console, errors, number, tell
+from zenoh_cbef.cli.completing import experiments
+from zenoh_cbef.cli.console import console, errors, list_named, number, tell
 from zenoh_cbef.cli.fitting import Fitting
+from zenoh_cbef.cli.interrupts import INTERRUPTED
 from zenoh_cbef.cli.options import AsJson, Force, Skip
 from zenoh_cbef.cli.places import new_folder_of
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.experiment.cells import cells_of
 from zenoh_cbef.experiment.figures import short_names, written_value
-from zenoh_cbef.experiment.file import Written, builtin_names, read_experiment, read_source
+from zenoh_cbef.experiment.file import Written, purposes, read_experiment, read_source
 from zenoh_cbef.experiment.journal import JOURNAL
 from zenoh_cbef.experiment.page import RESULTS, limits_of, values_of, write_outputs
 from zenoh_cbef.experiment.summary import EXIT_STATUS, check_expectations, summarize
 from zenoh_cbef.experiment.sweep import Sweep
 from zenoh_cbef.experiment.table import rows_of
 from zenoh_cbef.plain import read_toml
-from zenoh_cbef.scenario.library import purpose_of
 from zenoh_cbef.words import counted
 
-_INTERRUPTED = 130
 _COLUMNS = {
     "position_rmse": "position RMSE (m)",
     "ratio_to_centralized": "ratio",
@@ -36,11 +37,38 @@ _COLUMNS = {
 }
 
 
-def _experiment(
-    what: Annotated[
-        str, typer.Argument(metavar="FILE", help="A built-in experiment or a TOML file; or: list; or: show NAME.")
-    ],
-    name: Annotated[str | None, typer.Argument(metavar="[NAME]", help="What to show.")] = None,
+What = Annotated[
+    str, typer.Argument(metavar="FILE", autocompletion=experiments, help="A built-in experiment or a TOML file.")
+]
+
+
+class _Experiments(TyperGroup):
+    """The verbs of experiments; what names none of them is an experiment to run."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Put `run` before what is no verb and asks for no help."""
+        if args and args[0] not in {*self.commands, *ctx.help_option_names}:
+            args = ["run", *args]
+        return super().parse_args(ctx, args)
+
+    def shell_complete(self, ctx: Any, incomplete: str) -> list[Any]:
+        """Complete the verbs, and the experiments that `run` takes."""
+        what, *_ = self.commands["run"].params
+        return [*super().shell_complete(ctx, incomplete), *what.shell_complete(ctx, incomplete)]
+
+
+def _list() -> None:
+    """List the built-in experiments."""
+    list_named(purposes())
+
+
+def _show(what: What) -> None:
+    """Print an experiment as it is written."""
+    typer.echo(read_source(what)[0], nl=False)
+
+
+def _run(
+    what: What,
     output: Annotated[
         Path | None, typer.Option("--output", "-o", metavar="DIR", help="Where results go; default: experiments/NAME.")
     ] = None,
@@ -58,23 +86,14 @@ def _experiment(
     force: Force = False,
 ) -> None:
     """Run a sweep of scenarios; exit status 0: as expected, 1: not, 2: cannot be judged."""
-    if what == "list" and name is None:
-        _list()
-    elif what == "show" and name is not None:
-        typer.echo(read_source(name)[0], nl=False)
-    elif name is not None or what in {"list", "show"}:
-        raise UserError(
-            "give one experiment, as in 'zenoh-cbef experiment loss', or: experiment list, or: experiment show NAME"
-        )
-    else:
-        written = read_experiment(what, _changes(seeds))
-        cells = cells_of(written)
-        check_expectations(written, cells)
-        sweep = Sweep(written.experiment, cells, skip, jobs, dask, tell)
-        folder = output or Path("experiments") / written.name
-        # A sweep goes on in its own folder, and takes no other's.
-        own = force or (folder / JOURNAL).exists()
-        _run(written, sweep, new_folder_of(folder, RESULTS, force=own), as_json=as_json)
+    written = read_experiment(what, _changes(seeds))
+    cells = cells_of(written)
+    check_expectations(written, cells)
+    sweep = Sweep(written.experiment, cells, skip, jobs, dask, tell)
+    folder = output or Path("experiments") / written.name
+    # A sweep goes on in its own folder, and takes no other's.
+    own = force or (folder / JOURNAL).exists()
+    _sweep(written, sweep, new_folder_of(folder, RESULTS, force=own), as_json=as_json)
 
 
 def _changes(seeds: str | None) -> dict[str, Any]:
@@ -86,13 +105,7 @@ def _changes(seeds: str | None) -> dict[str, Any]:
         raise UserError(f"--seeds {seeds} is neither a number nor a list as [1, 2, 3]; give one of these") from None
 
 
-def _list() -> None:
-    for name in builtin_names():
-        sentence, _, _ = purpose_of(read_source(name)[0]).partition(". ")
-        typer.echo(f"{name:10} {sentence.rstrip('.')}")
-
-
-def _run(written: Written, sweep: Sweep, folder: Path, *, as_json: bool) -> None:
+def _sweep(written: Written, sweep: Sweep, folder: Path, *, as_json: bool) -> None:
     columns = (TextColumn("runs"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     try:
         with Progress(*columns, console=errors, transient=True, disable=not errors.is_terminal) as bar:
@@ -101,7 +114,7 @@ def _run(written: Written, sweep: Sweep, folder: Path, *, as_json: bool) -> None
     except KeyboardInterrupt:
         said = f"interrupted; what is finished is in {folder}, and the same command goes on from there"
         errors.print(said, highlight=False, soft_wrap=True, markup=False)
-        raise typer.Exit(_INTERRUPTED) from None
+        raise typer.Exit(INTERRUPTED) from None
     summary = summarize(written, sweep.cells, outcomes)
     for sentence in write_outputs(summary, rows_of(sweep.cells, outcomes), written.source, folder):
         tell(sentence)
@@ -141,4 +154,13 @@ def _tell(summary: dict[str, Any], folder: Path) -> None:
 
 def register(app: typer.Typer) -> None:
     """Add the verb."""
-    app.command("experiment")(_experiment)
+    group = typer.Typer(
+        cls=_Experiments,
+        no_args_is_help=True,
+        help="Run sweeps of scenarios, which end with a verdict. 'experiment FILE' is short for 'experiment run FILE'.",
+        epilog="Example: zenoh-cbef experiment loss --seeds 5",
+    )
+    group.command("run", epilog="Example: zenoh-cbef experiment run loss --seeds 5 --jobs 2")(_run)
+    group.command("list", epilog="Example: zenoh-cbef experiment list")(_list)
+    group.command("show", epilog="Example: zenoh-cbef experiment show loss")(_show)
+    app.add_typer(group, name="experiment")

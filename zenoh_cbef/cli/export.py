@@ -82,4 +82,4 @@ def _format(to: Format | None, output: Path | None) -> Format:
 
 def register(app: typer.Typer) -> None:
     """Add the verb."""
-    app.command("export")(_export)
+    app.command("export", epilog="Example: zenoh-cbef export logs/latest --to csv")(_export)

@@ -9,18 +9,21 @@ import typer
 from rich.table import Table
 
 from zenoh_cbef.cli.asking import RunName, ask_run, locate
+from zenoh_cbef.cli.completing import faults
 from zenoh_cbef.cli.console import console
 from zenoh_cbef.cli.fitting import Fitting
-from zenoh_cbef.cli.joining import Joining, joins
+from zenoh_cbef.cli.joining import JoiningCommand, JoiningContext
 from zenoh_cbef.cli.options import LONGEST_SECONDS, AsJson
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.scenario.load import value_of
 
 
 def _add(
-    kind: Annotated[str, typer.Argument(metavar="KIND", help="As in a scenario's [[fault]]: loss, delay, crash, ...")],
-    joining: Joining,
-    keys: Annotated[list[str] | None, typer.Argument(metavar="[KEY=VALUE]...", help="Its keys: links=agent:3")] = None,
+    kind: Annotated[
+        str, typer.Argument(metavar="KIND", autocompletion=faults, help="As in a scenario: loss, delay, crash, ...")
+    ],
+    ctx: JoiningContext,
+    keys: Annotated[list[str] | None, typer.Argument(metavar="KEY=VALUE", help="Its keys, as links=agent:3")] = None,
     run: RunName = None,
     seconds: Annotated[
         float | None, typer.Option("--for", min=0.001, max=LONGEST_SECONDS, help="How long it lasts, in seconds.")
@@ -33,18 +36,18 @@ def _add(
         if not separator:
             raise UserError(f"{one!r} is not of the form key=value, as in probability=0.3")
         table[key.strip()] = value_of(text)
-    name, connection = locate(run, joining, order="inject the fault into it")
+    name, connection = locate(run, ctx.joining, order="inject the fault into it")
     said = ask_run(name, connection, {"ask": "fault add", "fault": json.dumps(table), "seconds": seconds})
     typer.echo(f"fault {said['number']} ({kind}) of run {name} begins at {said['from']:.2f} s")
 
 
 def _list(
-    joining: Joining,
+    ctx: JoiningContext,
     run: RunName = None,
     as_json: AsJson = False,
 ) -> None:
     """List the faults that were injected, and whether they are on."""
-    name, connection = locate(run, joining)
+    name, connection = locate(run, ctx.joining)
     faults = json.loads(ask_run(name, connection, {"ask": "fault list"})["faults"])
     if as_json:
         typer.echo(json.dumps(faults, indent=2))
@@ -65,14 +68,14 @@ def _list(
 
 
 def _clear(
-    joining: Joining,
+    ctx: JoiningContext,
     numbers: Annotated[
-        list[int] | None, typer.Argument(metavar="[NUMBER]...", min=0, max=1_000_000, help="Default: all.")
+        list[int] | None, typer.Argument(metavar="NUMBER", min=0, max=1_000_000, help="Default: all.")
     ] = None,
     run: RunName = None,
 ) -> None:
     """End injected faults."""
-    name, connection = locate(run, joining, order="end its injected faults")
+    name, connection = locate(run, ctx.joining, order="end its injected faults")
     ended = ask_run(name, connection, {"ask": "fault clear", "numbers": numbers or None})["ended"]
     typer.echo(f"run {name}: ended {', '.join(f'fault {one}' for one in ended) or 'nothing'}")
 
@@ -80,7 +83,9 @@ def _clear(
 def register(app: typer.Typer) -> None:
     """Add the verb."""
     verbs = typer.Typer(no_args_is_help=True, help="Inject faults into a realtime run that goes on.")
-    verbs.command("add")(joins(_add))
-    verbs.command("list")(joins(_list))
-    verbs.command("clear")(joins(_clear))
+    verbs.command(
+        "add", cls=JoiningCommand, epilog="Example: zenoh-cbef fault add loss probability=0.3 links=agent:3 --for 5"
+    )(_add)
+    verbs.command("list", cls=JoiningCommand, epilog="Example: zenoh-cbef fault list --json")(_list)
+    verbs.command("clear", cls=JoiningCommand, epilog="Example: zenoh-cbef fault clear 1")(_clear)
     app.add_typer(verbs, name="fault")

@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from zenoh_cbef.cli.choosing import LOSSY, selection_of, tell_damage
-from zenoh_cbef.cli.options import Compress, End, Exclude, Include, NewLog, Start
+from zenoh_cbef.cli.options import Compress, End, Exclude, Include, LogFile, NewLog, Start
 from zenoh_cbef.log.read.parts import open_log
 from zenoh_cbef.log.tools.filtering import filter_log
 from zenoh_cbef.words import counted
 
 
 def _filter(
-    log: Annotated[Path, typer.Argument(metavar="LOG", help="A log, or the folder of a run.")],
+    log: LogFile,
     output: NewLog,
     include: Include = None,
     exclude: Exclude = None,
@@ -36,4 +35,4 @@ def _filter(
 
 def register(app: typer.Typer) -> None:
     """Add the verb."""
-    app.command("filter")(_filter)
+    app.command("filter", epilog="Example: zenoh-cbef filter logs/latest -n '.*/round' -o small.mcap")(_filter)

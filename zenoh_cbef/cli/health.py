@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from zenoh_cbef.cli.asking import RunName, locate
-from zenoh_cbef.cli.joining import Joining, Patience, joins
+from zenoh_cbef.cli.joining import JoiningCommand, JoiningContext, Patience
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.outside.health import is_there
 from zenoh_cbef.protocol.keys import agent_named
@@ -17,7 +17,7 @@ from zenoh_cbef.protocol.tls import common_name
 
 def _health(
     who: Annotated[str, typer.Argument(metavar="WHO", help="agent/ID, target or record.")],
-    joining: Joining,
+    ctx: JoiningContext,
     run: RunName = None,
     patience: Patience = 3.0,
 ) -> None:
@@ -26,9 +26,9 @@ def _health(
     if role not in {"agent", "target", "record"} or (role == "agent") != (agent_named(who) is not None):
         raise UserError(f"{who!r} is no process; write agent/ID, as in agent/3, or target, or record")
     # What is looked up on this host is asked as by an operator; elsewhere a process has its own certificate alone.
-    elsewhere = joining.connect is not None or joining.config is not None
-    found, connection = locate(run, joining, certificate=common_name(role, name) if elsewhere else "operator")
-    if not is_there(replace(connection, gossip=joining.gossip), found, f"{role}/{name or role}", patience):
+    elsewhere = bool(ctx.joining.connect) or ctx.joining.config is not None
+    found, connection = locate(run, ctx.joining, certificate=common_name(role, name) if elsewhere else "operator")
+    if not is_there(replace(connection, gossip=ctx.joining.gossip), found, f"{role}/{name or role}", patience):
         typer.echo(f"{who} is not in run {found}")
         raise typer.Exit(1)
     typer.echo(f"{who} is in run {found}")
@@ -36,4 +36,4 @@ def _health(
 
 def register(app: typer.Typer) -> None:
     """Add the verb."""
-    app.command("health")(joins(_health))
+    app.command("health", cls=JoiningCommand, epilog="Example: zenoh-cbef health agent/3 --run mine")(_health)

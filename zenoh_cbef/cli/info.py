@@ -82,4 +82,4 @@ def _ended(found: dict[str, Any]) -> str:
 
 def register(app: typer.Typer) -> None:
     """Add the verb."""
-    app.command("info")(_info)
+    app.command("info", epilog="Example: zenoh-cbef info logs/latest")(_info)

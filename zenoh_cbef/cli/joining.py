@@ -2,46 +2,60 @@
 
 from __future__ import annotations
 
-import inspect
 import sys
-from collections.abc import Callable
-from dataclasses import dataclass, fields
-from functools import wraps
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, get_type_hints
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperArgument, TyperCommand, TyperOption
 
 from zenoh_cbef.cli.names import checked
-from zenoh_cbef.cli.options import LONGEST_SECONDS, Connect, listening
+from zenoh_cbef.cli.options import LONGEST_SECONDS
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.nodes.common.node import Identity
 from zenoh_cbef.protocol.session import Connection
 from zenoh_cbef.protocol.tls import Tls
 
+_PANEL = "Options of every verb that joins a run"
 Patience = Annotated[
     float, typer.Option(min=0.1, max=LONGEST_SECONDS, help="Seconds to wait for the others to appear.")
 ]
-_Gossip = Annotated[bool, typer.Option(help="Let peers tell each other about third ones.")]
+_Connect = Annotated[
+    list[str] | None,
+    typer.Option("--connect", metavar="ENDPOINT", help="Link to this endpoint, as tcp/HOST:PORT; repeatable."),
+]
+_Listen = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--listen",
+        metavar="ENDPOINT",
+        help="Accept links there; default: a loopback port, 7447 for target, router and replay, else a free one.",
+    ),
+]
+_Gossip = Annotated[bool, typer.Option(help="Let processes tell each other about third ones.")]
 _Client = Annotated[bool, typer.Option("--client", help="Join through a router instead of peer to peer.")]
 _Config = Annotated[str | None, typer.Option("--config", metavar="FILE", help="A Zenoh configuration file.")]
-_Lease = Annotated[int, typer.Option(min=100, max=600_000, help="How long a silent link is taken to be alive.")]
+_Lease = Annotated[
+    int, typer.Option(min=100, max=600_000, metavar="MS", help="How long a silent link is taken to be alive.")
+]
 _Folder = Annotated[
     Path | None, typer.Option("--tls", metavar="DIR", help="Certificates of 'certs new'; links without are refused.")
 ]
 _Ca = Annotated[
     Path | None, typer.Option("--ca", metavar="FILE", help="Instead of --tls: the authority's certificate.")
 ]
-_Cert = Annotated[Path | None, typer.Option("--cert", metavar="FILE", help="And this process's own.")]
-_Key = Annotated[Path | None, typer.Option("--key", metavar="FILE", help="And its private key.")]
+_Cert = Annotated[Path | None, typer.Option("--cert", metavar="FILE", help="With --ca: this process's certificate.")]
+_Key = Annotated[Path | None, typer.Option("--key", metavar="FILE", help="With --ca: its private key.")]
 
 
 @dataclass(frozen=True)
 class Joining:
     """What the command line says about joining a run."""
 
-    connect: Connect = None
-    listen: list[str] | None = None
+    connect: _Connect = None
+    listen: _Listen = None
     gossip: _Gossip = True
     client: _Client = False
     config: _Config = None
@@ -71,25 +85,35 @@ class Joining:
         return None if self.tls is None else Tls.of_folder(self.tls, certificate)
 
 
-def joins(verb: Callable[..., None], *, port: int = 0) -> Callable[..., None]:
-    """Give a verb that takes a `joining` the options of Joining; port: where it listens by default, 0 for any."""
-    hints = get_type_hints(Joining, include_extras=True) | {"listen": listening(port)}
-    keyword = inspect.Parameter.KEYWORD_ONLY
-    shared = [
-        inspect.Parameter(field.name, keyword, default=field.default, annotation=hints[field.name])
-        for field in fields(Joining)
-    ]
-    own = inspect.signature(verb, eval_str=True).parameters.values()
+def _options() -> list[TyperOption]:
+    """What the command line takes for the fields of Joining."""
+    app = typer.Typer(add_completion=False)
+    app.command()(Joining)
+    options = [one for one in typer.main.get_command(app).params if isinstance(one, TyperOption)]
+    for option in options:
+        option.rich_help_panel = _PANEL
+    return options
 
-    @wraps(verb)
-    def command(**options: Any) -> None:
-        joining = Joining(**{parameter.name: options.pop(parameter.name) for parameter in shared})
-        verb(**options, joining=joining)
 
-    kept = [one.replace(kind=keyword) for one in own if one.name != "joining"]
-    command.__signature__ = inspect.Signature([*kept, *shared])  # type: ignore[attr-defined]
-    command.__annotations__ = {one.name: one.annotation for one in (*kept, *shared)}
-    return command
+class JoiningContext(typer.Context):
+    """The context of a verb that joins a run."""
+
+    joining: Joining
+
+
+class JoiningCommand(TyperCommand):
+    """A verb that joins a run: it has, after its own options, those of Joining, and a JoiningContext tells them."""
+
+    context_class = JoiningContext
+    shared = _options()
+
+    def __init__(self, *, params: Sequence[TyperArgument | TyperOption], **settings: Any) -> None:
+        super().__init__(params=[*params, *self.shared], **settings)
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run the verb."""
+        ctx.joining = Joining(**{option.name: ctx.params.pop(option.name) for option in self.shared})
+        return super().invoke(ctx)
 
 
 def identity_of(role: str, name: str, run: str, connection: Connection, patience: float) -> Identity:

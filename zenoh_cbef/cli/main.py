@@ -10,16 +10,13 @@ import os
 import sys
 from importlib import import_module
 
+from zenoh_cbef.cli.interrupts import INTERRUPTED, leave_at_once
 from zenoh_cbef.errors import Interrupted, UserError
 
 TYPE_CHECKING = False  # as in `typing`, which takes as long
 if TYPE_CHECKING:
     import typer
 
-# What Python's own `signal` is made of: that takes 15 ms for its names, in which Ctrl-C would be a traceback.
-_signal = import_module("_signal")
-
-_INTERRUPTED = 130
 _MISTAKE = 2
 _READER_GONE = 1
 _REMEDIES = {
@@ -35,12 +32,6 @@ _REMEDIES = {
 }
 
 
-def build(verb: str | None) -> typer.Typer:
-    """The application with one verb, or with all."""
-    application: typer.Typer = import_module("zenoh_cbef.cli.verbs").build(verb)
-    return application
-
-
 def main() -> None:
     """Run the verb of the command line.
 
@@ -48,13 +39,9 @@ def main() -> None:
     and 1 where the reader of a pipe has gone.
     """
     _open_streams()
-    # A shell's background job, or one under nohup, does not heed Ctrl-C.
-    heeds = _signal.getsignal(_signal.SIGINT) != _signal.SIG_IGN
-    if heeds:
-        _signal.signal(_signal.SIGINT, _leave)
-    status = _run(heeds=heeds)
-    if heeds:
-        _signal.signal(_signal.SIGINT, _leave)
+    leave_at_once()
+    status = _run()
+    leave_at_once()
     sys.exit(_flushed(status))
 
 
@@ -69,25 +56,15 @@ def _open_streams() -> None:
     sys.stderr = sys.stderr or os.fdopen(2, "w")
 
 
-def _leave(_signum: int, _frame: object) -> None:
-    """Leave at once, while nothing is begun or all is done: an exception would come out of the midst of an import."""
+def _run() -> int:
     try:
-        os.write(2, b"zenoh-cbef: interrupted\n")
-    finally:
-        os._exit(_INTERRUPTED)
-
-
-def _run(*, heeds: bool) -> int:
-    try:
-        application = build(sys.argv[1] if len(sys.argv) > 1 else None)
-        if heeds:
-            _signal.signal(_signal.SIGINT, _signal.default_int_handler)
+        application: typer.Typer = import_module("zenoh_cbef.cli.verbs").build()
         with import_module("zenoh_cbef.cli.warned").plain_warnings():
             application(prog_name="zenoh-cbef")
     except SystemExit as ended:
         return ended.code if isinstance(ended.code, int) else int(ended.code is not None)
     except (Interrupted, KeyboardInterrupt):
-        return _told("interrupted", _INTERRUPTED)
+        return _told("interrupted", INTERRUPTED)
     except BrokenPipeError:
         return _READER_GONE
     except (UserError, OSError, ArithmeticError, MemoryError, ValueError) as error:

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from zenoh_cbef.cli.choosing import LOSSY, tell_damage
+from zenoh_cbef.cli.completing import logs
 from zenoh_cbef.cli.options import Compress, NewLog
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.read.parts import open_log
@@ -16,7 +17,9 @@ from zenoh_cbef.words import counted
 
 
 def _merge(
-    logs: Annotated[list[Path], typer.Argument(metavar="LOG...", help="Logs of one run, or folders of its logs.")],
+    logs: Annotated[
+        list[Path], typer.Argument(metavar="LOG", autocompletion=logs, help="Logs of one run, or folders of its logs.")
+    ],
     output: NewLog,
     compression: Compress = "zstd",
 ) -> None:
@@ -50,4 +53,4 @@ def _words(clock: Clock, first: Path) -> str:
 
 def register(app: typer.Typer) -> None:
     """Add the verb."""
-    app.command("merge")(_merge)
+    app.command("merge", epilog="Example: zenoh-cbef merge a.mcap b.mcap -o whole.mcap")(_merge)

@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 
 import typer
 
+from zenoh_cbef.cli.completing import logs, runs, scenarios
 from zenoh_cbef.cli.names import check_run
 
 LONGEST_SECONDS = 1e9
@@ -14,50 +15,64 @@ LONGEST_SECONDS = 1e9
 MOST_AGENTS = 1000
 
 ScenarioName = Annotated[
-    str, typer.Argument(metavar="[SCENARIO]", help="A built-in scenario (see 'scenario list') or a TOML file.")
+    str,
+    typer.Argument(
+        metavar="SCENARIO", autocompletion=scenarios, help="A built-in scenario (see 'scenario list') or a TOML file."
+    ),
 ]
 Overrides = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="KEY=VALUE", help="Override a scenario key, as in consensus.rounds=5; repeatable."),
 ]
-LogFile = Annotated[Path, typer.Argument(metavar="LOG", help="A log, or the folder of a run.")]
+LogFile = Annotated[
+    Path, typer.Argument(metavar="LOG", autocompletion=logs, help="A log, the folder of a run, or its name in logs/.")
+]
 Force = Annotated[bool, typer.Option("--force", "-f", help="Write over what --output names.")]
 NewLog = Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="The log to write.")]
 Compress = Annotated[Literal["zstd", "lz4", "none"], typer.Option("--compression", help="Of the log to write.")]
+WHICH = "Which messages"
+"""Heading of the options that choose messages of a log."""
 Include = Annotated[
     list[str] | None,
     typer.Option(
         "-y",
         "--include-topic-regex",
         metavar="REGEX",
+        rich_help_panel=WHICH,
         help="Only topics that match as a whole, as in '.*/estimate'; repeatable.",
     ),
 ]
 Exclude = Annotated[
     list[str] | None,
-    typer.Option("-n", "--exclude-topic-regex", metavar="REGEX", help="No topics that match as a whole; repeatable."),
+    typer.Option(
+        "-n",
+        "--exclude-topic-regex",
+        metavar="REGEX",
+        rich_help_panel=WHICH,
+        help="No topics that match as a whole; repeatable. Either -y or -n.",
+    ),
 ]
 _TIME = "ns since the epoch, an RFC 3339 date, or seconds since the log's start as 12.5s."
 Start = Annotated[
-    str | None, typer.Option("-S", "--start", metavar="TIME", help=f"Only what was logged at or after it: {_TIME}")
+    str | None,
+    typer.Option(
+        "-S", "--start", metavar="TIME", rich_help_panel=WHICH, help=f"Only what was logged at or after it: {_TIME}"
+    ),
 ]
 End = Annotated[
-    str | None, typer.Option("-E", "--end", metavar="TIME", help=f"Only what was logged before it: {_TIME}")
+    str | None,
+    typer.Option(
+        "-E", "--end", metavar="TIME", rich_help_panel=WHICH, help=f"Only what was logged before it: {_TIME}"
+    ),
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")]
 Skip = Annotated[
     float,
     typer.Option(min=0.0, max=0.99, help="Share of steps left out at the start of RMSE, NEES and ratios."),
 ]
-Run = Annotated[str, typer.Option("--run", callback=check_run, help="The run's name, the same for all its processes.")]
-Connect = Annotated[
-    list[str] | None,
-    typer.Option("--connect", metavar="ENDPOINT", help="Whom to link to, as tcp/HOST:PORT; repeatable."),
+Run = Annotated[
+    str,
+    typer.Option(
+        "--run", callback=check_run, autocompletion=runs, help="The run's name, the same for all its processes."
+    ),
 ]
-
-
-def listening(port: int) -> object:
-    """The annotation of --listen for a verb whose default is this loopback port, 0 for any that is free."""
-    default = f"loopback port {port}" if port else "a free loopback port"
-    option = typer.Option("--listen", metavar="ENDPOINT", help=f"Where to be reached; default: {default}.")
-    return Annotated[list[str] | None, option]

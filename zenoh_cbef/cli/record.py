@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from zenoh_cbef.cli.joining import Joining, Patience, identity_of, joins
+from zenoh_cbef.cli.joining import JoiningCommand, JoiningContext, Patience, identity_of
 from zenoh_cbef.cli.options import Run
 from zenoh_cbef.nodes.recorder.overview import Status
 from zenoh_cbef.nodes.recorder.recorder import run_recorder
@@ -19,7 +19,7 @@ from zenoh_cbef.words import counted
 
 def _record(
     run: Run,
-    joining: Joining,
+    ctx: JoiningContext,
     output: Annotated[Path, typer.Option("--output", "-o", help="The log to write.")] = Path("run.mcap"),
     keys: Annotated[
         list[str] | None,
@@ -43,7 +43,7 @@ def _record(
         elif sys.stderr.isatty():
             sys.stderr.write(f"\r{status.messages} messages, step {status.step} of {status.steps} ")
 
-    identity = identity_of("record", name, run, joining.connection("record"), patience)
+    identity = identity_of("record", name, run, ctx.joining.connection("record"), patience)
     last = run_recorder(identity, output, keys=keys or (), sync=sync, report=report)
     if not status_json:
         typer.echo(f"{counted(last.messages, 'message')} in {output}, {last.missing} missing")
@@ -55,4 +55,8 @@ def _record(
 
 def register(app: typer.Typer) -> None:
     """Add the verb."""
-    app.command("record")(joins(_record))
+    app.command(
+        "record",
+        cls=JoiningCommand,
+        epilog="Example: zenoh-cbef record --run mine --connect tcp/192.0.2.1:7447 -o mine.mcap",
+    )(_record)

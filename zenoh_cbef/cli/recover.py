@@ -8,12 +8,15 @@ from typing import Annotated
 import typer
 
 from zenoh_cbef.cli.choosing import tell_damage
+from zenoh_cbef.cli.completing import logs
 from zenoh_cbef.cli.options import Compress, NewLog
 from zenoh_cbef.log.read.parts import find_log
 from zenoh_cbef.log.tools.recover import recover
 from zenoh_cbef.words import counted
 
-Damaged = Annotated[Path, typer.Argument(metavar="LOG", help="A log file, cut off or damaged, or a run's folder.")]
+Damaged = Annotated[
+    Path, typer.Argument(metavar="LOG", autocompletion=logs, help="A log file, cut off or damaged, or a run's folder.")
+]
 
 
 def _recover(log: Damaged, output: NewLog, compression: Compress = "zstd") -> None:
@@ -35,4 +38,4 @@ def _recover(log: Damaged, output: NewLog, compression: Compress = "zstd") -> No
 
 def register(app: typer.Typer) -> None:
     """Add the verb."""
-    app.command("recover")(_recover)
+    app.command("recover", epilog="Example: zenoh-cbef recover cut.mcap -o whole.mcap")(_recover)

@@ -63,4 +63,4 @@ def _figures(done: Reestimated) -> str:
 
 def register(app: typer.Typer) -> None:
     """Add the verb."""
-    app.command("reestimate")(_reestimate)
+    app.command("reestimate", epilog="Example: zenoh-cbef reestimate logs/latest --set filter.kind=icf")(_reestimate)

@@ -12,23 +12,22 @@ from typing import Annotated
 import typer
 
 from zenoh_cbef.cli.console import number, tell_what_lacks
-from zenoh_cbef.cli.joining import Joining, identity_of, joins
-from zenoh_cbef.cli.options import LONGEST_SECONDS, LogFile
+from zenoh_cbef.cli.interrupts import INTERRUPTED
+from zenoh_cbef.cli.joining import JoiningCommand, JoiningContext, identity_of
+from zenoh_cbef.cli.options import LONGEST_SECONDS, WHICH, Exclude, Include, LogFile
 from zenoh_cbef.cli.run import run_processes
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.read.contents import read_header
 from zenoh_cbef.log.read.measurements import read_measurements
 from zenoh_cbef.log.read.parts import find_log, open_log
 from zenoh_cbef.log.tools.playlist import Selection
+from zenoh_cbef.log.tools.selection import select
 from zenoh_cbef.nodes.replay.player import PlayerState
 from zenoh_cbef.nodes.replay.replay import Playback, replay_run, run_replay
 from zenoh_cbef.protocol.session import Connection
 from zenoh_cbef.words import counted
 
-_INTERRUPTED = 130
 _PORT = 7447
-
-Patterns = list[str] | None
 
 
 class Destination(StrEnum):
@@ -47,18 +46,47 @@ Output = Annotated[
 ]
 Rate = Annotated[float, typer.Option("--rate", "-r", min=1e-6, max=1e6, help="How many times real time.")]
 Loop = Annotated[bool, typer.Option("--loop", "-l", help="Begin again at the end.")]
-Offset = Annotated[float, typer.Option(min=0.0, max=LONGEST_SECONDS, help="Begin this many s into the log.")]
+Offset = Annotated[
+    float,
+    typer.Option(
+        min=0.0, max=LONGEST_SECONDS, metavar="S", rich_help_panel=WHICH, help="Begin this many s into the log."
+    ),
+]
 Duration = Annotated[
     float | None,
     typer.Option(
-        "--duration", "--playback-duration", min=0.0, max=LONGEST_SECONDS, help="Play this many s of the log."
+        "--duration",
+        "--playback-duration",
+        min=0.0,
+        max=LONGEST_SECONDS,
+        metavar="S",
+        rich_help_panel=WHICH,
+        help="Play this many s of the log.",
     ),
 ]
-Topics = Annotated[Patterns, typer.Option(help="Play these keys only, as cbef/*/beacon/*; repeatable.")]
-Exclude = Annotated[Patterns, typer.Option(help="Leave these keys out; repeatable.")]
-Regex = Annotated[Patterns, typer.Option("--regex", "-y", help="Play keys that match; repeatable.")]
-ExcludeRegex = Annotated[Patterns, typer.Option("--exclude-regex", "-n", help="Leave out keys that match.")]
-Remap = Annotated[Patterns, typer.Option(metavar="OLD:=NEW", help="Call keys that begin with OLD otherwise.")]
+Topics = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--topics", metavar="KEYS", rich_help_panel=WHICH, help="Only these keys, as cbef/*/beacon/*; repeatable."
+    ),
+]
+NotTopics = Annotated[
+    list[str] | None,
+    typer.Option("--exclude", metavar="KEYS", rich_help_panel=WHICH, help="Not these keys; repeatable."),
+]
+Regex = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--regex", metavar="REGEX", rich_help_panel=WHICH, help="As -y, for a part of the topic; repeatable."
+    ),
+]
+NotRegex = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--exclude-regex", metavar="REGEX", rich_help_panel=WHICH, help="As -n, for a part of the topic; repeatable."
+    ),
+]
+Remap = Annotated[list[str] | None, typer.Option(metavar="OLD:=NEW", help="Call keys that begin with OLD otherwise.")]
 Paused = Annotated[bool, typer.Option("--start-paused", "-p", help="Begin paused.")]
 Delay = Annotated[
     float,
@@ -72,7 +100,7 @@ Keys = Annotated[bool, typer.Option(help="Obey the keys space, right, n, up and 
 
 
 def _replay(
-    joining: Joining,
+    ctx: JoiningContext,
     log: LogFile = Path("logs/latest"),
     to: To = Destination.network,
     overrides: Settings = None,
@@ -81,10 +109,12 @@ def _replay(
     loop: Loop = False,
     start_offset: Offset = 0.0,
     duration: Duration = None,
-    topics: Topics = None,
+    include: Include = None,
     exclude: Exclude = None,
+    topics: Topics = None,
+    not_topics: NotTopics = None,
     regex: Regex = None,
-    exclude_regex: ExcludeRegex = None,
+    not_regex: NotRegex = None,
     remap: Remap = None,
     start_paused: Paused = False,
     delay: Delay = 0.0,
@@ -101,10 +131,13 @@ def _replay(
         return
     if overrides or output:
         raise UserError("--set and --output are for --to agents: what is published is what was recorded")
-    connection = joining.connection("replay")
-    if not (joining.client or joining.connect or joining.listen or joining.config):
+    connection = ctx.joining.connection("replay")
+    if not (ctx.joining.client or ctx.joining.connect or ctx.joining.listen or ctx.joining.config):
         connection = replace(connection, listen=[connection.loopback(_PORT)])
-    selection = Selection(topics or (), exclude or (), regex or (), exclude_regex or (), remap or ())
+    whole = select(include or (), exclude or ())
+    selection = Selection(
+        topics or (), not_topics or (), whole.include, whole.exclude, regex or (), not_regex or (), remap or ()
+    )
     how = Playback(rate, loop, start_offset, duration, start_paused, delay, wait, linger, keyboard)
     _to_network(log, connection, selection, how)
 
@@ -118,7 +151,7 @@ def _to_network(log: Path, connection: Connection, selection: Selection, how: Pl
         sys.stderr.write("\n")
     typer.echo(f"{counted(state.published, 'message')} of run {header.run} published")
     if not ended:
-        raise typer.Exit(_INTERRUPTED)
+        raise typer.Exit(INTERRUPTED)
 
 
 def _to_agents(log: Path, overrides: Sequence[str], output: Path | None) -> None:
@@ -140,4 +173,6 @@ def _show(state: PlayerState) -> None:
 
 def register(app: typer.Typer) -> None:
     """Add the verb."""
-    app.command("replay")(joins(_replay, port=_PORT))
+    app.command(
+        "replay", cls=JoiningCommand, epilog="Example: zenoh-cbef replay logs/latest --rate 2 -y '.*/estimate'"
+    )(_replay)

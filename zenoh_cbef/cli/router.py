@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from zenoh_cbef.cli.joining import Joining, joins, warn_of_exposure
+from zenoh_cbef.cli.joining import JoiningCommand, JoiningContext, warn_of_exposure
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.outside.router import run_router
 from zenoh_cbef.protocol.session import configuration
@@ -17,15 +17,15 @@ _PORT = 7447
 
 
 def _router(
-    joining: Joining,
+    ctx: JoiningContext,
     print_config: Annotated[
         bool, typer.Option("--print-config", help="Print the configuration for zenohd, and run nothing.")
     ] = False,
 ) -> None:
     """Run a router until Ctrl-C; the processes of any run join through it with --client --connect ENDPOINT."""
-    if joining.client:
+    if ctx.joining.client:
         raise UserError("a router is nobody's client; leave --client out, and name other routers with --connect")
-    connection = joining.connection("router", mode="router")
+    connection = ctx.joining.connection("router", mode="router")
     if not connection.listen and connection.config is None:
         connection = replace(connection, listen=[connection.loopback(_PORT)])
     if print_config:
@@ -38,4 +38,4 @@ def _router(
 
 def register(app: typer.Typer) -> None:
     """Add the verb."""
-    app.command("router")(joins(_router, port=_PORT))
+    app.command("router", cls=JoiningCommand, epilog="Example: zenoh-cbef router --listen tcp/192.0.2.1:7447")(_router)

@@ -17,6 +17,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from zenoh_cbef.analysis.metrics import analyze, notes
 from zenoh_cbef.analysis.outputs import REPORT, write_outputs
 from zenoh_cbef.cli.console import console, errors, number, tell, tell_what_lacks
+from zenoh_cbef.cli.interrupts import INTERRUPTED
 from zenoh_cbef.cli.joining import warn_of_exposure
 from zenoh_cbef.cli.names import check_run
 from zenoh_cbef.cli.options import Overrides, ScenarioName
@@ -35,7 +36,6 @@ from zenoh_cbef.scenario.load import Loaded, load, to_toml
 from zenoh_cbef.scenario.size import refuse_a_trace_beyond_memory
 from zenoh_cbef.words import counted
 
-_INTERRUPTED = 130
 _ATTEMPTS = 4
 
 
@@ -135,12 +135,12 @@ def run_processes(
         started, deaths = _execute(arguments, loaded, run, path, sync, stops)
     if not started:
         errors.print("stopped before the first step; nothing to analyse")
-        raise typer.Exit(_INTERRUPTED)
+        raise typer.Exit(INTERRUPTED)
     for death in deaths:
         errors.print(f"[red]{death}[/red]", highlight=False, soft_wrap=True)
     _conclude(loaded, find_log(path), default=log is None, report=report)
     if stops.count:
-        raise typer.Exit(_INTERRUPTED)
+        raise typer.Exit(INTERRUPTED)
     if deaths:
         raise typer.Exit(1)
 
@@ -199,4 +199,4 @@ def _conclude(loaded: Loaded, path: Path, *, default: bool, report: bool) -> Non
 
 def register(app: typer.Typer) -> None:
     """Add the verb."""
-    app.command("run")(_run)
+    app.command("run", epilog="Example: zenoh-cbef run tracking --set consensus.rounds=5 --set steps=100")(_run)

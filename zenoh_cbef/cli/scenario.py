@@ -7,20 +7,19 @@ from typing import Annotated
 
 import typer
 
+from zenoh_cbef.cli.completing import scenarios
+from zenoh_cbef.cli.console import list_named
 from zenoh_cbef.cli.options import Overrides, ScenarioName
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.scenario.checks import check
-from zenoh_cbef.scenario.library import purpose_of
-from zenoh_cbef.scenario.load import builtin_names, load, read_source, to_toml
+from zenoh_cbef.scenario.load import load, purposes, read_source, to_toml
 from zenoh_cbef.scenario.size import refuse_a_trace_beyond_memory
 from zenoh_cbef.words import counted
 
 
 def _list() -> None:
     """List the built-in scenarios."""
-    for name in builtin_names():
-        sentence, _, _ = purpose_of(read_source(name)[0]).partition(". ")
-        typer.echo(f"{name:10} {sentence.rstrip('.')}")
+    list_named(purposes())
 
 
 def _show(
@@ -52,7 +51,9 @@ def _check(scenario: ScenarioName = "tracking", overrides: Overrides = None) -> 
 
 def _new(
     file: Annotated[Path, typer.Argument(help="The file to write.")],
-    base: Annotated[str, typer.Option("--from", help="The scenario to start from.")] = "tracking",
+    base: Annotated[
+        str, typer.Option("--from", autocompletion=scenarios, help="The scenario to start from.")
+    ] = "tracking",
     force: Annotated[bool, typer.Option("--force", "-f", help="Write over a file that exists.")] = False,
 ) -> None:
     """Write a new scenario file to edit."""
@@ -65,6 +66,8 @@ def _new(
 def register(app: typer.Typer) -> None:
     """Add the verb."""
     group = typer.Typer(no_args_is_help=True, help="List, show, check and make scenarios.")
-    for name, command in (("list", _list), ("show", _show), ("check", _check), ("new", _new)):
-        group.command(name)(command)
+    group.command("list", epilog="Example: zenoh-cbef scenario list")(_list)
+    group.command("show", epilog="Example: zenoh-cbef scenario show paper --full")(_show)
+    group.command("check", epilog="Example: zenoh-cbef scenario check mine.toml --set agents.count=12")(_check)
+    group.command("new", epilog="Example: zenoh-cbef scenario new mine.toml --from paper")(_new)
     app.add_typer(group, name="scenario")

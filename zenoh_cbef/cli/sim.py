@@ -68,4 +68,4 @@ def _sim(
 
 def register(app: typer.Typer) -> None:
     """Add the verb."""
-    app.command("sim")(_sim)
+    app.command("sim", epilog="Example: zenoh-cbef sim paper --seeds 20")(_sim)

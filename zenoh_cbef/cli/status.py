@@ -12,7 +12,7 @@ from rich.live import Live
 
 from zenoh_cbef.cli.asking import RunName, locate
 from zenoh_cbef.cli.console import console
-from zenoh_cbef.cli.joining import Joining, joins
+from zenoh_cbef.cli.joining import JoiningCommand, JoiningContext
 from zenoh_cbef.cli.options import AsJson
 from zenoh_cbef.cli.status_tables import status_view
 from zenoh_cbef.outside.operator import Operator
@@ -22,13 +22,13 @@ _EVERY_SECONDS = 1.0
 
 
 def _status(
-    joining: Joining,
+    ctx: JoiningContext,
     run: RunName = None,
     once: Annotated[bool, typer.Option("--once", help="Show it once, also on a terminal.")] = False,
     as_json: AsJson = False,
 ) -> None:
     """Show a run that goes on: who is where, errors, loss and latency, clocks. On a terminal, once a second."""
-    name, connection = locate(run, joining)
+    name, connection = locate(run, ctx.joining)
     with Operator(name, connection) as operator:
         first = read_status(operator.ask({"ask": "status"}))
         if as_json:
@@ -53,4 +53,4 @@ def _follow(operator: Operator, status: RunStatus) -> None:
 
 def register(app: typer.Typer) -> None:
     """Add the verb."""
-    app.command("status")(joins(_status))
+    app.command("status", cls=JoiningCommand, epilog="Example: zenoh-cbef status --run mine --once")(_status)

@@ -9,7 +9,7 @@ import typer
 
 from zenoh_cbef.cli.asking import RunName, locate
 from zenoh_cbef.cli.console import errors
-from zenoh_cbef.cli.joining import Joining, joins
+from zenoh_cbef.cli.joining import JoiningCommand, JoiningContext
 from zenoh_cbef.cli.options import LONGEST_SECONDS
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.outside.operator import Operator
@@ -18,14 +18,14 @@ _POLL_SECONDS = 0.2
 
 
 def _stop(
-    joining: Joining,
+    ctx: JoiningContext,
     run: RunName = None,
     patience: Annotated[
         float, typer.Option(min=0.1, max=LONGEST_SECONDS, help="Seconds to wait until all its processes are gone.")
     ] = 60.0,
 ) -> None:
     """End a run at one step for all its processes, and wait until they are gone."""
-    name, connection = locate(run, joining, order="end it")
+    name, connection = locate(run, ctx.joining, order="end it")
     with Operator(name, connection) as operator:
         step = operator.ask({"ask": "stop"})["step"]
         when = "before its first step" if step is None else f"after its present step, {step}"
@@ -43,4 +43,4 @@ def _stop(
 
 def register(app: typer.Typer) -> None:
     """Add the verb."""
-    app.command("stop")(joins(_stop))
+    app.command("stop", cls=JoiningCommand, epilog="Example: zenoh-cbef stop --run mine")(_stop)

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from zenoh_cbef.cli.joining import Joining, Patience, identity_of, joins
+from zenoh_cbef.cli.joining import Joining, JoiningCommand, JoiningContext, Patience, identity_of
 from zenoh_cbef.cli.names import check_run
 from zenoh_cbef.cli.options import MOST_AGENTS, Overrides, ScenarioName
 from zenoh_cbef.errors import UserError
@@ -40,7 +40,7 @@ def _connection(joining: Joining, zenoh: Zenoh) -> Connection:
 
 
 def _target(
-    joining: Joining,
+    ctx: JoiningContext,
     scenario: ScenarioName = "tracking",
     run: Annotated[
         str | None, typer.Option("--run", callback=check_run, help="The run's name; default: the scenario's.")
@@ -79,7 +79,7 @@ def _target(
     if receivers and (beacons is not None or loaded.scenario.timing.mode != "realtime"):
         raise UserError("--receivers measure now: set timing.mode = 'realtime', and leave --beacons out")
     name = run or loaded.scenario.name
-    connection = _connection(joining, loaded.scenario.zenoh)
+    connection = _connection(ctx.joining, loaded.scenario.zenoh)
     identity = identity_of("target", "target", name, connection, patience)
     if sys.stderr.isatty():
         places = ", ".join(connection.listen or connection.connect)
@@ -90,4 +90,8 @@ def _target(
 
 def register(app: typer.Typer) -> None:
     """Add the verb."""
-    app.command("target")(joins(_target, port=_PORT))
+    app.command(
+        "target",
+        cls=JoiningCommand,
+        epilog="Example: zenoh-cbef target tracking --run mine --listen tcp/192.0.2.1:7447",
+    )(_target)

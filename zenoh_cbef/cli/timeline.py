@@ -72,4 +72,4 @@ def _steps(text: str) -> tuple[int, int]:
 
 def register(app: typer.Typer) -> None:
     """Add the verb."""
-    app.command("timeline")(_timeline)
+    app.command("timeline", epilog="Example: zenoh-cbef timeline logs/latest --steps 10:12")(_timeline)

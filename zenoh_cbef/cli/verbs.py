@@ -1,47 +1,85 @@
-"""The command line: finds the file of a verb."""
+"""The command line: its verbs, each with its place in `--help`. The file of a verb is imported when it is called."""
 
 from __future__ import annotations
 
 from importlib import import_module
-from typing import Any
+from typing import Annotated, Any
 
 import typer
 from typer.core import TyperGroup
 
 from zenoh_cbef import __version__
+from zenoh_cbef.cli.interrupts import raise_from_here
 from zenoh_cbef.errors import Interrupted
 
-_VERBS = (
-    "run",
-    "sim",
-    "agent",
-    "target",
-    "record",
-    "fault",
-    "stop",
-    "status",
-    "watch",
-    "doctor",
-    "scenario",
-    "analyze",
-    "verify",
-    "info",
-    "check",
-    "cat",
-    "filter",
-    "merge",
-    "recover",
-    "export",
-    "reestimate",
-    "replay",
-    "design",
-    "compare",
-    "timeline",
-    "experiment",
-    "router",
-    "certs",
-    "health",
-)
+GROUPS = {
+    "Run": {
+        "run": "Run a scenario on this host as processes; analyse it",
+        "sim": "Simulate a scenario without processes",
+        "scenario": "List, show, check and make scenarios",
+        "fault": "Inject faults into a run, list and end them",
+        "stop": "End a run",
+    },
+    "Join a run, also from other hosts": {
+        "target": "Be the target of a run",
+        "agent": "Be an agent of a run",
+        "record": "Be the recorder of a run",
+        "router": "Be a router for runs",
+        "certs": "Make certificates for runs over networks",
+    },
+    "Look at a run": {
+        "status": "Show agents, links and errors as a table",
+        "watch": "Show them with curves, on the whole terminal",
+        "health": "Ask whether a process is there",
+        "doctor": "Find what is wrong with this host or network",
+    },
+    "Logs": {
+        "info": "Describe a log",
+        "check": "Check structure, sequence numbers and messages",
+        "cat": "Print messages as JSON",
+        "filter": "Copy some topics, or a time range",
+        "merge": "Join the logs of several recorders",
+        "recover": "Copy what can be read of a damaged log",
+        "export": "Write arrays, tables, or scenes for viewers",
+        "replay": "Publish a log again, or feed it to new agents",
+        "verify": "Prove a log: execute its run again, and compare",
+    },
+    "Study": {
+        "analyze": "Compute errors, consistency, bytes and losses",
+        "compare": "Put runs side by side",
+        "timeline": "Draw the messages between agents over time",
+        "reestimate": "Estimate a log again with another filter",
+        "design": "Predict errors and rounds before any run",
+        "experiment": "Sweep parameters and seeds, with a verdict",
+    },
+}
+"""The verbs by the heading that they stand under in `--help`, each with what it does. zenoh_cbef/cli/VERB.py has it."""
+
+
+def load(verb: str) -> TyperGroup:
+    """Import a verb, as the only one of a group."""
+    app = typer.Typer(add_completion=False)
+    import_module(f"zenoh_cbef.cli.{verb}").register(app)
+    return typer.main.get_group(app)
+
+
+class _Verbs(TyperGroup):
+    """All verbs, of which only the one that is called is imported.
+
+    Typer answers Ctrl-C by itself, without a word or with another status, so it is not shown any.
+    """
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
+        name, known, rest = super().resolve_command(ctx, args)
+        verb = known if name is None else load(name).commands[name]
+        raise_from_here()
+        return name, verb, rest
+
+    def invoke(self, ctx: Any) -> Any:
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt:
+            raise Interrupted from None
 
 
 def _version(wanted: bool) -> None:
@@ -51,27 +89,28 @@ def _version(wanted: bool) -> None:
 
 
 def _root(
-    version: bool = typer.Option(
-        False, "--version", callback=_version, is_eager=True, help="Show the version and exit."
-    ),
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version and exit.")
+    ] = False,
 ) -> None:
     """Track a moving target with a network of agent processes that agree over Zenoh, under faults, logged."""
 
 
-class _Verbs(TyperGroup):
-    """All verbs. Typer answers Ctrl-C by itself, without a word or with another status, so it is not shown any."""
-
-    def invoke(self, ctx: Any) -> Any:
-        try:
-            return super().invoke(ctx)
-        except KeyboardInterrupt:
-            raise Interrupted from None
+def _not_imported() -> None:
+    """Stand for a verb where only its name is needed."""
 
 
-def build(verb: str | None) -> typer.Typer:
-    """The application with one verb, or with all: start-up pays for the imports of what is used."""
-    app = typer.Typer(cls=_Verbs, no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False)
+def build() -> typer.Typer:
+    """The application."""
+    app = typer.Typer(
+        cls=_Verbs,
+        no_args_is_help=True,
+        pretty_exceptions_enable=False,
+        context_settings={"help_option_names": ["--help", "-h"]},
+        epilog="'zenoh-cbef VERB -h' explains a verb, with an example.",
+    )
     app.callback()(_root)
-    for name in [verb] if verb in _VERBS else _VERBS:
-        import_module(f"zenoh_cbef.cli.{name}").register(app)
+    for heading, verbs in GROUPS.items():
+        for name, what in verbs.items():
+            app.command(name, short_help=what, rich_help_panel=heading)(_not_imported)
     return app

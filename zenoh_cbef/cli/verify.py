@@ -27,4 +27,4 @@ def _verify(log: LogFile = Path("logs/latest"), tolerance: Tolerance = 0.0) -> N
 
 def register(app: typer.Typer) -> None:
     """Add the verb."""
-    app.command("verify")(_verify)
+    app.command("verify", epilog="Example: zenoh-cbef verify logs/latest")(_verify)

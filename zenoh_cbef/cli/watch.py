@@ -15,7 +15,7 @@ from rich.text import Text
 from zenoh_cbef.cli.asking import RunName, locate
 from zenoh_cbef.cli.braille import plot
 from zenoh_cbef.cli.console import console, number
-from zenoh_cbef.cli.joining import Joining, joins
+from zenoh_cbef.cli.joining import JoiningCommand, JoiningContext
 from zenoh_cbef.cli.status_tables import agents_table, events_view, headline, links_line, links_table, status_view
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.outside.keyboard import Keyboard
@@ -94,11 +94,11 @@ def _lines(text: Text) -> int:
     return len(text.wrap(console, console.width))
 
 
-def _watch(joining: Joining, run: RunName = None) -> None:
+def _watch(ctx: JoiningContext, run: RunName = None) -> None:
     """Watch a run that goes on: curves of error and disagreement, agents, links, events. q quits; the run goes on."""
     if not console.is_terminal:
         raise UserError("watch needs a terminal; 'status' prints a run's state once, with --json for programs")
-    name, connection = locate(run, joining)
+    name, connection = locate(run, ctx.joining)
     with Operator(name, connection) as operator:
         status = read_status(operator.ask({"ask": "status"}))
         last, ended = _follow(operator, status)
@@ -128,4 +128,4 @@ def _follow(operator: Operator, status: RunStatus) -> tuple[RunStatus, bool]:
 
 def register(app: typer.Typer) -> None:
     """Add the verb."""
-    app.command("watch")(joins(_watch))
+    app.command("watch", cls=JoiningCommand, epilog="Example: zenoh-cbef watch --run mine")(_watch)

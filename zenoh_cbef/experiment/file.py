@@ -20,7 +20,7 @@ from zenoh_cbef.scenario.load import put
 from zenoh_cbef.scenario.table import Table
 
 _LIBRARY = Library(files("zenoh_cbef.experiment") / "builtin", "experiment")
-builtin_names, read_source = _LIBRARY.names, _LIBRARY.read
+builtin_names, purposes, read_source = _LIBRARY.names, _LIBRARY.purposes, _LIBRARY.read
 
 Key = Annotated[str, Field(min_length=1, pattern=r"^[^.\s]+(\.[^.\s]+)*$", description="a key as in consensus.rounds")]
 

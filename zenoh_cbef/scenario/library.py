@@ -24,6 +24,10 @@ class Library:
             entry.name.removesuffix(".toml") for entry in self.folder.iterdir() if entry.name.endswith(".toml")
         )
 
+    def purposes(self) -> dict[str, str]:
+        """The built-in ones, each with the first sentence of the comment that it begins with."""
+        return {name: purpose_of(self.read(name)[0]).partition(". ")[0].rstrip(".") for name in self.names()}
+
     def read(self, name: str) -> tuple[str, Path]:
         """The text of a built-in one or of a file, and the folder that its relative paths start from."""
         known = self.names()

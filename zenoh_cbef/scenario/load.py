@@ -29,7 +29,7 @@ _SHORT_NUMBER = re.compile(r"[+-]?(\.\d+|\d+\.)(e[+-]?\d+)?", re.ASCII | re.IGNO
 """A number as people write it and TOML does not take it: .3, or 5."""
 
 _LIBRARY = Library(files("zenoh_cbef.scenario") / "builtin", "scenario")
-builtin_names, read_source = _LIBRARY.names, _LIBRARY.read
+builtin_names, purposes, read_source = _LIBRARY.names, _LIBRARY.purposes, _LIBRARY.read
 
 
 @dataclass(frozen=True)

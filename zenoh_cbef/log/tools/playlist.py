@@ -30,12 +30,15 @@ class Item(NamedTuple):
 class Selection:
     """Which keys are played, and what they are called then.
 
-    topics, exclude: key expressions. regex, exclude_regex: searched for in the key. remap: OLD:=NEW, where OLD is a key
-    or what keys begin with, up to a slash; the first that fits counts. Raises UserError for what is none of these.
+    topics, exclude: key expressions. include, leave_out: they match the key as a whole. regex, exclude_regex: searched
+    for in the key. remap: OLD:=NEW, where OLD is a key or what keys begin with, up to a slash; the first that fits
+    counts. Raises UserError for what is none of these.
     """
 
     topics: Sequence[str] = ()
     exclude: Sequence[str] = ()
+    include: Sequence[re.Pattern[str]] = ()
+    leave_out: Sequence[re.Pattern[str]] = ()
     regex: Sequence[str] = ()
     exclude_regex: Sequence[str] = ()
     remap: Sequence[str] = ()
@@ -53,12 +56,9 @@ class Selection:
 
     def takes(self, topic: str) -> bool:
         """Whether a key is played."""
-        wanted = not (self.topics or self.regex) or self._any(self.topics, self.regex, topic)
-        return wanted and not self._any(self.exclude, self.exclude_regex, topic)
-
-    @staticmethod
-    def _any(expressions: Sequence[str], patterns: Sequence[str], topic: str) -> bool:
-        return any(matches(one, topic) for one in expressions) or any(re.search(one, topic) for one in patterns)
+        wanted = not (self.topics or self.include or self.regex)
+        wanted = wanted or _any(topic, self.topics, self.include, self.regex)
+        return wanted and not _any(topic, self.exclude, self.leave_out, self.exclude_regex)
 
     def renamed(self, topic: str) -> str:
         """What a key is called when it is played."""
@@ -101,6 +101,15 @@ class Playlist:
             if key is not None:
                 step = step_of(message.data) if topic in self._begin else 0
                 yield Item(key, message.log_time, message.data, step)
+
+
+def _any(topic: str, expressions: Sequence[str], whole: Sequence[re.Pattern[str]], within: Sequence[str]) -> bool:
+    """Whether a key expression stands for a key, or a regular expression matches it, as a whole or within."""
+    return (
+        any(matches(one, topic) for one in expressions)
+        or any(one.fullmatch(topic) for one in whole)
+        or any(re.search(one, topic) for one in within)
+    )
 
 
 def step_of(data: bytes) -> int:

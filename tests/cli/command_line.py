@@ -1,0 +1,37 @@
+"""The verbs of the command line, walked through as the program itself finds them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import typer
+from typer.core import TyperCommand, TyperGroup
+
+from zenoh_cbef.cli import verbs
+
+
+def names() -> list[str]:
+    return [name for group in verbs.GROUPS.values() for name in group]
+
+
+def loaded(verb: str) -> TyperCommand | TyperGroup:
+    return verbs.load(verb).commands[verb]
+
+
+def leaves() -> Iterator[tuple[str, TyperCommand]]:
+    """Every command that does something, by the words that call it, as in "fault add"."""
+    for name in names():
+        verb = loaded(name)
+        if isinstance(verb, TyperGroup):
+            yield from ((f"{name} {one}", command) for one, command in verb.commands.items())
+        else:
+            yield name, verb
+
+
+def parse(words: list[str]) -> None:
+    """Let the command line parse the words after "zenoh-cbef", and do nothing. Raises its error for what it refuses."""
+    command: TyperCommand | TyperGroup = typer.main.get_command(verbs.build())
+    context = command.make_context("zenoh-cbef", list(words))
+    while isinstance(command, TyperGroup):
+        name, command, rest = command.resolve_command(context, [*context._protected_args, *context.args])  # noqa: SLF001 - typer tells it nowhere else
+        context = command.make_context(name, rest, parent=context)

@@ -1,0 +1,42 @@
+"""What a shell completes: names of scenarios, experiments, runs, logs and faults.
+
+Each is imported only where a shell asks for it, as what a verb imports counts in every call.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from pathlib import Path
+from typing import get_args
+
+
+def scenarios(incomplete: str) -> list[tuple[str, str]]:
+    """The built-in scenarios that begin so, with what they are for."""
+    return _beginning(import_module("zenoh_cbef.scenario.load").purposes(), incomplete)
+
+
+def experiments(incomplete: str) -> list[tuple[str, str]]:
+    """The built-in experiments, likewise."""
+    return _beginning(import_module("zenoh_cbef.experiment.file").purposes(), incomplete)
+
+
+def runs(incomplete: str) -> list[tuple[str, str]]:
+    """The runs that go on on this host, with where they were started."""
+    known = import_module("zenoh_cbef.outside.registry").known_runs()
+    return _beginning({name: str(run) for name, run in known.items()}, incomplete)
+
+
+def logs(incomplete: str) -> list[tuple[str, str]]:
+    """The runs in logs/, with their files. Where none begins so, a shell completes the names of files."""
+    return _beginning({path.parent.name: str(path) for path in sorted(Path("logs").glob("*/run.mcap*"))}, incomplete)
+
+
+def faults(incomplete: str) -> list[tuple[str, str]]:
+    """The kinds of faults, with what they do."""
+    union, *_ = get_args(import_module("zenoh_cbef.faults").AnyFault)
+    kinds = {get_args(one.model_fields["kind"].annotation)[0]: one.__doc__ or "" for one in get_args(union)}
+    return _beginning({kind: words.partition("\n")[0] for kind, words in kinds.items()}, incomplete)
+
+
+def _beginning(described: dict[str, str], incomplete: str) -> list[tuple[str, str]]:
+    return [(name, words) for name, words in described.items() if name.startswith(incomplete)]
