@@ -1,10 +1,10 @@
-"""How a verb finds a run that goes on, and asks it something."""
+"""How a verb finds a run that goes on."""
 
 from __future__ import annotations
 
 import sys
 from dataclasses import replace
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -13,7 +13,6 @@ from zenoh_cbef.cli.console import errors
 from zenoh_cbef.cli.joining import Joining
 from zenoh_cbef.cli.names import check_run
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.outside.operator import Operator
 from zenoh_cbef.outside.registry import KnownRun, find_run
 from zenoh_cbef.protocol.session import Connection
 
@@ -54,9 +53,3 @@ def _make_sure(found: KnownRun, order: str) -> None:
     elif not typer.confirm(f"{words}; {order}?", err=True):
         typer.echo("nothing was done", err=True)
         raise typer.Exit(_NOTHING_DONE)
-
-
-def ask_run(run: str, connection: Connection, request: dict[str, Any]) -> dict[str, Any]:
-    """What a run answers. Raises UserError with the run's own sentence, or with why nobody answers."""
-    with Operator(run, connection) as operator:
-        return operator.ask(request)

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import json
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 from rich.table import Table
 
-from zenoh_cbef.cli.asking import RunName, ask_run, locate
+from zenoh_cbef.cli.asking import RunName, locate
 from zenoh_cbef.cli.completing import faults
 from zenoh_cbef.cli.console import console
 from zenoh_cbef.cli.fitting import Fitting
 from zenoh_cbef.cli.joining import JoiningCommand, JoiningContext
 from zenoh_cbef.cli.options import LONGEST_SECONDS, AsJson
 from zenoh_cbef.errors import UserError
+from zenoh_cbef.outside.operator import Operator
 from zenoh_cbef.scenario.load import value_of
 
 
@@ -30,15 +31,16 @@ def _add(
     ] = None,
 ) -> None:
     """Inject a fault, from now on or from the run time `from=`."""
-    table: dict[str, Any] = {"kind": kind}
+    table: dict[str, object] = {"kind": kind}
     for one in keys or ():
         key, separator, text = one.partition("=")
         if not separator:
             raise UserError(f"{one!r} is not of the form key=value, as in probability=0.3")
         table[key.strip()] = value_of(text)
     name, connection = locate(run, ctx.joining, order="inject the fault into it")
-    said = ask_run(name, connection, {"ask": "fault add", "fault": json.dumps(table), "seconds": seconds})
-    typer.echo(f"fault {said['number']} ({kind}) of run {name} begins at {said['from']:.2f} s")
+    with Operator(name, connection) as operator:
+        number, since = operator.inject(table, seconds)
+    typer.echo(f"fault {number} ({kind}) of run {name} begins at {since:.2f} s")
 
 
 def _list(
@@ -48,22 +50,21 @@ def _list(
 ) -> None:
     """List the faults that were injected, and whether they are on."""
     name, connection = locate(run, ctx.joining)
-    faults = json.loads(ask_run(name, connection, {"ask": "fault list"})["faults"])
+    with Operator(name, connection) as operator:
+        faults = operator.injected()
     if as_json:
-        typer.echo(json.dumps(faults, indent=2))
+        typer.echo(json.dumps([fault.table for fault in faults], indent=2))
         return
     if not faults:
         typer.echo(f"nothing was injected into run {name}")
         return
-    table = Table(
-        "", "kind", "from", "until", "", "keys", title=f"faults injected into run {name}", title_justify="left"
-    )
+    heads = ("", "kind", "from", "until", "", "keys")
+    table = Table(*heads, title=f"faults injected into run {name}", title_justify="left")
     for fault in faults:
-        rest = {key: value for key, value in fault.items() if key not in {"number", "active", "kind", "from", "until"}}
-        until = f"{fault['until']:.2f} s" if "until" in fault else ""
-        shown = ", ".join(f"{key}={json.dumps(value)}" for key, value in rest.items())
-        on = "on" if fault["active"] else ""
-        table.add_row(str(fault["number"]), fault["kind"], f"{fault['from']:.2f} s", until, on, shown)
+        until = "" if fault.until is None else f"{fault.until:.2f} s"
+        shown = ", ".join(f"{key}={json.dumps(value)}" for key, value in fault.keys.items())
+        on = "on" if fault.active else ""
+        table.add_row(str(fault.number), fault.kind, f"{fault.since:.2f} s", until, on, shown)
     console.print(Fitting(table))
 
 
@@ -76,7 +77,8 @@ def _clear(
 ) -> None:
     """End injected faults."""
     name, connection = locate(run, ctx.joining, order="end its injected faults")
-    ended = ask_run(name, connection, {"ask": "fault clear", "numbers": numbers or None})["ended"]
+    with Operator(name, connection) as operator:
+        ended = operator.clear(numbers or ())
     typer.echo(f"run {name}: ended {', '.join(f'fault {one}' for one in ended) or 'nothing'}")
 
 

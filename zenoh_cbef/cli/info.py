@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import json
+from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
 
 import typer
 from rich.table import Table
@@ -19,65 +19,86 @@ from zenoh_cbef.log.read.parts import open_log
 _FOREIGN = "none, as this is no log of zenoh-cbef"
 
 
-def _describe(path: Path) -> dict[str, Any]:
+@dataclass(frozen=True)
+class _Described:
+    """What --json prints. run, end: the log's metadata of these names. start: ns since the epoch; duration: s."""
+
+    file: str
+    parts: list[str]
+    bytes: int
+    complete: bool
+    damage: list[str]
+    library: str
+    run: dict[str, str]
+    end: dict[str, str] | None
+    messages: int
+    start: int
+    duration: float
+    channels: dict[str, int]
+    attachments: dict[str, int]
+
+    @property
+    def state(self) -> str:
+        """Whether it was closed."""
+        if not self.complete:
+            return "cut off: readable as far as it goes"
+        return "complete" if self.run else "whole"
+
+    @property
+    def ended(self) -> str:
+        """How its run ended."""
+        if self.end:
+            return self.end.get("status", "-")
+        return "no end record" + ("" if self.complete else ": the recorder was killed, or the file is cut off")
+
+
+def _describe(path: Path) -> _Described:
     file = open_log(path)
     summary = file.summary()
-    return {
-        "file": str(file.path),
-        "parts": [str(part) for part in file.files],
-        "bytes": file.bytes,
-        "complete": file.complete,
-        "damage": file.damage,
-        "library": summary.library,
-        "run": file.metadata.get(RUN, {}),
-        "end": file.metadata.get(END),
-        "messages": summary.message_count,
-        "start": summary.start_time,
-        "duration": max(0, summary.end_time - summary.start_time) / 1e9,
-        "channels": dict(sorted(summary.channel_counts.items())),
-        "attachments": {name: len(data) for name, data in file.attachments.items()},
-    }
+    return _Described(
+        file=str(file.path),
+        parts=[str(part) for part in file.files],
+        bytes=file.bytes,
+        complete=file.complete,
+        damage=file.damage,
+        library=summary.library,
+        run=file.metadata.get(RUN, {}),
+        end=file.metadata.get(END),
+        messages=summary.message_count,
+        start=summary.start_time,
+        duration=max(0, summary.end_time - summary.start_time) / 1e9,
+        channels=dict(sorted(summary.channel_counts.items())),
+        attachments={name: len(data) for name, data in file.attachments.items()},
+    )
 
 
 def _info(log: LogFile = Path("logs/latest"), as_json: AsJson = False) -> None:
     """Describe a log, complete or cut off: what it holds, of which run, and whether anything is wrong with it."""
     found = _describe(log)
     if as_json:
-        print(json.dumps(found))
+        print(json.dumps(asdict(found)))
         return
-    started = datetime.fromtimestamp(found["start"] / 1e9, UTC).isoformat(timespec="milliseconds")
+    started = datetime.fromtimestamp(found.start / 1e9, UTC).isoformat(timespec="milliseconds")
     lines = {
-        "file": f"{', '.join(found['parts'])} ({found['bytes']} bytes)",
-        "state": _state(found),
-        "written by": found["library"],
-        "run": ", ".join(f"{name} {value}" for name, value in found["run"].items()) or _FOREIGN,
-        **({"ended": _ended(found)} if found["run"] else {}),
-        "messages": f"{found['messages']} in {found['duration']:.3f} s from {started}",
-        "attachments": ", ".join(f"{name} ({size} bytes)" for name, size in found["attachments"].items()) or "-",
+        "file": f"{', '.join(found.parts)} ({found.bytes} bytes)",
+        "state": found.state,
+        "written by": found.library,
+        "run": ", ".join(f"{name} {value}" for name, value in found.run.items()) or _FOREIGN,
+        **({"ended": found.ended} if found.run else {}),
+        "messages": f"{found.messages} in {found.duration:.3f} s from {started}",
+        "attachments": ", ".join(f"{name} ({size} bytes)" for name, size in found.attachments.items()) or "-",
     }
     for name, value in lines.items():
         console.print(f"{name + ':':13}{value}", highlight=False, markup=False, soft_wrap=True)
-    for sentence in found["damage"]:
+    for sentence in found.damage:
         console.print(f"damage:      {sentence}", highlight=False, markup=False, soft_wrap=True)
     table = Table("channel", box=None, pad_edge=False)
     table.add_column("messages", justify="right")
     table.add_column("per s", justify="right")
-    for topic, count in found["channels"].items():
-        rate = count / found["duration"] if found["duration"] > 0 else 0.0
+    for topic, count in found.channels.items():
+        rate = count / found.duration if found.duration > 0 else 0.0
         table.add_row(topic, str(count), f"{rate:.1f}")
     console.print(Fitting(table))
-
-
-def _state(found: dict[str, Any]) -> str:
-    if not found["complete"]:
-        return "cut off: readable as far as it goes"
-    return "complete" if found["run"] else "whole"
-
-
-def _ended(found: dict[str, Any]) -> str:
-    if found["end"]:
-        return str(found["end"].get("status", "-"))
-    return "no end record" + ("" if found["complete"] else ": the recorder was killed, or the file is cut off")
 
 
 def register(app: typer.Typer) -> None:

@@ -61,9 +61,7 @@ Start = Annotated[
 ]
 End = Annotated[
     str | None,
-    typer.Option(
-        "-E", "--end", metavar="TIME", rich_help_panel=WHICH, help=f"Only what was logged before it: {_TIME}"
-    ),
+    typer.Option("-E", "--end", metavar="TIME", rich_help_panel=WHICH, help=f"Only what was logged before it: {_TIME}"),
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")]
 Skip = Annotated[

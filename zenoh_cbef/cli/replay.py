@@ -76,9 +76,7 @@ NotTopics = Annotated[
 ]
 Regex = Annotated[
     list[str] | None,
-    typer.Option(
-        "--regex", metavar="REGEX", rich_help_panel=WHICH, help="As -y, for a part of the topic; repeatable."
-    ),
+    typer.Option("--regex", metavar="REGEX", rich_help_panel=WHICH, help="As -y, for a part of the topic; repeatable."),
 ]
 NotRegex = Annotated[
     list[str] | None,

@@ -8,7 +8,7 @@ import time
 from datetime import datetime
 from pathlib import Path
 from types import FrameType
-from typing import Annotated, Any, Self
+from typing import Annotated, Self
 
 import typer
 from rich.live import Live
@@ -29,6 +29,7 @@ from zenoh_cbef.log.read.parts import find_log
 from zenoh_cbef.log.read.trace import read_trace
 from zenoh_cbef.machine import require
 from zenoh_cbef.nodes.launch.launcher import Launcher
+from zenoh_cbef.nodes.recorder.overview import Status
 from zenoh_cbef.protocol.session import Connection
 from zenoh_cbef.protocol.slow import REMEDY
 from zenoh_cbef.scenario.checks import check
@@ -56,24 +57,31 @@ class _Display:
         self._told, self._slow = time.monotonic(), False
         self.live = Live(self._progress, console=errors, refresh_per_second=5, transient=True)
 
-    def show(self, status: dict[str, Any]) -> None:
+    def show(self, status: Status) -> None:
         """Take in one report of the recorder."""
-        now, step = time.monotonic(), int(status["step"])
-        if self._began is None and step > 0:
-            self._began = now, step
+        now = time.monotonic()
+        if self._began is None and status.step > 0:
+            self._began = now, status.step
         rate = None
         if self._began is not None and now > self._began[0]:
-            rate = (step - self._began[1]) / (now - self._began[0])
-        shown = {name: status[name] for name in ("messages", "lost", "late")}
-        shown |= {"rate": number(rate), "error": number(status["error"], "m")}
-        self._progress.update(self._task, completed=step, **shown)
-        if status["slow"] and not self._slow:
+            rate = (status.step - self._began[1]) / (now - self._began[0])
+        error = number(status.error, "m")
+        self._progress.update(
+            self._task,
+            completed=status.step,
+            messages=status.messages,
+            lost=status.lost,
+            late=status.late,
+            rate=number(rate),
+            error=error,
+        )
+        if status.slow and not self._slow:
             self._slow = True
-            many = counted(int(status["slow"]), "process does", "processes do")
+            many = counted(status.slow, "process does", "processes do")
             tell(f"warning: by now {many} not keep up with real time; {REMEDY}")
         if not errors.is_terminal and now - self._told > 5.0:
             self._told = now
-            errors.print(f"step {step} of {status['steps']}, error {shown['error']}, {shown['messages']} messages")
+            errors.print(f"step {status.step} of {status.steps}, error {error}, {status.messages} messages")
 
 
 class _StopRequests:

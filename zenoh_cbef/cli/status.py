@@ -16,7 +16,7 @@ from zenoh_cbef.cli.joining import JoiningCommand, JoiningContext
 from zenoh_cbef.cli.options import AsJson
 from zenoh_cbef.cli.status_tables import status_view
 from zenoh_cbef.outside.operator import Operator
-from zenoh_cbef.outside.status import RunStatus, read_status
+from zenoh_cbef.outside.status import RunStatus
 
 _EVERY_SECONDS = 1.0
 
@@ -30,7 +30,7 @@ def _status(
     """Show a run that goes on: who is where, errors, loss and latency, clocks. On a terminal, once a second."""
     name, connection = locate(run, ctx.joining)
     with Operator(name, connection) as operator:
-        first = read_status(operator.ask({"ask": "status"}))
+        first = operator.status()
         if as_json:
             typer.echo(json.dumps(asdict(first), indent=2))
         elif once or not console.is_terminal:
@@ -43,8 +43,8 @@ def _follow(operator: Operator, status: RunStatus) -> None:
     """Show the status until the run is gone, or Ctrl-C."""
     try:
         with Live(status_view(status), console=console, auto_refresh=False) as live:
-            while (told := operator.try_to_ask({"ask": "status"})) is not None:
-                live.update(status_view(read_status(told)), refresh=True)
+            while (now := operator.status_if_on()) is not None:
+                live.update(status_view(now), refresh=True)
                 time.sleep(_EVERY_SECONDS)
     except KeyboardInterrupt:
         return

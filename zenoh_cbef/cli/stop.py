@@ -27,7 +27,7 @@ def _stop(
     """End a run at one step for all its processes, and wait until they are gone."""
     name, connection = locate(run, ctx.joining, order="end it")
     with Operator(name, connection) as operator:
-        step = operator.ask({"ask": "stop"})["step"]
+        step = operator.stop()
         when = "before its first step" if step is None else f"after its present step, {step}"
         typer.echo(f"run {name} ends {when}")
         until = time.monotonic() + patience

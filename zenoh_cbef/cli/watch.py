@@ -20,7 +20,7 @@ from zenoh_cbef.cli.status_tables import agents_table, events_view, headline, li
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.outside.keyboard import Keyboard
 from zenoh_cbef.outside.operator import Operator
-from zenoh_cbef.outside.status import RunStatus, read_status
+from zenoh_cbef.outside.status import RunStatus
 
 _EVERY_SECONDS = 0.5
 _KEPT = 1000
@@ -100,7 +100,7 @@ def _watch(ctx: JoiningContext, run: RunName = None) -> None:
         raise UserError("watch needs a terminal; 'status' prints a run's state once, with --json for programs")
     name, connection = locate(run, ctx.joining)
     with Operator(name, connection) as operator:
-        status = read_status(operator.ask({"ask": "status"}))
+        status = operator.status()
         last, ended = _follow(operator, status)
     console.print(status_view(last))
     if ended:
@@ -108,7 +108,7 @@ def _watch(ctx: JoiningContext, run: RunName = None) -> None:
 
 
 def _follow(operator: Operator, status: RunStatus) -> tuple[RunStatus, bool]:
-    """Show a run until it is gone or somebody quits; the last that was heard of it, and whether it is gone."""
+    """Show a run until it is gone or the user quits; the last that was heard of it, and whether it is gone."""
     over, screen = threading.Event(), _Screen()
     try:
         with (
@@ -116,10 +116,10 @@ def _follow(operator: Operator, status: RunStatus) -> tuple[RunStatus, bool]:
             Live(screen.take(status), console=console, screen=True, auto_refresh=False) as live,
         ):
             while not over.wait(_EVERY_SECONDS):
-                told = operator.try_to_ask({"ask": "status"})
-                if told is None:
+                now = operator.status_if_on()
+                if now is None:
                     return status, True
-                status = read_status(told)
+                status = now
                 live.update(screen.take(status), refresh=True)
     except KeyboardInterrupt:
         pass

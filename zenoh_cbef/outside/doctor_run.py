@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from zenoh_cbef import __version__
 from zenoh_cbef.outside.doctor import OK, PROBLEM, WARNING, Finding
 from zenoh_cbef.outside.operator import Operator
-from zenoh_cbef.outside.status import RunStatus, read_status
+from zenoh_cbef.outside.status import RunStatus
 from zenoh_cbef.protocol.reach import runs_on, wait_for_link, why_nobody
 from zenoh_cbef.protocol.scenario_service import measure_clock
 from zenoh_cbef.protocol.session import Connection
@@ -30,11 +30,10 @@ def check_run(run: str | None, connection: Connection) -> Iterator[Finding]:
             runs = ", ".join(sorted(runs_on(operator.session)))
             yield Finding("link", OK, f"Zenoh answers; runs there: {runs or 'none'}")
             return
-        told = operator.try_to_ask({"ask": "status"})
-        if told is None:
+        status = operator.status_if_on()
+        if status is None:
             yield Finding("run", PROBLEM, why_nobody(operator.session, connection, run))
             return
-        status = read_status(told)
         yield Finding("run", OK, f"{run} is {status.state}, {counted(len(status.agents), 'agent')}, {status.mode}")
         yield _versions(status)
         yield _own_clock(operator, status)

@@ -1,12 +1,16 @@
-"""Somebody who asks a run that goes on, from any host, without taking part in it."""
+"""The operator of a run: asks it and gives it orders while it goes on, from any host, without taking part in it."""
 
 from __future__ import annotations
 
+import json
 import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from types import TracebackType
 from typing import Any, Self
 
 from zenoh_cbef.errors import UserError
+from zenoh_cbef.outside.status import RunStatus, read_status
 from zenoh_cbef.protocol.control import ask_control
 from zenoh_cbef.protocol.keys import Keys
 from zenoh_cbef.protocol.presence import live_now
@@ -18,8 +22,37 @@ _RETRY_SECONDS = 0.05
 _PROCESSES = ("target/", "agent/", "record/")
 
 
+@dataclass(frozen=True)
+class InjectedFault:
+    """A fault that was injected into a run: its number, whether it is on, from when and until when (run time, s).
+
+    keys: the others of its table, as probability.
+    """
+
+    number: int
+    active: bool
+    kind: str
+    since: float
+    until: float | None
+    keys: dict[str, object]
+
+    @property
+    def table(self) -> dict[str, object]:
+        """All of it, as it stands in a scenario."""
+        until = {} if self.until is None else {"until": self.until}
+        named = {"number": self.number, "active": self.active, "kind": self.kind, "from": self.since, **until}
+        return named | self.keys
+
+
+def _injected(number: int, active: bool, kind: str, until: float | None = None, **rest: Any) -> InjectedFault:
+    return InjectedFault(number, active, kind, rest.pop("from"), until, rest)
+
+
 class Operator:
-    """A session that puts questions to a run's target. Use as a context manager."""
+    """A session that puts questions to a run's target. Use as a context manager.
+
+    What it asks raises UserError with the run's own sentence, or with why the run does not answer.
+    """
 
     def __init__(self, run: str, connection: Connection, patience: float = _PATIENCE_SECONDS) -> None:
         self.run, self._connection, self.patience = run, connection, patience
@@ -35,24 +68,51 @@ class Operator:
     ) -> None:
         self.session.close()
 
-    def ask(self, request: dict[str, Any]) -> dict[str, Any]:
-        """What the run answers. Raises UserError with its own sentence, or with why nobody answers."""
-        said = self.try_to_ask(request)
-        if said is None:
+    def status(self) -> RunStatus:
+        """How the run is doing."""
+        return read_status(self._ask("status"))
+
+    def status_if_on(self) -> RunStatus | None:
+        """As status, but None where the run does not answer, as it has ended."""
+        told = self._answer("status")
+        return None if told is None else read_status(told)
+
+    def stop(self) -> int | None:
+        """End the run. Returns the step after which it ends, None before the first."""
+        step: int | None = self._ask("stop")["step"]
+        return step
+
+    def inject(self, fault: Mapping[str, object], seconds: float | None) -> tuple[int, float]:
+        """Inject a fault for so many s, or for good. Returns its number and when it begins (run time, s)."""
+        told = self._ask("fault add", fault=json.dumps(fault), seconds=seconds)
+        return told["number"], told["from"]
+
+    def injected(self) -> list[InjectedFault]:
+        """The faults that were injected."""
+        return [_injected(**fault) for fault in json.loads(self._ask("fault list")["faults"])]
+
+    def clear(self, numbers: Sequence[int]) -> list[int]:
+        """End injected faults, all if none is named. Returns which were ended."""
+        ended: list[int] = self._ask("fault clear", numbers=list(numbers) or None)["ended"]
+        return ended
+
+    def _ask(self, what: str, **more: object) -> dict[str, Any]:
+        told = self._answer(what, **more)
+        if told is None:
             why = why_nobody(self.session, self._connection, self.run)
             raise UserError(f"run {self.run!r} does not answer: {why}")
-        return said
+        return told
 
-    def try_to_ask(self, request: dict[str, Any]) -> dict[str, Any] | None:
-        """As ask, but None where nobody answers."""
+    def _answer(self, what: str, **more: object) -> dict[str, Any] | None:
+        """What the run answers, None where it does not."""
         wait_for_link(self.session, self._until - time.monotonic())
         while True:
-            # A new link knows of nobody who answers: no answer may come at once, and one a moment later.
+            # A new link does not know yet which processes answer: no answer may come at once, and one a moment later.
             left = self._until - time.monotonic()
-            said = ask_control(self.session, self._keys.control, request, timeout=max(left, 1.0))
-            if said is not None or left < 0.0:
+            told = ask_control(self.session, self._keys.control, {"ask": what, **more}, timeout=max(left, 1.0))
+            if told is not None or left < 0.0:
                 self._until = time.monotonic() + self.patience
-                return said
+                return told
             time.sleep(_RETRY_SECONDS)
 
     def processes(self) -> set[str]:

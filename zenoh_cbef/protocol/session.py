@@ -76,12 +76,16 @@ def yield_to_others() -> None:
         os.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0))
 
 
+class PortInUseError(UserError):
+    """Another program listens on a port that this process is to listen on."""
+
+
 def open_session(connection: Connection, patience: float = 0.0) -> zenoh.Session:
     """Open a session. Links to endpoints that do not answer yet are made as soon as they do.
 
     Who connects to a router and listens nowhere joins as its client: no other host could reach it. A client needs a
-    router to begin with, and tries for `patience` s to reach one. Raises UserError for an endpoint
-    that is none, a port in use, a router that does not answer, or a configuration file that Zenoh refuses.
+    router to begin with, and tries for `patience` s to reach one. Raises PortInUseError, and UserError for an endpoint
+    that is none, a router that does not answer, or a configuration file that Zenoh refuses.
     """
     for endpoint in (*connection.connect, *connection.listen):
         if not _ENDPOINT.match(endpoint):
@@ -97,7 +101,7 @@ def open_session(connection: Connection, patience: float = 0.0) -> zenoh.Session
         except zenoh.ZError as error:
             unreached = connection.mode == "client" and "connect" in str(error).lower()
             if not unreached or time.monotonic() > until:
-                raise UserError(_explain(str(error), connection, unreached=unreached)) from None
+                raise _mistake(str(error), connection, unreached=unreached) from None
         else:
             if _met_a_router(session, connection):
                 session.close()
@@ -166,23 +170,28 @@ def _base(path: str | None) -> zenoh.Config:
         raise UserError(f"Zenoh refuses {path}: {error}") from None
 
 
-def _explain(error: str, connection: Connection, *, unreached: bool) -> str:
+def _mistake(error: str, connection: Connection, *, unreached: bool) -> UserError:
+    """What to tell of an error of Zenoh, which has one type and a text for all."""
     endpoints = ", ".join(connection.listen)
     if unreached:
         routers = ", ".join(connection.connect) or "the endpoints of its configuration"
-        return f"no router answers at {routers}; start 'zenoh-cbef router', and check --connect" + (
-            ", --tls, and that the router's certificate names this host" if connection.tls else ""
+        return UserError(
+            f"no router answers at {routers}; start 'zenoh-cbef router', and check --connect"
+            + (", --tls, and that the router's certificate names this host" if connection.tls else "")
         )
     if "in use" in error.lower() or "os error 98" in error.lower():
-        return f"a port of {endpoints} is in use; choose another with --listen, or end the process that holds it"
+        return PortInUseError(
+            f"a port of {endpoints} is in use; choose another with --listen, or end the process that holds it"
+        )
+    cause = _last_cause(error)
     if connection.listen and "listen" in error.lower():
-        return f"cannot listen on {endpoints}: {_last_cause(error)}; choose another endpoint with --listen"
+        return UserError(f"cannot listen on {endpoints}: {cause}; choose another endpoint with --listen")
     if connection.mode == "router":
-        return (
-            f"this Zenoh cannot be a router: {_last_cause(error)}; check --config, or install zenohd "
+        return UserError(
+            f"this Zenoh cannot be a router: {cause}; check --config, or install zenohd "
             "(https://zenoh.io/docs/getting-started/installation) and run it with deploy/router.json5"
         )
-    return f"Zenoh cannot open a session: {_last_cause(error)}; check --connect and --listen"
+    return UserError(f"Zenoh cannot open a session: {cause}; check --connect and --listen")
 
 
 def _last_cause(error: str) -> str:

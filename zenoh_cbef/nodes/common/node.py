@@ -14,12 +14,13 @@ from typing import Any, Self
 
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.machine import require
+from zenoh_cbef.nodes.common.ending import Ending
 from zenoh_cbef.protocol.keys import Keys
 from zenoh_cbef.protocol.mailbox import Mailbox
 from zenoh_cbef.protocol.memory import KEPT_BYTES, Archive
 from zenoh_cbef.protocol.outbox import Outbox
 from zenoh_cbef.protocol.presence import Presence
-from zenoh_cbef.protocol.session import Connection, open_session, yield_to_others
+from zenoh_cbef.protocol.session import Connection, PortInUseError, open_session, yield_to_others
 
 LEASH = "ZENOH_CBEF_LEASH"
 _FAREWELLS = 10
@@ -67,7 +68,11 @@ class Node:
         require(links=1)
         if self.launched:
             yield_to_others()
-        self.session = open_session(self.identity.connection, self.identity.patience)
+        try:
+            self.session = open_session(self.identity.connection, self.identity.patience)
+        except PortInUseError:
+            Ending("port").tell()
+            raise
         try:
             self.presence = Presence(self.session, self.keys.all_live)
             self.archive = Archive(self.session)

@@ -3,20 +3,11 @@
 from __future__ import annotations
 
 import os
-import re
 import signal
 import subprocess
 import sys
 
-KILLED = "the scenario's crash kills this process"
-"""How the last words of a process begin that its scenario killed."""
-
-
-def returns_after(words: str) -> int | None:
-    """How many steps after its death a process is to be there again, from its last words; None: it is not."""
-    found = re.search(r"at step (\d+), until step (\d+)$", words)
-    return None if found is None else int(found[2]) - int(found[1])
-
+from zenoh_cbef.nodes.common.ending import Ending
 
 _WAKE = """
 import os, signal, sys, time
@@ -29,11 +20,13 @@ if os.getppid() == parent:
 
 
 def die(step: int, back: int | None) -> None:
-    """Be killed, after saying so where whoever started this process looks for its last words.
+    """Be killed, after telling the launcher why, and the reader of standard error.
 
-    back: the step at which it is to be there again, if it is.
+    back: the step at which this process is to be there again, if it is.
     """
-    sys.stderr.write(f"{KILLED} at step {step}" + ("" if back is None else f", until step {back}") + "\n")
+    Ending("crash", None if back is None else back - step).tell()
+    until = "" if back is None else f", until step {back}"
+    sys.stderr.write(f"the scenario's crash kills this process at step {step}{until}\n")
     sys.stderr.flush()
     os.kill(os.getpid(), signal.SIGKILL)
 

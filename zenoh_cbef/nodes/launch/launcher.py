@@ -15,11 +15,12 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import IO, Any, Self
+from typing import IO, Self
 
+from zenoh_cbef.nodes.common.ending import PLACE, Ending, ending_at
 from zenoh_cbef.nodes.common.node import LEASH
-from zenoh_cbef.nodes.common.standstill import KILLED, returns_after
 from zenoh_cbef.nodes.launch.ports import free_ports
+from zenoh_cbef.nodes.recorder.overview import Status
 from zenoh_cbef.protocol.session import ONE_RUNTIME
 from zenoh_cbef.scenario.load import Loaded
 
@@ -34,12 +35,14 @@ _TAIL = 4000
 class Death:
     """A process that ended in any way but its own.
 
-    status: its exit status; negative for a signal, 0 for one that hung. words: the last it said.
+    status: its exit status; negative for a signal, 0 for one that hung. words: the last it said. ending: why, where it
+    told.
     """
 
     name: str
     status: int
     words: str
+    ending: Ending | None = None
 
     def __str__(self) -> str:
         if self.status == 0:
@@ -74,7 +77,7 @@ class Launcher:
         self._restarts: dict[str, float] = {}
         self._ended: set[str] = set()
         self._told: set[str] = set()
-        self._status: dict[str, Any] = {}
+        self._status: Status | None = None
         self._asked_at: float | None = None
         self.deaths: list[Death] = []
 
@@ -123,7 +126,14 @@ class Launcher:
     def _spawn(self, name: str, command: list[str]) -> None:
         self._commands[name] = command
         # One thread per process: the matrices are six by six, and cores are few.
-        environment = os.environ | {LEASH: "1", "OPENBLAS_NUM_THREADS": "1", "ZENOH_RUNTIME": ONE_RUNTIME}
+        place = self._ending(name)
+        place.unlink(missing_ok=True)
+        environment = os.environ | {
+            LEASH: "1",
+            PLACE: str(place),
+            "OPENBLAS_NUM_THREADS": "1",
+            "ZENOH_RUNTIME": ONE_RUNTIME,
+        }
         with self._words(name).open("ab") as words:
             self._processes[name] = subprocess.Popen(
                 [sys.executable, "-m", "zenoh_cbef", *command],
@@ -140,12 +150,15 @@ class Launcher:
     def _words(self, name: str) -> Path:
         return Path(self._folder.name) / name.replace(" ", "-")
 
+    def _ending(self, name: str) -> Path:
+        return self._words(name).with_suffix(".json")
+
     def pids(self) -> dict[str, int]:
         """The processes by name."""
         return {name: process.pid for name, process in self._processes.items()}
 
-    def watch(self, on_status: Callable[[dict[str, Any]], None], asked_to_stop: Callable[[], int]) -> dict[str, Any]:
-        """Watch until every process has ended; returns the recorder's last status.
+    def watch(self, on_status: Callable[[Status], None], asked_to_stop: Callable[[], int]) -> None:
+        """Watch until every process has ended.
 
         on_status gets the recorder's reports. asked_to_stop: how often the user asked; once stops the run
         cleanly, twice at once. A process that dies before the first step ends the run.
@@ -163,16 +176,15 @@ class Launcher:
                 self._note_ends()
                 self._restart()
                 self._obey(asked_to_stop())
-        return self._status
 
-    def _read_status(self, output: IO[bytes], on_status: Callable[[dict[str, Any]], None]) -> bool:
+    def _read_status(self, output: IO[bytes], on_status: Callable[[Status], None]) -> bool:
         data = output.read()
         if not data:
             time.sleep(0.02)
             return data is None
         for line in data.splitlines():
             try:
-                self._status = json.loads(line)
+                self._status = Status(**json.loads(line))
             except ValueError:  # half a line: the next report is due in a moment
                 continue
             on_status(self._status)
@@ -184,14 +196,14 @@ class Launcher:
             if status is None or name in self._ended:
                 continue
             self._ended.add(name)
-            words = self._last_words(name)
-            if status == -signal.SIGKILL and words.startswith(KILLED):
-                self._plan_restart(name, returns_after(words))
+            ending = ending_at(self._ending(name))
+            if status == -signal.SIGKILL and ending is not None and ending.cause == "crash":
+                self._plan_restart(name, ending.steps_away)
             elif status != 0 and not (status < 0 and name in self._told):
-                self.deaths.append(Death(name, status, words))
+                self.deaths.append(Death(name, status, self._last_words(name), ending))
 
     def _plan_restart(self, name: str, steps: int | None) -> None:
-        """Where the scenario has an agent come back: at once in lockstep, as nobody goes on without it."""
+        """Where the scenario has an agent come back: at once in lockstep, as the others wait for it."""
         if steps is not None:
             scenario = self._loaded.scenario
             away = steps * scenario.dt if scenario.timing.mode == "realtime" else 0.0
@@ -213,12 +225,13 @@ class Launcher:
     @property
     def lost_a_port(self) -> bool:
         """Whether the run did not start because another program took one of its ports first."""
-        return not self.started and any("in use" in death.words for death in self.deaths)
+        causes = [death.ending.cause for death in self.deaths if death.ending is not None]
+        return not self.started and "port" in causes
 
     @property
     def started(self) -> bool:
         """Whether a first step was seen."""
-        return bool(self._status.get("began"))
+        return self._status is not None and self._status.began
 
     def _obey(self, asked: int) -> None:
         now = time.monotonic()

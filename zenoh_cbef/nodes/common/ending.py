@@ -1,0 +1,38 @@
+"""Why a process ends, told to its launcher as data. What it says on standard error is for people."""
+
+from __future__ import annotations
+
+import json
+import os
+from contextlib import suppress
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Literal
+
+PLACE = "ZENOH_CBEF_ENDING"
+"""The environment variable with the file that a launched process writes its ending into."""
+
+
+@dataclass(frozen=True)
+class Ending:
+    """Why a process ends: its scenario kills it ("crash"), or another program holds its port ("port").
+
+    steps_away: after how many steps a killed process is to be there again; None: never.
+    """
+
+    cause: Literal["crash", "port"]
+    steps_away: int | None = None
+
+    def tell(self) -> None:
+        """Leave this for the launcher, if one has started this process."""
+        if place := os.environ.get(PLACE):
+            with suppress(OSError):  # the launcher and its folder are gone
+                Path(place).write_text(json.dumps(asdict(self)), encoding="utf-8")
+
+
+def ending_at(place: Path) -> Ending | None:
+    """What a process left there; None where it left nothing."""
+    try:
+        return Ending(**json.loads(place.read_text(encoding="utf-8")))
+    except (OSError, ValueError):
+        return None
