@@ -8,13 +8,13 @@ import tempfile
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 from rich.table import Table
 
 from benchmarks.bare_exchange import RUNTIMES, bare_rate
 from benchmarks.common import Row, at_least, results
 from zenoh_cbef.nodes.launch.launcher import Launcher
+from zenoh_cbef.nodes.recorder.overview import Status
 from zenoh_cbef.scenario.load import load
 
 STEPS = {"tracking": 1200, "scale24": 250}
@@ -28,11 +28,10 @@ class _Pace:
         self._steps = steps
         self._reports: list[tuple[float, int]] = []
 
-    def note(self, status: dict[str, Any]) -> None:
+    def note(self, status: Status) -> None:
         """Take in one report."""
-        step = int(status["step"])
-        if self._steps / 10 <= step < self._steps:
-            self._reports.append((time.monotonic(), step))
+        if self._steps / 10 <= status.step < self._steps:
+            self._reports.append((time.monotonic(), status.step))
 
     @property
     def rate(self) -> float:
