@@ -13,8 +13,8 @@ from rich.table import Table
 
 from benchmarks.bare_exchange import RUNTIMES, bare_rate
 from benchmarks.common import Row, at_least, results
+from zenoh_cbef.nodes.common.recording import Status
 from zenoh_cbef.nodes.launch.launcher import Launcher
-from zenoh_cbef.nodes.recorder.overview import Status
 from zenoh_cbef.scenario.load import load
 
 STEPS = {"tracking": 1200, "scale24": 250}

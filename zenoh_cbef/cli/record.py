@@ -12,7 +12,7 @@ import typer
 
 from zenoh_cbef.cli.joining import JoiningCommand, JoiningContext, Patience, identity_of
 from zenoh_cbef.cli.options import Run
-from zenoh_cbef.nodes.recorder.overview import Status
+from zenoh_cbef.nodes.common.recording import Status
 from zenoh_cbef.nodes.recorder.recorder import run_recorder
 from zenoh_cbef.words import counted
 

@@ -28,8 +28,8 @@ from zenoh_cbef.extras import MissingExtra
 from zenoh_cbef.log.read.parts import find_log
 from zenoh_cbef.log.read.trace import read_trace
 from zenoh_cbef.machine import require
+from zenoh_cbef.nodes.common.recording import Status
 from zenoh_cbef.nodes.launch.launcher import Launcher
-from zenoh_cbef.nodes.recorder.overview import Status
 from zenoh_cbef.protocol.session import Connection
 from zenoh_cbef.protocol.slow import REMEDY
 from zenoh_cbef.scenario.checks import check

@@ -19,8 +19,8 @@ from typing import IO, Self
 
 from zenoh_cbef.nodes.common.ending import PLACE, Ending, ending_at
 from zenoh_cbef.nodes.common.node import LEASH
+from zenoh_cbef.nodes.common.recording import Status
 from zenoh_cbef.nodes.launch.ports import free_ports
-from zenoh_cbef.nodes.recorder.overview import Status
 from zenoh_cbef.protocol.session import ONE_RUNTIME
 from zenoh_cbef.scenario.load import Loaded
 

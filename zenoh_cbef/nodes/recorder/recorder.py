@@ -16,9 +16,10 @@ from zenoh_cbef.log.write.run_log import RunLog
 from zenoh_cbef.machine import require
 from zenoh_cbef.nodes.common.briefing import brief, introduce
 from zenoh_cbef.nodes.common.node import Identity, Node
+from zenoh_cbef.nodes.common.recording import Status
 from zenoh_cbef.nodes.recorder.acknowledgements import Acknowledgements
 from zenoh_cbef.nodes.recorder.attendance import Attendance
-from zenoh_cbef.nodes.recorder.overview import Overview, Status
+from zenoh_cbef.nodes.recorder.overview import Overview
 from zenoh_cbef.nodes.recorder.recovery import Recovery
 from zenoh_cbef.plain import count_in, counts_in
 from zenoh_cbef.protocol.keys import address
