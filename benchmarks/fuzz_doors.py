@@ -18,7 +18,8 @@ from zenoh_cbef.log.read.columns import Columns
 from zenoh_cbef.log.read.decoding import Decoder
 from zenoh_cbef.log.tools.playlist import step_of
 from zenoh_cbef.log.write.run_log import UNKNOWN, RunLog
-from zenoh_cbef.nodes.recorder.overview import Overview, Status
+from zenoh_cbef.nodes.common.recording import Status
+from zenoh_cbef.nodes.recorder.overview import Overview
 from zenoh_cbef.nodes.target.control import answer
 from zenoh_cbef.nodes.target.injection import Injection
 from zenoh_cbef.outside.status import read_status

@@ -16,7 +16,8 @@ from zenoh_cbef.log.prove.verify import verify
 from zenoh_cbef.log.read.parts import open_log
 from zenoh_cbef.log.read.trace import read_trace
 from zenoh_cbef.log.tools.check import check
-from zenoh_cbef.nodes.recorder.overview import Overview, Status
+from zenoh_cbef.nodes.common.recording import Status
+from zenoh_cbef.nodes.recorder.overview import Overview
 from zenoh_cbef.plain import DEEPEST, count_in, counts_in, flaw, read_json, read_toml, whole
 from zenoh_cbef.protocol.control import read_answer, read_request
 from zenoh_cbef.protocol.messages import BadMessage, decode, encode
