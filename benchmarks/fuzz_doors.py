@@ -14,8 +14,9 @@ import msgpack
 from benchmarks.fuzz_material import AGENTS, KEYS, RUN, WIDTH, Material
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.mcap.contents import Channel, RawMessage
-from zenoh_cbef.log.read.columns import Columns
 from zenoh_cbef.log.read.decoding import Decoder
+from zenoh_cbef.log.read.header import Header
+from zenoh_cbef.log.read.recording import Recording
 from zenoh_cbef.log.tools.playlist import step_of
 from zenoh_cbef.log.write.run_log import UNKNOWN, RunLog
 from zenoh_cbef.nodes.common.recording import Status
@@ -52,9 +53,10 @@ class Doors:
         self._log = self._new_log(0)
         self._logged = 0
         self._overview = Overview(Status(RUN, "", 50), lambda: AGENTS)
-        self._columns = Columns(AGENTS, 50)
         self._plan = Plan(self.scenario)
-        self._decoder = Decoder(RUN, self._plan, self._columns)
+        header = Header(RUN, self._plan, None)
+        self._recording = Recording(header, "payloads")
+        self._decoder = Decoder(header, self._recording)
         self._target: Any = SimpleNamespace(
             node=SimpleNamespace(stop=lambda: None),
             survey=SimpleNamespace(of=lambda _: {}),
@@ -138,8 +140,9 @@ class Doors:
         raw = RawMessage(Channel(1, key, "msgpack", "", "", b"", {}), 5, *_label(data), data)
         step_of(data)
         self._decoder.take([raw])
-        if len(self._columns.events) > 1000:
-            self._columns.events.clear()
+        if len(self._recording.events) > 1000:
+            self._recording.events.clear()
+            self._recording.signals.clear()
         return "accepted" if self._decoder.tally.recorded > before else "refused: not as its key promises"
 
     def key(self, material: Material) -> str:

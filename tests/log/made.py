@@ -3,8 +3,11 @@
 from pathlib import Path
 
 from zenoh_cbef.log.prove.reestimate import reestimate
-from zenoh_cbef.log.read.contents import Header
+from zenoh_cbef.log.read.header import Header
 from zenoh_cbef.log.read.measurements import Measurements
+from zenoh_cbef.log.read.recording import Recording
+from zenoh_cbef.log.read.tables import stamps_of
+from zenoh_cbef.protocol.keys import Address
 from zenoh_cbef.protocol.messages import nan_to_nil
 from zenoh_cbef.scenario.load import load, to_toml
 from zenoh_cbef.scenario.world import make_world
@@ -16,13 +19,15 @@ def made_log(path: Path, *overrides: str) -> Path:
     """The log of a run named `made`."""
     loaded = load("tracking", overrides)
     scenario, world = loaded.scenario, make_world(loaded.scenario)
-    found = Measurements(Header("made", loaded.plan, None), to_toml(scenario))
+    recording = Recording(Header("made", loaded.plan, None))
     for row, state in enumerate(world.truth.tolist()):
-        found.truth[row + 1] = {"k": row + 1, "state": state}
-        found.logged[row + 1] = START + round(1e9 * scenario.dt) * (row + 1)
+        now = START + round(1e9 * scenario.dt) * (row + 1)
+        stamps = stamps_of([now], [now], [row])
+        recording.take(Address("made", "truth", "target"), stamps, [{"k": row + 1, "state": state}])
         for agent in range(scenario.count):
             times = (nan_to_nil(each[agent, row]) for each in (world.emitted, world.arrived))
             body = dict(zip(("emitted", "arrived"), times, strict=True))
-            found.beacons[agent, row + 1] = {"from": "target", "k": row + 1, **body}
-    reestimate(found, loaded, "made", path)
+            beacon = {"from": "target", "k": row + 1, **body}
+            recording.take(Address("made", "beacon", "", agent), stamps, [beacon])
+    reestimate(Measurements(to_toml(scenario), recording), loaded, "made", path)
     return path

@@ -15,8 +15,8 @@ from zenoh_cbef.analysis.metrics import analyze
 from zenoh_cbef.analysis.traffic import other_bytes, round_bytes
 from zenoh_cbef.faults import Fates
 from zenoh_cbef.log.prove.verify import Verdict, verify
-from zenoh_cbef.log.read.contents import read_contents, read_header
 from zenoh_cbef.log.read.parts import open_log
+from zenoh_cbef.log.read.recording import read_recording
 from zenoh_cbef.log.read.trace import read_trace
 from zenoh_cbef.scenario.build import fates_into
 from zenoh_cbef.scenario.load import load, parse
@@ -77,12 +77,12 @@ def test_every_kind_of_fault_gives_the_simulators_bits_and_is_counted_and_marked
         assert totals[name] > 20, name
     assert totals["real_lost"] == totals["deadline_missed"] == 0
 
-    file = open_log(world.log)
-    header = read_header(file, world.log)
-    logged = read_contents(file, header)
-    assert len(logged.estimates) == 30 * 4
-    for (agent, step), message in logged.estimates.items():
-        assert message.get("fates", ["...", "..."]) == marks(parse(scenario, "test"), agent, step, message, kind)
+    recording = read_recording(open_log(world.log))
+    assert recording.estimates.seen(30).all()
+    for agent, receipts in enumerate(recording.receipts):
+        for step in range(1, 31):
+            told = receipts.told(step)
+            assert told.get("fates", ["...", "..."]) == marks(parse(scenario, "test"), agent, step, told, kind)
 
     tampered = {
         "injected_lost": lambda counts: [counts[0] + 1, *counts[1:]],

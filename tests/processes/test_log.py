@@ -12,7 +12,7 @@ from tests.processes.conftest import World
 from zenoh_cbef.analysis.design import design
 from zenoh_cbef.log.mcap.reader import McapFile
 from zenoh_cbef.log.mcap.writer import McapWriter
-from zenoh_cbef.log.read.contents import read_header
+from zenoh_cbef.log.read.header import read_header
 from zenoh_cbef.log.read.parts import open_log
 from zenoh_cbef.scenario.plan import Plan
 
@@ -165,7 +165,7 @@ def test_analyze_prints_one_object_with_the_promised_names(recorded):
 
 
 def test_the_bytes_of_a_step_are_those_that_were_foretold(recorded):
-    scenario = read_header(open_log(recorded.log), recorded.log).scenario.model_copy(update={"name": recorded.run})
+    scenario = read_header(open_log(recorded.log)).scenario.model_copy(update={"name": recorded.run})
     metrics = json.loads(recorded.call("analyze", str(recorded.log), "--json").stdout)
     told = design(Plan(scenario), search=False)["configured"]["bytes_per_step"]
     assert metrics["bytes_per_step"] == pytest.approx(told, rel=0.01)

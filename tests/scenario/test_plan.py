@@ -15,9 +15,9 @@ import pytest
 from tests.log.made import made_log
 from zenoh_cbef.analysis.metrics import analyze
 from zenoh_cbef.log.prove.verify import verify
-from zenoh_cbef.log.read.contents import read_contents, read_header
 from zenoh_cbef.log.read.exchange import read_exchange
 from zenoh_cbef.log.read.parts import open_log
+from zenoh_cbef.log.read.recording import read_recording
 from zenoh_cbef.log.read.trace import read_trace
 from zenoh_cbef.log.tools.check import check
 from zenoh_cbef.nodes.agent.agent import Agent
@@ -62,7 +62,7 @@ def test_reading_a_log_makes_no_filter_and_proving_it_makes_one(tmp_path):
     log = made_log(tmp_path / "run.mcap", "steps=6", "agents.count=4", LOSS)
     with calls_of(make_filter) as made:
         assert len(read_trace(log).estimates) == 4
-        assert read_contents(open_log(log), read_header(open_log(log), log)).rounds
+        assert read_recording(open_log(log), rounds="payloads").rounds.last == 6
         assert read_exchange(log).passages
         assert check(open_log(log)).exit_status == 0
     assert not made

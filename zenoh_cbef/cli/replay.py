@@ -17,7 +17,7 @@ from zenoh_cbef.cli.joining import JoiningCommand, JoiningContext, identity_of
 from zenoh_cbef.cli.options import LONGEST_SECONDS, WHICH, Exclude, Include, LogFile
 from zenoh_cbef.cli.run import run_processes
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.log.read.contents import read_header
+from zenoh_cbef.log.read.header import read_header
 from zenoh_cbef.log.read.measurements import read_measurements
 from zenoh_cbef.log.read.parts import find_log, open_log
 from zenoh_cbef.log.tools.playlist import Selection
@@ -142,7 +142,7 @@ def _replay(
 
 def _to_network(log: Path, connection: Connection, selection: Selection, how: Playback) -> None:
     file = open_log(log)
-    header = read_header(file, log)
+    header = read_header(file)
     identity = identity_of("replay", "replay", replay_run(header.run, selection), connection, 0.0)
     state, ended = run_replay(identity, file, selection, how, _show)
     if sys.stderr.isatty():

@@ -4,18 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from zenoh_cbef.analysis.chi2 import chi2_quantile
 from zenoh_cbef.analysis.metrics import Analysis, analyze
-from zenoh_cbef.log.read.contents import read_header
 from zenoh_cbef.log.read.parts import open_log
-from zenoh_cbef.log.read.trace import read_trace
-from zenoh_cbef.protocol.keys import address
-from zenoh_cbef.protocol.messages import BadMessage, decode
+from zenoh_cbef.log.read.receipts import COUNTS
+from zenoh_cbef.log.read.recording import Recording, read_recording
+from zenoh_cbef.log.read.tables import Table
+from zenoh_cbef.log.read.trace import trace_of
 from zenoh_cbef.trace import Trace
 
 Floats = NDArray[np.float64]
@@ -23,6 +22,7 @@ Ints = NDArray[np.int64]
 
 _CONFIDENCE = 0.95
 _THINNEST = 1e-3
+_WORDS = ("from", "kind", "text")
 
 
 @dataclass(frozen=True)
@@ -95,75 +95,73 @@ class Scene:
 
 def read_scene(path: Path) -> Scene:
     """Read a log for viewers. Raises UserError where it is no log of a run, or holds no step."""
-    trace = read_trace(path)
-    told, events, logged = _gather(path, len(trace.time))
+    return scene_of(read_recording(open_log(path)))
+
+
+def scene_of(recording: Recording) -> Scene:
+    """What viewers show of a run. Raises UserError where the log holds no step."""
+    trace = trace_of(recording)
+    logged = _logged(recording, len(trace.time))
     first = min(logged, default=0)
     start = logged.get(first, 0) - round(1e9 * trace.scenario.dt * first)
     time = start + np.round(1e9 * trace.time).astype(np.int64)
     pairs = trace.edges.tolist()
     links = np.array(sorted([*pairs, *([second, first] for first, second in pairs)]), dtype=np.int64).reshape(-1, 2)
-    # Events are placed between the steps that they came between.
-    known = sorted(logged)
-    ticks = [start + round(1e9 * step * trace.scenario.dt) for step in known]
-    placed = [
-        SceneEvent(int(np.interp(at, [logged[step] for step in known], ticks)) if known else at, *words)
-        for at, *words in events
-    ]
     return Scene(
         analyze([trace])[0],
         time,
         links,
-        _delivered(told, links, len(time)),
+        _delivered(recording, links, len(time)),
         ellipsoids(trace.covariances[:, :, :3, :3]),
         _mean(trace.estimates[:, :, :3]),
-        placed,
+        _events(recording, logged, start),
     )
 
 
-def _gather(
-    path: Path, steps: int
-) -> tuple[dict[tuple[int, int], dict[str, Any]], list[tuple[int, str, str, str]], dict[int, int]]:
-    """Estimates by (agent, step), events with their log times, and when each step's beacons were logged (ns).
+def _logged(recording: Recording, steps: int) -> dict[int, int]:
+    """When the first beacon of each step was logged, and the start signal of step 0, ns.
 
-    Without any beacon: when each step's first estimate was.
+    Without any of these: when the first estimate of each step was.
     """
-    file = open_log(path)
-    header = read_header(file, path)
-    told: dict[tuple[int, int], dict[str, Any]] = {}
-    events: list[tuple[int, str, str, str]] = []
-    logged: dict[int, int] = {}
-    finished: dict[int, int] = {}
-    for raw in file.messages():
-        at = address(raw.channel.topic)
-        if at is None or at.run != header.run or at.kind not in ("estimate", "event", "beacon", "signal"):
-            continue
-        try:
-            message = decode(at.kind, raw.data, run=header.run, sender=at.owner)
-        except BadMessage:
-            continue
-        if at.kind == "event":
-            events.append((raw.log_time, message["from"], message["kind"], message["text"]))
-        elif at.kind in ("beacon", "signal") and message["k"] <= steps:
-            logged.setdefault(message["k"], raw.log_time)
-        elif at.kind == "estimate":
-            told.setdefault((at.agent, message["k"]), message)
-            finished.setdefault(message["k"], raw.log_time)
-    return told, events, logged or {step: time for step, time in finished.items() if step <= steps}
+    begun = [one.logged for one in recording.signals if one.step == 0]
+    found = ({0: begun[0]} if begun else {}) | _first_logged(recording.beacons, steps)
+    return found or _first_logged(recording.estimates, steps)
 
 
-def _delivered(told: dict[tuple[int, int], dict[str, Any]], links: Ints, steps: int) -> Floats:
+def _first_logged(table: Table, steps: int) -> dict[int, int]:
+    seen = table.seen(steps)
+    there = np.flatnonzero(seen.any(axis=0))
+    times = np.where(seen, table.stamps(steps).logged, np.iinfo(np.int64).max)[:, there].min(axis=0)
+    return dict(zip((there + 1).tolist(), times.tolist(), strict=True))
+
+
+def _events(recording: Recording, logged: dict[int, int], start: int) -> list[SceneEvent]:
+    """What nodes reported: each is placed between the steps that it came between."""
+    known = sorted(logged)
+    ticks = [start + round(1e9 * step * recording.header.scenario.dt) for step in known]
+    times = [logged[step] for step in known]
+    return [
+        SceneEvent(
+            int(np.interp(one.logged, times, ticks)) if known else one.logged, *(one.message[word] for word in _WORDS)
+        )
+        for one in recording.events
+    ]
+
+
+def _delivered(recording: Recording, links: Ints, steps: int) -> Floats:
+    """The share of each step's messages that came in time, by link, (e, K)."""
     share = np.full((len(links), steps), np.nan)
     place = {(source, destination): row for row, (source, destination) in enumerate(links.tolist())}
-    before: dict[int, dict[str, Any]] = {}
-    for (agent, step), message in sorted(told.items(), key=lambda item: item[0]):
-        last = before.get(agent)
-        # Who was started again counts from 0.
-        last = last if last is not None and last["seq"] < message["seq"] else None
-        for at, source in enumerate(message["neighbours"]):
-            new = [message[name][at] - (last[name][at] if last else 0) for name in ("received", "lost", "late")]
-            if (source, agent) in place and 1 <= step <= steps and sum(new) > 0:
-                share[place[source, agent], step - 1] = new[0] / sum(new)
-        before[agent] = message
+    for agent, receipts in enumerate(recording.receipts):
+        counts = np.stack([receipts.counts(name, steps) for name in COUNTS])
+        new, begun = np.diff(counts, axis=1, prepend=0.0), receipts.begun(steps)
+        new[:, begun] = counts[:, begun]
+        total = new.sum(axis=0)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            part = np.where(total > 0, new[0] / total, np.nan)
+        for at, source in enumerate(receipts.neighbours):
+            if (source, agent) in place:
+                share[place[source, agent], receipts.steps(steps) - 1] = part[:, at]
     return share
 
 

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from platform import node as host_name
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +17,7 @@ from zenoh_cbef.log.read.measurements import Measurements
 from zenoh_cbef.log.write.computed_run import ComputedRun
 from zenoh_cbef.log.write.run_log import RunLog
 from zenoh_cbef.protocol.keys import Keys
-from zenoh_cbef.protocol.messages import END, ENVELOPE, START
+from zenoh_cbef.protocol.messages import END, START
 from zenoh_cbef.scenario import Scenario
 from zenoh_cbef.scenario.load import Loaded, to_toml
 from zenoh_cbef.scenario.plan import Plan
@@ -109,13 +108,11 @@ class _Writer:
         """The truth and beacons of a step, and all that the agents make of it."""
         moment = self._moment(number)
         self._signal(np.flatnonzero(self._absences.reborn(number)).tolist(), number - 1, START, at=self._at)
-        truth = self._found.truth.get(number)
+        truth = self._found.truth(number)
         if truth is not None:
-            self._computed.say("target", self._keys.truth, moment, _body(truth))
+            self._computed.say("target", self._keys.truth, moment, truth)
         for agent in range(self._scenario.count):
-            beacon = self._found.beacons.get((agent, number))
-            unheard = {"k": number, "emitted": None, "arrived": None}
-            sender, body = ("target", unheard) if beacon is None else (beacon["from"], _body(beacon))
+            sender, body = self._found.beacon(agent, number)
             self._computed.say(sender, self._keys.beacon(agent), moment, body)
         self._computed.step(number, positions, step, moment, self._moment(number + 1))
 
@@ -136,7 +133,3 @@ class _Writer:
             return logged[number]
         nearest = min(logged, key=lambda known: abs(known - number))
         return logged[nearest] + (number - nearest) * self._pace
-
-
-def _body(message: Mapping[str, Any]) -> dict[str, Any]:
-    return {name: value for name, value in message.items() if name not in ENVELOPE}

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import gc
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, Protocol
 
 from zenoh_cbef.log.common.sequence import Sequences
 from zenoh_cbef.log.mcap.contents import RawMessage
+from zenoh_cbef.log.read.header import Header
 from zenoh_cbef.log.read.parts import Log
+from zenoh_cbef.log.read.tables import Stamps, stamps_of
 from zenoh_cbef.plain import counts_in
-from zenoh_cbef.protocol.keys import address
+from zenoh_cbef.protocol.keys import Address, address, agent_named
 from zenoh_cbef.protocol.messages import BadMessage, decode_all
 from zenoh_cbef.protocol.round_codec import RoundCodec, Rounds
 from zenoh_cbef.scenario.plan import Plan
@@ -23,13 +25,13 @@ _MISLABELLED = "its record in the file has another number or time"
 
 
 class Sink(Protocol):
-    """Takes in the messages of a log."""
+    """Takes in the messages of a log, those of one key of a chunk at once, in order."""
 
-    def take(self, kind: str, agent: int, messages: list[dict[str, Any]]) -> None:
-        """Take some messages of one key, in order, that are no round messages. agent: whose key, -1 for no agent's."""
+    def take(self, at: Address, stamps: Stamps, messages: list[dict[str, Any]]) -> None:
+        """Take messages (m,) that are no consensus messages."""
 
-    def take_rounds(self, agent: int, rounds: Rounds) -> None:
-        """Take some consensus messages of an agent, in order."""
+    def take_rounds(self, at: Address, stamps: Stamps, rounds: Rounds) -> None:
+        """Take consensus messages of an agent."""
 
 
 @dataclass
@@ -63,36 +65,41 @@ class Tally:
 
 
 class _Place:
-    """One key of the log: what it carries, and its round messages of the present batch."""
+    """One key of the log: what it carries, and its messages of the present batch."""
 
     def __init__(self, key: str, run: str, plan: Plan) -> None:
         found = address(key)
         if found is None or found.run != run:
             raise BadMessage("a key that the run does not have")
-        self.key, self.at = key, found
-        self.kind, self.owner, self.agent = found.kind, found.owner, found.agent
-        if self.agent >= plan.scenario.count:
+        if found.agent >= plan.scenario.count:
             raise BadMessage("an agent that the run does not have")
+        self.key, self.at, self.kind = key, found, found.kind
+        self.of_agent = agent_named(found.owner) is not None and found.kind != "event"
         self.codec = RoundCodec(run, found.owner, plan.message_size) if found.kind == "round" else None
         self.waiting: list[RawMessage] = []
 
 
-def _ignore(raw: RawMessage, reason: BadMessage) -> None:
+def _ignore(*_: object) -> None:
     """What is not as promised is counted, which is enough for most."""
 
 
 class Decoder:
-    """Hands the messages of a run to a sink, and counts them. refused is told of what is not as its key promises."""
+    """Hands the messages of a run to a sink, if there is one, and counts them.
+
+    kinds: of messages that are looked at, None for all. refused: told of what is not as its key promises.
+    """
 
     def __init__(
         self,
-        run: str,
-        plan: Plan,
-        sink: Sink,
+        header: Header,
+        sink: Sink | None = None,
+        *,
+        kinds: Collection[str] | None = None,
         refused: Callable[[RawMessage, BadMessage], None] = _ignore,
     ) -> None:
         self.tally = Tally()
-        self._run, self._plan, self._sink, self._refused = run, plan, sink, refused
+        self._run, self._plan = header.run, header.plan
+        self._sink, self._kinds, self._refused = sink, kinds, refused
         self._places: list[_Place] = []
         self._takers: dict[str, Callable[[RawMessage], None]] = {}
 
@@ -126,6 +133,8 @@ class Decoder:
         else:
             self._places.append(place)
             taker = partial(self._take_event, place) if place.kind == "event" else place.waiting.append
+            if self._kinds is not None and place.kind not in self._kinds:
+                taker = _ignore
         self._takers[topic] = taker
         return taker
 
@@ -158,12 +167,12 @@ class Decoder:
                 self._take(place, [raw])
             return
         self.tally.recorded += len(batch)
-        if place.owner.startswith("agent/") and place.kind != "event":
+        if place.of_agent:
             self.tally.agent_bytes += sum(map(len, list(zip(*batch, strict=True))[-1]))
 
     def _take_messages(self, place: _Place, batch: list[RawMessage]) -> None:
-        _, _, times, numbers, data = zip(*batch, strict=True)
-        messages = decode_all(place.kind, data, run=self._run, sender=place.owner)
+        _, logged, times, numbers, data = zip(*batch, strict=True)
+        messages = decode_all(place.kind, data, run=self._run, sender=place.at.owner)
         self._check_steps(max(message.get("k", 0) for message in messages), ended=place.kind in {"beacon", "signal"})
         labels = [(message["seq"] & _SEQUENCE, message["sent"]) for message in messages]
         if labels != [*zip(numbers, times, strict=True)]:
@@ -175,16 +184,19 @@ class Decoder:
         if place.kind == "event":
             for message in messages:
                 self.tally.hear(message)
-        self._sink.take(place.kind, place.agent, messages)
+        if self._sink is not None:
+            seq = [message["seq"] for message in messages]
+            self._sink.take(place.at, stamps_of(logged, times, seq), messages)
 
     def _take_rounds(self, place: _Place, codec: RoundCodec, batch: list[RawMessage]) -> None:
-        _, _, times, numbers, data = zip(*batch, strict=True)
+        _, logged, times, numbers, data = zip(*batch, strict=True)
         rounds = codec.decode_all(data)
         self._check_steps(int(rounds.step.max()))
         if (rounds.seq & _SEQUENCE).tolist() != [*numbers] or rounds.sent.tolist() != [*times]:
             raise BadMessage(_MISLABELLED)
-        self.tally.sequences.of(place.key, place.owner).take_all([*numbers])
-        self._sink.take_rounds(place.agent, rounds)
+        self.tally.sequences.of(place.key, place.at.owner).take_all([*numbers])
+        if self._sink is not None:
+            self._sink.take_rounds(place.at, stamps_of(logged, times, rounds.seq), rounds)
 
     def _check_steps(self, last: int, *, ended: bool = False) -> None:
         # The signal that ends a run is numbered one past its last step.

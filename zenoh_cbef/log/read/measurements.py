@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.faults import SensorFault
 from zenoh_cbef.log.common.naming import RESOLVED, SOURCE
-from zenoh_cbef.log.mcap.contents import RawMessage
-from zenoh_cbef.log.read.contents import Header, read_header
+from zenoh_cbef.log.read.header import Header
 from zenoh_cbef.log.read.parts import open_log
-from zenoh_cbef.protocol.keys import Address, address
-from zenoh_cbef.protocol.messages import BadMessage, decode, nil_to_nan
+from zenoh_cbef.log.read.recording import Recording, read_recording
+from zenoh_cbef.protocol.messages import nan_to_nil
 from zenoh_cbef.scenario import Scenario
 from zenoh_cbef.scenario.load import Loaded, apply, parse
 from zenoh_cbef.scenario.paths import agent_positions, step_times
@@ -30,40 +31,69 @@ _KINDS = ("truth", "beacon", "signal", "range")
 class Measurements:
     """The measurements of a run.
 
-    source: its scenario as it was written. truth: messages by step. beacons, ranges: by (agent, step); of ranges the
-    position counts. logged: when each step's last beacon, or the start signal of step 0, was (ns). start: when step 0
-    was, s since the Unix epoch.
+    source: its scenario as it was written. recording: of the truth, beacons, signals and ranges; of ranges the
+    position counts.
     """
 
-    header: Header
     source: str
-    truth: dict[int, dict[str, Any]] = field(default_factory=dict)
-    beacons: dict[tuple[int, int], dict[str, Any]] = field(default_factory=dict)
-    ranges: dict[tuple[int, int], dict[str, Any]] = field(default_factory=dict)
-    logged: dict[int, int] = field(default_factory=dict)
-    start: float | None = None
+    recording: Recording
 
     @property
+    def header(self) -> Header:
+        """What run it is."""
+        return self.recording.header
+
+    @cached_property
+    def _heard(self) -> NDArray[np.bool_]:
+        return self.recording.beacons.seen(self.recording.beacons.last)
+
+    @cached_property
     def steps(self) -> int:
         """As far as beacons go for every agent that has any, 0 for none."""
-        last: dict[int, int] = {}
-        for agent, step in self.beacons:
-            last[agent] = max(last.get(agent, 0), min(step, self.header.scenario.length))
-        return min(last.values(), default=0)
+        last = np.where(self._heard, np.arange(1, self._heard.shape[1] + 1), 0).max(axis=1, initial=0)
+        return int(last[last > 0].min()) if last.any() else 0
+
+    @cached_property
+    def start(self) -> float | None:
+        """When step 0 was, s since the Unix epoch; None where the log does not say."""
+        told = [one.at for one in self.recording.signals if one.step == 0 and one.at is not None]
+        return told[-1] if told else None
+
+    @cached_property
+    def logged(self) -> dict[int, int]:
+        """When each step's last beacon, or the start signal of step 0, was logged, ns."""
+        steps = np.flatnonzero(self._heard.any(axis=0))
+        times = self.recording.beacons.stamps(self._heard.shape[1]).logged[:, steps].max(axis=0)
+        begun = [one.logged for one in self.recording.signals if one.step == 0]
+        return ({0: max(begun)} if begun else {}) | dict(zip((steps + 1).tolist(), times.tolist(), strict=True))
+
+    def truth(self, step: int) -> dict[str, Any] | None:
+        """What the target told of its state in a step."""
+        if not self.recording.truth.seen(step)[0, step - 1]:
+            return None
+        return {"k": step, "state": self.recording.truth.numbers("state", step)[0, step - 1].tolist()}
+
+    def beacon(self, agent: int, step: int) -> tuple[str, dict[str, Any]]:
+        """Who sent a beacon, and what it said; where the log has none, it was not heard."""
+        beacons = self.recording.beacons
+        if not beacons.seen(step)[agent, step - 1]:
+            return "target", {"k": step, "emitted": None, "arrived": None}
+        emitted, arrived = map(nan_to_nil, beacons.numbers("times", step)[agent, step - 1].tolist())
+        sender = int(beacons.numbers("sender", step)[agent, step - 1, 0])
+        return self.recording.senders[sender], {"k": step, "emitted": emitted, "arrived": arrived}
 
     def lacks(self) -> list[str]:
         """What the log does not say of the steps that are estimated from it, a sentence each."""
-        heard = {agent for agent, step in self.beacons if step > 0}
-        silent = [str(agent) for agent in range(self.header.scenario.count) if agent not in heard]
-        first = min((step for _, step in self.beacons if step > 0), default=1)
-        truth = [step for step in self.truth if 1 <= step <= self.steps]
+        heard, truth = self._heard, int(self.recording.truth.seen(self.steps).sum())
+        silent = map(str, np.flatnonzero(~heard.any(axis=1)).tolist())
+        first = int(heard.any(axis=0).argmax()) + 1
         said = []
-        if silent:
+        if not heard.any(axis=1).all():
             said.append(f"no beacon of agent {', '.join(silent)} is in the log: as if nothing had been measured there")
         if first > 1:
             said.append(f"no beacon of steps 1 to {first - 1} is in the log: the filter only predicts until then")
-        if len(truth) < self.steps:
-            said.append(f"the log has the truth of {len(truth)} of {self.steps} steps: only these can be scored")
+        if truth < self.steps:
+            said.append(f"the log has the truth of {truth} of {self.steps} steps: only these can be scored")
         return said
 
     def loaded(self, overrides: Sequence[str]) -> Loaded:
@@ -94,66 +124,29 @@ class Measurements:
 
         A beacon that is not in the log was not heard.
         """
-        steps = scenario.length
-        truth, positions = np.full((steps, 6), np.nan), agent_positions(scenario)
-        times = np.full((2, scenario.count, steps), np.nan)
-        for step, message in self.truth.items():
-            if 1 <= step <= steps:
-                truth[step - 1] = message["state"]
-        for (agent, step), message in self.ranges.items():
-            if 1 <= step <= steps:
-                positions[agent, step - 1] = message["position"]
-        for (agent, step), message in self.beacons.items():
-            if 1 <= step <= steps:
-                times[:, agent, step - 1] = nil_to_nan(message["emitted"]), nil_to_nan(message["arrived"])
-        return World(step_times(scenario, steps), truth, positions, times[0], times[1])
+        steps, recording = scenario.length, self.recording
+        positions, expected = recording.ranges.numbers("position", steps), agent_positions(scenario)
+        emitted, arrived = np.moveaxis(recording.beacons.numbers("times", steps), 2, 0)
+        return World(
+            step_times(scenario, steps),
+            recording.truth.numbers("state", steps)[0],
+            np.where(np.isfinite(positions), positions, expected),
+            emitted,
+            arrived,
+        )
 
 
 def read_measurements(path: Path) -> Measurements:
     """Read a log's measurements. Raises UserError where it is no log of a run, or holds none."""
-    file = open_log(path)
-    header = read_header(file, path)
-    source = file.attachments.get(SOURCE) or file.attachments[RESOLVED]
-    found = Measurements(header, source.decode(errors="replace"))
-    _gather(file.messages(), found)
+    log = open_log(path)
+    recording = read_recording(log, kinds=_KINDS)
+    source = log.attachments.get(SOURCE) or log.attachments[RESOLVED]
+    found = Measurements(source.decode(errors="replace"), recording)
     if found.steps == 0:
-        raise UserError(f"the log of run {header.run!r} holds no beacons, so there is nothing to estimate from")
+        raise UserError(
+            f"the log of run {recording.header.run!r} holds no beacons, so there is nothing to estimate from"
+        )
     return found
-
-
-def _gather(messages: Iterable[RawMessage], found: Measurements) -> None:
-    run, known = found.header.run, dict[str, Address | None]()
-    for raw in messages:
-        topic = raw.channel.topic
-        at = known[topic] if topic in known else known.setdefault(topic, _measured(topic, found.header))
-        if at is None:
-            continue
-        try:
-            message = decode(at.kind, raw.data, run=run, sender=at.owner)
-        except BadMessage:
-            continue
-        step = message["k"]
-        if at.kind == "truth":
-            found.truth.setdefault(step, message)
-            continue
-        if "signal" in message:
-            # Others end the run, or let an agent come back.
-            if step == 0:
-                found.start = message.get("at", found.start)
-                found.logged[0] = max(found.logged.get(0, 0), raw.log_time)
-            continue
-        table = found.beacons if at.kind == "beacon" else found.ranges
-        table.setdefault((at.agent, step), message)
-        if at.kind == "beacon":
-            found.logged[step] = max(found.logged.get(step, 0), raw.log_time)
-
-
-def _measured(topic: str, header: Header) -> Address | None:
-    """What a key of the run carries; None where that is nothing that was measured."""
-    at = address(topic)
-    if at is None or at.kind not in _KINDS or at.run != header.run:
-        return None
-    return None if at.agent >= header.scenario.count else at
 
 
 def _of_sensors(scenario: Scenario) -> list[SensorFault]:

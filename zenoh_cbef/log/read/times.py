@@ -1,126 +1,94 @@
-"""When the messages of a log were sent, without what they say."""
+"""When the messages of a recording were sent."""
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
 
 from zenoh_cbef.faults import ahead, clocks_of
-from zenoh_cbef.log.mcap.contents import RawMessage
-from zenoh_cbef.log.read.contents import Header
-from zenoh_cbef.log.read.parts import Log
-from zenoh_cbef.protocol.keys import Address, address
-from zenoh_cbef.protocol.messages import BadMessage, decode
-from zenoh_cbef.protocol.round_codec import RoundCodec
+from zenoh_cbef.log.read.recording import Recording
+from zenoh_cbef.log.read.tables import Table
+from zenoh_cbef.scenario import Scenario
+
+Bools = NDArray[np.bool_]
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
 
 
-@dataclass
+@dataclass(frozen=True)
 class MessageTimes:
-    """Sending times, s since the start signal, of the first message of each kind.
+    """Sending times, s since the start signal; NaN where the log has no such message. n agents, K steps, L rounds.
 
-    A message's turn is its step times one more than there are rounds, plus its round; ranges have round 0.
-    beacons: by (agent, step), with whether one was heard. sends: ranges and consensus messages by (agent, turn).
-    estimates: by (agent, step), with the message as it was encoded. events: (who, when, text).
+    beacons: (n, K). heard: (n, K), whether there was anything in them. sends: (n, K, L + 1), of ranges, which are
+    round 0, and consensus messages. estimates: (n, K). events: (who, when, text).
     """
 
-    turns: int
-    beacons: dict[tuple[int, int], tuple[float, bool]] = field(default_factory=dict)
-    sends: dict[tuple[int, int], float] = field(default_factory=dict)
-    estimates: dict[tuple[int, int], tuple[float, bytes]] = field(default_factory=dict)
-    events: list[tuple[str, float, str]] = field(default_factory=list)
+    beacons: Floats
+    heard: Bools
+    sends: Floats
+    estimates: Floats
+    events: list[tuple[str, float, str]]
 
-    def used(self, agent: int, turn: int) -> float:
-        """When an agent sent what followed from the messages of a turn; infinite where the log does not have it."""
-        step, round_ = divmod(turn, self.turns)
-        if round_ + 1 < self.turns:
-            return self.sends.get((agent, turn + 1), math.inf)
-        return self.estimates[agent, step][0] if (agent, step) in self.estimates else math.inf
+    def sent(self, agent: int, step: int, round_: int) -> float:
+        """When an agent sent a range, as round 0, or a consensus message; NaN where the log does not have it."""
+        inside = 1 <= step <= self.sends.shape[1] and 0 <= round_ < self.sends.shape[2]
+        return float(self.sends[agent, step - 1, round_]) if inside else np.nan
+
+    def used(self, agent: int, step: int, round_: int) -> float:
+        """When an agent sent what followed from the messages of a round; infinite where the log does not have it.
+
+        A round beyond the last is one of the steps behind.
+        """
+        later, round_ = divmod(round_, self.sends.shape[2])
+        step += later
+        if step > self.estimates.shape[1]:
+            return np.inf
+        last = round_ + 1 == self.sends.shape[2]
+        time = float(self.estimates[agent, step - 1]) if last else self.sent(agent, step, round_ + 1)
+        return np.inf if np.isnan(time) else time
 
     def steps(self) -> dict[int, tuple[float, float]]:
         """When the first agent began each step, and when the last one finished it."""
-        found: dict[int, tuple[float, float]] = {}
-        for (agent, step), (end, _) in self.estimates.items():
-            begin = self.sends.get((agent, step * self.turns), end)
-            first, last = found.get(step, (begin, end))
-            found[step] = min(first, begin), max(last, end)
-        return dict(sorted(found.items()))
+        there = np.flatnonzero(~np.isnan(self.estimates).all(axis=0))
+        end = self.estimates[:, there]
+        begin = np.where(np.isnan(self.sends[:, there, 0]) | np.isnan(end), end, self.sends[:, there, 0])
+        spans = zip(np.nanmin(begin, axis=0).tolist(), np.nanmax(end, axis=0).tolist(), strict=True)
+        return dict(zip((there + 1).tolist(), spans, strict=True))
 
 
-def read_times(file: Log, header: Header) -> MessageTimes:
-    """Read the times of all messages of a run; what is no message of it is passed over."""
-    reader = _Reader(header)
-    for raw in file.messages():
-        try:
-            reader.take(raw)
-        except BadMessage:
-            continue
-    return reader.end()
+def times_of(recording: Recording) -> MessageTimes:
+    """The times of all messages."""
+    tables = (recording.beacons, recording.ranges, recording.rounds, recording.estimates)
+    scenario, steps = recording.header.scenario, max(table.last for table in tables)
+    began = [one.sent if one.at is None else round(1e9 * one.at) for one in recording.signals if one.step == 0]
+    start = began[0] if began else recording.first or 0
+    # What the scenario's faults put a clock ahead by is known.
+    wrong = _ahead(scenario, steps)
+    ranges = _since(recording.ranges, start + wrong)
+    rounds = _since(recording.rounds, start + np.repeat(wrong, recording.rounds_per_step, axis=0))
+    rounds = rounds.reshape(scenario.count, recording.rounds_per_step, steps)
+    heard = np.asarray(np.isfinite(recording.beacons.numbers("times", steps)).all(axis=2))
+    return MessageTimes(
+        _since(recording.beacons, np.full_like(wrong, start)),
+        heard,
+        np.concatenate([ranges[:, :, None], np.moveaxis(rounds, 1, 2)], axis=2),
+        _since(recording.estimates, start + wrong),
+        [(one.message["from"], 1e-9 * (one.sent - start), one.message["text"]) for one in recording.events],
+    )
 
 
-class _Reader:
-    def __init__(self, header: Header) -> None:
-        scenario = header.scenario
-        self._run, self._count, self._dt = header.run, scenario.count, scenario.dt
-        width = header.plan.message_size
-        self._codecs = [RoundCodec(header.run, f"agent/{agent}", width) for agent in range(self._count)]
-        self._clocks = [clocks_of(scenario.fault, agent) for agent in range(self._count)]
-        self._turns = header.plan.rounds + 1
-        self._first: int | None = None
-        self._start: int | None = None
-        # All in nanoseconds: a log can hold what followed from the start signal before the signal itself.
-        self._beacons: dict[tuple[int, int], tuple[int, bool]] = {}
-        self._sends: dict[tuple[int, int], int] = {}
-        self._estimates: dict[tuple[int, int], tuple[int, bytes]] = {}
-        self._events: list[tuple[str, int, str]] = []
+def _since(table: Table, start: Ints) -> Floats:
+    """Sending times in s since some moments (rows, K), ns; NaN where there is no message."""
+    steps = start.shape[1]
+    return np.where(table.seen(steps), 1e-9 * (table.stamps(steps).sent - start), np.nan)
 
-    def take(self, raw: RawMessage) -> None:
-        """Take in one message. Raises BadMessage."""
-        found = address(raw.channel.topic)
-        if found is None or found.run != self._run or found.agent >= self._count:
-            return
-        if self._first is None:
-            self._first = raw.publish_time
-        if found.kind == "event":
-            message = decode("event", raw.data, run=self._run)
-            self._events.append((message["from"], raw.publish_time, message["text"]))
-        elif found.kind in {"beacon", "signal"}:
-            self._of_target(found, raw)
-        elif found.kind in {"range", "round", "estimate"}:
-            self._of_agent(found, raw)
 
-    def end(self) -> MessageTimes:
-        """The times, as all messages are known."""
-        since = self._since
-        return MessageTimes(
-            self._turns,
-            {name: (since(time), heard) for name, (time, heard) in self._beacons.items()},
-            {name: since(time) for name, time in self._sends.items()},
-            {name: (since(time), data) for name, (time, data) in self._estimates.items()},
-            [(who, since(time), text) for who, time, text in self._events],
-        )
-
-    def _of_target(self, at: Address, raw: RawMessage) -> None:
-        message = decode(at.kind, raw.data, run=self._run, sender=at.owner)
-        if "signal" in message:
-            if message["k"] == 0 and self._start is None:
-                self._start = round(1e9 * message.get("at", 1e-9 * raw.publish_time))
-        else:
-            heard = message["emitted"] is not None and message["arrived"] is not None
-            name = at.agent, message["k"]
-            self._beacons.setdefault(name, (raw.publish_time, heard))
-
-    def _of_agent(self, at: Address, raw: RawMessage) -> None:
-        agent, kind = at.agent, at.kind
-        if kind == "round":
-            step, round_, *_ = self._codecs[agent].decode(raw.data)
-        else:
-            step, round_ = decode(kind, raw.data, run=self._run, sender=at.owner)["k"], 0
-        # What the scenario's faults put a clock ahead by is known.
-        time = raw.publish_time - round(1e9 * ahead(self._clocks[agent], step * self._dt))
-        if kind == "estimate":
-            self._estimates.setdefault((agent, step), (time, raw.data))
-        else:
-            self._sends.setdefault((agent, step * self._turns + round_), time)
-
-    def _since(self, nanoseconds: int) -> float:
-        return 1e-9 * (nanoseconds - (self._start or self._first or 0))
+def _ahead(scenario: Scenario, steps: int) -> Ints:
+    """By how much the scenario's faults put the clocks of the agents ahead in each step, ns, (n, K)."""
+    found = np.zeros((scenario.count, steps), dtype=np.int64)
+    for agent in range(scenario.count):
+        if clocks := clocks_of(scenario.fault, agent):
+            found[agent] = [round(1e9 * ahead(clocks, step * scenario.dt)) for step in range(1, steps + 1)]
+    return found

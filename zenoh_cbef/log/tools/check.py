@@ -4,16 +4,14 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, field
-from typing import Any
 
 from zenoh_cbef.log.common.naming import END
 from zenoh_cbef.log.mcap.contents import RawMessage
-from zenoh_cbef.log.read.contents import read_header
 from zenoh_cbef.log.read.decoding import Decoder
+from zenoh_cbef.log.read.header import read_header
 from zenoh_cbef.log.read.parts import Log
 from zenoh_cbef.protocol.keys import address
 from zenoh_cbef.protocol.messages import BadMessage
-from zenoh_cbef.protocol.round_codec import Rounds
 
 _NAMED = 100
 
@@ -47,12 +45,6 @@ class _Checker:
         self.findings = findings
         self._last = 0
 
-    def take(self, kind: str, agent: int, messages: list[dict[str, Any]]) -> None:
-        """What was decoded is as promised."""
-
-    def take_rounds(self, agent: int, rounds: Rounds) -> None:
-        """Likewise."""
-
     def refused(self, raw: RawMessage, reason: BadMessage) -> None:
         self.note(f"{raw.channel.topic}: {reason}")
 
@@ -77,10 +69,10 @@ class _Checker:
 
 def check(log: Log) -> Findings:
     """Read all of a log and say what is wrong with it. Raises UserError where it is no log of a run."""
-    header = read_header(log, log.path)
+    header = read_header(log)
     findings = Findings()
     checker = _Checker(findings)
-    decoder = Decoder(header.run, header.plan, checker, checker.refused)
+    decoder = Decoder(header, refused=checker.refused)
     for batch in log.batches():
         checker.see(batch)
         decoder.take(batch)

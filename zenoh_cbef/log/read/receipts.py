@@ -1,0 +1,76 @@
+"""What an agent said of its neighbours' messages, as arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from zenoh_cbef.faults.injected import FATES
+from zenoh_cbef.log.read.tables import Bools, Floats, Ints, Stamps, Table, floats
+
+COUNTS = ("received", "lost", "late")
+INJECTED = ("injected_lost", "injected_late", "corrupted", "duplicated")
+_LATENCY = "latency"
+_FIELDS = (*COUNTS, *INJECTED, _LATENCY)
+
+
+class Receipts:
+    """One agent's counts by step; d neighbours, in the order in which the agent named them first.
+
+    Of an estimate that names others, or has another number of counts than neighbours, nothing is kept.
+    """
+
+    def __init__(self, limit: int) -> None:
+        self.neighbours: list[int] = []
+        self._limit = limit
+        self._table = self._of(0)
+        self._fates: dict[int, list[str]] = {}
+
+    def put(self, step: Ints, stamps: Stamps, messages: Sequence[dict[str, Any]]) -> None:
+        """Keep what some estimates (m,) say, each the first of its step."""
+        if not self.neighbours:
+            self.neighbours = next((one["neighbours"] for one in messages if one["neighbours"]), [])
+            self._table = self._of(len(self.neighbours)) if self.neighbours else self._table
+        fitting = np.array([self._fits(message) for message in messages], dtype=bool)
+        if not fitting.all():
+            step, stamps = step[fitting], Stamps(*(values[fitting] for values in stamps))
+            messages = [message for message, fits in zip(messages, fitting.tolist(), strict=True) if fits]
+        nothing = [None] * len(self.neighbours)
+        told = {name: [one.get(name, nothing) for one in messages] for name in _FIELDS}
+        said = {name: floats(rows) for name, rows in told.items() if any(row is not nothing for row in rows)}
+        self._table.put(0, step, stamps, **said)
+        self._fates |= {one["k"]: one[FATES] for one in messages if FATES in one}
+
+    def _of(self, width: int) -> Table:
+        return Table(1, self._limit, **dict.fromkeys(_FIELDS, width))
+
+    def _fits(self, message: dict[str, Any]) -> bool:
+        width = len(self.neighbours)
+        sizes = all(len(message[name]) == width for name in (*_FIELDS, FATES) if name in message)
+        return sizes and message["neighbours"] == self.neighbours
+
+    def steps(self, until: int) -> Ints:
+        """The steps up to `until` of which the agent said something, (m,), ascending."""
+        return np.asarray(np.flatnonzero(self._table.seen(until)[0]) + 1)
+
+    def counts(self, name: str, until: int) -> Floats:
+        """What it counted, or a latency in s, in these steps, (m, d); NaN where it said nothing."""
+        return np.asarray(self._table.numbers(name, until)[0, self.steps(until) - 1])
+
+    def begun(self, until: int) -> Bools:
+        """In which of these steps the agent counts anew, (m,): it was started again, and numbers from 0."""
+        seq = self._table.stamps(until).seq[0, self.steps(until) - 1]
+        return np.asarray(np.diff(seq, prepend=-1) <= 0)
+
+    def told(self, step: int) -> dict[str, list[Any]]:
+        """What its estimate of a step says, by field, for the neighbours in order; nothing where it does not fit."""
+        if step < 1 or not self._table.seen(step)[0, step - 1]:
+            return {}
+        said: dict[str, list[Any]] = {"neighbours": self.neighbours}
+        for name in (*COUNTS, *INJECTED):
+            values = self._table.numbers(name, step)[0, step - 1]
+            if not np.isnan(values).any():
+                said[name] = values.astype(np.int64).tolist()
+        return said | ({FATES: self._fates[step]} if step in self._fates else {})

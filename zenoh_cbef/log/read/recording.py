@@ -1,0 +1,153 @@
+"""A log as arrays: read once, message by message, for all that looks at a run."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+
+from zenoh_cbef.log.read.decoding import Decoder, Tally
+from zenoh_cbef.log.read.header import Header, read_header
+from zenoh_cbef.log.read.parts import Log
+from zenoh_cbef.log.read.receipts import Receipts
+from zenoh_cbef.log.read.tables import Ints, Stamps, Table, floats
+from zenoh_cbef.protocol.keys import Address
+from zenoh_cbef.protocol.round_codec import Rounds
+from zenoh_cbef.tracking.diagnostics import NAMES
+
+_MATRIX = 8 * 36
+
+RoundsKept = Literal["none", "times", "payloads"]
+"""What is kept of consensus messages, which are most of a log: all are checked and counted."""
+
+
+class Event(NamedTuple):
+    """What a process told. logged, sent: ns since the epoch."""
+
+    logged: int
+    sent: int
+    message: dict[str, Any]
+
+
+class Signal(NamedTuple):
+    """What the target told an agent: the step, and when step 0 was, s since the epoch. logged, sent: ns."""
+
+    logged: int
+    sent: int
+    step: int
+    at: float | None
+
+
+class Recording:
+    """The messages of a run, by agent and step, the first of each; n agents, L rounds, payloads of d numbers.
+
+    truth: one row; state (6). beacons: n rows; times (2), emitted and arrived, s; sender (1), a place in `senders`.
+    ranges: n rows; position (3), m. estimates: n rows; state (6), said (the diagnostics), covariance (36). said: which
+    diagnostics any estimate has: logs of version 0.1.0 lack most. receipts: of each agent. rounds: n L rows, agent by
+    agent; payload (d). faults: the last list of injected ones, JSON, or empty. first: when the first message was
+    sent, ns; None without any.
+    """
+
+    def __init__(self, header: Header, rounds: RoundsKept = "none") -> None:
+        plan, scenario = header.plan, header.scenario
+        self.header, self.tally = header, Tally()
+        self.complete = False
+        self.damage: list[str] = []
+        count, limit = scenario.count, scenario.length
+        self.rounds_per_step = plan.rounds
+        self.truth = Table(1, limit, state=6)
+        self.beacons = Table(count, limit, times=2, sender=1)
+        self.ranges = Table(count, limit, position=3)
+        self.estimates = Table(count, limit, state=6, said=len(NAMES), covariance=36)
+        self.rounds = Table(count * self.rounds_per_step, limit, payload=plan.message_size)
+        self.receipts = [Receipts(limit) for _ in range(count)]
+        self.said: set[str] = set()
+        self.senders: list[str] = []
+        self.signals: list[Signal] = []
+        self.events: list[Event] = []
+        self.faults = ""
+        self.first: int | None = None
+        self._kept = rounds
+
+    def take(self, at: Address, stamps: Stamps, messages: list[dict[str, Any]]) -> None:
+        """Keep the messages of a key."""
+        self._begin(stamps)
+        if at.kind == "event":
+            self.events += map(Event, stamps.logged.tolist(), stamps.sent.tolist(), messages)
+        elif at.kind == "faults":
+            self.faults = messages[-1]["tables"]
+        elif at.kind == "estimate":
+            self._take_estimates(at.agent, stamps, messages)
+        elif at.kind == "range":
+            self.ranges.put(at.agent, _steps(messages), stamps, position=floats([one["position"] for one in messages]))
+        elif at.kind == "truth":
+            self.truth.put(0, _steps(messages), stamps, state=floats([one["state"] for one in messages]))
+        else:
+            self._take_beacons(at.agent, stamps, messages)
+
+    def take_rounds(self, at: Address, stamps: Stamps, rounds: Rounds) -> None:
+        """Keep consensus messages of an agent, as far as they are wanted."""
+        self._begin(stamps)
+        if self._kept == "none":
+            return
+        step, round_ = rounds.step.astype(np.int64), rounds.round.astype(np.int64)
+        inside = (round_ >= 1) & (round_ <= self.rounds_per_step)
+        row = np.where(inside, at.agent * self.rounds_per_step + round_ - 1, -1)
+        self.rounds.put(row, step, stamps, **({"payload": rounds.payload} if self._kept == "payloads" else {}))
+
+    def _begin(self, stamps: Stamps) -> None:
+        if self.first is None:
+            self.first = int(stamps.sent[0])
+
+    def _take_beacons(self, agent: int, stamps: Stamps, messages: list[dict[str, Any]]) -> None:
+        signal = np.array(["signal" in one for one in messages])
+        for place in np.flatnonzero(signal).tolist():
+            one = messages[place]
+            self.signals.append(Signal(int(stamps.logged[place]), int(stamps.sent[place]), one["k"], one.get("at")))
+        if signal.all():
+            return
+        if signal.any():  # Older logs have no keys for signals.
+            messages = [one for one in messages if "signal" not in one]
+            stamps = Stamps(*(values[~signal] for values in stamps))
+        names = [one["from"] for one in messages]
+        self.senders += [name for name in dict.fromkeys(names) if name not in self.senders]
+        sender = floats([[self.senders.index(name)] for name in names])
+        times = floats([[one["emitted"], one["arrived"]] for one in messages])
+        self.beacons.put(agent, _steps(messages), stamps, times=times, sender=sender)
+
+    def _take_estimates(self, agent: int, stamps: Stamps, messages: list[dict[str, Any]]) -> None:
+        step = _steps(messages)
+        numbers = {
+            "state": floats([one["state"] for one in messages]),
+            "said": floats([[*map(one.get, NAMES)] for one in messages]),
+        }
+        packed = [one["covariance"] if len(one["covariance"] or b"") == _MATRIX else None for one in messages]
+        if any(packed):
+            unknown = np.full(36, np.nan).tobytes()
+            joined = np.frombuffer(b"".join([one or unknown for one in packed]), "<f8")
+            numbers["covariance"] = joined.reshape(-1, 36)
+        new = self.estimates.put(agent, step, stamps, **numbers)
+        self.said.update(*messages)
+        if not new.all():
+            step, stamps = step[new], Stamps(*(values[new] for values in stamps))
+            messages = [one for one, is_new in zip(messages, new.tolist(), strict=True) if is_new]
+        self.receipts[agent].put(step, stamps, messages)
+
+
+def read_recording(log: Log, *, kinds: Collection[str] | None = None, rounds: RoundsKept = "none") -> Recording:
+    """Read a log, complete or cut off. kinds: of messages that are read, all others are passed over; None for all.
+
+    Raises UserError where it is no log of a run.
+    """
+    recording = Recording(read_header(log), rounds)
+    decoder = Decoder(recording.header, recording, kinds=kinds)
+    decoder.take_all(log)
+    recording.tally = decoder.tally
+    recording.damage = log.damage
+    recording.complete = log.complete and not recording.damage
+    return recording
+
+
+def _steps(messages: list[dict[str, Any]]) -> Ints:
+    return np.array([one["k"] for one in messages], dtype=np.int64)

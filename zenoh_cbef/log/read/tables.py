@@ -1,0 +1,101 @@
+"""Messages as arrays that grow with the run: nothing else of a message is kept."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Bools = NDArray[np.bool_]
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+_FIRST_CAPACITY = 64
+_LATEST = (1 << 63) - 1
+_STAMPS = ("logged", "sent", "seq")
+
+
+class Stamps(NamedTuple):
+    """What every message has, arrays of one shape: log time and sending time, ns since the epoch, and its number."""
+
+    logged: Ints
+    sent: Ints
+    seq: Ints
+
+
+def stamps_of(logged: Sequence[int], sent: Sequence[int], seq: ArrayLike) -> Stamps:
+    """The stamps of some messages (m,). A log time beyond 63 bits, which no clock shows, becomes the latest one."""
+    clipped = np.minimum(np.array(logged, dtype=np.uint64), np.uint64(_LATEST)).astype(np.int64)
+    return Stamps(clipped, np.array(sent, dtype=np.int64), np.array(seq, dtype=np.int64))
+
+
+def floats(rows: Sequence[Any]) -> Floats:
+    """Numbers as an array, NaN for nil."""
+    return np.array(rows, dtype=np.float64)
+
+
+class Table:
+    """Messages of one kind by row and step: of each place the first that comes.
+
+    rows: how many. limit: the highest step, from 1. widths: how many numbers a message has of each name; those that
+    no message has take no room. last: the highest step of any message so far.
+    """
+
+    def __init__(self, rows: int, limit: int, **widths: int) -> None:
+        self.last = 0
+        self._rows, self._limit, self._widths = rows, limit, widths
+        self._arrays: dict[str, NDArray[Any]] = {}
+
+    def put(self, row: int | Ints, step: Ints, stamps: Stamps, **numbers: Floats) -> Bools:
+        """Put messages, (m,), each unless one is there already; says which of them were put, (m,).
+
+        row: of all, or of each (m,). numbers: (m, width). A message whose row or step the table lacks is left out.
+        """
+        rows = np.broadcast_to(np.asarray(row, dtype=np.int64), step.shape)
+        inside = (step >= 1) & (step <= self._limit) & (rows >= 0) & (rows < self._rows)
+        new = np.zeros(len(step), dtype=bool)
+        new[np.unique(np.where(inside, rows * self._limit + step, -1), return_index=True)[1]] = True
+        new &= inside
+        highest = int(step[new].max(initial=0))
+        seen = self._array("seen", highest)
+        new[new] = ~seen[rows[new], step[new] - 1]
+        place = rows[new], step[new] - 1
+        seen[place] = True
+        for name, values in {**stamps._asdict(), **numbers}.items():
+            self._array(name, highest)[place] = values[new]
+        self.last = max(self.last, int(step[new].max(initial=0)))
+        return new
+
+    def seen(self, steps: int) -> Bools:
+        """Where there are messages, (rows, steps)."""
+        return self._upto("seen", steps)
+
+    def stamps(self, steps: int) -> Stamps:
+        """Their stamps, (rows, steps); 0 where there is no message."""
+        return Stamps(*(self._upto(name, steps) for name in _STAMPS))
+
+    def numbers(self, name: str, steps: int) -> Floats:
+        """Their numbers of a name, (rows, steps, width); NaN where there are none."""
+        return self._upto(name, steps)
+
+    def _upto(self, name: str, steps: int) -> NDArray[Any]:
+        return self._array(name, steps)[:, :steps]
+
+    def _array(self, name: str, steps: int) -> NDArray[Any]:
+        """An array with room for so many steps."""
+        found = self._arrays.get(name)
+        capacity = 0 if found is None else found.shape[1]
+        if found is None or steps > capacity:
+            room = max(steps, min(max(2 * capacity, _FIRST_CAPACITY), self._limit))
+            grown = self._empty(name, room)
+            if found is not None:
+                grown[:, :capacity] = found
+            found = self._arrays[name] = grown
+        return found
+
+    def _empty(self, name: str, steps: int) -> NDArray[Any]:
+        if name in self._widths:
+            return np.full((self._rows, steps, self._widths[name]), np.nan)
+        return np.zeros((self._rows, steps), dtype=bool if name == "seen" else np.int64)
