@@ -49,9 +49,8 @@ def under_way(run) -> None:
     time.sleep(FOUND * DT)
 
 
-@pytest.mark.parametrize("way", WAYS)
-def test_a_cable_is_out_for_five_seconds(site, lab, world, way):
-    run = site(way)
+def test_a_cable_is_out_for_five_seconds(site, lab, world):
+    run = site("peers")
     under_way(run)
     lab.link("a3", up=False)
     time.sleep(5)
@@ -65,9 +64,8 @@ def test_a_cable_is_out_for_five_seconds(site, lab, world, way):
     assert ("returned", "agent/3") in found.said
 
 
-@pytest.mark.parametrize("way", WAYS)
-def test_a_host_is_gone_for_good(site, lab, world, way):
-    run = site(way)
+def test_a_host_is_gone_for_good(site, lab, world):
+    run = site("router")
     under_way(run)
     lab.link("a2", up=False)
     lab.kill("a2")
@@ -109,9 +107,8 @@ def test_the_router_is_killed_and_started_again(site, lab, world):
     assert {("left", "target/target"), ("returned", "target/target")} <= set(found.said)
 
 
-@pytest.mark.parametrize("way", WAYS)
-def test_the_recorders_cable_is_out_for_five_seconds(site, lab, world, way):
-    run = site(way)
+def test_the_recorders_cable_is_out_for_five_seconds(site, lab, world):
+    run = site("peers")
     under_way(run)
     lab.link("record", up=False)
     time.sleep(5)

@@ -8,7 +8,7 @@ import pytest
 from tests.netlab.conftest import HOSTS
 
 
-@pytest.mark.parametrize("way", ["router", "peers", "router with certificates", "peers with certificates"])
+@pytest.mark.parametrize("way", ["peers", "router with certificates"])
 def test_a_run_over_nine_hosts_equals_the_simulator(site, lab, world, way):
     run = site(way.split()[0])
     if "certificates" in way:

@@ -1,5 +1,6 @@
 """Real processes over real Zenoh sessions; whatever a test starts is gone when it ends, also when it fails."""
 
+import io
 import json
 import os
 import signal
@@ -9,11 +10,17 @@ import sys
 import time
 import uuid
 from collections.abc import Sequence
+from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 
 import pytest
 import zenoh
 
+from zenoh_cbef.cli.main import main
+
+WITHIN = {"analyze", "cat", "check", "compare", "export", "filter", "info", "merge", "recover", "reestimate", "sim"}
+WITHIN |= {"timeline", "verify"}
+"""Verbs that look at files alone: a test needs no process of theirs, whose start takes longer than their work."""
 COMMAND = [sys.executable, "-m", "zenoh_cbef"]
 SMALL = ["steps=40", "agents.count=4", "network.graph=ring", "consensus.rounds=3"]
 
@@ -47,6 +54,20 @@ def processes_of(run: str) -> dict[int, str]:
     return found
 
 
+def within(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    """What a verb does and says in a folder, in this process."""
+    streams = [io.TextIOWrapper(io.BytesIO(), encoding="utf-8", write_through=True) for _ in range(2)]
+    heeds = signal.getsignal(signal.SIGINT)
+    with pytest.MonkeyPatch.context() as patch, redirect_stdout(streams[0]), redirect_stderr(streams[1]):
+        patch.chdir(folder)
+        patch.setattr(sys, "argv", ["zenoh-cbef", *arguments])
+        with pytest.raises(SystemExit) as ended:
+            main()
+    signal.signal(signal.SIGINT, heeds)
+    out, err = (stream.buffer.getvalue().decode() for stream in streams)
+    return subprocess.CompletedProcess(arguments, ended.value.code, out, err)
+
+
 class World:
     """One test's run: its name, its folder, its processes."""
 
@@ -75,6 +96,8 @@ class World:
     def call(
         self, *arguments: str, timeout: float = 120, prefix: Sequence[str] = ()
     ) -> subprocess.CompletedProcess[str]:
+        if arguments[0] in WITHIN and not prefix:
+            return within(self.folder, *arguments)
         process = self.start(*arguments, prefix=prefix)
         out, err = process.communicate(timeout=timeout)
         return subprocess.CompletedProcess(arguments, process.returncode, out, err)
