@@ -4,8 +4,9 @@ PYTHON ?= $(shell for p in python3.13 python3.12 python3.11 python3.14 python3; 
 BIN := .venv/bin
 PIP := .venv/bin/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 READY := .venv/.installed
+WORKERS ?= $(shell echo $$(($$(getconf _NPROCESSORS_ONLN) + 1)))
 
-.PHONY: help demo test install lint types unit format benchmarks clean
+.PHONY: help demo test install lint types unit fast format benchmarks clean
 
 help:  ## what can be made
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/\1\t\2/p' $(MAKEFILE_LIST)
@@ -32,8 +33,11 @@ lint: install  ## ruff: lint and format
 types: install  ## mypy, strict
 	$(BIN)/mypy
 
-unit: install  ## all tests
-	$(BIN)/pytest -n 2 --dist loadgroup
+unit: install  ## all tests; one worker more than there are cores, as many tests wait
+	$(BIN)/pytest -n $(WORKERS) --dist loadgroup
+
+fast: install  ## the tests that start no process
+	$(BIN)/pytest -n $(WORKERS) -m "not processes"
 
 format: install  ## mend what ruff can mend
 	$(BIN)/ruff check --fix .
