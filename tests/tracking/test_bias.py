@@ -14,6 +14,7 @@ from zenoh_cbef.tracking.filters.around.biased_information import BiasedInformat
 from zenoh_cbef.tracking.filters.around.first_fix import FirstFix
 from zenoh_cbef.tracking.filters.around.learned_noise import LearnedNoise
 from zenoh_cbef.tracking.filters.base import Belief
+from zenoh_cbef.tracking.filters.information_form import packed_size
 from zenoh_cbef.tracking.filters.kinds.sicf import SaturatedInformation
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
 from zenoh_cbef.tracking.ranging import Measurement, Space
@@ -72,7 +73,7 @@ def test_the_first_fix_finds_the_side_of_the_agents_that_the_target_is_on(start,
     agents = np.array([[2.6, -0.9, 2.0], [-2.6, 0.9, 2.0], [-1.8, 0.9, 0.5], [-2.6, -0.9, 2.0]])
     space, motion = Space(1.0), NearlyConstantVelocity(0.1, 1.0, 2)
     then = SaturatedInformation(motion, space, 0.1, 4, 1.5)
-    filter_ = FirstFix(then, motion, space, 0.1, 0.0, 4, 20, 1.5)
+    filter_ = FirstFix(then, motion, space, 0.1, 0.0, 4, 20, packed_size(4), 1.5)
     rng = np.random.default_rng(1)
     belief = Belief(np.zeros((4, 4)), np.repeat(np.diag([900.0, 900.0, 9.0, 9.0])[None], 4, axis=0))
     for k in range(20):
