@@ -4,7 +4,7 @@
     netlab.py up 9                       hosts h0 to h8, at 10.77.0.10 to 10.77.0.18
     netlab.py exec h3 ping -c1 10.77.0.10
     netlab.py link h3 down               pull the cable; "up" puts it back
-    netlab.py mute h3 on                 h3 hears, and is not heard; "off" ends it
+    netlab.py mute h3 on                 h3 receives, but what it sends is lost; "off" ends that
     netlab.py partition h0,h1,h2         these on a switch of their own; "heal" joins all again
     netlab.py delay h3 20 --loss 5       20 ms and 5 % on what h3 sends, where the kernel has netem
     netlab.py down                       end every process and remove everything
@@ -35,7 +35,7 @@ _NO_HOST = "02:00:00:00:00:01"
 
 
 class LabError(Exception):
-    """What cannot be done here, as a sentence."""
+    """A sentence that says what the laboratory cannot do here."""
 
 
 class Lab:
@@ -77,7 +77,7 @@ class Lab:
         return f"{NETWORK}.{number // 200}.{number % 200 + FIRST}"
 
     def up(self) -> None:
-        """Make switch and hosts; what was made is removed again where one cannot be."""
+        """Make switch and hosts. Where one of them cannot be made, remove the others again."""
         try:
             _ip("netns", "add", self._switch)
             for bridge in (_WHOLE, _APART):
@@ -92,7 +92,7 @@ class Lab:
     def _plug_in(self, host: str) -> None:
         space, port = self.space(host), self._port(host)
         _ip("netns", "add", space)
-        # Made where they belong: not even for a moment is an end in the machine's own namespace.
+        # Both ends are made in their own namespaces, so that none is in the machine's namespace even for a moment.
         pair = ["type", "veth", "peer", "name", port, "netns", self._switch]
         _ip("-n", space, "link", "add", _DEVICE, *pair)
         _ip("-n", space, "address", "add", f"{self.address(host)}/16", "dev", _DEVICE)
@@ -113,7 +113,7 @@ class Lab:
         _ip("-n", self._switch, "link", "set", self._port(host), "up" if up else "down")
 
     def mute(self, host: str, *, on: bool) -> None:
-        """Lose everything that a host sends to the others, and nothing that they send to it; or end that."""
+        """Lose everything that a host sends to the others, but nothing that they send to it; or end that."""
         for other in self.hosts:
             if other == host:
                 continue
@@ -122,7 +122,7 @@ class Lab:
             _ip("-n", self.space(host), *neighbour, *(["lladdr", _NO_HOST, "nud", "permanent"] if on else []))
 
     def partition(self, apart: Iterable[str]) -> None:
-        """Put these hosts on a switch of their own, and all others on the other one; none heals."""
+        """Put these hosts on a switch of their own, and all others on the first one; no hosts: join all again."""
         chosen = set(apart)
         for host in sorted(chosen):
             self.space(host)
@@ -148,7 +148,7 @@ class Lab:
             time.sleep(0.02)
 
     def down(self) -> None:
-        """End every process and remove everything; what is not there is no mistake."""
+        """End every process and remove everything; it is no error where there is nothing to remove."""
         for host in self.hosts:
             self.kill(host)
             _run("ip", "netns", "delete", self.space(host))

@@ -1,0 +1,27 @@
+"""Sentences name who acts: an agent, a receiver, a caller, a reader, a user, a process."""
+
+import re
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+PLACES = ("*.md", "deploy/**/*", "docs/**/*.md", "docs/examples/*.py")
+SUFFIXES = {".css", ".html", ".json5", ".md", ".py", ".service", ".toml", ".yaml"}
+FILES = sorted(path for place in PLACES for path in ROOT.glob(place) if path.is_file() and path.suffix in SUFFIXES)
+NO_ACTOR = re.compile(r"\b(?:some|any|no|every)(?:body|one)\b|\bno one\b|\bwho(?:m)?ever\b", re.IGNORECASE)
+
+
+def test_sentences_name_who_acts():
+    found = [
+        f"{path.relative_to(ROOT)}:{number}: {line.strip()}"
+        for path in FILES
+        for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1)
+        if NO_ACTOR.search(line)
+    ]
+    assert not found, "\n".join(["name the agent, receiver, caller, reader, user or process instead:", *found])
+
+
+def test_the_words_are_found_where_they_stand():
+    assert len(FILES) > 20
+    assert NO_ACTOR.search("Whoever asks is told.")
+    assert NO_ACTOR.search("nobody = 0")
+    assert not NO_ACTOR.search("No agent asks; one of them waits.")
