@@ -1,4 +1,4 @@
-"""Counter-based random streams: every draw is a pure function of what it is for.
+"""Counter-based random streams: every draw is a pure function of its name and index.
 
 A stream is named by (seed, purpose, source, destination) and indexed by (step, lane), so any process, on any
 host, and the simulator draw the same value without asking each other, in any order and in any batch. The
@@ -22,7 +22,7 @@ _MASK = (1 << 64) - 1
 
 
 def _mix(z: Keys) -> Keys:
-    """The finaliser. Works in place, on a result that nobody else holds: arrays are many, and memory is slow."""
+    """The finaliser. Works in place: the caller must own the array. A copy would cost more than the arithmetic."""
     shifted = z >> np.uint64(30)
     z ^= shifted
     z *= np.uint64(0xBF58476D1CE4E5B9)

@@ -30,7 +30,7 @@ class Off(MessageFault):
 
 
 class Absence(Off):
-    """Agents that are not there: they send, hear and measure nothing. What they remember afterwards, kinds say."""
+    """Agents that are not there: they send, hear and measure nothing. forgets: whether they lose their memory."""
 
     forgets: ClassVar[bool] = False
 
@@ -100,7 +100,7 @@ class Absences:
 
 
 def _lasting(begun: Bools, gone: Bools) -> Bools:
-    """Where (n, K) an agent is gone, and what has begun in this absence of it goes on."""
+    """Where (n, K) an agent is gone and `begun` was true in this absence, in this step or before."""
     lasting = np.zeros_like(gone)
     place = np.arange(gone.shape[1])
     for agent in np.flatnonzero(begun.any(axis=1)):

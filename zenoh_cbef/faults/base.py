@@ -20,7 +20,7 @@ Seeds = NDArray[np.uint64]
 
 @dataclass(frozen=True)
 class Messages:
-    """One round's messages over directed links, all arrays (e,): whose, from where to where, and when sent.
+    """One round's messages over directed links, all arrays (e,): seed of the run, source, destination, and when sent.
 
     step: from 1. round: 0 for the ranges. dt: s. per_step: how many messages a link carries in a step; they count
     as sent in equal intervals of `spacing` s. number: how many a link has carried before this one.
@@ -61,7 +61,7 @@ class Effect:
     """What one fault does to messages, arrays (e,); None: nothing of the kind.
 
     lost: never arrive. delay: s. overtaken: arrive after the next message of their link. corrupted: arrive with
-    flipped bytes. duplicated: arrive twice. absent: were never sent, or have nobody to receive them.
+    flipped bytes. duplicated: arrive twice. absent: were never sent, or have no receiver, as an agent is away.
     """
 
     lost: Bools | None = None
@@ -120,8 +120,8 @@ class Between(BaseModel):
 
     @model_validator(mode="after")
     def _apart(self) -> Self:
-        everybody = [agent for group in self.between for agent in set(group)]
-        twice = sorted({agent for agent in everybody if everybody.count(agent) > 1})
+        members = [agent for group in self.between for agent in set(group)]
+        twice = sorted({agent for agent in members if members.count(agent) > 1})
         if twice:
             raise ValueError(f"fault.links.between has agent {twice[0]} in two groups; leave it in one")
         return self
@@ -129,9 +129,9 @@ class Between(BaseModel):
     def selects(self, source: Ids, destination: Ids) -> Bools:
         """Which directed links (e,) lead from one group to another."""
         chosen = np.zeros(source.shape, dtype=bool)
-        everybody = [agent for group in self.between for agent in group]
+        members = [agent for group in self.between for agent in group]
         for group in self.between:
-            others = [agent for agent in everybody if agent not in group]
+            others = [agent for agent in members if agent not in group]
             chosen |= np.isin(source, group) & np.isin(destination, others)
         return chosen
 

@@ -46,9 +46,9 @@ class BurstLoss(LinkFault):
         return Effect(lost=messages.uniform(f"burst-loss/{index}") < chance)
 
     def _bad(self, messages: Messages, index: int) -> Bools:
-        """Which links (e,) are in their bad state. Of what came up to an earlier message, its state is all that counts.
+        """Which links (e,) are in their bad state.
 
-        Whether that one is remembered or not, the states are the same.
+        The states at the latest message asked for are kept, as they save draws; without them the result is the same.
         """
         name, number = f"burst-loss/{index}/state", messages.number
         latest, states = messages.streams.states.get(name, (None, None))
@@ -58,7 +58,7 @@ class BurstLoss(LinkFault):
         return bad
 
     def _drawn(self, key: Keys, number: int, known: tuple[int, Bools] | None) -> Bools:
-        """The states (e,) at a message, exactly, without their history; known: how many messages ago, and the states.
+        """The states (e,) at a message, exactly. known: states (e,) at an earlier message, and how many messages ago.
 
         One uniform draw per message moves both states at once: below the smaller of good_to_bad and 1 - bad_to_good
         either becomes bad, above the larger either becomes good, and between them both stay (or, where good_to_bad is

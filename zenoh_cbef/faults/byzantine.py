@@ -18,8 +18,8 @@ class Byzantine(SenderFault):
 
     mode: constant - the target is `magnitude` metres farther along every axis; drift - so many metres more for every
     second since `from`; random - displaced by normal draws of that standard deviation along every axis, new in every
-    message; scale - every number times `magnitude`; replay - the messages of `steps` steps ago. Wrong values of one
-    sender that are alike for all are what LeBlanc et al. call malicious.
+    message; scale - every number times `magnitude`; replay - the messages of `steps` steps ago. LeBlanc et al. call
+    a sender malicious that sends the same wrong values to all its neighbours.
     """
 
     kind: Literal["byzantine"]

@@ -10,7 +10,7 @@ from zenoh_cbef.faults.absence import Absence
 class Crash(Absence):
     """Agents' processes are killed (SIGKILL), and started again at `until`, if there is one.
 
-    Who comes back knows nothing, and begins with what its neighbours know.
+    An agent that comes back remembers nothing, and begins with its neighbours' estimates.
     """
 
     kind: Literal["crash"]

@@ -17,7 +17,7 @@ _FLAGS = ("lost", "overtaken", "corrupted", "duplicated", "absent")
 class Fate:
     """What becomes of messages, arrays (e,); a message is at most one of absent, lost, late and corrupted.
 
-    absent: never sent, or nobody is there to receive it. lost: never arrives. late: arrives when its round is over.
+    absent: never sent, or its receiver is not there. lost: never arrives. late: arrives when its round is over.
     corrupted: arrives in time, but damaged, and is rejected.
     duplicated: is used, and arrives once more. delay: of those that arrive, beyond the lag, s.
     """
@@ -73,7 +73,7 @@ class Fates:
         self._realtime, self._spare = realtime, lag * dt
         self._apart = apart
         self._streams = LinkStreams(seed, source, destination, range(not ranges, self._per_step + (not ranges)))
-        # What no fault touches is shared, so nobody may write into it.
+        # All fates without a fault share these arrays, so they are read-only.
         self._never, self._none = np.zeros(source.shape, dtype=bool), np.zeros(source.shape)
         self._never.flags.writeable = self._none.flags.writeable = False
 
@@ -114,7 +114,7 @@ class Fates:
         )
 
     def _told_apart(self, struck: dict[str, Bools]) -> dict[str, Bools]:
-        """What several faults do to one message is what the first of these names says."""
+        """Of several faults of one message the first in this order counts."""
         apart, before = {}, None
         for name in ("absent", "lost", "late", "corrupted", "duplicated"):
             flag = struck.get(name)
@@ -126,7 +126,7 @@ class Fates:
         return apart
 
     def reaches(self, step: int) -> Bools:
-        """Over which links (e,) somebody who keeps asking is answered in a step: those that nothing cuts."""
+        """Over which links (e,) an agent that keeps asking gets an answer in a step: those that no fault cuts."""
         open_ = np.ones(self._source.shape, dtype=bool) if self._apart is None else ~self._apart[:, step - 1]
         for _, fault, chosen in self._faults:
             if fault.cuts and fault.active(step * self._dt):

@@ -1,4 +1,4 @@
-"""What the scenario's faults did to the messages on some links, as estimates tell it."""
+"""What the scenario's faults did to the messages on some links, as an agent's estimates report it."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ IN_TIME = "."
 """The mark of a message that no fault touched."""
 
 ABSENT = "-"
-"""The mark of a message that was not sent, or had nobody to receive it."""
+"""The mark of a message that was not sent, or whose receiver was not there."""
 
 _MARKS = {"injected_lost": "x", "injected_late": ">", "corrupted": "!", "duplicated": "+"}
 
@@ -36,7 +36,7 @@ class Injected:
                 self.add(name, int(place))
 
     def forget(self, links: slice) -> None:
-        """Count some links from now on: their receiver was started again."""
+        """Set the counts of some links to 0: their receiver was started again."""
         for counts in self._counts.values():
             counts[links] = [0] * len(counts[links])
 

@@ -1,4 +1,4 @@
-"""Agents off the air."""
+"""Agents that are cut off."""
 
 from __future__ import annotations
 

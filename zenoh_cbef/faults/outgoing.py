@@ -22,7 +22,8 @@ class Sent:
     """One round's messages of the agents that a fault is on.
 
     seed, agent: (n,). step: from 1. round: 0 for ranges. elapsed: s since the fault began. message: (n, d), what the
-    agents would send. past: (n, d), what they would have sent in this round `memory` steps ago. displaced: see there.
+    agents would send. past: (n, d), what they would have sent in this round `memory` steps ago. displaced: a function,
+    see Displaced.
     """
 
     seed: Seeds
@@ -36,7 +37,7 @@ class Sent:
 
 
 class SenderFault(Fault):
-    """A fault of what agents send to all their neighbours. To themselves they stay honest."""
+    """A fault of what agents send to all their neighbours. Their own estimates stay honest."""
 
     agents: Annotated[tuple[Agent, ...], Field(min_length=1, description="a list of agents, as in [3]")]
 
@@ -75,9 +76,9 @@ class Outgoing:
         return self._sent(step, round_, message, self._displaced) if self._faults else message
 
     def ranges(self, step: int, ranges: Floats) -> Floats:
-        """Ranges (n,) as they are sent, m; a displaced target is as much farther away as it is displaced.
+        """Ranges (n,) as they are sent, m; a displaced target is farther away by the length of the displacement.
 
-        Who measured nothing has nothing to falsify.
+        An agent that measured nothing has nothing to falsify: NaN stays NaN.
         """
         if not self._faults:
             return ranges
@@ -97,7 +98,7 @@ class Outgoing:
         return sent
 
     def _past(self, place: int, memory: int, step: int, round_: int, message: Floats) -> Floats:
-        """The message of the same round `memory` steps ago; the oldest there is where there is none so old."""
+        """The messages of the same round `memory` steps ago, or the oldest ones that are known."""
         if memory == 0:
             return message
         kept = self._honest[place]

@@ -10,7 +10,7 @@ from zenoh_cbef.faults.absence import Absence
 
 
 class Pause(Absence):
-    """Agents' processes are stopped (SIGSTOP), and continued at `until`: they go on from what they knew then."""
+    """Agents' processes are stopped (SIGSTOP), and continued at `until`: they go on from their last estimates."""
 
     kind: Literal["pause"]
 

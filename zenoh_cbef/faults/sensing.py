@@ -33,7 +33,7 @@ class Readings:
 
 
 class SensorFault(Fault):
-    """A fault of agents' receivers: it acts on what they measure, and so on nothing else than their ranges."""
+    """A fault of agents' receivers: it changes their ranges, and nothing else."""
 
     agents: Annotated[
         Literal["all"] | tuple[Agent, ...], Field(description="'all', or a list of agents, as in [3]")
@@ -53,14 +53,14 @@ class SensorFault(Fault):
 
     @property
     def error(self) -> float:
-        """About how wrong it makes ranges, m; infinite where nothing is said of it."""
+        """About how wrong it makes ranges, m; infinite where that is unknown."""
         return inf
 
 
 def measured_ranges(faults: Sequence[Fault], ranges: Floats, *, seed: int, time: Floats, signal_speed: float) -> Floats:
     """Ranges (n, K) under a scenario's faults, which act one after the other. time: (K,), of the steps, s.
 
-    Who is not there measures nothing.
+    An agent that is not there measures nothing.
     """
     count, steps = ranges.shape
     agent, step = np.arange(count)[:, None], np.arange(1, steps + 1)

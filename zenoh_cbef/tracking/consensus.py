@@ -15,7 +15,7 @@ Bools = NDArray[np.bool_]
 
 
 class Consensus(Protocol):
-    """An averaging scheme. What it returns is what the agents send next."""
+    """An averaging scheme. `start` and `mix` return the messages that the agents send next."""
 
     def start(self, payload: Floats) -> Floats:
         """Begin a step with payloads (n, d); returns the first message (n, d)."""
@@ -123,8 +123,8 @@ class RunningSums:
         y_i     <- y_i/D_i + sum_j (sigma_j - rho_ij),  rho_ij <- sigma_j     over the neighbours j that were delivered
         result:  payload part of y_i / last component of y_i
 
-    rho_ij is what i last heard of sigma_j. Nothing is lost but for what is still on its way, and both parts of y lose
-    that alike: the ratio stays a convex combination of the payloads, and tends to their average. No weights are used.
+    rho_ij is what i last heard of sigma_j. Only shares that are still on their way are missing, and they are missing in
+    both parts of y: the ratio stays a convex combination of the payloads, and tends to their average. No weights.
 
     present: (n, m), False where padded. Messages are one number longer than payloads, (n, d + 1).
     """
@@ -135,7 +135,7 @@ class RunningSums:
         self._shares: Floats = self.present.sum(axis=1)[:, None] + 1.0
 
     def start(self, payload: Floats) -> Floats:
-        """Begin anew, with nothing heard from anybody; the first sum is y/D."""
+        """Begin again, with nothing heard from any neighbour; the first sum is y/D."""
         self._mass: Floats = np.concatenate([payload, np.ones((len(payload), 1))], axis=1)
         self._share: Floats = self._mass / self._shares
         self._sent = self._share
@@ -145,7 +145,7 @@ class RunningSums:
     def mix(self, received: Floats, delivered: Bools | None) -> Floats:
         """Keep one share, take in what neighbours have sent since they were last heard."""
         arrived = self.present if delivered is None else delivered & self.present
-        # One neighbour after the other, with all agents of the batch side by side, is how memory is fastest.
+        # One neighbour after the other, for all agents of the batch at once: that order uses memory best.
         flags = arrived.T.ravel()
         (came,), (missed,) = flags.nonzero(), (~flags).nonzero()
         messages = np.ascontiguousarray(received.swapaxes(0, 1)).reshape(self._heard.shape)
@@ -155,7 +155,7 @@ class RunningSums:
         self._heard[came] = messages.take(came, axis=0)
         self._mass = self._share + total
         self._share = self._mass / self._shares
-        # A new array: the message of the round before may still be on somebody's desk.
+        # A new array: the caller may still hold the message of the round before.
         self._sent = self._sent + self._share
         return self._sent
 

@@ -47,12 +47,12 @@ class Diagnostics:
 
     @classmethod
     def of(cls, *shape: int, **known: Numbers) -> Self:
-        """What is known, and nothing in all other fields."""
+        """The given fields, and the value for "nothing" in all others."""
         return cls(**{name: known[name] if name in known else nothing(name, *shape) for name in NAMES})
 
     @classmethod
     def where(cls, measured: Bools, **known: Numbers) -> Self:
-        """What is known of the agents (n,) that measured something, and nothing of the others."""
+        """The given fields for the agents (n,) that measured something, and "nothing" for the others."""
         masked = {name: one if name in WHOLE else np.where(measured, one, np.nan) for name, one in known.items()}
         return cls.of(len(measured), **masked)
 
@@ -70,7 +70,7 @@ class Diagnostics:
         return type(self)(**{name: change(values) for name, values in self.named().items()})
 
     def put(self, place: Any, other: Diagnostics) -> None:
-        """Write what another one says into a place of the arrays."""
+        """Copy the fields of another one into a place of the arrays."""
         for name, values in self.named().items():
             values[place] = getattr(other, name)
 

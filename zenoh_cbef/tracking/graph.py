@@ -110,7 +110,7 @@ def _erdos_renyi(count: int, probability: float, seed: int) -> Edges:
         chosen = _chosen(key, pairs, probability, draw)
         edges = np.stack([first[chosen], second[chosen]], axis=1).astype(np.int64)
         if len(components(count, edges)) == 1:
-            edges.flags.writeable = False  # All who ask for this graph get the same array.
+            edges.flags.writeable = False  # All callers that ask for this graph get the same array.
             return edges
     raise UserError(
         f"network.probability = {probability} hardly ever joins {count} agents to one network; "
@@ -119,7 +119,7 @@ def _erdos_renyi(count: int, probability: float, seed: int) -> Edges:
 
 
 def _chosen(key: Keys, pairs: tuple[Ids, Ids], probability: float, draw: int) -> Bools:
-    """Which pairs are joined in a draw, or none of the rest as soon as an agent is seen to be without any edge."""
+    """Which pairs are joined in a draw; it stops, with too few pairs, at the first agent without any edge."""
     first, second = pairs
     count = 1 + int(second.max(initial=0))
     chosen, joined = np.zeros(len(key), dtype=bool), np.zeros(count, dtype=bool)

@@ -1,4 +1,4 @@
-"""What keeps estimates among the finite numbers, whatever messages say."""
+"""Keeps estimates finite, whatever messages contain."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ LARGEST = 1e100
 
 
 def immoderate(values: Floats) -> Bools:
-    """Which rows of an array (n, ...) hold a number that is not finite, or larger than any can be: (n,)."""
+    """Which rows of an array (n, ...) hold a number that is not finite, or above the limit: (n,)."""
     size = np.abs(values)
     if size.max(initial=0.0) <= LARGEST:
         return np.zeros(len(values), dtype=bool)
@@ -36,7 +36,7 @@ def immoderate_belief(belief: Belief) -> Bools:
 
 
 def unheard(measurement: Measurement) -> Measurement:
-    """The same step, had nothing been measured or heard."""
+    """The update of the same step as if nothing had been measured or heard."""
     return replace(
         measurement,
         range=np.full_like(measurement.range, np.nan),

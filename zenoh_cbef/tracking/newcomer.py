@@ -1,4 +1,4 @@
-"""How an agent that comes back without a memory begins: with what its neighbours know."""
+"""How an agent that comes back without a memory begins: with its neighbours' estimates."""
 
 from __future__ import annotations
 
@@ -17,28 +17,28 @@ Bools = NDArray[np.bool_]
 def belief_from(space: Space, states: Floats, covariances: Floats | None, told: Bools, initial: Belief) -> Belief:
     """Covariance intersection, with equal weights, of the neighbours' estimates (Julier, Uhlmann, ACC 1997).
 
-    states: (n, m, 6), covariances: (n, m, 6, 6), None for filters without one; told: (n, m), which there are.
-    Where no neighbour says anything it is `initial`, (n, s) and (n, s, s). Their estimates have nearly everything in
-    common, so they count as one.
+    states: (n, m, 6), covariances: (n, m, 6, 6), None for filters without one; told: (n, m), which neighbours answered.
+    Returns `initial`, (n, s) and (n, s, s), where no neighbour answered. The neighbours' estimates have nearly all
+    information in common, so together they count as one.
     """
     kept, count = space.kept, told.sum(axis=1)
     safe = np.maximum(count, 1)
-    nobody = (count == 0)[:, None]
+    alone = (count == 0)[:, None]
     state = np.where(told[:, :, None], states[:, :, kept], 0.0)
     if covariances is None:
         mean = neighbour_sum(state) / safe[:, None]
-        return replace(initial, state=np.where(nobody, initial.state, mean))
+        return replace(initial, state=np.where(alone, initial.state, mean))
     unit = np.broadcast_to(np.eye(len(kept)), (*told.shape, len(kept), len(kept)))
     known = np.where(told[:, :, None, None], covariances[:, :, kept[:, None], kept], unit)
     information = np.where(told[:, :, None, None], inverse(known), 0.0)
     vectors = np.sum(information * state[:, :, None, :], axis=3)
     total = neighbour_sum(information.reshape(*told.shape, -1)).reshape(known.shape[0], *known.shape[2:])
-    total = np.where(nobody[:, :, None], np.eye(len(kept)), total / safe[:, None, None])
+    total = np.where(alone[:, :, None], np.eye(len(kept)), total / safe[:, None, None])
     covariance = inverse(total)
     state = matvec(covariance, neighbour_sum(vectors) / safe[:, None])
     return Belief(
-        np.where(nobody, initial.state, state),
-        np.where(nobody[:, :, None], initial.known_covariance, covariance),
+        np.where(alone, initial.state, state),
+        np.where(alone[:, :, None], initial.known_covariance, covariance),
     )
 
 

@@ -1,4 +1,4 @@
-"""What payloads say, for those who have to read a neighbour's: how far it is from another, and how to falsify it."""
+"""How to read a neighbour's payload: its distance from another one, and how a misbehaving agent falsifies it."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ class InformationPayloads:
         covariance = inverse(matrix)
         state = np.repeat(matvec(covariance, vector), width, axis=0)
         covariance = np.repeat(covariance, width, axis=0)
-        with np.errstate(over="ignore", invalid="ignore"):  # Whoever sends that is not comparable.
+        with np.errstate(over="ignore", invalid="ignore"):  # A payload that overflows is not comparable.
             apart = theirs - matvec(matrices, state)
             excess = covariance @ matrices - np.eye(self.size)
             certainty = (excess * np.swapaxes(excess, 1, 2)).reshape(len(excess), -1)

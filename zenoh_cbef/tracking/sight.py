@@ -1,4 +1,4 @@
-"""What the places of agents leave open: ranges alone may fit a mirror image of the target, or a whole circle."""
+"""Whether the agents' positions determine the target: ranges may also fit a mirror image of it, or a whole circle."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ _LEAST = 1e-12
 def open_axes(positions: Floats, there: Bools, window: int, resolution: float) -> Ints:
     """How many of d axes the agents do not span, in every window of steps, (K - window + 1,).
 
-    A target at constant velocity can be turned about what the agents span, and no range changes. They may drift
-    together, which changes nothing: they span what is left of their positions without a common linear motion.
+    If a target at constant velocity is rotated about the space that the agents span, no range changes. A common linear
+    motion of the agents does not count: they span what remains of their positions without it.
     With 0 open axes ranges determine the target, with 1 they fit a mirror image too, with 2 a circle, with 3 a sphere.
     positions: (n, K, d), m. there: (n, K), which of them range. window: steps. resolution: the noise of a range, m; an
     axis is open where all places of a window together reach out of the others by less (root of the sum of squares).

@@ -1,4 +1,4 @@
-"""Averaging with what neighbours knew some steps ago, carried forward to now."""
+"""Averaging with neighbours' estimates of some steps ago, predicted forward to the present step."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ class StaleAverage(Average):
 
         f(V, O): (x, P) = (O^-1 V, O^-1), lag times  x <- A x, P <- A P A^T + Q,  (P^-1 x, P^-1)
 
-    Payloads must be information that is counted once: packed vectors and matrices of a posterior, as of `ci`. What
-    such an estimate and the own one have in common is then counted once at most, as in any covariance intersection
-    (Julier, Uhlmann, ACC 1997), although an old estimate contains what the own one was made of. Numbers
+    Payloads must be information that counts once: packed vectors and matrices of a posterior, as of `ci`. Information
+    that such an estimate and the agent's own have in common then counts once at most, as in any covariance intersection
+    (Julier, Uhlmann, ACC 1997), although the agent's own estimate rests on old ones. Numbers
     after the information are averaged as they are.
 
     motion: the model. lag: steps, at least 1.

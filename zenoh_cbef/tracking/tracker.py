@@ -21,9 +21,9 @@ Bools = NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class Estimate:
-    """A step's result: state (n, 6), covariance (n, 6, 6) or None, and what the agents say of it, (n,) each.
+    """A step's result: state (n, 6), covariance (n, 6, 6) or None, and the agents' diagnostics, (n,) each.
 
-    refused: (n,), who refused the update, as it would have left the finite numbers, and goes on by prediction.
+    refused: (n,), which agents refused the update, as its result was not finite or too large, and use the prediction.
     """
 
     state: Floats
@@ -104,14 +104,14 @@ class Tracker:
         if wild.any():
             nothing = self._begin(self._unheard)
             predicted = self.filter.conclude(nothing.payload, nothing)
-            # Where the prediction is no better, it is the scenario that diverges.
+            # Where the prediction is not finite either, the scenario diverges by itself.
             wild &= ~immoderate_belief(predicted)
             belief, update = chosen(belief, predicted, wild), merged(update, nothing, wild)
             self._refused = self._refused | wild
         return belief, update
 
     def _without(self, update: Update, rows: Bools) -> tuple[Update, Bools]:
-        """An update in which some agents (n,) have heard nothing, and which of them are the better for it."""
+        """An update in which some agents (n,) have heard nothing, and for which of them that gives a finite result."""
         nothing = self._begin(self._unheard)
         better = rows & ~immoderate(nothing.payload)
         return merged(update, nothing, better), better

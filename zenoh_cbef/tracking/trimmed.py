@@ -37,10 +37,10 @@ class TrimmedComponents(Average):
 class TrimmedMessages(Average):
     """W-MSR on whole messages: an agent leaves out the F neighbours that are farthest from its own value.
 
-    Trimming the components of an information vector and matrix each by itself would join parts of different agents
-    to what none of them said. Leaving out whole messages, by distance as in Kuwaranancharoen, Xin, Sundaram (ACC
-    2020), keeps the result a convex combination of messages. A wrong one that stays is no farther away than
-    some honest one, which bounds what it can do.
+    If an agent trimmed each component of an information vector and matrix by itself, it would combine parts of
+    different agents' messages into one that no agent sent. Leaving out whole messages, by distance as in
+    Kuwaranancharoen, Xin, Sundaram (ACC 2020), keeps the result a convex combination of messages. A wrong message that
+    stays is no farther away than some honest one, which bounds its effect.
 
     weights: (n, m), zero where padded. trim: F. distance: of messages (n, m, d) from the own (n, d), (n, m).
     """

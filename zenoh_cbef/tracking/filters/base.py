@@ -43,7 +43,7 @@ class Belief:
 
     @property
     def known_covariance(self) -> Floats:
-        """The covariance, for those who cannot do without."""
+        """The covariance (n, s, s). Raises ValueError where the belief has none."""
         if self.covariance is None:
             raise ValueError("a belief without a covariance")
         return self.covariance

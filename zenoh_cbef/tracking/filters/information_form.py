@@ -16,10 +16,10 @@ _LEAST = 1e-12
 """Least over largest eigenvalue of what passes for an information matrix."""
 
 _CLEARLY = 0.01
-"""How much less than the largest condition number is beyond all doubt of rounding."""
+"""Factor by which a condition number must lie below the limit so that rounding cannot matter."""
 
 _ROUNDING = 1e-9
-"""What averaging a value with itself may change in it, relative to the largest component."""
+"""How much averaging a value with itself may change it by rounding, relative to the largest component."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class RangeInformation:
 
 
 def told(measured: Bools, innovation: Floats, weight: Floats, spread: Floats) -> Diagnostics:
-    """What an agent says of one range's innovation (n,), m, of predicted standard deviation `spread` (n,), m.
+    """Diagnostics of one range's innovation (n,), m, of predicted standard deviation `spread` (n,), m.
 
     measured: (n,), whether there is a range. weight: (n,), the innovation's saturation gain.
     """
@@ -84,7 +84,7 @@ def own_information(
 
 
 def variance_of(measurement: Measurement, range_std: float) -> Floats:
-    """Variance of the own range's noise, (n,), m^2: what is known of it, or else what the filter was told."""
+    """Variance of the own range's noise, (n,), m^2: the measurement's where it has one, otherwise the filter's."""
     known = measurement.range_std
     return np.full(len(measurement.range), range_std**2) if known is None else known**2
 
@@ -200,7 +200,7 @@ def belief_of(payload: Floats, own: Floats, size: int) -> Belief:
 
 
 def _surely_sound(matrices: Floats) -> Floats | None:
-    """The inverses of matrices (n, s, s) where all are so far from unsound that no eigenvalue has to be asked.
+    """The inverses of matrices (n, s, s); None unless all are clearly positive definite and well conditioned.
 
     A matrix is positive definite if it has a Cholesky factor, and the product of its Frobenius norm and its inverse's
     is no less than its condition number. That takes a fifth of the time, and decides the same.
@@ -215,11 +215,11 @@ def _surely_sound(matrices: Floats) -> Floats | None:
 
 
 def unless_alone(belief: Belief, payload: Floats, update: Update) -> Belief:
-    """The belief, or the prior that the update kept, for agents whose payload nobody has changed in the whole step.
+    """The belief; for agents whose payload no neighbour changed in the whole step, the prior that the update kept.
 
-    Who heard nobody would count its own range once for every agent there is. Counted once, one range a step still
-    makes an agent alone too sure of itself, as its linearisation moves with the estimate. So it goes on by
-    prediction, which is honest, until it hears somebody again.
+    An agent that heard no neighbour would count its own range n times. Even if it counted the range once, one range a
+    step would make it too sure of itself, as its linearisation moves with the estimate. So it goes on by prediction,
+    whose covariance is right, until it hears a neighbour again.
     """
     if not update.kept:
         return belief

@@ -1,4 +1,4 @@
-"""What a filter is told when it is made."""
+"""The settings from which a filter is made."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ class FilterSettings:
     range_std: m; learns_noise: it is where learning it begins. xi, omega: see the filter; omega None: network_size.
     network_size: number of agents. differenced: whether ci and local take in differences of ranges in place of the
     agent's own range. power: of the saturation. recovers: whether the network widens its covariances where most
-    agents are surprised. distrusts: whether agents weigh down their own ranges while these stay implausible. bias:
+    innovations are implausible. distrusts: whether agents give their own implausible ranges less weight. bias:
     none, estimate or auto; common_bias_std, own_bias_std: its prior, m. first_fix: over how many steps the initial
     estimate, a guess, is improved by least squares on the first ranges; 0: it is none.
     """

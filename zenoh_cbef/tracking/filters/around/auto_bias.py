@@ -1,4 +1,4 @@
-"""Whether to believe in a bias of the ranges: two filters side by side, weighed by their innovations."""
+"""Whether to rely on an estimated bias of the ranges: two filters side by side, weighed by their innovations."""
 
 from __future__ import annotations
 
@@ -22,23 +22,23 @@ _INCONSISTENT = (0.8, 1.0)
 """Mean cut NIS of the plain filter from which on it is doubted, and at which it is fully; 0.92 for Gaussian noise."""
 
 _EXPLAINED = (1.05, 1.25)
-"""How many times the biased filter's NIS it must be for the bias to explain it, likewise."""
+"""How many times the biased filter's NIS the plain filter's must be, likewise, for the bias to explain the excess."""
 
 
 @dataclass(frozen=True)
 class AutoBias:
     """The filter without bias states and the one with them, on the same ranges, in one payload.
 
-    Estimating biases costs accuracy where geometry hardly shows them, and the covariance cannot tell, as real biases
-    are not quite constant. The innovations tell: a bias that geometry shows leaves the innovations of the plain
-    filter too large, one that it does not show leaves them as they should be, absorbed by the position. So the simpler
-    filter is kept as long as it is consistent, and the other believed in as far as it explains the excess:
+    Estimating biases costs accuracy where geometry hardly shows them, and the covariance does not reveal that, as real
+    biases are not quite constant. The innovations do: a bias that geometry shows makes the innovations of the plain
+    filter too large; the position absorbs one that geometry does not show, and the innovations stay right. So an agent
+    keeps the simpler filter as long as it is consistent, and relies on the other as far as that explains the excess:
 
         e_0, e_1: mean NIS of the plain and of the biased filter over the network's last couple of thousand ranges
         weight = step(e_0; 0.8, 1) step(e_0/e_1; 1.05, 1.25),  step(x; a, b): smooth, 0 up to a and 1 from b on
 
-    The means run over the network: sums of NIS and of ranges are three numbers more in the payload. Both filters
-    run undisturbed, and only what comes out is mixed, as a mixture of two Gaussians, so nothing jumps or locks in.
+    The means run over the network: sums of NIS and of ranges are three numbers more in the payload. Each filter runs
+    as if alone; only the two results are combined, as a mixture of two Gaussians, so the estimate does not jump.
     """
 
     plain: Filter
@@ -48,7 +48,7 @@ class AutoBias:
     """Two NIS and how many ranges there were, after both filters' payloads."""
 
     def update(self, belief: Belief, measurement: Measurement) -> Update:
-        """Both filters' updates; what is reported of the innovation is of the one that is believed more."""
+        """Both filters' updates; the innovation that is reported is that of the filter with more weight."""
         parts = belief.parts or (belief, belief)
         plain, biased = self.plain.update(parts[0], measurement), self.biased.update(parts[1], measurement)
         sums = belief.memory[0] if belief.memory else np.full((len(belief.state), 3), BEGIN)

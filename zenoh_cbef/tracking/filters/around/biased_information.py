@@ -35,8 +35,8 @@ class BiasedInformation:
     """sicf or icf with ranges r_i = |p - p_i| + c + d_i + v_i: a bias c common to the network, an own part d_i.
 
     The network shares x = (p, v, c). An agent keeps its d_i to itself, with its variance and its covariance with x,
-    so messages do not grow with the network. Given x, other agents' ranges say nothing of d_i, so agent i describes
-    it by what it is given x, and takes it out of its own range exactly:
+    so messages do not grow with the network. Given x, other agents' ranges say nothing of d_i. So agent i describes
+    d_i by its distribution given x, and removes it from its own range exactly:
 
         d_i | x ~ N(a + b^T x, s)              b = P^-1 cov(x, d_i),  s = var(d_i) - b^T cov(x, d_i)
         F = H + b,  z = r - h(x) - c - d_i     innovation of variance S = F P F^T + s + sigma^2

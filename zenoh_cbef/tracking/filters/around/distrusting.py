@@ -1,4 +1,4 @@
-"""A receiver that stays implausible is distrusted by its own agent, until it is plausible again."""
+"""An agent distrusts its own receiver while its ranges stay implausible."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from zenoh_cbef.tracking.filters.base import Belief, Floats, Update
 from zenoh_cbef.tracking.ranging import Measurement
 
 LARGEST = 9.0
-"""Where a NIS is cut off, so that one wild range is no proof: three standard deviations."""
+"""Where a NIS is cut off, so that a single outlier does not decide: three standard deviations."""
 
 MEMORY = 5.0
 """How many of its own ranges an agent remembers."""
@@ -38,11 +38,12 @@ class Distrusting(Wrapping):
         sigma_i = (1 + 29 d_i^2) sigma                      in the next step
 
     Saturation bounds what a single wrong range can do, but one that is wrong in every step pulls in every step. An
-    agent cannot tell by itself whether its ranges are wrong or its estimate is. The network can: a wrong estimate
-    is implausible to all, and then nobody stands out. So an agent distrusts itself only as far as the others are
-    not surprised, and one that hears nobody ceases to. One round does not reach all, but m is averaged over steps
-    too: dynamic average consensus (Zhu and Martinez, Automatica 46(2), 2010), with a leak for lost messages. e is
-    that of a trusted range, so distrust does not feed itself, and ends when ranges are plausible again.
+    agent cannot tell alone whether its ranges are wrong or its estimate is. The network can: a wrong estimate
+    makes the ranges of all agents implausible, and then no agent stands out. So an agent distrusts itself only as far
+    as its e is above the others', and one that hears no neighbour stops to. One round does not reach all agents, but m
+    is averaged over steps too: dynamic average consensus (Zhu and Martinez, Automatica 46(2), 2010), with a leak for
+    lost messages. e is that of a trusted range, so distrust does not increase itself, and ends when ranges are
+    plausible again.
 
     range_std: sigma (m), unless the measurement says otherwise.
     """

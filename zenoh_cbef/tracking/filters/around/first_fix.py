@@ -30,17 +30,17 @@ from zenoh_cbef.tracking.ranging import Measurement, Space, own_range
 class FirstFix(Wrapping):
     """Least squares on all ranges of the first steps, one iteration a step, then another filter.
 
-    A recursive filter that starts far off linearises where it should not, is sure of the result, and saturation then
-    keeps it there. So in the first steps an agent keeps its ranges, and sends the information in all of them. At
-    first they are squared, which makes them linear in what is sought, and finds the side of the agents that the
-    target is on (squared_ranges.py). Then ranges are linearised anew in every step at the latest estimate, carried
-    back along its velocity (Gauss-Newton), and the prior is the initial estimate:
+    A recursive filter that starts far off linearises at a wrong place, its covariance gets too small, and saturation
+    then keeps it there. So in the first steps an agent keeps its ranges, and sends the information in all of them. In
+    the first half it squares the ranges, which makes them linear in the unknowns, and finds the side of the agents that
+    the target is on (squared_ranges.py). Then it linearises all ranges again in every step at the latest estimate,
+    carried back along its velocity (Gauss-Newton); the prior is the initial estimate:
 
         variance of a range that is t old:  sigma^2 + (q t^2/2)^2 + m beta^2
         saturation of innovation z:         w = min(1, xi s/|z|),  s^2 = H P H^T + variance + (H dx)^2
 
-    dx is the latest iteration's correction: while the iteration still moves, nothing is an outlier. The second term
-    of the variance is what the target may have done since, the third keeps a bias of variance beta^2 from averaging
+    dx is the latest iteration's correction: while it is large, no range counts as an outlier. The second term
+    of the variance stands for the target's motion since then; the third keeps a bias of variance beta^2 from averaging
     out over the m ranges that an agent has. After the last of these steps `filter` starts from the fix.
 
     range_std: sigma (m). bias_std: beta (m). network_size: n. steps: how many it takes, half of them on squared

@@ -1,4 +1,4 @@
-"""Range noise learned online: every agent its own receiver's, from its own innovations."""
+"""Range noise learned online: every agent learns its own receiver's noise from its own innovations."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ class LearnedNoise(Wrapping):
         log sigma <- log sigma + g f (1[z^2/S > 0.6745^2] - 1/2) 2,   f = sigma^2/S,  g = max(1/(1 + m/5), 0.02)
 
     Of Gaussian innovations z of variance S half are larger than 0.6745 of their standard deviation. A median does
-    not mind how large outliers are: with a share of 30 % of them it is too large by a factor 1.6. Where the
-    innovation says more of the state than of the range, f is small and little is learned. m: ranges so far.
+    not depend on how large outliers are: with 30 % outliers sigma is too large by a factor 1.6 only. Where the
+    innovation says more of the state than of the range, f is small, and sigma changes little. m: ranges so far.
 
     initial_std: sigma to begin with (m).
     """

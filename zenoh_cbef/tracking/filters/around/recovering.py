@@ -28,9 +28,9 @@ class Recovering(Wrapping):
         P_i <- 4 P_i where the average of y is positive
 
     Saturation cannot tell an outlier from a wrong prior by one range. The network can: outliers hit some agents, a
-    wrong prior is seen by most. A larger covariance makes room for larger innovations, so nothing is done
-    once they fit. Agents decide from the same average, up to what consensus left of their differences; one that
-    decides differently has a covariance that is too large, which does no harm.
+    wrong prior gives most agents implausible innovations. A larger covariance allows larger innovations, so the
+    widening ends once they fit. Agents decide from the same average, except for the disagreement that consensus left;
+    an agent that decides differently has a covariance that is too large, which does no harm.
     """
 
     more = 1
@@ -43,11 +43,11 @@ class Recovering(Wrapping):
         return replace(update, payload=np.concatenate([update.payload, number[:, None]], axis=1))
 
     def conclude(self, payload: Floats, update: Update) -> Belief:
-        """The filter's belief, with a larger covariance where most of the network was surprised."""
+        """The filter's belief, with a larger covariance where most innovations were implausible."""
         belief = self.filter.conclude(payload[:, :-1], replace(update, payload=update.payload[:, :-1]))
         factor = np.where(payload[:, -1] > 0.0, _INFLATION, 1.0)
         return replace(belief, covariance=belief.known_covariance * factor[:, None, None])
 
     def resumed(self, belief: Belief) -> Belief:
-        """What the filter around which this stands carries: nothing is added to it."""
+        """The belief that the inner filter carries from step to step; recovery adds nothing to it."""
         return resumed(self.filter, belief)

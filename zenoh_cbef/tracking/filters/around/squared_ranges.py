@@ -45,8 +45,8 @@ class SquaredRanges:
 
     linear in y = (q, |q|^2, d|q|^2/dt) (Smith and Abel, IEEE TASSP 35(12), 1987). Agents add their rows' information
     up by averaging; there is one solution wherever the agents' geometry shows the position, however far the guess m.
-    A row's noise is 2 r sigma/L^2. The last term, with the range's age t, is how far a target that moves has come
-    nearer to all agents; what is left of its motion, noise of 2 |a_i| |v| t/L, is small where the agents are close
+    A row's noise is 2 r sigma/L^2. The last term, with the range's age t, is the part of the target's motion that
+    changes all ranges alike; the rest of its motion, noise of 2 |a_i| |v| t/L, is small where the agents are close
     together. Where rows are too few, the prior q ~ N(0, I) decides.
 
     network_size: n. xi: saturation of a row's residual in standard deviations, at the latest solution.

@@ -10,10 +10,10 @@ from zenoh_cbef.tracking.filters.base import Belief, Filter
 
 @dataclass(frozen=True)
 class Wrapping:
-    """A filter around another one, which it resembles but for `more` numbers at the end of its payload.
+    """A filter around another one, with the inner filter's payload and `more` numbers at its end.
 
-    What the inner filter carries from step to step is its own belief, in `parts` of the outer one: an outer filter
-    that changes a belief only on its way out changes nothing for the filter around it.
+    `parts` of the outer belief has the inner filter's belief from step to step: if an outer filter changes a belief
+    only when it returns it, the inner filter does not see that change.
     """
 
     filter: Filter
@@ -21,10 +21,10 @@ class Wrapping:
     more: ClassVar[int] = 0
 
     def resumed(self, belief: Belief) -> Belief:
-        """A belief that did not begin here, as this filter carries it from step to step."""
+        """A belief of another filter, in the form that this filter carries from step to step."""
         return Belief(belief.state, belief.covariance, parts=(resumed(self.filter, belief),))
 
 
 def resumed(chosen: Filter, belief: Belief) -> Belief:
-    """A belief from elsewhere, as a filter needs it that is past its beginning."""
+    """A belief of another filter, in the form that `chosen` needs after its first step."""
     return chosen.resumed(belief) if isinstance(chosen, Wrapping) else belief

@@ -29,12 +29,12 @@ class CovarianceIntersection:
         V_i = P_i^-1 x_i + u_i,   O_i = P_i^-1 + U_i          u, U: information_form.own_information
         after averaging V and O:  xhat_i = O_i^-1 V_i,  P_i = O_i^-1
 
-    An average with weights that sum to one is a covariance intersection: whatever the agents' estimates have in
-    common is counted once at most. So the covariance is conservative (NEES below the dimension, by design), with
-    any number of rounds, under any loss, and nobody needs to know the size of the network. Accelerated averaging
+    An average with weights that sum to one is a covariance intersection: information that the agents' estimates have
+    in common counts once at most. So the covariance is conservative (NEES below the dimension, by design), with
+    any number of rounds, under any loss, and no agent needs to know the size of the network. Accelerated averaging
     has negative weights and loses that guarantee.
 
-    For the same reason it is the one that may take in the paper's differenced rows, whose noise the agents share.
+    For the same reason this filter may take in the paper's differenced rows, whose noise the agents share.
 
     range_std: sigma (m). xi: saturation level in standard deviations, infinite to turn it off. power: of the
     saturation, see `sicf`. differenced: whether u and U are of the differenced rows.

@@ -33,8 +33,8 @@ class HybridConsensus:
         O_i = Omega_i + omega U_i,  xhat_i = O_i^-1 (q_i + omega u_i),  P_i = O_i^-1
 
     omega = n counts every measurement once as rounds go to infinity, and is then the information-weighted filter
-    (icf, sicf) computed from twice as many numbers. With fewer rounds it is somewhat too sure of itself, as that
-    one is; omega = 1 is `ci`, conservative; between them it trades one for the other, where n is not known.
+    (icf, sicf) computed from twice as many numbers. With fewer rounds its covariance is somewhat too small, as that
+    filter's is; omega = 1 is `ci`, conservative. Where n is not known, choose an omega between 1 and n.
 
     range_std: sigma (m). omega: weight of the new information. xi: saturation level in standard
     deviations. power: of the saturation, see `sicf`.

@@ -12,7 +12,7 @@ from zenoh_cbef.tracking.filters.settings import FilterSettings
 
 @dataclass(frozen=True)
 class Local(CovarianceIntersection):
-    """ci without an exchange: what an agent knows by itself, which bounds from below what cooperation is worth."""
+    """ci without an exchange: it shows what an agent achieves alone, and so what cooperation gains."""
 
     abilities: ClassVar = replace(CovarianceIntersection.abilities, information=False)
 
