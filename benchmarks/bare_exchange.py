@@ -63,7 +63,7 @@ def exchange(part: Part) -> float:
             congestion_control=zenoh.CongestionControl.DROP,
             allowed_destination=zenoh.Locality.REMOTE,
         )
-        # Declarations travel in order: who sees our token knows our subscriptions.
+        # Declarations travel in order: a process that sees our token knows our subscriptions.
         with session.liveliness().declare_token(f"bare-live/{part.me}"):
             _wait_for(session, {f"bare-live/{other}" for other in part.neighbours})
             rate = _rounds(publisher, subscribers, part)

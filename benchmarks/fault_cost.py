@@ -25,8 +25,8 @@ class Rounds:
     def __init__(self) -> None:
         plan = load("tracking").plan
         self.tracker, self.neighbours = agent_tracker(plan, 0)
-        nobody = np.empty((1, 0))
-        here = Measurement(np.zeros((1, 3)), np.array([5.0]), np.zeros(1), np.empty((1, 0, 3)), nobody)
+        none = np.empty((1, 0))
+        here = Measurement(np.zeros((1, 3)), np.array([5.0]), np.zeros(1), np.empty((1, 0, 3)), none)
         self.message = self.tracker.measure(here)
         self.outgoing = outgoing_of([plan], [0])
         self.codecs = [RoundCodec("run", f"agent/{one}", plan.message_size) for one in self.neighbours]

@@ -1,4 +1,4 @@
-"""Every place where what others sent is read, as a function that takes it: what it takes, and how it says no."""
+"""Every reader of input from other processes, as a function that takes one input and accepts or refuses it."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ from zenoh_cbef.scenario.load import load, parse, to_toml
 from zenoh_cbef.scenario.plan import Plan
 
 Door = Callable[[Material], str]
-"""Feeds one thing in; says what became of it: "accepted", or why it was refused, in the words of the refusal."""
+"""Takes one input; returns "accepted", or the sentence with which the reader refused it."""
 
 REFUSALS = (BadMessage, UserError)
 """What a door may raise: each is caught where the door is used, and becomes a count or a sentence."""

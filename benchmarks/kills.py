@@ -99,7 +99,7 @@ class Kills:
 
 
 def run(repeats: int) -> Iterator[Table]:
-    """Kill; what is counted is not timed, so `repeats` changes nothing."""
+    """Kill recorders, and count lost messages; nothing is timed, so `repeats` changes nothing."""
     del repeats
     noise = random.Random(1)  # noqa: S311
     with tempfile.TemporaryDirectory() as folder, Kills(Path(folder)) as kills:

@@ -45,7 +45,7 @@ def drawn(count: int) -> list[dict[str, Any]]:
         try:
             check(Plan(parse(scenario, "a drawn scenario")))
         except UserError:
-            return  # Nobody is there to track, say: the command line refuses it likewise.
+            return  # No agent is there to track, for example: the command line refuses it, too.
         if scenario not in found:
             found.append(scenario)
 

@@ -1,4 +1,4 @@
-"""How soon everything is as before: an agent that was killed and started again, a network that was cut in two."""
+"""How soon errors are as before: after an agent was killed and started again, and after a network was cut in two."""
 
 from __future__ import annotations
 

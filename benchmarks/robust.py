@@ -1,4 +1,4 @@
-"""What sensors and agents that fail cost, over 50 seeds, in simulation."""
+"""Errors with failing sensors and agents, over 50 seeds, in simulation."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ DENSE = ("agents.count=10", "network.probability=0.8")
 
 
 def runs_of(name: str, overrides: Sequence[str] = (), *, seeds: int = SEEDS) -> list[Analysis]:
-    """Simulate and analyse a scenario under seeds 1, 2, ..., as one batch; what breaks is seen in the figures."""
+    """Simulate and analyse a scenario under seeds 1, 2, ..., as one batch; a run that diverges shows in the figures."""
     scenario = load(name, overrides).scenario
     with np.errstate(all="ignore"):
         return analyze(simulate([scenario.model_copy(update={"seed": seed}) for seed in range(1, seeds + 1)]))
@@ -107,7 +107,7 @@ def lost(seeds: int = SEEDS) -> Iterator[Row]:
 
 
 def cut_off(seeds: int = SEEDS) -> Iterator[Row]:
-    """Agent 2 of six hears nobody, and nobody hears it, from 8 s to 20 s."""
+    """Agent 2 of six hears no other agent, and no other agent hears it, from 8 s to 20 s."""
     fault = 'fault=[{kind="loss", probability=1.0, links="agent:2", from=8.0, until=20.0}]'
     runs, others = runs_of("tracking", [fault], seeds=seeds), [0, 1, 3, 4, 5]
     yield Row("NEES while cut off (ideal 6)", spread(np.array([run.nees[2, 100:199].mean() for run in runs])))

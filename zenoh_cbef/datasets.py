@@ -17,7 +17,7 @@ Floats = NDArray[np.float64]
 _COLUMNS = {"anchors": "id,x,y,z", "ranges": "t,anchor_id,range", "truth": "t,x,y,z"}
 _VELOCITY_BASE = 0.1
 _LARGEST_GAP, _MANY_INTERVALS = 1.0, 10.0
-"""Between true positions that are further apart than so many s, and than so many usual intervals, nothing is known."""
+"""The truth is unknown between positions that are further apart than this, s, and than this many usual intervals."""
 _MOST = {"t": 1e12, "x": 1e7, "y": 1e7, "z": 1e7, "range": 1e7}
 """The largest size of a column's numbers, s and m: that of a scenario's coordinates."""
 
@@ -81,8 +81,8 @@ class Dataset:
         """The ranges laid onto steps that end at dataset times (k,): (emission time, range), both (n, k).
 
         A range belongs to the first step that ends at or after it. Where an anchor has several in one step, the last
-        of them waits for the following step, if that lets all ranges keep a step of their own. The others become one:
-        the mean of their times and ranges, which the mean velocity makes exact. NaN where nothing came.
+        of them goes to the following step, if every range then has a step of its own. The others become one: the mean
+        of their times and ranges, which is exact for a constant velocity. NaN where no range came.
         """
         emitted = np.full((len(self.anchors), len(times)), np.nan)
         ranges = np.full_like(emitted, np.nan)

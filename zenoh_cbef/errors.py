@@ -2,11 +2,11 @@
 
 
 class UserError(Exception):
-    """A mistake the user can mend: one clear sentence that names the remedy.
+    """A mistake that the user can correct: one clear sentence that names the remedy.
 
     The command line prints it without a traceback and exits with status 2.
     """
 
 
 class Interrupted(BaseException):
-    """The user pressed Ctrl-C: as KeyboardInterrupt, which libraries for command lines answer by themselves."""
+    """The user pressed Ctrl-C; in place of KeyboardInterrupt, which libraries for command lines handle themselves."""

@@ -22,7 +22,7 @@ EXTRA_OF = {
 
 
 class MissingExtra(UserError):
-    """A package of an extra is not installed. Who has done its main work without it catches this and tells of it."""
+    """A package of an extra is not installed. A verb that did its main work without it catches this and says so."""
 
 
 def from_extra(module: str, what: str, *, extra: str | None = None) -> Any:

@@ -1,4 +1,4 @@
-"""What this host has left, and whether that is enough: open files, address space and memory."""
+"""Whether this host has enough open files, address space and memory left."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def files_needed(links: int) -> int:
 
 
 def files_short(links: int) -> str:
-    """Raise the soft limit of open files as far as so many links need; why that is not enough, empty where it is."""
+    """Raise the soft limit of open files as far as `links` need. Returns why that is not enough, "" where it is."""
     needed = files_needed(links)
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     if soft == _UNLIMITED or soft >= needed:
@@ -63,7 +63,7 @@ def memory_short(processes: int) -> str:
 
 
 def require(*, links: int, processes: int = 1) -> None:
-    """Make sure that processes with so many links each can start on this host. Raises UserError with what is missing.
+    """Make sure that this host can run `processes` with `links` each. Raises UserError that says what is missing.
 
     The limit of open files is raised where that is allowed; processes that are started later inherit it.
     """

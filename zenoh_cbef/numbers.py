@@ -14,7 +14,7 @@ def number(value: float | None, unit: str = "", *, nothing: str = "-") -> str:
 
 
 def written(value: object) -> str:
-    """Values of any kind, as in what an event tells: numbers as `number` has them, but with all their whole digits."""
+    """Values of any kind, as in an event's data: numbers as `number` writes them, but with all their whole digits."""
     if isinstance(value, float):
         return f"{value:.0f}" if 1e4 <= abs(value) < 1e16 else number(value, nothing=str(value))
     if isinstance(value, Mapping):

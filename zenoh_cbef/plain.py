@@ -1,7 +1,7 @@
-"""Values that others sent: what of them is read, and JSON and TOML texts that hold them.
+"""Values from other processes: which of them are accepted, and readers of JSON and TOML texts that hold them.
 
-Python's own readers take what overruns its stack or keeps it busy for hours. Here every text has a length, every value
-a depth.
+Python's own readers accept texts that overflow its stack or keep it busy for hours. Here the length of a text and the
+depth of a value are limited.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ from collections.abc import Mapping
 from typing import Any
 
 MOST_CHARACTERS = 1 << 20
-"""Of a text: a scenario has to fit a message."""
+"""The longest text: a scenario has to fit into a message."""
 
 DEEPEST = 32
-"""Levels of tables and lists in one another."""
+"""The most levels of nested tables and lists."""
 
 _LEAST_INTEGER, _MOST_INTEGER = -(1 << 63), (1 << 64) - 1
 _WHOLE = re.compile("[0-9]{1,18}")
@@ -29,8 +29,8 @@ _LONG_KEY = re.compile(rf"""(?<![\w-])(?>(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*
 def flaw(value: object) -> str:
     """Why a value is not plain, in a few words; "" for one that is.
 
-    Plain is what JSON can say: tables with text for names, lists, text, true and false, nothing, finite numbers and
-    integers of 64 bits, at most DEEPEST levels in one another.
+    A plain value is one that JSON can hold: tables with text for names, lists, text, true and false, null, finite
+    numbers and integers of 64 bits, nested at most DEEPEST levels deep.
     """
     waiting: list[tuple[object, int]] = [(value, 0)]
     while waiting:
@@ -66,7 +66,7 @@ def _is_unicode(text: str) -> bool:
 
 
 def read_json(text: str | bytes) -> Any:
-    """A plain value from JSON. Raises ValueError, which says in a few words why it is none."""
+    """A plain value from JSON. Raises ValueError with the reason in a few words."""
     _check_length(text)
     try:
         value = json.loads(text)
@@ -78,7 +78,7 @@ def read_json(text: str | bytes) -> Any:
 
 
 def read_toml(text: str) -> dict[str, Any]:
-    """The tables of a TOML text. Raises ValueError, which says in a few words why it has none."""
+    """The tables of a TOML text. Raises ValueError with the reason in a few words."""
     _check_length(text)
     if _LONG_KEY.search(text):
         raise ValueError(_TOO_DEEP)
@@ -94,18 +94,18 @@ def _check_length(text: str | bytes) -> None:
 
 
 def whole(text: str) -> int | None:
-    """The number that up to eighteen ASCII digits stand for, None for any other text."""
+    """The whole number in a text of one to eighteen ASCII digits, None for any other text."""
     return int(text) if _WHOLE.fullmatch(text) else None
 
 
 def count_in(table: Mapping[str, object], name: str) -> int | None:
-    """The count of that name in a table, None where it has none: anything may stand there."""
+    """The count of that name in a table; None where the value is no count, as other processes may send any value."""
     value = table.get(name)
     return value if type(value) is int and value >= 0 else None
 
 
 def counts_in(table: Mapping[str, object], name: str) -> dict[str, int]:
-    """The table of counts of that name in a table, without what is no count; empty where there is none."""
+    """The counts in the table of that name, without values that are no counts; empty where there is no such table."""
     value = table.get(name)
     counts = value if isinstance(value, dict) else {}
     return {each: count for each in counts if (count := count_in(counts, each)) is not None}

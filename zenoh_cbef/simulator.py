@@ -26,7 +26,7 @@ Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 _BLOCK = 360
-"""Agents of one batch: of so many, all that a round touches stays in a core's own cache."""
+"""Agents of one batch: for this many, the data of a round fits into a core's own cache."""
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class Step:
 
     told: (N,), ranges as they were sent to neighbours, m. fates: of the messages that were to be used, round by round,
     over the present neighbours of all rows in order; none where no fault touches any link. absent: (N,), the agents
-    that were not there: what they would have sent and estimated is nobody's business.
+    that were not there; their rows of `sent` and `estimate` have no meaning.
     """
 
     sent: list[Floats]
@@ -125,8 +125,8 @@ class Simulation:
             part[:, step - 1] for part in (self.heard.positions, self.heard.ranges, self.heard.age)
         )
         if not self.plan.sharing.uses_neighbour_ranges:
-            nobody = len(position), 0
-            return Measurement(position, range_, age, np.empty((*nobody, 3)), np.empty(nobody))
+            none = len(position), 0
+            return Measurement(position, range_, age, np.empty((*none, 3)), np.empty(none))
         delivered = self._delivered(step, 0)
         index = self.neighbours.index
         return Measurement(
@@ -163,10 +163,10 @@ class Simulation:
         sent: list[Floats] = []
         self._sent.append(sent)
         used = step - self.scenario.consensus.lag
-        nobody = np.zeros_like(self.neighbours.present)
+        nothing = np.zeros_like(self.neighbours.present)
         for round_ in range(1, self.rounds + 1):
             sent.append(self._outgoing.message(step, round_, message))
-            delivered = self._delivered(used, round_) if used >= 1 else nobody
+            delivered = self._delivered(used, round_) if used >= 1 else nothing
             message = self.tracker.exchange(self._received(round_), delivered)
         estimate = self._estimate = self.tracker.conclude()
         return Step(sent, estimate, told, self._noted, np.tile(self.absences.at(step), self._runs))
@@ -247,7 +247,7 @@ class _Results:
             self._leave_out(k, step.absent)
 
     def _leave_out(self, k: int, absent: Bools) -> None:
-        """An agent that is not there says nothing."""
+        """Write NaN for agents that are not there."""
         for values in (self.estimates, self.covariances):
             values[absent, k] = np.nan
         self.diagnostics.put((absent, k), Diagnostics.of(int(absent.sum())))

@@ -1,4 +1,4 @@
-"""One run as arrays: what the simulator makes, what a log is read into, and what the analysis looks at."""
+"""One run as arrays: the simulator and the log reader make it, the analysis reads it."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ Ints = NDArray[np.int64]
 class Links:
     """Messages on every directed link, arrays (e,).
 
-    sent: published by the source while it ran. delivered: in time. lost: never came, came too late to tell, or were
-    rejected as damaged. late: came after their round. injected_lost, injected_late: of these, what the scenario's
-    faults did. corrupted: damaged by faults and rejected. duplicated: delivered, and by faults once more. latency:
-    mean time from sending to use, s; NaN where unknown.
+    sent: published by the source while it ran. delivered: in time. lost: never came, came after the receiver's last
+    count, or were rejected as damaged. late: came after their round. injected_lost, injected_late: those of them that
+    the scenario's faults lost or delayed. corrupted: damaged by faults and rejected. duplicated: delivered, and brought
+    twice by faults. latency: mean time from sending to use, s; NaN where unknown.
     """
 
     source: Ints
@@ -43,7 +43,7 @@ class Links:
 
     @property
     def real_lost(self) -> Ints:
-        """Lost without a fault of the scenario: gaps in the sequence of what came."""
+        """Lost without a fault of the scenario: gaps in the numbers of the messages that came."""
         return self.lost - self.injected_lost - self.corrupted
 
     @property
@@ -64,11 +64,11 @@ class LinkCounts:
         }
 
     def sent(self) -> None:
-        """Every neighbour has sent a message."""
+        """Count one message sent by every neighbour."""
         self._sent += 1
 
     def add(self, fate: Fate) -> None:
-        """What became of the messages, arrays (e,)."""
+        """Count the fates of messages, arrays (e,)."""
         for name in self._fates:
             struck = getattr(fate, name)
             if np.count_nonzero(struck):
@@ -164,7 +164,7 @@ class Trace:
 
 
 Fortune = Literal["in time", "duplicated", "lost", "late", "damaged", "missed", "unheard"]
-"""What became of a message: by faults it was duplicated, lost, late or damaged; missed: lost or late without one."""
+"""The end of a message: a fault duplicated, lost, delayed or damaged it; missed: lost or late without a fault."""
 
 
 @dataclass(frozen=True)

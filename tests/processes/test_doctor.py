@@ -63,7 +63,7 @@ def test_endpoints_are_told_apart(world):
         assert "does not answer as Zenoh does" in found["link"][0]["text"]
     nobody = f"tcp/127.0.0.1:{unused_port()}"
     found = examine(world, "--connect", nobody, "--connect", "tcp/no-such-host.invalid:1", status=2)
-    assert "nobody listens" in found["endpoint"][0]["text"]
+    assert "no process listens" in found["endpoint"][0]["text"]
     assert "has no address" in found["endpoint"][1]["text"]
 
 

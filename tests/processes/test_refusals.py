@@ -63,7 +63,7 @@ def target(world, free_port):
 def test_an_endpoint_where_no_run_is_says_what_is_there_instead(world, verb):
     ways = {
         "tcp/no-such-host.invalid:7447": "no-such-host.invalid in tcp/no-such-host.invalid:7447 has no address",
-        f"tcp/127.0.0.1:{unused_port()}": "nobody listens at",
+        f"tcp/127.0.0.1:{unused_port()}": "no process listens at",
     }
     for endpoint, words in ways.items():
         assert words in refusal(world, *JOINING[verb], "--run", world.run, "--connect", endpoint)

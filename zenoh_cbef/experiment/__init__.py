@@ -1,1 +1,1 @@
-"""Sweeps of scenarios: what is varied, every cell's runs, statistics, verdict, figures."""
+"""Sweeps of scenarios: varied keys, the runs of every cell, statistics, verdict, figures."""

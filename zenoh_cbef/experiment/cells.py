@@ -42,7 +42,7 @@ class Cell:
 def cells_of(written: Written) -> list[Cell]:
     """Every cell, the last varied key changing fastest.
 
-    A mistake that all cells share is the file's, and raised as UserError; another is its cell's alone.
+    Raises UserError for a mistake that all cells share; a cell keeps a mistake of its own in `error`.
     """
     experiment = written.experiment
     base = experiment.base
@@ -82,7 +82,7 @@ def facts_of(values: Mapping[str, Any], data: Mapping[str, Any]) -> dict[str, An
     """What `where` may name in a cell, from the strongest claim on a name to the weakest.
 
     A varied key in full; its last parts (fault.0.probability: probability); the kind of the fault it belongs to
-    (loss, loss.probability); a fault that is not varied by its kind. A name that two varied keys claim is nobody's.
+    (loss, loss.probability); a fault that is not varied by its kind. A name that two varied keys claim names neither.
     """
     claims: dict[str, set[str]] = {}
     for key in values:

@@ -88,7 +88,7 @@ def _launched(arguments: list[str], loaded: Loaded, run: str, log: Path) -> list
 
 
 def outcome_of(analysis: Analysis, bytes_per_step: float | None) -> Outcome:
-    """What is kept of a run: its scalar metrics by dotted names, and its error over time.
+    """The outcome of a run: its scalar metrics by dotted names, and its error over time.
 
     curve: time, position_error (root mean square of the agents) and disagreement, at no more than 100 steps.
     """
@@ -110,7 +110,7 @@ def outcome_of(analysis: Analysis, bytes_per_step: float | None) -> Outcome:
 
 
 def _final(analysis: Analysis) -> dict[str, float | None]:
-    """The last tenth of the run by itself: what errors have come back to after a fault."""
+    """Metrics of the last tenth of the run alone: the errors that remain after a fault."""
     last = slice(-max(1, len(analysis.trace.time) // 10), None)
     position = float(_rms(analysis.position_error[analysis.counted, last].ravel()))
     ratio = ratio_to_centralized(analysis, last)

@@ -122,7 +122,7 @@ def _lines(cells: Sequence[Plot], varied: Sequence[str], metric: str, title: str
             drawn = {"x": lines[-1]["x"], "y": [_median(cell, yardstick) for cell in known]}
             colour, role = (INK, "ink") if len(groups) == 1 else (MUTED, "muted")
             dashed = {"meta": role, "line": {"color": colour, "dash": "dash", "width": 1}}
-            # What consensus does is nothing to a centralised filter: one line is enough where it is the same.
+            # Consensus does not change a centralised filter: one line is enough where its values are the same.
             if any(line["x"] == drawn["x"] and line["y"] == drawn["y"] for line in lines):
                 continue
             lines.append({"type": "scatter", "mode": "lines", "name": f"{escape(name)} {label}", **drawn, **dashed})
@@ -170,7 +170,7 @@ def _curves(cells: Sequence[Plot], name: str, title: str) -> Plot:
 
 
 def _layout(axis: Plot, title: str) -> Plot:
-    # Of a ratio the distance from one is what counts, of anything else the distance from nothing.
+    # The colour of a ratio shows its distance from one, that of any other metric its distance from zero.
     return {
         "xaxis": axis,
         "yaxis": {"title": {"text": title}, "rangemode": "normal" if " / " in title else "tozero"},

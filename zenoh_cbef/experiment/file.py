@@ -1,4 +1,4 @@
-"""The experiment file: its keys, reading it, and the mistakes one can make in it."""
+"""The experiment file: its keys, how it is read, and the mistakes that a user can make in it."""
 
 from __future__ import annotations
 

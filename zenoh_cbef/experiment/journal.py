@@ -1,4 +1,4 @@
-"""What an experiment has finished, a line per run in its folder: an interrupted one goes on from there."""
+"""The finished runs of an experiment, a line for each in its folder: an interrupted experiment goes on from there."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ JOURNAL = "finished.jsonl"
 
 
 def key_of(scenario: Scenario, engine: str, skip: float) -> str:
-    """A name for everything that a cell's results follow from, but for the seed."""
+    """A name for everything that determines a cell's results, except the seed."""
     meant = scenario.model_dump(mode="json", by_alias=True, exclude={"seed"})
     text = json.dumps([__version__, engine, skip, meant], sort_keys=True)
     return sha256(text.encode()).hexdigest()[:16]
@@ -44,11 +44,11 @@ class Journal:
         self._stream.close()
 
     def outcome(self, key: str, seed: int) -> dict[str, Any] | None:
-        """What became of a run, if it is finished."""
+        """The outcome of a run; None where it is not finished."""
         return self._found.get((key, seed))
 
     def add(self, key: str, outcomes: Iterable[dict[str, Any]]) -> None:
-        """Keep what became of some runs of one cell."""
+        """Keep the outcomes of some runs of one cell."""
         for one in outcomes:
             self._found[key, one["seed"]] = one
             if "error" not in one:

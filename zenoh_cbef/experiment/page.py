@@ -1,4 +1,4 @@
-"""What an experiment leaves in its folder: tables, summary, figures, and one page with all that matters."""
+"""Writes an experiment's folder: tables, summary, figures, and one page with all of them."""
 
 from __future__ import annotations
 

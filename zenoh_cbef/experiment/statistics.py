@@ -1,4 +1,4 @@
-"""The median of a few runs, and how sure it is."""
+"""The median of a few runs, and its confidence interval."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def median_interval(values: Sequence[float]) -> dict[str, float]:
     """Median, and the bounds of its 95 % bootstrap interval (percentiles), of one or more finite values.
 
     The interval is the exact one (Efron, The Jackknife, the Bootstrap and Other Resampling Plans, 1982, sec. 10.3):
-    what resampling without end would give, and so without random numbers. For an even number the median lies
+    the limit of infinitely many resamples, computed without random numbers. For an even number the median lies
     between two order statistics; the interval reaches from the lower bound of the one to the upper of the other.
     """
     ordered = np.sort(np.asarray(values, dtype=np.float64))

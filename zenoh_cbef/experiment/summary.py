@@ -1,4 +1,4 @@
-"""What the runs of every cell amount to, and whether that is what was expected."""
+"""Medians of the runs of every cell, and whether they meet the expectations."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def summarize(written: Written, cells: Sequence[Cell], outcomes: Sequence[Sequen
 
 
 def check_expectations(written: Written, cells: Sequence[Cell]) -> None:
-    """Refuse, before anything runs, an expectation of cells that there are not."""
+    """Refuse, before anything runs, an expectation that selects no cell."""
     for one in written.experiment.expect:
         selected(cells, one.where, one.metric)
 
@@ -102,7 +102,7 @@ def _judge(expect: Expect, cells: Sequence[Cell], told: Sequence[dict[str, Any]]
 
 
 def _why(judged: Sequence[dict[str, Any]], expect: Expect, told: Sequence[dict[str, Any]]) -> str:
-    """Why a verdict is not possible, as far as that is the file's or the runs' fault."""
+    """Why a verdict is not possible: the file names a wrong metric, or runs failed."""
     known = {name for one in told for name in one["metrics"]}
     if known and expect.metric not in known:
         near = get_close_matches(expect.metric, sorted(known), 1)
@@ -113,7 +113,7 @@ def _why(judged: Sequence[dict[str, Any]], expect: Expect, told: Sequence[dict[s
 
 
 def _verdict(verdicts: Sequence[Verdict], failed: int) -> Verdict:
-    """Judge by the worst that is certain; with nothing expected, it is expected that no run fails."""
+    """The worst of the expectations' verdicts; without expectations, "met" where no run failed."""
     if "not met" in verdicts:
         return "not met"
     if "cannot be judged" in verdicts or (not verdicts and failed):

@@ -1,4 +1,4 @@
-"""All runs of an experiment: what is left to do, spread over the cores, kept as it is finished."""
+"""All runs of an experiment: spreads unfinished ones over the cores, and keeps each outcome at once."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class Work:
 
 @dataclass(frozen=True)
 class Sweep:
-    """What is common to all runs of an experiment.
+    """The settings that all runs of an experiment share.
 
     jobs: processes that simulate at a time; 0: one per core. dask: the address of a Dask scheduler, whose workers
     simulate in place of processes on this host. tell gets a sentence where one core has to do the work of all.
@@ -96,7 +96,7 @@ class Sweep:
             yield from _outcomes(parallel, [joblib.delayed(do)(one) for one in work])
 
     def _joblib(self) -> Any:
-        """What spreads the work; None where it is not installed, as one core can do the work, too."""
+        """The module joblib, which spreads the work; None where it is not installed: one core then does all."""
         try:
             return from_extra("joblib", "simulating on several cores")
         except MissingExtra as missing:
@@ -115,9 +115,9 @@ class Sweep:
 
 
 def _outcomes(parallel: Any, tasks: list[Any]) -> Iterator[tuple[Work, list[Outcome]]]:
-    """What the workers find, as they find it.
+    """The outcomes of the workers, as they come.
 
-    They do not hear Ctrl-C, which they would answer with tracebacks: this process ends them.
+    The workers ignore Ctrl-C, as they would print tracebacks: this process ends them.
     """
     resource_tracker.ensure_running()  # its first start would let interrupts through again
     with ExitStack() as stack, warnings.catch_warnings():

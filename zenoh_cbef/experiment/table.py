@@ -14,7 +14,7 @@ from zenoh_cbef.extras import MissingExtra, from_extra
 
 
 def rows_of(cells: Sequence[Cell], outcomes: Sequence[Sequence[Outcome]]) -> list[dict[str, Any]]:
-    """One row per run: cell, varied values, seed, what went wrong if anything did, and all scalar metrics."""
+    """One row per run: cell, varied values, seed, the error if the run failed, and all scalar metrics."""
     rows = [
         {
             "cell": cell.index,

@@ -8,7 +8,7 @@ from zenoh_cbef import __version__
 from zenoh_cbef.outside.doctor import OK, PROBLEM, WARNING, Finding
 from zenoh_cbef.outside.operator import Operator
 from zenoh_cbef.outside.status import RunStatus
-from zenoh_cbef.protocol.reach import runs_on, wait_for_link, why_nobody
+from zenoh_cbef.protocol.reach import runs_on, wait_for_link, why_no_answer
 from zenoh_cbef.protocol.scenario_service import measure_clock
 from zenoh_cbef.protocol.session import Connection
 from zenoh_cbef.words import counted
@@ -24,7 +24,7 @@ def check_run(run: str | None, connection: Connection) -> Iterator[Finding]:
     """What is to be said of a run, or of what answers at all where none is named."""
     with Operator(run or "*", connection) as operator:
         if not wait_for_link(operator.session, operator.patience):
-            yield Finding("link", PROBLEM, why_nobody(operator.session, connection, str(run)))
+            yield Finding("link", PROBLEM, why_no_answer(operator.session, connection, str(run)))
             return
         if run is None:
             runs = ", ".join(sorted(runs_on(operator.session)))
@@ -32,7 +32,7 @@ def check_run(run: str | None, connection: Connection) -> Iterator[Finding]:
             return
         status = operator.status_if_on()
         if status is None:
-            yield Finding("run", PROBLEM, why_nobody(operator.session, connection, run))
+            yield Finding("run", PROBLEM, why_no_answer(operator.session, connection, run))
             return
         yield Finding("run", OK, f"{run} is {status.state}, {counted(len(status.agents), 'agent')}, {status.mode}")
         yield _versions(status)

@@ -6,7 +6,7 @@ from zenoh_cbef.errors import UserError
 from zenoh_cbef.outside.operator import Operator
 from zenoh_cbef.protocol.control import ask_control
 from zenoh_cbef.protocol.keys import Keys
-from zenoh_cbef.protocol.reach import wait_for_link, why_nobody
+from zenoh_cbef.protocol.reach import wait_for_link, why_no_answer
 from zenoh_cbef.protocol.session import Connection
 
 _TARGET = "target/target"
@@ -20,7 +20,7 @@ def is_there(connection: Connection, run: str, name: str, patience: float) -> bo
     """
     with Operator(run, connection, patience) as operator:
         if not wait_for_link(operator.session, patience):
-            raise UserError(f"run {run!r} does not answer: {why_nobody(operator.session, connection, run)}")
+            raise UserError(f"run {run!r} does not answer: {why_no_answer(operator.session, connection, run)}")
         live = operator.processes()
         if name in live:
             return True

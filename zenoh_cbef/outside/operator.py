@@ -14,7 +14,7 @@ from zenoh_cbef.outside.status import RunStatus, read_status
 from zenoh_cbef.protocol.control import ask_control
 from zenoh_cbef.protocol.keys import Keys
 from zenoh_cbef.protocol.presence import live_now
-from zenoh_cbef.protocol.reach import wait_for_link, why_nobody
+from zenoh_cbef.protocol.reach import wait_for_link, why_no_answer
 from zenoh_cbef.protocol.session import Connection, open_session
 
 _PATIENCE_SECONDS = 3.0
@@ -99,7 +99,7 @@ class Operator:
     def _ask(self, what: str, **more: object) -> dict[str, Any]:
         told = self._answer(what, **more)
         if told is None:
-            why = why_nobody(self.session, self._connection, self.run)
+            why = why_no_answer(self.session, self._connection, self.run)
             raise UserError(f"run {self.run!r} does not answer: {why}")
         return told
 

@@ -1,7 +1,8 @@
-"""Who may say and hear what: Zenoh's access control by the common name of the other end's certificate.
+"""What each process may send and hear: Zenoh's access control by the common name of the other end's certificate.
 
-Every process and every router enforces the same rules on what comes in, whatever run it is of. What no rule allows is
-dropped, so a link without a certificate carries nothing. What goes out is free: it is the receiver who checks.
+Every process and every router enforces the same rules on messages that come in, whatever their run is. It drops a
+message that no rule allows, so a link without a certificate carries nothing. Messages that go out are not checked, as
+their receiver checks them.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ Rule = tuple[list[str], list[str]]
 _OF_AGENTS = f"{_ANY.root}/agent/*/*"
 _OF_TARGET = [_ANY.truth, _ANY.faults, _ANY.all_beacons, _ANY.all_signals, _ANY.event("target")]
 _READERS: list[Rule] = [
-    # What was sent may be asked for, too: its sender keeps the latest.
+    # A process may also ask for past messages that it may hear: their sender keeps the latest.
     (_ASK, [_ANY.scenario, _ANY.all_live, _OF_AGENTS, *_OF_TARGET, _ANY.all_events]),
     (_HEAR, [_ANY.everything]),
 ]
@@ -39,7 +40,7 @@ def _token(name: str) -> str:
 
 
 def _agent(agent: int) -> list[Rule]:
-    # What agents say to each other any agent may hear, but beacons only its own, and the truth none.
+    # Any agent may hear what agents send each other, and its own beacons; no agent may hear the truth.
     name = f"agent/{agent}"
     own = [_ANY.range(agent), _ANY.round(agent), _ANY.estimate(agent), _ANY.event(name)]
     heard = [_ANY.beacon(agent), _ANY.signal(agent), _ANY.faults, _OF_AGENTS]
@@ -72,7 +73,7 @@ _ROLES: dict[str, list[Rule]] = {
         (_HEAR, [_ANY.all_signals]),
     ],
     "operator": [*_READERS, (_ASK, [_ANY.control, _ANY.replay])],
-    # A router passes on what it has checked itself; a replay speaks for all who were recorded.
+    # A router passes on messages that it has checked; a replay speaks for all recorded processes.
     "router": [(_ALL, [_ANY.everything])],
     "replay": [(_ALL, [_ANY.everything])],
 }

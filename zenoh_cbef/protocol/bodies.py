@@ -1,4 +1,4 @@
-"""What an agent says: the bodies of its messages, the same for its process and for a log that is computed."""
+"""The bodies of an agent's messages, the same for its process and for a log that is computed."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def range_body(step: int, position: NDArray[np.float64], range_: float) -> dict[
 
 
 def diagnostics_body(told: Diagnostics, row: int) -> dict[str, float | int | None]:
-    """What one agent, a row of the batch, says of its step."""
+    """The diagnostics of one agent, a row of the batch, as fields of a message."""
     body: dict[str, float | int | None] = {}
     for name, values in told.named().items():
         value = int(values[row]) if name in WHOLE else nan_to_nil(values[row])
@@ -30,7 +30,7 @@ def diagnostics_body(told: Diagnostics, row: int) -> dict[str, float | int | Non
 
 
 def divergence(agent: int, step: int) -> str:
-    """What is said of an agent whose estimate cannot be told any more."""
+    """The sentence about an agent whose estimate is no longer finite."""
     return (
         f"agent {agent}'s estimate is no longer finite at step {step}; "
         "the filter diverges in this scenario, see docs/method.md"

@@ -21,9 +21,9 @@ _CLOCKS_MAY_DIFFER = timedelta(hours=1)
 
 
 def make_certificates(folder: Path, names: Iterable[str], *, hosts: Sequence[str], days: int) -> list[str]:
-    """Make what a folder lacks: an authority, and a certificate and key for every common name; returns those made.
+    """Make what a folder lacks: an authority, and a certificate and key for every common name. Returns the new ones.
 
-    hosts: names and addresses that the processes are reached by, in every certificate. Keys (EC, P-256) are readable
+    hosts: names and addresses at which the processes are reached, in every certificate. Keys (EC, P-256) are readable
     by their owner only. Raises UserError where the folder cannot be written, has a
     certificate but not its key, or a host is none.
     """
@@ -85,7 +85,7 @@ class _Authority:
         )
 
     def _write(self, name: str, key: ec.EllipticCurvePrivateKey, builder: x509.CertificateBuilder) -> None:
-        # The key first: a certificate without a key would be taken for done.
+        # The key first: a later call would take a certificate without a key for complete.
         path = self._folder / f"{name}.key"
         path.touch(mode=0o600)
         path.write_bytes(

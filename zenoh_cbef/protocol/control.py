@@ -18,7 +18,7 @@ Test = Callable[[Any], bool]
 
 
 def serve_control(session: zenoh.Session, key: str, answer: Answer) -> zenoh.Queryable[None]:
-    """Answer requests until the returned queryable is dropped; a UserError's sentence goes back to who asked."""
+    """Answer requests until the returned queryable is dropped; the asking process gets the sentence of a UserError."""
 
     def reply(query: zenoh.Query) -> None:
         with query:
@@ -32,7 +32,7 @@ def serve_control(session: zenoh.Session, key: str, answer: Answer) -> zenoh.Que
 
 
 def read_request(data: bytes) -> dict[str, Any]:
-    """A request: what is asked for, as text, and more. Raises BadMessage."""
+    """A request as a map; its `ask` is a text that says what is asked for. Raises BadMessage."""
     request = unpack(data)
     if request.get("v") != VERSION:
         raise BadMessage(f"version {request.get('v')!r:.40}, not {VERSION}")
@@ -44,7 +44,7 @@ def read_request(data: bytes) -> dict[str, Any]:
 
 
 def ask_control(session: zenoh.Session, key: str, request: dict[str, Any], *, timeout: float) -> dict[str, Any] | None:
-    """What the run answers to a request, None where nobody does in time (s). Raises UserError with its sentence."""
+    """The run's answer to a request; None where none comes within `timeout` s. Raises UserError with its sentence."""
     for reply in session.get(key, payload=msgpack.packb({"v": VERSION, **request}), timeout=timeout):
         if reply.ok is not None:
             return read_answer(reply.ok.payload.to_bytes(), request["ask"], key)
@@ -52,7 +52,7 @@ def ask_control(session: zenoh.Session, key: str, request: dict[str, Any], *, ti
 
 
 def read_answer(data: bytes, asked: str, key: str) -> dict[str, Any]:
-    """An answer that has all that it should. Raises UserError with the sentence in it, or where it is none."""
+    """A complete answer, as a map. Raises UserError with the sentence in it, or where a field is missing or wrong."""
     try:
         said = unpack(data)
     except BadMessage as error:
@@ -110,7 +110,7 @@ def _state(value: object) -> bool:
 
 
 def _six(value: object) -> bool:
-    # The truth is NaN where nobody knows it.
+    # The truth is NaN where it is unknown.
     return (
         isinstance(value, list)
         and len(value) == 6
@@ -142,4 +142,4 @@ _ANSWERS: dict[str, dict[str, Test]] = {
         "faults": _tables(_KIND | {"fault": _of(COUNT)}),
     },
 }
-"""What an answer to each question holds at least."""
+"""The fields that an answer to each question must have."""

@@ -1,4 +1,4 @@
-"""The one place that knows a key expression."""
+"""The one place that makes and reads key expressions."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Keys:
 
     @property
     def truth(self) -> str:
-        """The target's true state; nobody but a recorder subscribes to it."""
+        """The target's true state; only a recorder subscribes to it."""
         return f"{self.root}/target/truth"
 
     @property
@@ -91,7 +91,7 @@ class Keys:
         return f"{self.beacon(agent)}/signal"
 
     def event(self, sender: str) -> str:
-        """What a process, as in "agent/3", tells of itself: joins, leaves, rejected messages, ends."""
+        """What a process, as in "agent/3", reports of itself: joins, leaves, rejected messages, ends."""
         return f"{self.root}/event/{sender}"
 
     def range(self, agent: int) -> str:
@@ -113,7 +113,7 @@ _ID = "0|[1-9][0-9]{0,2}"
 _AGENT = re.compile(f"agent/({_ID})")
 _BELOW = re.compile(r"cbef/([^/]+)/(.+)", re.DOTALL)
 _SENDER = rf"target|agent/(?:{_ID})|(?:record|replay|receiver)(?:/[^/*$]+)?"
-"""Who has a key for its events. In older logs all share the key `event`, which is of no process."""
+"""Processes that have a key for their events. In older logs all share the key `event`, which belongs to no process."""
 
 _MESSAGES = re.compile(
     rf"target/(?P<truth>truth)|(?P<shared>faults)|(?P<event>event)(?:/(?P<sender>{_SENDER}))?"
@@ -150,7 +150,7 @@ class Address:
 
 @lru_cache(maxsize=1024)  # a run has few keys; a flood of others must not fill the memory
 def address(key: str) -> Address | None:
-    """The address that a key stands for, None for a key that no run has, whatever it is."""
+    """The address of a key; None for a key that no run has."""
     below = _BELOW.fullmatch(key)
     found = _MESSAGES.fullmatch(below[2]) if below else None
     if below is None or found is None:

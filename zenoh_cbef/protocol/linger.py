@@ -1,8 +1,8 @@
-"""Keeps a link that died from holding up all others.
+"""Keeps a dead link from holding up all others.
 
 Zenoh closes sockets so that the closing thread waits up to 10 s for unsent data (SO_LINGER; eclipse-zenoh/zenoh#1101).
-With a cable out that data never leaves, and the thread is the one that serves every other link of the session. It
-cannot be configured, so it is undone here, on every link when it is made: the kernel then sends what is left by itself.
+With a cable out that data never leaves, and the waiting thread serves every other link of the session. Zenoh has no
+setting for that, so this module removes the option from every link when it is made: the kernel then sends the rest.
 """
 
 from __future__ import annotations

@@ -9,17 +9,17 @@ from contextlib import suppress
 import zenoh
 
 CAPACITY = 512
-"""What one sender can send while its reader is held up for some seconds; older messages are past by then."""
+"""More than one sender can send while its reader is held up for some seconds; older messages are of no use by then."""
 
 
 class Mailbox:
     """Messages of one key expression in order of arrival, with wake-ups from other threads.
 
     Zenoh's blocking receive has no timeout: a wake-up is an empty message to ourselves. A full mailbox drops its
-    oldest message: a channel that waits for room would hold up everything that its session receives, and so let
-    who floods one key stop all. The capacity is beyond what senders in step can fill.
+    oldest message: a channel that waits for room would hold up everything that its session receives, so that a flood
+    on one key would stop all others. Senders in step cannot fill the capacity.
 
-    Zenoh goes round all places of a mailbox, full or not, 256 bytes each: memory grows until the last one was used.
+    Zenoh uses all places of a mailbox in turn, 256 bytes each: memory grows until the last one was used.
     """
 
     def __init__(self, session: zenoh.Session, key: str, capacity: int = CAPACITY) -> None:
@@ -67,12 +67,12 @@ class Mailbox:
         with self._lock:
             self._wakes += 1
         key = self.key.replace("$*", "wake").replace("**", "wake").replace("*", "wake")
-        # A closed session has nobody left to wake.
+        # A closed session has no receiver to wake.
         with suppress(zenoh.ZError):
             self._session.put(key, b"", allowed_destination=zenoh.Locality.SESSION_LOCAL)
 
     def _empty(self) -> bytes | None:
-        """What an empty message means: our own wake-up, or a sender's nonsense."""
+        """None for an empty message that is our own wake-up, otherwise the empty message of a sender."""
         with self._lock:
             if self._wakes:
                 self._wakes -= 1

@@ -1,4 +1,4 @@
-"""The last messages of each key, kept by their sender for those who missed them and ask."""
+"""The last messages of each key, which their sender keeps for receivers that missed them and ask."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ class Memory:
 
 
 class Archive:
-    """The memories of one process, and the answers to those who ask."""
+    """The memories of one process, and its answers to queries."""
 
     def __init__(self, session: zenoh.Session) -> None:
         self._session = session
@@ -66,7 +66,7 @@ class Archive:
         return self._memories.setdefault(key, Memory(most))
 
     def serve(self, *expressions: str) -> None:
-        """Answer what is asked on these key expressions."""
+        """Answer queries on these key expressions."""
         self._queryables += [self._session.declare_queryable(one, self._answer) for one in expressions]
 
     def _answer(self, query: zenoh.Query) -> None:
@@ -88,15 +88,15 @@ def _ask(session: zenoh.Session, selector: str) -> Iterable[bytes]:
 
 
 def ask_latest(session: zenoh.Session, key: str, step: int | None = None) -> list[bytes]:
-    """What was published last on a key, or in a step; empty where nobody answers in time."""
+    """The messages published last on a key, or in a step; empty where no process answers in time."""
     return list(_ask(session, key if step is None else f"{key}?k={step}"))
 
 
 def ask_since(session: zenoh.Session, key: str, step: int) -> list[bytes]:
-    """What was published on a key since a step, as far as its sender keeps it."""
+    """The messages published on a key since a step, as far as their sender has kept them."""
     return list(_ask(session, f"{key}?since={step}"))
 
 
 def ask_numbers(session: zenoh.Session, key: str, first: int, last: int) -> list[bytes]:
-    """What was published on a key with these numbers, as far as its sender keeps it."""
+    """The messages published on a key with these numbers, as far as their sender has kept them."""
     return list(_ask(session, f"{key}?first={first};last={last}"))

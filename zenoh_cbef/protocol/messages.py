@@ -26,7 +26,7 @@ LARGEST = 1 << 20
 LONGEST = 10_000
 """Characters of a text, and items of a list or table, beyond which a message is refused."""
 
-# A list takes room for as many items as it claims, so what is claimed is limited, too. No message has extensions.
+# The decoder makes room for as many items as a list claims to have, so that number is limited. No extensions.
 _CLAIMS = {"max_array_len": LONGEST, "max_map_len": LONGEST, "max_ext_len": 0}
 
 FARTHEST = 1e100
@@ -85,7 +85,7 @@ def _finite_or_nil(values: Values) -> bool:
 def _texts(values: Values) -> bool:
     if not _are(values, str) or max(map(len, values)) > LONGEST:
         return False
-    # What is shown on a terminal must not command it; a list of words can have several lines.
+    # Text that is shown on a terminal must hold no control characters; a list of words can have several lines.
     return all(map(str.isprintable, values)) or not any(map(_CONTROL.search, values))
 
 
@@ -224,7 +224,7 @@ def unpack(data: bytes) -> dict[str, Any]:
 
 
 def decode(kind: str, data: bytes, *, run: str, sender: str = "") -> dict[str, Any]:
-    """Read and check one message. sender: who owns the key, "" for anybody. Raises BadMessage."""
+    """Read and check one message. sender: the process that owns the key, "" for any. Raises BadMessage."""
     message = unpack(data)
     fields = _FIELDS[kind]
     for name, value in message.items():
@@ -259,7 +259,7 @@ def decode_all(kind: str, messages: Sequence[bytes], *, run: str, sender: str = 
 
 
 def peek(kind: str, data: bytes, *, run: str, sender: str) -> dict[str, Any]:
-    """As decode, for a reader that wants only the step `k`: the other fields are not looked into."""
+    """As decode, for a reader that needs only the step `k`: the other fields are not checked."""
     message = unpack(data)
     if not _REQUIRED[kind] <= message.keys() or not _counts([message["k"]]):
         raise BadMessage("field k is missing or not as promised")

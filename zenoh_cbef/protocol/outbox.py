@@ -15,10 +15,10 @@ from zenoh_cbef.protocol.round_codec import Floats, RoundCodec
 class Outbox:
     """A publisher that numbers its messages.
 
-    may_drop: what a receiver cannot take in time is dropped for that receiver, so the sender never waits. Without
-    it the sender waits, and a receiver that hangs loses its link after some seconds: in lockstep a message that
-    is dropped would be waited for in vain. clock: gives the sending time, ns since the Unix epoch. memory: keeps what
-    was sent for those who missed it.
+    may_drop: a message that a receiver cannot take in time is dropped for that receiver, so the sender never waits.
+    Otherwise the sender waits, and a receiver that hangs loses its link after some seconds: in lockstep the receiver
+    would wait for ever for a dropped message. clock: returns the sending time, ns since the Unix epoch. memory: keeps
+    messages for receivers that missed them.
     """
 
     def __init__(

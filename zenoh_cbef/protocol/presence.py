@@ -1,4 +1,4 @@
-"""Who is there: liveliness tokens."""
+"""Which processes are there: liveliness tokens."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def live_now(session: zenoh.Session, expression: str) -> set[str]:
 
 
 class Presence:
-    """Who is there: the liveliness tokens of a run, ours and others', kept up to date in the background."""
+    """Which processes are there: the liveliness tokens of a run, ours and others', updated in the background."""
 
     def __init__(self, session: zenoh.Session, expression: str) -> None:
         self._session = session
@@ -53,7 +53,7 @@ class Presence:
             self._over.add(name.removeprefix(_OVER))
 
     def life(self, name: str) -> str:
-        """Which process of this name was seen last; another one says another life, "" if none has said any."""
+        """The `life` of the process seen last under this name: each process has another; "" if none was seen."""
         return self._lives.get(name, "")
 
     def is_over(self, name: str) -> bool:
@@ -61,17 +61,17 @@ class Presence:
         return name in self._over
 
     def enter(self, name: str) -> None:
-        """Announce a name, and first that it is this process that has it: it may have been another's before."""
+        """Announce a name, after this process's `life`: another process may have had the name before."""
         self.announce(f"{_LIFE}{name}/{time.time_ns()}")
         self.announce(name)
 
     def leave(self, name: str) -> None:
-        """Say that a name is not coming back, and take all tokens back: a link that breaks says nothing of the kind."""
+        """Say that a name does not come back, and take all tokens back. A broken link does only the second."""
         self.announce(_OVER + name)
         self.withdraw()
 
     def announce(self, name: str) -> None:
-        """Declare a token, as in "agent/3": everybody sees it come, and go when this process goes."""
+        """Declare a token, as in "agent/3": all processes see it come, and go when this process ends."""
         self._tokens[name] = self._session.liveliness().declare_token(self._prefix + name)
 
     def retract(self, name: str) -> None:
@@ -84,7 +84,7 @@ class Presence:
             self._tokens.popitem()[1].undeclare()
 
     def asks_for(self, name: str) -> bool:
-        """Whether somebody answers to a name now, asked of the whole network."""
+        """Whether a process has a name now, asked of the whole network."""
         return bool(live_now(self._session, self._prefix + name))
 
     def on_change(self, listener: Callable[[str, bool], None]) -> None:
@@ -95,7 +95,7 @@ class Presence:
         return name in self._live
 
     def names(self) -> set[str]:
-        """Everyone who is there."""
+        """The names of all processes that are there."""
         with self._changed:
             return set(self._live)
 

@@ -1,4 +1,4 @@
-"""Why nobody answers: whether an endpoint can be reached at all, and which runs are on behind it."""
+"""Why no process answers: whether an endpoint can be reached at all, and which runs are on behind it."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _STREAMS = ("tcp", "tls", "ws")
 
 
 def linked(session: zenoh.Session) -> bool:
-    """Whether a session has a link to anybody."""
+    """Whether a session has a link to any process."""
     return bool(session.info.routers_zid() or session.info.peers_zid())
 
 
@@ -44,8 +44,8 @@ def runs_on(session: zenoh.Session) -> set[str]:
     return {run for run in named if run is not None}
 
 
-def why_nobody(session: zenoh.Session, connection: Connection, run: str) -> str:
-    """Why nobody of a run answers, and what to do about it: the second half of a sentence."""
+def why_no_answer(session: zenoh.Session, connection: Connection, run: str) -> str:
+    """Why no process of a run answers, and what to do about it: the second half of a sentence."""
     if linked(session):
         runs = runs_on(session)
         if run in runs:
@@ -56,7 +56,7 @@ def why_nobody(session: zenoh.Session, connection: Connection, run: str) -> str:
         if trouble := unreachable(endpoint):
             return trouble
     if not connection.connect:
-        return "nobody has linked to this process; give --connect, or start 'zenoh-cbef target' first"
+        return "no other process has linked to this one; give --connect, or start 'zenoh-cbef target' first"
     return (
         f"{_names(connection)} takes connections but does not answer as Zenoh does; "
         "check the port in --connect, and that both ends have --tls or neither"
@@ -91,7 +91,7 @@ def unreachable(endpoint: str, seconds: float = _REACH_SECONDS) -> str | None:
 
 
 def _resolve(host: str, port: int, seconds: float) -> Sequence[Any]:
-    # A name service that is away takes longer than anybody wants to wait, and cannot be interrupted.
+    # A name service that is away takes longer than a user wants to wait, and cannot be interrupted.
     found: Future[Sequence[Any]] = Future()
 
     def ask() -> None:
@@ -113,7 +113,7 @@ def _refusal(endpoint: str, addresses: Sequence[Any], seconds: float) -> str | N
             try:
                 probe.connect(address)
             except ConnectionRefusedError:
-                words = f"nobody listens at {endpoint}; check --connect, and start 'zenoh-cbef target' first"
+                words = f"no process listens at {endpoint}; check --connect, and start 'zenoh-cbef target' first"
             except TimeoutError:
                 words = f"{endpoint} does not answer; check --connect, that its host is up, and firewalls"
             except OSError as error:

@@ -11,7 +11,7 @@ from zenoh_cbef.protocol.keys import Keys, address
 
 
 def recorded_keys(run: str, wanted: Sequence[str]) -> list[str]:
-    """The key expressions to subscribe to: whole, or relative to the run; everything where none is wanted.
+    """The key expressions to subscribe to, from whole ones or ones relative to the run; all keys where none is given.
 
     Events and signals are always among them, each under one expression. Raises UserError where one is malformed, of
     another run, or overlaps another: its messages would be recorded twice.
@@ -41,7 +41,7 @@ def recorded_keys(run: str, wanted: Sequence[str]) -> list[str]:
 
 
 def belongs(key: str, expression: str, expressions: Collection[str]) -> bool:
-    """Whether a message is to be recorded under this of the expressions that stand for its key, and under no other."""
+    """Whether a message is recorded under this expression: of all that match its key, exactly one takes it."""
     at = address(key)
     if at is None or at.kind not in {"event", "signal"}:
         return True

@@ -1,4 +1,4 @@
-"""Messages that somebody else wrote, published as they are."""
+"""Messages that another process wrote, published as they are."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from zenoh_cbef.errors import UserError
 
 
 class Relay:
-    """A publisher for each of some keys. Nothing is dropped: who cannot keep up is waited for.
+    """A publisher for each of some keys. It drops nothing: it waits for a subscriber that does not keep up.
 
     Raises UserError for a key that Zenoh refuses.
     """
@@ -33,6 +33,6 @@ class Relay:
 
     @property
     def heard(self) -> bool:
-        """Whether somebody subscribes to any of the keys."""
-        # Zenoh calls it a bool in its types, and it is none.
+        """Whether any process subscribes to one of the keys."""
+        # Zenoh's types call it a bool, but it is not.
         return any(publisher.matching_status.matching for publisher in self._publishers.values())  # type: ignore[attr-defined]

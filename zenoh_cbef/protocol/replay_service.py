@@ -20,8 +20,8 @@ def serve_replay(
 ) -> zenoh.Queryable[None]:
     """Answer queries until the returned queryable is dropped.
 
-    obey: does what a query asks for, (what, value) in order, and tells how things are then, for a msgpack map. Its
-    UserError becomes the reply's error. Called from a thread of the session.
+    obey: carries out the orders of a query, (order, value) in their order, and returns the replay's state after them,
+    for a msgpack map. Its UserError becomes the reply's error. Called from a thread of the session.
     """
     key = Keys(run).replay
 

@@ -1,7 +1,7 @@
 """Consensus messages at speed: the same msgpack maps as in messages.py, with every field at a fixed place.
 
 An agent reads one message per neighbour and round, so this is the network's innermost loop. Integers are written
-in their widest form, which makes the layout constant; what does not have it is read by the general decoder, so
+in their widest form, which makes the layout constant; the general decoder reads a message with another layout, so
 both accept the same messages.
 """
 
@@ -87,7 +87,7 @@ class RoundCodec:
         )
 
     def decode(self, data: bytes) -> tuple[int, int, int, bytes]:
-        """Step, round, sending time (ns) and payload, d native float64 that the caller still has to find finite.
+        """Step, round, sending time (ns) and payload: d float64, which the caller still has to check for finite values.
 
         Raises BadMessage for anything else than a round message of this run and sender.
         """

@@ -13,7 +13,7 @@ from zenoh_cbef.errors import UserError
 from zenoh_cbef.plain import count_in
 from zenoh_cbef.protocol.keys import Keys
 from zenoh_cbef.protocol.messages import COUNTS, VERSION, BadMessage, unpack
-from zenoh_cbef.protocol.reach import why_nobody
+from zenoh_cbef.protocol.reach import why_no_answer
 from zenoh_cbef.protocol.session import Connection
 
 _TIME_ONLY = "only=time"
@@ -24,8 +24,8 @@ _APART_SECONDS = 1.0
 class ScenarioText:
     """A scenario as written and as resolved, both TOML, and the version of the program that serves it.
 
-    step: the last one that the run has begun, None before its start. agents: who takes part in it then. faults: those
-    that were injected meanwhile, a JSON list of tables, or empty. present: the agents that are there.
+    step: the last one that the run has begun, None before its start. agents: those that take part in that step. faults:
+    those that were injected meanwhile, a JSON list of tables, or empty. present: the agents that are there.
     """
 
     source: str
@@ -39,7 +39,7 @@ class ScenarioText:
 
 @dataclass(frozen=True)
 class Clock:
-    """How far our clock is ahead of the target's, s, and how long the question took that told it, s.
+    """How far our clock is ahead of the target's, s, and how long question and answer took, s.
 
     The true value is within half of `round_trip` of `ahead`.
     """
@@ -50,7 +50,7 @@ class Clock:
     def ours(self, theirs: float) -> float:
         """A moment of the target's clock on ours, s.
 
-        The same, where the clocks are less than a second apart: what keeps them together is better than our comparison.
+        Unchanged where the clocks are less than a second apart: NTP then knows the difference better than we do.
         """
         return theirs + self.ahead if abs(self.ahead) > _APART_SECONDS + self.round_trip else theirs
 
@@ -77,7 +77,7 @@ def fetch_scenario(
     patience: float,
     stopped: Callable[[], bool] = lambda: False,
 ) -> ScenarioText:
-    """Ask for the scenario, again and again for `patience` s. Raises UserError when nobody answers rightly."""
+    """Ask for the scenario, again and again for `patience` s. Raises UserError where no target gives a valid answer."""
     until = time.monotonic() + patience
     while not stopped():
         answers = _ask(session, Keys(run).scenario)
@@ -92,11 +92,11 @@ def fetch_scenario(
         if time.monotonic() > until:
             break
         time.sleep(0.03)
-    raise UserError(f"no target of run {run!r} answers: {why_nobody(session, connection, run)}")
+    raise UserError(f"no target of run {run!r} answers: {why_no_answer(session, connection, run)}")
 
 
 def _ask(session: zenoh.Session, selector: str) -> list[bytes]:
-    """What all say who answer: there should be one."""
+    """The answers of all targets of the run; there should be one."""
     replies = session.get(
         selector, timeout=1.0, target=zenoh.QueryTarget.ALL, consolidation=zenoh.ConsolidationMode.NONE
     )
@@ -104,7 +104,7 @@ def _ask(session: zenoh.Session, selector: str) -> list[bytes]:
 
 
 def measure_clock(session: zenoh.Session, run: str, tries: int = 4) -> Clock | None:
-    """Compare our clock with the target's as NTP does; the fastest of a few tries, None where nobody tells the time."""
+    """Compare our clock with the target's as NTP does; the fastest of a few tries, None where no target answers."""
     found: list[Clock] = []
     for _ in range(tries):
         before = time.time_ns()
@@ -126,7 +126,7 @@ def time_in(data: bytes) -> int | None:
 
 
 def read_scenario(data: bytes, run: str) -> ScenarioText:
-    """What a target answers. Raises UserError where that is no scenario, or of another version."""
+    """The scenario in a target's answer. Raises UserError where there is none, or one of another version."""
     try:
         answer = unpack(data)
     except BadMessage as error:

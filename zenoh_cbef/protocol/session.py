@@ -33,7 +33,7 @@ _SIZE_LIMIT = {
     "key_exprs": [Keys("*").everything],
     "size_limit": LARGEST,
 }
-"""Larger messages are dropped as they come in, before they fill mailboxes."""
+"""Zenoh drops larger messages as they come in, before they fill mailboxes."""
 ONE_RUNTIME = "(rx:(handover:app),acc:(handover:app),tx:(handover:app),net:(handover:app),app:(worker_threads:1))"
 """Value of ZENOH_RUNTIME that merges Zenoh's runtimes into one worker thread: faster where cores are few.
 
@@ -83,8 +83,8 @@ class PortInUseError(UserError):
 def open_session(connection: Connection, patience: float = 0.0) -> zenoh.Session:
     """Open a session. Links to endpoints that do not answer yet are made as soon as they do.
 
-    Who connects to a router and listens nowhere joins as its client: no other host could reach it. A client needs a
-    router to begin with, and tries for `patience` s to reach one. Raises PortInUseError, and UserError for an endpoint
+    A process that connects to a router and listens nowhere joins as its client: no other host could reach it. A client
+    tries for `patience` s to reach its router. Raises PortInUseError, and UserError for an endpoint
     that is none, a router that does not answer, or a configuration file that Zenoh refuses.
     """
     for endpoint in (*connection.connect, *connection.listen):
@@ -110,7 +110,7 @@ def open_session(connection: Connection, patience: float = 0.0) -> zenoh.Session
                 continue
             let_go_at_once(session)
             return session
-        # Not Zenoh's own waiting, which no signal ends.
+        # We wait ourselves, as no signal ends Zenoh's own waiting.
         time.sleep(_ROUTER_RETRY_SECONDS)
 
 
@@ -127,7 +127,7 @@ def _met_a_router(session: zenoh.Session, connection: Connection) -> bool:
 
 
 def configuration(connection: Connection) -> str:
-    """What a session is opened with, as JSON that Zenoh's own programs read, too."""
+    """The configuration of a session, as JSON that Zenoh's own programs can read, too."""
     return json.dumps(json.loads(str(_config(connection))), indent=1)
 
 
@@ -189,7 +189,7 @@ def _mistake(error: str, connection: Connection, *, unreached: bool) -> UserErro
     if connection.mode == "router":
         return UserError(
             f"this Zenoh cannot be a router: {cause}; check --config, or install zenohd "
-            "(https://zenoh.io/docs/getting-started/installation) and run it with deploy/router.json5"
+            "(https://zenoh.io/docs/getting-started/installation) and run it with deploy/zenoh/router.json5"
         )
     return UserError(f"Zenoh cannot open a session: {cause}; check --connect and --listen")
 

@@ -14,5 +14,5 @@ AGAIN_SECONDS = 60.0
 
 
 def too_slow(late: int, due: int) -> bool:
-    """Whether so many late ones of so many are more than a hiccup of the host."""
+    """Whether `late` of `due` are too many for a short delay of the host."""
     return late >= _FEWEST and late >= _SHARE * due

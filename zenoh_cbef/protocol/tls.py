@@ -1,4 +1,4 @@
-"""Mutual TLS: which files prove who a process is, and what Zenoh is told of them."""
+"""Mutual TLS: the files that prove a process's role, and Zenoh's settings for them."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def common_name(role: str, name: str) -> str:
 
 @dataclass(frozen=True)
 class Tls:
-    """The certificate of the authority that everybody trusts, and a process's own certificate and private key."""
+    """The certificate of the authority that all processes trust, and a process's own certificate and private key."""
 
     ca: Path
     cert: Path
@@ -32,7 +32,7 @@ class Tls:
 
     @classmethod
     def of_folder(cls, folder: Path, name: str) -> Tls:
-        """What `certs new` put into a folder for the process with this common name."""
+        """The files that `certs new` put into a folder for the process with this common name."""
         return cls(folder / "ca.pem", folder / f"{name}.pem", folder / f"{name}.key")
 
     def settings(self) -> dict[str, Any]:

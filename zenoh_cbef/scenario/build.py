@@ -1,4 +1,4 @@
-"""What a plan is carried out with: trackers, fates of messages, what is really sent; for one agent or a batch."""
+"""Makes what a plan needs to run: trackers, fates of messages, faults of senders; for one agent or a batch."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What cannot work is refused before anything starts; what will work badly is warned of."""
+"""Refuses, before any process starts, a scenario that cannot work, and warns of one that will work badly."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _PROPORTION = 1e7
 
 
 def check(plan: Plan) -> list[str]:
-    """Raise UserError for what cannot work; return warnings, one sentence each."""
+    """Warnings about a scenario, one sentence each. Raises UserError where it cannot work."""
     scenario = plan.scenario
     size.refuse_beyond_memory(size.world_bytes(scenario), scenario)
     _check_edges(scenario, plan.edges)

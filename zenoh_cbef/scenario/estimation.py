@@ -12,11 +12,11 @@ from zenoh_cbef.tracking.filters import KINDS, Abilities, abilities_of
 
 
 class Filter(Table):
-    """The estimation filter and what it is told. None: what target and sensor say.
+    """The estimation filter and its settings. None: the value follows from target and sensor.
 
     xi: cbef saturates at this size of the whole innovation (m^2), cbef-scaled likewise (m), the others at this many
-    standard deviations. saturation auto: redescending where the sensor is said to have outliers. omega: what hcmci
-    multiplies averaged measurements by; None: the number of agents.
+    standard deviations. saturation auto: redescending where the scenario's sensor has outliers. omega: hcmci multiplies
+    averaged measurements by it; None: the number of agents.
     measurement: the agent's own range, or differences with its neighbours', as cbef and cbef-scaled always have.
     acceleration_interval: how long a random acceleration lasts, s; None: one step, or for recorded ranges their own
     interval. bias_common_std, bias_own_std: prior of the network's and of the agents' own part of the bias, m; None:

@@ -1,4 +1,4 @@
-"""What is wrong with a scenario's tables, in one sentence that names the key and the remedy."""
+"""Says what is wrong with a scenario's tables, in one sentence that names the key and the remedy."""
 
 from __future__ import annotations
 

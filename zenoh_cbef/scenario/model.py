@@ -164,7 +164,7 @@ class Consensus(Table):
 
 
 class Timing(Table):
-    """lockstep: a round ends when all that is due has come. realtime: rounds have deadlines, late is late.
+    """lockstep: a round ends when all messages that are due have come. realtime: a round ends at its deadline.
 
     patience: how long (s) an agent in lockstep waits for a neighbour that is there but silent.
     """
@@ -176,10 +176,10 @@ class Timing(Table):
 
 
 class Record(Table):
-    """The log. flush_seconds bounds what a killed recorder loses; required: no start without as many recorders.
+    """The log. flush_seconds bounds what a killed recorder loses; required: whether a run waits for `recorders`.
 
-    rotate_bytes, rotate_seconds: when a new file begins, 0 for never. on_full: what a run does whose log cannot be
-    written any more.
+    rotate_bytes, rotate_seconds: when a new file begins, 0 for never. on_full: what `run` does when the recorder can no
+    longer write the log.
     """
 
     compression: Literal["zstd", "lz4", "none"] = "zstd"
@@ -200,7 +200,7 @@ class Record(Table):
 class Zenoh(Table):
     """Endpoints and discovery. config: a Zenoh configuration file (JSON5) that the rest is laid over.
 
-    tls: a folder of certificates; links without are refused then.
+    tls: a folder of certificates; the process then refuses links without one.
     """
 
     connect: tuple[str, ...] = ()

@@ -1,4 +1,4 @@
-"""Who talks to whom: edges and consensus weights of a scenario."""
+"""Which agents exchange messages: edges and consensus weights of a scenario."""
 
 from __future__ import annotations
 

@@ -31,15 +31,15 @@ from zenoh_cbef.tracking.weights import spectrum_bounds, weight_matrix
 Floats = NDArray[np.float64]
 
 _RECORDED_ACCELERATION = 1.0
-"""What is assumed of a real target of which nothing is said, m/s^2: a person walking, a trolley, a slow vehicle."""
+"""Acceleration of a real target where the scenario gives none, m/s^2: a walking person, a trolley, a slow vehicle."""
 
 
 @dataclass(frozen=True, eq=False)
 class Plan:
     """What a scenario means. Every part is made when it is first asked for, and kept.
 
-    The parts are in the order in which they build upon each other: what the filter is told, what it exchanges, who
-    talks to whom, where everything begins.
+    The parts are in the order in which they build upon each other: the filter's settings, what agents exchange, which
+    agents exchange it, and how they begin.
     """
 
     scenario: Scenario
@@ -84,7 +84,7 @@ class Plan:
 
     @cached_property
     def distrusts_others(self) -> bool:
-        """Whether neighbours may send wrong values: what is then compared and trimmed is one filter's information."""
+        """Whether neighbours may send wrong values; agents then compare and trim the information of one filter."""
         return self.scenario.consensus.trim > 0 or self._has(SenderFault)
 
     @cached_property
@@ -132,7 +132,7 @@ class Plan:
 
     @cached_property
     def settings(self) -> FilterSettings:
-        """What the scenario's filter is told."""
+        """The settings of the scenario's filter."""
         scenario, chosen, range_std = self.scenario, self.scenario.filter, self.range_std
         common, own = chosen.bias_common_std, chosen.bias_own_std
         return FilterSettings(
@@ -253,13 +253,13 @@ class Plan:
 
     @cached_property
     def settling_steps(self) -> int:
-        """In how many steps a network knows where its target is: at least 20, and about five ranges of every agent."""
+        """After how many steps a network has found its target: at least 20, and about five ranges of every agent."""
         interval = self.scenario.filter.acceleration_interval or self.scenario.dt
         return max(20, int(np.ceil(5.0 * interval / self.scenario.dt)))
 
     @property
     def _seeks(self) -> bool:
-        """Whether nothing is known of a recorded target's start, so that the network begins with a first fix."""
+        """Whether the start of a recorded target is unknown, so that the network begins with a first fix."""
         unknown = self.recorded and self.scenario.filter.initial_position is None
         return unknown and self.abilities.biases and not self.distrusts_others
 

@@ -1,4 +1,4 @@
-"""Which ranges the receivers of a scenario can measure at all: what lies far beyond is no measurement."""
+"""Which ranges the receivers of a scenario can measure at all; an agent ignores a range far beyond them."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Plausible:
 
 
 def plausible_ranges(scenario: Scenario) -> Plausible:
-    """What a receiver of the scenario can measure, generously.
+    """The limits of ranges that a receiver of the scenario can measure, with a wide margin.
 
     largest: 1000 times the sum of how far apart agents, target and initial estimates can be at first, of how far they
     can go in the run's time, and of all errors of receivers. least: minus 1000 times these errors.
@@ -73,7 +73,7 @@ def _travel(scenario: Scenario, duration: float) -> float:
 
 
 def _errors(scenario: Scenario) -> float:
-    """How wrong receivers can be, m; infinite with faults that say nothing of it."""
+    """How wrong receivers can be, m; infinite with faults whose errors are unknown."""
     sensor, assumed = scenario.sensor, scenario.filter.range_std
     told = assumed if isinstance(assumed, float) else 0.0
     outliers = sensor.outlier_scale if sensor.outlier_probability > 0.0 else 0.0

@@ -1,4 +1,4 @@
-"""What the agents of a scenario, or those of them that are left, cannot see; and what to do about it."""
+"""Whether the agents of a scenario, or those that its faults leave, determine the position; and what to do if not."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def described(plan: Plan, agents: int, left_open: int) -> str:
 
 
 def warnings(plan: Plan) -> list[str]:
-    """What the places of agents leave open, all of them and those whom planned absences leave: a sentence each."""
+    """Warnings, a sentence each, where all agents, or those that absences leave, do not determine the position."""
     count, axes, length = plan.scenario.count, plan.space.axes, plan.scenario.length
     left_open = open_axes_between(plan, range(count), 1, length)
     if left_open > MIRRORED:

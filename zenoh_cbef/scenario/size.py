@@ -1,4 +1,4 @@
-"""How much memory a scenario takes, and whether there is so much."""
+"""How much memory a scenario needs, and whether this host has that much."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What agents know of the target before the first step, and how far that may be off."""
+"""The agents' estimates of the target before the first step, and their standard deviations."""
 
 from __future__ import annotations
 

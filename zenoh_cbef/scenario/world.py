@@ -1,6 +1,6 @@
 """The physical world of a scenario: where target and agents are, and what the agents' receivers hear.
 
-In a real deployment the world does this itself; here the target process (and the simulator) emulate it.
+The target process and the simulator emulate it; with real receivers it is not used.
 """
 
 from __future__ import annotations
