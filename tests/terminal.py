@@ -26,7 +26,8 @@ class Terminal:
             stdout=follower,
             stderr=follower,
             env=os.environ | {"TERM": "xterm"},
-            preexec_fn=lambda: (os.setsid(), fcntl.ioctl(follower, termios.TIOCSCTTY, 0)),  # noqa: PLW1509
+            start_new_session=True,
+            preexec_fn=lambda: fcntl.ioctl(follower, termios.TIOCSCTTY, 0),  # noqa: PLW1509
         )
         os.close(follower)
         self._raw, self.seen = b"", ""

@@ -17,6 +17,7 @@ from benchmarks import accuracy, fuzz, held_out, method_studies, soak  # noqa: E
 from benchmarks.__main__ import BENCHMARKS  # noqa: E402
 from benchmarks.common import analyses, at_least, below, children  # noqa: E402
 from benchmarks.fuzz_logs import fuzz_logs  # noqa: E402
+from benchmarks.fuzz_material import Material  # noqa: E402
 from zenoh_cbef.datasets import read_dataset  # noqa: E402
 from zenoh_cbef.scenario.load import load  # noqa: E402
 
@@ -144,7 +145,7 @@ def start_and_be_interrupted(started):
 
 
 def test_no_child_outlives_its_block():
-    started = []
+    started: list[subprocess.Popen] = []
     with pytest.raises(KeyboardInterrupt):
         start_and_be_interrupted(started)
     assert started[0].returncode is not None
@@ -205,4 +206,4 @@ def test_a_crash_is_told_as_one():
     def broken(_):
         raise IndexError("of no list")
 
-    assert fuzz.through(broken, None).startswith("crash: IndexError at test_benchmarks.py")
+    assert fuzz.through(broken, Material(1)).startswith("crash: IndexError at test_benchmarks.py")

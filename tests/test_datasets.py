@@ -60,7 +60,7 @@ def test_ranges_for_which_there_is_no_step_become_one(tmp_path):
 def test_twice_as_many_ranges_as_steps_are_averaged_in_pairs_and_never_late(tmp_path):
     rows = "".join(f"{10.0 + 0.05 * number:.2f},3,{number}\n" for number in range(1, 41))
     dataset = read_dataset(write(tmp_path, ranges="t,anchor_id,range\n" + rows))
-    emitted, ranges = dataset.beacons(10.0 + 0.1 * np.arange(1, 21))
+    emitted, ranges = dataset.beacons(10.0 + 0.1 * np.arange(1.0, 21.0))
     np.testing.assert_array_equal(ranges[0], np.arange(1.5, 41.0, 2.0))
     # A target that recedes at a constant rate: time and range of a mean still belong together.
     np.testing.assert_allclose(emitted[0], 10.0 + 0.05 * ranges[0])
@@ -283,7 +283,7 @@ def recorded(folder, truth):
 def test_only_steps_of_which_the_truth_is_known_are_scored(tmp_path):
     scenario = load("tracking", recorded(tmp_path / "set", np.arange(0.0, 1.01, 0.05))).scenario
     [trace] = simulate([scenario])
-    known = np.isfinite(trace.truth).all(axis=1)
+    known = np.asarray(np.isfinite(trace.truth).all(axis=1))
     assert known.tolist() == [step <= 11 for step in range(1, 41)], "step 1 ends at the first range, at 0 s"
     assert trace.truth[known, 3:] == pytest.approx(0.0), "at the ends of the truth, too, velocities are whole"
     metrics = analyze([trace])[0].metrics
@@ -297,7 +297,7 @@ def test_only_steps_of_which_the_truth_is_known_are_scored(tmp_path):
 def test_a_gap_in_the_truth_is_not_bridged(tmp_path):
     times = [time for time in np.arange(0.0, 4.01, 0.05) if not 1.0 < time < 3.0]
     [trace] = simulate([load("tracking", recorded(tmp_path / "set", times)).scenario])
-    known = np.isfinite(trace.truth).all(axis=1)
+    known = np.asarray(np.isfinite(trace.truth).all(axis=1))
     assert not known[12:29].any()
     assert known[:10].all()
     assert known[32:].all()

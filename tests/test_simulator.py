@@ -93,6 +93,7 @@ def test_a_run_is_the_same_alone_and_in_a_batch(kind, stage, fault, planar):
         [alone] = simulate([one], keep_payloads=True)
         assert_same(alone, expected)
         if expected.payloads is not None:
+            assert alone.payloads is not None
             assert alone.payloads.tobytes() == expected.payloads.tobytes()
 
 
@@ -129,32 +130,65 @@ class Agent:
         return self.tracker.exchange(received, due[None] if not due.all() else None)
 
 
-@pytest.mark.parametrize("kind", FILTERS)
-@pytest.mark.parametrize("stage", ["metropolis none", "metropolis chebyshev", "running sums", "trimmed"])
-@pytest.mark.parametrize("fault", FAULTS)
-def test_agents_on_their_own_compute_the_bits_of_the_simulator(kind, stage, fault):
-    one = scenario(3, filter=FILTERS[kind], consensus=STAGES[stage], fault=FAULTS[fault], steps=6)
+def assert_agents_on_their_own_compute(one):
     [trace] = simulate([one], keep_payloads=True)
     agents = [Agent(one, number) for number in range(5)]
     heard = heard_in(Plan(one), make_world(one))
-    for step in range(1, 7):
+    for step in range(1, one.steps + 1):
         told = np.array([agent.told_range(heard, step) for agent in agents])
         sent = [agent.measure(heard, step, told) for agent in agents]
         for round_ in range(1, Plan(one).rounds + 1):
             sent = [agent.outgoing.message(step, round_, own) for agent, own in zip(agents, sent, strict=True)]
             assert sent[0].shape == (1, Plan(one).message_size)
+            assert trace.payloads is not None
             assert np.concatenate(sent).tobytes() == trace.payloads[:, step - 1, round_ - 1].tobytes()
             sent = [agent.exchange(sent, step, round_) for agent in agents]
         for agent in agents:
             estimate = agent.tracker.conclude()
             assert estimate.state[0].tobytes() == trace.estimates[agent.number, step - 1].tobytes()
+            for name, values in estimate.diagnostics.named().items():
+                assert values[0].tobytes() == getattr(trace.diagnostics, name)[agent.number, step - 1].tobytes(), name
             if estimate.covariance is not None:
                 assert estimate.covariance[0].tobytes() == trace.covariances[agent.number, step - 1].tobytes()
 
 
+@pytest.mark.parametrize("kind", FILTERS)
+@pytest.mark.parametrize("stage", ["metropolis none", "metropolis chebyshev", "running sums", "trimmed"])
+@pytest.mark.parametrize("fault", FAULTS)
+def test_agents_on_their_own_compute_the_bits_of_the_simulator(kind, stage, fault):
+    assert_agents_on_their_own_compute(
+        scenario(3, filter=FILTERS[kind], consensus=STAGES[stage], fault=FAULTS[fault], steps=6)
+    )
+
+
+SAYING: dict[str, dict] = {
+    "bias": {"filter": {"kind": "sicf", "bias": "estimate"}},
+    "bias_weight": {"filter": {"kind": "sicf", "bias": "auto"}, "sensor": {"bias": 0.3}},
+    "distrust": {"filter": {"kind": "sicf", "distrust": True}},
+}
+
+
+@pytest.mark.parametrize("name", SAYING)
+def test_what_only_some_filters_say_is_the_same_alone_and_in_a_batch_and_absent_agents_say_nothing(name):
+    away = {"kind": "crash", "agents": [1], "from": 0.35, "until": 0.65}
+    assert_agents_on_their_own_compute(scenario(3, steps=6, **SAYING[name]))
+    runs = [scenario(seed, steps=10, fault=[away], **SAYING[name]) for seed in (1, 2)]
+    for one, expected in zip(runs, simulate(runs), strict=True):
+        [alone] = simulate([one])
+        assert_same(alone, expected)
+        said = expected.diagnostics.named()
+        # The crash begins before step 4, at 0.4 s, and is over before step 7.
+        there = np.ones((5, 10), dtype=bool)
+        there[1, 3:6] = False
+        assert np.isfinite(said[name][there]).all()
+        np.testing.assert_array_equal(said["nis_degrees"], there & np.isfinite(expected.ranges))
+        for what, values in said.items():
+            assert (values[~there] == 0).all() if what == "nis_degrees" else np.isnan(values[~there]).all(), what
+
+
 def test_more_runs_than_a_batch_holds_are_the_same_runs():
     scenarios = [scenario(seed, fault=[LOSS]) for seed in range(1, 151)]
-    told = []
+    told: list[int] = []
     together = simulate(scenarios, progress=told.append)
     for place in (0, 71, 72, 149):
         assert_same(simulate([scenarios[place]])[0], together[place])
@@ -278,10 +312,11 @@ def test_the_smallest_networks_run(count, kind):
 
 
 def test_a_trace_holds_the_run():
-    steps = []
+    steps: list[int] = []
     one = scenario(13, consensus={"rounds": 4})
     [trace] = simulate([one], keep_payloads=True, progress=steps.append)
     assert steps == [1, 2, 3, 4, 5]
+    assert trace.payloads is not None
     assert trace.payloads.shape == (5, 5, 4, 27)
     assert trace.covariances.shape == (5, 5, 6, 6)
     np.testing.assert_array_equal(np.isnan(trace.diagnostics.innovation), np.isnan(trace.ranges))

@@ -103,7 +103,7 @@ def test_what_the_metrics_say_is_what_plain_loops_say():
     random = np.random.default_rng(1)
     degrees = random.integers(0, 3, size=(2, 50))
     values = np.where(degrees > 0, random.chisquare(np.maximum(degrees, 1)), np.nan)
-    time = 0.1 * np.arange(1, 51)
+    time = 0.1 * np.arange(1.0, 51.0)
     found = described(values, degrees, time=time, first=10, counted=np.ones(len(values), dtype=bool))
     scored, inside = [], []
     for agent in range(2):
@@ -112,6 +112,7 @@ def test_what_the_metrics_say_is_what_plain_loops_say():
                 low, high = chi2_band(degrees[agent, k])
                 scored.append(values[agent, k])
                 inside.append(low <= values[agent, k] <= high)
+    assert found is not None
     assert found["average"] == pytest.approx(np.mean(scored))
     assert found["inside"] == pytest.approx(np.mean(inside))
     assert found["over_time"]["until"][0] == pytest.approx(0.2)

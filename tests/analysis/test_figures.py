@@ -2,6 +2,7 @@ import dataclasses
 import struct
 import sys
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -14,7 +15,7 @@ from zenoh_cbef.scenario import Scenario
 from zenoh_cbef.simulator import simulate
 
 
-def analysis_of(**scenario: object) -> Analysis:
+def analysis_of(**scenario: Any) -> Analysis:
     return analyze(simulate([Scenario(**{"steps": 12, **scenario})]))[0]
 
 

@@ -5,6 +5,7 @@ import re
 import sys
 from html.parser import HTMLParser
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -55,7 +56,7 @@ class Page(HTMLParser):
         return json.loads(self.data)
 
 
-def trace_of(**scenario: object) -> Trace:
+def trace_of(**scenario: Any) -> Trace:
     return simulate([Scenario(**{"steps": 20, **scenario})])[0]
 
 
@@ -161,7 +162,7 @@ def test_the_lines_are_the_run(tmp_path: Path) -> None:
 def test_what_comes_from_the_run_is_escaped(tmp_path: Path) -> None:
     hostile = "</script><script>alert(1)</script><img src=x>"
     trace = trace_of(agents={"count": 3, "labels": [hostile, hostile, "c"]}, network={"graph": "path"})
-    events = [{"from": hostile, "kind": hostile, "text": hostile, "data": {hostile: hostile}}]
+    events: list[dict[str, object]] = [{"from": hostile, "kind": hostile, "text": hostile, "data": {hostile: hostile}}]
     honest, attacked = tmp_path / "honest", tmp_path / "attacked"
 
     page = page_of(analyze([dataclasses.replace(trace, name=hostile, events=events)])[0], attacked)

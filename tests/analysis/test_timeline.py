@@ -47,16 +47,16 @@ def arrows(text: str) -> list[tuple[str, str, list[float]]]:
         title = group.find(f"{SVG}title")
         if title is not None:
             path = group.find(f"{SVG}path[@class='near']")
-            found.append(
-                (group.get("class"), title.text, [float(one) for one in re.findall(r"-?[\d.]+", path.get("d"))])
-            )
+            assert path is not None
+            ends = [float(one) for one in re.findall(r"-?[\d.]+", path.attrib["d"])]
+            found.append((group.attrib["class"], str(title.text), ends))
     return found
 
 
 def line_of(text: str, name: str) -> float:
     """The height of a node's line, from its name beside it."""
     sides = [one for one in ET.fromstring(text.split("?>", 1)[1]).iter(f"{SVG}text") if one.get("class") == "side"]
-    return next(float(one.get("y")) for one in sides if one.text == name) - 4.0
+    return next(float(one.attrib["y"]) for one in sides if one.text == name) - 4.0
 
 
 passages = st.builds(

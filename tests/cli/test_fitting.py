@@ -3,6 +3,7 @@
 import functools
 import io
 import re
+from typing import Any
 
 import pytest
 from rich.console import Console
@@ -30,8 +31,15 @@ def status() -> RunStatus:
     where = Whereabouts("a-host-with-a-long-name.example.org", 1234567, "0.1.0", "1.10.0", -0.001234567, 0.0002)
     agents = [AgentStatus(one, "paused", where, 299, 0.123456 * one, 0.2, 0.98, 1) for one in range(6)]
     links = [LinkStatus(one, (one + 1) % 6, 123456, 7891, 12, 0.0123) for one in range(6)]
-    told = {"error": 0.1, "disagreement": 0.002, "target": where, "recorder": NOWHERE, "faults": [], "events": []}
-    times = {"step": 299, "steps": 300, "dt": 0.1, "time": 29.9, "now": 1e9}
+    told: dict[str, Any] = {
+        "error": 0.1,
+        "disagreement": 0.002,
+        "target": where,
+        "recorder": NOWHERE,
+        "faults": [],
+        "events": [],
+    }
+    times: dict[str, Any] = {"step": 299, "steps": 300, "dt": 0.1, "time": 29.9, "now": 1e9}
     return RunStatus("mine", "sicf", "realtime", "running", agents=agents, links=links, **told, **times)
 
 
@@ -53,9 +61,10 @@ def tables() -> dict[str, Fitting]:
 
 
 def drawn(fitting: Fitting, width: int) -> list[str]:
-    screen = Console(file=io.StringIO(), width=width, color_system=None)
+    text = io.StringIO()
+    screen = Console(file=text, width=width, color_system=None)
     screen.print(fitting)
-    lines = [line.rstrip() for line in screen.file.getvalue().splitlines()]
+    lines = [line.rstrip() for line in text.getvalue().splitlines()]
     assert all(len(line) <= width for line in lines)
     return lines
 

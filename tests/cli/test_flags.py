@@ -82,7 +82,7 @@ def test_hosts_are_names_or_addresses(tmp_path):
 
 
 def test_warnings_reach_the_user_as_a_sentence(monkeypatch, capsys):
-    def warn(**_: object) -> None:
+    def warn(**_options: object) -> None:
         for _ in range(2):
             warnings.warn("overflow encountered in multiply", RuntimeWarning, stacklevel=1)
             warnings.warn("something\n else", UserWarning, stacklevel=1)

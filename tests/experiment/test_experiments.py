@@ -95,7 +95,8 @@ def test_every_row_and_median_is_that_of_single_simulations(monkeypatch, capsys,
         assert int(row["links.lost"]) == sum(link["lost"] for link in metrics["links"])
         found.setdefault(cell, []).append(metrics["position_rmse"])
     for cell in summary_of(tmp_path)["cells"]:
-        values = found[tuple(map(str, cell["values"].values()))]
+        first, second = map(str, cell["values"].values())
+        values = found[first, second]
         assert cell["metrics"]["position_rmse"]["median"] == np.median(values)
 
 

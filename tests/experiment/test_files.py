@@ -5,9 +5,10 @@ from pathlib import Path
 import pytest
 
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.experiment.cells import cells_of, selected
+from zenoh_cbef.experiment.cells import Cell, cells_of, selected
 from zenoh_cbef.experiment.file import builtin_names, read_experiment
 from zenoh_cbef.experiment.summary import check_expectations
+from zenoh_cbef.scenario import Scenario
 
 LOSS = '[[fault]]\nkind = "loss"\nprobability = 0.0\n[[vary]]\nkey = "fault.0.probability"\nvalues = [0.0, 0.3]\n'
 
@@ -16,6 +17,12 @@ def written(folder: Path, text: str):
     path = folder / "mine.toml"
     path.write_text(text)
     return read_experiment(str(path))
+
+
+def scenarios_of(cells: list[Cell]) -> list[Scenario]:
+    """What the cells run; each must have a scenario."""
+    assert [cell.error for cell in cells if cell.scenario is None] == []
+    return [cell.scenario for cell in cells if cell.scenario is not None]
 
 
 def check_all(folder: Path, text: str) -> None:
@@ -87,28 +94,31 @@ def test_where_selects_by_the_faults_of_a_varied_list(tmp_path):
 
 def test_a_fault_is_named_by_its_kind(tmp_path):
     text = LOSS.replace("fault.0", "fault.loss")
-    assert [cell.scenario.fault[0].probability for cell in cells_of(written(tmp_path, text))] == [0.0, 0.3]
+    assert [one.model_dump()["fault"][0]["probability"] for one in scenarios_of(cells_of(written(tmp_path, text)))] == [
+        0.0,
+        0.3,
+    ]
 
 
 def test_set_takes_dotted_keys_and_tables(tmp_path):
     text = '[set]\n"consensus.rounds" = 4\nfilter.kind = "icf"\nsteps = 7\n'
-    (cell,) = cells_of(written(tmp_path, text))
-    assert (cell.scenario.consensus.rounds, cell.scenario.filter.kind, cell.scenario.steps) == (4, "icf", 7)
+    (scenario,) = scenarios_of(cells_of(written(tmp_path, text)))
+    assert (scenario.consensus.rounds, scenario.filter.kind, scenario.steps) == (4, "icf", 7)
 
 
 def test_the_grid_has_every_combination_and_the_last_key_changes_fastest(tmp_path):
     text = '[[vary]]\nkey = "steps"\nvalues = [3, 4]\n[[vary]]\nkey = "consensus.rounds"\nvalues = [1, 2, 3]\n'
     cells = cells_of(written(tmp_path, text))
     assert [tuple(cell.values.values()) for cell in cells] == [(a, b) for a in (3, 4) for b in (1, 2, 3)]
-    assert [(cell.scenario.steps, cell.scenario.consensus.rounds) for cell in cells] == [
+    assert [(one.steps, one.consensus.rounds) for one in scenarios_of(cells)] == [
         tuple(cell.values.values()) for cell in cells
     ]
 
 
 def test_the_base_may_be_a_file_beside_the_experiment(tmp_path):
     (tmp_path / "base.toml").write_text('name = "beside"\nsteps = 5\n')
-    (cell,) = cells_of(written(tmp_path, 'base = "base.toml"\n'))
-    assert (cell.scenario.name, cell.scenario.steps) == ("beside", 5)
+    (scenario,) = scenarios_of(cells_of(written(tmp_path, 'base = "base.toml"\n')))
+    assert (scenario.name, scenario.steps) == ("beside", 5)
 
 
 @pytest.mark.parametrize("name", builtin_names())

@@ -35,6 +35,7 @@ def test_a_faulty_run_is_finite_and_the_same_alone_and_in_a_batch(given):
         assert (np.isfinite(alone.estimates).all(axis=2) == there).all()
         assert np.isfinite(alone.covariances[there]).all() or np.isnan(alone.covariances).all()
         if alone.payloads is not None:
+            assert expected.payloads is not None
             assert np.isfinite(alone.payloads[there]).all()
             assert alone.payloads.tobytes() == expected.payloads.tobytes()
         links = alone.links

@@ -23,6 +23,8 @@ __all__ = ["world"]
 def _load() -> ModuleType:
     path = Path(__file__).resolve().parents[2] / "deploy" / "netlab" / "netlab.py"
     spec = importlib.util.spec_from_file_location("netlab", path)
+    assert spec is not None
+    assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     sys.modules["netlab"] = module
     spec.loader.exec_module(module)
@@ -50,7 +52,8 @@ class Site:
         self.options = ["--run", world.run, "--patience", "40"]
         # Short, so that a broken link shows soon; a starved machine must still keep its links alive.
         self.lease_ms = 2000
-        self.scheme, self.security = "tcp", []
+        self.scheme = "tcp"
+        self.security: list[str] = []
 
     def secure(self, certificates: Path) -> None:
         self.scheme, self.security = "tls", ["--tls", str(certificates)]
@@ -65,6 +68,8 @@ class Site:
 
     def start_router(self) -> None:
         router = self.start_on("router", "router", "--listen", self.endpoint("router"))
+        assert router.stdout is not None
+        assert router.stderr is not None
         assert router.stdout.readline().startswith("a router listens"), router.stderr.read()
 
     def start(self, *overrides: str, steps: int) -> None:

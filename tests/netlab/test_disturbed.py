@@ -2,6 +2,7 @@
 
 import time
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pytest
@@ -39,7 +40,8 @@ def outcome(world) -> Outcome:
     error = np.full(size, np.nan)
     found = np.linalg.norm((trace.estimates - trace.truth)[:, :, :3], axis=2)
     error[:, : found.shape[1]] = found[:, :STEPS]
-    said = [(event["kind"], event.get("data", {}).get("name", "")) for event in trace.events]
+    events: list[Any] = list(trace.events)
+    said = [(event["kind"], event.get("data", {}).get("name", "")) for event in events]
     return Outcome(error, said)
 
 

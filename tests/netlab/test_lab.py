@@ -24,7 +24,7 @@ def in_time(lab, source: str, destination: str) -> bool:
     return any(reaches(lab, source, destination) for _ in range(20))
 
 
-def state() -> tuple[str, str]:
+def state() -> tuple[str, ...]:
     """The machine's interfaces and routes."""
     asked = (["ip", "-o", "link"], ["ip", "route"])
     return tuple(subprocess.run(words, capture_output=True, text=True, check=True).stdout for words in asked)
@@ -62,6 +62,7 @@ def test_the_machines_network_is_as_before_and_out_of_reach(lab):
 def test_down_ends_processes_and_leaves_nothing(lab):
     with netlab.Lab(["x"], lab.name + "c") as other:
         process = subprocess.Popen(other.command("x", ["sh", "-c", "echo here; exec sleep 60"]), stdout=subprocess.PIPE)
+        assert process.stdout is not None
         assert process.stdout.readline()
     assert process.wait(5) == -9
     assert other.name + "-" not in subprocess.run(["ip", "netns"], capture_output=True, text=True, check=True).stdout
@@ -83,7 +84,7 @@ def test_what_the_kernel_cannot_do_is_said(lab):
 
 
 def test_the_command_line_makes_and_removes_a_laboratory():
-    program = [sys.executable, netlab.__file__, "--name", f"c{Path(sys.prefix).stat().st_ino % 10000}"]
+    program = [sys.executable, str(netlab.__file__), "--name", f"c{Path(sys.prefix).stat().st_ino % 10000}"]
 
     def call(*words: str) -> subprocess.CompletedProcess[str]:
         return subprocess.run([*program, *words], capture_output=True, text=True, check=False)

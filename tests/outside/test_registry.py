@@ -42,6 +42,8 @@ def test_a_run_is_known_by_name_or_as_the_only_one_while_it_lasts():
 
 def test_a_run_whose_target_was_killed_is_forgotten_and_its_name_is_free(tmp_path):
     with subprocess.Popen([sys.executable, "-c", HOLD], stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
+        assert process.stdin is not None
+        assert process.stdout is not None
         assert process.stdout.readline() == b"registered\n"
         assert known_runs().keys() == {"elsewhere"}
         process.send_signal(signal.SIGKILL)
@@ -74,6 +76,8 @@ def test_a_run_is_its_scripts_own_and_not_another_terminals(how):
         command = [sys.executable, "-c", between, *command, how]
     new = how != ""
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=new) as process:
+        assert process.stdin is not None
+        assert process.stdout is not None
         assert process.stdout.readline() == b"registered\n"
         assert typed(OWN)
         assert typed(OWN, new_session=True)
@@ -142,6 +146,8 @@ def test_several_runs_are_named():
         registered("one", []),
         subprocess.Popen([sys.executable, "-c", HOLD], stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process,
     ):
+        assert process.stdin is not None
+        assert process.stdout is not None
         assert process.stdout.readline() == b"registered\n"
         with pytest.raises(UserError, match="there is elsewhere, one"):
             find_run(None)

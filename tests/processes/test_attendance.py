@@ -2,6 +2,7 @@
 
 import time
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
@@ -22,8 +23,10 @@ class Watched:
         endpoint = f"tcp/127.0.0.1:{unused_port()}"
         self.sessions = [open_session(Connection(listen=[endpoint])), open_session(Connection([endpoint]))]
         here, there = (Presence(session, LIVE) for session in self.sessions)
-        self.others, self._seen, self.told = there, here, []
-        node = SimpleNamespace(presence=here, stopping=False, launched=False)
+        self.others, self._seen = there, here
+        self.told: list[tuple[str, str]] = []
+        # All of a node that attendance looks at.
+        node: Any = SimpleNamespace(presence=here, stopping=False, launched=False)
         self.node = node
         self.watch(patience=30.0)
 

@@ -12,6 +12,7 @@ import pytest
 from tests.processes.conftest import settings
 from zenoh_cbef.cli import main as command_line
 from zenoh_cbef.nodes.launch import launcher
+from zenoh_cbef.nodes.launch.ports import free_ports
 
 LONG = "steps=100000"
 
@@ -112,7 +113,7 @@ def test_a_port_that_another_program_took_first_makes_the_run_start_again(monkey
         thief.listen()
         taken = thief.getsockname()[1]
         offers = iter([[taken]])
-        honest = launcher.free_ports
+        honest = free_ports
         monkeypatch.setattr(launcher, "free_ports", lambda count: (next(offers, []) + honest(count))[:count])
         log = tmp_path / "run.mcap"
         monkeypatch.setattr(

@@ -1,6 +1,7 @@
 """Faulty runs as processes: the bits and the fates of the simulator, stated in the log and proved by verify."""
 
 from collections import Counter
+from typing import Any
 
 import msgpack
 import numpy as np
@@ -70,7 +71,7 @@ def test_every_kind_of_fault_gives_the_simulators_bits_and_is_counted_and_marked
     told = load(str(world.folder / "scenario.toml")).scenario.model_copy(update={"name": world.run})
     foretold = other_bytes(Plan(told)) + 3 * round_bytes(Plan(told))
     assert foretold == pytest.approx(metrics["bytes_per_step"], rel=0.02)
-    totals = Counter()
+    totals: Counter[str] = Counter()
     for link in metrics["links"]:
         totals.update(link)
     for name in ("injected_lost", "injected_late", "corrupted", "duplicated"):
@@ -163,7 +164,8 @@ def test_a_killed_and_a_stopped_process_come_back_and_the_bits_are_the_simulator
         {"kind": "crash", "agents": [0], "from": 3.5},
     ]
     run(world, EVERY_KIND | {"steps": 40, "fault": fault})
-    events = [(event["kind"], event["data"]) for event in read_trace(world.log).events if event["kind"] != "finished"]
+    reported: list[Any] = list(read_trace(world.log).events)
+    events = [(event["kind"], event["data"]) for event in reported if event["kind"] != "finished"]
     told = [
         (kind, data.get("agent"), data.get("step"))
         for kind, data in events
@@ -185,7 +187,8 @@ def test_a_network_that_shrinks_below_what_it_can_see_says_so(world):
     network = {"agents": {"count": 3}, "network": {"graph": "complete"}, "consensus": {"rounds": 2}}
     metrics = run(world, {"steps": 40, **network, "fault": fault})
     assert metrics["unobservable_steps"] == [[15, 40]]
-    events = [event for event in read_trace(world.log).events if "observable" in event["kind"]]
+    reported: list[Any] = list(read_trace(world.log).events)
+    events = [event for event in reported if "observable" in event["kind"]]
     told = [(event["from"], event["kind"], event["data"]["step"], event["data"].get("agents")) for event in events]
     assert told == [
         ("target", "unobservable", 4, [0, 2]),

@@ -2,6 +2,7 @@
 
 import json
 import time
+from typing import Any
 
 import numpy as np
 
@@ -55,7 +56,8 @@ def test_faults_are_added_listed_and_cleared_while_the_run_goes_on(world):
         done = world.call(verb, str(world.log), *more)
         assert done.returncode == 0, done.stderr
     trace = read_trace(world.log)
-    told = [(event["data"]["fault"], event["data"]["on"]) for event in trace.events if event["kind"] == "fault"]
+    events: list[Any] = list(trace.events)
+    told = [(event["data"]["fault"], event["data"]["on"]) for event in events if event["kind"] == "fault"]
     assert told[:1] == [(0, True)]
     assert sorted(told[1:]) == [(0, False), (1, True)]
     links = trace.links

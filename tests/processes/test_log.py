@@ -2,6 +2,7 @@
 
 import csv
 import json
+from collections.abc import Iterator
 from pathlib import Path
 
 import msgpack
@@ -20,7 +21,7 @@ STEPS, AGENTS = 40, 4
 
 
 @pytest.fixture(scope="module")
-def recorded(tmp_path_factory) -> World:
+def recorded(tmp_path_factory) -> Iterator[World]:
     world = World(tmp_path_factory.mktemp("recorded"))
     run = world.start_run("sensor.dropout_probability=0.1")
     _, err = run.communicate(timeout=120)
@@ -38,8 +39,8 @@ def copy_with(source: Path, target: Path, change, *, last: str | None = None) ->
     writer = McapWriter(target, library="test")
     for name, data in file.attachments.items():
         writer.add_attachment(name, "application/toml", data)
-    for name, data in file.metadata.items():
-        writer.add_metadata(name, data)
+    for name, said in file.metadata.items():
+        writer.add_metadata(name, said)
     channels = {}
     for message in sorted(file.messages(), key=lambda one: last is not None and one.channel.topic.endswith(last)):
         data = change(message.channel.topic, message.data)
@@ -251,7 +252,7 @@ def test_csv_tables_carry_the_same_numbers(recorded, tmp_path):
 
 
 def test_every_message_carries_a_schema_its_sender_and_its_number(recorded):
-    seen = {}
+    seen: dict[tuple[str, str], list[int]] = {}
     for message in McapFile(recorded.log).messages():
         assert message.channel.schema_encoding == "jsonschema"
         assert message.channel.message_encoding == "msgpack"

@@ -4,6 +4,7 @@ import json
 import os
 import signal
 import time
+from typing import Any
 
 import pytest
 
@@ -69,7 +70,8 @@ def test_status_tells_who_is_where_and_how_well_they_track(world):
     run.communicate(timeout=60)
     # What status said is what the log holds.
     trace = read_trace(world.log)
-    here = {event["from"]: event["data"] for event in trace.events if event["kind"] == "here"}
+    events: list[Any] = list(trace.events)
+    here = {event["from"]: event["data"] for event in events if event["kind"] == "here"}
     assert here["agent/3"]["pid"] == status["agents"][3]["where"]["pid"]
 
 

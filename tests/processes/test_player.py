@@ -3,6 +3,7 @@
 import threading
 import time
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -30,8 +31,8 @@ class Clock:
 @given(CHANGES)
 def test_the_log_time_is_the_integral_of_the_rate(changes):
     clock = Clock()
-    real, module.time = module.time, clock
-    try:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(module, "time", clock)
         line = Timeline(5 * SECOND, 1.0, runs=True)
         position, rate, runs = 5.0, 1.0, True
         for passed, change, value in changes:
@@ -49,8 +50,6 @@ def test_the_log_time_is_the_integral_of_the_rate(changes):
             assert abs(line.now() / SECOND - position) < 1e-6
             if runs:
                 assert abs(line.left(round((position + 3.0) * SECOND)) - 3.0 / rate) < 1e-6
-    finally:
-        module.time = real
 
 
 def played(steps: list[int], orders, *, loop: bool = False) -> list[int]:

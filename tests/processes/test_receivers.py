@@ -6,6 +6,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -24,7 +25,8 @@ def block(language: str, begins: str) -> str:
 def wait_for_subscribers(run: str, router: str) -> None:
     """Wait until all receivers listen for the start signal."""
     with open_session(Connection([router], mode="client")) as session:
-        publishers = [session.declare_publisher(f"cbef/{run}/beacon/{agent}/signal") for agent in range(4)]
+        # Zenoh's stubs take a matching status for a bool.
+        publishers: list[Any] = [session.declare_publisher(f"cbef/{run}/beacon/{agent}/signal") for agent in range(4)]
         until = time.monotonic() + 30
         while not all(publisher.matching_status.matching for publisher in publishers):
             assert time.monotonic() < until

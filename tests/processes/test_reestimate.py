@@ -3,7 +3,9 @@
 import json
 import shutil
 from collections import defaultdict
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import msgpack
 import numpy as np
@@ -22,7 +24,7 @@ OWN = ("run", "sent", "latency", "at")
 
 
 @pytest.fixture(scope="module")
-def recorded(tmp_path_factory) -> World:
+def recorded(tmp_path_factory) -> Iterator[World]:
     world = World(tmp_path_factory.mktemp("recorded"))
     run = world.start_run("sensor.dropout_probability=0.1", 'fault=[{kind="loss", probability=0.2}]')
     _, err = run.communicate(timeout=120)
@@ -33,7 +35,7 @@ def recorded(tmp_path_factory) -> World:
 
 def said(log: Path) -> dict[str, list[dict]]:
     """All that target and agents sent, without what is of the run, by key."""
-    found = defaultdict(list)
+    found: dict[str, list[dict]] = defaultdict(list)
     for message in McapFile(log).messages():
         body = msgpack.unpackb(message.data)
         assert message.sequence == body["seq"]
@@ -65,9 +67,11 @@ def again(world: World, log: Path, *overrides: str) -> Path:
 
 @pytest.mark.parametrize("kind", ["sicf", "ci", "crash"])
 def test_with_nothing_changed_every_message_is_that_of_the_processes(world, kind):
-    scenario = EVERY_KIND | {"filter": {"kind": "ci", "measurement": "difference"} if kind == "ci" else {}}
+    scenario: dict[str, Any] = EVERY_KIND | {
+        "filter": {"kind": "ci", "measurement": "difference"} if kind == "ci" else {}
+    }
     if kind == "crash":
-        scenario["fault"] = [*EVERY_KIND["fault"], {"kind": "crash", "agents": [2], "from": 0.5, "until": 1.5}]
+        scenario["fault"] = [*scenario["fault"], {"kind": "crash", "agents": [2], "from": 0.5, "until": 1.5}]
     path = world.folder / "scenario.toml"
     path.write_text(tomli_w.dumps(scenario))
     done = world.call("run", str(path), "--run", world.run, "--log", str(world.log), "--no-report")

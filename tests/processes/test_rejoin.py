@@ -38,8 +38,9 @@ def wait_for_estimates(world: World, agent: int, count: int = 10) -> None:
 
 
 def joined(trace: Trace) -> dict:
-    [event] = [event for event in trace.events if event["kind"] == "joined"]
-    return event["data"]
+    [data] = [event["data"] for event in trace.events if event["kind"] == "joined"]
+    assert isinstance(data, dict)
+    return data
 
 
 @pytest.mark.parametrize("mode", ["lockstep", "realtime"])

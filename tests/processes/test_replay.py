@@ -6,6 +6,7 @@ import signal
 import subprocess
 import threading
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import msgpack
@@ -17,7 +18,7 @@ from zenoh_cbef.log.mcap.reader import McapFile
 
 
 @pytest.fixture(scope="module")
-def recorded(tmp_path_factory) -> World:
+def recorded(tmp_path_factory) -> Iterator[World]:
     world = World(tmp_path_factory.mktemp("recorded"))
     run = world.start_run()
     _, err = run.communicate(timeout=120)
@@ -29,22 +30,30 @@ def recorded(tmp_path_factory) -> World:
 class Listener:
     """A session of another process than the replay's: what it hears, and how it tells the replay what to do."""
 
-    def __init__(self, endpoint: str, run: str) -> None:
+    def __init__(self, port: int, run: str) -> None:
+        self.port = port
         self.heard: list[tuple[str, bytes]] = []
         self._key = f"cbef/{run}/replay"
-        self._session = peer(endpoint)
+        self._session = peer(f"tcp/127.0.0.1:{port}")
         self._subscriber = self._session.declare_subscriber("**", self._hear)
 
     def _hear(self, sample: zenoh.Sample) -> None:
         self.heard.append((str(sample.key_expr), sample.payload.to_bytes()))
 
-    def ask(self, orders: str = "") -> dict | str:
-        """The replay's state after it did what it was told, or its refusal."""
+    def ask(self, orders: str = "") -> dict:
+        """The replay's state after it did what it was told."""
+        answer = self.answer(orders)
+        assert isinstance(answer, dict), answer
+        return answer
+
+    def answer(self, orders: str) -> dict | str:
+        """The replay's state, or the words of its refusal."""
         until = time.monotonic() + 30
         while time.monotonic() < until:
             for reply in self._session.get(f"{self._key}?{orders}", timeout=5.0):
                 if reply.ok is not None:
                     return msgpack.unpackb(reply.ok.payload.to_bytes())
+                assert reply.err is not None
                 return reply.err.payload.to_string()
             time.sleep(0.05)
         pytest.fail("the replay does not answer")
@@ -67,8 +76,7 @@ class Listener:
 
 @pytest.fixture
 def listener(recorded, free_port):
-    one = Listener(f"tcp/127.0.0.1:{free_port}", recorded.run)
-    one.port = free_port
+    one = Listener(free_port, recorded.run)
     yield one
     one.close()
 
@@ -179,7 +187,7 @@ def first_of_step(messages: list[tuple[str, bytes]], step: int) -> int:
 )
 def test_nonsense_is_answered_with_a_sentence(recorded, listener, orders, words):
     replay = start(recorded, listener, "--start-paused")
-    assert words in listener.ask(orders)
+    assert words in listener.answer(orders)
     assert listener.ask()["published"] == 0
     replay.send_signal(signal.SIGINT)
     assert replay.wait(timeout=30) == 130

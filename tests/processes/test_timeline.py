@@ -2,6 +2,7 @@
 
 import math
 from collections import Counter
+from collections.abc import Iterator
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
@@ -20,7 +21,7 @@ ALL = (1, 30)
 
 
 @pytest.fixture(scope="module", params=["rounds", "rounds and ranges"])
-def faulty(request, tmp_path_factory) -> World:
+def faulty(request, tmp_path_factory) -> Iterator[World]:
     """A run with every kind of fault; ranges are exchanged too where the filter takes them in."""
     world = World(tmp_path_factory.mktemp("timeline"))
     filter_ = {} if request.param == "rounds" else {"filter": {"kind": "ci", "measurement": "difference"}}

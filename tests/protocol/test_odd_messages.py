@@ -33,7 +33,7 @@ TABLES = st.dictionaries(st.sampled_from(["sent", "step", "word", "total", "reje
 
 
 def nested(levels):
-    value = 1
+    value: object = 1
     for _ in range(levels):
         value = [value]
     return value
@@ -121,7 +121,7 @@ def test_requests_and_answers_are_taken_or_refused(table, raw):
 
 def test_a_forged_estimate_far_away_does_not_stop_a_recorder():
     overview = Overview(Status(RUN, "", 50), lambda: 1)
-    counts = {name: [] for name in ("neighbours", "received", "lost", "late", "latency")}
+    counts: dict[str, list] = {name: [] for name in ("neighbours", "received", "lost", "late", "latency")}
     far = {"k": 1, "state": [1e99] * 6, "innovation": None, "weight": None, **counts, "covariance": None}
     overview.see("truth", KEYS.truth, encode(RUN, "target", 0, 0, {"k": 1, "state": [-1e99] * 6}))
     overview.see("estimate", KEYS.estimate(0), encode(RUN, "agent/0", 0, 0, far))

@@ -7,6 +7,7 @@ import sys
 import time
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import pytest
 import zenoh
@@ -20,7 +21,10 @@ def test_a_message_above_the_limit_is_dropped_and_the_next_one_comes():
     endpoint = f"tcp/127.0.0.1:{unused_port()}"
     with open_session(Connection(listen=[endpoint])) as receiver, open_session(Connection([endpoint])) as sender:
         mailbox = receiver.declare_subscriber("cbef/run/agent/0/round", zenoh.handlers.FifoChannel(10))
-        publisher = sender.declare_publisher("cbef/run/agent/0/round", congestion_control=zenoh.CongestionControl.BLOCK)
+        # Zenoh's stubs take a matching status for a bool.
+        publisher: Any = sender.declare_publisher(
+            "cbef/run/agent/0/round", congestion_control=zenoh.CongestionControl.BLOCK
+        )
         until = time.monotonic() + 10
         while not publisher.matching_status.matching and time.monotonic() < until:
             time.sleep(0.02)

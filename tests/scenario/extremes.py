@@ -26,10 +26,15 @@ def limits(metadata: Any) -> tuple[float | None, float | None]:
             low, high = limits(one.metadata)
             least, most = (low if least is None else least), (high if most is None else most)
         elif isinstance(one, Ge | Gt):
-            least = one.ge if isinstance(one, Ge) else one.gt
+            least = _limit(one.ge if isinstance(one, Ge) else one.gt)
         elif isinstance(one, Le | Lt):
-            most = one.le if isinstance(one, Le) else one.lt
+            most = _limit(one.le if isinstance(one, Le) else one.lt)
     return least, most
+
+
+def _limit(limit: object) -> float:
+    assert isinstance(limit, int | float)
+    return limit
 
 
 def drawn(annotation: Any, metadata: Any, random: Random) -> Any:

@@ -9,6 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from zenoh_cbef.errors import UserError
+from zenoh_cbef.faults.delay import Delay
+from zenoh_cbef.faults.loss import Loss
 from zenoh_cbef.scenario import Scenario
 from zenoh_cbef.scenario.checks import check
 from zenoh_cbef.scenario.load import builtin_names, load, parse, read_source, to_toml, value_of
@@ -53,6 +55,7 @@ def test_overrides_are_toml_values_or_plain_text():
     assert scenario.record.required is False
     assert scenario.sensor.range_std == 2.0
     assert type(scenario.sensor.range_std) is float
+    assert isinstance(scenario.fault[0], Loss)
     assert scenario.fault[0].probability == 0.25
 
 
@@ -159,7 +162,10 @@ def test_an_empty_scenario_is_the_default_one():
 def test_an_override_reaches_a_fault_by_its_place_or_kind():
     faults = 'fault=[{kind="loss", probability=0.1}, {kind="delay", milliseconds=3.0}]'
     loaded = load("tracking", [faults, "fault.0.probability=0.2", "fault.delay.milliseconds=4.0"]).scenario
-    assert (loaded.fault[0].probability, loaded.fault[1].milliseconds) == (0.2, 4.0)
+    loss, delay = loaded.fault
+    assert isinstance(loss, Loss)
+    assert isinstance(delay, Delay)
+    assert (loss.probability, delay.milliseconds) == (0.2, 4.0)
 
 
 @pytest.mark.parametrize(("text", "value"), [(".3", 0.3), ("-.3", -0.3), ("5.", 5.0), (".5e-3", 5e-4), ("3", 3)])

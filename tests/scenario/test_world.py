@@ -81,7 +81,7 @@ def test_a_lemniscate_crosses_its_centre_twice_a_period():
 def test_a_body_follows_its_points_at_its_speed_and_rests_at_the_last():
     times = np.array([0.0, 2.0, 4.0, 5.5, 7.0, 7.0 + np.sqrt(41.0), 100.0])
     states = along(np.array(SQUARE, dtype=float), 1.0, times)
-    expected = [[0, 0, 0], [2, 0, 0], [4, 0, 0], [4, 1.5, 0], [4, 3, 0], [0, 3, 5], [0, 3, 5]]
+    expected = np.array([[0, 0, 0], [2, 0, 0], [4, 0, 0], [4, 1.5, 0], [4, 3, 0], [0, 3, 5], [0, 3, 5]])
     np.testing.assert_allclose(states[:, :3], expected, atol=1e-12)
     speeds = np.linalg.norm(states[:, 3:], axis=1)
     np.testing.assert_allclose(speeds[[0, 1, 2, 3, 4, 6]], [1, 1, 1, 1, 1, 0], atol=1e-12)

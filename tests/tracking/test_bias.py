@@ -12,7 +12,7 @@ from zenoh_cbef.simulator import simulate
 from zenoh_cbef.tracking.filters.around.auto_bias import weight_of
 from zenoh_cbef.tracking.filters.around.biased_information import BiasedInformation
 from zenoh_cbef.tracking.filters.around.first_fix import FirstFix
-from zenoh_cbef.tracking.filters.around.learned_noise import LearnedNoise
+from zenoh_cbef.tracking.filters.around.learned_noise import LearnedNoise, learned
 from zenoh_cbef.tracking.filters.base import Belief
 from zenoh_cbef.tracking.filters.information_form import packed_size
 from zenoh_cbef.tracking.filters.kinds.sicf import SaturatedInformation
@@ -98,8 +98,51 @@ def test_noise_is_learned_from_half_and_from_twice_of_it():
             ranges = np.linalg.norm(agents, axis=1) + rng.normal(0.0, 0.1, 8)
             update = filter_.update(belief, heard(agents, ranges))
             belief = filter_.conclude(np.repeat(update.payload.mean(axis=0)[None], 8, axis=0), update)
-        learned = initial * np.exp(belief.memory[0])
-        assert 0.08 < np.median(learned) < 0.125
+        found = initial * np.exp(belief.memory[0])
+        assert 0.08 < np.median(found) < 0.125
+
+
+def learn(nis, *, std=1.0, steps=1, seen=0.0, scale=0.0, variance=1.0):
+    """The logarithm of sigma after so many innovations of one NIS, of the given variance over the noise's."""
+    scale, seen = np.array([scale]), np.array([seen])
+    for _ in range(steps):
+        innovation = np.sqrt(np.array([nis * variance])) * std
+        scale, seen = learned(scale, seen, np.array([std]), innovation, np.array([nis]))
+    return scale[0], seen[0]
+
+
+def test_noise_is_learned_by_steps_that_shrink_with_the_ranges_and_never_stop():
+    assert learn(1.0) == (1.0, 1.0)
+    assert learn(0.25) == (-1.0, 1.0)
+    # 1 + 1/(1 + 1/5) + 1/(1 + 2/5): three ranges.
+    assert learn(1.0, steps=3)[0] == pytest.approx(1.0 + 5 / 6 + 5 / 7)
+    # A receiver that becomes noisier after a year is followed: by a factor e in 50 ranges.
+    assert learn(1.0, seen=1e9, steps=50)[0] == pytest.approx(1.0)
+    assert learn(1.0, seen=300.0)[0] == 0.02 > 1.0 / (1.0 + 300.0 / 5.0)
+    assert learn(1.0, seen=200.0)[0] == pytest.approx(1.0 / 41.0)
+
+
+def test_an_innovation_that_says_more_of_the_state_than_of_the_range_teaches_little():
+    assert learn(1.0, variance=4.0) == (0.25, 1.0)
+    assert learn(1.0, variance=4.0, std=3.0) == (0.25, 1.0)
+    assert learn(1.0, variance=0.5) == (1.0, 1.0)
+
+
+def test_half_of_gaussian_innovations_are_large():
+    large = np.random.default_rng(5).normal(size=100_000) ** 2
+    up = learned(np.zeros(100_000), np.zeros(100_000), np.ones(100_000), np.sqrt(large), large)[0] > 0.0
+    assert abs(up.mean() - 0.5) < 5 * 0.5 / np.sqrt(100_000)
+
+
+@pytest.mark.parametrize("nis", [np.nan, 0.0])
+def test_without_an_innovation_nothing_is_learned_and_no_range_counted(nis):
+    scale, seen = learned(*(np.array([one]) for one in (0.3, 7.0, 1.0, nis, nis)))
+    assert (scale[0], seen[0]) == (0.3, 7.0)
+
+
+def test_learned_noise_stays_within_a_factor_of_thirty():
+    assert learn(1.0, scale=3.4)[0] == pytest.approx(np.log(30.0))
+    assert learn(0.1, scale=-3.4)[0] == pytest.approx(-np.log(30.0))
 
 
 def rmse(bias, *overrides):

@@ -11,7 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from zenoh_cbef.tracking.consensus import Average
-from zenoh_cbef.tracking.filters import Belief, Cbef
+from zenoh_cbef.tracking.filters import Belief
+from zenoh_cbef.tracking.filters.kinds.cbef import Cbef
 from zenoh_cbef.tracking.graph import canonical_edges, neighbours
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
 from zenoh_cbef.tracking.ranging import Measurement, Space

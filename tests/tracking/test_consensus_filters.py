@@ -145,7 +145,7 @@ def test_several_steps_are_the_papers_equations(seed, space, kind, omega):
         belief = network.step(rounds)
         state, covariance = network.plain_step(rounds)
         np.testing.assert_allclose(belief.state, state, rtol=1e-7, atol=1e-7)
-        np.testing.assert_allclose(belief.covariance, covariance, rtol=1e-7, atol=1e-8)
+        np.testing.assert_allclose(belief.known_covariance, covariance, rtol=1e-7, atol=1e-8)
 
 
 @pytest.mark.parametrize("kind", ["icf", "hcmci", "kcf", "diffusion"])
@@ -164,7 +164,7 @@ def test_agents_that_all_hear_each_other_and_begin_alike_are_the_centralised_kal
         expected = state + gain @ (network.ranges[heard] - np.array([distance for distance, _ in found]))
         remaining = covariance - gain @ rows @ covariance
         np.testing.assert_allclose(belief.state, np.tile(expected, (network.count, 1)), atol=1e-8)
-        np.testing.assert_allclose(belief.covariance, np.tile(remaining, (network.count, 1, 1)), atol=1e-8)
+        np.testing.assert_allclose(belief.known_covariance, np.tile(remaining, (network.count, 1, 1)), atol=1e-8)
         network.state, network.covariance = [expected] * network.count, [remaining] * network.count
 
 
@@ -197,7 +197,7 @@ def test_covariance_intersection_of_equal_priors_counts_them_once():
     _, covariance = network.prior(0)
     network.tracker.measure(network.measure(dropout=1.1))
     network.tracker.conclude()
-    np.testing.assert_allclose(network.tracker.belief.covariance, np.tile(covariance, (5, 1, 1)), rtol=1e-9)
+    np.testing.assert_allclose(network.tracker.belief.known_covariance, np.tile(covariance, (5, 1, 1)), rtol=1e-9)
 
 
 @pytest.mark.parametrize(("kind", "size"), [("ci", 27), ("hcmci", 54), ("kcf", 6), ("diffusion", 6), ("sicf", 27)])
@@ -226,4 +226,4 @@ def test_an_agent_whose_neighbours_are_not_heard_updates_with_its_own_range(kind
         remaining = np.linalg.inv(np.linalg.inv(covariance) + matrix)
         expected = state + remaining @ (vector - matrix @ state)
         np.testing.assert_allclose(network.tracker.belief.state[agent], expected, atol=1e-8)
-        np.testing.assert_allclose(network.tracker.belief.covariance[agent], remaining, atol=1e-8)
+        np.testing.assert_allclose(network.tracker.belief.known_covariance[agent], remaining, atol=1e-8)

@@ -17,8 +17,9 @@ from zenoh_cbef.errors import UserError
 from zenoh_cbef.scenario.load import load, parse
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.simulator import simulate
-from zenoh_cbef.tracking.filters import Belief, SaturatedInformation
+from zenoh_cbef.tracking.filters import Belief
 from zenoh_cbef.tracking.filters.around.distrusting import Distrusting
+from zenoh_cbef.tracking.filters.kinds.sicf import SaturatedInformation
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
 from zenoh_cbef.tracking.ranging import Measurement, Space
 
@@ -60,9 +61,9 @@ def test_every_step_is_what_the_equations_say_of_each_agent():
             assert update.diagnostics.distrust[agent] == pytest.approx(distrust, abs=1e-9)
             seen.add(round(distrust))
             # The filter itself, told of this noise, sends the same information.
-            row = {name: getattr(measurement, name)[[agent]] for name in vars(measurement) if name != "range_std"}
+            own = {name: getattr(measurement, name)[[agent]] for name in vars(measurement) if name != "range_std"}
             told = Measurement(
-                **row,
+                **own,
                 range_std=np.array(
                     [(1.0 + 29.0 * update.diagnostics.distrust[agent] * update.diagnostics.distrust[agent]) * STD]
                 ),
@@ -124,9 +125,10 @@ def test_the_network_is_better_off_and_says_who_was_wrong(tmp_path):
     errors = [np.median([run.position_error[:, 40:60].mean() for run in each]) for each in (runs, others)]
     assert errors[0] < 0.5 * errors[1]
     write_report(runs[0], tmp_path / "report.html")
-    page = Console(width=200, file=StringIO())
+    text = StringIO()
+    page = Console(width=200, file=text)
     page.print(metrics_table(runs[0].metrics))
-    assert re.search(r"agents that distrust their ranges +│ +3: \d+%", page.file.getvalue())
+    assert re.search(r"agents that distrust their ranges +│ +3: \d+%", text.getvalue())
     assert "steps of distrust (%)" in (tmp_path / "report.html").read_text()
     assert f"<td>{100.0 * runs[0].metrics['distrust']['agents'][3]:.4g}</td>" in (tmp_path / "report.html").read_text()
     for run in runs:

@@ -53,14 +53,14 @@ class Scene:
 
 def textbook(scene, run, xi):
     """An extended Kalman filter in covariance form; saturation divides a range's precision by its excess."""
-    state, covariance = scene.initial.state[run], scene.initial.covariance[run]
+    state, covariance = scene.initial.state[run], scene.initial.known_covariance[run]
     for step in range(scene.truth.shape[1]):
         state = scene.motion.transition @ state
         covariance = scene.motion.transition @ covariance @ scene.motion.transition.T + scene.motion.process_noise
         heard = scene.heard(run, step)
-        predicted, rows = zip(*[scene.row(run, agent, step, scene.full(state)) for agent in heard], strict=True)
-        rows = np.array(rows)
-        innovation = scene.ranges[run, heard, step] - np.array(predicted)
+        described = [scene.row(run, agent, step, scene.full(state)) for agent in heard]
+        rows = np.array([row for _, row in described])
+        innovation = scene.ranges[run, heard, step] - np.array([predicted for predicted, _ in described])
         spread = np.sqrt(np.array([row @ covariance @ row for row in rows]) + STD**2)
         noise = np.diag(STD**2 * np.maximum(1.0, np.abs(innovation) / (xi * spread)))
         gain = covariance @ rows.T @ np.linalg.inv(rows @ covariance @ rows.T + noise)
@@ -119,7 +119,7 @@ def test_the_bound_is_the_inverse_information_of_the_whole_trajectory(space):
             last[:, size + step * axes : size + (step + 1) * axes] += gain
             maps.append(last)
             information = np.diag(np.full(size + 7 * axes, ACCELERATION**-2.0))
-            information[:size, :size] = np.linalg.inv(scene.initial.covariance[run])
+            information[:size, :size] = np.linalg.inv(scene.initial.known_covariance[run])
             for earlier, mapped in enumerate(maps):
                 for agent in scene.heard(run, earlier):
                     _, row = scene.row(run, agent, earlier, scene.truth[run, earlier])
@@ -130,7 +130,7 @@ def test_the_bound_is_the_inverse_information_of_the_whole_trajectory(space):
 
 def test_the_bound_is_the_kalman_covariance_where_the_rows_are_those_of_the_truth():
     scene = Scene(Space())
-    bound, covariance = bound_of(scene), scene.initial.covariance[0]
+    bound, covariance = bound_of(scene), scene.initial.known_covariance[0]
     for step in range(7):
         covariance = scene.motion.transition @ covariance @ scene.motion.transition.T + scene.motion.process_noise
         for agent in scene.heard(0, step):
@@ -151,5 +151,5 @@ def test_runs_do_not_see_each_other():
     together = bound_of(scene)
     for part in ("truth", "positions", "ranges", "age"):
         setattr(scene, part, getattr(scene, part)[1:2])
-    scene.initial = Belief(scene.initial.state[1:2], scene.initial.covariance[1:2])
+    scene.initial = Belief(scene.initial.state[1:2], scene.initial.known_covariance[1:2])
     assert bound_of(scene)[0].tobytes() == together[1].tobytes()

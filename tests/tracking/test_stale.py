@@ -31,7 +31,7 @@ def test_it_is_the_intersection_of_the_own_estimate_and_predicted_old_ones(lag):
     states = rng.normal(0.0, 5.0, (4, 6))
     roots = rng.normal(0.0, 1.0, (4, 6, 6))
     covariances = roots @ np.swapaxes(roots, 1, 2) + np.eye(6)
-    information = np.linalg.inv(covariances)
+    information = np.linalg.inv(covariances).astype(np.float64)
     payload = np.append(pack((information @ states[..., None])[..., 0], information), [[7.0], [1.0], [2.0], [3.0]], 1)
     stage = StaleAverage(weights, motion, lag)
     stage.start(payload[:1])

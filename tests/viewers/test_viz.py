@@ -43,6 +43,7 @@ def shown(scene, tmp_path_factory) -> dict[str, list]:
     with path.open("rb") as stream:
         reader = make_reader(stream, validate_crcs=True, decoder_factories=[decoder])
         for schema, channel, message, decoded in reader.iter_decoded_messages():
+            assert schema is not None
             assert schema.encoding == channel.message_encoding == "protobuf"
             found[channel.topic].append((schema.name, message.log_time, decoded))
     return dict(found)

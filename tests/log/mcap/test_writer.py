@@ -36,8 +36,8 @@ def write(path: Path, messages: list[tuple[int, int, int, int, bytes]], **settin
         ]
         writer.add_attachment("scenario.toml", "application/toml", b"seed = 1\n", log_time=7)
         writer.add_metadata("cbef.run", {"seed": "1", "host": "b\N{LATIN SMALL LETTER O WITH DIAERESIS}"})
-        for channel, *message in messages:
-            writer.add_message(channels[channel], *message)
+        for channel, logged, published, sequence, data in messages:
+            writer.add_message(channels[channel], logged, published, sequence, data)
 
 
 @settings(max_examples=60, deadline=None)
@@ -54,7 +54,10 @@ def test_the_official_reader_reads_every_message_exactly(
             found = [(m.channel_id, m.log_time, m.publish_time, m.sequence, m.data) for _, _, m in read]
         assert found == wanted
         with path.open("rb") as stream:
-            statistics = make_reader(stream, validate_crcs=True).get_summary().statistics
+            summary = make_reader(stream, validate_crcs=True).get_summary()
+        assert summary is not None
+        statistics = summary.statistics
+        assert statistics is not None
         assert statistics.message_count == len(messages)
         assert statistics.message_start_time == min((m[1] for m in messages), default=0)
         assert statistics.message_end_time == max((m[1] for m in messages), default=0)
@@ -75,12 +78,14 @@ def test_the_official_reader_finds_summary_attachments_and_metadata(tmp_path: Pa
     assert attachments == [("scenario.toml", "application/toml", b"seed = 1\n", 7)]
     assert metadata == [("cbef.run", {"seed": "1", "host": "b\xf6"})]
     assert late == list(range(91, 100, 2))
+    assert summary is not None
     schema, channel = summary.schemas[1], summary.channels[1]
     assert (schema.name, schema.encoding, schema.data) == ("Beacon", "jsonschema", b'{"type": "object"}')
     assert (channel.topic, channel.metadata, channel.schema_id) == ("cbef/run/a1/beacon", {"agent": "a1"}, 1)
     assert summary.channels[3].schema_id == 0
-    assert summary.statistics.channel_message_counts == {1: 50, 2: 50}
     counts = summary.statistics
+    assert counts is not None
+    assert counts.channel_message_counts == {1: 50, 2: 50}
     assert (counts.schema_count, counts.channel_count, counts.attachment_count) == (1, 3, 1)
     assert counts.metadata_count == 1
     assert counts.chunk_count == len(summary.chunk_indexes) > 2

@@ -59,8 +59,8 @@ def written(path: Path, messages: list[tuple[int, int, int, int, bytes]], compre
         channels = [writer.register_channel(f"key/{n}", "msgpack", schema, {"n": str(n)}) for n in range(4)]
         writer.add_attachment("scenario", "text/plain", b"seed = 1")
         writer.add_metadata("run", {"seed": "1"})
-        for channel, *message in messages:
-            writer.add_message(channels[channel], *message)
+        for channel, logged, published, sequence, data in messages:
+            writer.add_message(channels[channel], logged, published, sequence, data)
         writer.add_metadata("end", {"status": "done"})
 
 
