@@ -50,7 +50,7 @@ def _analyze(
     else:
         console.print(metrics_table(analysis.metrics))
     tell_what_lacks(notes(analysis.metrics))
-    # What was asked for and cannot be had is a mistake; what is written by the way is only told of.
+    # An output that the user asked for and that cannot be written is a mistake; of the others a note is enough.
     if failed and (output or report):
         raise UserError("; ".join(map(str, failed)))
     for one in failed:

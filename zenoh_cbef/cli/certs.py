@@ -16,13 +16,15 @@ _LOCAL = ("localhost", "127.0.0.1", "::1")
 
 
 def _new(
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Where they go.")],
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="The folder that they go into.")],
     agents: Annotated[int, typer.Option(min=0, max=MOST_AGENTS, help="For how many agents.")] = 6,
     hosts: Annotated[
         list[str] | None,
         typer.Option("--host", help="A name or address that processes are reached by, besides loopback; repeatable."),
     ] = None,
-    replay: Annotated[bool, typer.Option("--replay", help="Also for replay, which speaks for everybody.")] = False,
+    replay: Annotated[
+        bool, typer.Option("--replay", help="Also for replay, which sends in the names of all processes.")
+    ] = False,
     days: Annotated[int, typer.Option(min=1, max=36_500, help="How long they are valid.")] = 365,
 ) -> None:
     """Make a test authority, and a certificate and key for each role and agent; what is there stays."""

@@ -1,4 +1,4 @@
-"""What the log tools have in common: which messages are meant, and the word on what could not be read."""
+"""What the log tools share: the choice of messages, and warnings of what could not be read."""
 
 from __future__ import annotations
 
@@ -27,6 +27,6 @@ def selection_of(
 
 
 def tell_damage(sentences: Sequence[str]) -> None:
-    """Name what could not be read, on the error output."""
+    """Name what could not be read, on standard error."""
     for sentence in sentences:
         errors.print(f"warning: {sentence}", highlight=False, markup=False, soft_wrap=True)

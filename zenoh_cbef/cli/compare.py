@@ -53,7 +53,7 @@ def _compare(
     force: Force = False,
     skip: Skip = 0.25,
 ) -> None:
-    """Put logged runs side by side: errors, honesty, agreement, bytes and loss, a row for each."""
+    """Put logged runs side by side: errors, consistency, disagreement, bytes and losses, a row for each."""
     for path in output or ():
         new_file(path, {".csv": "for the rows", ".html": "for the curves"}, force=force)
     paths, traces = _read(logs)
@@ -78,7 +78,7 @@ def _compare(
 
 
 def _read(logs: Sequence[Path]) -> tuple[list[Path], list[Trace]]:
-    """The logs and what is in them; what is none is named and left out. Raises UserError where none is left."""
+    """Read the logs. A file that is no log is named and left out. Raises UserError where none is left."""
     found: dict[Path, tuple[Path, Trace]] = {}
     refused: list[UserError] = []
     # logs/latest stands for the run that it leads to, which logs/* names, too.

@@ -24,11 +24,11 @@ def list_named(described: Mapping[str, str]) -> None:
 
 
 def tell(sentence: str) -> None:
-    """Say something beside the results, as it is."""
+    """Print a sentence on standard error, as it is."""
     errors.print(sentence, highlight=False, soft_wrap=True, markup=False)
 
 
 def tell_what_lacks(sentences: Iterable[str], run: str = "") -> None:
-    """Say what a log does not hold, and what is therefore not scored; run: where several are looked at."""
+    """Print what a log lacks, and what is therefore not scored. run: its name, where several are looked at."""
     for sentence in sentences:
         tell(f"note: {run and f'{run}: '}{sentence}")

@@ -43,16 +43,16 @@ What = Annotated[
 
 
 class _Experiments(TyperGroup):
-    """The verbs of experiments; what names none of them is an experiment to run."""
+    """The commands of `experiment`. A first word that is none of them is an experiment to run."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Put `run` before what is no verb and asks for no help."""
+        """Put `run` in front of an experiment and its options."""
         if args and args[0] not in {*self.commands, *ctx.help_option_names}:
             args = ["run", *args]
         return super().parse_args(ctx, args)
 
     def shell_complete(self, ctx: Any, incomplete: str) -> list[Any]:
-        """Complete the verbs, and the experiments that `run` takes."""
+        """Complete the commands, and the experiments that `run` takes."""
         what, *_ = self.commands["run"].params
         return [*super().shell_complete(ctx, incomplete), *what.shell_complete(ctx, incomplete)]
 

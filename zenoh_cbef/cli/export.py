@@ -32,12 +32,12 @@ class Format(StrEnum):
 
     @property
     def ending(self) -> str:
-        """What the name of the file or folder ends with, behind the log's, unless it is told."""
+        """The end of the output's name, after the log's, where no -o names it."""
         return {"csv": "-csv", "parquet": "-parquet", "viz": "-viz.mcap"}.get(self.value, f".{self.value}")
 
     @property
     def suffix(self) -> str:
-        """What a name ends with that means this format."""
+        """The suffix of -o that means this format."""
         return ".mcap" if self is Format.viz else f".{self.value}"
 
 

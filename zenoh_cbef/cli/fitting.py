@@ -15,7 +15,7 @@ _WIDE = 10_000
 
 
 class Told(Text):
-    """A cell that says by itself what it is of: away from its column it needs no head."""
+    """A cell that names its quantity itself: away from its column it needs no head."""
 
 
 @dataclass(frozen=True)

@@ -16,22 +16,22 @@ from zenoh_cbef.protocol.tls import common_name
 
 
 def _health(
-    who: Annotated[str, typer.Argument(metavar="WHO", help="agent/ID, target or record.")],
+    process: Annotated[str, typer.Argument(metavar="PROCESS", help="agent/ID, target or record.")],
     ctx: JoiningContext,
     run: RunName = None,
     patience: Patience = 3.0,
 ) -> None:
-    """Ask a run whether a process is there: status 0 if so, 1 if not, 2 if nobody answers or no such run is on."""
-    role, _, name = who.partition("/")
-    if role not in {"agent", "target", "record"} or (role == "agent") != (agent_named(who) is not None):
-        raise UserError(f"{who!r} is no process; write agent/ID, as in agent/3, or target, or record")
+    """Ask a run whether a process is there: status 0 if so, 1 if not, 2 if no process answers or no such run is on."""
+    role, _, name = process.partition("/")
+    if role not in {"agent", "target", "record"} or (role == "agent") != (agent_named(process) is not None):
+        raise UserError(f"{process!r} is no process; write agent/ID, as in agent/3, or target, or record")
     # What is looked up on this host is asked as by an operator; elsewhere a process has its own certificate alone.
     elsewhere = bool(ctx.joining.connect) or ctx.joining.config is not None
     found, connection = locate(run, ctx.joining, certificate=common_name(role, name) if elsewhere else "operator")
     if not is_there(replace(connection, gossip=ctx.joining.gossip), found, f"{role}/{name or role}", patience):
-        typer.echo(f"{who} is not in run {found}")
+        typer.echo(f"{process} is not in run {found}")
         raise typer.Exit(1)
-    typer.echo(f"{who} is in run {found}")
+    typer.echo(f"{process} is in run {found}")
 
 
 def register(app: typer.Typer) -> None:

@@ -39,7 +39,7 @@ class _Described:
 
     @property
     def state(self) -> str:
-        """Whether it was closed."""
+        """Whether the log was closed."""
         if not self.complete:
             return "cut off: readable as far as it goes"
         return "complete" if self.run else "whole"

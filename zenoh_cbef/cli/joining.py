@@ -1,4 +1,4 @@
-"""The options of every verb that joins a run: whom to link to, and how to prove who one is."""
+"""The options of every verb that joins a run: its links, and its certificate."""
 
 from __future__ import annotations
 
@@ -34,14 +34,15 @@ _Listen = Annotated[
         help="Accept links there; default: a loopback port, 7447 for target, router and replay, else a free one.",
     ),
 ]
-_Gossip = Annotated[bool, typer.Option(help="Let processes tell each other about third ones.")]
+_Gossip = Annotated[bool, typer.Option(help="Let linked processes tell each other of further ones.")]
 _Client = Annotated[bool, typer.Option("--client", help="Join through a router instead of peer to peer.")]
 _Config = Annotated[str | None, typer.Option("--config", metavar="FILE", help="A Zenoh configuration file.")]
 _Lease = Annotated[
-    int, typer.Option(min=100, max=600_000, metavar="MS", help="How long a silent link is taken to be alive.")
+    int, typer.Option(min=100, max=600_000, metavar="MS", help="When a silent link counts as broken, ms.")
 ]
 _Folder = Annotated[
-    Path | None, typer.Option("--tls", metavar="DIR", help="Certificates of 'certs new'; links without are refused.")
+    Path | None,
+    typer.Option("--tls", metavar="DIR", help="A folder of 'certs new'; links without a certificate are refused."),
 ]
 _Ca = Annotated[
     Path | None, typer.Option("--ca", metavar="FILE", help="Instead of --tls: the authority's certificate.")
@@ -117,7 +118,7 @@ class JoiningCommand(TyperCommand):
 
 
 def identity_of(role: str, name: str, run: str, connection: Connection, patience: float) -> Identity:
-    """Which process of which run this is. Raises UserError for a bad name or a missing endpoint."""
+    """The process of a run that these options describe. Raises UserError for a bad name or a missing endpoint."""
     checked(run, "--run")
     checked(name, "--name")
     if role != "target" and not connection.connect and not connection.listen and connection.config is None:
@@ -127,9 +128,9 @@ def identity_of(role: str, name: str, run: str, connection: Connection, patience
 
 
 def warn_of_exposure(connection: Connection) -> None:
-    """Say once that others can listen in, where they can."""
+    """Warn of endpoints that other hosts reach without a certificate."""
     if connection.exposed:
         sys.stderr.write(
-            f"warning: {', '.join(connection.exposed)} can be reached from other hosts, and without --tls everybody "
-            "there can read and forge messages\n"
+            f"warning: {', '.join(connection.exposed)} can be reached from other hosts, and without --tls every "
+            "program there can read and forge messages\n"
         )

@@ -46,7 +46,7 @@ def main() -> None:
 
 
 def _open_streams() -> None:
-    """Let what the caller closed lead nowhere: a log would get the number of a stream, and words of Zenoh in it."""
+    """Open what the caller closed, to nowhere: else a log gets the number of a stream, and words of Zenoh in it."""
     for number in range(3):
         try:
             os.fstat(number)
@@ -73,7 +73,7 @@ def _run() -> int:
 
 
 def _sentence(error: Exception) -> str:
-    """What to tell of an error. Raises it again where it is none of the user's."""
+    """What to tell of an error. Raises it again where it is a mistake of this program."""
     if isinstance(error, UserError):
         return str(error)
     if isinstance(error, OSError):

@@ -27,9 +27,9 @@ Overrides = Annotated[
 LogFile = Annotated[
     Path, typer.Argument(metavar="LOG", autocompletion=logs, help="A log, the folder of a run, or its name in logs/.")
 ]
-Force = Annotated[bool, typer.Option("--force", "-f", help="Write over what --output names.")]
+Force = Annotated[bool, typer.Option("--force", "-f", help="Overwrite what --output names.")]
 NewLog = Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="The log to write.")]
-Compress = Annotated[Literal["zstd", "lz4", "none"], typer.Option("--compression", help="Of the log to write.")]
+Compress = Annotated[Literal["zstd", "lz4", "none"], typer.Option("--compression", help="Compression of the new log.")]
 WHICH = "Which messages"
 """Heading of the options that choose messages of a log."""
 Include = Annotated[

@@ -10,19 +10,19 @@ from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.common.naming import ACTIVE
 
 _FILES = {".csv", ".html", ".json", ".mcap", ".npz", ".parquet", ".pdf", ".png", ".rrd", ".svg", ".toml"}
-"""Suffixes of files, with which no folder of results is called."""
+"""Suffixes of files; the name of a folder of results ends with none of them."""
 
 
 _ANY: Mapping[str, str] = {}
 
 
 def stem_of(log: Path) -> str:
-    """What the outputs of a log are called after: `run` for run.mcap."""
+    """What the names of a log's outputs begin with: `run` for run.mcap."""
     return log.name.removesuffix(ACTIVE).removesuffix(".mcap")
 
 
 def beside(log: Path, name: str) -> Path:
-    """Where an output goes that no -o names: by the log, with its name in front unless that is run.mcap."""
+    """The place of an output without -o: beside the log, with its name in front unless that is run.mcap."""
     stem = stem_of(log)
     return log.with_name(name if stem == "run" else f"{stem}.{name}")
 

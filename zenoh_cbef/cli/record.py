@@ -31,7 +31,9 @@ def _record(
     ] = None,
     name: Annotated[str, typer.Option("--name", help="This recorder's name, where a run has several.")] = "record",
     patience: Patience = 3.0,
-    sync: Annotated[bool, typer.Option("--sync", help="Flush to the disk, not only to the system.")] = False,
+    sync: Annotated[
+        bool, typer.Option("--sync", help="Flush to the disk itself, not only to the operating system.")
+    ] = False,
     status_json: Annotated[bool, typer.Option("--status-json", hidden=True)] = False,
 ) -> None:
     """Record all traffic of a run into an MCAP log until the run ends."""

@@ -31,13 +31,15 @@ _PORT = 7447
 
 
 class Destination(StrEnum):
-    """Who gets what was recorded."""
+    """Where the recorded messages go."""
 
     network = "network"
     agents = "agents"
 
 
-To = Annotated[Destination, typer.Option("--to", help="network: all, to subscribers. agents: beacons, to new agents.")]
+To = Annotated[
+    Destination, typer.Option("--to", help="network: all messages, to subscribers. agents: the beacons, to new agents.")
+]
 Settings = Annotated[
     list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="With --to agents: as for reestimate.")
 ]

@@ -24,7 +24,7 @@ def _router(
 ) -> None:
     """Run a router until Ctrl-C; the processes of any run join through it with --client --connect ENDPOINT."""
     if ctx.joining.client:
-        raise UserError("a router is nobody's client; leave --client out, and name other routers with --connect")
+        raise UserError("a router cannot join as a client; leave --client out, and name other routers with --connect")
     connection = ctx.joining.connection("router", mode="router")
     if not connection.listen and connection.config is None:
         connection = replace(connection, listen=[connection.loopback(_PORT)])

@@ -85,7 +85,7 @@ class _Display:
 
 
 class _StopRequests:
-    """Counts Ctrl-C and other polite signals, while it is entered, instead of dying of them."""
+    """Counts Ctrl-C and other signals that ask for an end, while it is entered; they do not end this process."""
 
     def __init__(self) -> None:
         self.count = 0
@@ -114,7 +114,9 @@ def _run(
         typer.Option("--run", callback=check_run, help="The run's name; default: the scenario's and the time."),
     ] = None,
     report: Annotated[bool, typer.Option("--report/--no-report", help="Write report.html and figures.")] = True,
-    sync: Annotated[bool, typer.Option("--sync", help="Flush the log to the disk, not only to the system.")] = False,
+    sync: Annotated[
+        bool, typer.Option("--sync", help="Flush the log to the disk itself, not only to the operating system.")
+    ] = False,
 ) -> None:
     """Run a scenario on this host: target, agents and recorder as processes over Zenoh, then the analysis."""
     arguments = [scenario, *(part for one in overrides or () for part in ("--set", one))]

@@ -27,7 +27,7 @@ def _show(
     overrides: Overrides = None,
     full: Annotated[bool, typer.Option("--full", help="With every default written out.")] = False,
 ) -> None:
-    """Print a scenario as it is written; with --full or --set, as it is meant."""
+    """Print a scenario as it is written; with --full or --set, as it is run."""
     if full or overrides:
         typer.echo(to_toml(load(scenario, overrides or ()).scenario), nl=False)
     else:

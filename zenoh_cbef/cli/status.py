@@ -27,7 +27,7 @@ def _status(
     once: Annotated[bool, typer.Option("--once", help="Show it once, also on a terminal.")] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Show a run that goes on: who is where, errors, loss and latency, clocks. On a terminal, once a second."""
+    """Show a run that goes on: agents, hosts, errors, loss and latency, clocks. On a terminal, once a second."""
     name, connection = locate(run, ctx.joining)
     with Operator(name, connection) as operator:
         first = operator.status()

@@ -72,7 +72,7 @@ def _place(where: Whereabouts) -> str:
 
 
 def agents_table(status: RunStatus, *, brief: bool = False) -> Fitting:
-    """Who is where, and how well it tracks; brief: without the place."""
+    """Where each agent is, and how well it tracks; brief: without the place."""
     table = Table(box=None, pad_edge=False)
     places = () if brief else ("host", "pid", "version", "clock, ms")
     for column in ("agent", "", *places, "step", "error, m", "claimed, m", "NIS"):
@@ -145,7 +145,7 @@ def _share(count: int | None, of: Sequence[int | None]) -> str:
 
 
 def _trouble(link: LinkStatus) -> tuple[float, float, float]:
-    """What goes wrong now counts before what went wrong."""
+    """The order of links: by what goes wrong now, then by what went wrong since the start."""
 
     def part(received: int | None, lost: int | None, late: int | None) -> float:
         bad = (lost or 0) + (late or 0)

@@ -75,7 +75,9 @@ def _target(
     for warning in check(loaded.plan):
         sys.stderr.write(f"warning: {warning}\n")
     if wait_for is not None and loaded.scenario.timing.mode != "realtime":
-        raise UserError("--wait-for needs timing.mode = 'realtime': in lockstep the scenario says who is there")
+        raise UserError(
+            "--wait-for needs timing.mode = 'realtime': in lockstep the scenario says which agents take part"
+        )
     if receivers and (beacons is not None or loaded.scenario.timing.mode != "realtime"):
         raise UserError("--receivers measure now: set timing.mode = 'realtime', and leave --beacons out")
     name = run or loaded.scenario.name

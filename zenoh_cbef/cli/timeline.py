@@ -43,7 +43,7 @@ def _timeline(
     output: Output = None,
     force: Force = False,
 ) -> None:
-    """Draw who sent what to whom, when, and what became of it: agents as lines, messages as arrows.
+    """Draw the messages between agents over time, and what became of each: agents as lines, messages as arrows.
 
     Times are real ones, in lockstep too: seconds since the target's start signal.
     """

@@ -41,7 +41,7 @@ class _Screen:
         self._disagreements: deque[float | None] = deque(maxlen=_KEPT)
 
     def take(self, status: RunStatus) -> RenderableType:
-        """Go on by one state."""
+        """Take in the next status; returns the new picture."""
         if status.step is not None:
             self._errors.append(status.error)
             self._disagreements.append(status.disagreement)

@@ -13,7 +13,7 @@ _LEAST, _MOST = 10_000, 60_000
 
 
 def free_ports(count: int) -> list[int]:
-    """TCP ports that nobody listens on now; whoever takes one in the meantime makes its taker start again.
+    """TCP ports that no program listens on now. Where one takes a port in the meantime, the launcher starts again.
 
     Ports that the kernel hands out to outgoing connections are avoided where others are left.
     """
