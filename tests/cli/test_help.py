@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shlex
 import subprocess
 import sys
@@ -120,9 +121,10 @@ def complete(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
 
     def told(line: str) -> list[str]:
-        words = line.split(" ")
+        # As bash splits a line: an = or a : is a word of its own.
+        words = [word for part in line.split(" ") for word in re.split("([=:])", part) if word or not part]
         monkeypatch.setenv("_ZENOH_CBEF_COMPLETE", "complete_bash")
-        monkeypatch.setenv("COMP_WORDS", line)
+        monkeypatch.setenv("COMP_WORDS", "\n".join(words))
         monkeypatch.setenv("COMP_CWORD", str(len(words) - 1))
         status, out, _ = call(monkeypatch, capsys)
         assert status == 0
@@ -147,6 +149,9 @@ def complete(tmp_path, monkeypatch, capsys):
         ("zenoh-cbef fault add burst", ["burst-loss"]),
         ("zenoh-cbef status --run nothing-is-called-so", []),
         ("zenoh-cbef agent 0 --run x --conn", ["--connect"]),
+        ("zenoh-cbef run --set consensus.rounds=5 pa", ["paper"]),
+        ("zenoh-cbef run --set steps=", []),
+        ("zenoh-cbef agent 0 --connect tcp/127.0.0.1:7447 --cl", ["--client"]),
     ],
 )
 def test_a_shell_completes(complete, line, expected):

@@ -5,9 +5,25 @@ Each is imported only where a shell asks for it, as what a verb imports counts i
 
 from __future__ import annotations
 
+import os
 from importlib import import_module
 from pathlib import Path
 from typing import get_args
+
+_BREAKS = ("=", ":")
+
+
+def mend_words() -> None:
+    """Join again what bash has split: it takes the = and : of KEY=VALUE and tcp/HOST:PORT for words of their own."""
+    current, joined = int(os.environ["COMP_CWORD"]), list[str]()
+    for number, word in enumerate(os.environ["COMP_WORDS"].split("\n")):
+        if joined and (word in _BREAKS or joined[-1].endswith(_BREAKS)):
+            joined[-1] += word
+        else:
+            joined.append(word)
+        if number == current:
+            os.environ["COMP_CWORD"] = str(len(joined) - 1)
+    os.environ["COMP_WORDS"] = "\n".join(joined)
 
 
 def scenarios(incomplete: str) -> list[tuple[str, str]]:

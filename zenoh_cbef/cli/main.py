@@ -58,6 +58,8 @@ def _open_streams() -> None:
 
 def _run() -> int:
     try:
+        if {"COMP_WORDS", "COMP_CWORD"} <= os.environ.keys():  # bash asks what may come next
+            import_module("zenoh_cbef.cli.completing").mend_words()
         application: typer.Typer = import_module("zenoh_cbef.cli.verbs").build()
         with import_module("zenoh_cbef.cli.warned").plain_warnings():
             application(prog_name="zenoh-cbef")
