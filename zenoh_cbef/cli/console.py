@@ -2,25 +2,16 @@
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Iterable, Mapping
-from textwrap import fill
+from collections.abc import Iterable
 
 from rich.console import Console
 
 from zenoh_cbef.numbers import number
 
-__all__ = ["console", "errors", "list_named", "number", "tell", "tell_what_lacks"]
+__all__ = ["console", "errors", "number", "tell", "tell_what_lacks"]
 
 console = Console()
 errors = Console(stderr=True)
-
-
-def list_named(described: Mapping[str, str]) -> None:
-    """Print names and what each stands for, a line each; on a terminal folded to its width."""
-    width = console.width if console.is_terminal else sys.maxsize
-    for name, words in described.items():
-        print(fill(f"{name:10} {words}", width, subsequent_indent=" " * 11, break_long_words=False))
 
 
 def tell(sentence: str) -> None:

@@ -11,9 +11,10 @@ from rich.table import Table
 from typer.core import TyperGroup
 
 from zenoh_cbef.cli.completing import experiments
-from zenoh_cbef.cli.console import console, errors, list_named, number, tell
+from zenoh_cbef.cli.console import console, errors, number, tell
 from zenoh_cbef.cli.fitting import Fitting
 from zenoh_cbef.cli.interrupts import INTERRUPTED
+from zenoh_cbef.cli.listing import list_named
 from zenoh_cbef.cli.options import AsJson, Force, Skip
 from zenoh_cbef.cli.places import new_folder_of
 from zenoh_cbef.errors import UserError

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from zenoh_cbef.cli.completing import scenarios
-from zenoh_cbef.cli.console import list_named
+from zenoh_cbef.cli.listing import list_named
 from zenoh_cbef.cli.options import Overrides, ScenarioName
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.scenario.checks import check
