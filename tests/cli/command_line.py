@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import typer
 from typer.core import TyperCommand, TyperGroup
@@ -15,7 +16,9 @@ def names() -> list[str]:
 
 
 def loaded(verb: str) -> TyperCommand | TyperGroup:
-    return verbs.load(verb).commands[verb]
+    found = verbs.load(verb).commands[verb]
+    assert isinstance(found, TyperCommand | TyperGroup)
+    return found
 
 
 def leaves() -> Iterator[tuple[str, TyperCommand]]:
@@ -23,14 +26,16 @@ def leaves() -> Iterator[tuple[str, TyperCommand]]:
     for name in names():
         verb = loaded(name)
         if isinstance(verb, TyperGroup):
-            yield from ((f"{name} {one}", command) for one, command in verb.commands.items())
+            for one, command in verb.commands.items():
+                assert isinstance(command, TyperCommand)
+                yield f"{name} {one}", command
         else:
             yield name, verb
 
 
 def parse(words: list[str]) -> None:
     """Let the command line parse the words after "zenoh-cbef", and do nothing. Raises its error for what it refuses."""
-    command: TyperCommand | TyperGroup = typer.main.get_command(verbs.build())
+    command: Any = typer.main.get_command(verbs.build())
     context = command.make_context("zenoh-cbef", list(words))
     while isinstance(command, TyperGroup):
         name, command, rest = command.resolve_command(context, [*context._protected_args, *context.args])  # noqa: SLF001 - typer tells it nowhere else

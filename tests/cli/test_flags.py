@@ -4,9 +4,10 @@ import sys
 import typing
 import warnings
 from collections.abc import Iterator
+from typing import Any
 
 import pytest
-from typer.core import TyperArgument, TyperOption
+from typer.core import TyperOption
 
 from tests.cli.command_line import leaves
 from tests.cli.test_errors import call
@@ -28,14 +29,14 @@ GIVEN = {
 }
 
 
-def numbers() -> Iterator[tuple[str, TyperOption | TyperArgument]]:
+def numbers() -> Iterator[tuple[str, Any]]:
     """Verb and option of everything on the command line that takes a number."""
     for verb, command in leaves():
         yield from ((verb, one) for one in command.params if kind_of(one) in (int, float))
 
 
-def kind_of(option: TyperOption | TyperArgument) -> type | None:
-    """What an option takes, or takes several of."""
+def kind_of(option: Any) -> type | None:
+    """What an option or argument of typer's takes, or takes several of."""
     annotation = option.type_descriptor.annotation
     parts = {annotation, *typing.get_args(annotation)}
     return next((kind for kind in (int, float, bool) if kind in parts), None)

@@ -8,6 +8,7 @@ import shlex
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -47,7 +48,7 @@ def test_h_is_help_everywhere(monkeypatch, capsys, words):
 
 @pytest.mark.parametrize("words", LEAVES)
 def test_every_verb_has_an_example_that_the_command_line_takes(words):
-    example = LEAVES[words].epilog
+    example = LEAVES[words].epilog or ""
     assert example.startswith(f"Example: zenoh-cbef {words}")
     parse(shlex.split(example.removeprefix("Example: zenoh-cbef ")))
 
@@ -66,7 +67,9 @@ def test_the_options_for_joining_are_the_same_objects_for_all_who_join():
 
 def test_y_and_n_are_the_same_option_wherever_they_are():
     for short, long in (("-y", "--include-topic-regex"), ("-n", "--exclude-topic-regex")):
-        found = {words: one for words, verb in LEAVES.items() for one in verb.params if short in one.opts}
+        found: dict[str, Any] = {
+            words: one for words, verb in LEAVES.items() for one in verb.params if short in one.opts
+        }
         assert set(found) == {"cat", "filter", "replay"}
         assert {(tuple(one.opts), one.help) for one in found.values()} == {
             ((short, long), next(iter(found.values())).help)

@@ -64,8 +64,9 @@ def pages(tmp_path_factory):
     pytest.importorskip("plotly")
     folder = tmp_path_factory.mktemp("pages")
     agents = {"count": 2, "labels": [HOSTILE, "b"]}
-    trace = simulate([Scenario(steps=6, agents=agents, network={"graph": "path"})])[0]
-    events = [{"from": HOSTILE, "kind": HOSTILE, "text": HOSTILE, "data": {HOSTILE: HOSTILE}}]
+    said = {"steps": 6, "agents": agents, "network": {"graph": "path"}}
+    trace = simulate([Scenario.model_validate(said)])[0]
+    events: list[dict[str, object]] = [{"from": HOSTILE, "kind": HOSTILE, "text": HOSTILE, "data": {HOSTILE: HOSTILE}}]
     analysis = analyze([dataclasses.replace(trace, name=HOSTILE, events=events)])[0]
     write_report(analysis, folder / "report.html")
     write_comparison([analysis, analysis], [HOSTILE, "b"], folder / "comparison.html")
@@ -85,7 +86,8 @@ def pages(tmp_path_factory):
     (folder / "sweep.toml").write_text(EXPERIMENT)
     written = read_experiment(str(folder / "sweep.toml"), {})
     cells = cells_of(written)
-    outcomes = [simulated(cell.scenario, [1], 0.25) for cell in cells]
+    outcomes = [simulated(cell.scenario, [1], 0.25) for cell in cells if cell.scenario is not None]
+    assert len(outcomes) == len(cells)
     outcomes[0].append({"seed": 2, "error": HOSTILE})
     write_outputs(summarize(written, cells, outcomes), rows_of(cells, outcomes), written.source, folder)
     return {kind: (folder / f"{kind}.html").read_text(encoding="utf-8") for kind in KINDS}
@@ -104,7 +106,7 @@ def test_a_page_fetches_nothing_from_outside(pages, kind):
     tags = Tags(pages[kind]).tags
     policies = [each["content"] for _, each in tags if each.get("http-equiv") == "Content-Security-Policy"]
     assert len(policies) == 1
-    assert policies[0].startswith("default-src 'none'")
+    assert str(policies[0]).startswith("default-src 'none'")
     fetched = [each[name] for _, each in tags for name in ("src", "href", "srcset", "action") if name in each]
     assert fetched == (["plotly.min.js"] if kind.startswith("figures") else [])
 

@@ -65,6 +65,7 @@ def within(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
             main()
     signal.signal(signal.SIGINT, heeds)
     out, err = (stream.buffer.getvalue().decode() for stream in streams)
+    assert isinstance(ended.value.code, int), err
     return subprocess.CompletedProcess(arguments, ended.value.code, out, err)
 
 

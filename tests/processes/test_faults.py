@@ -82,8 +82,8 @@ def test_every_kind_of_fault_gives_the_simulators_bits_and_is_counted_and_marked
     assert recording.estimates.seen(30).all()
     for agent, receipts in enumerate(recording.receipts):
         for step in range(1, 31):
-            told = receipts.told(step)
-            assert told.get("fates", ["...", "..."]) == marks(parse(scenario, "test"), agent, step, told, kind)
+            receipt = receipts.told(step)
+            assert receipt.get("fates", ["...", "..."]) == marks(parse(scenario, "test"), agent, step, receipt, kind)
 
     tampered = {
         "injected_lost": lambda counts: [counts[0] + 1, *counts[1:]],

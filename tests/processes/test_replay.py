@@ -115,7 +115,7 @@ def test_every_byte_comes_again_in_order(recorded, listener):
 
 def test_keys_are_chosen_left_out_and_renamed(recorded, listener):
     run = recorded.run
-    options = ("--topics", "cbef/*/agent/**", "-y", ".*/beacon/[01]", "--exclude", "cbef/**/round")
+    options: tuple[str, ...] = ("--topics", "cbef/*/agent/**", "-y", ".*/beacon/[01]", "--exclude", "cbef/**/round")
     options += ("--exclude-regex", "agent/3")
     heard = play(recorded, listener, "-r", "1000", *options, "--remap", f"cbef/{run}/agent/1:=lab/one")
 
