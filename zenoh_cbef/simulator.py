@@ -138,7 +138,7 @@ class Simulation:
         )
 
     def _welcome(self, step: int) -> None:
-        """Who comes back without a memory begins with what its neighbours know, as far as they can be asked."""
+        """Agents that come back without a memory begin with the estimates of those neighbours that they can ask."""
         if self._estimate is None:
             return
         present, index = self.neighbours.present, self.neighbours.index

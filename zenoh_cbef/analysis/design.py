@@ -108,7 +108,7 @@ def cannot(plan: Plan) -> list[str]:
         f"Errors of more than {_MOST_STATES // plan.motion.size} agents are not predicted; try 'sim'.": (
             scenario.count * plan.motion.size > _MOST_STATES
         ),
-        "Recorded ranges have biases and outliers that nobody knows beforehand: errors are those of noise of "
+        "Recorded ranges have biases and outliers that are unknown beforehand: errors are those of noise of "
         f"{plan.range_std:g} m alone, so expect more.": recorded,
         "Outliers are not in the prediction: expect larger errors.": (
             not recorded and sensor.outlier_probability > 0.0
@@ -177,8 +177,8 @@ class _Predictor:
         self._weight = {"sicf": count, "icf": count, "hcmci": omega}.get(kind, 1.0)
         self._clipping = Clipping.at(level_of(kind, scenario.filter.xi))
         self._mixing: dict[Scheme, Floats] = {}
-        everybody = np.full((1, 1, scenario.count, scenario.count), 1.0 / scenario.count)
-        [self.centralized] = self._errors(everybody, count)
+        exact = np.full((1, 1, scenario.count, scenario.count), 1.0 / scenario.count)
+        [self.centralized] = self._errors(exact, count)
         self.found: dict[tuple[Scheme, int], dict[str, float]] = {}
 
     def predict(self, wanted: Sequence[tuple[Scheme, int]]) -> None:

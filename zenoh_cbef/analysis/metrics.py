@@ -81,7 +81,7 @@ def analyze(traces: Sequence[Trace], skip: float = 0.25) -> list[Analysis]:
 
 
 def notes(metrics: Mapping[str, Any]) -> list[str]:
-    """What a reader has to know of a run beside its figures, in sentences: what is not scored or seen, who was slow."""
+    """Notes on a run for its reader, in sentences: what is not scored or not observable, which processes were slow."""
     return [*metrics["lacks"], *filter(None, [unseen_note(metrics["unobservable_steps"]), slow_note(metrics["slow"])])]
 
 

@@ -49,7 +49,7 @@ def observability(initial: Floats, motion: NearlyConstantVelocity, sight: Sight,
 
 
 def unseen_steps(trace: Trace) -> Bools:
-    """The estimated steps (K,) in which those who took part and had ranges could not determine the position.
+    """The estimated steps (K,) in which the agents that took part and had ranges could not determine the position.
 
     Of what is not in the log it is presumed that it was there.
     """

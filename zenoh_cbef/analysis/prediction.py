@@ -137,7 +137,7 @@ def _scores(error: Floats, joined: Floats, axes: int) -> Floats:
 
 
 def _mixed(how: Floats, shared: Floats) -> tuple[Floats, Floats]:
-    """What averaging makes of the agents' information; who would get none keeps to its own, as filters do."""
+    """The agents' information after averaging; an agent whose result is no information keeps its own, as in filters."""
     shape = shared.shape
     joined = (how @ shared.reshape(*shape[:2], -1)).reshape(shape)
     eigenvalues = np.linalg.eigvalsh(joined)

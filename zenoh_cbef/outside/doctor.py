@@ -30,7 +30,7 @@ _SECONDS = 2.0
 
 @dataclass(frozen=True)
 class Finding:
-    """What was looked at, how it is, and where it is not well what to do."""
+    """The result of one check: what it looked at, its state, and what to do if that is not in order."""
 
     subject: str
     level: str
@@ -135,7 +135,7 @@ def _port() -> Finding:
             probe.bind(("127.0.0.1", _PORT))
         except OSError as error:
             words = f"{_PORT}, where 'target' listens unless told otherwise, cannot be had ({error.strerror})"
-            return Finding("port", WARNING, f"{words}; use --listen there, or end who has it")
+            return Finding("port", WARNING, f"{words}; use --listen there, or end the program that has it")
     return Finding("port", OK, f"{_PORT}, where 'target' listens unless told otherwise, is free")
 
 

@@ -21,7 +21,7 @@ _SHARE = 0.1
 
 
 def check_run(run: str | None, connection: Connection) -> Iterator[Finding]:
-    """What is to be said of a run, or of what answers at all where none is named."""
+    """Findings about a run; where no run is named, about the runs that answer."""
     with Operator(run or "*", connection) as operator:
         if not wait_for_link(operator.session, operator.patience):
             yield Finding("link", PROBLEM, why_no_answer(operator.session, connection, str(run)))

@@ -1,4 +1,4 @@
-"""The state of a run that goes on, made of what its target told: who is where, how well it tracks, what is lost."""
+"""The state of a run that goes on, made of its target's answer: each process and its host, errors, losses."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ class RunStatus:
 
 
 def read_status(told: Mapping[str, Any]) -> RunStatus:
-    """Put together what a target told."""
+    """The status in a target's answer."""
     run, count = told["run"], told["agents"]
     estimates = _by_sender(_messages("estimate", told["estimates"], run))
     earlier = _by_sender(_messages("estimate", told.get("earlier", []), run))
@@ -152,7 +152,7 @@ def _by_sender(messages: list[Message]) -> dict[str, Message]:
 
 
 def _slow(events: list[Message], now: float) -> list[str]:
-    """Who said of itself that it is too slow, and has had no time since to say so again."""
+    """The processes that reported themselves as too slow so lately that they could not have repeated it yet."""
     lately = (one["from"] for one in events if one["kind"] == SLOW and now - 1e-9 * one["sent"] < _LATELY_SECONDS)
     return sorted({name for name in lately if name == "target" or agent_named(name) is not None})
 
@@ -193,7 +193,7 @@ def _quality(message: Message | None, truth: Mapping[int, NDArray[np.float64]], 
 
 
 def _distance(message: Message, truth: Mapping[int, NDArray[np.float64]], axes: int) -> float | None:
-    """Squared, m²; None where nobody knows the truth."""
+    """Squared distance from the truth, m²; None where the truth is unknown."""
     real = truth.get(message["k"])
     if real is None or not np.isfinite(real[:axes]).all():
         return None
@@ -203,7 +203,7 @@ def _distance(message: Message, truth: Mapping[int, NDArray[np.float64]], axes: 
 def _network(
     messages: list[Message], truth: Mapping[int, NDArray[np.float64]], axes: int
 ) -> tuple[float | None, float | None]:
-    """Error and disagreement of those who are at the step that most are at."""
+    """Error and disagreement, m, of the agents in the step that most of them are at."""
     steps = [message["k"] for message in messages]
     if not steps:
         return None, None

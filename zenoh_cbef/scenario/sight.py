@@ -46,7 +46,7 @@ def open_axes_between(plan: Plan, agents: Sequence[int], first: int, last: int) 
 def unobservable_steps(plan: Plan, positions: Floats, there: Bools) -> Bools:
     """The steps (K,) of all windows in which ranges do not determine the position, whatever came before.
 
-    positions: (n, K, 3), m. there: (n, K), of whom there is a range.
+    positions: (n, K, 3), m. there: (n, K), which agents have a range.
     """
     window = window_of(plan, there.shape[1])
     left_open = open_axes(positions[:, :, : plan.space.axes], there, window, plan.range_std)

@@ -42,7 +42,7 @@ def agent_colour(agent: int, alpha: float = 1.0) -> Colour:
 
 
 def health_colour(delivered: float) -> Floats:
-    """From green, everything came in time, to red, nothing did; grey where nobody knows. (4,), from 0 to 1."""
+    """From green, all messages came in time, to red, none did; grey where that is unknown. (4,), from 0 to 1."""
     return _WHOLE + (1.0 - delivered) * (_BROKEN - _WHOLE) if isfinite(delivered) else _UNKNOWN
 
 

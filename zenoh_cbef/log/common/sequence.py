@@ -154,7 +154,7 @@ class Sequence:
         self.absurd += 1
 
     def _doubt(self, number: int) -> None:
-        """Where numbers go on as if nothing had been, the 0 was somebody else's: the life before goes on."""
+        """Go on with the life before where numbers continue as in that life: the 0 was sent by another process."""
         if self.next == 1 < self._before.next <= number:
             self.next, self._life = self._before.next, self._before
 

@@ -1,4 +1,4 @@
-"""What an MCAP file holds: its records as they are read, checked against what they say of themselves.
+"""The records of an MCAP file as they are read, checked against their own lengths and checksums.
 
 The format is that of the MCAP specification (https://mcap.dev/spec).
 """
@@ -21,11 +21,11 @@ from mcap.opcode import Opcode
 from zenoh_cbef.extras import from_extra
 
 MAX_RECORD_BYTES = 1 << 28
-"""Of an attachment, a declaration, a message, or the summary: more is taken for a lie of its length."""
+"""The longest attachment, declaration, message or summary: a reader takes a larger length for wrong."""
 
 MAX_CHUNK_BYTES = 1 << 29
 _BOMB_BYTES, _BOMB_RATIO = 1 << 26, 200
-"""A chunk that is larger than this, and by so much larger than what it is made of, is there to fill the memory."""
+"""A reader refuses a chunk that is larger than this, and this many times larger than its compressed data."""
 
 NO_CRC = bytes(4)
 RECORD = struct.Struct("<BQ")

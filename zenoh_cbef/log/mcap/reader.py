@@ -47,13 +47,13 @@ _FOOTER = struct.Struct("<BQQQI")
 class McapFile:
     """An MCAP file on disk, which must not shrink while it is open.
 
-    What cannot be trusted is left out and named in damage. NotMcapError for a path that is no MCAP file,
-    OSError for one that cannot be opened, UserError when lz4 is needed and not installed.
+    The reader leaves out what it cannot trust and names it in damage. Raises NotMcapError for a path that is no MCAP
+    file, OSError for one that cannot be opened, UserError when lz4 is needed and not installed.
 
     complete: whether the closing footer and magic are there. closed: whether the data section was seen to end as its
     writer ended it, once messages() has run to its end. lost: one sentence for each fault of the data met so far,
-    at most MAX_DAMAGE of them; all are met by then. What the format guards with no CRC cannot be told true: metadata
-    in a file without a footer, and the last chunk of it when that is cut.
+    at most MAX_DAMAGE of them; all are met by then. The format has no CRC for metadata in a file without a footer, nor
+    for the last chunk of it when that is cut: errors in these stay unseen.
     """
 
     def __init__(self, path: Path) -> None:

@@ -39,7 +39,8 @@ class Tally:
     """What was counted in a log.
 
     recorded: messages that are what their key promises; undecodable: the others. agent_bytes: of the recorded
-    messages that agents own, but for events. sequences: of what a key's owner sent, or on others those who may.
+    messages that agents own, but for events. sequences: of the messages of a key's owner; of a key without an owner,
+    those of all senders that may use it.
     """
 
     recorded: int = 0
@@ -48,10 +49,7 @@ class Tally:
     sequences: Sequences = field(default_factory=Sequences)
 
     def hear(self, event: dict[str, Any]) -> None:
-        """Take the word of a process that ended for how many messages it sent on each of its keys.
-
-        Likewise that of a recorder for whom it could not hear.
-        """
+        """Take in an event: how many messages a process that ended sent, or which process a recorder lost sight of."""
         told = event.get("data", {})
         if event["kind"] in {"left", "returned"} and event["from"].startswith("record"):
             for (_, sender), sequence in self.sequences:

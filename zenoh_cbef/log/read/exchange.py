@@ -180,7 +180,7 @@ class _Builder:
         rounds = max(1, math.ceil(delay / slot - 1e-9))
         later = self.times.used(agent, due[0], due[1] + rounds)
         if math.isfinite(later):
-            # Who does not wait for a message can be past that round before the message is sent.
+            # An agent that does not wait for a message can be past that round before the message is sent.
             return max(later, sent)
         pace = self.times.used(agent, *due) - self.times.sent(agent, *due)
         return sent + (rounds + 1) * pace if math.isfinite(pace) else math.inf

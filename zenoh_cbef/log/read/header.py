@@ -1,4 +1,4 @@
-"""What a log says of itself."""
+"""The name and the scenario of a log's run."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a log says was measured, without what its agents made of it."""
+"""The measurements in a log, without the agents' estimates."""
 
 from __future__ import annotations
 
@@ -68,13 +68,13 @@ class Measurements:
         return ({0: max(begun)} if begun else {}) | dict(zip((steps + 1).tolist(), times.tolist(), strict=True))
 
     def truth(self, step: int) -> dict[str, Any] | None:
-        """What the target told of its state in a step."""
+        """The truth in a step, as the target published it."""
         if not self.recording.truth.seen(step)[0, step - 1]:
             return None
         return {"k": step, "state": self.recording.truth.numbers("state", step)[0, step - 1].tolist()}
 
     def beacon(self, agent: int, step: int) -> tuple[str, dict[str, Any]]:
-        """Who sent a beacon, and what it said; where the log has none, it was not heard."""
+        """Sender and content of a beacon; a beacon that is not in the log counts as not heard."""
         beacons = self.recording.beacons
         if not beacons.seen(step)[agent, step - 1]:
             return "target", {"k": step, "emitted": None, "arrived": None}
@@ -83,7 +83,7 @@ class Measurements:
         return self.recording.senders[sender], {"k": step, "emitted": emitted, "arrived": arrived}
 
     def lacks(self) -> list[str]:
-        """What the log does not say of the steps that are estimated from it, a sentence each."""
+        """What the log lacks of the steps that are estimated from it, a sentence each."""
         heard, truth = self._heard, int(self.recording.truth.seen(self.steps).sum())
         silent = map(str, np.flatnonzero(~heard.any(axis=1)).tolist())
         first = int(heard.any(axis=0).argmax()) + 1

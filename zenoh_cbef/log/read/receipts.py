@@ -1,4 +1,4 @@
-"""What an agent said of its neighbours' messages, as arrays."""
+"""An agent's counts of its neighbours' messages, as arrays."""
 
 from __future__ import annotations
 

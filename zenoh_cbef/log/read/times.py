@@ -22,7 +22,7 @@ class MessageTimes:
     """Sending times, s since the start signal; NaN where the log has no such message. n agents, K steps, L rounds.
 
     beacons: (n, K). heard: (n, K), whether there was anything in them. sends: (n, K, L + 1), of ranges, which are
-    round 0, and consensus messages. estimates: (n, K). events: (who, when, text).
+    round 0, and consensus messages. estimates: (n, K). events: (process, time, text).
     """
 
     beacons: Floats

@@ -26,9 +26,9 @@ _MOST_AHEAD = 1 << 20
 class Clock:
     """How far the recorder's clock of a log is ahead of the first log's, as messages show that both recorded.
 
-    offset, doubt: ns. A message takes longer to the other host than to its own: with messages from both sides, the
-    offset is midway, and in doubt by half the difference; with one sender it holds the time of the way. None where the
-    logs share no message.
+    offset, doubt: ns. A message takes longer to the other host than to its own. With messages from both sides, the
+    offset is the middle of two bounds, and uncertain by half their distance; with one side it contains the time that
+    messages travel. None where the logs share no message.
     """
 
     log: Path
@@ -180,7 +180,7 @@ def _numbered(number: int, log: Log) -> Iterator[tuple[int, int, RawMessage]]:
 
 
 def _sender(message: RawMessage, owners: dict[str, str | None]) -> str | None:
-    """Who sent a message; None where it has no envelope."""
+    """The sender of a message; None where it has no envelope."""
     topic = message.channel.topic
     if topic not in owners:
         found = address(topic) if message.channel.message_encoding == "msgpack" else None

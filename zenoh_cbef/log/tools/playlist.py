@@ -1,4 +1,4 @@
-"""What of a log is played, under which keys, and in what order."""
+"""Which messages of a log a replay publishes, under which keys, and in what order."""
 
 from __future__ import annotations
 

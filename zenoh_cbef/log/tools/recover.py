@@ -46,7 +46,7 @@ def recover(source: Path, output: Path, compression: Compression = "zstd") -> Re
             new.attach(attachment)
             attachments += 1
         described = [(found.name, found.metadata) for found in file.described()]
-        # What is said at the start stays there, for who reads the new log while it is cut in turn.
+        # The run's metadata stay at the start, so that a reader finds them if the new log is cut in turn.
         for name, metadata in described[:1]:
             new.describe(name, metadata)
         for message in file.messages():

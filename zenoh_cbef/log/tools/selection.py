@@ -1,4 +1,4 @@
-"""Which messages of a log are meant: by topic and by time, as the mcap command line has it."""
+"""Selects messages of a log by topic and by time, as the mcap command line does."""
 
 from __future__ import annotations
 

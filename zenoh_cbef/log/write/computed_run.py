@@ -85,7 +85,7 @@ class ComputedRun:
         self._received = _Received(plan, neighbours)
 
     def say(self, sender: str, key: str, moment: int, body: Mapping[str, Any]) -> None:
-        """One message of anybody; moment: ns since the Unix epoch. Time in a log does not go back."""
+        """Write one message of any process; moment: ns since the Unix epoch. Time in a log does not go back."""
         seq = self._number(sender, key, moment)
         self._log.add(key, encode(self._run, sender, seq, self._now, body), self._now)
 
@@ -126,7 +126,7 @@ class ComputedRun:
         self.say(sender, self._keys.event(sender), self._now, body)
 
     def _forget(self, sender: str) -> None:
-        """Who is started again numbers its messages from 0."""
+        """An agent that is started again numbers its messages from 0."""
         for name in [name for name in self._sent if name[0] == sender]:
             del self._sent[name]
 

@@ -21,10 +21,10 @@ from zenoh_cbef.protocol.messages import LONGEST, BadMessage, json_schema, unpac
 from zenoh_cbef.scenario.model import Record
 
 UNKNOWN = "unknown"
-"""The kind of what is no message of a run."""
+"""The kind of data that is no message of a run."""
 
 _MOST = 1 << 63
-_NOWHERE = Address("", UNKNOWN, "nobody")
+_NOWHERE = Address("", UNKNOWN, "no process")
 _FREE, _LONGEST_KEY = 1000, 1000
 """Keys that no run has which a file names, likewise keys with names that processes chose, and characters of a key.
 

@@ -143,7 +143,7 @@ class Agent:
         self._wrong_clocks, self._ahead_ns = clocks_of(self.plan.scenario.fault, self.agent), 0
 
     def _heed_absences(self, step: int) -> None:
-        """Be killed, or stopped for a while, where the scenario says so; wait for those who come back."""
+        """Be killed, or stopped for a while, where the scenario says so; wait for neighbours that come back."""
         absences = self.plan.absences
         gone, forgotten = absences.begun(step), absences.crashed(step) & ~absences.crashed(step - 1)
         if gone[self.agent] or forgotten[self.agent]:
@@ -161,7 +161,7 @@ class Agent:
         back = self.plan.absences.return_of(self.agent, step) or self.scenario.length
         seconds = (back - step) * self.scenario.dt
         if not self._realtime:
-            # Nobody waits for wall-clock time, but a link that is silent for longer would be given up.
+            # In lockstep no agent waits for wall-clock time, but a link that is silent for longer would be given up.
             seconds = min(seconds, _LEASE_SHARE * 1e-3 * self.scenario.zenoh.lease_ms)
         self.node.last_words("paused", f"agent {self.agent} is stopped at step {step}", agent=self.agent, step=step)
         stand_still(seconds)

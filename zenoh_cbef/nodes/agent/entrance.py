@@ -55,7 +55,8 @@ class Entrant(Protocol):
 class Entrance:
     """Waits for the start.
 
-    members: who takes part in a run that is under way, None before its start. clock: ours against the target's.
+    members: the agents that take part in a run that is under way, None before its start. clock: ours against the
+    target's.
     """
 
     def __init__(self, entrant: Entrant, members: Collection[int] | None, clock: Clock | None) -> None:
@@ -63,9 +64,9 @@ class Entrance:
         self._node, self._neighbourhood = entrant.node, entrant.neighbourhood
 
     def wait(self) -> Entry | None:
-        """Wait until everybody the agent deals with is there, then for the target's start signal.
+        """Wait until all processes that the agent deals with are there, then for the target's start signal.
 
-        None where the run ends before. Who comes later begins with what its neighbours know.
+        None where the run ends before. An agent that comes later begins with its neighbours' estimates.
         """
         if not self._meet():
             return None
@@ -91,7 +92,7 @@ class Entrance:
         needed = {"target/target"} | {f"agent/{other}" for other in others}
         recorders = self._of.plan.scenario.record.awaited
 
-        def everybody(live: set[str]) -> bool:
+        def complete(live: set[str]) -> bool:
             return needed <= live and sum(name.startswith("record/") for name in live) >= recorders
 
         def drain() -> None:
@@ -100,16 +101,16 @@ class Entrance:
             self._neighbourhood.drain(0 if self._members is None else self._of.plan.scenario.length)
 
         if self._members is None:
-            return self._wait_with_target(everybody, drain)
+            return self._wait_with_target(complete, drain)
         # Some may have left a moment ago; the run goes on without them, and so do we.
-        self._node.wait_for(everybody, _JOIN_SECONDS, drain)
+        self._node.wait_for(complete, _JOIN_SECONDS, drain)
         return not self._node.stopping and "target/target" in self._node.presence
 
-    def _wait_with_target(self, everybody: Callable[[set[str]], bool], meanwhile: Callable[[], None]) -> bool:
-        """Wait until everybody is there; False where the target leaves for good before that, or we are to stop."""
+    def _wait_with_target(self, complete: Callable[[set[str]], bool], meanwhile: Callable[[], None]) -> bool:
+        """Wait until all are there; False where the target leaves for good before that, or this process is to stop."""
         last_seen = time.monotonic()  # it has told the scenario
         while not self._node.stopping:
-            if self._node.wait_for(everybody, _LOOK_SECONDS, meanwhile):
+            if self._node.wait_for(complete, _LOOK_SECONDS, meanwhile):
                 return True
             if "target/target" in self._node.presence:
                 last_seen = time.monotonic()
@@ -127,7 +128,7 @@ class Entrance:
         return None
 
     def _ask(self, step: int | None) -> dict[int, dict[str, Any]]:
-        """The estimates of a step (None: the last ones) of those neighbours who answer."""
+        """The estimates of a step (None: the last ones) of the neighbours that answer."""
         told = {}
         for other in self._neighbourhood.ids:
             sender = f"agent/{other}"
@@ -140,7 +141,7 @@ class Entrance:
         return told
 
     def _adopt(self, before: int) -> None:
-        """Begin with what the neighbours know: in lockstep exactly those whom the scenario lets answer."""
+        """Begin with the neighbours' estimates: in lockstep of exactly those that can answer in the scenario."""
         ids, absent = self._neighbourhood.ids, self._of.plan.absences.at(before)
         reaches = self._neighbourhood.fates.reaches(before + 1)
         wanted = {other for other, open_ in zip(ids, reaches, strict=True) if open_ and not absent[other]}

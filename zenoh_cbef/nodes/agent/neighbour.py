@@ -100,21 +100,21 @@ class Neighbourhood:
             box.pass_over(step)
 
     def look_around(self) -> None:
-        """From now on wait for those neighbours who are there."""
+        """From now on wait for the neighbours that are there."""
         for box in (*self._round_boxes, *self._range_boxes):
             box.expect(there=box.owner in self._node.presence)
 
     def expect(self, agents: Bools) -> None:
-        """From now on wait for those of all agents (n,) who come back in this step."""
+        """From now on wait for those of all agents (n,) that come back in this step."""
         for boxes in (self._round_boxes, self._range_boxes):
             for agent, box in zip(self.ids, boxes, strict=False):
                 if agents[agent]:
                     box.expect(there=True)
 
     def outwait(self, step: int, absent: Bools) -> None:
-        """Wait until all neighbours who are there in a step have begun it.
+        """Wait until all neighbours that are there in a step have begun it.
 
-        Then what they had to hear before it has reached them. absent: (n,), which agents are not there.
+        All messages that they needed before it have then reached them. absent: (n,), which agents are not there.
         """
         until = time.monotonic() + _OUTWAIT_SECONDS
         for boxes, turn in ((self._range_boxes, step), (self._round_boxes, step * (self._rounds + 1) + 1)):
@@ -164,8 +164,8 @@ class Neighbourhood:
         for place in self._twice:
             if delivered[place]:
                 boxes[place].repeat(turn)
-        # Whoever came last this time is waited for first next time: the others are there by then, and every
-        # wait that is not needed saves two context switches.
+        # Next time the agent waits first for the neighbour that came last this time: the others are there by then,
+        # and each wait that is not needed saves two context switches.
         if slowest != self._order[0]:
             self._order.remove(slowest)
             self._order.insert(0, slowest)
@@ -211,8 +211,8 @@ class Neighbourhood:
     def _delay(self, boxes: Sequence[Inbox], turn: int, delay: Floats, due: list[bool], deadline: float) -> None:
         """Hold messages back for their delays (m,), s, and strike from `due` those that are late by them.
 
-        A message must have come by the deadline less its delay. Whoever has the earliest limit is waited for first,
-        so no limit passes unseen; the others arrive meanwhile.
+        A message must have come by the deadline less its delay. The agent waits first for the message with the
+        earliest limit, so no limit passes unseen; the others arrive meanwhile.
         """
         ready, late = time.monotonic(), []
         for place in sorted(np.flatnonzero(delay).tolist(), key=lambda one: -delay[one]):
@@ -235,8 +235,8 @@ class Neighbourhood:
     def take_counts(self) -> dict[str, list[Any]]:
         """What became of the neighbours' messages: counts since the start, and mean latency since the last call.
 
-        A message that came after it was given up was counted as lost then, and is late instead. Who is not there sends
-        nothing that could be lost.
+        A message that comes after the agent gave it up, and counted it as lost, counts as late instead. A neighbour
+        that is not there sends nothing that could be lost.
         """
         received, lost, late = (self._counts[name].copy() for name in ("received", "lost", "late"))
         delay, read = [0] * len(self.ids), [0] * len(self.ids)

@@ -1,4 +1,4 @@
-"""What the target tells an agent of the run: that it begins, and that it is over."""
+"""The target's signals to an agent: the run begins, the run is over."""
 
 from __future__ import annotations
 

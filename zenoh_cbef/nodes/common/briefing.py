@@ -1,4 +1,4 @@
-"""What a process learns of its run before it takes part, and what it tells of itself."""
+"""How a process gets the scenario of its run before it takes part, and how it introduces itself."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Briefing:
 def brief(node: Node) -> Briefing:
     """Ask the target for the scenario, for as long as the process's patience lasts.
 
-    Raises UserError where nobody answers, or a target of another version.
+    Raises UserError where no target answers, or one of another version.
     """
     run = node.identity.run
     left = max(0.0, node.born + node.identity.patience - time.monotonic())
@@ -61,7 +61,7 @@ def brief(node: Node) -> Briefing:
 
 
 def introduce(identity: Identity, clock: Clock | None, say: Callable[..., None]) -> None:
-    """Tell the target and the log who is where. say: publishes an event of a kind, with a text and data."""
+    """Tell the target and the log where this process is. say: publishes an event of a kind, with a text and data."""
     told = card()
     about = {} if clock is None else {"clock": clock.ahead, "round_trip": clock.round_trip}
     name = identity.sender.replace("/", " ")

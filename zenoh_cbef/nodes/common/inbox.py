@@ -85,8 +85,8 @@ class Inbox:
             if name == owner:
                 self._gone_at = time.monotonic()
                 if joined and not self._grace:
-                    # Who comes back joins at a later step than the present one: it has to speak before it is
-                    # waited for.
+                    # A sender that comes back joins at a later step than the present one: we wait for it again only
+                    # after its first message.
                     self._silent = self._unheard = True
                 self.open = joined and not node.stopping
                 self.mailbox.wake()
@@ -195,9 +195,9 @@ class Inbox:
         return "" if hope else "is not there any more"
 
     def _give_up(self, turn: int, deadline: float | None, why: str) -> None:
-        """Go on without a message that is due. In lockstep that is never expected, so the log is told of it.
+        """Go on without a message that is due. In lockstep that is not planned, so an event reports it.
 
-        It is told once: waiting again would cost as long in every round, so the sender has to speak first.
+        One event is enough: from then on the sender has to send again before we wait for it.
         """
         if turn >= self._end:
             return
@@ -210,7 +210,7 @@ class Inbox:
             self._node.event(kind, text, owner=self.owner, step=step, round=round_)
 
     def miss(self, turn: int) -> None:
-        """Count a message as lost; who is not there sends nothing that could be."""
+        """Count a message as lost, unless its sender is not there: such a sender sends nothing."""
         if self.open and turn not in self._missed:
             self._missed[turn] = None
             if len(self._missed) > _REMEMBERED:

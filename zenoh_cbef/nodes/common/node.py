@@ -46,7 +46,7 @@ class Identity:
 
 
 def heard_token(sender: str, word: int) -> str:
-    """The liveliness name with which a recorder says that it has heard somebody's last words."""
+    """The liveliness name with which a recorder says that it has heard a process's last words."""
     return f"heard/{sender}/{word}"
 
 
@@ -100,14 +100,14 @@ class Node:
         reader.start()
 
     def outbox(self, key: str, *, may_drop: bool = True, keep: int = KEPT_BYTES) -> Outbox:
-        """A publisher in this process's name. keep: how many bytes of what it sent are kept for those who missed it."""
+        """A publisher in this process's name. keep: bytes of its messages to keep for receivers that missed them."""
         run, sender, memory = self.identity.run, self.identity.sender, self.archive.open(key, keep)
         return Outbox(self.session, key, run=run, sender=sender, may_drop=may_drop, clock=self.clock, memory=memory)
 
     def refuse_twin(self, *, known: bool = False) -> None:
         """Raise UserError where a process with this role and name is in the run already.
 
-        known: somebody told us so. Peers do not relay, so a twin that we have no link to yet does not answer.
+        known: the target told us so. Peers do not relay, so a twin that we have no link to yet does not answer.
         """
         if known or self.presence.asks_for(f"{self.identity.role}/{self.identity.name}"):
             agent = self.identity.role == "agent"
@@ -163,9 +163,9 @@ class Node:
         timeout: float | None = None,
         meanwhile: Callable[[], None] = lambda: None,
     ) -> bool:
-        """Wait until a condition on who is there holds; False at a stop, or after `timeout` s.
+        """Wait until a condition on the processes that are there holds; False at a stop, or after `timeout` s.
 
-        meanwhile is called every now and then: whoever has mailboxes must empty them, as a full one holds up all.
+        meanwhile is called every now and then: a caller with mailboxes must empty them, as a full one drops messages.
         """
         until = None if timeout is None else time.monotonic() + timeout
         while not self.stopping:

@@ -27,7 +27,7 @@ def beacon_inbox(node: Node, agent: int, rejections: Rejections, alarm: Alarm, g
         return message["k"], message["sent"], message
 
     mailbox = Mailbox(node.session, node.keys.beacon(agent))
-    # The target waits for whoever is stuck, and its own patience ends the run.
+    # The target waits for an agent that is stuck, and its own patience ends the run.
     return Inbox(
         node,
         mailbox,

@@ -1,4 +1,4 @@
-"""Who of a run is there, as its recorder sees it."""
+"""Which processes of a run are there, as its recorder sees it."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _TAKING_PART = ("agent/", *_LEADING)
 
 
 class Attendance:
-    """Tells who went without a farewell and who came back, and when everybody has left for good.
+    """Reports processes that left without a farewell or came back, and knows when all have left for good.
 
     tell: puts an event of this kind, text and data into the log; called from a background thread. patience: how long
     (s) agents of the run wait for each other.
@@ -52,10 +52,10 @@ class Attendance:
     def over(self, *, lacking: bool, step: int) -> bool:
         """Whether no process of the run is there any more; lacking: what they said they sent has not all come.
 
-        Who vanished without a farewell may be behind a broken link, and so may we: they are waited for longer, and so
-        is who told us the scenario and has not been seen since. step: the latest of which an estimate came. Without
-        the target, agents that get no further are not waited for: so nothing that they say or leave undone keeps a
-        recorder for ever.
+        A process that vanished without a farewell may be behind a broken link, and so may we: the recorder waits longer
+        for it, and for a target that gave us the scenario and was not seen since. step: the latest of which an estimate
+        came. Without the target, the recorder does not wait for agents that make no progress, so that nothing that they
+        do keeps it for ever.
         """
         names, now = self._node.presence.names(), time.monotonic()
         if step > self._step or any(name.startswith(_LEADING) for name in names):

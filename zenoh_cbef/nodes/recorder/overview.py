@@ -58,7 +58,7 @@ class Overview:
         apart = [a - b for a, b in zip(message["state"][:3], truth[:3], strict=True)]
         # A forged estimate can be too far off for its square: a product is infinite then, where a power would raise.
         errors.append(sum(one * one for one in apart))
-        # At the end everybody has left before their last words are read.
+        # At the end all processes have left before their last words are read.
         self._expected = self._present() or self._expected
         if len(errors) >= self._expected:
             self.status.step = step

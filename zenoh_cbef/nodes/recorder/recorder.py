@@ -62,7 +62,7 @@ class Recorder:
         node.on_stop(self._wake)
 
     def run(self, *, sync: bool, report: Callable[[Status], None]) -> None:
-        """Record until everybody has left, or until told to stop."""
+        """Record until all processes have left, or until told to stop."""
         threads = [threading.Thread(target=self._tick, args=(sync, report), daemon=True)]
         threads.append(threading.Thread(target=self._recovery.run, args=(self._done,), daemon=True))
         threads += [threading.Thread(target=self._drain, args=(one,), daemon=True) for one in self._mailboxes[1:]]
@@ -160,7 +160,7 @@ class Recorder:
         except BadMessage:
             return
         if at is None or not (at.owner or message["from"] == "target"):
-            return  # An old log that is replayed: those who speak in it are not there.
+            return  # An old log that is replayed: its senders are not there.
         sender, told = str(message["from"]), dict[str, Any](message.get("data", {}))
         if not self._recovery.lacks(sender):  # It asks again.
             self._acknowledgements.hear(sender, count_in(told, "word"))
@@ -188,7 +188,7 @@ class Recorder:
             self._write(self.node.events.key, message)
 
     def _finished(self) -> bool:
-        """Whether all who were here have left and what they say they sent has come, or we are told to stop."""
+        """Whether all processes have left and all that they say they sent has come, or we are told to stop."""
         promised = ((key, sender, count) for sender, sent in self._promised.items() for key, count in sent.items())
         lacking = any(self.log.lacks(*one) for one in promised)
         return self.node.stopping or self._attendance.over(lacking=lacking, step=self.overview.reached)
@@ -208,7 +208,7 @@ def run_recorder(
     """
     expressions = recorded_keys(identity.run, keys)
     with Node(identity) as node:
-        # Subscribed before anybody can see us: nothing is sent before we listen. A full mailbox must not slow agents.
+        # Subscribe before any process can see us: none sends before we listen. A full mailbox must not slow agents.
         mailboxes = [Mailbox(node.session, one, _CAPACITY) for one in expressions]
         briefing = brief(node)
         text, scenario = briefing.text, briefing.scenario

@@ -1,4 +1,4 @@
-"""What a recorder missed, asked of those who sent it."""
+"""Asks senders for the messages that a recorder missed."""
 
 from __future__ import annotations
 

@@ -125,7 +125,7 @@ class Player:
                 self._line.change(position=since)
 
     def _await(self, item: Item) -> bool:
-        """Wait until a message is due; False where it is not to be played, as somebody stopped or sought."""
+        """Wait until a message is due; False where it is not to be played, after an order to stop or seek."""
         with self._changed:
             while not self._stopped and self._sought is None:
                 if self._line.runs:

@@ -14,7 +14,7 @@ from zenoh_cbef.scenario.injected import with_faults
 from zenoh_cbef.scenario.plan import Plan
 
 _LEAD_SECONDS = 0.3
-"""How long before its beginning a fault is made known: everybody must begin with the same message."""
+"""How long before its beginning the target makes a fault known: all agents must begin with the same message."""
 
 _MOMENT = 1e-7
 

@@ -1,4 +1,4 @@
-"""Whether the agents that are left can see the target at all."""
+"""Whether the agents that take part can determine the position at all."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Lookout:
         self.problem = ""
 
     def look(self, plan: Plan, agents: Sequence[int], step: int) -> None:
-        """Look at who takes part in a step; where the same agents do, once in a window of steps, as they may move."""
+        """Look at the agents in a step; while they stay the same, once in a window of steps, as they may move."""
         length = plan.scenario.length
         span = window_of(plan, length)
         if list(agents) == self._agents and step < self._due:

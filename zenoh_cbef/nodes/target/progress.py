@@ -1,4 +1,4 @@
-"""How far the agents of a run are, as their estimates show, and who of them takes part."""
+"""How far the agents of a run are, as their estimates show, and which of them take part."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _LOOK_BACK = 6
 
 
 class Progress:
-    """How far the agents are; who left, or is not there for a while, is not waited for.
+    """How far the agents are. It does not wait for an agent that left, or is not there for a while.
 
     patience, grace: how long (s) an agent that is there may not get on, or be out of sight, before it is taken to be
     gone. begun: the last step that an agent can have come to; it grows with the steps that the target begins.
@@ -56,7 +56,7 @@ class Progress:
         self._mailbox.wake()
 
     def _dismiss(self) -> None:
-        """Take no more to take part who has left, was started again, or is out of sight for too long."""
+        """End the part of agents that have left, were started again, or are out of sight for too long."""
         for agent in list(self._members):
             name = f"agent/{agent}"
             life, gone = self._node.presence.life(name), self._last_seen.get(agent)
@@ -69,16 +69,16 @@ class Progress:
                 self._lives[agent] = life
 
     def begin(self, ready: set[int]) -> None:
-        """The run starts with those who are ready."""
+        """Start the run with the agents that are ready."""
         self._members = set(ready)
 
     def members(self) -> list[int]:
-        """Who takes part, and is here."""
+        """The agents that take part, and are here."""
         self._dismiss()
         return sorted(self._members)
 
     def newcomers(self) -> list[int]:
-        """Who is here and ready, but does not take part yet."""
+        """The agents that are here and ready, but do not take part yet."""
         self._dismiss()
         others = [agent for agent in range(len(self._reached)) if agent not in self._members]
         live = self._node.presence.names() if others else set()
@@ -92,7 +92,7 @@ class Progress:
         self._reached[agent] = max(self._reached[agent], step - 1)
 
     def excuse(self, absent: Bools, step: int) -> None:
-        """A step has begun: do not wait for it of those agents (n,) who are not there in it."""
+        """A step has begun: do not wait for its estimates from agents (n,) that are not there in it."""
         self._begun = max(self._begun, step)
         self._away = set(absent.nonzero()[0].tolist())
         for agent in self._away:
@@ -103,7 +103,7 @@ class Progress:
         return min((self._reached[agent] for agent in self.members() if agent not in self._silent), default=None)
 
     def silent(self) -> list[int]:
-        """Who is here, but is not waited for any more."""
+        """The agents that are here, but for which the target no longer waits."""
         return sorted(self._silent & set(self.members()))
 
     def estimates(self) -> list[tuple[int, bytes]]:
@@ -171,7 +171,7 @@ class Progress:
             past, now = self._past[at.agent], time.monotonic()
             if not past or now - past[-1][0] >= 1.0:
                 past.append((now, data))
-            # Who says the same again and again does not get on.
+            # An agent that sends the same step again and again makes no progress.
             if message["k"] > self._reached[at.agent]:
                 self._reached[at.agent] = message["k"]
                 self._silent.discard(at.agent)

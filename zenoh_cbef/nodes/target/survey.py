@@ -1,6 +1,6 @@
-"""What a target knows of its run, for whoever asks: messages as they came, which whoever asks decodes.
+"""What a target knows of its run, for processes that ask: messages as they came, which the asking process decodes.
 
-Nothing is decoded while the run goes on but a few events, and nothing is put together until it is asked for.
+While the run goes on the target decodes a few events only, and it puts an answer together only when it is asked.
 """
 
 from __future__ import annotations
@@ -41,12 +41,12 @@ class Surveyed(Protocol):
     start: float
 
     def members(self) -> list[int]:
-        """Who takes part in the run, and is here."""
+        """The agents that take part in the run, and are here."""
         ...
 
 
 class Survey:
-    """The latest events of a run, who said where it is, and all the rest when it is asked for."""
+    """The latest events of a run, the processes' introductions, and the other parts of a status."""
 
     def __init__(self, node: Node) -> None:
         self._node = node

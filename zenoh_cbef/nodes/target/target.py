@@ -33,7 +33,7 @@ from zenoh_cbef.scenario.world import World, make_world
 _LAST_WORD_SECONDS = 5.0
 _ALONE_SECONDS = 30.0
 _LONGER = 4.0
-"""The target's patience over the agents' own, who may have to lose it one after the other."""
+"""The target's patience as a multiple of the agents' own, whose waits may follow one after the other."""
 
 
 @dataclass
@@ -85,7 +85,7 @@ class Target:
         return _LONGER * self.scenario.timing.patience
 
     def members(self) -> list[int]:
-        """Who takes part in the run, and is here."""
+        """The agents that take part in the run, and are here."""
         return self.progress.members()
 
     def present(self) -> list[int]:
@@ -104,8 +104,8 @@ class Target:
             others = absent or [f"{name} (here, but not linked to all it needs)" for name in unready]
             return [name.replace("/", " ") for name in others] + ([] if recorded else ["the recorder"])
 
-        everybody = self.node.wait_for(lambda live: not missing(live), patience, self.progress.drain)
-        if not everybody and not self.node.stopping:
+        complete = self.node.wait_for(lambda live: not missing(live), patience, self.progress.drain)
+        if not complete and not self.node.stopping:
             names = ", ".join(missing(self.node.presence.names()))
             raise UserError(
                 f"after {patience:g} s the run still lacks {names}; start what is missing with the same --run, "
@@ -149,7 +149,7 @@ class Target:
         return self.step
 
     def _taking_part(self, step: int) -> list[int]:
-        """Who is here in a step, and does something."""
+        """The agents that take part in a step: here, not silent, and not taken away by a fault."""
         idle = {*self.progress.silent(), *self.plan.absences.at(step).nonzero()[0].tolist()}
         return [agent for agent in self.members() if agent not in idle]
 
@@ -183,7 +183,7 @@ class Target:
         return any(self.plan.absences.return_of(agent, step) is not None for agent in gone)
 
     def _await_return(self, step: int) -> bool:
-        """In lockstep, wait for those who the scenario says are started again for this step."""
+        """In lockstep, wait for the agents that the scenario has started again for this step."""
         back = self.plan.absences.reborn(step).nonzero()[0].tolist()
         until = time.monotonic() + self._patience
 
@@ -204,7 +204,7 @@ class Target:
         return True
 
     def _admit(self, step: int) -> None:
-        """Let those who came since begin with this step, unless the scenario has them away."""
+        """Let agents that came since begin with this step, unless the scenario has them away."""
         if step <= self._first_fix + 1:
             return
         for agent in self.progress.newcomers():
@@ -217,7 +217,7 @@ class Target:
                 self._signal_start(agent, step - 1)
 
     def _in_company(self) -> bool:
-        """Whether anybody takes part; who is alone may be so by a broken link, and goes on for a while."""
+        """Whether any agent takes part, or did so lately: a target without agents may be behind a broken link."""
         now = time.monotonic()
         if self.members():
             self._alone_at = now
@@ -231,7 +231,7 @@ class Target:
         if self.receivers:
             return
         truth = self.world.truth[step - 1]
-        if np.isfinite(truth).all():  # of a real target nobody knows it
+        if np.isfinite(truth).all():  # the truth of a real target is unknown
             self._truth.send(k=step, state=truth.tolist())
         for agent, beacon in enumerate(self._beacons):
             emitted, arrived = self.world.emitted[agent, step - 1], self.world.arrived[agent, step - 1]
@@ -278,7 +278,7 @@ def run_target(
 
         def text() -> ScenarioText:
             injected = "" if target.injection is None else target.injection.tables()
-            # Where not all are waited for, everybody comes as if the run were under way.
+            # Where the target does not wait for all, every agent joins as if the run were under way.
             step = target.step if target.step is not None or wait_for is None else 0
             members = () if target.step is None else tuple(target.members())
             return ScenarioText(loaded.source, resolved, __version__, step, members, injected, tuple(target.present()))
