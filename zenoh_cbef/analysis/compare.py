@@ -34,7 +34,7 @@ COLUMNS = {
     "bytes_per_step": "bytes per step",
     "missed": "missed",
 }
-"""The metrics of a row, and what people call them."""
+"""The metrics of a row, and the titles of their columns."""
 
 
 def row(analysis: Analysis, name: str) -> dict[str, Any]:
@@ -141,7 +141,7 @@ def _rms_of_agents(error: Floats) -> Floats:
 
 
 def _both_known(first: Floats, second: Floats) -> tuple[Floats, Floats]:
-    """Two arrays where both have a value: what one run's log lacks is no difference."""
+    """Two arrays where both have a value: a value that one run's log lacks counts as no difference."""
     known = np.isfinite(first) & np.isfinite(second)
     return first[known], second[known]
 

@@ -1,4 +1,4 @@
-"""Honesty of the covariance: NEES and NIS against the chi-squared distribution, per agent and over time.
+"""Consistency of the covariance: NEES and NIS against the chi-squared distribution, per agent and over time.
 
 NEES is the error in units of the covariance that the agent claims, and needs the truth. NIS is the innovation in
 units of the covariance that the filter predicted for it, and needs no truth. For a consistent filter both are

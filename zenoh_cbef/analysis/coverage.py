@@ -29,9 +29,9 @@ def truth_steps(trace: Trace) -> Bools:
 
 
 def lacks(trace: Trace) -> list[str]:
-    """What the trace does not hold of its run, and what therefore is not scored: a sentence each; none of a whole run.
+    """Sentences that say what the trace lacks of its run, and what is therefore not scored; none for a whole run.
 
-    What the run itself did not have is not lacking: an agent that the scenario has away, or a silent receiver.
+    Data that the run itself did not have does not count: of an agent that the scenario has away, or a silent receiver.
     """
     return [said for said in (_agents(trace), _steps(trace), _truth(trace), _measurements(trace)) if said]
 
@@ -97,6 +97,6 @@ def spelt(found: Sequence[Sequence[int]]) -> str:
 
 
 def unseen_note(unseen: Sequence[Sequence[int]]) -> str:
-    """What a reader has to know of stretches of steps in which the agents saw too little; empty where there is none."""
+    """A note for the reader on steps in which ranges did not determine the position; empty where there are none."""
     why = "ranges did not determine the position, as too few agents had any, or all were on a line"
     return f"in {spelt(unseen)} {why}: estimates there are guesses" if unseen else ""

@@ -1,4 +1,4 @@
-"""What a scenario can be expected to reach, before any run: observability, errors at each number of rounds, bytes."""
+"""Predictions for a scenario before any run: observability, errors at each number of rounds, bytes."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ def _path(truth: Floats) -> Floats:
 
 
 def cannot(plan: Plan) -> list[str]:
-    """What the prediction leaves out of account, one sentence each."""
+    """What the prediction does not take into account, one sentence each."""
     scenario, recorded = plan.scenario, plan.recorded
     chosen, sensor = scenario.filter, scenario.sensor
     said = {
@@ -116,7 +116,7 @@ def cannot(plan: Plan) -> list[str]:
         "Range biases are not in the prediction: expect larger errors.": (
             not recorded and (sensor.bias_std > 0.0 or bool(np.any(sensor.bias)))
         ),
-        "The filter assumes another range noise than the receivers have; the prediction believes the filter.": (
+        "The filter assumes another range noise than the receivers have; the prediction uses the filter's.": (
             not recorded and plan.range_std != sensor.range_std
         ),
         "Messages of earlier steps are not in the prediction, which is of consensus.lag = 0.": (

@@ -1,4 +1,4 @@
-"""The report's figures beyond the paper's: errors, and whether the claimed covariances are honest."""
+"""The report's figures beyond the paper's: errors, and whether the claimed covariances are consistent with them."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ def error_charts(analysis: Analysis) -> tuple[Chart, Chart, Chart, Chart]:
         Chart(
             "nees",
             "Normalised estimation error squared (NEES)",
-            "The error measured by the agent's own covariance. An honest filter stays inside the shaded 95 % "
-            "band; above it is overconfident, below it too modest.",
+            "The error in units of the agent's own covariance. A consistent filter stays inside the shaded 95 % "
+            "band; above it a filter is overconfident, below it too cautious.",
             "NEES",
             analysis.nees,
             (Reference("mean of the agents", "network", average),),
@@ -60,9 +60,9 @@ def _nis_chart(analysis: Analysis) -> Chart:
     return Chart(
         "nis",
         "Normalised innovation squared (NIS)",
-        "How large innovations are, measured by the variance that the agent predicted for them, before saturation: "
-        f"per degree of freedom, mean of the last {_NIS_STEPS} steps. It needs no truth. An honest filter stays "
-        "inside the shaded 95 % band; above it is overconfident, or measurements are worse than assumed.",
+        "How large innovations are, in units of the variance that the agent predicted for them, before saturation: "
+        f"per degree of freedom, mean of the last {_NIS_STEPS} steps. It needs no truth. A consistent filter stays "
+        "inside the shaded 95 % band; above it a filter is overconfident, or measurements are worse than assumed.",
         "NIS per degree of freedom",
         trailing_mean(trace.diagnostics.nis, trace.diagnostics.nis_degrees, _NIS_STEPS),
         band=(low / usual, high / usual),

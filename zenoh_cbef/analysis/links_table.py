@@ -1,4 +1,4 @@
-"""What became of the messages on each link, as a table that separates faults from what really happened."""
+"""The messages on each link as a table, with those that faults lost or delayed apart from those really lost or late."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a run achieved: the paper's MSEE, errors against the centralised filter and the bound, honesty, traffic."""
+"""The metrics of a run: the paper's MSEE, errors against the centralised filter and the bound, consistency, traffic."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What consensus rounds do to payloads, found by sending unit payloads through the stage itself."""
+"""The effect of consensus rounds on payloads, found by sending unit payloads through the stage itself."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def with_scheme(plan: Plan, scheme: Scheme) -> Plan:
 def mixing(plan: Plan, scheme: Scheme, most: int) -> Floats:
     """M after 1 to `most` rounds in every step, (most, K, n, n); K is 1 where no link has a fault.
 
-    Every stage is linear in the payloads, so what it does to unit payloads says everything. With faults each step
+    Every stage is linear in the payloads, so its effect on unit payloads determines M. With faults each step
     has its own M, from the fates that the scenario's seed gives its messages.
     """
     tracker, neighbours = batch_tracker([with_scheme(plan, scheme)])

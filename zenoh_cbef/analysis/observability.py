@@ -1,4 +1,4 @@
-"""Whether ranges show the target at all: to each agent alone, and to the network."""
+"""Whether ranges determine the target's position: those of each agent alone, and those of the network."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def observability(initial: Floats, motion: NearlyConstantVelocity, sight: Sight,
 def unseen_steps(trace: Trace) -> Bools:
     """The estimated steps (K,) in which the agents that took part and had ranges could not determine the position.
 
-    Of what is not in the log it is presumed that it was there.
+    An agent whose messages are not in the log counts as present.
     """
     estimated: Bools = np.asarray(np.isfinite(trace.estimates).all(axis=2))
     known = estimated.any(axis=0)

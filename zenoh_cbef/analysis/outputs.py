@@ -1,4 +1,4 @@
-"""What an analysis leaves in a run's folder."""
+"""Writes the files of an analysis into a run's folder."""
 
 from __future__ import annotations
 

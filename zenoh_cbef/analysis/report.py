@@ -176,7 +176,7 @@ def _honesty(analysis: Analysis) -> Table:
         rows.append([f"{name}, average", f"{number(found['average'])}, expected {found['dimension']}"])
         inside = "none" if found["inside"] is None else f"{100.0 * found['inside']:.1f} %"
         rows.append([f"{name} inside {low:.3g} to {high:.3g}", f"{inside}, expected 95 %"])
-    return Table("Honesty and agreement", [], rows)
+    return Table("Consistency and disagreement", [], rows)
 
 
 def _traffic(analysis: Analysis) -> Table:

@@ -1,4 +1,4 @@
-"""A run as viewers show it: what was where at each step, how sure the agents were, and how their links fared."""
+"""A run as viewers show it: all positions at each step, the agents' covariances, and losses on their links."""
 
 from __future__ import annotations
 

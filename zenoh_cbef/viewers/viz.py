@@ -238,7 +238,7 @@ class _Builder:
         )
 
     def _uncertainty(self, row: int, stamp: Any) -> Iterator[Any]:
-        """What each agent believes, with a probability of 95 %; an entity of its own, to be switched off by name."""
+        """The 95 % ellipsoid of each agent; an entity of its own, which a user can switch off by name."""
         shapes = self._scene.ellipsoids
         for agent, place in enumerate(self._trace.estimates[:, row, :3]):
             axes, turn = shapes.axes[agent, row], shapes.orientation[agent, row]

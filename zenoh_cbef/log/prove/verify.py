@@ -58,7 +58,7 @@ class _Due:
             self._forgotten[self._links[agent]] = self._simulation.counts.delivered[self._links[agent]]
 
     def short(self, agent: int, step: int, receipts: Receipts) -> str:
-        """Which messages an agent did without, as it says in its estimate; "" where it is none."""
+        """The messages that an agent went on without, as its estimate says; "" where there are none."""
         mine = self._links[agent]
         due = (self._simulation.counts.delivered[mine] - self._forgotten[mine]).tolist()
         for other, wanted, got in zip(self._ids[agent], due, receipts.told(step).get("received", ()), strict=False):
@@ -68,16 +68,16 @@ class _Due:
 
 
 def _doubt(recording: Recording, simulation: Simulation) -> str:
-    """Why a log that differs need not be wrong: an agent did without messages that were due; "" where it is so.
+    """Why a log that differs need not be wrong: an agent went on without messages that were due; "" if none did.
 
-    An agent says that in an event. Where that did not reach the recorder, its counts show it.
+    An agent reports that in an event. Where the event did not reach the recorder, the agent's counts show it.
     """
     due = _Due(simulation)
     for number, _ in enumerate(simulation, 1):
         due.step(simulation.absences.crashed(number))
         for agent, receipts in enumerate(recording.receipts):
             if short := due.short(agent, number, receipts):
-                return f"{short}, which no scenario foretells"
+                return f"{short}, which is not in its scenario"
     told: dict[str, set[int]] = {}
     for event in recording.events:
         told.setdefault(event.message["from"], set()).add(event.message["seq"])
@@ -114,12 +114,12 @@ def _judgeable(recording: Recording) -> tuple[int, str]:
     left = int(last.max() - last.min()) > _SKEW
     surprises = [event.message["text"] for event in recording.events if _surprising(event.message, left=left)]
     if surprises:
-        return 0, f"{surprises[0]}, which no scenario foretells"
+        return 0, f"{surprises[0]}, which is not in the scenario"
     if left:
         agent = int(np.argmin(last))
         if last[agent] == 0:
             return 0, f"the log holds no estimate of agent {agent}: it never took part, or was left out of this log"
-        return 0, f"agent {agent} left after step {last[agent]}, which no scenario foretells"
+        return 0, f"agent {agent} left after step {last[agent]}, which is not in the scenario"
     lacking = np.flatnonzero(~recording.beacons.seen(highest).all(axis=0))
     steps = int(lacking[0]) if len(lacking) else highest
     if steps < last.min():
