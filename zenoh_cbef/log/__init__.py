@@ -1,1 +1,1 @@
-"""Logs of runs: the file format, what writes them, reads them, proves them, and what is done with them as files."""
+"""Logs of runs: the file format; writing, reading and proving logs; tools that make logs from logs."""

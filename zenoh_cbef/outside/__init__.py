@@ -1,1 +1,1 @@
-"""What looks at runs, or ends them, from outside: it stands above the protocol alone."""
+"""Looks at runs, or ends them, from outside: it stands above the protocol alone."""

@@ -1,4 +1,4 @@
-"""Whether this host, and what it is to link to, is fit for a run: what `doctor` looks at."""
+"""Whether this host, and the endpoints that it shall link to, are fit for a run: the checks of `doctor`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""From which session of the operating system a program was started: what tells one terminal's runs from another's."""
+"""The session of the operating system from which a program was started; by it we know the runs of this terminal."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which runs go on on this host, and where they are reached: a small file each, locked while its target lives."""
+"""The runs that go on on this host, and their endpoints: a small file for each, locked while its target lives."""
 
 from __future__ import annotations
 

@@ -100,8 +100,8 @@ class Plan:
     def bias(self) -> str:
         """What the filter does about biases: none, estimate, or auto where it can weigh them.
 
-        As with the noise, a filter that is told nothing knows of emulated receivers what the scenario says: those that
-        have no bias need no states for it, and cost half the arithmetic and half the bytes.
+        With "auto", a filter for emulated receivers uses what the scenario says of them: receivers without a bias need
+        no states for it, which saves half of the arithmetic and half of the bytes.
         """
         chosen = self.scenario.filter
         if not self.abilities.biases:

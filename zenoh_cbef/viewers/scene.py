@@ -50,8 +50,8 @@ class SceneEvent:
 class Scene:
     """One run; n agents, K steps, e directed links.
 
-    time: (K,), ns since the Unix epoch, k dt after the start of the run: however fast that was, viewers show it in its
-    own time. links: (e, 2), source and destination. delivered: (e, K), share of each step's messages that came in
+    time: (K,), ns since the Unix epoch, k dt after the start of the run, however fast the processes were.
+    links: (e, 2), source and destination. delivered: (e, K), share of each step's messages that came in
     time, NaN where their receiver said nothing. estimate: (K, 3), mean of the agents' positions of the target, m.
     """
 

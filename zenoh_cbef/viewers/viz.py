@@ -34,7 +34,7 @@ WARNINGS = ("rejected", "silent", "crashed", "left", "unobservable")
 
 
 def agent_colour(agent: int, alpha: float = 1.0) -> Colour:
-    """One of eight colours that the colour-blind tell apart (Okabe and Ito, with grey for their black)."""
+    """One of eight colours that colour-blind readers can tell apart (Okabe and Ito, with grey in place of black)."""
     palette = ("0072B2", "D55E00", "009E73", "CC79A7", "56B4E9", "E69F00", "999999", "F0E442")
     code = palette[agent % len(palette)]
     red, green, blue = (int(code[place : place + 2], 16) / 255.0 for place in (0, 2, 4))

@@ -1,1 +1,1 @@
-"""What writer and reader of a log agree on: names in its files, and the numbers of its messages."""
+"""What writer and reader of a log share: names in its files, and the numbers of its messages."""

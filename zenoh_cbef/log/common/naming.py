@@ -1,11 +1,11 @@
-"""What the files, attachments and metadata of a log are called."""
+"""The names of a log's files, attachments and metadata."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 ACTIVE = ".active"
-"""What the name of a file ends with that is still written, or whose recorder was killed."""
+"""The suffix of a file that is still being written, or whose recorder was killed."""
 
 SOURCE = "scenario.toml"
 """Attachment: the scenario as it was written."""

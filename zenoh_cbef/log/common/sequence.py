@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 _LISTED = 1000
 
 LARGEST_JUMP = 1_000_000
-"""How many numbers can be lost at once: more than any recorder misses. What jumps farther is not taken at its word."""
+"""How many numbers can be lost at once: more than any recorder misses. A number beyond that is taken for wrong."""
 
 
 _SENDERS, _CROWD = 100, 10_000
@@ -55,7 +55,7 @@ class Sequence:
 
     @property
     def sent(self) -> int:
-        """How many messages were sent, in all lives: what the sender told, or else one past its highest number."""
+        """How many messages were sent, in all lives: the sender's own count, or else one past its highest number."""
         return self._life.earlier + (self.next if self._life.told is None else self._life.told)
 
     @property
@@ -78,7 +78,7 @@ class Sequence:
         )
 
     def cut_off(self) -> None:
-        """The recorder loses sight of the sender: what is missing next could not be heard."""
+        """The recorder loses sight of the sender: messages that are missing from now on could not be heard."""
         self._cut, self._healed = True, False
 
     def heal(self) -> None:

@@ -13,7 +13,7 @@ _IN_MEMORY = 1 << 16
 class Pile:
     """Bytes that are added one after the other, and read when all are there.
 
-    They lie in a nameless file in `folder` that ends with this process. What does not fit there stays in memory.
+    They are in a nameless file in `folder` that ends with this process. Those that do not fit there stay in memory.
     """
 
     def __init__(self, folder: Path) -> None:

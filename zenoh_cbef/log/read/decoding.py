@@ -1,4 +1,4 @@
-"""The messages of a log, checked against what their keys promise, and handed on by what they are."""
+"""The messages of a log, checked against their keys' fields, and handed on by kind."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ class _Place:
 
 
 def _ignore(*_: object) -> None:
-    """What is not as promised is counted, which is enough for most."""
+    """Ignore an invalid message: it is counted elsewhere, which is enough for most readers."""
 
 
 class Decoder:

@@ -36,7 +36,7 @@ class Findings:
 
     @property
     def exit_status(self) -> int:
-        """0 for a log without fault, 1 for one with any. Log times that go back are told, but are none."""
+        """0 for a log without fault, 1 for one with any. Log times that go back are reported, but are no fault."""
         return int(bool(self.damage or self.missing or self.wrong))
 
 

@@ -28,7 +28,7 @@ class Item(NamedTuple):
 
 @dataclass(frozen=True)
 class Selection:
-    """Which keys are played, and what they are called then.
+    """Which keys are played, and under which names.
 
     topics, exclude: key expressions. include, leave_out: they match the key as a whole. regex, exclude_regex: searched
     for in the key. remap: OLD:=NEW, where OLD is a key or what keys begin with, up to a slash; the first that fits

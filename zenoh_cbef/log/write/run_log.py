@@ -63,7 +63,7 @@ class _Part:
         self.head_bytes = self.writer.bytes_written
 
     def register(self, key: str, *, known: bool) -> tuple[Address, int] | None:
-        """What a key stands for and its channel; None for one more key than a file names."""
+        """The address and the channel of a key; None where the file has no room for another key."""
         at = address(key)
         free = at is None or at.chosen
         if len(key) > _LONGEST_KEY or (free and self._free[at is None] == _FREE):

@@ -28,7 +28,7 @@ _JOIN_SECONDS = 1.0
 _ANSWER_SECONDS = 5.0
 _LOOK_SECONDS = 0.2
 _RETURN_SECONDS = 2.0
-"""How long a target may be out of sight before the start: a link or a router can come back."""
+"""For how long an agent waits for a target that is out of sight before the start, s: a link or router can come back."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class Entry:
 
 
 class Entrant(Protocol):
-    """What of an agent its entrance needs."""
+    """The parts of an agent that its entrance needs."""
 
     node: Node
     plan: Plan
@@ -102,7 +102,7 @@ class Entrance:
 
         if self._members is None:
             return self._wait_with_target(complete, drain)
-        # Some may have left a moment ago; the run goes on without them, and so do we.
+        # Some agents may have left a moment ago; the run goes on without them, and so do we.
         self._node.wait_for(complete, _JOIN_SECONDS, drain)
         return not self._node.stopping and "target/target" in self._node.presence
 
@@ -160,7 +160,7 @@ class Entrance:
 
 
 def neighbours_belief(tracker: Tracker, ids: Sequence[int], told: Mapping[int, Mapping[str, Any]]) -> Belief:
-    """What a tracker begins with that has these estimates of its neighbours, by their ids."""
+    """The belief with which a tracker begins, from its neighbours' estimates by their ids."""
     known = np.array([[other in told for other in ids]], dtype=bool).reshape(1, len(ids))
     states, covariances = np.zeros((1, len(ids), 6)), np.zeros((1, len(ids), 6, 6))
     bare = False

@@ -1,4 +1,4 @@
-"""An agent's neighbours: one inbox each, in ascending order, with what the faults say of every message."""
+"""An agent's neighbours: one inbox each, in ascending order, with the fates of their messages."""
 
 from __future__ import annotations
 
@@ -233,7 +233,7 @@ class Neighbourhood:
                 boxes[place].miss(turn)
 
     def take_counts(self) -> dict[str, list[Any]]:
-        """What became of the neighbours' messages: counts since the start, and mean latency since the last call.
+        """The fates of the neighbours' messages: counts since the start, and mean latency (s) since the last call.
 
         A message that comes after the agent gave it up, and counted it as lost, counts as late instead. A neighbour
         that is not there sends nothing that could be lost.

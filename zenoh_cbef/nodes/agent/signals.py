@@ -19,8 +19,8 @@ _WAITING = 1 << 10
 class Signals:
     """The signals to one agent, read by a thread of their own: no flood of beacons can drown or delay them.
 
-    A signal carries the step that it is of, so it does not matter whether a beacon overtakes it. beacons: what is told
-    when no more of them will come.
+    A signal names its step, so it does not matter whether a beacon overtakes it. beacons: the inbox to end
+    when no more beacons will come.
     """
 
     def __init__(self, node: Node, agent: int, rejections: Rejections, beacons: Inbox) -> None:

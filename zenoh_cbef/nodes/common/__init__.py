@@ -1,1 +1,1 @@
-"""What every process of a run has: its place on the network, inboxes, what it is told at the start."""
+"""The parts that every process of a run has: its place on the network, inboxes, the scenario from the target."""

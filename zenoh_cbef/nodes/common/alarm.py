@@ -1,4 +1,4 @@
-"""Ends waits that have no end of their own."""
+"""Ends waits that have no timeout."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _TICK_SECONDS = 2.0
 
 
 class Alarm:
-    """Ends a wait at its deadline, and every now and then one without: Zenoh's blocking receive has no timeout."""
+    """Ends a wait at its deadline, or, without one, every other second: Zenoh's blocking receive has no timeout."""
 
     def __init__(self) -> None:
         self._waiting: tuple[float | None, Mailbox] | None = None

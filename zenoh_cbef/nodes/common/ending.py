@@ -1,4 +1,4 @@
-"""Why a process ends, told to its launcher as data. What it says on standard error is for people."""
+"""Why a process ends, as data for its launcher. Its words on standard error are for users."""
 
 from __future__ import annotations
 

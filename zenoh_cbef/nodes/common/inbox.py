@@ -1,4 +1,4 @@
-"""What a process hears from one sender on one key: in order, and no older than wanted."""
+"""The messages of one sender on one key: in order, and no older than the reader needs."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _FLIPPED = 8
 
 
 class Stopped(Exception):
-    """The process was told to stop while it waited in lockstep: the step that it is in is not to be concluded."""
+    """The process was told to stop while it waited in lockstep: the caller must not conclude the present step."""
 
 
 class Inbox:
@@ -40,9 +40,9 @@ class Inbox:
     forged. turns: how many a step has. patience: how long (s) a sender that is there may keep silent before it is no
     longer waited for; grace: likewise for one that is out of sight, behind a link that may come back.
 
-    In lockstep (no deadline) a message that is due is waited for, and asked for where it may have been missed.
-    `_give_up` alone decides to go on without, and says so in an event. lost: messages missed of a sender that is
-    there; late: those of them that came after all.
+    In lockstep (no deadline) the inbox waits for a message that is due, and asks for one that it may have missed.
+    `_give_up` alone decides to go on without it, and reports that in an event. lost: messages missed of a sender that
+    is there; late: those of them that came after all.
     """
 
     def __init__(
@@ -119,7 +119,7 @@ class Inbox:
         return None if held is None else held[1]
 
     def take(self, turn: int, deadline: float | None = None) -> Any | None:
-        """The message of a turn, waited for until the deadline (monotonic s; None: lockstep, as long as there is hope).
+        """The message of a turn, waited for until the deadline (monotonic s; None: lockstep, as long as it can come).
 
         None where it will not come in time. Older ones are passed over; a later one is kept for its turn. Raises
         Stopped where the process is to stop in lockstep.
@@ -152,7 +152,7 @@ class Inbox:
                 return None
 
     def _await(self, turn: int, deadline: float | None) -> bytes | None:
-        """The next message, waited for; None where there is no hope of one, and the turn's is given up."""
+        """The next message, waited for; None where none can come any more, and the turn's is given up."""
         while (data := self._wait(turn, deadline)) is None:
             if hopeless := self._hopeless(turn, deadline):
                 # The sender's last words may have come before the news that it left.
@@ -218,7 +218,7 @@ class Inbox:
             self.lost += 1
 
     def _recall(self, turn: int) -> None:
-        """Ask the sender for what it sent since a turn: a link that broke has lost what was on its way."""
+        """Ask the sender for its messages since a turn: a link that broke has lost those that were on their way."""
         self.on_recall()
         found = ask_since(self._node.session, self.mailbox.key, turn // self._turns)
         if self._held is not None:
@@ -234,7 +234,7 @@ class Inbox:
         return self._poll()
 
     def pass_over(self, turn: int) -> None:
-        """Drop what has come up to a turn that is not wanted, or a portion of it."""
+        """Drop messages up to a turn that the reader does not need, or a portion of them."""
         for _ in range(_PORTION):
             if self._held is not None:
                 held, _ = self._held
@@ -260,7 +260,7 @@ class Inbox:
         return True
 
     def reject(self, reason: str) -> None:
-        """Count a message that was taken and then found to be none."""
+        """Count a message that was taken and then found invalid."""
         self._rejections.add(self.mailbox.key, reason)
 
     def spoil(self, turn: int, deadline: float | None) -> None:

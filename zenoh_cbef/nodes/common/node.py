@@ -1,4 +1,4 @@
-"""What every process has: a session, its liveliness token, an event channel, and a clean way to stop."""
+"""The parts of every process: a session, its liveliness token, an event channel, and a clean way to stop."""
 
 from __future__ import annotations
 
@@ -121,10 +121,10 @@ class Node:
         self.told.append(self.events.send(kind=kind, text=text, data=data))
 
     def last_words(self, kind: str, text: str, **data: Any) -> None:
-        """Tell the log that we are done, until a recorder says that it has heard it.
+        """Tell the log that we are done, again and again until a recorder says that it has heard it.
 
-        Zenoh keeps the order of a session's messages, so by then the recorder has all the others too: what is still
-        on its way to a busy one when a session closes would be lost.
+        Zenoh keeps the order of a session's messages, so the recorder then has all others, too. Messages that are still
+        on their way to a busy recorder are lost when a session closes.
         """
         word = time.time_ns()
 
@@ -140,7 +140,7 @@ class Node:
 
     @property
     def grace(self) -> float:
-        """The share of a process's patience that it has with one out of sight, whose link may come back.
+        """The share, 0 or 1, of its patience that this process waits for one out of sight, whose link may come back.
 
         All processes of a launcher are on one host: there a link ends only with its process.
         """

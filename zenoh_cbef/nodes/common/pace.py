@@ -1,7 +1,7 @@
 """Whether a process keeps up with real time.
 
-A process that comes to something when its deadline has passed is late by its own slowness: every wait ends at its
-deadline at the latest, and leaves a whole slot until the next one, so no other process and no link can cause it.
+A process that begins a round after the round's deadline is too slow itself: every wait ends at its deadline at the
+latest, and leaves a whole slot until the next one, so no other process and no link can make it late.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ class Teller(Protocol):
 
 
 class Pace:
-    """Counts what a process comes to too late, and says so when that is more than a hiccup.
+    """Counts the rounds (or steps) that a process begins too late, and reports when these are more than a few.
 
     who: the process, as in "agent 3". what: that which it comes to, in the plural. Times are monotonic, s; the caller
     tells them. late, due: counts since the start.

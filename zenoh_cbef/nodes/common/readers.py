@@ -1,4 +1,4 @@
-"""How an agent reads what others send it: turn, sending time and content of every message."""
+"""How an agent reads messages of other processes: turn, sending time and content of each."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a recorder tells of a run while it records: on a terminal, and to its launcher as lines of JSON."""
+"""A recorder's reports while it records: on a terminal, and to its launcher as lines of JSON."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Faults of a process itself: it is killed, or stopped for a while. Nothing of either outlives it."""
+"""Faults of a process itself: it is killed, or stopped for a while. No helper process outlives it."""
 
 from __future__ import annotations
 

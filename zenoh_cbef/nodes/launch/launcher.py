@@ -33,10 +33,10 @@ _TAIL = 4000
 
 @dataclass(frozen=True)
 class Death:
-    """A process that ended in any way but its own.
+    """A process that failed, was killed, or hung.
 
-    status: its exit status; negative for a signal, 0 for one that hung. words: the last it said. ending: why, where it
-    told.
+    status: its exit status; negative for a signal, 0 for one that hung. words: its last words on standard error.
+    ending: the reason, where it left one.
     """
 
     name: str
@@ -58,7 +58,7 @@ def _keep_to_one_core(pid: int, agent: int, count: int) -> None:
         return
     cores = sorted(os.sched_getaffinity(0))
     if count > len(cores):
-        with suppress(OSError):  # it has ended already, which is noticed elsewhere
+        with suppress(OSError):  # it has ended already, which `watch` notices
             os.sched_setaffinity(pid, {cores[agent % len(cores)]})
 
 
@@ -257,7 +257,7 @@ class Launcher:
             self._asked_at = now
             self._terminate(set(self._processes))
         elif over:
-            # What is left is on its way out, or hangs.
+            # The processes that are left are about to end, or hang.
             self._asked_at = now
 
     def _terminate(self, names: set[str]) -> None:

@@ -13,7 +13,7 @@ _EVERY_SECONDS = 0.1
 class Acknowledgements:
     """One token for each sender, for its latest word, and a new one no more than ten times a second.
 
-    So a process that floods its key with words keeps nothing but its own token changing. Words may come from any
+    So a process that floods its key with words only makes its own token change. Words may come from any
     thread.
     """
 
@@ -33,7 +33,7 @@ class Acknowledgements:
             self._give(sender)
 
     def catch_up(self) -> None:
-        """Acknowledge what was too early; called every now and then."""
+        """Acknowledge words that came too soon after others; called every now and then."""
         with self._lock:
             for sender in self._words:
                 self._give(sender)

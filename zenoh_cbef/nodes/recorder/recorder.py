@@ -38,9 +38,9 @@ _BEHIND_SECONDS = 1.0
 
 
 class Recorder:
-    """Takes messages off the network and puts them into the log: each mailbox in a thread, the first in the caller's.
+    """Writes messages from the network into the log: each mailbox in a thread, the first in the caller's.
 
-    record.on_full "stop" in the scenario: a log that cannot be written any more ends the recording.
+    record.on_full "stop" in the scenario: the recording ends when the log can no longer be written.
     """
 
     def __init__(
@@ -71,7 +71,7 @@ class Recorder:
         try:
             while not self._finished():
                 self._write_waiting(self._mailboxes[0], self._mailboxes[0].receive_from())
-                # Being woken for every single message costs more than writing it: let a few gather.
+                # A wake-up for every single message costs more than writing it: let a few gather.
                 time.sleep(_GATHER_SECONDS)
         finally:
             self._done.set()
@@ -121,7 +121,7 @@ class Recorder:
             report(self.status())
 
     def _warn(self) -> None:
-        """Say once what goes wrong, each time it begins to."""
+        """Report each problem once, each time that it begins."""
         behind = time.monotonic() - min(self._full_since.values(), default=time.monotonic())
         if behind < _BEHIND_SECONDS:
             self._told.discard("behind")
@@ -139,7 +139,7 @@ class Recorder:
                 self.node.stop()
 
     def status(self) -> Status:
-        """The present state of affairs."""
+        """The present status."""
         status = self.overview.status
         with self._lock:
             status.messages, status.missing = self.log.count, self.log.missing
@@ -174,7 +174,7 @@ class Recorder:
             self._promised[sender] = self._owned(sender, counts_in(told, "sent"))
 
     def _owned(self, sender: str, sent: dict[str, int]) -> dict[str, int]:
-        """What a process says it sent on its own keys, as far as they are recorded."""
+        """How many messages a process says that it sent on its own keys, for keys that are recorded."""
         addresses = ((key, count, address(key)) for key, count in sent.items())
         return {key: count for key, count, at in addresses if at and at.is_of(sender) and self._covers(key)}
 
@@ -222,7 +222,7 @@ def run_recorder(
         )
         recorder = Recorder(node, log, overview, mailboxes, scenario)
         node.presence.announce(f"record/{identity.name}")
-        if "target/target" in node.presence:  # a replay's listeners hear what was recorded, and nothing else
+        if "target/target" in node.presence:  # a replay's subscribers get the recorded messages only
             introduce(identity, briefing.clock, recorder.say)
         try:
             recorder.run(sync=sync, report=report)

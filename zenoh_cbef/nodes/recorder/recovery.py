@@ -12,7 +12,7 @@ from zenoh_cbef.protocol.memory import ask_numbers
 _LOOK_SECONDS = 0.5
 _AT_ONCE = 20
 _KEPT = 10_000
-"""Gaps that are asked for in one look, and asked ones that are known."""
+"""The most gaps that the recorder asks for at a time, and the most that it remembers as asked for."""
 
 
 Gap = tuple[str, str, int, int]
@@ -44,7 +44,7 @@ class Recovery:
         return (sender if "/" in sender else f"{sender}/{sender}") in self._node.presence
 
     def lacks(self, sender: str) -> bool:
-        """Whether something of a sender is missing that was not asked for yet. The caller has the log's lock."""
+        """Whether messages of a sender are missing for which we have not asked yet. The caller has the log's lock."""
         return bool(self._open_gaps(sender))
 
     def _open_gaps(self, of: str | None = None) -> list[Gap]:

@@ -16,7 +16,7 @@ Source = Callable[[int, int], Iterator[Item]]
 
 @dataclass(frozen=True)
 class PlayerState:
-    """How things are. position, duration: s of the log. published: messages so far.
+    """The state of a replay. position, duration: s of the log. published: messages so far.
 
     state: playing, paused, stepping (while messages or steps are still to be played) or done.
     """
@@ -30,7 +30,7 @@ class PlayerState:
 
 
 class Timeline:
-    """Which time of the log it is: a straight line from the last change on, so that nothing adds up."""
+    """The present time of the log: a straight line from the last change on, so that errors do not add up."""
 
     def __init__(self, position: int, rate: float, *, runs: bool) -> None:
         self.rate, self.runs = rate, runs
@@ -42,7 +42,7 @@ class Timeline:
         return self._position + round(1e9 * passed * self.rate)
 
     def change(self, *, position: int | None = None, rate: float | None = None, runs: bool | None = None) -> None:
-        """Go on from here, or from another position, at another rate, or not at all."""
+        """Go on from the present or another position, at the same or another rate; or stand still."""
         self._position = self.now() if position is None else position
         self._since = time.monotonic()
         self.rate = self.rate if rate is None else rate
@@ -54,7 +54,7 @@ class Timeline:
 
 
 class Player:
-    """Plays what lies between two log times (ns). Orders may come from any thread.
+    """Plays the messages between two log times (ns). Orders may come from any thread.
 
     source: gives the messages from one log time to another. publish: takes one. origin: the log time that
     positions (s) count from. loop: begin again at the end.
@@ -111,7 +111,7 @@ class Player:
         began = False
         for item in self._source(since, self._end):
             if not began:
-                # Time stood still while what lies before was read over.
+                # Time stood still while the reader passed over earlier messages.
                 self._arrive(since)
                 began = True
             if not self._await(item):
@@ -158,7 +158,7 @@ class Player:
         return self._steps > 0
 
     def state(self) -> PlayerState:
-        """How things are."""
+        """The state of the replay."""
         with self._changed:
             pending = "stepping" if self._messages or self._steps else "paused"
             state = "done" if self._done else "playing" if self._line.runs else pending

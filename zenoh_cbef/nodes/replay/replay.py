@@ -134,7 +134,7 @@ def _actions(player: Player) -> dict[str, Callable[[], None]]:
 
 
 def _obey(player: Player, orders: Orders) -> Mapping[str, Any]:
-    """Do what a query asks for, and say how things are then. Raises UserError."""
+    """Carry out a query's orders, and return the replay's state after them. Raises UserError."""
     plain = {"pause": player.pause, "resume": player.resume, "toggle": player.toggle}
     numbered: dict[str, tuple[Callable[[Any], None], Callable[[str], float], str]] = {
         "next": (player.next, int, "1"),

@@ -1,4 +1,4 @@
-"""What can be asked of a run that goes on; the target answers."""
+"""The target's answers to questions and orders while a run goes on."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from zenoh_cbef.plain import read_json
 
 
 class Asked(Surveyed, Protocol):
-    """What of a target its answers need."""
+    """The parts of a target that its answers need."""
 
     survey: Survey
     injection: Injection | None

@@ -13,7 +13,7 @@ from zenoh_cbef.tracking.sight import MIRRORED
 class Lookout:
     """Tells the log when the agents that take part cannot determine the position any more, and when they can again.
 
-    problem: in words what their ranges leave open; empty where they determine the position, but for a mirror image.
+    problem: a sentence on what their ranges fit; empty where they determine the position, except for a mirror image.
     """
 
     def __init__(self, node: Node) -> None:

@@ -119,8 +119,8 @@ class Progress:
     def wait(self, step: int, *, even_stopping: bool = False) -> bool:
         """Wait until every agent has finished a step; False where the run has no agents or is told to stop.
 
-        Agents that do not get on for longer than the agents' own patience are waited for no more until they do. When
-        that is all of them, and goes on for as long again, the run is over.
+        It no longer waits for agents that make no progress for longer than the agents' own patience, until they do.
+        When these are all agents, and for as long again, the run is over.
         """
         until = time.monotonic() + self._patience
         while self.members() and (even_stopping or not self._node.stopping):
@@ -135,7 +135,7 @@ class Progress:
             received = self._alarm.limit(self._mailbox.receive_from, self._mailbox, None)
             if received is not None:
                 self._note(*received)
-                # The window leaves time to let the others' estimates gather: a wake-up each would cost more.
+                # There is time to let the others' estimates gather: a wake-up for each would cost more.
                 time.sleep(_GATHER_SECONDS)
                 self.drain()
         return False

@@ -30,7 +30,7 @@ _SHOWN = ("agent/", "ready/", "record/")
 
 
 class Surveyed(Protocol):
-    """What of a target is told."""
+    """The parts of a target that a status contains."""
 
     node: Node
     plan: Plan
@@ -74,7 +74,7 @@ class Survey:
         known = self._known(sender)
         if message["kind"] == HERE and known:
             self._cards[sender] = data
-        # Of each process its own latest, so that none drowns the others'.
+        # Keep the latest events of each process, so that one that sends many does not displace the others'.
         self._events[sender if known or sender in self._events else ""].append(data)
 
     def _known(self, sender: str) -> bool:
@@ -84,7 +84,7 @@ class Survey:
         return [data for events in list(self._events.values()) for data in list(events)]
 
     def of(self, target: Surveyed) -> dict[str, Any]:
-        """Everything that a status is made of."""
+        """All data from which a status is made."""
         self.drain()
         scenario, step = target.plan.scenario, target.step
         estimates = target.progress.estimates()

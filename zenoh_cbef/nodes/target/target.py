@@ -40,7 +40,7 @@ _LONGER = 4.0
 class Target:
     """The target of a run.
 
-    recorded: what is measured was measured before, and no fault changes it. receivers: real ones publish the beacons.
+    recorded: the measurements come from a log, and no fault changes them. receivers: real ones publish the beacons.
     wait_for: how many agents have to be ready for the run to start, None: all.
     """
 
@@ -77,7 +77,7 @@ class Target:
 
     @property
     def scenario(self) -> Scenario:
-        """What the run is, with the faults that were injected since."""
+        """The run's scenario, with the faults that were injected since."""
         return self.plan.scenario
 
     @property
@@ -154,7 +154,7 @@ class Target:
         return [agent for agent in self.members() if agent not in idle]
 
     def _inject(self) -> None:
-        """Make known what was injected since, and act on it."""
+        """Publish new injected faults, and act on them."""
         news = None if self.injection is None else self.injection.news()
         if self.injection is None or news is None:
             return
