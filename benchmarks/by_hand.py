@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,8 +25,18 @@ class ByHand:
 
 
 @contextmanager
-def by_hand(name: str, overrides: Sequence[str], *, agents: Sequence[int], log: Path | None = None) -> Iterator[ByHand]:
-    """Start target, some agents, and a recorder where a log is given; all end with the block."""
+def by_hand(
+    name: str,
+    overrides: Sequence[str],
+    *,
+    agents: Sequence[int],
+    log: Path | None = None,
+    watched: Mapping[str, str] | None = None,
+) -> Iterator[ByHand]:
+    """Start target, some agents, and a recorder where a log is given; all end with the block.
+
+    watched: the environment of agent 0, where it is to tell what its steps cost (benchmarks/watched.py).
+    """
     plan = load(name, overrides).plan
     run = f"by-hand-{name}-{time.time_ns()}"
     names = ["target", *(["recorder"] if log else []), *(f"agent {agent}" for agent in agents)]
@@ -50,6 +60,11 @@ def by_hand(name: str, overrides: Sequence[str], *, agents: Sequence[int], log: 
         pids = {}
         for process, (command, connect) in commands.items():
             links = [part for endpoint in connect for part in ("--connect", endpoint)]
-            child = family.start("zenoh_cbef", [*command, *common, "--listen", endpoints[process], *links], environment)
+            watches = watched is not None and process == "agent 0"
+            child = family.start(
+                "benchmarks.watched" if watches else "zenoh_cbef",
+                [*command, *common, "--listen", endpoints[process], *links],
+                environment | dict(watched or {}),
+            )
             pids[process] = child.pid
         yield ByHand(run, pids, endpoints)

@@ -47,6 +47,7 @@ class Fates:
     receiver finds out whether the message is late; otherwise a message that is delayed at all misses its round.
     lag: how many steps after its own a message is used; it may be on its way for so long. apart: (e, K), the steps in
     which a link does not exist; None: all always do.
+    quiet: whether no fault ever touches these links, and they always exist.
     """
 
     def __init__(
@@ -72,6 +73,7 @@ class Fates:
         self._dt, self._per_step, self._ranges = dt, max(1, rounds + ranges), ranges
         self._realtime, self._spare = realtime, lag * dt
         self._apart = apart
+        self.quiet = not self._faults and apart is None
         self._streams = LinkStreams(seed, source, destination, range(not ranges, self._per_step + (not ranges)))
         # All fates without a fault share these arrays, so they are read-only.
         self._never, self._none = np.zeros(source.shape, dtype=bool), np.zeros(source.shape)
@@ -102,15 +104,15 @@ class Fates:
 
     def _messages(self, step: int, round_: int) -> Messages:
         return Messages(
-            self._seed,
-            self._source,
-            self._destination,
-            step,
-            round_,
-            self._dt,
-            self._per_step,
-            self._ranges,
-            self._streams,
+            seed=self._seed,
+            source=self._source,
+            destination=self._destination,
+            step=step,
+            round=round_,
+            dt=self._dt,
+            per_step=self._per_step,
+            ranges=self._ranges,
+            streams=self._streams,
         )
 
     def _told_apart(self, struck: dict[str, Bools]) -> dict[str, Bools]:
@@ -132,8 +134,3 @@ class Fates:
             if fault.cuts and fault.active(step * self._dt):
                 open_ &= ~chosen
         return open_
-
-    @property
-    def quiet(self) -> bool:
-        """Whether no fault ever touches these links, and they always exist."""
-        return not self._faults and self._apart is None

@@ -59,6 +59,7 @@ class Outgoing:
     """What the agents of a batch really send, the same in any batch.
 
     faults: all of a scenario; those of senders count. seed, agent: (n,). dt: s. displaced: for consensus messages.
+    honest: whether none of these agents ever misbehaves, so that all messages are what they are.
     """
 
     def __init__(self, faults: Sequence[Fault], *, seed: Seeds, agent: Ids, dt: float, displaced: Displaced) -> None:
@@ -68,6 +69,7 @@ class Outgoing:
                 self._faults.append((index, fault, rows))
         self._seed, self._agent, self._dt = seed, agent, dt
         self._displaced = displaced
+        self.honest = not self._faults
         # The honest messages of each fault's rows, by step and round, as far back as it looks.
         self._honest: list[dict[tuple[int, int], Floats]] = [{} for _ in self._faults]
 
@@ -92,7 +94,14 @@ class Outgoing:
             time = step * self._dt
             if fault.active(time):
                 honest = Sent(
-                    self._seed[rows], self._agent[rows], step, round_, time - fault.since, sent[rows], past, displaced
+                    seed=self._seed[rows],
+                    agent=self._agent[rows],
+                    step=step,
+                    round=round_,
+                    elapsed=time - fault.since,
+                    message=sent[rows],
+                    past=past,
+                    displaced=displaced,
                 )
                 sent[rows] = fault.sent(honest, index)
         return sent

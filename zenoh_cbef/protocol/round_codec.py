@@ -95,11 +95,12 @@ class RoundCodec:
             seq, key1, sent, key2, step, key3, round_, tail = self._numbers.unpack_from(data, self._begin)
             fixed = key1 == _KEYS[1] and key2 == _KEYS[2] and key3 == _KEYS[3] and tail == self._tail
             if fixed and seq < _MOST and sent < _MOST:
-                return step, round_, sent, _native(data[self._values :])
+                values = data[self._values :]
+                return step, round_, sent, values if _LITTLE else _swapped(values)
         message: dict[str, Any] = decode("round", data, run=self._run, sender=self._sender)
         payload = unpack_floats(message["payload"], self._width)
         return message["k"], message["l"], message["sent"], payload.tobytes()
 
 
-def _native(payload: bytes) -> bytes:
-    return payload if _LITTLE else np.frombuffer(payload, "<f8").astype("=f8").tobytes()
+def _swapped(payload: bytes) -> bytes:
+    return np.frombuffer(payload, "<f8").astype("=f8").tobytes()

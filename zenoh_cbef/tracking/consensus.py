@@ -30,11 +30,16 @@ class Consensus(Protocol):
         """The mixed payload (n, d)."""
 
 
-def averaged(weights: Floats, value: Floats, received: Floats, delivered: Bools | None) -> Floats:
-    """W y of values (n, d) and messages (n, m, d), of which some were delivered: (n, m), or (n, m, d) by component."""
+def averaged(
+    weights: Floats, value: Floats, received: Floats, delivered: Bools | None, room: Floats | None = None
+) -> Floats:
+    """W y of values (n, d) and messages (n, m, d), of which some were delivered: (n, m), or (n, m, d) by component.
+
+    room: where the terms of the sum can be written, laid out as `received`.
+    """
     # The own value stands in for a missing one, so its term is zero and the rows of W always sum to one. The sum
     # is never -0.0, which padding in a larger batch would turn into 0.0.
-    terms = received - value[:, None, :]
+    terms = np.subtract(received, value[:, None, :], out=room)
     terms *= weights[:, :, None]
     if delivered is not None:
         terms[~delivered] = 0.0
@@ -52,6 +57,9 @@ class Average:
 
     weights: Floats
 
+    def __post_init__(self) -> None:
+        self._room = np.empty((*self.weights.shape, 0))
+
     def start(self, payload: Floats) -> Floats:
         """The payload itself is sent."""
         self._value = payload
@@ -59,7 +67,9 @@ class Average:
 
     def mix(self, received: Floats, delivered: Bools | None) -> Floats:
         """One multiplication by W."""
-        self._value = averaged(self.weights, self._value, received, delivered)
+        if self._room.shape != received.shape:
+            self._room = np.empty_like(received)
+        self._value = averaged(self.weights, self._value, received, delivered, self._room)
         return self._value
 
     def result(self) -> Floats:

@@ -53,8 +53,13 @@ class Diagnostics:
     @classmethod
     def where(cls, measured: Bools, **known: Numbers) -> Self:
         """The given fields for the agents (n,) that measured something, and "nothing" for the others."""
-        masked = {name: one if name in WHOLE else np.where(measured, one, np.nan) for name, one in known.items()}
-        return cls.of(len(measured), **masked)
+        said: dict[str, Numbers] = dict.fromkeys(NAMES, np.full(len(measured), np.nan))
+        for name in WHOLE:
+            said[name] = known[name] if name in known else nothing(name, len(measured))
+        for name, one in known.items():
+            if name not in WHOLE:
+                said[name] = np.where(measured, one, np.nan)
+        return cls(**said)
 
     @classmethod
     def read(cls, columns: Floats) -> Self:

@@ -23,7 +23,7 @@ def outer(left: Floats, right: Floats) -> Floats:
 def inverse(matrices: Floats) -> Floats:
     """Inverse of symmetric positive definite matrices (n, s, s), symmetric to the last bit."""
     inverted = np.linalg.inv(matrices)
-    return np.asarray(0.5 * (inverted + np.swapaxes(inverted, -1, -2)))
+    return np.asarray(0.5 * (inverted + inverted.swapaxes(-1, -2)))
 
 
 def neighbour_sum(terms: Floats) -> Floats:

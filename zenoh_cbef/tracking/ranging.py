@@ -78,7 +78,7 @@ def own_range(space: Space, state: Floats, position: Floats, age: Floats) -> tup
     axes = space.axes
     offset = space.position(state) - position
     offset[:, :axes] -= age[:, None] * state[:, axes:]
-    distance = np.sqrt(np.sum(offset * offset, axis=1))
+    distance = np.sqrt(np.add.reduce(offset * offset, axis=1))
     direction = offset[:, :axes] / np.where(distance > 0.0, distance, 1.0)[:, None]
     return distance, np.concatenate([direction, -age[:, None] * direction], axis=1)
 

@@ -54,7 +54,7 @@ class Tracker:
 
     def measure(self, measurement: Measurement) -> Floats:
         """Begin a step with what was measured; returns the first consensus message."""
-        self._unheard = unheard(measurement)
+        self._measurement = measurement
         with np.errstate(all="ignore"):  # messages can be forged
             update = self._begin(measurement)
             self._refused = immoderate(update.payload)
@@ -102,7 +102,7 @@ class Tracker:
         belief = self.filter.conclude(mixed, update)
         wild = immoderate_belief(belief)
         if wild.any():
-            nothing = self._begin(self._unheard)
+            nothing = self._begin(unheard(self._measurement))
             predicted = self.filter.conclude(nothing.payload, nothing)
             # Where the prediction is not finite either, the scenario diverges by itself.
             wild &= ~immoderate_belief(predicted)
@@ -112,6 +112,6 @@ class Tracker:
 
     def _without(self, update: Update, rows: Bools) -> tuple[Update, Bools]:
         """An update in which some agents (n,) have heard nothing, and for which of them that gives a finite result."""
-        nothing = self._begin(self._unheard)
+        nothing = self._begin(unheard(self._measurement))
         better = rows & ~immoderate(nothing.payload)
         return merged(update, nothing, better), better

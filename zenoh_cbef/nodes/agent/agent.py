@@ -64,21 +64,16 @@ class Agent:
         self._ahead_ns = 0
         if self._wrong_clocks or realtime:
             node.clock = lambda: time.time_ns() + self._ahead_ns
-        alarm, patience = Alarm(), scenario.timing.patience
-        grace = 0.0 if realtime else node.grace * patience
+        alarm, grace = Alarm(), 0.0 if realtime else node.grace * scenario.timing.patience
         self.beacons: Inbox = beacon_inbox(node, agent, self.rejections, alarm, grace)
         self.signals = Signals(node, agent, self.rejections, self.beacons)
         self.neighbourhood = Neighbourhood(
             node,
+            plan,
             neighbours,
             fates_into(plan, agent, neighbours),
-            rounds=plan.rounds,
-            lag=scenario.consensus.lag,
-            width=plan.message_size,
-            shares_ranges=plan.sharing.uses_neighbour_ranges,
             rejections=self.rejections,
             alarm=alarm,
-            patience=patience,
             grace=grace,
         )
         self._range_out, self._round_out, self._estimate_out = (
@@ -167,19 +162,19 @@ class Agent:
         stand_still(seconds)
         self.node.event("continued", f"agent {self.agent} goes on", agent=self.agent, step=step)
 
-    def _deadline(self, step: int, round_: int) -> float | None:
-        if not self._realtime:
-            return None
+    def _deadline(self, step: int, round_: int) -> float:
+        """When a round of a step is over in realtime, s on the monotonic clock."""
         return self._epoch + step * self.scenario.dt + (round_ + 1) * self.plan.slot
 
-    def _arrive(self, step: int, round_: int) -> float | None:
+    def _arrive(self, step: int, round_: int) -> float:
         """The deadline of a round that the agent comes to now. What it comes to while it is away does not count."""
         deadline = self._deadline(step, round_)
-        if self._pace is None or deadline is None or step > self.scenario.length:
-            return deadline
-        if not (self.plan.absences and self.plan.absences.at(step)[self.agent]):
+        if self._pace is not None and step <= self.scenario.length and self._is_there(step):
             self._pace.arrive(time.monotonic(), deadline)
         return deadline
+
+    def _is_there(self, step: int) -> bool:
+        return not self.plan.absences or not self.plan.absences.at(step)[self.agent]
 
     def _await(self, step: int) -> None:
         """Wait for the beginning of a step, in portions: by a wrong clock it can be hours away."""
@@ -191,7 +186,7 @@ class Agent:
         """The beacon of a step; None where the run has ended."""
         if self._realtime:
             self._await(step)
-        message = self.beacons.take(step, self._arrive(step, 0))
+        message = self.beacons.take(step, self._arrive(step, 0) if self._realtime else None)
         # Alone behind a broken link it would run to the last step at once.
         if message is None and (self.signals.over(step) or (self.node.grace and not self._realtime)):
             return None
@@ -204,29 +199,30 @@ class Agent:
             return Beacon(np.nan, 0.0)
         return Beacon(float(found), float(age))
 
-    def _measurement(self, step: int, beacon: Beacon) -> Measurement:
+    def _measurement(self, step: int, beacon: Beacon, *, there: bool) -> Measurement:
         position = self.path[step - 1]
         told = self.outgoing.ranges(step, np.array([beacon.range]))
-        if not self.plan.absences.at(step)[self.agent]:
+        if there:
             self._range_out.send(**range_body(step, position, told[0]))
-        heard = self.neighbourhood.ranges(step, self._deadline(step, 0))
-        return Measurement(
-            position[None].copy(), np.array([beacon.range]), np.array([beacon.age]), heard.positions, heard.ranges
-        )
+        heard = self.neighbourhood.ranges(step, self._deadline(step, 0) if self._realtime else None)
+        return Measurement(position[None].copy(), np.array([beacon.range]), np.array([beacon.age]), *heard)
 
     def _step(self, step: int, beacon: Beacon) -> None:
-        away = self.plan.absences.at(step)[self.agent]
-        message = self.tracker.measure(self._measurement(step, beacon))
+        """One step: measure, exchange messages with the neighbours round by round, conclude, and say what came out."""
+        there, deadline = self._is_there(step), None
+        message = self.tracker.measure(self._measurement(step, beacon, there=there))
         for round_ in range(1, self.plan.rounds + 1):
-            sent = self.outgoing.message(step, round_, message)
-            if not away:
+            sent = message if self.outgoing.honest else self.outgoing.message(step, round_, message)
+            if there:
                 self._round_out.send_round(self._codec, step, round_, sent[0])
-            received, delivered = self.neighbourhood.round(step, round_, self._arrive(step, round_))
+            if self._realtime:
+                deadline = self._arrive(step, round_)
+            received, delivered = self.neighbourhood.round(step, round_, deadline)
             message = self.tracker.exchange(received, delivered)
         estimate, counts = self.tracker.conclude(), self.neighbourhood.take_counts()
         if estimate.refused[0]:
             self.rejections.add(f"the update of agent {self.agent}", "it would have left the finite numbers")
-        if not away:
+        if there:
             self._estimate_out.send(**estimate_body(step, estimate, 0, self.agent, counts))
 
     def finish(self, last: int) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
 from math import isnan
 from typing import Any
 
@@ -15,10 +14,12 @@ from zenoh_cbef.faults import Fates, Injected
 from zenoh_cbef.nodes.common.alarm import Alarm
 from zenoh_cbef.nodes.common.inbox import Decoder, Inbox
 from zenoh_cbef.nodes.common.node import Node
-from zenoh_cbef.nodes.common.readers import WINDOW, range_reader, round_reader
+from zenoh_cbef.nodes.common.readers import WINDOW, range_reader
 from zenoh_cbef.nodes.common.rejections import Rejections
 from zenoh_cbef.protocol.mailbox import CAPACITY, Mailbox
 from zenoh_cbef.protocol.messages import nil_to_nan
+from zenoh_cbef.protocol.round_codec import RoundCodec
+from zenoh_cbef.scenario.plan import Plan
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -26,39 +27,26 @@ Bools = NDArray[np.bool_]
 _OUTWAIT_SECONDS = 5.0
 
 
-@dataclass(frozen=True)
-class Ranges:
-    """Neighbours' positions (1, m, 3) and ranges (1, m) of a step, NaN where none was delivered."""
-
-    positions: Floats
-    ranges: Floats
-
-
 class Neighbourhood:
     """All neighbours of one agent.
 
-    ids: the neighbours, ascending. fates: of the messages from them, in the same order. rounds: L. lag: of what step
-    before an agent's own it takes its neighbours' messages. width: of a round's message. shares_ranges: whether
-    neighbours' ranges are wanted.
+    ids: the neighbours, ascending. fates: of the messages from them, in the same order. patience, grace: see Inbox.
     """
 
     def __init__(
         self,
         node: Node,
+        plan: Plan,
         ids: Sequence[int],
         fates: Fates,
         *,
-        rounds: int,
-        lag: int,
-        width: int,
-        shares_ranges: bool,
         rejections: Rejections,
         alarm: Alarm,
-        patience: float,
         grace: float,
     ) -> None:
+        rounds, lag, width = plan.rounds, plan.scenario.consensus.lag, plan.message_size
         self._node, self.ids = node, list(ids)
-        self.fates, self._rounds, self._lag, self._width = fates, rounds, lag, width
+        self.fates, self._rounds, self._lag = fates, rounds, lag
         self._received = np.zeros((1, len(self.ids), width))
         self._rows = [memoryview(row).cast("B") for row in self._received[0]]
         self._nothing = np.zeros(self._received.size)
@@ -78,18 +66,18 @@ class Neighbourhood:
                 turns=turns_per_step,
                 rejections=rejections,
                 alarm=alarm,
-                patience=patience,
+                patience=plan.scenario.timing.patience,
                 grace=grace,
             )
 
         run, keys = node.identity.run, node.keys
         self._round_boxes = [
-            inbox(agent, keys.round(agent), round_reader(run, agent, rounds, width), rounds + 1)
+            inbox(agent, keys.round(agent), RoundCodec(run, f"agent/{agent}", width).decode, rounds + 1)
             for agent in (self.ids if rounds else [])
         ]
         self._range_boxes = [
             inbox(agent, keys.range(agent), range_reader(run, agent), 1)
-            for agent in (self.ids if shares_ranges else [])
+            for agent in (self.ids if plan.sharing.uses_neighbour_ranges else [])
         ]
 
     def drain(self, step: int = 0) -> None:
@@ -122,11 +110,16 @@ class Neighbourhood:
                 if not absent[agent]:
                     box.hold(turn, until)
 
-    def ranges(self, step: int, deadline: float | None) -> Ranges:
-        """The neighbours' positions and ranges of a step; none where the filter does not want them."""
+    def ranges(self, step: int, deadline: float | None) -> tuple[Floats, Floats]:
+        """The neighbours' positions (1, m, 3) and ranges (1, m) of a step, NaN where none was delivered.
+
+        m is 0 where the filter does not want them.
+        """
         count = len(self._range_boxes)
         positions, ranges = np.zeros((1, count, 3)), np.full((1, count), np.nan)
-        due = self._due(self._range_boxes, step, (step, 0), deadline) if count else []
+        if not count:
+            return positions, ranges
+        due = self._everyone if self.fates.quiet else self._due(self._range_boxes, step, (step, 0), deadline)
         for place, box in enumerate(self._range_boxes):
             if not due[place]:
                 box.pass_over(step)
@@ -138,7 +131,7 @@ class Neighbourhood:
                 ranges[0, place] = nil_to_nan(message["range"])
                 if place in self._twice:
                     box.repeat(step)
-        return Ranges(positions, ranges)
+        return positions, ranges
 
     def round(self, step: int, round_: int, deadline: float | None) -> tuple[Floats, Bools | None]:
         """The neighbours' payloads for a round, (1, m, d), and which were delivered, (1, m), None for all."""
@@ -146,7 +139,7 @@ class Neighbourhood:
         if step < 1:
             return self._received, np.zeros((1, len(self.ids)), dtype=bool)
         turn, boxes, rows = step * (self._rounds + 1) + round_, self._round_boxes, self._rows
-        due = self._due(boxes, turn, (step, round_), deadline)
+        due = self._everyone if self.fates.quiet else self._due(boxes, turn, (step, round_), deadline)
         delivered, received = [False] * len(boxes), self._counts["received"]
         slowest = self._order[0]
         for place in self._order:
@@ -194,8 +187,6 @@ class Neighbourhood:
 
     def _due(self, boxes: Sequence[Inbox], turn: int, when: tuple[int, int], deadline: float | None) -> Sequence[bool]:
         """Which messages of a step and round the faults let arrive intact in time; the others are not waited for."""
-        if self.fates.quiet:
-            return self._everyone
         fate = self.fates.of(*when)
         self._injected.note(fate)
         due: list[bool] = fate.due.tolist()
@@ -238,7 +229,7 @@ class Neighbourhood:
         A message that comes after the agent gave it up, and counted it as lost, counts as late instead. A neighbour
         that is not there sends nothing that could be lost.
         """
-        received, lost, late = (self._counts[name].copy() for name in ("received", "lost", "late"))
+        received, lost, late = [*self._counts["received"]], [*self._counts["lost"]], [*self._counts["late"]]
         delay, read = [0] * len(self.ids), [0] * len(self.ids)
         for boxes in (self._round_boxes, self._range_boxes):
             for place, box in enumerate(boxes):

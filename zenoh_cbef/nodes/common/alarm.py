@@ -4,12 +4,8 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable
-from typing import TypeVar
 
 from zenoh_cbef.protocol.mailbox import Mailbox
-
-T = TypeVar("T")
 
 _TICK_SECONDS = 2.0
 
@@ -22,13 +18,21 @@ class Alarm:
         self._armed = threading.Event()
         threading.Thread(target=self._watch, daemon=True).start()
 
-    def limit(self, receive: Callable[[], T], mailbox: Mailbox, deadline: float | None) -> T:
-        """What a blocking receive of the mailbox gives, woken at the deadline (monotonic s), or every other second."""
+    def receive(self, mailbox: Mailbox, deadline: float | None) -> bytes | None:
+        """The mailbox's next message; None after a wake-up, at the deadline (monotonic s) or every other second."""
         self._waiting = (deadline, mailbox)
         if deadline is not None:
             self._armed.set()
         try:
-            return receive()
+            return mailbox.receive()
+        finally:
+            self._waiting = None
+
+    def receive_from(self, mailbox: Mailbox) -> tuple[str, bytes] | None:
+        """As receive, without a deadline, with the message's key."""
+        self._waiting = (None, mailbox)
+        try:
+            return mailbox.receive_from()
         finally:
             self._waiting = None
 

@@ -14,7 +14,8 @@ from zenoh_cbef.protocol.mailbox import Mailbox
 from zenoh_cbef.protocol.memory import ask_since
 from zenoh_cbef.protocol.messages import BadMessage
 
-Decoder = Callable[[bytes], tuple[int, int, Any]]
+Decoder = Callable[[bytes], tuple[int, int, int, Any]]
+"""Step, round (0 where there are none), sending time (ns) and content of a message; raises BadMessage."""
 
 _ANY = 1 << 63
 _PORTION = 2000
@@ -35,10 +36,11 @@ class Stopped(Exception):
 class Inbox:
     """One sender's messages by turn: a number that grows with every message of the key.
 
-    owner: the liveliness name of the sender; open: whether it is there. decode gives a message's turn, sending
-    time (ns) and content, or raises BadMessage. horizon: how many turns a sender can be ahead; what claims more is
-    forged. turns: how many a step has. patience: how long (s) a sender that is there may keep silent before it is no
-    longer waited for; grace: likewise for one that is out of sight, behind a link that may come back.
+    owner: the liveliness name of the sender; open: whether it is there. turns: how many a step has; where there are
+    more than one, the first belongs to the ranges, which have a key of their own, and rounds count from 1. horizon: how
+    many turns a sender can be ahead; what claims more is forged. patience: how long (s) a sender that is there may keep
+    silent before it is no longer waited for; grace: likewise for one that is out of sight, behind a link that may come
+    back.
 
     In lockstep (no deadline) the inbox waits for a message that is due, and asks for one that it may have missed.
     `_give_up` alone decides to go on without it, and reports that in an event. lost: messages missed of a sender that
@@ -63,6 +65,7 @@ class Inbox:
         self._node, self.owner = node, owner
         self._poll, self._clock = mailbox.poll, node.clock
         self._decode, self._horizon, self._turns = decode, horizon, turns
+        self._first = 1 if turns > 1 else 0
         self._rejections, self._alarm = rejections, alarm
         self._patience, self._grace = patience, grace
         self._silent, self._unheard = False, True
@@ -112,7 +115,7 @@ class Inbox:
         """The next message, whatever its turn, waited for so many seconds; None where none came."""
         until = time.monotonic() + seconds
         while self._held is None and self.open and time.monotonic() < until:
-            data = self._poll() or self._alarm.limit(self.mailbox.receive, self.mailbox, until)
+            data = self._poll() or self._alarm.receive(self.mailbox, until)
             if data is not None:
                 self._read(data, _ANY)
         held, self._held = self._held, None
@@ -153,27 +156,22 @@ class Inbox:
 
     def _await(self, turn: int, deadline: float | None) -> bytes | None:
         """The next message, waited for; None where none can come any more, and the turn's is given up."""
-        while (data := self._wait(turn, deadline)) is None:
+        while True:
+            self.waited = True
+            reachable = self.open or (self._grace and deadline is None and not self._node.stopping)
+            timely = deadline is None or time.monotonic() < deadline
+            hopes = turn < self._end and not self._silent and reachable and timely
+            if hopes and (data := self._alarm.receive(self.mailbox, deadline)) is not None:
+                return data
             if hopeless := self._hopeless(turn, deadline):
                 # The sender's last words may have come before the news that it left.
-                data = self._poll()
-                if data is None:
+                if (data := self._poll()) is None:
                     self._give_up(turn, deadline, hopeless)
                 return data
             if deadline is None and self.open:
                 self._recall(turn)
                 if (data := self._poll()) is not None:
                     return data
-        return data
-
-    def _wait(self, turn: int, deadline: float | None) -> bytes | None:
-        self.waited = True
-        hopes = self.open or (self._grace and deadline is None and not self._node.stopping)
-        if turn >= self._end or self._silent or not hopes:
-            return None
-        if deadline is not None and time.monotonic() >= deadline:
-            return None
-        return self._alarm.limit(self.mailbox.receive, self.mailbox, deadline)
 
     def _hopeless(self, turn: int, deadline: float | None) -> str:
         """Why a message is not waited for any longer, "" where it is."""
@@ -284,7 +282,10 @@ class Inbox:
 
     def _read(self, data: bytes, turn: int) -> None:
         try:
-            found, sent, content = self._decode(data)
+            step, round_, sent, content = self._decode(data)
+            if not self._first <= round_ < self._turns:
+                raise BadMessage(f"round {round_} of a step of {self._turns - 1}")
+            found = step * self._turns + round_
             if found > turn + self._horizon:
                 raise BadMessage("ahead of what its sender can have reached")
         except BadMessage as error:

@@ -1,4 +1,4 @@
-"""How an agent reads messages of other processes: turn, sending time and content of each."""
+"""How an agent reads its beacons and its neighbours' ranges."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ from zenoh_cbef.nodes.common.node import Node
 from zenoh_cbef.nodes.common.rejections import Rejections
 from zenoh_cbef.protocol.mailbox import Mailbox
 from zenoh_cbef.protocol.messages import BadMessage, decode
-from zenoh_cbef.protocol.round_codec import RoundCodec
 
 WINDOW = 4
 """How many steps the target, and so any agent, can be ahead of the slowest agent in lockstep."""
@@ -20,11 +19,11 @@ WINDOW = 4
 def beacon_inbox(node: Node, agent: int, rejections: Rejections, alarm: Alarm, grace: float) -> Inbox:
     """The beacons of an agent's own receiver; the turn is the step."""
 
-    def read(data: bytes) -> tuple[int, int, dict[str, Any]]:
+    def read(data: bytes) -> tuple[int, int, int, dict[str, Any]]:
         message = decode("beacon", data, run=node.identity.run)
         if "signal" in message:
             raise BadMessage("a signal, which has a key of its own")
-        return message["k"], message["sent"], message
+        return message["k"], 0, message["sent"], message
 
     mailbox = Mailbox(node.session, node.keys.beacon(agent))
     # The target waits for an agent that is stuck, and its own patience ends the run.
@@ -42,24 +41,11 @@ def beacon_inbox(node: Node, agent: int, rejections: Rejections, alarm: Alarm, g
     )
 
 
-def round_reader(run: str, agent: int, rounds: int, width: int) -> Decoder:
-    """Consensus messages of a neighbour; the turn counts the ranges of a step as its round 0."""
-    codec, turns = RoundCodec(run, f"agent/{agent}", width), rounds + 1
-
-    def read(data: bytes) -> tuple[int, int, bytes]:
-        step, round_, sent, payload = codec.decode(data)
-        if not 1 <= round_ <= rounds:
-            raise BadMessage(f"round {round_} of a step of {rounds}")
-        return step * turns + round_, sent, payload
-
-    return read
-
-
 def range_reader(run: str, agent: int) -> Decoder:
     """Positions and ranges of a neighbour; the turn is the step."""
 
-    def read(data: bytes) -> tuple[int, int, dict[str, Any]]:
+    def read(data: bytes) -> tuple[int, int, int, dict[str, Any]]:
         message = decode("range", data, run=run, sender=f"agent/{agent}")
-        return message["k"], message["sent"], message
+        return message["k"], 0, message["sent"], message
 
     return read

@@ -132,7 +132,7 @@ class Progress:
                     return False
                 self._leave_behind(slowest)
                 until = time.monotonic() + self._patience
-            received = self._alarm.limit(self._mailbox.receive_from, self._mailbox, None)
+            received = self._alarm.receive_from(self._mailbox)
             if received is not None:
                 self._note(*received)
                 # There is time to let the others' estimates gather: a wake-up for each would cost more.

@@ -77,7 +77,7 @@ def own_information(
     weight = saturation(innovation, xi * spread, power)
     precision = np.where(measured, weight, 0.0) / variance
     return RangeInformation(
-        (precision * (innovation + np.sum(row * state, axis=1)))[:, None] * row,
+        (precision * (innovation + np.add.reduce(row * state, axis=1)))[:, None] * row,
         precision[:, None, None] * outer(row, row),
         told(measured, innovation, weight, spread),
     )
@@ -91,7 +91,7 @@ def variance_of(measurement: Measurement, range_std: float) -> Floats:
 
 def _spread(row: Floats, covariance: Floats, variance: float | Floats) -> Floats:
     """Predicted standard deviation of the own range's innovation, (n,), m."""
-    return np.asarray(np.sqrt(np.sum(row * matvec(covariance, row), axis=1) + variance))
+    return np.asarray(np.sqrt(np.add.reduce(row * matvec(covariance, row), axis=1) + variance))
 
 
 def neighbourhood_information(
@@ -210,8 +210,9 @@ def _surely_sound(matrices: Floats) -> Floats | None:
         inverted = inverse(matrices)
     except np.linalg.LinAlgError:
         return None
-    sizes = [np.einsum("nij,nij->n", each, each) for each in (matrices, inverted)]
-    return inverted if (sizes[0] * sizes[1] < (_CLEARLY / _LEAST) ** 2).all() else None
+    flat, back = matrices.reshape(len(matrices), -1), inverted.reshape(len(inverted), -1)
+    sizes = np.vecdot(flat, flat) * np.vecdot(back, back)
+    return inverted if (sizes < (_CLEARLY / _LEAST) ** 2).all() else None
 
 
 def unless_alone(belief: Belief, payload: Floats, update: Update) -> Belief:
@@ -227,7 +228,7 @@ def unless_alone(belief: Belief, payload: Floats, update: Update) -> Belief:
     alone = (np.abs(payload - own) <= _ROUNDING * np.abs(own).max(axis=1)[:, None]).all(axis=1)
     return Belief(
         np.where(alone[:, None], state, belief.state),
-        np.where(alone[:, None, None], 0.5 * (covariance + np.swapaxes(covariance, 1, 2)), belief.known_covariance),
+        np.where(alone[:, None, None], 0.5 * (covariance + covariance.swapaxes(1, 2)), belief.known_covariance),
     )
 
 

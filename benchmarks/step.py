@@ -1,0 +1,81 @@
+"""What a lockstep step costs an agent with one neighbour: Python calls, and CPU time of its main thread."""
+
+from __future__ import annotations
+
+import json
+import statistics
+import tempfile
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rich.table import Table
+
+from benchmarks.by_hand import by_hand
+from benchmarks.common import plain_table
+from benchmarks.watched import CALLS, WATCHED
+
+STEPS = 1000
+_LESS, _MORE = 2, 12
+"""Two runs that differ in their rounds alone tell what a round costs, and what the rest of a step."""
+_SECONDS = 300.0
+
+
+def watch(rounds: int, *, calls: bool, steps: int = STEPS) -> dict[str, Any]:
+    """What agent 0 of two tells of a run's steps."""
+    settings = ["agents.count=2", "network.graph=path", "record.required=false"]
+    settings += [f"steps={steps}", f"consensus.rounds={rounds}"]
+    with tempfile.TemporaryDirectory() as folder:
+        told = Path(folder) / "told.json"
+        environment = {WATCHED: str(told), **({CALLS: "1"} if calls else {})}
+        with by_hand("tracking", settings, agents=range(2), watched=environment):
+            until = time.monotonic() + _SECONDS
+            while not (told.exists() and told.read_text(encoding="utf-8")):
+                if time.monotonic() > until:
+                    raise RuntimeError("the watched agent has not come to its end")
+                time.sleep(0.1)
+        found: dict[str, Any] = json.loads(told.read_text(encoding="utf-8"))
+        return found
+
+
+@dataclass(frozen=True)
+class _Counts:
+    """Of a step: Python calls, those of this program's functions, those into another file, and how many files."""
+
+    calls: float
+    own: float
+    across: float
+    files: int
+
+
+def _counted(rounds: int) -> _Counts:
+    told = watch(rounds, calls=True)
+    steps, calls = int(told["steps"]), dict[str, int](told["calls"])
+    own = {name: count for name, count in calls.items() if "zenoh_cbef" in name.rpartition(":")[0]}
+    files = {name.rpartition(":")[0] for name, count in own.items() if count >= steps // 2}
+    return _Counts(sum(calls.values()) / steps, sum(own.values()) / steps, told["across"] / steps, len(files))
+
+
+def _microseconds(rounds: int) -> float:
+    told = watch(rounds, calls=False)
+    return 1e6 * float(told["seconds"]) / int(told["steps"])
+
+
+def run(repeats: int) -> Iterator[Table]:
+    """Timed runs of few and of many rounds in turn; medians."""
+    few, many, more = _counted(_LESS), _counted(_MORE), _MORE - _LESS
+    pairs = [(_microseconds(_LESS), _microseconds(_MORE)) for _ in range(repeats)]
+    short, long = (statistics.median(times) for times in zip(*pairs, strict=True))
+    yield plain_table(
+        f"one agent, one neighbour, lockstep, medians of {repeats}",
+        ["", f"a step of {_LESS} rounds", "one round more"],
+        [
+            ["Python calls", few.calls, (many.calls - few.calls) / more],
+            ["of this program's functions", few.own, (many.own - few.own) / more],
+            ["from one file into another", few.across, (many.across - few.across) / more],
+            ["files of this program", few.files, ""],
+            ["CPU of the main thread, µs", short, (long - short) / more],
+        ],
+    )
