@@ -104,9 +104,12 @@ class Declarations:
     def __init__(self) -> None:
         self.channels: dict[int, Channel] = {}
         self._schemas = {0: ("", "", b"")}
+        self._known: set[tuple[int, bytes]] = set()
 
     def add(self, opcode: int, content: bytes) -> None:
         """Take a declaration; ValueError where it is malformed or contradicts an earlier one."""
+        if (opcode, content) in self._known:
+            return  # Every chunk of a log declares the same.
         if opcode == Opcode.SCHEMA:
             schema = parse_record(records.Schema, content)
             texts = (schema.name, schema.encoding, bytes(schema.data))
@@ -120,6 +123,7 @@ class Declarations:
             channel = Channel(read.id, read.topic, read.message_encoding, *texts, read.metadata)
             if self.channels.setdefault(read.id, channel) != channel:
                 raise ValueError(f"channel {read.id} is declared twice, differently")
+        self._known.add((opcode, content))
 
 
 class Closing:

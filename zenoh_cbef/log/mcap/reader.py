@@ -128,7 +128,7 @@ class McapFile:
     def batches(self) -> Iterator[list[RawMessage]]:
         """Yield the messages of messages(), those of a chunk together."""
         declared = self._closing.declared if self._closing else Declarations()
-        chunked, count, crc, checked = False, 0, 0, 0
+        chunked, count, crc, checked, kept = False, 0, 0, 0, 0
         for record in self._walk.records():
             found: list[RawMessage] = []
             chunked |= record.opcode == Opcode.CHUNK
@@ -143,6 +143,7 @@ class McapFile:
             else:
                 found = self._messages_of(record, declared)
             crc, checked = self._crc(checked, record.end, crc), record.end
+            kept = self._forget(kept, record.end)
             count += len(found)
             if _holds_messages(record):
                 yield found
@@ -185,6 +186,14 @@ class McapFile:
                 for place, number in enumerate((1, chunk.data_end - chunk.data_start, chunk.size)):
                     totals[place] += number
         return Summary(library, counts.total(), dict(counts), start if counts else 0, end, *totals)
+
+    def _forget(self, start: int, end: int) -> int:
+        """Give the memory of bytes that were read back to the system, many at once; returns where the others begin."""
+        if end - start < _AT_ONCE:
+            return start
+        end = min(end, len(self._bytes)) // mmap.PAGESIZE * mmap.PAGESIZE
+        self._bytes.madvise(mmap.MADV_DONTNEED, start, end - start)
+        return end
 
     def _crc(self, start: int, end: int, crc: int) -> int:
         """The CRC of bytes of the file, which may be more than the memory holds; a record can claim to end later."""

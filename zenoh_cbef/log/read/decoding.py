@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import gc
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, Protocol
@@ -12,7 +12,6 @@ from zenoh_cbef.log.common.sequence import Sequences
 from zenoh_cbef.log.mcap.contents import RawMessage
 from zenoh_cbef.log.read.header import Header
 from zenoh_cbef.log.read.parts import Log
-from zenoh_cbef.log.read.tables import Stamps, stamps_of
 from zenoh_cbef.plain import counts_in
 from zenoh_cbef.protocol.keys import Address, address, agent_named
 from zenoh_cbef.protocol.messages import BadMessage, decode_all
@@ -25,12 +24,12 @@ _MISLABELLED = "its record in the file has another number or time"
 
 
 class Sink(Protocol):
-    """Takes in the messages of a log, those of one key of a chunk at once, in order."""
+    """Takes in the messages of a log, those of one key of a chunk at once, in order. logged: their log times, ns."""
 
-    def take(self, at: Address, stamps: Stamps, messages: list[dict[str, Any]]) -> None:
+    def take(self, at: Address, logged: Sequence[int], messages: list[dict[str, Any]]) -> None:
         """Take messages (m,) that are no consensus messages."""
 
-    def take_rounds(self, at: Address, stamps: Stamps, rounds: Rounds) -> None:
+    def take_rounds(self, at: Address, logged: Sequence[int], rounds: Rounds) -> None:
         """Take consensus messages of an agent."""
 
 
@@ -183,8 +182,7 @@ class Decoder:
             for message in messages:
                 self.tally.hear(message)
         if self._sink is not None:
-            seq = [message["seq"] for message in messages]
-            self._sink.take(place.at, stamps_of(logged, times, seq), messages)
+            self._sink.take(place.at, logged, messages)
 
     def _take_rounds(self, place: _Place, codec: RoundCodec, batch: list[RawMessage]) -> None:
         _, logged, times, numbers, data = zip(*batch, strict=True)
@@ -194,7 +192,7 @@ class Decoder:
             raise BadMessage(_MISLABELLED)
         self.tally.sequences.of(place.key, place.at.owner).take_all([*numbers])
         if self._sink is not None:
-            self._sink.take_rounds(place.at, stamps_of(logged, times, rounds.seq), rounds)
+            self._sink.take_rounds(place.at, logged, rounds)
 
     def _check_steps(self, last: int, *, ended: bool = False) -> None:
         # The signal that ends a run is numbered one past its last step.

@@ -78,9 +78,9 @@ class Measurements:
         beacons = self.recording.beacons
         if not beacons.seen(step)[agent, step - 1]:
             return "target", {"k": step, "emitted": None, "arrived": None}
-        emitted, arrived = map(nan_to_nil, beacons.numbers("times", step)[agent, step - 1].tolist())
-        sender = int(beacons.numbers("sender", step)[agent, step - 1, 0])
-        return self.recording.senders[sender], {"k": step, "emitted": emitted, "arrived": arrived}
+        emitted, arrived, sender = beacons.numbers("heard", step)[agent, step - 1].tolist()
+        emitted, arrived = nan_to_nil(emitted), nan_to_nil(arrived)
+        return self.recording.senders[int(sender)], {"k": step, "emitted": emitted, "arrived": arrived}
 
     def lacks(self) -> list[str]:
         """What the log lacks of the steps that are estimated from it, a sentence each."""
@@ -126,7 +126,7 @@ class Measurements:
         """
         steps, recording = scenario.length, self.recording
         positions, expected = recording.ranges.numbers("position", steps), agent_positions(scenario)
-        emitted, arrived = np.moveaxis(recording.beacons.numbers("times", steps), 2, 0)
+        emitted, arrived, _ = np.moveaxis(recording.beacons.numbers("heard", steps), 2, 0)
         return World(
             step_times(scenario, steps),
             recording.truth.numbers("state", steps)[0],

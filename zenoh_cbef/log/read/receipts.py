@@ -8,12 +8,13 @@ from typing import Any
 import numpy as np
 
 from zenoh_cbef.faults.injected import FATES
-from zenoh_cbef.log.read.tables import Bools, Floats, Ints, Stamps, Table, floats
+from zenoh_cbef.log.read.tables import Bools, Floats, Ints, Table, floats
 
 COUNTS = ("received", "lost", "late")
 INJECTED = ("injected_lost", "injected_late", "corrupted", "duplicated")
 _LATENCY = "latency"
-_FIELDS = (*COUNTS, *INJECTED, _LATENCY)
+_ALWAYS = (*COUNTS, _LATENCY)
+_FIELDS = (*_ALWAYS, *INJECTED)
 
 
 class Receipts:
@@ -28,28 +29,37 @@ class Receipts:
         self._table = self._of(0)
         self._fates: dict[int, list[str]] = {}
 
-    def put(self, step: Ints, stamps: Stamps, messages: Sequence[dict[str, Any]]) -> None:
+    def put(self, step: Ints, messages: Sequence[dict[str, Any]]) -> None:
         """Keep what some estimates (m,) say, each the first of its step."""
         if not self.neighbours:
             self.neighbours = next((one["neighbours"] for one in messages if one["neighbours"]), [])
             self._table = self._of(len(self.neighbours)) if self.neighbours else self._table
-        fitting = np.array([self._fits(message) for message in messages], dtype=bool)
-        if not fitting.all():
-            step, stamps = step[fitting], Stamps(*(values[fitting] for values in stamps))
-            messages = [message for message, fits in zip(messages, fitting.tolist(), strict=True) if fits]
-        nothing = [None] * len(self.neighbours)
-        told = {name: [one.get(name, nothing) for one in messages] for name in _FIELDS}
-        said = {name: floats(rows) for name, rows in told.items() if any(row is not nothing for row in rows)}
-        self._table.put(0, step, stamps, **said)
-        self._fates |= {one["k"]: one[FATES] for one in messages if FATES in one}
+        numbers = self._numbers(messages)
+        if numbers is not None:
+            self._table.put(0, step, None, **numbers)
+            self._fates |= {one["k"]: one[FATES] for one in messages if FATES in one}
+        elif len(messages) > 1:
+            for place, one in enumerate(messages):
+                self.put(step[place : place + 1], [one])
+
+    def _numbers(self, messages: Sequence[dict[str, Any]]) -> dict[str, Floats] | None:
+        """What estimates (m,) say, (m, d) for each field that any has; None where one of them does not fit."""
+        width = len(self.neighbours)
+        marks = [one[FATES] for one in messages if FATES in one]
+        if any(one["neighbours"] != self.neighbours for one in messages) or any(len(one) != width for one in marks):
+            return None
+        names = [name for name in _FIELDS if name in _ALWAYS or any(name in one for one in messages)]
+        nothing = [None] * width
+        try:
+            numbers = {name: floats([one.get(name, nothing) for one in messages]) for name in names}
+        except ValueError:  # lists of several sizes
+            return None
+        if any(values.shape != (len(messages), width) for values in numbers.values()):
+            return None
+        return numbers | {"seq": floats([[one["seq"]] for one in messages])}
 
     def _of(self, width: int) -> Table:
-        return Table(1, self._limit, **dict.fromkeys(_FIELDS, width))
-
-    def _fits(self, message: dict[str, Any]) -> bool:
-        width = len(self.neighbours)
-        sizes = all(len(message[name]) == width for name in (*_FIELDS, FATES) if name in message)
-        return sizes and message["neighbours"] == self.neighbours
+        return Table(1, self._limit, seq=1, **dict.fromkeys(_FIELDS, width))
 
     def steps(self, until: int) -> Ints:
         """The steps up to `until` of which the agent said something, (m,), ascending."""
@@ -61,8 +71,7 @@ class Receipts:
 
     def begun(self, until: int) -> Bools:
         """In which of these steps the agent counts anew, (m,): it was started again, and numbers from 0."""
-        seq = self._table.stamps(until).seq[0, self.steps(until) - 1]
-        return np.asarray(np.diff(seq, prepend=-1) <= 0)
+        return np.asarray(np.diff(self.counts("seq", until)[:, 0], prepend=-1.0) <= 0.0)
 
     def told(self, step: int) -> dict[str, list[Any]]:
         """What its estimate of a step says, by field, for the neighbours in order; nothing where it does not fit."""

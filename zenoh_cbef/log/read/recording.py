@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -11,7 +11,7 @@ from zenoh_cbef.log.read.decoding import Decoder, Tally
 from zenoh_cbef.log.read.header import Header, read_header
 from zenoh_cbef.log.read.parts import Log
 from zenoh_cbef.log.read.receipts import Receipts
-from zenoh_cbef.log.read.tables import Ints, Stamps, Table, floats
+from zenoh_cbef.log.read.tables import Ints, Stamps, Table, floats, stamps_of
 from zenoh_cbef.protocol.keys import Address
 from zenoh_cbef.protocol.round_codec import Rounds
 from zenoh_cbef.tracking.diagnostics import NAMES
@@ -42,7 +42,7 @@ class Signal(NamedTuple):
 class Recording:
     """The messages of a run, by agent and step, the first of each; n agents, L rounds, payloads of d numbers.
 
-    truth: one row; state (6). beacons: n rows; times (2), emitted and arrived, s; sender (1), a place in `senders`.
+    truth: one row; state (6). beacons: n rows; heard (3): emitted and arrived, s, and a place in `senders`.
     ranges: n rows; position (3), m. estimates: n rows; state (6), said (the diagnostics), covariance (36). said: which
     diagnostics any estimate has: logs of version 0.1.0 lack most. receipts: of each agent. rounds: n L rows, agent by
     agent; payload (d). faults: the last list of injected ones, JSON, or empty. first: when the first message was
@@ -57,7 +57,7 @@ class Recording:
         count, limit = scenario.count, scenario.length
         self.rounds_per_step = plan.rounds
         self.truth = Table(1, limit, state=6)
-        self.beacons = Table(count, limit, times=2, sender=1)
+        self.beacons = Table(count, limit, heard=3)
         self.ranges = Table(count, limit, position=3)
         self.estimates = Table(count, limit, state=6, said=len(NAMES), covariance=36)
         self.rounds = Table(count * self.rounds_per_step, limit, payload=plan.message_size)
@@ -70,9 +70,10 @@ class Recording:
         self.first: int | None = None
         self._kept = rounds
 
-    def take(self, at: Address, stamps: Stamps, messages: list[dict[str, Any]]) -> None:
+    def take(self, at: Address, logged: Sequence[int], messages: list[dict[str, Any]]) -> None:
         """Keep the messages of a key."""
-        self._begin(stamps)
+        stamps = stamps_of(logged, [one["sent"] for one in messages])
+        self._begin(stamps.sent[0])
         if at.kind == "event":
             self.events += map(Event, stamps.logged.tolist(), stamps.sent.tolist(), messages)
         elif at.kind == "faults":
@@ -86,35 +87,34 @@ class Recording:
         else:
             self._take_beacons(at.agent, stamps, messages)
 
-    def take_rounds(self, at: Address, stamps: Stamps, rounds: Rounds) -> None:
+    def take_rounds(self, at: Address, logged: Sequence[int], rounds: Rounds) -> None:
         """Keep consensus messages of an agent, as far as they are wanted."""
-        self._begin(stamps)
+        self._begin(rounds.sent[0])
         if self._kept == "none":
             return
         step, round_ = rounds.step.astype(np.int64), rounds.round.astype(np.int64)
-        inside = (round_ >= 1) & (round_ <= self.rounds_per_step)
-        row = np.where(inside, at.agent * self.rounds_per_step + round_ - 1, -1)
-        self.rounds.put(row, step, stamps, **({"payload": rounds.payload} if self._kept == "payloads" else {}))
+        # A round that the run does not have is put at step 0, which no table has.
+        step[(round_ < 1) | (round_ > self.rounds_per_step)] = 0
+        row = at.agent * self.rounds_per_step + round_ - 1
+        payload = {"payload": rounds.payload} if self._kept == "payloads" else {}
+        self.rounds.put(row, step, stamps_of(logged, rounds.sent), **payload)
 
-    def _begin(self, stamps: Stamps) -> None:
+    def _begin(self, sent: np.integer[Any]) -> None:
         if self.first is None:
-            self.first = int(stamps.sent[0])
+            self.first = int(sent)
 
     def _take_beacons(self, agent: int, stamps: Stamps, messages: list[dict[str, Any]]) -> None:
-        signal = np.array(["signal" in one for one in messages])
-        for place in np.flatnonzero(signal).tolist():
-            one = messages[place]
-            self.signals.append(Signal(int(stamps.logged[place]), int(stamps.sent[place]), one["k"], one.get("at")))
-        if signal.all():
-            return
-        if signal.any():  # Older logs have no keys for signals.
-            messages = [one for one in messages if "signal" not in one]
-            stamps = Stamps(*(values[~signal] for values in stamps))
-        names = [one["from"] for one in messages]
-        self.senders += [name for name in dict.fromkeys(names) if name not in self.senders]
-        sender = floats([[self.senders.index(name)] for name in names])
-        times = floats([[one["emitted"], one["arrived"]] for one in messages])
-        self.beacons.put(agent, _steps(messages), stamps, times=times, sender=sender)
+        if any("signal" in one for one in messages):  # Older logs have no keys for signals.
+            signal = np.array(["signal" in one for one in messages])
+            for place in np.flatnonzero(signal).tolist():
+                one = messages[place]
+                self.signals.append(Signal(int(stamps.logged[place]), int(stamps.sent[place]), one["k"], one.get("at")))
+            stamps, messages = stamps.chosen(~signal), [one for one in messages if "signal" not in one]
+        senders = [one["from"] for one in messages]
+        self.senders += [name for name in dict.fromkeys(senders) if name not in self.senders]
+        number = {name: place for place, name in enumerate(self.senders)}
+        times = [[one["emitted"], one["arrived"], number[one["from"]]] for one in messages]
+        self.beacons.put(agent, _steps(messages), stamps, heard=floats(times).reshape(-1, 3))
 
     def _take_estimates(self, agent: int, stamps: Stamps, messages: list[dict[str, Any]]) -> None:
         step = _steps(messages)
@@ -128,11 +128,12 @@ class Recording:
             joined = np.frombuffer(b"".join([one or unknown for one in packed]), "<f8")
             numbers["covariance"] = joined.reshape(-1, 36)
         new = self.estimates.put(agent, step, stamps, **numbers)
-        self.said.update(*messages)
+        for one in messages:
+            if not one.keys() <= self.said:
+                self.said.update(one)
         if not new.all():
-            step, stamps = step[new], Stamps(*(values[new] for values in stamps))
-            messages = [one for one, is_new in zip(messages, new.tolist(), strict=True) if is_new]
-        self.receipts[agent].put(step, stamps, messages)
+            step, messages = step[new], [one for one, is_new in zip(messages, new.tolist(), strict=True) if is_new]
+        self.receipts[agent].put(step, messages)
 
 
 def read_recording(log: Log, *, kinds: Collection[str] | None = None, rounds: RoundsKept = "none") -> Recording:

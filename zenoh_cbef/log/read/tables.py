@@ -14,21 +14,23 @@ Ints = NDArray[np.int64]
 
 _FIRST_CAPACITY = 64
 _LATEST = (1 << 63) - 1
-_STAMPS = ("logged", "sent", "seq")
 
 
 class Stamps(NamedTuple):
-    """What every message has, arrays of one shape: log time and sending time, ns since the epoch, and its number."""
+    """When messages, arrays of one shape, were logged and sent, ns since the epoch."""
 
     logged: Ints
     sent: Ints
-    seq: Ints
+
+    def chosen(self, which: Bools) -> Stamps:
+        """Those of some messages."""
+        return Stamps(self.logged[which], self.sent[which])
 
 
-def stamps_of(logged: Sequence[int], sent: Sequence[int], seq: ArrayLike) -> Stamps:
+def stamps_of(logged: Sequence[int], sent: ArrayLike) -> Stamps:
     """The stamps of some messages (m,). A log time beyond 63 bits, which no clock shows, becomes the latest one."""
     clipped = np.minimum(np.array(logged, dtype=np.uint64), np.uint64(_LATEST)).astype(np.int64)
-    return Stamps(clipped, np.array(sent, dtype=np.int64), np.array(seq, dtype=np.int64))
+    return Stamps(clipped, np.asarray(sent, dtype=np.int64))
 
 
 def floats(rows: Sequence[Any]) -> Floats:
@@ -48,24 +50,28 @@ class Table:
         self._rows, self._limit, self._widths = rows, limit, widths
         self._arrays: dict[str, NDArray[Any]] = {}
 
-    def put(self, row: int | Ints, step: Ints, stamps: Stamps, **numbers: Floats) -> Bools:
+    def put(self, row: int | Ints, step: Ints, stamps: Stamps | None = None, **numbers: Floats) -> Bools:
         """Put messages, (m,), each unless one is there already; says which of them were put, (m,).
 
-        row: of all, or of each (m,). numbers: (m, width). A message whose row or step the table lacks is left out.
+        row: of all, or of each (m,). numbers: (m, width). A message whose step the table lacks is left out.
         """
-        rows = np.broadcast_to(np.asarray(row, dtype=np.int64), step.shape)
-        inside = (step >= 1) & (step <= self._limit) & (rows >= 0) & (rows < self._rows)
-        new = np.zeros(len(step), dtype=bool)
-        new[np.unique(np.where(inside, rows * self._limit + step, -1), return_index=True)[1]] = True
-        new &= inside
+        columns = {**(stamps._asdict() if stamps else {}), **numbers}
+        rows, place = np.full(len(step), row), step - 1
+        new = (step >= 1) & (step <= self._limit)
         highest = int(step[new].max(initial=0))
         seen = self._array("seen", highest)
-        new[new] = ~seen[rows[new], step[new] - 1]
-        place = rows[new], step[new] - 1
-        seen[place] = True
-        for name, values in {**stamps._asdict(), **numbers}.items():
-            self._array(name, highest)[place] = values[new]
-        self.last = max(self.last, int(step[new].max(initial=0)))
+        each = rows * self._limit + step
+        if not (each[1:] > each[:-1]).all():
+            first = np.zeros(len(step), dtype=bool)
+            first[np.unique(np.where(new, each, -1), return_index=True)[1]] = True
+            new &= first
+        new[new] = ~seen[rows[new], place[new]]
+        if not new.all():
+            rows, place, columns = rows[new], place[new], {name: values[new] for name, values in columns.items()}
+        seen[rows, place] = True
+        for name, values in columns.items():
+            self._array(name, highest)[rows, place] = values
+        self.last = max(self.last, int(place.max(initial=-1)) + 1)
         return new
 
     def seen(self, steps: int) -> Bools:
@@ -74,7 +80,7 @@ class Table:
 
     def stamps(self, steps: int) -> Stamps:
         """Their stamps, (rows, steps); 0 where there is no message."""
-        return Stamps(*(self._upto(name, steps) for name in _STAMPS))
+        return Stamps(self._upto("logged", steps), self._upto("sent", steps))
 
     def numbers(self, name: str, steps: int) -> Floats:
         """Their numbers of a name, (rows, steps, width); NaN where there are none."""

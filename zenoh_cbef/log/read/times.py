@@ -69,7 +69,7 @@ def times_of(recording: Recording) -> MessageTimes:
     ranges = _since(recording.ranges, start + wrong)
     rounds = _since(recording.rounds, start + np.repeat(wrong, recording.rounds_per_step, axis=0))
     rounds = rounds.reshape(scenario.count, recording.rounds_per_step, steps)
-    heard = np.asarray(np.isfinite(recording.beacons.numbers("times", steps)).all(axis=2))
+    heard = np.asarray(np.isfinite(recording.beacons.numbers("heard", steps)).all(axis=2))
     return MessageTimes(
         _since(recording.beacons, np.full_like(wrong, start)),
         heard,

@@ -49,7 +49,7 @@ def trace_of(recording: Recording) -> Trace:
             f"the log of run {header.run!r} holds no estimate: the run ended before its first step, or this is a part "
             "of its log without them"
         )
-    ranges, age = _measured(plan, *np.moveaxis(recording.beacons.numbers("times", steps), 2, 0))
+    ranges, age = _measured(plan, *np.moveaxis(recording.beacons.numbers("heard", steps), 2, 0)[:2])
     diagnostics = Diagnostics.read(estimates.numbers("said", steps))
     unlogged, traffic = _unlogged(recording, diagnostics.innovation), _traffic(recording)
     positions = recording.ranges.numbers("position", steps)
