@@ -90,10 +90,11 @@ def _doubt(recording: Recording, simulation: Simulation) -> str:
 def verify(path: Path, *, tolerance: float = 0.0) -> Verdict:
     """Execute the run of a log again and compare. Raises UserError where the file is no log of a run."""
     log = open_log(path)
-    scenario = read_header(log).scenario
+    header = read_header(log)
+    scenario = header.scenario
     if scenario.timing.mode == "realtime":
         return Verdict("unknown", "a realtime run depends on when messages came, so it cannot be executed again")
-    recording = read_recording(log, rounds="payloads")
+    recording = read_recording(log, header, rounds="payloads")
     steps, doubt = _judgeable(recording)
     if doubt:
         return Verdict("unknown", doubt)

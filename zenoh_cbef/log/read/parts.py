@@ -31,8 +31,11 @@ def open_log(path: Path) -> Log:
     files = {found: _open(found)}
     first = found.with_name(found.name.removesuffix(ACTIVE))
     number = 2
-    while (following := _existing(part_path(first, number))) is not None and _is_part(files[found], following, number):
-        files[following] = _open(following)
+    while (following := _existing(part_path(first, number))) is not None:
+        part = _open(following)
+        if not _is_part(files[found], part, number):
+            break
+        files[following] = part
         number += 1
     return Log(files)
 
@@ -41,7 +44,7 @@ def open_logs(paths: Sequence[Path]) -> Log:
     """Open the files of one run as one log, in the order of their parts."""
     if len(paths) == 1:
         return open_log(paths[0])
-    files = {find_log(path): _open(find_log(path)) for path in paths}
+    files = {found: _open(found) for found in map(find_log, paths)}
     runs = {file.metadata.get(RUN, {}).get("run") for file in files.values()}
     if len(runs) > 1:
         raise UserError(f"{', '.join(map(str, files))} are of different runs; give the files of one, or use 'compare'")
@@ -136,9 +139,8 @@ def _number(file: McapFile) -> int:
     return whole(file.metadata.get(RUN, {}).get("part", "1")) or 1
 
 
-def _is_part(first: McapFile, following: Path, number: int) -> bool:
+def _is_part(first: McapFile, other: McapFile, number: int) -> bool:
     """Whether a file beside a log is that part of the same recording: its name alone does not tell."""
-    said, other = first.metadata.get(RUN, {}), _open(following)
-    shared = {name: said.get(name) for name in ("run", "started")}
-    found = {name: other.metadata.get(RUN, {}).get(name) for name in ("run", "started")}
+    told = (file.metadata.get(RUN, {}) for file in (first, other))
+    shared, found = ({name: said.get(name) for name in ("run", "started")} for said in told)
     return shared == found and _number(other) == number

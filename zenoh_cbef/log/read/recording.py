@@ -136,12 +136,15 @@ class Recording:
         self.receipts[agent].put(step, messages)
 
 
-def read_recording(log: Log, *, kinds: Collection[str] | None = None, rounds: RoundsKept = "none") -> Recording:
-    """Read a log, complete or cut off. kinds: of messages that are read, all others are passed over; None for all.
+def read_recording(
+    log: Log, header: Header | None = None, *, kinds: Collection[str] | None = None, rounds: RoundsKept = "none"
+) -> Recording:
+    """Read a log, complete or cut off.
 
-    Raises UserError where it is no log of a run.
+    header: where the caller has read it already. kinds: of the messages that are read, None for all. Raises UserError
+    where it is no log of a run.
     """
-    recording = Recording(read_header(log), rounds)
+    recording = Recording(header or read_header(log), rounds)
     decoder = Decoder(recording.header, recording, kinds=kinds)
     decoder.take_all(log)
     recording.tally = decoder.tally
