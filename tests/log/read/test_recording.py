@@ -14,7 +14,8 @@ from hypothesis import strategies as st
 from tests.cli.test_errors import call
 from tests.log.hand_made import KEYS, Maker
 from tests.log.made import made_log
-from zenoh_cbef.log.mcap import reader
+from zenoh_cbef.log.mcap.contents import Chunk, decompress
+from zenoh_cbef.log.mcap.reader import McapFile
 from zenoh_cbef.log.read.parts import open_log
 from zenoh_cbef.log.read.receipts import Receipts
 from zenoh_cbef.log.read.recording import read_recording
@@ -53,19 +54,19 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_a_verb_opens_a_log_once_and_reads_each_chunk_once(log, tmp_path, monkeypatch, capsys, verb):
     opened: Counter[Path] = Counter()
     read: Counter[int] = Counter()
-    before, decompress = reader.McapFile.__init__, reader.decompress
+    before = McapFile.__init__
 
-    def opening(file: Any, path: Path) -> None:
+    def opening(file: McapFile, path: Path) -> None:
         opened[path] += 1
         before(file, path)
 
-    def reading(data: bytes, chunk: Any) -> bytes:
+    def reading(data: bytes, chunk: Chunk) -> bytes:
         read[chunk.data_start] += 1
         return decompress(data, chunk)
 
     chunks = open_log(log).summary().chunks
-    monkeypatch.setattr(reader.McapFile, "__init__", opening)
-    monkeypatch.setattr(reader, "decompress", reading)
+    monkeypatch.setattr(McapFile, "__init__", opening)
+    monkeypatch.setattr("zenoh_cbef.log.mcap.reader.decompress", reading)
     status, _, err = call(monkeypatch, capsys, *verb.format(log=log, new=tmp_path / "new").split())
     assert status == 0, err
     assert opened == {log: 1}
