@@ -39,7 +39,7 @@ unit: install  ## all tests; one worker more than there are cores, as many tests
 fast: install  ## the tests that start no process
 	$(BIN)/pytest -n $(WORKERS) -m "not processes"
 
-format: install  ## mend what ruff can mend
+format: install  ## correct what ruff can correct by itself
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 

@@ -143,7 +143,7 @@ def test_negative_ranges_are_left_out(tmp_path):
             "ranges.csv has a line that is not t,anchor_id,range in numbers",
         ),
         ({"ranges": "t,anchor_id,range\n1,3,2\n1,3\n"}, "ranges.csv has a line that is not"),
-        ({"ranges": "t,anchor_id,range\n1,3,nan\n"}, "in finite numbers; mend them"),
+        ({"ranges": "t,anchor_id,range\n1,3,nan\n"}, "in finite numbers; correct them"),
         ({"ranges": "t,anchor_id,range\n1,4,2\n"}, "ranges of anchor 4, which anchors.csv lacks; add it"),
         (
             {"ranges": "t,anchor_id,range\n1,3.5,2\n"},

@@ -117,7 +117,7 @@ def read_dataset(folder: Path) -> Dataset:
     anchors, ranges, truth = (_read(folder, name) for name in ("anchors", "ranges", "truth"))
     for name, labels in (("anchors", anchors[:, 0]), ("ranges", ranges[:, 1])):
         if (labels != np.floor(labels)).any() or (np.abs(labels) > 2**53).any():
-            raise UserError(f"{folder / name}.csv has an anchor id that is not a whole number; mend it")
+            raise UserError(f"{folder / name}.csv has an anchor id that is not a whole number; correct it")
     ids = anchors[:, 0].astype(int)
     index = {int(label): row for row, label in enumerate(ids)}
     if len(index) < len(ids):
@@ -156,12 +156,12 @@ def _read(folder: Path, name: str) -> Floats:
     if rows.size == 0:
         raise UserError(f"{path} has no rows; a dataset needs at least one of {columns}")
     if rows.shape[1] != columns.count(",") + 1 or not np.isfinite(rows).all():
-        raise UserError(f"{path} has rows that are not {columns} in finite numbers; mend them")
+        raise UserError(f"{path} has rows that are not {columns} in finite numbers; correct them")
     for column, values in zip(columns.split(","), rows.T, strict=True):
         most = _MOST.get(column, np.inf)
         if (np.abs(values) > most).any():
             worst = values[np.abs(values).argmax()]
             raise UserError(
-                f"{path} has {worst:g} in the column {column}, which takes at most {most:g}, in s or m; mend it"
+                f"{path} has {worst:g} in the column {column}, which takes at most {most:g}, in s or m; correct it"
             )
     return np.asarray(rows)

@@ -83,7 +83,7 @@ def test_an_unknown_name_suggests_the_nearest():
 @pytest.mark.parametrize(
     ("content", "said"),
     [
-        (b"steps = \n", "is not valid TOML: .*mend that line"),
+        (b"steps = \n", "is not valid TOML: .*correct that line"),
         (b"\xff\xfe\x00", "is not a text file"),
         (b"steps = " + b"9" * 5000, "is not valid TOML"),
         (b"x = " + b"[" * 5000, "is not valid TOML"),

@@ -92,7 +92,7 @@ def propagate(
         e_i <- P_i sum_j M_ij [ P_j^-1 e_j + beta w_j h_j v_j/sigma^2 ]
 
     with range noise v_j and saturation gain w_j, which is 1 without saturation and else replaced by its statistical
-    linearisation. So the joint covariance of all agents' errors, which says what the agents have in common, is
+    linearisation. So the joint covariance of all agents' errors, with the correlations between agents, is
     propagated exactly as far as the linearisation holds.
 
     initial: (s, s), of independent first guesses. mixing: (c, K or 1, n, n). weight: beta, (c,).

@@ -1,4 +1,4 @@
-"""Which processes of a run in realtime did not keep up, by what they told of themselves."""
+"""Which processes of a run in realtime did not keep up, by their own reports."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def _counts(data: object) -> tuple[int, int] | None:
 
 
 def slow_note(slow: Mapping[str, Any] | None) -> str:
-    """What a reader has to know of a run that did not keep up, "" of one that did."""
+    """A note for the reader of a run that did not keep up; "" for one that did."""
     if slow is None or not slow["too_slow"]:
         return ""
     names = slow["too_slow"]

@@ -1,4 +1,4 @@
-"""Many runs in a few numbers."""
+"""Medians, least and largest metrics of many runs."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ _CROSS = 0.6
 """How far on its way a lost message is shown to end."""
 
 _LONGEST = 72.0
-"""How far to the right it may be shown to get: it was under way for a moment, whenever its receiver went on."""
+"""How far to the right a lost message is shown to get: it was under way for a moment only."""
 
 _WORDS: dict[Fortune, tuple[str, str]] = {
     "in time": ("time", "used"),
@@ -94,7 +94,7 @@ class _Frame:
         return self.y(self.agents - 1) + 30.0
 
     def x(self, time: float) -> float:
-        """Far outside is as good as infinitely far, and SVG knows no infinity."""
+        """Place of a time, limited to a little beyond the picture, as SVG has no infinity."""
         place = (time - self.since) / (self.until - self.since)
         return _LEFT + self.width * min(max(place, -2.0), 3.0)
 

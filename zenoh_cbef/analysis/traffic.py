@@ -1,4 +1,4 @@
-"""How many bytes a scenario's agents will publish, by encoding what they would send."""
+"""How many bytes a scenario's agents will publish, found by encoding their messages."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def round_bytes(plan: Plan) -> int:
 def other_bytes(plan: Plan) -> float:
     """Bytes that an agent publishes in a step besides its consensus messages: its range and its estimate.
 
-    The mean over some agents and steps, as what faults do is told in the steps in which they do something.
+    The mean over some agents and steps, as estimates report faults only in steps in which these do something.
     """
     scenario, lists = plan.scenario, plan.neighbours
     agents = np.unique(np.linspace(0, scenario.count - 1, _AGENTS).round().astype(int))
@@ -60,7 +60,7 @@ def _estimate(plan: Plan) -> Estimate:
 
 
 def _counts(plan: Plan, agent: int, neighbours: list[int], step: int) -> dict[str, Any]:
-    """What an agent tells of its neighbours' messages in a step, as if all steps before had been like this one."""
+    """An agent's counts of its neighbours' messages in a step, as if all steps before had been like this one."""
     rounds = range(not plan.sharing.uses_neighbour_ranges, plan.rounds + 1)
     counts: dict[str, Any] = {"neighbours": neighbours, "latency": [0.5] * len(neighbours)}
     counts["received"] = [step * len(rounds)] * len(neighbours)

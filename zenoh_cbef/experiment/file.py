@@ -103,7 +103,7 @@ def read_experiment(name: str, changes: Mapping[str, Any] | None = None) -> Writ
     except TypeError:
         raise UserError(f"{name} holds a date, which no key takes; write it as text or number") from None
     except (ValueError, RecursionError) as error:
-        raise UserError(f"{name} is not valid TOML: {error}; mend that line") from None
+        raise UserError(f"{name} is not valid TOML: {error}; correct that line") from None
     try:
         experiment = Experiment.model_validate_json(text, strict=True)
     except ValidationError as error:

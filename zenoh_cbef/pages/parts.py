@@ -1,4 +1,4 @@
-"""What pages are made of: tables, figures, numbers."""
+"""The parts of pages: tables, figures, numbers."""
 
 from __future__ import annotations
 

@@ -25,7 +25,7 @@ class Relay:
                     allowed_destination=zenoh.Locality.REMOTE,
                 )
             except zenoh.ZError:
-                raise UserError(f"{key!r} is no key that can be published on; mend --remap") from None
+                raise UserError(f"{key!r} is no key that can be published on; correct --remap") from None
 
     def publish(self, key: str, data: bytes) -> None:
         """Publish one message."""

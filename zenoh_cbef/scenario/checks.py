@@ -50,7 +50,7 @@ def _check_edges(scenario: Scenario, edges: graph.Edges) -> None:
     if len(edges) and (edges.max() >= count or (edges[:, 0] == edges[:, 1]).any()):
         bad = next(edge for edge in edges.tolist() if edge[1] >= count or edge[0] == edge[1])
         raise UserError(
-            f"network.edges: {bad} does not join two of the {count} agents 0 to {count - 1}; mend that edge"
+            f"network.edges: {bad} does not join two of the {count} agents 0 to {count - 1}; correct that edge"
         )
     parts = graph.components(count, edges)
     if len(parts) > 1:

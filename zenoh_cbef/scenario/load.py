@@ -59,7 +59,7 @@ def read_tables(name: str) -> tuple[str, dict[str, Any], Path]:
     try:
         return source, read_toml(source), folder
     except ValueError as error:
-        raise UserError(f"{name} is not valid TOML: {error}; mend that line") from None
+        raise UserError(f"{name} is not valid TOML: {error}; correct that line") from None
 
 
 def complete(data: Mapping[str, Any], name: str, folder: Path) -> Scenario:
@@ -72,7 +72,7 @@ def parse(data: Mapping[str, Any], name: str) -> Scenario:
     try:
         text = json.dumps(data, default=_dated)
     except (ValueError, RecursionError):
-        raise UserError(f"{name} nests too deeply or holds a number of too many digits; mend it") from None
+        raise UserError(f"{name} nests too deeply or holds a number of too many digits; correct it") from None
     try:
         # Strict JSON: lists become tuples and integers floats, but no text or boolean becomes a number.
         return Scenario.model_validate_json(text, strict=True)

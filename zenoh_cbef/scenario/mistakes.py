@@ -53,7 +53,7 @@ def _text(mistake: Any, same: Sequence[Any]) -> str:
     if kind.startswith("union_tag"):
         return _unknown_kind(mistake, key)
     if kind == "json_invalid":
-        return "it holds text that is not valid Unicode; mend it"
+        return "it holds text that is not valid Unicode; correct it"
     if kind == "value_error":
         said = str(mistake["ctx"]["error"])
         return said if isinstance(given, dict) else f"{key} {said}"

@@ -1,4 +1,4 @@
-"""Whether a log is what it claims to be: file, numbers, and every message."""
+"""Whether a log is sound: its file, its sequence numbers, and every message."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ _NAMED = 100
 
 @dataclass
 class Findings:
-    """What was found in a log.
+    """The faults of a log, and notes.
 
     damage: one sentence for each fault of the file. missing: numbers that are not there, by key and sender, with their
-    stretches in gaps. unheard: likewise what was sent while the recorder was cut off, which is no fault of the log.
-    restarts are none either. wrong: messages that are not what their key promises, by topic and
-    reason. out_of_order: messages logged before the one before them in the file.
+    stretches in gaps. unheard: missing numbers that were sent while the recorder was cut off; these and restarts are
+    notes, no faults of the log. wrong: messages that are not valid on their key, by topic and reason. out_of_order:
+    messages with an earlier log time than the one before them in the file.
     """
 
     messages: int = 0
@@ -49,7 +49,7 @@ class _Checker:
         self.note(f"{raw.channel.topic}: {reason}")
 
     def see(self, batch: list[RawMessage]) -> None:
-        """Look at what a message's record and channel say."""
+        """Check the record and the channel of a message."""
         for raw in batch:
             self.findings.out_of_order += raw.log_time < self._last
             self._last = raw.log_time

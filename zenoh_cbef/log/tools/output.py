@@ -1,4 +1,4 @@
-"""A log that is made of the messages of others."""
+"""A log that is made of messages of other logs."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class OutputLog:
         self._writer.add_metadata(name, metadata)
 
     def discard(self) -> None:
-        """Leave nothing behind."""
+        """Remove the unfinished file."""
         self._writer.close()
         self._active.unlink()
 

@@ -48,7 +48,7 @@ class Selection:
             try:
                 re.compile(pattern)
             except re.error as error:
-                raise UserError(f"{pattern!r} is no regular expression ({error}); mend it") from None
+                raise UserError(f"{pattern!r} is no regular expression ({error}); correct it") from None
         for rule in self.remap:
             old, found, new = rule.partition(":=")
             if not (old and found and new):
@@ -81,7 +81,7 @@ class Playlist:
         self.start, self.end = summary.start_time, summary.end_time
         self._keys = {topic: selection.renamed(topic) for topic in summary.channel_counts if selection.takes(topic)}
         if not self._keys:
-            raise UserError("nothing is left to replay; see the log's keys with 'info', and mend --topics")
+            raise UserError("nothing is left to replay; see the log's keys with 'info', and correct --topics")
         kinds = {topic: found.kind for topic in self._keys if (found := address(topic)) is not None}
         # Without truth and beacons a step begins with whatever is first to tell its number.
         self._begin = {topic for topic, kind in kinds.items() if kind in _BEGIN_STEPS} or set(self._keys)

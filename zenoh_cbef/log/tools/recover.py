@@ -1,4 +1,4 @@
-"""What can still be read of a damaged log, as a new one that is whole."""
+"""Makes a whole log from all that can still be read of a damaged one."""
 
 from __future__ import annotations
 
