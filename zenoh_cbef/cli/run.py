@@ -29,15 +29,13 @@ from zenoh_cbef.log.read.parts import find_log
 from zenoh_cbef.log.read.trace import read_trace
 from zenoh_cbef.machine import require
 from zenoh_cbef.nodes.common.recording import Status
-from zenoh_cbef.nodes.launch.launcher import Launcher
+from zenoh_cbef.nodes.launch.attempts import launch
 from zenoh_cbef.protocol.session import Connection
 from zenoh_cbef.protocol.slow import REMEDY
 from zenoh_cbef.scenario.checks import check
 from zenoh_cbef.scenario.load import Loaded, load, to_toml
 from zenoh_cbef.scenario.size import refuse_a_trace_beyond_memory
 from zenoh_cbef.words import counted
-
-_ATTEMPTS = 4
 
 
 class _Display:
@@ -160,12 +158,8 @@ def _execute(
 ) -> tuple[bool, list[str]]:
     display = _Display(loaded.scenario.length)
     errors.print(f"run {run}: {counted(loaded.scenario.count, 'agent')}, log {path}", highlight=False, soft_wrap=True)
-    for _ in range(_ATTEMPTS):
-        with Launcher(arguments, loaded, run, path, sync=sync) as launcher, display.live:
-            launcher.watch(display.show, stops)
-        if not launcher.lost_a_port:
-            break
-        path.unlink(missing_ok=True)  # the log of no step
+    with display.live:
+        launcher = launch(arguments, loaded, run, path, sync=sync, on_status=display.show, asked_to_stop=stops)
     started, deaths = launcher.started, launcher.deaths
     if started or stops.count:
         return started, [str(death) for death in deaths]

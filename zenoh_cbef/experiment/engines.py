@@ -14,7 +14,7 @@ from zenoh_cbef.analysis.traffic import other_bytes, round_bytes
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.read.parts import find_log
 from zenoh_cbef.log.read.trace import read_trace
-from zenoh_cbef.nodes.launch.launcher import Launcher
+from zenoh_cbef.nodes.launch.attempts import launch
 from zenoh_cbef.scenario import Scenario
 from zenoh_cbef.scenario.checks import check
 from zenoh_cbef.scenario.load import Loaded, to_toml
@@ -25,7 +25,6 @@ Floats = NDArray[np.float64]
 Outcome = dict[str, Any]
 
 _CURVE_POINTS = 100
-_ATTEMPTS = 4
 _SUMMED = ("sent", "delivered", "lost", "late", "injected_lost", "injected_late", "corrupted", "duplicated")
 
 
@@ -76,12 +75,7 @@ def executed(scenario: Scenario, seed: int, skip: float, folder: Path) -> Outcom
 
 
 def _launched(arguments: list[str], loaded: Loaded, run: str, log: Path) -> list[str]:
-    for _ in range(_ATTEMPTS):
-        with Launcher(arguments, loaded, run, log) as launcher:
-            launcher.watch(lambda _: None, lambda: 0)
-        if not launcher.lost_a_port:
-            break
-        log.unlink(missing_ok=True)
+    launcher = launch(arguments, loaded, run, log)
     if not launcher.started and not launcher.deaths:
         return ["the run did not start"]
     return [str(death) for death in launcher.deaths]
