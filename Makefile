@@ -6,7 +6,7 @@ PIP := .venv/bin/python -m pip install --quiet --disable-pip-version-check --con
 READY := .venv/.installed
 WORKERS ?= $(shell echo $$(($$(getconf _NPROCESSORS_ONLN) + 1)))
 
-.PHONY: help demo test install lint types unit fast format benchmarks clean
+.PHONY: help demo test install lint types unit fast coverage format benchmarks clean
 
 help:  ## what can be made
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/\1\t\2/p' $(MAKEFILE_LIST)
@@ -38,6 +38,9 @@ unit: install  ## all tests; one worker more than there are cores, as many tests
 
 fast: install  ## the tests that start no process
 	$(BIN)/pytest -n $(WORKERS) -m "not processes"
+
+coverage: install  ## which lines the fast tests run; processes are not counted
+	$(BIN)/pytest -n $(WORKERS) -m "not processes" --cov --cov-report=term
 
 format: install  ## correct what ruff can correct by itself
 	$(BIN)/ruff check --fix .
