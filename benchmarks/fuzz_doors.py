@@ -174,7 +174,7 @@ class Doors:
     def scenario_reply(self, material: Material) -> str:
         """A target's answer with the scenario."""
         reply = {"v": 1, "run": RUN, "time": 5, "source": self._toml, "resolved": self._toml, "program": "1"}
-        reply |= {"step": 3, "agents": [0, 1], "faults": "[]", "present": [2]}
+        reply |= {"step": 3, "agents": [0, 1], "faults": "[]"}
         data = _mutated(material, reply)
         time_in(data)
         read_scenario(data, RUN)

@@ -5,6 +5,7 @@ import re
 import signal
 import socket
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -81,11 +82,15 @@ def test_a_wrong_name_is_answered_with_the_right_one(world, target, verb):
 
 def test_two_agents_with_one_id(world, target):
     join = ["--run", world.run, "--connect", target, "--patience", "20"]
-    world.start("agent", "1", *join)
-    with peer(target) as session:
-        wait_for(session, f"cbef/{world.run}/live/agent/1")
-    # Without gossip the second has no link to the first, only to the target.
-    assert f"agent 1 is already in run {world.run!r}" in refusal(world, "agent", "1", *join, "--no-gossip")
+    # Without gossip they have no link to each other, only to the target.
+    twins = [world.start("agent", "1", *join, "--no-gossip") for _ in range(3)]
+    until = time.monotonic() + 60
+    while len(losers := [one for one in twins if one.poll() is not None]) < 2:
+        assert time.monotonic() < until, "there are twins"
+        time.sleep(0.05)
+    told = f"zenoh-cbef: agent 1 is already in run {world.run!r}; give another id, or end that process\n"
+    assert [(one.returncode, one.communicate()[1]) for one in losers] == [(2, told)] * 2
+    assert [one.poll() for one in twins].count(None) == 1
     assert "has agents 0 to 3, no agent 4" in refusal(world, "agent", "4", *join)
 
 

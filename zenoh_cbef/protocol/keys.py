@@ -54,6 +54,11 @@ class Keys:
         return f"{self.root}/control"
 
     @property
+    def claims(self) -> str:
+        """Queryable: which process has a name that several claim."""
+        return f"{self.root}/claims"
+
+    @property
     def faults(self) -> str:
         """The faults that were injected while the run goes on."""
         return f"{self.root}/faults"

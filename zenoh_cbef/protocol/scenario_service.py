@@ -25,7 +25,7 @@ class ScenarioText:
     """A scenario as written and as resolved, both TOML, and the version of the program that serves it.
 
     step: the last one that the run has begun, None before its start. agents: those that take part in that step. faults:
-    those that were injected meanwhile, a JSON list of tables, or empty. present: the agents that are there.
+    those that were injected meanwhile, a JSON list of tables, or empty.
     """
 
     source: str
@@ -34,7 +34,6 @@ class ScenarioText:
     step: int | None = None
     agents: tuple[int, ...] = ()
     faults: str = ""
-    present: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -148,7 +147,6 @@ def read_scenario(data: bytes, run: str) -> ScenarioText:
         step=count_in(answer, "step"),
         agents=_agents(answer.get("agents")),
         faults=faults if isinstance(faults, str) else "",
-        present=_agents(answer.get("present")),
     )
 
 

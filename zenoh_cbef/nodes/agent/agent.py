@@ -246,7 +246,7 @@ def run_agent(identity: Identity) -> int:
         text, scenario, agent = briefing.text, briefing.scenario, int(identity.name)
         if agent >= scenario.count:
             raise UserError(f"run {identity.run!r} has agents 0 to {scenario.count - 1}, no agent {agent}")
-        node.refuse_twin(known=agent in text.present)
+        node.claim_name()
         process = Agent(node, briefing.plan, agent)
         # Peers that tell each other of third ones link to all of them.
         others = scenario.count - 1 if identity.connection.gossip else len(process.neighbourhood.ids)

@@ -55,7 +55,7 @@ def brief(node: Node) -> Briefing:
     except ValueError as error:
         raise UserError(f"the scenario of run {run!r} is no scenario: {error}; is its target a zenoh-cbef?") from None
     scenario = parse(tables, f"the scenario of run {run!r}")
-    if max((*text.agents, *text.present), default=0) >= scenario.count:
+    if max(text.agents, default=0) >= scenario.count:
         raise UserError(f"run {run!r} tells of agents that its scenario does not have; is its target a zenoh-cbef?")
     return Briefing(text, Plan(scenario), measure_clock(node.session, run))
 

@@ -15,6 +15,7 @@ from typing import Any, Self
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.machine import require
 from zenoh_cbef.nodes.common.ending import Ending
+from zenoh_cbef.protocol.claims import claim
 from zenoh_cbef.protocol.keys import Keys
 from zenoh_cbef.protocol.mailbox import Mailbox
 from zenoh_cbef.protocol.memory import KEPT_BYTES, Archive
@@ -104,17 +105,26 @@ class Node:
         run, sender, memory = self.identity.run, self.identity.sender, self.archive.open(key, keep)
         return Outbox(self.session, key, run=run, sender=sender, may_drop=may_drop, clock=self.clock, memory=memory)
 
-    def refuse_twin(self, *, known: bool = False) -> None:
-        """Raise UserError where a process with this role and name is in the run already.
+    def refuse_twin(self) -> None:
+        """Raise UserError where a process with this role and name is in the run already, as far as we are linked."""
+        if self.presence.asks_for(f"{self.identity.role}/{self.identity.name}"):
+            raise self._twin("--run")
 
-        known: the target told us so. Peers do not relay, so a twin that we have no link to yet does not answer.
+    def claim_name(self) -> None:
+        """Become the one process of this name in the run. Raises UserError where another is, as the target tells.
+
+        Peers do not relay, so only the target is sure to see both.
         """
-        if known or self.presence.asks_for(f"{self.identity.role}/{self.identity.name}"):
-            agent = self.identity.role == "agent"
-            raise UserError(
-                f"{self.identity.sender.replace('/', ' ')} is already in run {self.identity.run!r}; "
-                f"give another {'id' if agent else '--run'}, or end that process"
-            )
+        run, name = self.identity.run, self.identity.sender
+        ours = claim(self.session, self.keys.claims, self.presence, name, self.identity.patience)
+        if ours is None:
+            raise UserError(f"the target of run {run!r} does not answer any more; start it again, or check --connect")
+        if not ours:
+            raise self._twin("id")
+
+    def _twin(self, what: str) -> UserError:
+        name, run = self.identity.sender.replace("/", " "), self.identity.run
+        return UserError(f"{name} is already in run {run!r}; give another {what}, or end that process")
 
     def event(self, kind: str, text: str, **data: Any) -> None:
         """Tell the log what happened."""

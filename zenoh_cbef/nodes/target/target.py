@@ -21,6 +21,7 @@ from zenoh_cbef.nodes.target.lookout import Lookout
 from zenoh_cbef.nodes.target.progress import Progress
 from zenoh_cbef.nodes.target.survey import Survey
 from zenoh_cbef.outside.registry import registered
+from zenoh_cbef.protocol.claims import Claims, serve_claims
 from zenoh_cbef.protocol.control import serve_control
 from zenoh_cbef.protocol.messages import END, START, nan_to_nil
 from zenoh_cbef.protocol.scenario_service import ScenarioText, serve_scenario
@@ -87,10 +88,6 @@ class Target:
     def members(self) -> list[int]:
         """The agents that take part in the run, and are here."""
         return self.progress.members()
-
-    def present(self) -> list[int]:
-        """Which agents are here, whether they take part or not."""
-        return [agent for agent in range(self.scenario.count) if f"agent/{agent}" in self.node.presence]
 
     def wait_for_everybody(self, patience: float) -> None:
         """Wait until every agent is ready, and a recorder where one is required. Raises UserError otherwise."""
@@ -281,9 +278,10 @@ def run_target(
             # Where the target does not wait for all, every agent joins as if the run were under way.
             step = target.step if target.step is not None or wait_for is None else 0
             members = () if target.step is None else tuple(target.members())
-            return ScenarioText(loaded.source, resolved, __version__, step, members, injected, tuple(target.present()))
+            return ScenarioText(loaded.source, resolved, __version__, step, members, injected)
 
         service = serve_scenario(node.session, identity.run, text)
+        claims = serve_claims(node.session, node.keys.claims, Claims(node.presence))
         control = serve_control(node.session, node.keys.control, lambda request: answer(target, request))
         node.presence.enter(f"target/{identity.name}")
         reached = [*identity.connection.listen, *identity.connection.connect]
@@ -292,5 +290,6 @@ def run_target(
             last = 0 if node.stopping else target.run()
         control.undeclare()
         service.undeclare()
+        claims.undeclare()
         node.presence.leave(f"target/{identity.name}")
     return last

@@ -1,0 +1,63 @@
+"""Of several processes that want one name, one gets it; real sessions that see each other only through the target."""
+
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+
+import pytest
+import zenoh
+
+from tests.processes.conftest import unused_port
+from zenoh_cbef.protocol.claims import Claims, claim, serve_claims
+from zenoh_cbef.protocol.keys import Keys
+from zenoh_cbef.protocol.presence import Presence
+from zenoh_cbef.protocol.session import Connection, open_session
+
+KEYS = Keys("test")
+
+
+class Hall:
+    """A target that tells who has a name, and processes that are linked to it alone."""
+
+    def __init__(self) -> None:
+        endpoint = f"tcp/127.0.0.1:{unused_port()}"
+        self.there = Connection([endpoint], gossip=False)
+        self.sessions = [open_session(Connection(listen=[endpoint], gossip=False))]
+        self.claims = Claims(Presence(self.sessions[0], KEYS.all_live))
+        self.service = serve_claims(self.sessions[0], KEYS.claims, self.claims)
+
+    def come(self) -> zenoh.Session:
+        self.sessions.append(open_session(self.there))
+        return self.sessions[-1]
+
+    def want(self, session: zenoh.Session, name: str = "agent/1", patience: float = 20.0) -> bool | None:
+        return claim(session, KEYS.claims, Presence(session, KEYS.all_live), name, patience)
+
+
+@pytest.fixture
+def hall() -> Iterator[Hall]:
+    made = Hall()
+    yield made
+    for session in reversed(made.sessions):
+        session.close()
+
+
+def test_of_five_that_ask_at_the_same_time_one_has_the_name_until_it_goes(hall: Hall) -> None:
+    twins = [hall.come() for _ in range(5)]
+    with ThreadPoolExecutor(len(twins)) as pool:
+        won = list(pool.map(hall.want, twins))
+    assert sorted(won, key=bool) == [False] * 4 + [True]
+    assert hall.want(hall.come()) is False  # in mid-run, too
+    assert hall.want(hall.come(), "agent/2") is True
+    hall.sessions.remove(first := twins[won.index(True)])
+    first.close()
+    assert hall.want(hall.come()) is True
+
+
+def test_who_has_no_claim_gets_no_name(hall: Hall) -> None:
+    assert hall.claims.holder("agent/1", "forged") == ""
+    assert hall.want(hall.come(), "record/any", patience=0.3) is None  # no agent's: there could be any number
+
+
+def test_a_target_that_is_gone_gives_no_name(hall: Hall) -> None:
+    hall.service.undeclare()
+    assert hall.want(hall.come(), patience=0.3) is None

@@ -1,0 +1,67 @@
+"""Who has a name: of several processes that claim one at the same time, the target lets one have it."""
+
+from __future__ import annotations
+
+import threading
+import time
+
+import zenoh
+
+from zenoh_cbef.protocol.keys import agent_named
+from zenoh_cbef.protocol.presence import Presence
+
+_ASK_SECONDS = 1.0
+_AGAIN_SECONDS = 0.02
+
+
+def _token(name: str, life: str) -> str:
+    return f"claim/{name}/{life}"
+
+
+class Claims:
+    """Gives each agent's name to the process that asks first, for as long as that process's claim can be seen.
+
+    A claim is a liveliness token, so it ends with its process, however that ends.
+    """
+
+    def __init__(self, presence: Presence) -> None:
+        self._presence = presence
+        self._holders: dict[str, str] = {}
+        self._lock = threading.Lock()
+
+    def holder(self, name: str, life: str) -> str:
+        """The process that has a name, asked by one; "" while the claim of who asks has not come here."""
+        with self._lock:
+            held = self._holders.get(name, "")
+            if _token(name, held) not in self._presence:
+                held = life if agent_named(name) is not None and _token(name, life) in self._presence else ""
+            if held:
+                self._holders[name] = held
+            return held
+
+
+def serve_claims(session: zenoh.Session, key: str, claims: Claims) -> zenoh.Queryable[None]:
+    """Answer who has a name, until the returned queryable is dropped."""
+
+    def reply(query: zenoh.Query) -> None:
+        with query:
+            asked = query.parameters
+            query.reply(key, claims.holder(asked.get("name") or "", asked.get("life") or ""))
+
+    return session.declare_queryable(key, reply)
+
+
+def claim(session: zenoh.Session, key: str, presence: Presence, name: str, patience: float) -> bool | None:
+    """Claim a name until this session ends; whether it is ours, None where the target says nothing for `patience` s.
+
+    Others do not take a claim for a process that takes part, so one that another process wins changes nothing for them.
+    """
+    life = str(session.zid())
+    presence.announce(_token(name, life))
+    until = time.monotonic() + patience
+    while time.monotonic() < until:
+        for reply in session.get(f"{key}?name={name};life={life}", timeout=_ASK_SECONDS):
+            if reply.ok is not None and (holder := reply.ok.payload.to_bytes()):
+                return holder == life.encode()
+        time.sleep(_AGAIN_SECONDS)
+    return None
