@@ -25,6 +25,7 @@ LEVELS = (
     ("datasets", "tracking"),
     ("streams", "extras", "numbers", "quantities", "plain", "machine"),
     ("errors", "words", "__init__"),
+    ("checkout",),
 )
 LEVEL = {part: level for level, parts in enumerate(LEVELS) for part in parts}
 OWNERS = {

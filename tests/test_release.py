@@ -1,19 +1,47 @@
 """What a release says of itself in several places is the same everywhere."""
 
 import re
+import subprocess
 from pathlib import Path
 
 import yaml
 
-from zenoh_cbef import __version__
+from zenoh_cbef import VERSION, __version__
+from zenoh_cbef.checkout import commit
 
 ROOT = Path(__file__).resolve().parents[1]
 
 
 def test_the_citation_is_of_this_version_and_licence():
     citation = yaml.safe_load((ROOT / "CITATION.cff").read_text())
-    assert citation["version"] == __version__
+    assert citation["version"] == VERSION
     assert f'license = "{citation["license"]}"' in (ROOT / "pyproject.toml").read_text()
+
+
+def test_the_version_tells_checkouts_apart(tmp_path):
+    def git(*words: str) -> str:
+        who = ["-c", "user.name=a", "-c", "user.email=a@b"]
+        return subprocess.run(["git", *who, *words], cwd=tmp_path, capture_output=True, text=True, check=True).stdout
+
+    assert commit(tmp_path) == ""
+    git("init", "-b", "main")
+    assert commit(tmp_path) == "", "there is no commit yet"
+    git("commit", "--allow-empty", "-m", "first")
+    told = [commit(tmp_path)]
+    git("pack-refs", "--all")
+    told.append(commit(tmp_path))
+    git("worktree", "add", "beside")
+    told.append(commit(tmp_path / "beside"))
+    git("checkout", "--detach")
+    told.append(commit(tmp_path))
+    assert {*told} == {git("rev-parse", "HEAD")[:9]}
+    git("commit", "--allow-empty", "-m", "second")
+    assert commit(tmp_path) != told[0] == commit(tmp_path / "beside")
+
+
+def test_a_checkout_says_its_commit_with_its_version():
+    here = commit(ROOT)
+    assert __version__ == (f"{VERSION}+g{here}" if here else VERSION)
 
 
 def test_the_workflow_tests_every_python_that_the_package_names():

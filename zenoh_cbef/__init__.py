@@ -1,3 +1,11 @@
 """Peer-to-peer target tracking with consensus filters over Zenoh."""
 
-__version__ = "0.1.0"
+from pathlib import Path
+
+from zenoh_cbef.checkout import commit
+
+VERSION = "0.1.0"
+_COMMIT = commit(Path(__file__).parents[1])
+
+__version__ = f"{VERSION}+g{_COMMIT}" if _COMMIT else VERSION
+"""The version, with the commit in a checkout."""
