@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import pairwise
 from math import isqrt
 
 import numpy as np
@@ -39,6 +40,16 @@ class Neighbours:
     def degree(self) -> NDArray[np.intp]:
         """Number of neighbours, (n,)."""
         return np.asarray(self.present.sum(axis=1), dtype=np.intp)
+
+    @property
+    def ids(self) -> list[list[int]]:
+        """Every row's neighbours."""
+        return [index[there].tolist() for index, there in zip(self.index, self.present, strict=True)]
+
+    @property
+    def links(self) -> list[slice]:
+        """Where the links to every row are among all, which are in the order of rows and, in each, of neighbours."""
+        return [slice(start, end) for start, end in pairwise([0, *np.cumsum(self.degree).tolist()])]
 
     def row(self, agent: int) -> Neighbours:
         """One agent's neighbours, without padding."""

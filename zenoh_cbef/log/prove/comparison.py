@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -14,6 +13,7 @@ from zenoh_cbef.log.read.recording import Recording
 from zenoh_cbef.simulator import Simulation, Step
 from zenoh_cbef.trace import Trace
 from zenoh_cbef.tracking.diagnostics import NAMES, SOMETIMES
+from zenoh_cbef.tracking.graph import Neighbours
 
 Bools = NDArray[np.bool_]
 Floats = NDArray[np.float64]
@@ -26,10 +26,8 @@ class Different(Exception):
 class _Faults:
     """Compares what agents say that faults did to their neighbours' messages with what the scenario says."""
 
-    def __init__(self, present: Bools) -> None:
-        self._injected = Injected(int(present.sum()))
-        ends = np.cumsum(present.sum(axis=1)).tolist()
-        self._links = [slice(start, end) for start, end in pairwise([0, *ends])]
+    def __init__(self, neighbours: Neighbours) -> None:
+        self._injected, self._links = Injected(int(neighbours.present.sum())), neighbours.links
         self._told: dict[str, list[Any]] = {}
 
     def step(self, step: Step, crashed: Bools) -> None:
@@ -60,7 +58,7 @@ class Comparison:
 
     def __init__(self, recording: Recording, trace: Trace, simulation: Simulation, tolerance: float) -> None:
         self._trace, self._receipts, self._tolerance = trace, recording.receipts, tolerance
-        self._absences, self._faults = simulation.absences, _Faults(simulation.neighbours.present)
+        self._absences, self._faults = simulation.absences, _Faults(simulation.neighbours)
         count, steps = trace.ranges.shape
         shape = count, recording.rounds_per_step, steps
         self._estimated = recording.estimates.seen(steps)
@@ -68,7 +66,7 @@ class Comparison:
         payloads = recording.rounds.numbers("payload", steps)
         self._payloads = payloads.reshape(*shape, payloads.shape[-1])
         # Logs of version 0.1.0 lack most diagnostics; of others an estimate lacks those that have nothing to say.
-        self._names = [name for name in NAMES if name in recording.said or name in SOMETIMES]
+        self._names = [name for name in NAMES if name in recording.fields or name in SOMETIMES]
         self._said = self._columns(vars(trace.diagnostics))
         self.compared = self.unlogged = 0
         self.largest = 0.0

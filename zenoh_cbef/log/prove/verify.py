@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
 from pathlib import Path
 from typing import Any, Literal
 
@@ -46,11 +45,8 @@ class _Due:
 
     def __init__(self, simulation: Simulation) -> None:
         self._simulation = simulation
-        present = simulation.neighbours.present
-        self._ids = [row[there].tolist() for row, there in zip(simulation.neighbours.index, present, strict=True)]
-        ends = np.cumsum(present.sum(axis=1)).tolist()
-        self._links = [slice(start, end) for start, end in pairwise([0, *ends])]
-        self._forgotten = np.zeros(present.sum(), dtype=np.int64)
+        self._ids, self._links = simulation.neighbours.ids, simulation.neighbours.links
+        self._forgotten = np.zeros(simulation.neighbours.present.sum(), dtype=np.int64)
 
     def step(self, crashed: Bools) -> None:
         """Take in one executed step; crashed: (n,), the agents that will count anew."""

@@ -48,6 +48,10 @@ class Measurements:
         return self.recording.beacons.seen(self.recording.beacons.last)
 
     @cached_property
+    def _senders(self) -> list[str]:
+        return [*self.recording.senders]
+
+    @cached_property
     def steps(self) -> int:
         """As far as beacons go for every agent that has any, 0 for none."""
         last = np.where(self._heard, np.arange(1, self._heard.shape[1] + 1), 0).max(axis=1, initial=0)
@@ -80,7 +84,7 @@ class Measurements:
             return "target", {"k": step, "emitted": None, "arrived": None}
         emitted, arrived, sender = beacons.numbers("heard", step)[agent, step - 1].tolist()
         emitted, arrived = nan_to_nil(emitted), nan_to_nil(arrived)
-        return self.recording.senders[int(sender)], {"k": step, "emitted": emitted, "arrived": arrived}
+        return self._senders[int(sender)], {"k": step, "emitted": emitted, "arrived": arrived}
 
     def lacks(self) -> list[str]:
         """What the log lacks of the steps that are estimated from it, a sentence each."""

@@ -42,11 +42,11 @@ class Signal(NamedTuple):
 class Recording:
     """The messages of a run, by agent and step, the first of each; n agents, L rounds, payloads of d numbers.
 
-    truth: one row; state (6). beacons: n rows; heard (3): emitted and arrived, s, and a place in `senders`.
-    ranges: n rows; position (3), m. estimates: n rows; state (6), said (the diagnostics), covariance (36). said: which
-    diagnostics any estimate has: logs of version 0.1.0 lack most. receipts: of each agent. rounds: n L rows, agent by
-    agent; payload (d). faults: the last list of injected ones, JSON, or empty. first: when the first message was
-    sent, ns; None without any.
+    truth: one row; state (6). beacons: n rows; heard (3): emitted and arrived, s, and the number of the sender in
+    `senders`. ranges: n rows; position (3), m. estimates: n rows; state (6), said (the diagnostics), covariance (36).
+    fields: of any estimate; logs of version 0.1.0 lack most diagnostics. receipts: of each agent. rounds: n L rows,
+    agent by agent; payload (d). faults: the last list of injected ones, JSON, or empty. first: when the first message
+    was sent, ns; None without any.
     """
 
     def __init__(self, header: Header, rounds: RoundsKept = "none") -> None:
@@ -62,8 +62,8 @@ class Recording:
         self.estimates = Table(count, limit, state=6, said=len(NAMES), covariance=36)
         self.rounds = Table(count * self.rounds_per_step, limit, payload=plan.message_size)
         self.receipts = [Receipts(limit) for _ in range(count)]
-        self.said: set[str] = set()
-        self.senders: list[str] = []
+        self.fields: set[str] = set()
+        self.senders: dict[str, int] = {}
         self.signals: list[Signal] = []
         self.events: list[Event] = []
         self.faults = ""
@@ -110,11 +110,9 @@ class Recording:
                 one = messages[place]
                 self.signals.append(Signal(int(stamps.logged[place]), int(stamps.sent[place]), one["k"], one.get("at")))
             stamps, messages = stamps.chosen(~signal), [one for one in messages if "signal" not in one]
-        senders = [one["from"] for one in messages]
-        self.senders += [name for name in dict.fromkeys(senders) if name not in self.senders]
-        number = {name: place for place, name in enumerate(self.senders)}
-        times = [[one["emitted"], one["arrived"], number[one["from"]]] for one in messages]
-        self.beacons.put(agent, _steps(messages), stamps, heard=floats(times).reshape(-1, 3))
+        number = [self.senders.setdefault(one["from"], len(self.senders)) for one in messages]
+        heard = [[one["emitted"], one["arrived"], place] for one, place in zip(messages, number, strict=True)]
+        self.beacons.put(agent, _steps(messages), stamps, heard=floats(heard).reshape(-1, 3))
 
     def _take_estimates(self, agent: int, stamps: Stamps, messages: list[dict[str, Any]]) -> None:
         step = _steps(messages)
@@ -129,8 +127,8 @@ class Recording:
             numbers["covariance"] = joined.reshape(-1, 36)
         new = self.estimates.put(agent, step, stamps, **numbers)
         for one in messages:
-            if not one.keys() <= self.said:
-                self.said.update(one)
+            if not one.keys() <= self.fields:
+                self.fields.update(one)
         if not new.all():
             step, messages = step[new], [one for one, is_new in zip(messages, new.tolist(), strict=True) if is_new]
         self.receipts[agent].put(step, messages)

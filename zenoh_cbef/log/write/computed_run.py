@@ -28,13 +28,11 @@ class _Received:
     """What became of the messages on all links, as the agents' processes count them."""
 
     def __init__(self, plan: Plan, neighbours: Neighbours) -> None:
-        rows = zip(neighbours.index, neighbours.present, strict=True)
-        self._ids = [index[present].tolist() for index, present in rows]
-        ends = np.cumsum([len(ids) for ids in self._ids]).tolist()
-        self._links = [slice(end - len(ids), end) for ids, end in zip(self._ids, ends, strict=True)]
+        self._ids, self._links = neighbours.ids, neighbours.links
         self._quiet = [fates_into(plan, agent, ids).quiet for agent, ids in enumerate(self._ids)]
-        self._injected = Injected(ends[-1])
-        self._received, self._lost, self._late, self._corrupted = np.zeros((4, ends[-1]), dtype=np.int64)
+        links = int(neighbours.present.sum())
+        self._injected = Injected(links)
+        self._received, self._lost, self._late, self._corrupted = np.zeros((4, links), dtype=np.int64)
 
     def step(self, due: int, fates: Sequence[Fate]) -> Iterator[dict[str, Any]]:
         """The fields of every agent's estimate, after a step in which `due` messages of each link were to be used."""
