@@ -74,4 +74,4 @@ def _patterns(texts: Sequence[str]) -> tuple[re.Pattern[str], ...]:
     try:
         return tuple(re.compile(text) for text in texts)
     except re.error as error:
-        raise UserError(f"{error.pattern!r} is no regular expression: {error}") from None
+        raise UserError(f"{error.pattern!r} is no regular expression ({error}); correct it") from None
