@@ -1,4 +1,4 @@
-"""`python -m benchmarks [NAME...]`: what was measured beside what should be reached; asserts nothing."""
+"""`python -m benchmarks [NAME...]`: measured values beside their targets; asserts nothing."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """The yardstick of `lockstep`: processes that exchange rounds over Zenoh and do nothing else.
 
-Arranged as fast as we know: peers linked along the graph's edges only, no scouting, one FIFO channel per
+As fast as we can make it: peers linked along the graph's edges only, no scouting, one FIFO channel per
 neighbour read in the main thread, batch scheduling, dropping instead of blocking.
 """
 
@@ -67,7 +67,7 @@ def exchange(part: Part) -> float:
         with session.liveliness().declare_token(f"bare-live/{part.me}"):
             _wait_for(session, {f"bare-live/{other}" for other in part.neighbours})
             rate = _rounds(publisher, subscribers, part)
-            # The last messages are still on their way, and a closing neighbour is none to wait for.
+            # The last messages are still on their way, and no process waits for a neighbour that closes.
             time.sleep(0.5)
     return rate
 

@@ -1,4 +1,4 @@
-"""What the possibility of faults costs an agent in every round when the scenario has none."""
+"""The cost of the code for faults in an agent's round, in a scenario without faults."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def microseconds(do: Callable[[], None], count: int = ROUNDS) -> float:
 
 
 def run(repeats: int) -> Iterator[Table]:
-    """Interleaved, so that what else the machine does weighs on both; medians."""
+    """Measure both in turn, so that other work of the machine slows both; medians."""
     rounds = Rounds()
     pairs = [(microseconds(rounds.faults), microseconds(rounds.rest)) for _ in range(repeats)]
     path, rest = (float(np.median(each)) for each in zip(*pairs, strict=True))

@@ -55,7 +55,7 @@ def run(repeats: int, messages: int = MESSAGES, texts: int = TEXTS, logs: int = 
 
 
 def feed(folder: Path, messages: int, texts: int) -> dict[str, Counter[str]]:
-    """What became of everything that was fed in, by decoder: accepted, refused for a reason, or a crash."""
+    """Counts of all inputs by decoder: accepted, refused for a reason, or a crash."""
     doors, found = Doors(folder), {}
     for count, some in ((messages, doors.of_messages()), (texts, doors.of_texts())):
         for number, (name, door) in enumerate(some.items()):
@@ -67,7 +67,7 @@ def feed(folder: Path, messages: int, texts: int) -> dict[str, Counter[str]]:
 
 
 def through(door: Door, material: Material) -> str:
-    """What became of one thing."""
+    """The result for one input."""
     try:
         return door(material)
     except REFUSALS as error:
@@ -79,7 +79,7 @@ def through(door: Door, material: Material) -> str:
 
 
 def _in_general(reason: str) -> str:
-    """A reason without what is particular to one message."""
+    """A reason without the values of one message."""
     return " ".join(re.split("['(:]", reason, maxsplit=1)[0].split()[:6])
 
 

@@ -38,7 +38,7 @@ Door = Callable[[Material], str]
 """Takes one input; returns "accepted", or the sentence with which the reader refused it."""
 
 REFUSALS = (BadMessage, UserError)
-"""What a door may raise: each is caught where the door is used, and becomes a count or a sentence."""
+"""Errors that a reader may raise: its callers catch each, and make it a count or a sentence."""
 
 
 @dataclass
@@ -74,7 +74,7 @@ class Doors:
         self._log.close({"status": "finished"})
 
     def of_messages(self) -> dict[str, Door]:
-        """What every message on the network meets."""
+        """The readers of messages from the network."""
         return {
             "message": self.message,
             "messages of one key": self.several,
@@ -84,7 +84,7 @@ class Doors:
         }
 
     def of_texts(self) -> dict[str, Door]:
-        """What else is read from the network and from files."""
+        """The readers of other input from the network and from files."""
         return {
             "key": self.key,
             "JSON": self.json,
@@ -181,7 +181,7 @@ class Doors:
         return "accepted"
 
     def request(self, material: Material) -> str:
-        """What a target is asked for."""
+        """A request to a target."""
         fault = '{"kind": "loss", "probability": 0.5}'
         order = {"ask": "fault add", "fault": fault, "seconds": 5.0, "numbers": [0]}
         request = read_request(_mutated(material, {"v": 1, **order}))
@@ -191,7 +191,7 @@ class Doors:
         return "accepted"
 
     def answer(self, material: Material) -> str:
-        """What a target answers to `status`."""
+        """A target's answer to `status`."""
         truth, lists = [[3, [0.5] * 6]], {name: [0, 1] for name in ("members", "silent", "away")}
         told = {"run": RUN, "name": "n", "filter": "sicf", "mode": "lockstep", "agents": AGENTS, "steps": 50, "dt": 0.1}
         told |= {"planar": False, "step": 3, "start": 1.0, "time": 2.0, "stopping": False, "target": {"host": "h"}}

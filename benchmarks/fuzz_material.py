@@ -1,4 +1,4 @@
-"""Made-up and mutated messages, keys, texts and logs, from seeds: what a process must live through."""
+"""Made-up and mutated messages, keys, texts and logs, from seeds: input that must not crash a process."""
 
 from __future__ import annotations
 
@@ -171,7 +171,7 @@ class Material:
         return self.odd()
 
     def text(self) -> str:
-        """A word of those that mean something, or of those that mean nothing."""
+        """A word with a meaning in messages, or one without."""
         return self.random.choice(("sent", "step", "word", "k", "kind", "from", "data", "x", "", "9" * 50, "é"))
 
     def key(self) -> str:

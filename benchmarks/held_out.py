@@ -25,7 +25,7 @@ class Kind:
 
     rate: ranges of an anchor per second, least and most. std: of their noise, m. common: the bias of all anchors, own:
     standard deviation of what each has besides, m. outliers: the share of ranges that are too long, and by how much
-    on average, m. height: what the filter is told of it, m; None: it estimates three axes.
+    on average, m. height: the filter's planar height, m; None: it estimates three axes.
     """
 
     anchors: Callable[[np.random.Generator], Floats]

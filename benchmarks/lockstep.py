@@ -95,6 +95,6 @@ def _rows(rates: dict[str, list[float]]) -> list[Row]:
     return [
         *rows,
         at_least(f"agents / bare, {faster}, pair by pair", statistics.median(shares), 0.5, note=note),
-        # Others can only slow a run down, so where the pairs differ widely this is nearer to the truth.
+        # Other processes can only slow a run down, so where the pairs differ widely this is nearer to the truth.
         at_least("best agents / best bare", best, 0.5),
     ]

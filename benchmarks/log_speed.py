@@ -65,7 +65,7 @@ def run(repeats: int) -> Iterator[Table]:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         log, cut = folder / "run.mcap", folder / "cut.mcap"
-        # Made by another process: what this one once held would count as its children's memory.
+        # Another process makes the log: memory that this one once held would count as its children's.
         subprocess.run([sys.executable, "-m", "benchmarks.made_logs", str(log), str(_STEPS)], cwd=ROOT, check=True)
         shutil.copy(log, cut)
         os.truncate(cut, log.stat().st_size - 1000)

@@ -199,7 +199,7 @@ def _spreads(folder: Path, name: str, axis: str, many: dict[str, list[studies.Sp
         whole = [one for one in found if one.broken == 0]
         x = [one.setting for one in whole]
         for pick, dash, label in ((np.median, "-", "median"), (np.max, ":", "worst seed")):
-            # The network can beat the yardstick by a hair; a log axis shows that as its floor.
+            # The network can be slightly better than the yardstick; a log axis shows that at its lower end.
             excess = [max(float(pick(one.ratios)) - 1.0, _FLOOR) for one in whole]
             axes.plot(x, excess, dash, color=colour, marker=marker, markersize=3, label=f"{arm}, {label}")
         rows += [

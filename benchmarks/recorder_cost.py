@@ -1,4 +1,4 @@
-"""What the recorder costs the agents: the pace of one run with it and without it, seen from outside."""
+"""The cost of the recorder for the agents: the pace of one run with it and without it, seen from outside."""
 
 from __future__ import annotations
 
