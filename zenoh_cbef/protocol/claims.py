@@ -1,4 +1,4 @@
-"""Who has a name: of several processes that claim one at the same time, the target lets one have it."""
+"""Which process has a name: of several processes that claim one name at the same time, the target lets one have it."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Claims:
         self._lock = threading.Lock()
 
     def holder(self, name: str, life: str) -> str:
-        """The process that has a name, asked by one; "" while the claim of who asks has not come here."""
+        """The `life` of the process that has a name; "" where none has it and the claim of `life` is not seen."""
         with self._lock:
             held = self._holders.get(name, "")
             if _token(name, held) not in self._presence:
@@ -41,7 +41,7 @@ class Claims:
 
 
 def serve_claims(session: zenoh.Session, key: str, claims: Claims) -> zenoh.Queryable[None]:
-    """Answer who has a name, until the returned queryable is dropped."""
+    """Answer which process has a name, until the returned queryable is dropped."""
 
     def reply(query: zenoh.Query) -> None:
         with query:
@@ -52,9 +52,9 @@ def serve_claims(session: zenoh.Session, key: str, claims: Claims) -> zenoh.Quer
 
 
 def claim(session: zenoh.Session, key: str, presence: Presence, name: str, patience: float) -> bool | None:
-    """Claim a name until this session ends; whether it is ours, None where the target says nothing for `patience` s.
+    """Claim a name until this session ends. Returns whether it is ours; None if the target is silent for `patience` s.
 
-    Others do not take a claim for a process that takes part, so one that another process wins changes nothing for them.
+    A claim alone is not a process that takes part, so the claim of a process that does not get the name has no effect.
     """
     life = str(session.zid())
     presence.announce(_token(name, life))
