@@ -6,7 +6,7 @@ PIP := .venv/bin/python -m pip install --quiet --disable-pip-version-check --con
 READY := .venv/.installed
 WORKERS ?= $(shell echo $$(($$(getconf _NPROCESSORS_ONLN) + 1)))
 
-.PHONY: help demo test install lint types unit fast coverage format benchmarks clean
+.PHONY: help demo test install lint types unit fast coverage mutants format benchmarks clean
 
 help:  ## what can be made
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/\1\t\2/p' $(MAKEFILE_LIST)
@@ -41,6 +41,9 @@ fast: install  ## the tests that start no process
 
 coverage: install  ## which lines the fast tests run; processes are not counted
 	$(BIN)/pytest -n $(WORKERS) -m "not processes" --cov --cov-report=term
+
+mutants: install  ## tests of the tests: change the package here and there, and see whether one fails (minutes)
+	$(BIN)/python -m benchmarks.mutants
 
 format: install  ## correct what ruff can correct by itself
 	$(BIN)/ruff check --fix .

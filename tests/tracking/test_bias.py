@@ -9,7 +9,7 @@ from zenoh_cbef.analysis.metrics import analyze
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.scenario.load import load
 from zenoh_cbef.simulator import simulate
-from zenoh_cbef.tracking.filters.around.auto_bias import weight_of
+from zenoh_cbef.tracking.filters.around.auto_bias import mixed, weight_of
 from zenoh_cbef.tracking.filters.around.biased_information import BiasedInformation
 from zenoh_cbef.tracking.filters.around.first_fix import FirstFix
 from zenoh_cbef.tracking.filters.around.learned_noise import LearnedNoise, learned
@@ -66,6 +66,20 @@ def test_one_agent_is_the_joint_kalman_filter_of_state_and_bias():
 def test_a_consistent_filter_without_bias_is_kept_and_an_excess_that_bias_explains_is_believed():
     weights = weight_of(np.array([0.5, 0.92, 2.0, 2.0]), np.array([0.2, 0.92, 0.9, 2.0]))
     assert weights.tolist() == [0.0, 0.0, 1.0, 0.0]
+
+
+def test_a_mixture_has_the_moments_of_its_parts():
+    rng, weight = np.random.default_rng(6), 0.3
+    means, roots = rng.normal(size=(2, 1, 4)), rng.normal(size=(2, 1, 4, 4))
+    covariances = roots @ np.swapaxes(roots, 2, 3)
+    first, second = (Belief(*one) for one in zip(means, covariances, strict=True))
+    mean, covariance = mixed(first, second, np.array([weight]))
+    shares = (1.0 - weight, weight)
+    expected = sum(share * each[0] for share, each in zip(shares, means, strict=True))
+    squares = [p[0] + np.outer(x[0], x[0]) for x, p in zip(means, covariances, strict=True)]
+    moment = shares[0] * squares[0] + shares[1] * squares[1]
+    np.testing.assert_allclose(mean[0], expected)
+    np.testing.assert_allclose(covariance[0], moment - np.outer(expected, expected))
 
 
 @pytest.mark.parametrize(("start", "velocity"), [((0.3, -7.0), (0.0, 0.0)), ((5.0, 45.0), (-1.0, 1.0))])

@@ -160,3 +160,12 @@ def test_a_stack_holds_every_graph_shifted_by_the_rows_before_it(several):
             assert (stacked.index[row][~present] == row).all()
         start += count
     assert len(stacked.index) == start
+
+
+@pytest.mark.parametrize("count", range(1, 32))
+def test_a_grid_links_agents_side_by_side_in_rows_of_a_near_square(count):
+    columns = int(np.ceil(np.sqrt(count)))
+    places = np.array([divmod(agent, columns) for agent in range(count)])
+    apart = np.abs(places[:, None] - places[None]).sum(axis=2)
+    expected = [[a, b] for a in range(count) for b in range(a + 1, count) if apart[a, b] == 1]
+    assert make_edges("grid", np.zeros((count, 3)), seed=1, probability=0.0, radius=0.0).tolist() == expected

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from zenoh_cbef.tracking.filters import Belief
+from zenoh_cbef.tracking.filters import Belief, FilterSettings
+from zenoh_cbef.tracking.joint import joint_centralized
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
 from zenoh_cbef.tracking.ranging import Space
 from zenoh_cbef.tracking.reference import centralized, posterior_bound
@@ -90,6 +91,50 @@ def test_the_centralised_filter_is_the_textbook_extended_kalman_filter(space, xi
         for step, (state, covariance) in enumerate(textbook(scene, run, xi)):
             np.testing.assert_allclose(states[run, step], state, rtol=0, atol=1e-9)
             np.testing.assert_allclose(covariances[run, step][kept], covariance, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("space", SPACES)
+@pytest.mark.parametrize("xi", [0.3, np.inf])
+def test_the_centralised_filter_of_biased_runs_is_the_same_where_there_is_no_bias(space, xi):
+    scene = Scene(space)
+    chosen = FilterSettings(scene.motion, space, STD, xi, 5)
+    states, covariances = joint_centralized(
+        scene.initial, chosen, xi, positions=scene.positions, ranges=scene.ranges, age=scene.age
+    )
+    kept = np.ix_(space.kept, space.kept)
+    for run in range(3):
+        for step, (state, covariance) in enumerate(textbook(scene, run, xi)):
+            np.testing.assert_allclose(states[run, step], state, rtol=0, atol=1e-9)
+            np.testing.assert_allclose(covariances[run, step][kept], covariance, rtol=0, atol=1e-9)
+
+
+def test_the_centralised_filter_with_biases_is_the_kalman_filter_of_position_velocity_and_biases():
+    scene, run, (common, own) = Scene(Space()), 1, (0.4, 0.3)
+    chosen = FilterSettings(
+        scene.motion, Space(), STD, np.inf, 5, bias="estimate", common_bias_std=common, own_bias_std=own
+    )
+    states, covariances = joint_centralized(
+        scene.initial, chosen, np.inf, positions=scene.positions, ranges=scene.ranges, age=scene.age
+    )
+    mean, covariance, step_by = np.zeros(12), np.zeros((12, 12)), np.eye(12)
+    mean[:6], step_by[:6, :6] = scene.initial.state[run], scene.motion.transition
+    covariance[:6, :6] = scene.initial.known_covariance[run]
+    covariance[6:, 6:] = np.diag([common**2] + [own**2] * 5)
+    for step in range(7):
+        mean, covariance = step_by @ mean, step_by @ covariance @ step_by.T
+        covariance[:6, :6] += scene.motion.process_noise
+        heard = scene.heard(run, step)
+        # A range widens the variance of its agent's own bias by 0.4 %, up to the prior's.
+        spread = covariance[7 + heard, 7 + heard]
+        covariance[7 + heard, 7 + heard] = np.minimum(1.004 * spread, np.maximum(spread, own**2))
+        described = [scene.row(run, agent, step, mean[:6]) for agent in heard]
+        rows = np.array([[*row, 1.0, *np.eye(5)[agent]] for agent, (_, row) in zip(heard, described, strict=True)])
+        predicted = np.array([distance for distance, _ in described]) + mean[6] + mean[7 + heard]
+        gain = covariance @ rows.T @ np.linalg.inv(rows @ covariance @ rows.T + STD**2 * np.eye(len(heard)))
+        mean = mean + gain @ (scene.ranges[run, heard, step] - predicted)
+        covariance = covariance - gain @ rows @ covariance
+        np.testing.assert_allclose(states[run, step], mean[:6], rtol=0, atol=1e-9)
+        np.testing.assert_allclose(covariances[run, step], covariance[:6, :6], rtol=0, atol=1e-9)
 
 
 def bound_of(scene):

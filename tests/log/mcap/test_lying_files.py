@@ -8,8 +8,10 @@ import struct
 import pytest
 import zstandard
 
-from zenoh_cbef.log.mcap.contents import MAX_RECORD_BYTES, RECORD
+from zenoh_cbef.log.mcap.contents import MAX_RECORD_BYTES, MESSAGE, RECORD, Channel, Declarations, Record, messages_in
+from zenoh_cbef.log.mcap.pile import Pile
 from zenoh_cbef.log.mcap.reader import McapFile
+from zenoh_cbef.log.mcap.walk import RecordWalk
 from zenoh_cbef.log.mcap.writer import MAGIC, McapWriter
 
 
@@ -74,3 +76,37 @@ def test_a_record_that_claims_more_than_any_has_is_damaged(tmp_path, head):
 def test_a_file_of_nothing_but_its_magic_is_read(tmp_path):
     (tmp_path / "magic.mcap").write_bytes(MAGIC)
     assert list(McapFile(tmp_path / "magic.mcap").messages()) == []
+
+
+def parts(data: bytes) -> tuple[list[bytes], list[str]]:
+    """What the records of a chunk hold for a reader that knows channel 1, and what it reports."""
+    declared, told = Declarations(), list[str]()
+    declared.channels[1] = Channel(1, "a", "", "", "", b"", {})
+    part = Record(0, 0, len(data))
+    return [message.data for message in messages_in(data, part, declared, told.append)], told
+
+
+def test_messages_that_are_shorter_than_their_fields_are_told_and_those_after_them_read():
+    whole = RECORD.pack(5, MESSAGE.size + 1) + MESSAGE.pack(1, 0, 0, 0) + b"x"
+    short = RECORD.pack(5, MESSAGE.size - 1) + MESSAGE.pack(1, 0, 0, 0)[:-1]
+    assert parts(whole + whole) == ([b"x", b"x"], [])
+    assert parts(short + whole) == ([b"x"], ["a message is shorter than its fields, or a record larger than any"])
+    assert parts(whole + short) == ([b"x"], ["a message is shorter than its fields, or a record larger than any"])
+    assert parts(whole + whole[:-1]) == ([b"x"], ["a chunk ends inside a record"])
+
+
+@pytest.mark.parametrize("size", [RECORD.size, 20, 52])
+def test_a_chunk_whose_head_is_cut_is_none(size):
+    walk = RecordWalk(chunk(1, b"x")[:size], size, complete=False, report=[].append)  # type: ignore[arg-type]
+    assert walk.chunk(Record(6, 0, 1000)) is None
+
+
+@pytest.mark.parametrize("sizes", [(1 << 16,), ((1 << 16) - 1,), (70_000, 70_000, 3), ()])
+def test_a_pile_gives_back_what_was_put_on_it_and_keeps_little_in_memory(tmp_path, sizes):
+    pile, records = Pile(tmp_path), [random.Random(size).randbytes(size) for size in sizes]  # noqa: S311
+    for record in records:
+        pile.add(record)
+    assert pile.read() == b"".join(records)
+    assert pile.in_memory == sum(size for size in sizes if size < 1 << 16)
+    assert list(tmp_path.iterdir()) == []
+    pile.close()

@@ -99,6 +99,33 @@ def test_a_cut_file_is_described_by_its_indexes(log: Path) -> None:
     assert len(list(file.messages())) < 600
 
 
+def test_a_whole_file_is_described_by_its_summary_alone(log: Path) -> None:
+    data, described = bytearray(log.read_bytes()), McapFile(log).summary()
+    hole = data.index(b"middle") + 200  # some chunks and their indexes
+    data[hole : hole + 4000] = bytes(4000)
+    file = altered(data)
+    assert file.summary() == described
+    assert len(list(file.messages())) < 600
+
+
+def test_what_other_writers_leave_out_is_no_damage(tmp_path: Path) -> None:
+    path = tmp_path / "bare.mcap"
+    with path.open("wb") as stream:
+        writer = Writer(stream, index_types=IndexType.NONE, use_statistics=False, use_summary_offsets=False,
+                        repeat_channels=False, repeat_schemas=False, enable_crcs=False)  # fmt: skip
+        writer.start("", "other")
+        channel = writer.register_channel("key", "", 0)
+        writer.add_message(channel, 5, b"data", 5)
+        writer.add_attachment(1, 1, "note", "text/plain", b"seed = 1")
+        writer.finish()
+    file = McapFile(path)
+    assert [message.data for message in file.messages()] == [b"data"]
+    assert file.attachments == {"note": b"seed = 1"}
+    assert file.complete
+    assert file.damage == []
+    assert file.summary().message_count == 1
+
+
 def test_the_summary_of_a_cut_file_is_that_of_the_whole(log: Path) -> None:
     whole = McapFile(log).summary()
     assert (whole.library, whole.message_count) == ("test 1.0", 600)

@@ -1,0 +1,141 @@
+"""What a mutant changes: one place of a source file, one way."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TypeVar
+
+Node = TypeVar("Node", bound=ast.AST)
+Change = tuple[str, ast.AST]
+"""How it is told, and what stands in the node's place."""
+
+OPERATORS: dict[type[ast.AST], type[ast.AST]] = {
+    ast.Add: ast.Sub,
+    ast.Sub: ast.Add,
+    ast.Mult: ast.Div,
+    ast.Div: ast.Mult,
+    ast.FloorDiv: ast.Mult,
+    ast.Mod: ast.Mult,
+    ast.MatMult: ast.Add,
+    ast.Pow: ast.Mult,
+    ast.LShift: ast.RShift,
+    ast.RShift: ast.LShift,
+    ast.BitAnd: ast.BitOr,
+    ast.BitOr: ast.BitAnd,
+    ast.BitXor: ast.BitAnd,
+    ast.Lt: ast.LtE,
+    ast.LtE: ast.Lt,
+    ast.Gt: ast.GtE,
+    ast.GtE: ast.Gt,
+    ast.Eq: ast.NotEq,
+    ast.NotEq: ast.Eq,
+    ast.Is: ast.IsNot,
+    ast.IsNot: ast.Is,
+    ast.In: ast.NotIn,
+    ast.NotIn: ast.In,
+    ast.And: ast.Or,
+    ast.Or: ast.And,
+}
+NAMES = {"minimum": "maximum", "maximum": "minimum", "min": "max", "max": "min", "any": "all", "all": "any"}
+_NOT_RUN = {"annotation", "returns", "decorator_list"}
+
+
+@dataclass(frozen=True)
+class Mutant:
+    """A file's mutant. number: of the node, in the order of the walk. way: of the node's changes."""
+
+    path: Path
+    line: int
+    number: int
+    way: int
+    change: str
+
+    def tree(self) -> ast.Module:
+        """The mutated source."""
+        module = ast.parse(self.path.read_text(encoding="utf-8"))
+        target = list(_walk(module))[self.number]
+        changed = ast.copy_location(_changes(target)[self.way][1], target)
+        _Replace(target, changed).visit(module)
+        return ast.fix_missing_locations(module)
+
+    def told(self, root: Path) -> str:
+        """Where it is and what it changes."""
+        return f"{self.path.relative_to(root)}:{self.line}: {self.change}"
+
+
+def mutants_of(path: Path) -> list[Mutant]:
+    """All mutants of a source file."""
+    return [
+        Mutant(path, getattr(node, "lineno", 0), number, way, told)
+        for number, node in enumerate(_walk(ast.parse(path.read_text(encoding="utf-8"))))
+        for way, (told, _) in enumerate(_changes(node))
+    ]
+
+
+class _Replace(ast.NodeTransformer):
+    def __init__(self, old: ast.AST, new: ast.AST) -> None:
+        self._old, self._new = old, new
+
+    def visit(self, node: ast.AST) -> ast.AST:
+        return self._new if node is self._old else self.generic_visit(node)
+
+
+def _walk(node: ast.AST) -> Iterator[ast.AST]:
+    """All that runs, without annotations and the sentences of errors."""
+    yield node
+    for name, value in ast.iter_fields(node):
+        if name in _NOT_RUN or isinstance(node, ast.Raise):
+            continue
+        for child in value if isinstance(value, list) else [value]:
+            if isinstance(child, ast.AST):
+                yield from _walk(child)
+
+
+def _changes(node: ast.AST) -> list[Change]:
+    return [*_of_operators(node), *_of_values(node), *_of_statements(node)]
+
+
+def _of_operators(node: ast.AST) -> Iterator[Change]:
+    match node:
+        case ast.BinOp(op=op) | ast.BoolOp(op=op) | ast.AugAssign(op=op) | ast.Compare(ops=[op]):
+            if type(op) in OPERATORS:
+                other = OPERATORS[type(op)]()
+                told = f"{type(op).__name__} becomes {type(other).__name__}"
+                yield told, _with(node, **({"ops": [other]} if isinstance(node, ast.Compare) else {"op": other}))
+        case ast.UnaryOp(op=ast.Not() | ast.USub() | ast.Invert(), operand=operand):
+            yield f"{ast.unparse(node)} becomes {ast.unparse(operand)}", operand
+
+
+def _of_values(node: ast.AST) -> Iterator[Change]:
+    match node:
+        case ast.Constant(value=bool() as value):
+            yield f"{value} becomes {not value}", ast.Constant(not value)
+        case ast.Constant(value=int() | float() as value):
+            yield f"{value} becomes {value + 1}", ast.Constant(value + 1)
+        case ast.Attribute(attr=name) if name in NAMES:
+            yield f"{name} becomes {NAMES[name]}", _with(node, attr=NAMES[name])
+        case ast.Name(id=name) if name in NAMES:
+            yield f"{name} becomes {NAMES[name]}", _with(node, id=NAMES[name])
+        case ast.IfExp(test=test):
+            yield f"{ast.unparse(test)} is denied", _with(node, test=ast.UnaryOp(ast.Not(), test))
+
+
+def _of_statements(node: ast.AST) -> Iterator[Change]:
+    match node:
+        case ast.If(test=test) | ast.While(test=test):
+            yield f"{ast.unparse(test)} is denied", _with(node, test=ast.UnaryOp(ast.Not(), test))
+        case ast.Return(value=ast.expr() as value) if ast.unparse(value) != "None":
+            yield f"returns None, not {ast.unparse(value)}", _with(node, value=ast.Constant(None))
+        case ast.Expr(value=ast.Call()):
+            yield f"without {ast.unparse(node)}", ast.Pass()
+        case ast.Continue():
+            yield "continue becomes break", ast.Break()
+        case ast.Break():
+            yield "break becomes continue", ast.Continue()
+
+
+def _with(node: Node, **fields: object) -> Node:
+    return type(node)(**{**dict(ast.iter_fields(node)), **fields})

@@ -1,0 +1,134 @@
+"""Questions to a run and its answers: what is promised is there and of its kind, or a sentence says what is not."""
+
+from __future__ import annotations
+
+import json
+
+import msgpack
+import pytest
+
+from zenoh_cbef.errors import UserError
+from zenoh_cbef.protocol.control import read_answer, read_request
+from zenoh_cbef.protocol.messages import VERSION, BadMessage
+
+FAULT = {"kind": "loss", "number": 0, "from": 1.0, "until": None, "active": True}
+STATUS = {
+    "run": "mine",
+    "filter": "sicf",
+    "mode": "lockstep",
+    "members": [0, 1],
+    "silent": [],
+    "away": [1],
+    "dt": 0.1,
+    "start": 5,
+    "time": 6.5,
+    "planar": False,
+    "stopping": True,
+    "estimates": [b"one"],
+    "earlier": [],
+    "cards": [],
+    "events": [b"", b"x"],
+    "agents": 3,
+    "steps": 10,
+    "step": None,
+    "target": {"pid": 7},
+    "live": ["agent/0"],
+    "truth": [[1, [0.0, 1.0, float("nan"), 0.0, 0.0, 0.0]]],
+    "faults": json.dumps([{"kind": "loss", "fault": 0}]),
+}
+ANSWERS = {
+    "stop": {"step": 4},
+    "fault add": {"number": 1, "from": 2.5},
+    "fault clear": {"ended": [0, 2]},
+    "fault list": {"faults": json.dumps([FAULT, FAULT | {"until": 3}])},
+    "status": STATUS,
+}
+
+
+def answer(asked, **fields):
+    return read_answer(msgpack.packb(ANSWERS[asked] | fields), asked, "run/control")
+
+
+@pytest.mark.parametrize("asked", ANSWERS)
+def test_an_answer_is_what_was_promised_or_refused_with_the_name_of_the_field(asked):
+    assert answer(asked).keys() == ANSWERS[asked].keys()
+    for name in ANSWERS[asked]:
+        lacking = {other: value for other, value in ANSWERS[asked].items() if other != name}
+        with pytest.raises(UserError, match=rf"run/control answers with something else \({name} is not"):
+            read_answer(msgpack.packb(lacking), asked, "run/control")
+
+
+NO_NUMBER: list[object] = [True, "1", None, float("nan"), float("inf"), [1]]
+NO_COUNT: list[object] = [True, "1", -1, 1.0, [1]]
+WRONG: dict[tuple[str, str], list[object]] = {
+    ("stop", "step"): NO_COUNT,
+    ("fault add", "number"): [*NO_COUNT, None],
+    ("fault add", "from"): NO_NUMBER,
+    ("fault clear", "ended"): [None, 1, [True], [-1], [None]],
+    ("fault list", "faults"): [
+        None,
+        [],
+        "{}",
+        "[1]",
+        "[",
+        *(json.dumps([FAULT | {name: value}]) for name, value in {**FAULT, "kind": 1, "until": "x", "active": 1}.items()
+          if value != FAULT[name]),
+        json.dumps([FAULT, FAULT | {"from": True}]),
+        json.dumps([FAULT, FAULT | {"number": None}]),
+    ],
+    ("status", "run"): [1, None],
+    ("status", "members"): [[-1], None],
+    ("status", "dt"): NO_NUMBER,
+    ("status", "planar"): [0, 1, None, "yes"],
+    ("status", "estimates"): [None, b"x", ["x"], [b""] * 10_001],
+    ("status", "agents"): [*NO_COUNT, None, 10_001],
+    ("status", "steps"): [*NO_COUNT, None],
+    ("status", "step"): NO_COUNT,
+    ("status", "target"): [None, [], 1],
+    ("status", "live"): [None, [1], "agent/0"],
+    ("status", "truth"): [
+        None,
+        [1],
+        [[1]],
+        [[1, [0.0] * 5]],
+        [[1, [0.0] * 7]],
+        [[-1, [0.0] * 6]],
+        [[1, [0] * 6]],
+        [[1, [1e101] * 6]],
+        [[1, [0.0] * 6, 1]],
+        [[1, (0.0,) * 5 + (float("-inf"),)]],
+    ],
+    ("status", "faults"): [None, "[{}]", json.dumps([{"kind": "loss", "fault": -1}])],
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("asked", "name"), WRONG)
+def test_a_field_of_another_kind_is_refused(asked, name):
+    for value in WRONG[asked, name]:
+        with pytest.raises(UserError, match=rf"\({name} is not|no number beyond|answers with something else"):
+            answer(asked, **{name: value})
+
+
+def test_the_largest_lists_and_counts_are_taken():
+    assert len(answer("status", estimates=[b""] * 10_000)["estimates"]) == 10_000
+    assert answer("status", agents=10_000)["agents"] == 10_000
+    assert answer("stop", step=None)["step"] is None
+
+
+def test_the_sentence_of_a_refusal_is_the_users():
+    with pytest.raises(UserError, match=r"^there is no fault 3$"):
+        read_answer(msgpack.packb({"error": "there is no fault 3"}), "fault clear", "run/control")
+    with pytest.raises(UserError, match="something else"):
+        read_answer(b"\xc1", "stop", "run/control")
+
+
+def test_a_request_has_a_version_and_asks_for_something():
+    assert read_request(msgpack.packb({"v": VERSION, "ask": "stop"})) == {"v": VERSION, "ask": "stop"}
+    for request, words in (
+        ({"ask": "stop"}, "version None"),
+        ({"v": VERSION + 1, "ask": "stop"}, f"version {VERSION + 1}"),
+        ({"v": VERSION}, "asks for nothing"),
+        ({"v": VERSION, "ask": 1}, "asks for nothing"),
+    ):
+        with pytest.raises(BadMessage, match=words):
+            read_request(msgpack.packb(request))
