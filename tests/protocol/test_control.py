@@ -36,7 +36,7 @@ STATUS = {
     "truth": [[1, [0.0, 1.0, float("nan"), 0.0, 0.0, 0.0]]],
     "faults": json.dumps([{"kind": "loss", "fault": 0}]),
 }
-ANSWERS = {
+ANSWERS: dict[str, dict] = {
     "stop": {"step": 4},
     "fault add": {"number": 1, "from": 2.5},
     "fault clear": {"ended": [0, 2]},
