@@ -110,3 +110,11 @@ def test_a_pile_gives_back_what_was_put_on_it_and_keeps_little_in_memory(tmp_pat
     assert pile.in_memory == sum(size for size in sizes if size < 1 << 16)
     assert list(tmp_path.iterdir()) == []
     pile.close()
+
+
+def test_a_declaration_that_is_damaged_is_told_and_what_follows_is_read():
+    whole = RECORD.pack(5, MESSAGE.size + 1) + MESSAGE.pack(1, 0, 0, 0) + b"x"
+    data, told = parts(RECORD.pack(4, 3) + b"abc" + whole)
+    assert data == [b"x"]
+    assert len(told) == 1
+    assert told[0].startswith("a declaration is damaged: ")

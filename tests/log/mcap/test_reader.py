@@ -90,6 +90,18 @@ def test_messages_come_by_log_time_where_that_is_asked_for(tmp_path: Path) -> No
     assert found == sorted(zip(times, range(2000), strict=True))
 
 
+def test_messages_outside_of_chunks_come_by_log_time_too(tmp_path: Path) -> None:
+    path, times = tmp_path / "bare.mcap", [1 << 40, 3, 1 << 50, 700, 2, 1 << 33, 256]
+    with path.open("wb") as stream:
+        writer = Writer(stream, use_chunking=False)
+        writer.start("", "other")
+        channel = writer.register_channel("key", "", 0)
+        for number, at in enumerate(times):
+            writer.add_message(channel, at, b"data", 0, number)
+        writer.finish()
+    assert [message.log_time for message in McapFile(path).messages_in_order()] == sorted(times)
+
+
 def test_a_cut_file_is_described_by_its_indexes(log: Path) -> None:
     data = bytearray(log.read_bytes()[:-1])
     middle = data.index(b"middle")
@@ -124,6 +136,15 @@ def test_what_other_writers_leave_out_is_no_damage(tmp_path: Path) -> None:
     assert file.complete
     assert file.damage == []
     assert file.summary().message_count == 1
+
+
+def test_an_attachment_without_a_crc_is_read_and_one_with_a_wrong_crc_is_not(log: Path) -> None:
+    data = bytearray(log.read_bytes())
+    end = data.index(b"seed = 1\n" * 20) + 180
+    data[end : end + 4] = bytes(4)
+    assert altered(data).attachments.keys() == {"first", "middle"}
+    data[end : end + 4] = b"\1\0\0\0"
+    assert altered(data).attachments.keys() == {"middle"}
 
 
 def test_the_summary_of_a_cut_file_is_that_of_the_whole(log: Path) -> None:
