@@ -11,6 +11,7 @@ from rich.table import Table
 from benchmarks.common import SEEDS, Row, analyses, at_least, below, results
 from zenoh_cbef.analysis.consistency import Consistency, over_seeds
 from zenoh_cbef.analysis.metrics import Analysis
+from zenoh_cbef.analysis.summary import pick
 from zenoh_cbef.cli.console import number
 
 Floats = NDArray[np.float64]
@@ -18,12 +19,12 @@ Floats = NDArray[np.float64]
 
 def ratios(runs: Sequence[Analysis]) -> Floats:
     """Position RMSE over that of the centralised filter, per seed; NaN where no estimate was finite."""
-    return np.array([run.metrics["ratio_to_centralized"] or np.nan for run in runs])
+    return np.array([run.metrics.ratio_to_centralized or np.nan for run in runs])
 
 
 def position_mse(runs: Sequence[Analysis]) -> Floats:
     """Mean square position error over agents and the scored window, per seed, m^2."""
-    return np.array([(run.metrics["position_rmse"] or np.nan) ** 2 for run in runs])
+    return np.array([(run.metrics.position_rmse or np.nan) ** 2 for run in runs])
 
 
 def consistency(runs: Sequence[Analysis]) -> Consistency:
@@ -50,7 +51,7 @@ def saturation_price(runs: Sequence[Analysis], plain: Sequence[Analysis]) -> flo
     return float(
         np.median(
             [
-                run.metrics["position_rmse"] / other.metrics["centralized"]["position_rmse"]
+                pick(run.metrics, "position_rmse") / pick(other.metrics, "centralized.position_rmse")
                 for run, other in zip(runs, plain, strict=True)
             ]
         )

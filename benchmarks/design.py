@@ -10,6 +10,7 @@ from rich.table import Table
 
 from benchmarks.common import analyses, plain_table
 from zenoh_cbef.analysis.design import design
+from zenoh_cbef.analysis.summary import pick
 from zenoh_cbef.scenario.load import load
 
 Floats = NDArray[np.float64]
@@ -33,8 +34,10 @@ def predicted(overrides: Sequence[str], seeds: int = SEEDS) -> Floats:
     """Position RMSE (m), its ratio to centralised, velocity RMSE (m/s) and NEES, (seeds, 4), before any run."""
     found = []
     for seed in range(1, seeds + 1):
-        told = design(load("tracking", [f"seed={seed}", *overrides]).plan, search=False)["configured"]
-        found.append([told[name] for name in ("position_rmse", "ratio_to_centralized", "velocity_rmse", "nees")])
+        told = design(load("tracking", [f"seed={seed}", *overrides]).plan, search=False).configured.expected
+        found.append(
+            [getattr(told, name) for name in ("position_rmse", "ratio_to_centralized", "velocity_rmse", "nees")]
+        )
     return np.array(found)
 
 
@@ -43,8 +46,8 @@ def simulated(overrides: Sequence[str], seeds: int = SEEDS) -> Floats:
     return np.array(
         [
             [
-                *(run.metrics[name] for name in ("position_rmse", "ratio_to_centralized", "velocity_rmse")),
-                run.metrics["nees"]["average"],
+                pick(run.metrics, name)
+                for name in ("position_rmse", "ratio_to_centralized", "velocity_rmse", "nees.average")
             ]
             for run in analyses("tracking", overrides, seeds=seeds)
         ]

@@ -239,8 +239,8 @@ def filters() -> Iterator[Table]:
 
 def _filter_row(runs: Sequence[Analysis]) -> list[object]:
     found = ratios(runs)
-    speeds = np.array([run.metrics["velocity_rmse"] for run in runs])
-    known = runs[0].metrics["nees"] is not None
+    speeds = np.array([run.metrics.velocity_rmse for run in runs])
+    known = runs[0].metrics.nees is not None
     nees: object = consistency(runs).mean if known else "no covariance"
     return [_median(np.sqrt(position_mse(runs))), _median(speeds), _median(found), float(found.max()), nees]
 

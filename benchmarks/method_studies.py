@@ -163,7 +163,7 @@ def _spread(setting: float, overrides: Sequence[str]) -> Spread:
     with np.errstate(all="ignore"):  # What breaks is counted.
         runs = analyses("tracking", overrides)
         kept = [run for run in runs if not broken(run)]
-        found = np.array([np.inf if broken(run) else run.metrics["ratio_to_centralized"] for run in runs])
+        found = np.array([np.inf if broken(run) else run.metrics.ratio_to_centralized for run in runs])
     return Spread(setting, found, consistency(kept).mean if kept else np.nan)
 
 

@@ -9,6 +9,7 @@ from rich.table import Table
 
 from benchmarks.common import plain_table
 from zenoh_cbef.analysis.metrics import analyze
+from zenoh_cbef.analysis.summary import pick
 from zenoh_cbef.scenario.load import load
 from zenoh_cbef.simulator import simulate
 
@@ -59,4 +60,4 @@ def errors(settings: Mapping[str, object]) -> tuple[float, float]:
     """Position RMSE (m) and its ratio to the centralised filter's, of `tracking` with other keys."""
     scenario = load("tracking", [f"{key}={value}" for key, value in settings.items()]).scenario
     metrics = analyze(simulate([scenario]))[0].metrics
-    return metrics["position_rmse"], metrics["ratio_to_centralized"]
+    return pick(metrics, "position_rmse"), pick(metrics, "ratio_to_centralized")

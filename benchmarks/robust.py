@@ -10,6 +10,7 @@ from rich.table import Table
 
 from benchmarks.common import Row, below, results
 from zenoh_cbef.analysis.metrics import Analysis, analyze
+from zenoh_cbef.analysis.summary import pick
 from zenoh_cbef.cli.console import number
 from zenoh_cbef.scenario.load import load
 from zenoh_cbef.simulator import simulate
@@ -58,7 +59,7 @@ def spread(values: Floats) -> str:
 
 def ratios(runs: Sequence[Analysis]) -> Floats:
     """Position RMSE over that of the centralised filter, per seed; infinite where no estimate was finite."""
-    return np.array([run.metrics["ratio_to_centralized"] or np.inf for run in runs])
+    return np.array([run.metrics.ratio_to_centralized or np.inf for run in runs])
 
 
 def liars(seeds: int = SEEDS) -> Iterator[Row]:
@@ -77,13 +78,13 @@ def liars(seeds: int = SEEDS) -> Iterator[Row]:
 def outliers(seeds: int = SEEDS) -> Iterator[Row]:
     """Ranges too long by an exponential error of 5 m on average, against a centralised filter on clean ranges."""
     plain = runs_of("outliers", ["sensor.outlier_probability=0.0", "filter.kind=icf"], seeds=seeds)
-    clean = np.array([run.metrics["centralized"]["position_rmse"] for run in plain])
+    clean = np.array([pick(run.metrics, "centralized.position_rmse") for run in plain])
     for share, limit, worst in ((0.1, 1.2, None), (0.3, 1.8, 4.0)):
         for saturation in ("redescending", "bounded"):
             keys = [f"sensor.outlier_probability={share}", f"filter.saturation={saturation}"]
             runs = runs_of("outliers", keys, seeds=seeds)
-            factor = np.array([run.metrics["position_rmse"] or np.inf for run in runs]) / clean
-            nees = float(np.median([run.metrics["nees"]["average"] for run in runs]))
+            factor = np.array([run.metrics.position_rmse or np.inf for run in runs]) / clean
+            nees = float(np.median([pick(run.metrics, "nees.average") for run in runs]))
             name = f"{share:.0%} outliers, {saturation}"
             yield below(f"{name}, median", float(np.median(factor)), limit, note=f"; NEES {number(nees)}")
             yield (
@@ -154,7 +155,8 @@ def late(seeds: int = SEEDS) -> Iterator[Row]:
 
 def _rmse(keys: Sequence[str], seeds: int) -> tuple[Floats, Floats]:
     metrics = [run.metrics for run in runs_of("tracking", keys, seeds=seeds)]
-    return np.array([one["position_rmse"] for one in metrics]), np.array([one["nees"]["average"] for one in metrics])
+    errors, nees = ([pick(one, name) for one in metrics] for name in ("position_rmse", "nees.average"))
+    return np.array(errors), np.array(nees)
 
 
 def run(repeats: int) -> Iterator[Table]:

@@ -287,11 +287,13 @@ def test_only_steps_of_which_the_truth_is_known_are_scored(tmp_path):
     assert known.tolist() == [step <= 11 for step in range(1, 41)], "step 1 ends at the first range, at 0 s"
     assert trace.truth[known, 3:] == pytest.approx(0.0), "at the ends of the truth, too, velocities are whole"
     metrics = analyze([trace])[0].metrics
-    assert metrics["scored"]["steps"] == [[3, 11]]
-    assert metrics["ratio_to_centralized"] is not None
-    assert "the truth is not known in steps 12 to 40" in metrics["lacks"][0]
+    assert metrics.scored.steps == [[3, 11]]
+    assert metrics.ratio_to_centralized is not None
+    assert "the truth is not known in steps 12 to 40" in metrics.lacks[0]
     assert any("covers 11 of 40 steps" in warning for warning in check(Plan(scenario)))
-    assert np.isfinite(design(Plan(scenario), search=False)["centralized"]["position_rmse"])
+    told = design(Plan(scenario), search=False).centralized
+    assert told is not None
+    assert np.isfinite(told.position_rmse)
 
 
 def test_a_gap_in_the_truth_is_not_bridged(tmp_path):

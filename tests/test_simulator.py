@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from zenoh_cbef.analysis.metrics import analyze
+from zenoh_cbef.analysis.summary import pick
 from zenoh_cbef.scenario import network
 from zenoh_cbef.scenario.build import agent_tracker, fates_into, outgoing_of
 from zenoh_cbef.scenario.load import load, parse
@@ -273,7 +274,7 @@ def test_running_sums_keep_within_three_percent_of_centralised_when_a_third_is_l
         fault = f"fault=[{{kind='loss', probability={probability}}}]"
         overrides = ["consensus.rounds=6", fault]
         traces = simulate([load("tracking", [f"seed={seed}", *overrides]).scenario for seed in range(50)])
-        ratios = [one.metrics["ratio_to_centralized"] for one in analyze(traces)]
+        ratios = [pick(one.metrics, "ratio_to_centralized") for one in analyze(traces)]
         assert np.median(ratios) < most
 
 
@@ -379,7 +380,7 @@ def test_the_scaled_filter_tracks_where_the_papers_own_cannot():
 def test_covariance_intersection_is_conservative_and_the_default_is_consistent():
     def nees(kind):
         scenarios = [load("tracking", [f"seed={seed}", f"filter.kind={kind}"]).scenario for seed in range(20)]
-        return np.array([one.metrics["nees"]["average"] for one in analyze(simulate(scenarios))])
+        return np.array([pick(one.metrics, "nees.average") for one in analyze(simulate(scenarios))])
 
     # The state has six components; the mean over twenty runs of a consistent filter is near six.
     assert 2.0 < nees("ci").mean() < 5.0

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from importlib import import_module
-from typing import Any
+from types import ModuleType
 
 from zenoh_cbef.errors import UserError
 
@@ -25,7 +25,7 @@ class MissingExtra(UserError):
     """A package of an extra is not installed. A verb that did its main work without it catches this and says so."""
 
 
-def from_extra(module: str, what: str, *, extra: str | None = None) -> Any:
+def from_extra(module: str, what: str, *, extra: str | None = None) -> ModuleType:
     """A module of an optional package. Raises MissingExtra, which names the extra; what: what needs the module.
 
     extra: where another extra than the package's usual one brings it, too.

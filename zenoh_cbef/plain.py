@@ -10,8 +10,11 @@ import json
 import math
 import re
 import tomllib
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import Any, TypeAlias
+
+Json: TypeAlias = "Mapping[str, Json] | Sequence[Json] | str | float | bool | None"
+"""What JSON can say."""
 
 MOST_CHARACTERS = 1 << 20
 """The longest text: a scenario has to fit into a message."""

@@ -79,8 +79,8 @@ def test_an_agent_alone_is_wrong_and_sure_of_it_and_its_own_innovations_do_not_s
 @pytest.mark.parametrize("kind", ["cbef", "cbef-scaled"])
 def test_filters_without_covariance_claim_nothing(kind):
     [one] = analyze(simulate([load("paper", ["steps=20", f"filter.kind={kind}"]).scenario]))
-    assert one.metrics["nees"] is None
-    assert one.metrics["nis"] is None
+    assert one.metrics.nees is None
+    assert one.metrics.nis is None
 
 
 def test_the_nis_shows_a_wrong_noise_without_the_truth():
@@ -113,21 +113,21 @@ def test_what_the_metrics_say_is_what_plain_loops_say():
                 scored.append(values[agent, k])
                 inside.append(low <= values[agent, k] <= high)
     assert found is not None
-    assert found["average"] == pytest.approx(np.mean(scored))
-    assert found["inside"] == pytest.approx(np.mean(inside))
-    assert found["over_time"]["until"][0] == pytest.approx(0.2)
-    assert found["over_time"]["until"][-1] == pytest.approx(5.0)
-    assert found["over_time"]["agents"][1][-1] == pytest.approx(np.nanmean(values[1, 47:]))
+    assert found.average == pytest.approx(np.mean(scored))
+    assert found.inside == pytest.approx(np.mean(inside))
+    assert found.over_time.until[0] == pytest.approx(0.2)
+    assert found.over_time.until[-1] == pytest.approx(5.0)
+    assert found.over_time.agents[1][-1] == pytest.approx(np.nanmean(values[1, 47:]))
 
 
 def test_an_agents_mean_nis_lies_in_its_own_band():
     [one, *_] = runs("icf")
-    metrics = one.metrics["nis"]
-    for agent, (low, high) in enumerate(metrics["agents_band"]):
+    metrics = one.metrics.nis
+    for agent, (low, high) in enumerate(metrics.agents_band):
         count = np.isfinite(one.trace.diagnostics.nis[agent, one.first :]).sum()
         assert (low, high) == pytest.approx(chi2_band(1, int(count)))
-        assert low * 0.8 < metrics["agents"][agent] < high * 1.2
-    assert metrics["dimension"] == 1
+        assert low * 0.8 < metrics.agents[agent] < high * 1.2
+    assert metrics.dimension == 1
 
 
 def test_a_trailing_mean_is_the_sum_over_the_degrees_of_the_last_steps():

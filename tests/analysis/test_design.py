@@ -10,6 +10,7 @@ from zenoh_cbef.analysis.metrics import analyze
 from zenoh_cbef.analysis.mixing import SCHEMES, contraction, mixing
 from zenoh_cbef.analysis.observability import observability
 from zenoh_cbef.analysis.prediction import Clipping, Sight, propagate
+from zenoh_cbef.analysis.summary import pick
 from zenoh_cbef.scenario import network
 from zenoh_cbef.scenario.load import load
 from zenoh_cbef.scenario.plan import Plan
@@ -105,6 +106,11 @@ def test_the_predicted_error_is_that_of_the_recursion_drawn_many_times(xi):
     np.testing.assert_allclose(found[start:], expected.position[0, start:], rtol=tolerance)
 
 
+def foretold(scenarios):
+    found = [design(Plan(one), search=False).configured.expected for one in scenarios]
+    return [one for one in found if one is not None]
+
+
 @pytest.mark.parametrize(
     "overrides",
     [
@@ -117,29 +123,27 @@ def test_the_predicted_error_is_that_of_the_recursion_drawn_many_times(xi):
 )
 def test_predictions_agree_with_simulations_over_seeds(overrides):
     scenarios = [tracking(f"seed={seed}", *overrides) for seed in range(1, 17)]
-    before = [design(Plan(one), search=False)["configured"] for one in scenarios]
-    after = [one.metrics for one in analyze(simulate(scenarios))]
+    before, after = foretold(scenarios), [one.metrics for one in analyze(simulate(scenarios))]
 
     def both(name):
-        return np.array([one[name] for one in before]), np.array([one[name] for one in after])
+        return np.array([getattr(one, name) for one in before]), np.array([pick(one, name) for one in after])
 
     for name in ("position_rmse", "velocity_rmse"):
         predicted, simulated = (np.sqrt(np.mean(one**2)) for one in both(name))
         assert predicted == pytest.approx(simulated, rel=0.08), name
     predicted, simulated = (np.median(one) for one in both("ratio_to_centralized"))
     assert predicted - 1.0 == pytest.approx(simulated - 1.0, rel=0.35, abs=0.004)
-    claimed = np.mean([one["nees"]["average"] for one in after])
-    assert np.mean([one["nees"] for one in before]) == pytest.approx(claimed, rel=0.1)
+    claimed = np.mean([pick(one, "nees.average") for one in after])
+    assert np.mean([one.nees for one in before]) == pytest.approx(claimed, rel=0.1)
 
 
 def test_under_loss_the_error_is_predicted_and_its_small_excess_to_a_factor_of_two():
     scenarios = [tracking(f"seed={seed}", "consensus.rounds=4", LOSS, "steps=120") for seed in range(1, 13)]
-    before = [design(Plan(one), search=False)["configured"] for one in scenarios]
-    after = [one.metrics for one in analyze(simulate(scenarios))]
-    predicted, simulated = (np.sqrt(np.mean([one["position_rmse"] ** 2 for one in each])) for each in (before, after))
-    assert predicted == pytest.approx(simulated, rel=0.08)
-    excess = [np.median([one["ratio_to_centralized"] for one in each]) - 1.0 for each in (before, after)]
-    assert 0.5 < excess[0] / excess[1] < 2.0
+    before, after = foretold(scenarios), [one.metrics for one in analyze(simulate(scenarios))]
+    predicted = np.sqrt(np.mean([one.position_rmse**2 for one in before]))
+    assert predicted == pytest.approx(np.sqrt(np.mean([pick(one, "position_rmse") ** 2 for one in after])), rel=0.08)
+    excess = np.median([one.ratio_to_centralized for one in before]) - 1.0
+    assert 0.5 < excess / (np.median([pick(one, "ratio_to_centralized") for one in after]) - 1.0) < 2.0
 
 
 def test_mixing_is_the_power_of_the_weights_and_its_rows_sum_to_one_under_loss():
@@ -165,19 +169,20 @@ def test_disagreement_shrinks_by_the_contraction(scheme):
 
 def test_the_smallest_number_of_rounds_is_the_smallest():
     told = design(Plan(tracking("network.graph=path")), within=0.01)
-    rows = {(scheme, row["rounds"]): row[scheme] for row in told["rounds"] for scheme in SCHEMES if scheme in row}
+    rows = {(scheme, row.rounds): found for row in told.rounds for scheme, found in row.schemes.items()}
+    smallest = {scheme: rounds for scheme, rounds in told.smallest.items() if rounds is not None}
     for scheme in SCHEMES:
-        enough = told["smallest"][scheme]
-        assert rows[scheme, enough]["ratio_to_centralized"] <= 1.01
-        assert rows[scheme, enough - 1]["ratio_to_centralized"] > 1.01
-    assert told["smallest"]["chebyshev"] < told["smallest"]["average"]
+        enough = smallest[scheme]
+        assert rows[scheme, enough].ratio_to_centralized <= 1.01
+        assert rows[scheme, enough - 1].ratio_to_centralized > 1.01
+    assert smallest["chebyshev"] < smallest["average"]
 
 
 def test_what_cannot_be_reached_is_not_promised():
     # Covariance intersection stays worse than the centralised filter however many rounds there are.
     told = design(Plan(tracking("filter.kind=ci", "steps=60")), within=0.01)
-    assert set(told["smallest"].values()) == {None}
-    assert min(row["average"]["ratio_to_centralized"] for row in told["rounds"] if "average" in row) > 1.05
+    assert set(told.smallest.values()) == {None}
+    assert min(row.schemes["average"].ratio_to_centralized for row in told.rounds if "average" in row.schemes) > 1.05
 
 
 def test_observability_tells_what_agents_on_a_line_cannot_see():
@@ -194,11 +199,11 @@ def test_observability_tells_what_agents_on_a_line_cannot_see():
     line = seen([[0, 0, 0], [4, 0, 0], [8, 0, 0], [12, 0, 0]])
     spread = seen([[0, 0, 0], [10, 0, 0], [0, 10, 0], [0, 0, 10]])
     # A target at rest: one direction per agent, two on a line (around it nothing changes), three in space.
-    assert [one["rank"] for one in line["agents"]] == [2] * 4
-    assert line["network"]["rank"] == 4
-    assert line["network"]["condition"] is None
-    assert spread["network"]["rank"] == spread["dimension"] == 6
-    assert spread["network"]["bound"] < 0.3 * line["network"]["bound"]
+    assert [one.rank for one in line.agents] == [2] * 4
+    assert line.network.rank == 4
+    assert line.network.condition is None
+    assert spread.network.rank == spread.dimension == 6
+    assert spread.network.bound < 0.3 * line.network.bound
 
 
 @pytest.mark.parametrize(
@@ -218,7 +223,7 @@ def test_what_is_left_out_is_said(overrides, words):
 
 def test_a_filter_that_is_not_predicted_still_gets_geometry_and_bytes():
     told = design(Plan(tracking("filter.kind=kcf", "steps=20")))
-    assert told["centralized"] is None
-    assert told["rounds"] == []
-    assert told["observability"]["network"]["rank"] == 6
-    assert told["configured"]["bytes_per_step"] > 0
+    assert told.centralized is None
+    assert told.rounds == []
+    assert told.observability.network.rank == 6
+    assert told.configured.bytes_per_step > 0

@@ -10,6 +10,8 @@ import pytest
 
 from zenoh_cbef.analysis.chi2 import chi2_quantile
 from zenoh_cbef.analysis.metrics import analyze, running_mean
+from zenoh_cbef.analysis.results import Messages
+from zenoh_cbef.analysis.summary import pick
 from zenoh_cbef.scenario.load import load, parse
 from zenoh_cbef.simulator import simulate
 from zenoh_cbef.trace import Traffic
@@ -41,8 +43,8 @@ def test_msee_is_the_papers_running_mean_from_the_first_step(trace, analysis):
             total += sum((trace.estimates[agent, k, c] - trace.truth[k, c]) ** 2 for c in range(6))
             assert analysis.msee[agent, k] == pytest.approx(total / (k + 1), rel=1e-12)
     np.testing.assert_allclose(analysis.msee_average, analysis.msee.mean(axis=0), rtol=1e-12)
-    assert analysis.metrics["msee"]["agents"] == pytest.approx(analysis.msee[:, -1].tolist())
-    assert analysis.metrics["msee"]["average"] == pytest.approx(analysis.msee[:, -1].mean())
+    assert analysis.metrics.msee.agents == pytest.approx(analysis.msee[:, -1].tolist())
+    assert analysis.metrics.msee.average == pytest.approx(analysis.msee[:, -1].mean())
 
 
 def test_a_running_mean_leaves_out_steps_without_a_value():
@@ -56,14 +58,14 @@ def test_errors_are_scored_after_the_skipped_share(trace, skip, first):
     [one] = analyze([trace], skip)
     error = (trace.estimates - trace.truth)[:, first:]
     metrics = one.metrics
-    assert metrics["skip"] == one.first == first
-    assert metrics["position_rmse"] == pytest.approx(rms(np.linalg.norm(error[:, :, :3], axis=2)))
-    assert metrics["velocity_rmse"] == pytest.approx(rms(np.linalg.norm(error[:, :, 3:], axis=2)))
+    assert metrics.skip == one.first == first
+    assert metrics.position_rmse == pytest.approx(rms(np.linalg.norm(error[:, :, :3], axis=2)))
+    assert metrics.velocity_rmse == pytest.approx(rms(np.linalg.norm(error[:, :, 3:], axis=2)))
     central = rms(np.linalg.norm((one.centralized_states - trace.truth)[first:, :3], axis=1))
-    assert metrics["centralized"]["position_rmse"] == pytest.approx(central)
-    assert metrics["ratio_to_centralized"] == pytest.approx(metrics["position_rmse"] / central)
+    assert metrics.centralized.position_rmse == pytest.approx(central)
+    assert metrics.ratio_to_centralized == pytest.approx(metrics.position_rmse / central)
     bound = np.sqrt(np.mean([np.trace(one.bound[k, :3, :3]) for k in range(first, 40)]))
-    assert metrics["bound"]["position_rmse"] == pytest.approx(bound)
+    assert metrics.bound.position_rmse == pytest.approx(bound)
 
 
 def test_nees_is_the_squared_error_in_units_of_the_claimed_covariance(trace, analysis):
@@ -75,18 +77,18 @@ def test_nees_is_the_squared_error_in_units_of_the_claimed_covariance(trace, ana
             error = trace.estimates[agent, k] - trace.truth[k]
             values[agent, k] = error @ np.linalg.inv(trace.covariances[agent, k]) @ error
     np.testing.assert_allclose(analysis.nees, values, rtol=1e-6)
-    window, nees = values[:, 10:], analysis.metrics["nees"]
-    assert nees["average"] == pytest.approx(window.mean())
-    assert nees["agents"] == pytest.approx(window.mean(axis=1).tolist())
-    assert nees["inside"] == pytest.approx(((window >= low) & (window <= high)).mean())
-    assert nees["dimension"] == 6
+    window, nees = values[:, 10:], analysis.metrics.nees
+    assert nees.average == pytest.approx(window.mean())
+    assert nees.agents == pytest.approx(window.mean(axis=1).tolist())
+    assert nees.inside == pytest.approx(((window >= low) & (window <= high)).mean())
+    assert nees.dimension == 6
 
 
 def test_nees_of_a_plane_counts_the_estimated_components_only():
     keys = {"filter": {"planar_height": 0.0}, "target": {"acceleration_std": 0.0}}
     [trace] = simulate([scenario(**keys)])
     [one] = analyze([trace])
-    assert one.metrics["nees"]["dimension"] == 4
+    assert pick(one.metrics, "nees.dimension") == 4
     assert one.nees_band == (chi2_quantile(0.025, 4), chi2_quantile(0.975, 4))
     kept = [0, 1, 3, 4]
     error = (trace.estimates[2, 7] - trace.truth[7])[kept]
@@ -95,7 +97,7 @@ def test_nees_of_a_plane_counts_the_estimated_components_only():
 
 def test_a_filter_without_covariance_has_no_nees():
     [one] = analyze(simulate([load("paper", ["steps=20"]).scenario]))
-    assert one.metrics["nees"] is None
+    assert one.metrics.nees is None
     assert np.isnan(one.nees).all()
 
 
@@ -104,7 +106,7 @@ def test_disagreement_is_the_spread_of_the_agents_positions(trace, analysis):
         positions = trace.estimates[:, k, :3]
         expected = np.sqrt(np.mean(np.sum((positions - positions.mean(axis=0)) ** 2, axis=1)))
         assert analysis.disagreement[k] == pytest.approx(expected)
-    assert analysis.metrics["disagreement"] == pytest.approx(rms(analysis.disagreement[10:]))
+    assert analysis.metrics.disagreement == pytest.approx(rms(analysis.disagreement[10:]))
 
 
 def test_steps_an_agent_did_not_reach_are_left_out(trace):
@@ -116,35 +118,37 @@ def test_steps_an_agent_did_not_reach_are_left_out(trace):
     error = (trace.estimates - trace.truth)[:, 10:, :3]
     distances = np.linalg.norm(error, axis=2)
     scored = np.concatenate([distances[2, :15], *distances[[0, 1, 4, 5]]])
-    assert metrics["position_rmse"] == pytest.approx(rms(scored))
-    assert metrics["msee"]["agents"][3] is None
-    assert metrics["msee"]["agents"][2] == pytest.approx(one.msee[2, 24])
-    assert metrics["nees"]["agents"][3] is None
+    assert metrics.position_rmse == pytest.approx(rms(scored))
+    assert metrics.msee.agents[3] is None
+    assert metrics.msee.agents[2] == pytest.approx(one.msee[2, 24])
+    assert metrics.nees is not None
+    assert metrics.nees.agents[3] is None
     assert np.isfinite(one.disagreement).all()
-    json.dumps(metrics, allow_nan=False)
+    json.dumps(metrics.as_json(), allow_nan=False)
 
 
 def test_the_links_and_messages_are_those_of_the_trace(trace):
     trace = replace(trace, traffic=Traffic(10, 9, 1, 2))
     metrics = analyze([trace])[0].metrics
-    assert metrics["messages"] == {"sent": 10, "recorded": 9, "missing": 1, "rejected": 2}
-    links = metrics["links"]
-    assert [(one["source"], one["destination"]) for one in links] == list(
+    assert metrics.messages == Messages(sent=10, recorded=9, missing=1, rejected=2)
+    links = metrics.links
+    assert [(one.source, one.destination) for one in links] == list(
         zip(trace.links.source.tolist(), trace.links.destination.tolist(), strict=True)
     )
     for one in links:
-        assert one["sent"] == one["delivered"] + one["lost"] + one["late"] == 400
-        assert one["latency"] is None
+        assert one.sent == one.delivered + one.lost + one.late == 400
+        assert one.latency is None
 
 
 def test_metrics_are_json_with_what_was_promised(analysis):
-    metrics = json.loads(json.dumps(analysis.metrics, allow_nan=False))
+    metrics = json.loads(json.dumps(analysis.metrics.as_json(), allow_nan=False))
+    assert metrics == analysis.metrics.as_json()
     promised = {
         "run", "filter", "agents", "steps", "msee", "position_rmse", "velocity_rmse", "centralized",
         "ratio_to_centralized", "bound", "nees", "disagreement", "messages", "links",
     }  # fmt: skip
     assert metrics.keys() >= promised
-    assert (metrics["run"], metrics["filter"], metrics["agents"], metrics["steps"]) == ("tracking", "sicf", 6, 40)
+    assert [metrics[name] for name in ("run", "filter", "agents", "steps")] == ["tracking", "sicf", 6, 40]
     assert metrics["centralized"].keys() >= {"position_rmse", "velocity_rmse"}
 
 
@@ -160,16 +164,16 @@ def test_the_reference_saturates_only_where_the_filter_does():
     errors = {}
     for kind in ("sicf", "icf"):
         [one] = analyze(simulate([scenario(**outliers, filter={"kind": kind, "xi": 1.0})]))
-        errors[kind] = one.metrics["centralized"]["position_rmse"]
+        errors[kind] = pick(one.metrics, "centralized.position_rmse")
     assert errors["sicf"] < 0.5 * errors["icf"]
 
 
 def test_the_recommended_filter_is_near_the_centralised_one_and_honest():
     analyses = analyze(simulate([load("tracking", [f"seed={seed}", "steps=200"]).scenario for seed in range(12)]))
-    ratios = [one.metrics["ratio_to_centralized"] for one in analyses]
+    ratios = [pick(one.metrics, "ratio_to_centralized") for one in analyses]
     assert 0.98 < np.median(ratios) < 1.05
-    nees = np.mean([one.metrics["nees"]["average"] for one in analyses])
+    nees = np.mean([pick(one.metrics, "nees.average") for one in analyses])
     assert 4.0 < nees < 8.0
-    bounds = [one.metrics["bound"]["position_rmse"] for one in analyses]
-    central = [one.metrics["centralized"]["position_rmse"] for one in analyses]
+    bounds = [one.metrics.bound.position_rmse for one in analyses]
+    central = [one.metrics.centralized.position_rmse for one in analyses]
     assert 0.8 < rms(bounds) / rms(central) < 1.2

@@ -7,6 +7,7 @@ import pytest
 
 from tests.cli.test_recent import AFTER, SECOND, told
 from zenoh_cbef.analysis.metrics import analyze, notes
+from zenoh_cbef.analysis.results import Slowness
 from zenoh_cbef.nodes.common.pace import Pace
 from zenoh_cbef.outside.status import read_status
 from zenoh_cbef.protocol.messages import encode
@@ -119,17 +120,15 @@ def test_the_metric_is_what_each_process_told_last(trace):
         event("target", late=20, due=100),
     ]
     metrics = analyze([replace(trace, events=events)])[0].metrics
-    assert metrics["slow"]["agents"] == [0.6, 0.03, None, None]
-    assert metrics["slow"]["target"] == 0.2
-    assert metrics["slow"]["too_slow"] == ["agent 0", "target"]
+    assert metrics.slow == Slowness([0.6, 0.03, None, None], target=0.2, too_slow=["agent 0", "target"])
     assert REMEDY in "".join(notes(metrics))
     assert "agent 0 came too late to 60%" in "".join(notes(metrics))
 
 
 def test_who_kept_up_has_shares_and_no_note_and_a_simulation_has_neither(trace):
-    assert analyze([trace])[0].metrics["slow"] is None
+    assert analyze([trace])[0].metrics.slow is None
     metrics = analyze([replace(trace, events=[event("agent/1", late=9, due=12)])])[0].metrics
-    assert metrics["slow"]["agents"] == [None, 0.75, None, None]
+    assert metrics.slow == Slowness([None, 0.75, None, None], target=None, too_slow=[])
     assert notes(metrics) == []
 
 

@@ -91,9 +91,9 @@ def test_every_row_and_median_is_that_of_single_simulations(monkeypatch, capsys,
         settings = [f'fault=[{{kind="loss", probability={cell[0]}}}]', f"consensus.rounds={cell[1]}", "steps=12"]
         settings += ["agents.count=4", "network.graph=ring", f"seed={row['seed']}"]
         metrics = analyze(simulate([load("tracking", settings).scenario]))[0].metrics
-        assert float(row["position_rmse"]) == metrics["position_rmse"]
-        assert int(row["links.lost"]) == sum(link["lost"] for link in metrics["links"])
-        found.setdefault(cell, []).append(metrics["position_rmse"])
+        assert float(row["position_rmse"]) == metrics.position_rmse
+        assert int(row["links.lost"]) == sum(link.lost for link in metrics.links)
+        found.setdefault(cell, []).append(metrics.position_rmse)
     for cell in summary_of(tmp_path)["cells"]:
         first, second = map(str, cell["values"].values())
         values = found[first, second]

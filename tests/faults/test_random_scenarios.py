@@ -44,5 +44,5 @@ def test_a_faulty_run_is_finite_and_the_same_alone_and_in_a_batch(given):
         assert not links.deadline_missed.any()
         assert (links.duplicated <= links.delivered).all()
     # Where all honest agents are away in the scored window there is no error to tell.
-    errors = [one.metrics["position_rmse"] for one in analyze(together)]
+    errors = [one.metrics.position_rmse for one in analyze(together)]
     assert all(error is None or np.isfinite(error) for error in errors)

@@ -15,6 +15,7 @@ from zenoh_cbef.experiment.cells import cells_of
 from zenoh_cbef.experiment.engines import simulated
 from zenoh_cbef.experiment.file import read_experiment
 from zenoh_cbef.experiment.page import write_outputs
+from zenoh_cbef.experiment.results import Outcome
 from zenoh_cbef.experiment.summary import summarize
 from zenoh_cbef.experiment.table import rows_of
 from zenoh_cbef.scenario import Scenario
@@ -88,7 +89,7 @@ def pages(tmp_path_factory):
     cells = cells_of(written)
     outcomes = [simulated(cell.scenario, [1], 0.25) for cell in cells if cell.scenario is not None]
     assert len(outcomes) == len(cells)
-    outcomes[0].append({"seed": 2, "error": HOSTILE})
+    outcomes[0].append(Outcome(2, error=HOSTILE))
     write_outputs(summarize(written, cells, outcomes), rows_of(cells, outcomes), written.source, folder)
     return {kind: (folder / f"{kind}.html").read_text(encoding="utf-8") for kind in KINDS}
 

@@ -1,6 +1,7 @@
 """Faulty runs as processes: the bits and the fates of the simulator, stated in the log and proved by verify."""
 
 from collections import Counter
+from dataclasses import replace
 from typing import Any
 
 import msgpack
@@ -13,6 +14,7 @@ from tests.faults.strategies import scenarios
 from tests.processes.conftest import World
 from tests.processes.test_log import copy_with
 from zenoh_cbef.analysis.metrics import analyze
+from zenoh_cbef.analysis.results import Metrics
 from zenoh_cbef.analysis.traffic import other_bytes, round_bytes
 from zenoh_cbef.faults import Fates
 from zenoh_cbef.log.prove.verify import Verdict, verify
@@ -44,7 +46,7 @@ EVERY_KIND = {
 }
 
 
-def run(world: World, scenario: dict) -> dict:
+def run(world: World, scenario: dict) -> Metrics:
     """Run a scenario as processes, prove its log, and give its metrics, which must be the simulator's."""
     path = world.folder / "scenario.toml"
     path.write_text(tomli_w.dumps(scenario))
@@ -54,12 +56,10 @@ def run(world: World, scenario: dict) -> dict:
     assert verdict.result == "equal", verdict.text
     traces = [read_trace(world.log), *simulate([load(str(path)).scenario])]
     metrics, simulated = (one.metrics for one in analyze(traces))
-    for link in (*metrics["links"], *simulated["links"]):
-        del link["latency"]
-    assert metrics["links"] == simulated["links"]
-    assert metrics["position_rmse"] == simulated["position_rmse"]
-    assert metrics["messages"]["missing"] == 0
-    assert metrics["messages"]["rejected"] == sum(link["corrupted"] for link in metrics["links"])
+    assert [replace(link, latency=None) for link in metrics.links] == simulated.links
+    assert metrics.position_rmse == simulated.position_rmse
+    assert metrics.messages.missing == 0
+    assert metrics.messages.rejected == sum(link.corrupted for link in metrics.links)
     return metrics
 
 
@@ -70,10 +70,10 @@ def test_every_kind_of_fault_gives_the_simulators_bits_and_is_counted_and_marked
     metrics = run(world, scenario)
     told = load(str(world.folder / "scenario.toml")).scenario.model_copy(update={"name": world.run})
     foretold = other_bytes(Plan(told)) + 3 * round_bytes(Plan(told))
-    assert foretold == pytest.approx(metrics["bytes_per_step"], rel=0.02)
+    assert foretold == pytest.approx(metrics.bytes_per_step, rel=0.02)
     totals: Counter[str] = Counter()
-    for link in metrics["links"]:
-        totals.update(link)
+    for link in metrics.links:
+        totals.update(vars(replace(link, latency=0)))
     for name in ("injected_lost", "injected_late", "corrupted", "duplicated"):
         assert totals[name] > 20, name
     assert totals["real_lost"] == totals["deadline_missed"] == 0
@@ -150,8 +150,9 @@ def test_messages_of_the_step_before_give_the_simulators_bits(world):
     ]
     network = {"agents": {"count": 5}, "network": {"graph": "complete"}, "consensus": {"rounds": 1, "lag": 1}}
     metrics = run(world, {**network, "filter": {"kind": "ci"}, "steps": 60, "fault": fault})
-    assert 0 < sum(link["late"] for link in metrics["links"]) < sum(link["delivered"] for link in metrics["links"])
-    assert metrics["distrust"]["agents"][1] > 0.0
+    assert 0 < sum(link.late for link in metrics.links) < sum(link.delivered for link in metrics.links)
+    assert metrics.distrust is not None
+    assert (metrics.distrust.agents[1] or 0.0) > 0.0
 
 
 def test_a_killed_and_a_stopped_process_come_back_and_the_bits_are_the_simulators(world):
@@ -186,7 +187,7 @@ def test_a_network_that_shrinks_below_what_it_can_see_says_so(world):
     fault = [{"kind": "crash", "agents": [2], "from": 1.5}, {"kind": "pause", "agents": [1], "from": 0.4, "until": 0.6}]
     network = {"agents": {"count": 3}, "network": {"graph": "complete"}, "consensus": {"rounds": 2}}
     metrics = run(world, {"steps": 40, **network, "fault": fault})
-    assert metrics["unobservable_steps"] == [[15, 40]]
+    assert metrics.unobservable_steps == [[15, 40]]
     reported: list[Any] = list(read_trace(world.log).events)
     events = [event for event in reported if "observable" in event["kind"]]
     told = [(event["from"], event["kind"], event["data"]["step"], event["data"].get("agents")) for event in events]
@@ -218,18 +219,18 @@ def test_in_realtime_a_delay_is_real_time_and_only_what_exceeds_the_deadline_is_
     done = world.call("run", str(path), "--run", world.run, "--log", str(world.log), "--no-report")
     assert done.returncode == 0, done.stderr
     [analysis] = analyze([read_trace(world.log)])
-    links = {(one["source"], one["destination"]): one for one in analysis.metrics["links"]}
-    assert links[0, 1]["delivered"] > 0
-    assert links[0, 1]["latency"] is not None
-    assert links[1, 0]["delivered"] == 0
-    assert links[1, 0]["injected_late"] > 0
-    assert links[2, 3]["corrupted"] == links[2, 3]["sent"] == 45
+    links = {(one.source, one.destination): one for one in analysis.metrics.links}
+    assert links[0, 1].delivered > 0
+    assert links[0, 1].latency is not None
+    assert links[1, 0].delivered == 0
+    assert links[1, 0].injected_late > 0
+    assert links[2, 3].corrupted == links[2, 3].sent == 45
     for link in links.values():
-        assert link["lost"] == link["injected_lost"] + link["corrupted"] + link["real_lost"]
-        assert link["late"] == link["injected_late"] + link["deadline_missed"]
-        assert link["sent"] == link["delivered"] + link["lost"] + link["late"] == 45
-        assert link["real_lost"] >= 0
+        assert link.lost == link.injected_lost + link.corrupted + link.real_lost
+        assert link.late == link.injected_late + link.deadline_missed
+        assert link.sent == link.delivered + link.lost + link.late == 45
+        assert link.real_lost >= 0
     # The clock of agent 2 is a quarter of an hour behind from step 5 on, which is 11 of 15 steps.
-    assert links[2, 1]["latency"] > 600.0
-    assert links[1, 2]["latency"] < -600.0
-    assert all(link["injected_late"] == 0 for at, link in links.items() if at not in {(0, 1), (1, 0)})
+    assert (links[2, 1].latency or 0.0) > 600.0
+    assert (links[1, 2].latency or 0.0) < -600.0
+    assert all(link.injected_late == 0 for at, link in links.items() if at not in {(0, 1), (1, 0)})

@@ -40,7 +40,7 @@ def told_by_sim(data):
                 [trace] = simulate([scenario])
             refuse_divergence(trace)
             with np.errstate(over="raise", divide="raise", invalid="raise"):
-                return analyze([trace])[0].metrics, ""
+                return analyze([trace])[0].metrics.as_json(), ""
         except (UserError, ArithmeticError, np.linalg.LinAlgError) as error:
             return {}, str(error)
 

@@ -74,7 +74,7 @@ def test_reading_a_log_makes_no_filter_and_proving_it_makes_one(tmp_path):
 def test_an_analysis_finds_the_plan_with_the_trace(tmp_path):
     trace = read_trace(made_log(tmp_path / "run.mcap", "steps=6", "agents.count=4"))
     with calls_of(Plan.__init__) as made:
-        assert analyze([trace])[0].metrics["agents"] == 4
+        assert analyze([trace])[0].metrics.agents == 4
     assert not made
 
 

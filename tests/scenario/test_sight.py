@@ -71,11 +71,11 @@ def test_absences_that_leave_too_few_are_warned_of_by_their_steps():
 def test_an_analysis_names_the_steps_in_which_nothing_can_be_seen():
     faults = [away("crash", 0, 6.0), away("pause", 1, 1.0, 1.5)]
     [found] = analyze(simulate([scenario(fault=faults)]))
-    assert found.metrics["unobservable_steps"] == [[60, 100]], "half a second is bridged"
+    assert found.metrics.unobservable_steps == [[60, 100]], "half a second is bridged"
     [note] = notes(found.metrics)
     assert "in steps 60 to 100 ranges did not determine the position" in note
     deaf = [{"kind": "sensor-dropout", "agents": [0], "from": 2.0, "until": 5.0}]
     [found] = analyze(simulate([scenario(fault=deaf)]))
-    assert found.metrics["unobservable_steps"] == [[20, 49]], "receivers that hear nothing see nothing"
+    assert found.metrics.unobservable_steps == [[20, 49]], "receivers that hear nothing see nothing"
     [found] = analyze(simulate([scenario()]))
-    assert (found.metrics["unobservable_steps"], notes(found.metrics)) == ([], [])
+    assert (found.metrics.unobservable_steps, notes(found.metrics)) == ([], [])

@@ -165,13 +165,13 @@ def rmse(bias, *overrides):
 
 
 def test_without_a_bias_auto_changes_hardly_anything_and_with_one_it_gains():
-    clean = rmse("auto")["position_rmse"] / rmse("none")["position_rmse"]
+    clean = rmse("auto").position_rmse / rmse("none").position_rmse
     assert clean == pytest.approx(1.0, abs=0.01)
     offset = ["sensor.bias=0.5", "agents.count=10"]
     biased = rmse("auto", *offset)
-    assert biased["position_rmse"] < 0.5 * rmse("none", *offset)["position_rmse"]
-    assert biased["ratio_to_centralized"] < 1.1
-    np.testing.assert_allclose(biased["bias"]["agents"], 0.5, atol=0.2)
+    assert biased.position_rmse < 0.5 * rmse("none", *offset).position_rmse
+    assert biased.ratio_to_centralized < 1.1
+    np.testing.assert_allclose(biased.bias.agents, 0.5, atol=0.2)
 
 
 def test_what_cannot_be_estimated_is_refused():

@@ -130,15 +130,17 @@ def test_the_network_is_better_off_and_says_who_was_wrong(tmp_path):
     page.print(metrics_table(runs[0].metrics))
     assert re.search(r"agents that distrust their ranges +│ +3: \d+%", text.getvalue())
     assert "steps of distrust (%)" in (tmp_path / "report.html").read_text()
-    assert f"<td>{100.0 * runs[0].metrics['distrust']['agents'][3]:.4g}</td>" in (tmp_path / "report.html").read_text()
     for run in runs:
-        told = run.metrics["distrust"]
-        assert told["agents"][3] > 0.25
-        assert max(told["agents"][:3] + told["agents"][4:]) == 0.0
-        assert told["first"][0] is None
-        assert 3.0 < told["first"][3] < 4.5
-        assert 5.9 <= told["last"][3] < 7.5
-    assert all(run.metrics["distrust"] is None for run in others)
+        told = run.metrics.distrust
+        assert told is not None
+        agents, first, last = (np.array(each, dtype=float) for each in (told.agents, told.first, told.last))
+        assert run is not runs[0] or f"<td>{100.0 * agents[3]:.4g}</td>" in (tmp_path / "report.html").read_text()
+        assert agents[3] > 0.25
+        assert max(np.delete(agents, 3)) == 0.0
+        assert np.isnan(first[0])
+        assert 3.0 < first[3] < 4.5
+        assert 5.9 <= last[3] < 7.5
+    assert all(run.metrics.distrust is None for run in others)
 
 
 def test_auto_is_for_receivers_with_faults_and_neighbours_that_are_trusted():

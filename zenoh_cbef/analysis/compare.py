@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import asdict, dataclass
 from html import escape
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,11 +14,13 @@ from zenoh_cbef.analysis.figures import agent_style, points_each
 from zenoh_cbef.analysis.metrics import Analysis
 from zenoh_cbef.analysis.mixing import configured_scheme
 from zenoh_cbef.analysis.plots import series
+from zenoh_cbef.analysis.results import Number
 from zenoh_cbef.analysis.summary import pick
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.extras import from_extra
 from zenoh_cbef.pages.parts import Figure, Plot, Table, number, plots_of
 from zenoh_cbef.pages.render import render
+from zenoh_cbef.plain import Json
 from zenoh_cbef.trace import Trace
 
 Floats = NDArray[np.float64]
@@ -37,23 +39,44 @@ COLUMNS = {
 """The metrics of a row, and the titles of their columns."""
 
 
-def row(analysis: Analysis, name: str) -> dict[str, Any]:
-    """One run's row: what ran, and its metrics by their dotted names; None where it has none.
+@dataclass(frozen=True)
+class Row:
+    """What ran, and how well. metrics: by the names of COLUMNS, None where the run has none."""
 
-    missed: share of the messages between agents that were lost or late.
-    """
-    plan, links = analysis.trace.plan, analysis.trace.links
+    run: str
+    filter: str
+    agents: int
+    steps: int
+    seed: int
+    consensus: str
+    rounds: int
+    complete: bool
+    metrics: dict[str, Number]
+
+    def as_json(self) -> dict[str, Json]:
+        """The row as `compare --json` prints it."""
+        told = asdict(self)
+        metrics: dict[str, Json] = told.pop("metrics")
+        return told | metrics
+
+
+def row(analysis: Analysis, name: str) -> Row:
+    """One run's row. missed: share of the messages between agents that were lost or late."""
+    metrics, plan, links = analysis.metrics, analysis.trace.plan, analysis.trace.links
     sent = int(links.sent.sum())
-    metrics = {**analysis.metrics, "missed": (sent - int(links.delivered.sum())) / sent if sent else None}
     values = {column: pick(metrics, column) for column in COLUMNS}
-    return {
-        "run": name,
-        **{key: metrics[key] for key in ("filter", "agents", "steps", "seed")},
-        "consensus": configured_scheme(plan),
-        "rounds": plan.rounds,
-        "complete": metrics["complete"],
-        **{column: value if np.isfinite(value) else None for column, value in values.items()},
-    }
+    values["missed"] = (sent - int(links.delivered.sum())) / sent if sent else np.nan
+    return Row(
+        run=name,
+        filter=metrics.filter,
+        agents=metrics.agents,
+        steps=metrics.steps,
+        seed=metrics.seed,
+        consensus=configured_scheme(plan),
+        rounds=plan.rounds,
+        complete=metrics.complete,
+        metrics={column: value if np.isfinite(value) else None for column, value in values.items()},
+    )
 
 
 def names_of(traces: Sequence[Trace], paths: Sequence[Path]) -> list[str]:
@@ -104,10 +127,10 @@ def write_comparison(analyses: Sequence[Analysis], names: Sequence[str], path: P
         raise UserError(f"cannot write {path}: {error.strerror}; choose another --output") from None
 
 
-def _table(rows: Sequence[dict[str, Any]]) -> Table:
+def _table(rows: Sequence[Row]) -> Table:
     caption = "The whole window of each run; missed: share of the messages that were lost or late"
     told = [
-        [one["run"], one["filter"], f"{one['rounds']}, {one['consensus']}", *(number(one[name]) for name in COLUMNS)]
+        [one.run, one.filter, f"{one.rounds}, {one.consensus}", *(number(one.metrics[name]) for name in COLUMNS)]
         for one in rows
     ]
     return Table(caption, ["run", "filter", "rounds", *COLUMNS.values()], told)
@@ -156,5 +179,5 @@ def _logged_ranges(trace: Trace, other: Trace) -> Floats:
     return ranges
 
 
-def _same(first: Any, second: Any) -> bool:
+def _same(first: Floats, second: Floats) -> bool:
     return bool(np.array_equal(first, second, equal_nan=True))

@@ -9,13 +9,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from zenoh_cbef.analysis.chi2 import chi2_quantile
+from zenoh_cbef.analysis.results import Honesty, Number, OverTime
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -67,11 +67,11 @@ def over_seeds(values: Floats, degrees: float, first: int) -> Consistency:
     return Consistency(averaged, band, float(scored.mean()), 1.0 - under - over, under, over)
 
 
-def described(values: Floats, degrees: Ints, *, time: Floats, first: int, counted: Bools) -> dict[str, Any] | None:
+def described(values: Floats, degrees: Ints, *, time: Floats, first: int, counted: Bools) -> Honesty | None:
     """What the metrics say of a statistic (n, K) with degrees of freedom (n, K), 0 or more; None where it has none.
 
-    average, agents, band, inside: over the window that begins at index `first`. over_time: over all steps, in at
-    most twenty stretches of equal length. time: (K,), s. counted: (n,), the agents that average and inside are over.
+    The window begins at index `first`; over time there are at most twenty stretches. time: (K,), s. counted: (n,),
+    the agents that average and inside are over.
     """
     known = np.isfinite(values)
     if not known[:, first:].any():
@@ -80,18 +80,18 @@ def described(values: Floats, degrees: Ints, *, time: Floats, first: int, counte
     inside = _inside(values, degrees)
     ends = np.unique(np.linspace(0, len(time), min(_STRETCHES, len(time)) + 1).astype(int))
     stretches = [slice(start, end) for start, end in pairwise(ends.tolist())]
-    return {
-        "average": _mean(values[counted, first:]),
-        "agents": _means(values[:, first:]),
-        "dimension": int(usual) if usual.is_integer() else usual,
-        "band": list(chi2_band(usual)),
-        "inside": _mean(inside[counted, first:]),
-        "over_time": {
-            "until": [float(time[end - 1]) for end in ends[1:]],
-            "agents": [list(each) for each in zip(*(_means(values[:, one]) for one in stretches), strict=True)],
-            "inside": [_mean(inside[counted, stretch]) for stretch in stretches],
-        },
-    }
+    return Honesty(
+        average=_mean(values[counted, first:]),
+        agents=_means(values[:, first:]),
+        dimension=int(usual) if usual.is_integer() else usual,
+        band=list(chi2_band(usual)),
+        inside=_mean(inside[counted, first:]),
+        over_time=OverTime(
+            until=[float(time[end - 1]) for end in ends[1:]],
+            agents=[list(each) for each in zip(*(_means(values[:, one]) for one in stretches), strict=True)],
+            inside=[_mean(inside[counted, stretch]) for stretch in stretches],
+        ),
+    )
 
 
 def agents_bands(degrees: Ints, first: int) -> list[list[float] | None]:
@@ -124,14 +124,14 @@ def _inside(values: Floats, degrees: Ints) -> Floats:
     return inside
 
 
-def _means(values: Floats) -> list[float | None]:
+def _means(values: Floats) -> list[Number]:
     """The mean of each row of (n, k)."""
     if np.isfinite(values).all():
-        means: list[float | None] = (np.add.reduce(values, axis=1) / values.shape[1]).tolist()
+        means: list[Number] = (np.add.reduce(values, axis=1) / values.shape[1]).tolist()
         return means
     return [_mean(row) for row in values]
 
 
-def _mean(values: Floats) -> float | None:
+def _mean(values: Floats) -> Number:
     finite = values[np.isfinite(values)]
     return float(finite.mean()) if finite.size else None

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from zenoh_cbef.analysis.designed import Bytes, Compared, Configured, Design, Expected, Tried, TriedRounds
 from zenoh_cbef.analysis.mixing import SCHEMES, Scheme, configured_scheme, contraction, mixing, with_scheme
 from zenoh_cbef.analysis.observability import observability
 from zenoh_cbef.analysis.prediction import Clipping, Sight, propagate
@@ -27,51 +27,55 @@ _MOST_STATES = 240
 _PREDICTED = ("sicf", "icf", "hcmci", "ci", "local")
 
 
-def design(plan: Plan, *, within: float = 0.01, skip: float = 0.25, search: bool = True) -> dict[str, Any]:
-    """Everything that `zenoh-cbef design` tells, as one JSON object.
+def design(plan: Plan, *, within: float = 0.01, skip: float = 0.25, search: bool = True) -> Design:
+    """Everything that `zenoh-cbef design` tells.
 
     within: wanted excess of the position RMSE over the centralised filter's. skip: share of steps left out at the
     start. search: also predict other numbers of rounds and schemes than the configured ones.
     """
-    scenario, rounds = plan.scenario, plan.rounds
+    scenario, rounds, scheme = plan.scenario, plan.rounds, configured_scheme(plan)
     first = min(int(skip * scenario.length), scenario.length - 1)
-    sight, scheme = sight_of(plan), configured_scheme(plan)
-    told: dict[str, Any] = {
-        "name": scenario.name,
-        "filter": scenario.filter.kind,
-        "agents": scenario.count,
-        "steps": scenario.length,
-        "skip": first,
-        "edges": len(plan.edges),
-        "within": within,
-        "observability": observability(plan.initial_covariance, plan.motion, sight, first),
-        "spectral_gap": {each: 1.0 - contraction(plan, each) for each in SCHEMES},
-        "bytes": {
-            "round": {each: round_bytes(with_scheme(plan, each)) for each in SCHEMES},
-            "other": other_bytes(plan),
-        },
-        "cannot": cannot(plan),
-        "configured": {"scheme": scheme, "rounds": rounds},
-    }
-    told["configured"]["bytes_per_step"] = _bytes(told, scheme, rounds)
-    if not _predictable(plan):
-        return {**told, "centralized": None, "rounds": [], "smallest": dict.fromkeys(SCHEMES)}
-    predictor = _Predictor(plan, sight, first)
-    smallest = _search(predictor, within) if search and rounds else dict.fromkeys(SCHEMES)
-    predictor.predict([(scheme, rounds)])
-    told["configured"] |= _compared(predictor, scheme, rounds)
-    rows = [
-        {
-            "rounds": tried,
-            **{
-                each: {**_compared(predictor, each, tried), "bytes_per_step": _bytes(told, each, tried)}
+    sight = sight_of(plan)
+    cost = Bytes({each: round_bytes(with_scheme(plan, each)) for each in SCHEMES}, other_bytes(plan))
+    predictor = _Predictor(plan, sight, first) if _predictable(plan) else None
+    smallest: dict[Scheme, int | None] = dict.fromkeys(SCHEMES)
+    expected: Compared | None = None
+    if predictor is not None:
+        if search and rounds:
+            smallest = _search(predictor, within)
+        predictor.predict([(scheme, rounds)])
+        expected = predictor.compared(scheme, rounds)
+    return Design(
+        name=scenario.name,
+        filter=scenario.filter.kind,
+        agents=scenario.count,
+        steps=scenario.length,
+        skip=first,
+        edges=len(plan.edges),
+        within=within,
+        observability=observability(plan.initial_covariance, plan.motion, sight, first),
+        spectral_gap={each: 1.0 - contraction(plan, each) for each in SCHEMES},
+        bytes=cost,
+        cannot=cannot(plan),
+        configured=Configured(scheme, rounds, cost.per_step(scheme, rounds), expected),
+        centralized=None if predictor is None else predictor.centralized,
+        rounds=[] if predictor is None else _tried(predictor, cost),
+        smallest=smallest,
+    )
+
+
+def _tried(predictor: _Predictor, cost: Bytes) -> list[TriedRounds]:
+    return [
+        TriedRounds(
+            rounds,
+            {
+                each: Tried(**vars(predictor.compared(each, rounds)), bytes_per_step=cost.per_step(each, rounds))
                 for each in SCHEMES
-                if (each, tried) in predictor.found
+                if (each, rounds) in predictor.found
             },
-        }
-        for tried in sorted({tried for _, tried in predictor.found})
+        )
+        for rounds in sorted({rounds for _, rounds in predictor.found})
     ]
-    return {**told, "centralized": predictor.centralized, "rounds": rows, "smallest": smallest}
 
 
 def sight_of(plan: Plan) -> Sight:
@@ -136,17 +140,13 @@ def _predictable(plan: Plan) -> bool:
     return plain and states <= _MOST_STATES
 
 
-def _bytes(told: dict[str, Any], scheme: Scheme, rounds: int) -> float:
-    return float(told["bytes"]["other"] + rounds * told["bytes"]["round"][scheme])
-
-
 def _search(predictor: _Predictor, within: float) -> dict[Scheme, int | None]:
     """The smallest sufficient number of rounds for each scheme; None where 64 are not enough."""
-    limit = (1.0 + within) * predictor.centralized["position_rmse"]
+    limit = (1.0 + within) * predictor.centralized.position_rmse
 
     def enough(scheme: Scheme) -> int | None:
         tried = sorted(rounds for each, rounds in predictor.found if each == scheme)
-        return next((one for one in tried if predictor.found[scheme, one]["position_rmse"] <= limit), None)
+        return next((one for one in tried if predictor.found[scheme, one].position_rmse <= limit), None)
 
     predictor.predict([(scheme, rounds) for scheme in SCHEMES for rounds in LADDER[:_AT_FIRST]])
     late = [scheme for scheme in SCHEMES if enough(scheme) is None]
@@ -159,11 +159,6 @@ def _search(predictor: _Predictor, within: float) -> dict[Scheme, int | None]:
             below = LADDER[LADDER.index(reached) - 1]
             predictor.predict([(scheme, rounds) for rounds in range(below + 1, reached)])
     return {scheme: enough(scheme) for scheme in SCHEMES}
-
-
-def _compared(predictor: _Predictor, scheme: Scheme, rounds: int) -> dict[str, float]:
-    found = predictor.found[scheme, rounds]
-    return {**found, "ratio_to_centralized": found["position_rmse"] / predictor.centralized["position_rmse"]}
 
 
 class _Predictor:
@@ -179,7 +174,7 @@ class _Predictor:
         self._mixing: dict[Scheme, Floats] = {}
         exact = np.full((1, 1, scenario.count, scenario.count), 1.0 / scenario.count)
         [self.centralized] = self._errors(exact, count)
-        self.found: dict[tuple[Scheme, int], dict[str, float]] = {}
+        self.found: dict[tuple[Scheme, int], Expected] = {}
 
     def predict(self, wanted: Sequence[tuple[Scheme, int]]) -> None:
         """Add predictions for these schemes and numbers of rounds."""
@@ -191,6 +186,12 @@ class _Predictor:
         matrices = np.stack([self._rounds(scheme, rounds) for scheme, rounds in new])
         self.found.update(zip(new, self._errors(matrices, self._weight), strict=True))
 
+    def compared(self, scheme: Scheme, rounds: int) -> Compared:
+        """What was predicted, beside the centralised filter."""
+        found = self.found[scheme, rounds]
+        ratio = found.position_rmse / self.centralized.position_rmse
+        return Compared(**vars(found), ratio_to_centralized=ratio)
+
     def _rounds(self, scheme: Scheme, rounds: int) -> Floats:
         if rounds == 0:
             return np.eye(self._plan.scenario.count)[None]
@@ -199,7 +200,7 @@ class _Predictor:
         matrices: Floats = self._mixing[scheme][rounds - 1]
         return matrices
 
-    def _errors(self, matrices: Floats, weight: float) -> list[dict[str, float]]:
+    def _errors(self, matrices: Floats, weight: float) -> list[Expected]:
         expected = propagate(
             self._plan.initial_covariance,
             self._plan.motion,
@@ -212,6 +213,6 @@ class _Predictor:
             part[:, self._first :].mean(axis=1) for part in (expected.position, expected.velocity, expected.nees)
         )
         return [
-            {"position_rmse": float(np.sqrt(p)), "velocity_rmse": float(np.sqrt(v)), "nees": float(e)}
+            Expected(float(np.sqrt(p)), float(np.sqrt(v)), float(e))
             for p, v, e in zip(position, velocity, nees, strict=True)
         ]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,7 +37,7 @@ _WIDTH, _HEIGHT, _DPI = 3.5, 2.6, 300
 _MOST_NAMED = 8
 _POINTS, _POINTS_OF_ALL = 2000, 120_000
 _MATPLOTLIB_DASH = {"solid": "-", "dash": (0, (4, 1.6)), "dot": (0, (1, 1.2)), "dashdot": "-."}
-_PAPER_STYLE: dict[Any, Any] = {
+_PAPER_STYLE: dict[str, float | str] = {
     "font.size": 8,
     "axes.labelsize": 8,
     "xtick.labelsize": 7,

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +11,19 @@ from numpy.typing import NDArray
 from zenoh_cbef.analysis.consistency import agents_bands, chi2_band, described, nees_of
 from zenoh_cbef.analysis.coverage import estimated_steps, lacks, stretches, unseen_note
 from zenoh_cbef.analysis.observability import unseen_steps
+from zenoh_cbef.analysis.results import (
+    Bias,
+    Distrust,
+    Honesty,
+    LinkMetrics,
+    Messages,
+    Metrics,
+    Msee,
+    Nis,
+    Number,
+    Scored,
+    Yardstick,
+)
 from zenoh_cbef.analysis.slowness import slow_note, slowness
 from zenoh_cbef.analysis.yardsticks import yardsticks
 from zenoh_cbef.faults import SenderFault
@@ -20,27 +32,12 @@ from zenoh_cbef.trace import Trace
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
-LINK_COUNTS = (
-    "source",
-    "destination",
-    "sent",
-    "delivered",
-    "lost",
-    "late",
-    "injected_lost",
-    "injected_late",
-    "real_lost",
-    "deadline_missed",
-    "corrupted",
-    "duplicated",
-)
-
 FLAGGED = 0.5
 """Distrust from which on an agent's receiver counts as flagged."""
 
 
 @dataclass(frozen=True)
-class Analysis:
+class Errors:
     """A trace with its errors; n agents, K steps, errors in m and m/s.
 
     first: index of the first step of the scored window. counted: (n,), the agents that averages are over: all but
@@ -48,7 +45,7 @@ class Analysis:
     msee_average: (K,). position_error, velocity_error: (n, K). nees: (n, K), NaN for a filter without covariance;
     nees_band: its 95 % band. disagreement: (K,), m, root mean square distance of the agents' positions from their
     mean. centralized_states: (K, 6), centralized_msee, centralized_position_error: (K,). bound: (K, 6, 6),
-    bound_msee: (K,). NaN where the trace lacks what is needed. metrics: what `analyze --json` prints.
+    bound_msee: (K,). NaN where the trace lacks what is needed.
     """
 
     trace: Trace
@@ -66,7 +63,13 @@ class Analysis:
     centralized_position_error: Floats
     bound: Floats
     bound_msee: Floats
-    metrics: dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Analysis(Errors):
+    """A trace with its errors and what they amount to."""
+
+    metrics: Metrics
 
 
 def analyze(traces: Sequence[Trace], skip: float = 0.25) -> list[Analysis]:
@@ -75,14 +78,13 @@ def analyze(traces: Sequence[Trace], skip: float = 0.25) -> list[Analysis]:
     skip: the share of steps left out at the start of RMSE, NEES and ratios, or of those that can be scored,
     whichever is less. MSEE starts at step 1.
     """
-    return [
-        _analyze(trace, states, bound, skip) for trace, states, bound in zip(traces, *yardsticks(traces), strict=True)
-    ]
+    errors = [_errors_of(*each, skip) for each in zip(traces, *yardsticks(traces), strict=True)]
+    return [Analysis(**vars(one), metrics=_metrics(one)) for one in errors]
 
 
-def notes(metrics: Mapping[str, Any]) -> list[str]:
+def notes(metrics: Metrics) -> list[str]:
     """Notes on a run for its reader, in sentences: what is not scored or not observable, which processes were slow."""
-    return [*metrics["lacks"], *filter(None, [unseen_note(metrics["unobservable_steps"]), slow_note(metrics["slow"])])]
+    return [*metrics.lacks, *filter(None, [unseen_note(metrics.unobservable_steps), slow_note(metrics.slow)])]
 
 
 def running_mean(values: Floats) -> Floats:
@@ -99,7 +101,7 @@ def counted_agents(trace: Trace) -> Bools:
     return counted if counted.any() else np.ones_like(counted)
 
 
-def _analyze(trace: Trace, states: Floats, bound: Floats, skip: float) -> Analysis:
+def _errors_of(trace: Trace, states: Floats, bound: Floats, skip: float) -> Errors:
     error, reference = (_estimated_only(trace, each - trace.truth) for each in (trace.estimates, states))
     positions = trace.estimates[:, :, :3]
     counted = counted_agents(trace)
@@ -109,7 +111,7 @@ def _analyze(trace: Trace, states: Floats, bound: Floats, skip: float) -> Analys
     apart = np.where(present, np.sum((positions - mean) ** 2, axis=2), 0.0)
     kept = trace.plan.space.kept
     msee = running_mean(np.sum(error**2, axis=2))
-    analysis = Analysis(
+    return Errors(
         trace=trace,
         first=_first(np.asarray(np.isfinite(error[counted]).all(axis=2).any(axis=0)), skip),
         counted=counted,
@@ -125,10 +127,7 @@ def _analyze(trace: Trace, states: Floats, bound: Floats, skip: float) -> Analys
         centralized_position_error=np.linalg.norm(reference[:, :3], axis=1),
         bound=bound,
         bound_msee=running_mean(np.trace(bound, axis1=1, axis2=2)),
-        metrics={},
     )
-    analysis.metrics.update(_metrics(analysis))
-    return analysis
 
 
 def _first(scorable: Bools, skip: float) -> int:
@@ -153,138 +152,130 @@ def _mean_over_agents(values: Floats) -> Floats:
     return np.where(count > 0, np.where(present, values, 0.0).sum(axis=0) / np.maximum(count, 1), np.nan)
 
 
-def _mean(values: Floats) -> float | None:
+def _mean(values: Floats) -> Number:
     finite = values[np.isfinite(values)]
     return float(finite.mean()) if finite.size else None
 
 
-def _rms(values: Floats) -> float | None:
+def _rms(values: Floats) -> Number:
     mean = _mean(values**2)
     return None if mean is None else float(np.sqrt(mean))
 
 
-def _metrics(analysis: Analysis) -> dict[str, Any]:
-    trace, window = analysis.trace, slice(analysis.first, None)
-    reference = _estimated_only(trace, analysis.centralized_states - trace.truth)[window]
-    bound = np.diagonal(analysis.bound[window], axis1=1, axis2=2)
-    counted = analysis.counted
-    return {
-        "run": trace.name,
-        "filter": trace.scenario.filter.kind,
-        "agents": trace.scenario.count,
-        "left_out": np.flatnonzero(~counted).tolist(),
-        "steps": int(estimated_steps(trace).sum()),
-        "seed": trace.scenario.seed,
-        "timing": trace.scenario.timing.mode,
-        "complete": trace.complete,
-        "skip": analysis.first,
-        "planar": trace.scenario.filter.planar_height is not None,
-        "msee": {"agents": [_last(row) for row in analysis.msee], "average": _last(analysis.msee_average)},
-        "scored": _scored(analysis),
-        "lacks": lacks(trace),
-        "unobservable_steps": stretches(unseen_steps(trace)),
-        "position_rmse": _rms(analysis.position_error[counted, window]),
-        "velocity_rmse": _rms(analysis.velocity_error[counted, window]),
-        "centralized": {
-            "position_rmse": _rms(analysis.centralized_position_error[window]),
-            "velocity_rmse": _rms(np.linalg.norm(reference[:, 3:], axis=1)),
-            "msee": _last(analysis.centralized_msee),
-        },
-        "ratio_to_centralized": ratio_to_centralized(analysis, window),
-        "bound": {
-            "position_rmse": _rms(np.sqrt(bound[:, :3].sum(axis=1))),
-            "velocity_rmse": _rms(np.sqrt(bound[:, 3:].sum(axis=1))),
-            "msee": _last(analysis.bound_msee),
-        },
-        "nees": _nees_metrics(analysis),
-        "nis": _nis_metrics(analysis),
-        "bias": _bias_metrics(trace, analysis.first),
-        "distrust": _distrust_metrics(trace, analysis.first),
-        "slow": slowness(trace),
-        "disagreement": _rms(analysis.disagreement[window]),
-        **_traffic_metrics(trace),
-        "links": _links(trace),
-    }
-
-
-def _traffic_metrics(trace: Trace) -> dict[str, Any]:
+def _metrics(errors: Errors) -> Metrics:
+    trace, window, counted = errors.trace, slice(errors.first, None), errors.counted
     traffic = trace.traffic
     share = traffic.agent_bytes / (trace.scenario.count * len(trace.time))
-    return {
-        "bytes_per_step": None if traffic.agents_missing else share or None,
-        "messages": {
-            "sent": traffic.sent,
-            "recorded": traffic.recorded,
-            "missing": traffic.missing,
-            "rejected": traffic.rejected,
-        },
-        "gaps": traffic.gaps,
-    }
+    return Metrics(
+        run=trace.name,
+        filter=trace.scenario.filter.kind,
+        agents=trace.scenario.count,
+        left_out=np.flatnonzero(~counted).tolist(),
+        steps=int(estimated_steps(trace).sum()),
+        seed=trace.scenario.seed,
+        timing=trace.scenario.timing.mode,
+        complete=trace.complete,
+        skip=errors.first,
+        planar=trace.scenario.filter.planar_height is not None,
+        msee=Msee([_last(row) for row in errors.msee], _last(errors.msee_average)),
+        scored=_scored(errors),
+        lacks=lacks(trace),
+        unobservable_steps=stretches(unseen_steps(trace)),
+        position_rmse=_rms(errors.position_error[counted, window]),
+        velocity_rmse=_rms(errors.velocity_error[counted, window]),
+        centralized=_centralized(errors, window),
+        ratio_to_centralized=ratio_to_centralized(errors, window),
+        bound=_bound(errors, window),
+        nees=_nees(errors),
+        nis=_nis(errors),
+        bias=_bias(trace, errors.first),
+        distrust=_distrust(trace, errors.first),
+        slow=slowness(trace),
+        disagreement=_rms(errors.disagreement[window]),
+        bytes_per_step=None if traffic.agents_missing else share or None,
+        messages=Messages(traffic.sent, traffic.recorded, traffic.missing, traffic.rejected),
+        gaps=traffic.gaps,
+        links=_links(trace),
+    )
 
 
-def ratio_to_centralized(analysis: Analysis, window: slice) -> float | None:
+def _centralized(errors: Errors, window: slice) -> Yardstick:
+    velocity = _estimated_only(errors.trace, errors.centralized_states - errors.trace.truth)[window, 3:]
+    return Yardstick(
+        position_rmse=_rms(errors.centralized_position_error[window]),
+        velocity_rmse=_rms(np.linalg.norm(velocity, axis=1)),
+        msee=_last(errors.centralized_msee),
+    )
+
+
+def _bound(errors: Errors, window: slice) -> Yardstick:
+    bound = np.diagonal(errors.bound[window], axis1=1, axis2=2)
+    return Yardstick(
+        position_rmse=_rms(np.sqrt(bound[:, :3].sum(axis=1))),
+        velocity_rmse=_rms(np.sqrt(bound[:, 3:].sum(axis=1))),
+        msee=_last(errors.bound_msee),
+    )
+
+
+def ratio_to_centralized(errors: Errors, window: slice) -> float | None:
     """Of the position RMSEs of the network and of the centralised filter, over the same steps of a window."""
-    central = analysis.centralized_position_error[window]
-    network = analysis.position_error[analysis.counted, window]
+    central = errors.centralized_position_error[window]
+    network = errors.position_error[errors.counted, window]
     own, other = _rms(network[:, np.isfinite(central)]), _rms(central[np.isfinite(network).any(axis=0)])
     return own / other if own is not None and other else None
 
 
-def _scored(analysis: Analysis) -> dict[str, Any]:
-    """Of which agents and steps the errors in the window are, and of which steps those of the centralised filter."""
-    inside = np.arange(len(analysis.trace.time)) >= analysis.first
-    known = np.isfinite(analysis.position_error) & analysis.counted[:, None] & inside
-    return {
-        "agents": np.flatnonzero(known.any(axis=1)).tolist(),
-        "steps": stretches(np.asarray(known.any(axis=0))),
-        "centralized_steps": stretches(np.asarray(np.isfinite(analysis.centralized_position_error) & inside)),
-    }
+def _scored(errors: Errors) -> Scored:
+    inside = np.arange(len(errors.trace.time)) >= errors.first
+    known = np.isfinite(errors.position_error) & errors.counted[:, None] & inside
+    return Scored(
+        agents=np.flatnonzero(known.any(axis=1)).tolist(),
+        steps=stretches(np.asarray(known.any(axis=0))),
+        centralized_steps=stretches(np.asarray(np.isfinite(errors.centralized_position_error) & inside)),
+    )
 
 
-def _last(values: Floats) -> float | None:
+def _last(values: Floats) -> Number:
     finite = values[np.isfinite(values)]
     return float(finite[-1]) if finite.size else None
 
 
-def _nees_metrics(analysis: Analysis) -> dict[str, Any] | None:
-    degrees = np.full(analysis.nees.shape, len(analysis.trace.plan.space.kept))
-    return described(analysis.nees, degrees, time=analysis.trace.time, first=analysis.first, counted=analysis.counted)
+def _nees(errors: Errors) -> Honesty | None:
+    degrees = np.full(errors.nees.shape, len(errors.trace.plan.space.kept))
+    return described(errors.nees, degrees, time=errors.trace.time, first=errors.first, counted=errors.counted)
 
 
-def _nis_metrics(analysis: Analysis) -> dict[str, Any] | None:
-    trace, first, told = analysis.trace, analysis.first, analysis.trace.diagnostics
-    found = described(told.nis, told.nis_degrees, time=trace.time, first=first, counted=analysis.counted)
-    return found and {**found, "agents_band": agents_bands(told.nis_degrees, first)}
+def _nis(errors: Errors) -> Nis | None:
+    trace, first, told = errors.trace, errors.first, errors.trace.diagnostics
+    found = described(told.nis, told.nis_degrees, time=trace.time, first=first, counted=errors.counted)
+    return None if found is None else Nis(**vars(found), agents_band=agents_bands(told.nis_degrees, first))
 
 
-def _bias_metrics(trace: Trace, first: int) -> dict[str, Any] | None:
+def _bias(trace: Trace, first: int) -> Bias | None:
     told = trace.diagnostics
     if not np.isfinite(told.bias).any():
         return None
-    return {
-        "agents": [_last(row) for row in told.bias],
-        "std": [_last(row) for row in told.bias_std],
-        "weight": [_mean(row) for row in told.bias_weight[:, first:]],
-    }
+    return Bias(
+        agents=[_last(row) for row in told.bias],
+        std=[_last(row) for row in told.bias_std],
+        weight=[_mean(row) for row in told.bias_weight[:, first:]],
+    )
 
 
-def _distrust_metrics(trace: Trace, first: int) -> dict[str, Any] | None:
+def _distrust(trace: Trace, first: int) -> Distrust | None:
     distrust = trace.diagnostics.distrust
     if not np.isfinite(distrust).any():
         return None
     known, flagged = np.isfinite(distrust), distrust > FLAGGED
-    return {
-        "agents": [_mean(row) for row in np.where(known, flagged, np.nan)[:, first:]],
-        "first": [float(trace.time[row.argmax()]) if row.any() else None for row in flagged],
-        "last": [float(trace.time[len(row) - 1 - row[::-1].argmax()]) if row.any() else None for row in flagged],
-    }
+    return Distrust(
+        agents=[_mean(row) for row in np.where(known, flagged, np.nan)[:, first:]],
+        first=[float(trace.time[row.argmax()]) if row.any() else None for row in flagged],
+        last=[float(trace.time[len(row) - 1 - row[::-1].argmax()]) if row.any() else None for row in flagged],
+    )
 
 
-def _links(trace: Trace) -> list[dict[str, Any]]:
-    links = trace.links
-    counts = {name: getattr(links, name).tolist() for name in LINK_COUNTS}
-    latency = [one if np.isfinite(one) else None for one in links.latency.tolist()]
-    return [
-        {**{name: values[row] for name, values in counts.items()}, "latency": latency[row]}
-        for row in range(len(links.source))
-    ]
+def _links(trace: Trace) -> list[LinkMetrics]:
+    *counts, _ = (one.name for one in fields(LinkMetrics))
+    columns = [getattr(trace.links, name).tolist() for name in counts]
+    latency = [one if np.isfinite(one) else None for one in trace.links.latency.tolist()]
+    return [LinkMetrics(*row) for row in zip(*columns, latency, strict=True)]

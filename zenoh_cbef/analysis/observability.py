@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
+from zenoh_cbef.analysis.designed import Observability, Seen
 from zenoh_cbef.analysis.prediction import Sight
 from zenoh_cbef.scenario.sight import unobservable_steps
 from zenoh_cbef.trace import Trace
@@ -19,7 +18,7 @@ Floats = NDArray[np.float64]
 _LEAST = 1e-9
 
 
-def observability(initial: Floats, motion: NearlyConstantVelocity, sight: Sight, first: int) -> dict[str, Any]:
+def observability(initial: Floats, motion: NearlyConstantVelocity, sight: Sight, first: int) -> Observability:
     """Rank and condition of the observability Gramian, and the error bound, of the network and of each agent alone.
 
     The Gramian is sum_t A^t^T H^T H A^t over a stretch in the middle of the run, at most a tenth of it and at least
@@ -39,13 +38,8 @@ def observability(initial: Floats, motion: NearlyConstantVelocity, sight: Sight,
         power = motion.transition @ power
     gramians = np.concatenate([seen.sum(axis=0, keepdims=True), seen])
     bounds = _bounds(initial, motion, sight, first)
-    found = [{**_conditioned(gramian), "bound": float(bound)} for gramian, bound in zip(gramians, bounds, strict=True)]
-    return {
-        "steps": stretch,
-        "dimension": size,
-        "network": found[0],
-        "agents": [{"agent": agent, **one} for agent, one in enumerate(found[1:])],
-    }
+    network, *alone = (_seen(gramian, float(bound)) for gramian, bound in zip(gramians, bounds, strict=True))
+    return Observability(stretch, size, network, alone)
 
 
 def unseen_steps(trace: Trace) -> Bools:
@@ -62,11 +56,11 @@ def unseen_steps(trace: Trace) -> Bools:
     return np.asarray(unobservable_steps(trace.plan, trace.positions, there) & known)
 
 
-def _conditioned(gramian: Floats) -> dict[str, Any]:
+def _seen(gramian: Floats, bound: float) -> Seen:
     values = np.linalg.eigvalsh(gramian)
     rank = int((values > _LEAST * values[-1]).sum()) if values[-1] > 0.0 else 0
     condition = float(np.sqrt(values[-1] / values[0])) if rank == len(values) else None
-    return {"rank": rank, "condition": condition}
+    return Seen(rank, condition, bound)
 
 
 def _bounds(initial: Floats, motion: NearlyConstantVelocity, sight: Sight, first: int) -> Floats:

@@ -35,4 +35,4 @@ def write_outputs(analysis: Analysis, folder: Path, prefix: str = "", *, report:
 
 
 def _write_metrics(analysis: Analysis, path: Path) -> None:
-    path.write_text(json.dumps(analysis.metrics, indent=1) + "\n", encoding="utf-8")
+    path.write_text(json.dumps(analysis.metrics.as_json(), indent=1) + "\n", encoding="utf-8")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import tomli_w
 
@@ -16,6 +15,7 @@ from zenoh_cbef.analysis.metrics import Analysis
 from zenoh_cbef.analysis.metrics import notes as noted
 from zenoh_cbef.analysis.plots import network_plot, space_plot, time_plot, top_plot
 from zenoh_cbef.extras import from_extra
+from zenoh_cbef.faults import Fault
 from zenoh_cbef.numbers import written
 from zenoh_cbef.pages.parts import NOTHING, Figure, Table, number, plots_of
 from zenoh_cbef.pages.render import render
@@ -38,7 +38,7 @@ def write_report(analysis: Analysis, path: Path) -> None:
         "report.html",
         name=trace.name,
         lead=_lead(analysis),
-        incomplete="" if trace.complete else f"{analysis.metrics['steps']} of {trace.scenario.length} steps",
+        incomplete="" if trace.complete else f"{analysis.metrics.steps} of {trace.scenario.length} steps",
         notes=[f"{said[0].upper()}{said[1:]}." for said in noted(analysis.metrics)],
         facts=_facts(analysis),
         errors=_errors(analysis),
@@ -107,7 +107,7 @@ def _when(event: Mapping[str, object], start: float | None) -> str:
 
 
 def _lead(analysis: Analysis) -> str:
-    scenario, steps = analysis.trace.scenario, analysis.metrics["steps"]
+    scenario, steps = analysis.trace.scenario, analysis.metrics.steps
     return (
         f"{counted(len(analysis.trace.estimates), 'agent')} tracking one target with "
         f"{scenario.filter.kind}, {counted(steps, 'step')} of {scenario.dt:g} s."
@@ -120,7 +120,7 @@ def _facts(analysis: Analysis) -> tuple[dict[str, str], dict[str, str]]:
     graph = "given edges" if network.edges is not None else network.graph
     chebyshev = ", Chebyshev" if consensus.acceleration == "chebyshev" else ""
     how = "running sums" if trace.plan.sums else f"{consensus.weights} weights"
-    faults = [_fault(fault.model_dump(mode="json", by_alias=True, exclude_defaults=True)) for fault in scenario.fault]
+    faults = [_fault(fault) for fault in scenario.fault]
     left = {
         "Filter": f"{scenario.filter.kind}, ξ = {scenario.filter.xi:g}",
         "Consensus": f"{counted(consensus.rounds, 'round')}, {how}{chebyshev}",
@@ -129,7 +129,7 @@ def _facts(analysis: Analysis) -> tuple[dict[str, str], dict[str, str]]:
         "Target": scenario.target.motion,
     }
     right = {
-        "Steps": f"{analysis.metrics['steps']} of {scenario.length}, {scenario.dt:g} s each",
+        "Steps": f"{analysis.metrics.steps} of {scenario.length}, {scenario.dt:g} s each",
         "Timing": scenario.timing.mode,
         "Seed": str(scenario.seed),
         "Faults": "; ".join(faults) or "none",
@@ -138,63 +138,63 @@ def _facts(analysis: Analysis) -> tuple[dict[str, str], dict[str, str]]:
     return left, right
 
 
-def _fault(fault: dict[str, Any]) -> str:
-    since, until = fault.pop("from", 0.0), fault.pop("until", None)
-    when = f"from {since:g} s" + (" on" if until is None else f" to {until:g} s")
-    return ", ".join([f"{fault.pop('kind')} {when}", *(f"{key} {value}" for key, value in fault.items())])
+def _fault(fault: Fault) -> str:
+    when = f"from {fault.since:g} s" + (" on" if fault.until is None else f" to {fault.until:g} s")
+    rest = fault.model_dump(mode="json", by_alias=True, exclude_defaults=True, exclude={"kind", "since", "until"})
+    return ", ".join([f"{fault.kind} {when}", *(f"{key} {value}" for key, value in rest.items())])
 
 
 def _errors(analysis: Analysis) -> Table:
     metrics = analysis.metrics
-    central, bound = metrics["centralized"], metrics["bound"]
+    central, bound = metrics.centralized, metrics.bound
     rows = [
-        [name, *map(number, (own, central[key], bound[key], own / central[key] if own and central[key] else None))]
-        for name, key, own in (
-            ("position RMSE (m)", "position_rmse", metrics["position_rmse"]),
-            ("velocity RMSE (m/s)", "velocity_rmse", metrics["velocity_rmse"]),
-            ("average MSEE at the end (m² + m²/s²)", "msee", metrics["msee"]["average"]),
+        [name, *map(number, (own, other, least, own / other if own and other else None))]
+        for name, own, other, least in (
+            ("position RMSE (m)", metrics.position_rmse, central.position_rmse, bound.position_rmse),
+            ("velocity RMSE (m/s)", metrics.velocity_rmse, central.velocity_rmse, bound.velocity_rmse),
+            ("average MSEE at the end (m² + m²/s²)", metrics.msee.average, central.msee, bound.msee),
         )
     ]
     skipped = counted(analysis.first, "step")
     caption = f"Errors. RMSE, NEES and disagreement leave out the first {skipped}; MSEE starts at step 1."
-    caption += " The target moves in a plane: errors are those of x and y alone." if metrics["planar"] else ""
+    caption += " The target moves in a plane: errors are those of x and y alone." if metrics.planar else ""
     return Table(caption, ["", "network", "centralised", "bound", "network / centralised"], rows)
 
 
 def _honesty(analysis: Analysis) -> Table:
     metrics = analysis.metrics
-    rows = [["disagreement of the agents", f"{number(metrics['disagreement'])} m"]]
-    if metrics["left_out"]:
-        rows.append(["left out: agents that send wrong values", ", ".join(map(str, metrics["left_out"]))])
-    if metrics["unobservable_steps"]:
-        rows.append(["position not determined", spelt(metrics["unobservable_steps"])])
-    for name, found in (("NEES", metrics["nees"]), ("NIS", metrics["nis"])):
+    rows = [["disagreement of the agents", f"{number(metrics.disagreement)} m"]]
+    if metrics.left_out:
+        rows.append(["left out: agents that send wrong values", ", ".join(map(str, metrics.left_out))])
+    if metrics.unobservable_steps:
+        rows.append(["position not determined", spelt(metrics.unobservable_steps)])
+    for name, found, why in (("NEES", metrics.nees, why_no_nees), ("NIS", metrics.nis, why_no_nis)):
         if found is None:
-            rows.append([name, (why_no_nees if name == "NEES" else why_no_nis)(analysis.trace)])
+            rows.append([name, why(analysis.trace)])
             continue
-        low, high = found["band"]
-        rows.append([f"{name}, average", f"{number(found['average'])}, expected {found['dimension']}"])
-        inside = "none" if found["inside"] is None else f"{100.0 * found['inside']:.1f} %"
+        low, high = found.band
+        rows.append([f"{name}, average", f"{number(found.average)}, expected {found.dimension}"])
+        inside = "none" if found.inside is None else f"{100.0 * found.inside:.1f} %"
         rows.append([f"{name} inside {low:.3g} to {high:.3g}", f"{inside}, expected 95 %"])
     return Table("Consistency and disagreement", [], rows)
 
 
 def _traffic(analysis: Analysis) -> Table:
-    messages = analysis.metrics["messages"]
-    rows = [[f"messages {key}", f"{count:,}".replace(",", "\u2009")] for key, count in messages.items()]
+    messages = vars(analysis.metrics.messages)
+    rows = [[f"messages {name}", f"{count:,}".replace(",", "\u2009")] for name, count in messages.items()]
     return Table("Traffic", [], rows if any(messages.values()) else [["messages", "none logged: a simulated run"]])
 
 
 def _each_agent(analysis: Analysis) -> Table:
     metrics = analysis.metrics
-    columns = {"MSEE at the end": metrics["msee"]["agents"]}
-    columns |= {name: found["agents"] for name in ("NEES", "NIS") if (found := metrics[name.lower()]) is not None}
-    if (bias := metrics["bias"]) is not None:
-        columns |= {"bias of ranges (m)": bias["agents"], "its std (m)": bias["std"], "relied on": bias["weight"]}
-    if (distrust := metrics["distrust"]) is not None:
-        columns["steps of distrust (%)"] = [share and 100.0 * share for share in distrust["agents"]]
-    if (slow := metrics["slow"]) is not None:
-        columns["rounds too late by itself (%)"] = [share and 100.0 * share for share in slow["agents"]]
+    columns = {"MSEE at the end": metrics.msee.agents}
+    columns |= {name: found.agents for name, found in (("NEES", metrics.nees), ("NIS", metrics.nis)) if found}
+    if bias := metrics.bias:
+        columns |= {"bias of ranges (m)": bias.agents, "its std (m)": bias.std, "relied on": bias.weight}
+    if metrics.distrust:
+        columns["steps of distrust (%)"] = [share and 100.0 * share for share in metrics.distrust.agents]
+    if metrics.slow:
+        columns["rounds too late by itself (%)"] = [share and 100.0 * share for share in metrics.slow.agents]
     rows = zip(agent_names(analysis), *(map(number, values) for values in columns.values()), strict=True)
     return Table("Each agent", ["agent", *columns], list(rows))
 

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
+from zenoh_cbef.analysis.results import Slowness
 from zenoh_cbef.plain import count_in
 from zenoh_cbef.protocol.slow import REMEDY, SLOW, too_slow
 from zenoh_cbef.trace import Trace
 from zenoh_cbef.words import counted
 
 
-def slowness(trace: Trace) -> dict[str, Any] | None:
+def slowness(trace: Trace) -> Slowness | None:
     """Which share of its rounds each agent, and of its steps the target, came to too late by its own slowness.
 
     As each told last, in its `finished` or `slow` event; None for one that told nothing. None where none did: in
@@ -27,7 +27,7 @@ def slowness(trace: Trace) -> dict[str, Any] | None:
     if all(share is None for share in shares.values()):
         return None
     slow = [sender.replace("/", " ") for sender, counts in told.items() if too_slow(*counts)]
-    return {"agents": [shares[agent] for agent in agents], "target": shares["target"], "too_slow": slow}
+    return Slowness([shares[agent] for agent in agents], shares["target"], slow)
 
 
 def _counts(data: object) -> tuple[int, int] | None:
@@ -36,12 +36,12 @@ def _counts(data: object) -> tuple[int, int] | None:
     return (late, due) if late is not None and due and late <= due else None
 
 
-def slow_note(slow: Mapping[str, Any] | None) -> str:
+def slow_note(slow: Slowness | None) -> str:
     """A note for the reader of a run that did not keep up; "" for one that did."""
-    if slow is None or not slow["too_slow"]:
+    if slow is None or not slow.too_slow:
         return ""
-    names = slow["too_slow"]
-    found = max(((share, agent) for agent, share in enumerate(slow["agents"]) if share is not None), default=None)
+    names = slow.too_slow
+    found = max(((share, agent) for agent, share in enumerate(slow.agents) if share is not None), default=None)
     who = names[0] if len(names) == 1 else counted(len(names), "process", "processes")
     how = "" if found is None else f" (agent {found[1]} came too late to {found[0]:.0%} of its rounds)"
     return f"{who} did not keep up with real time{how}, so errors and NEES are those of an overloaded host: {REMEDY}"

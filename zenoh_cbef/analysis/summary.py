@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from dataclasses import asdict, dataclass
 
 import numpy as np
+from numpy.typing import NDArray
+
+from zenoh_cbef.analysis.results import Metrics
+from zenoh_cbef.plain import Json
 
 SUMMARIZED = (
     "position_rmse",
@@ -20,24 +24,48 @@ SUMMARIZED = (
 )
 
 
-def pick(metrics: dict[str, Any], name: str) -> float:
+@dataclass(frozen=True)
+class Spread:
+    """One metric of many runs."""
+
+    median: float
+    least: float
+    largest: float
+
+
+@dataclass(frozen=True)
+class Summary:
+    """Many runs that differ in their seed. spreads: by dotted names of metrics; None where no run has it."""
+
+    run: str
+    filter: str
+    agents: int
+    steps: int
+    seeds: list[int]
+    spreads: dict[str, Spread | None]
+
+    def as_json(self) -> dict[str, Json]:
+        """The summary as `sim --json` prints it."""
+        told = asdict(self)
+        spreads: dict[str, Json] = told.pop("spreads")
+        return told | spreads
+
+
+def pick(metrics: Metrics, name: str) -> float:
     """A metric by its dotted name; NaN where the run has none."""
-    value: Any = metrics
+    value: object = metrics
     for part in name.split("."):
-        value = value.get(part) if isinstance(value, dict) else None
-    return float("nan") if value is None else float(value)
+        value = getattr(value, part, None)
+    return float(value) if isinstance(value, int | float) else float("nan")
 
 
-def summarize(runs: Sequence[dict[str, Any]]) -> dict[str, Any]:
+def summarize(runs: Sequence[Metrics]) -> Summary:
     """Median, least and largest of the metrics of runs that differ in their seed."""
-    summary: dict[str, Any] = {name: runs[0][name] for name in ("run", "filter", "agents", "steps")}
-    summary["seeds"] = [one["seed"] for one in runs]
-    for name in SUMMARIZED:
-        values = np.array([pick(one, name) for one in runs])
-        known = values[np.isfinite(values)]
-        summary[name] = (
-            {"median": float(np.median(known)), "least": float(known.min()), "largest": float(known.max())}
-            if known.size
-            else None
-        )
-    return summary
+    first, seeds = runs[0], [one.seed for one in runs]
+    spreads = {name: _spread(np.array([pick(one, name) for one in runs])) for name in SUMMARIZED}
+    return Summary(first.run, first.filter, first.agents, first.steps, seeds, spreads)
+
+
+def _spread(values: NDArray[np.float64]) -> Spread | None:
+    known = values[np.isfinite(values)]
+    return Spread(float(np.median(known)), float(known.min()), float(known.max())) if known.size else None

@@ -46,7 +46,7 @@ def _analyze(
         prefix = default.name.removesuffix(METRICS) if own else ""
         failed = write_outputs(analysis, output or default.parent, prefix, report=report)
     if as_json:
-        print(json.dumps(analysis.metrics))
+        print(json.dumps(analysis.metrics.as_json()))
     else:
         console.print(metrics_table(analysis.metrics))
     tell_what_lacks(notes(analysis.metrics))

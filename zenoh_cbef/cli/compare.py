@@ -7,13 +7,13 @@ import io
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 from rich import box
 from rich.table import Table
 
-from zenoh_cbef.analysis.compare import differences, names_of, row, write_comparison
+from zenoh_cbef.analysis.compare import Row, differences, names_of, row, write_comparison
 from zenoh_cbef.analysis.metrics import analyze, notes
 from zenoh_cbef.cli.completing import logs
 from zenoh_cbef.cli.console import console, errors, number, tell, tell_what_lacks
@@ -65,7 +65,7 @@ def _compare(
     for warning in differences(traces, names):
         errors.print(f"warning: {warning}", highlight=False, soft_wrap=True)
     if as_json:
-        print(json.dumps(rows))
+        print(json.dumps([one.as_json() for one in rows]))
     elif as_csv:
         print(_csv(rows), end="")
     else:
@@ -97,11 +97,12 @@ def _read(logs: Sequence[Path]) -> tuple[list[Path], list[Trace]]:
     return [path for path, _ in kept], [trace for _, trace in kept]
 
 
-def _csv(rows: list[dict[str, Any]]) -> str:
+def _csv(rows: list[Row]) -> str:
     text = io.StringIO()
-    writer = csv.DictWriter(text, rows[0].keys(), lineterminator="\n")
+    told = [one.as_json() for one in rows]
+    writer = csv.DictWriter(text, told[0].keys(), lineterminator="\n")
     writer.writeheader()
-    writer.writerows(rows)
+    writer.writerows(told)
     return text.getvalue()
 
 
@@ -112,7 +113,7 @@ def _write(path: Path, text: str) -> None:
         raise UserError(f"cannot write {path}: {error.strerror}; choose another --output") from None
 
 
-def runs_table(rows: list[dict[str, Any]]) -> Fitting:
+def runs_table(rows: list[Row]) -> Fitting:
     """A row for each run."""
     # Narrow enough for eighty columns where names are short; everything else is in --json and --csv.
     caption = "pos, vel: RMSE in m and m/s; ratio: pos to centralised; apart: disagreement in m; missed: lost or late"
@@ -123,10 +124,11 @@ def runs_table(rows: list[dict[str, Any]]) -> Fitting:
     for head in (*_HEADS.values(), "missed"):
         table.add_column(head, justify="right", no_wrap=True)
     for one in rows:
-        name = one["run"] if one["complete"] else f"{one['run']} (incomplete)"
-        missed = "-" if one["missed"] is None else f"{one['missed']:.1%}"
-        averaging = f"{one['rounds']}{_SCHEMES[one['consensus']]}"
-        table.add_row(name, one["filter"], averaging, *(_short(one[each]) for each in _HEADS), missed)
+        name = one.run if one.complete else f"{one.run} (incomplete)"
+        found = one.metrics
+        missed = "-" if found["missed"] is None else f"{found['missed']:.1%}"
+        averaging = f"{one.rounds}{_SCHEMES[one.consensus]}"
+        table.add_row(name, one.filter, averaging, *(_short(found[each]) for each in _HEADS), missed)
     return Fitting(table)
 
 

@@ -36,7 +36,7 @@ def _design(
     refuse_a_trace_beyond_memory(plan)
     told = design(plan, within=wanted, skip=skip)
     if as_json:
-        print(json.dumps(told))
+        print(json.dumps(told.as_json()))
         return
     for part in design_lines(told):
         console.print(part, highlight=False, soft_wrap=isinstance(part, str))

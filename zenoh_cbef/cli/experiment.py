@@ -23,10 +23,11 @@ from zenoh_cbef.experiment.figures import short_names, written_value
 from zenoh_cbef.experiment.file import Written, purposes, read_experiment, read_source
 from zenoh_cbef.experiment.journal import JOURNAL
 from zenoh_cbef.experiment.page import RESULTS, limits_of, values_of, write_outputs
+from zenoh_cbef.experiment.results import Summary
 from zenoh_cbef.experiment.summary import EXIT_STATUS, check_expectations, summarize
 from zenoh_cbef.experiment.sweep import Sweep
 from zenoh_cbef.experiment.table import rows_of
-from zenoh_cbef.plain import read_toml
+from zenoh_cbef.plain import Json, read_toml
 from zenoh_cbef.words import counted
 
 _COLUMNS = {
@@ -97,7 +98,7 @@ def _run(
     _sweep(written, sweep, new_folder_of(folder, RESULTS, force=own), as_json=as_json)
 
 
-def _changes(seeds: str | None) -> dict[str, Any]:
+def _changes(seeds: str | None) -> dict[str, Json]:
     if seeds is None:
         return {}
     try:
@@ -123,33 +124,33 @@ def _sweep(written: Written, sweep: Sweep, folder: Path, *, as_json: bool) -> No
         print((folder / "summary.json").read_text(encoding="utf-8"), end="")
     else:
         _tell(summary, folder)
-    raise typer.Exit(EXIT_STATUS[summary["verdict"]])
+    raise typer.Exit(EXIT_STATUS[summary.verdict])
 
 
-def _tell(summary: dict[str, Any], folder: Path) -> None:
-    table = Table(title=f"{summary['experiment']}: medians of {counted(summary['runs'], 'run')}", title_justify="left")
-    for name in short_names(summary["varied"]):
+def _tell(summary: Summary, folder: Path) -> None:
+    table = Table(title=f"{summary.experiment}: medians of {counted(summary.runs, 'run')}", title_justify="left")
+    for name in short_names(summary.varied):
         table.add_column(name)
-    metrics = {name: head for name, head in _COLUMNS.items() if any(name in one["metrics"] for one in summary["cells"])}
+    metrics = {name: head for name, head in _COLUMNS.items() if any(name in one.metrics for one in summary.cells)}
     for head in metrics.values():
         table.add_column(head, justify="right")
-    for cell in summary["cells"]:
-        found = [cell["metrics"].get(name, {}).get("median") for name in metrics]
-        table.add_row(*map(written_value, cell["values"].values()), *map(number, found))
+    for cell in summary.cells:
+        found = [None if one is None else one.median for one in map(cell.metrics.get, metrics)]
+        table.add_row(*map(written_value, cell.values.values()), *map(number, found))
     console.print(Fitting(table))
-    for cell in summary["cells"]:
-        if cell["failed"]:
-            why = cell["failures"][0]["error"]
-            said = f"failed: {cell['failed']} of {counted(cell['runs'], 'run')} with {values_of(cell)}: {why}"
+    for cell in summary.cells:
+        if cell.failed:
+            why = cell.failures[0].error
+            said = f"failed: {cell.failed} of {counted(cell.runs, 'run')} with {values_of(cell)}: {why}"
             errors.print(said, highlight=False, soft_wrap=True, markup=False)
-    for one in summary["expect"]:
-        for cell in one["cells"]:
-            median = number(cell.get("median"))
-            said = f"{cell['verdict']}: {one['metric']} {limits_of(one)} with {values_of(cell)}: {median}"
+    for one in summary.expect:
+        for judged in one.cells:
+            median = number(None if judged.found is None else judged.found.median)
+            said = f"{judged.verdict}: {one.metric} {limits_of(one)} with {values_of(judged)}: {median}"
             console.print(said, highlight=False, soft_wrap=True, markup=False)
-        if one["why"]:
-            errors.print(f"{one['metric']}: {one['why']}", highlight=False, soft_wrap=True, markup=False)
-    console.print(f"verdict {summary['verdict']}", highlight=False)
+        if one.why:
+            errors.print(f"{one.metric}: {one.why}", highlight=False, soft_wrap=True, markup=False)
+    console.print(f"verdict {summary.verdict}", highlight=False)
     console.print(f"page    {folder / 'index.html'}", highlight=False, soft_wrap=True)
 
 

@@ -60,10 +60,11 @@ def _sim(
         export(traces[0], output, "npz")
     if seeds > 1:
         summary = summarize([one.metrics for one in analyses])
-        print(json.dumps(summary)) if as_json else console.print(summary_table(summary))
+        print(json.dumps(summary.as_json())) if as_json else console.print(summary_table(summary))
         return
-    print(json.dumps(analyses[0].metrics)) if as_json else console.print(metrics_table(analyses[0].metrics))
-    tell_what_lacks(notes(analyses[0].metrics))
+    metrics = analyses[0].metrics
+    print(json.dumps(metrics.as_json())) if as_json else console.print(metrics_table(metrics))
+    tell_what_lacks(notes(metrics))
 
 
 def register(app: typer.Typer) -> None:

@@ -7,11 +7,10 @@ from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass
 from itertools import product
-from typing import Any
 
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.experiment.file import Written, changed
-from zenoh_cbef.plain import whole
+from zenoh_cbef.plain import Json, whole
 from zenoh_cbef.quantities import SEEDS
 from zenoh_cbef.scenario import Scenario
 from zenoh_cbef.scenario.checks import check
@@ -28,8 +27,8 @@ class Cell:
     """One combination of varied values. facts: what `where` may name. scenario: None where `error` says why not."""
 
     index: int
-    values: dict[str, Any]
-    facts: dict[str, Any]
+    values: Mapping[str, Json]
+    facts: Mapping[str, Json]
     scenario: Scenario | None
     error: str = ""
 
@@ -78,7 +77,7 @@ def seeds_of(cell: Cell, seeds: int | Sequence[int]) -> list[int]:
     return [(first + more) % SEEDS for more in range(seeds)] if isinstance(seeds, int) else list(seeds)
 
 
-def facts_of(values: Mapping[str, Any], data: Mapping[str, Any]) -> dict[str, Any]:
+def facts_of(values: Mapping[str, Json], data: Mapping[str, object]) -> dict[str, Json]:
     """What `where` may name in a cell, from the strongest claim on a name to the weakest.
 
     A varied key in full; its last parts (fault.0.probability: probability); the kind of the fault it belongs to
@@ -98,11 +97,11 @@ def facts_of(values: Mapping[str, Any], data: Mapping[str, Any]) -> dict[str, An
     return facts | dict(values)
 
 
-def _of_faults(data: Mapping[str, Any]) -> dict[str, Any]:
+def _of_faults(data: Mapping[str, object]) -> dict[str, Json]:
     listed = data.get("fault")
     faults = [one for one in listed if isinstance(one, dict)] if isinstance(listed, list) else []
     kinds = [str(one.get("kind")) for one in faults]
-    facts: dict[str, Any] = {}
+    facts: dict[str, Json] = {}
     for kind, one in zip(kinds, faults, strict=True):
         numbers = {key: value for key, value in one.items() if key not in _SHARED}
         if kinds.count(kind) == 1:
@@ -112,7 +111,7 @@ def _of_faults(data: Mapping[str, Any]) -> dict[str, Any]:
     return facts
 
 
-def selected(cells: Sequence[Cell], where: Mapping[str, Any], metric: str) -> list[Cell]:
+def selected(cells: Sequence[Cell], where: Mapping[str, Json], metric: str) -> list[Cell]:
     """The cells that `where` names. Raises UserError where a name or a value is in none."""
     found = list(cells)
     for name, value in where.items():
@@ -128,14 +127,13 @@ def selected(cells: Sequence[Cell], where: Mapping[str, Any], metric: str) -> li
     return found
 
 
-def _same(first: Any, second: Any) -> bool:
+def _same(first: Json, second: Json) -> bool:
     return isinstance(first, bool) == isinstance(second, bool) and bool(first == second)
 
 
-def _kind(data: Mapping[str, Any], part: str) -> str:
-    faults = data["fault"] if isinstance(data.get("fault"), list) else []
-    number = whole(part)
-    if number is not None and number < len(faults) and isinstance(faults[number], dict):
+def _kind(data: Mapping[str, object], part: str) -> str:
+    faults, number = data.get("fault"), whole(part)
+    if isinstance(faults, list) and number is not None and number < len(faults) and isinstance(faults[number], dict):
         return str(faults[number].get("kind"))
     return part
 

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,9 +11,11 @@ from numpy.typing import NDArray
 from zenoh_cbef.analysis.metrics import Analysis, analyze, ratio_to_centralized
 from zenoh_cbef.analysis.traffic import other_bytes, round_bytes
 from zenoh_cbef.errors import UserError
+from zenoh_cbef.experiment.results import Curve, Outcome
 from zenoh_cbef.log.read.parts import find_log
 from zenoh_cbef.log.read.trace import read_trace
 from zenoh_cbef.nodes.launch.attempts import launch
+from zenoh_cbef.plain import Json
 from zenoh_cbef.scenario import Scenario
 from zenoh_cbef.scenario.checks import check
 from zenoh_cbef.scenario.load import Loaded, to_toml
@@ -22,7 +23,6 @@ from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.simulator import simulate
 
 Floats = NDArray[np.float64]
-Outcome = dict[str, Any]
 
 _CURVE_POINTS = 100
 _SUMMED = ("sent", "delivered", "lost", "late", "injected_lost", "injected_late", "corrupted", "duplicated")
@@ -36,7 +36,7 @@ def simulated(scenario: Scenario, seeds: Sequence[int], skip: float) -> list[Out
         try:
             check(one)
         except UserError as error:
-            outcomes.append({"seed": seed, "error": str(error)})
+            outcomes.append(Outcome(seed, error=str(error)))
         else:
             plans.append(one)
     if not plans:
@@ -48,7 +48,7 @@ def simulated(scenario: Scenario, seeds: Sequence[int], skip: float) -> list[Out
         return outcomes + [outcome_of(one, sent) for one in analyses]
     except Exception as error:  # noqa: BLE001 - one run's failure is reported, and the others go on
         if len(plans) == 1:
-            return [*outcomes, {"seed": plans[0].scenario.seed, "error": described(error)}]
+            return [*outcomes, Outcome(plans[0].scenario.seed, error=described(error))]
     for one in plans:
         outcomes += simulated(scenario, [one.scenario.seed], skip)
     return outcomes
@@ -68,10 +68,10 @@ def executed(scenario: Scenario, seed: int, skip: float, folder: Path) -> Outcom
         source.write_text(text, encoding="utf-8")
         deaths = _launched([str(source)], loaded, f"{one.name}-{folder.name}"[:100], log)
         if deaths:
-            return {"seed": seed, "error": deaths[0]}
+            return Outcome(seed, error=deaths[0])
         return outcome_of(analyze([read_trace(find_log(log))], skip)[0], None)
     except Exception as error:  # noqa: BLE001 - likewise
-        return {"seed": seed, "error": described(error)}
+        return Outcome(seed, error=described(error))
 
 
 def _launched(arguments: list[str], loaded: Loaded, run: str, log: Path) -> list[str]:
@@ -82,25 +82,22 @@ def _launched(arguments: list[str], loaded: Loaded, run: str, log: Path) -> list
 
 
 def outcome_of(analysis: Analysis, bytes_per_step: float | None) -> Outcome:
-    """The outcome of a run: its scalar metrics by dotted names, and its error over time.
-
-    curve: time, position_error (root mean square of the agents) and disagreement, at no more than 100 steps.
-    """
-    metrics = scalars(analysis.metrics)
-    metrics["bytes_per_step"] = metrics.get("bytes_per_step") or bytes_per_step
-    links = analysis.metrics["links"]
-    metrics |= {f"links.{name}": sum(link[name] for link in links) for name in _SUMMED}
-    sent = metrics["links.sent"]
-    metrics["links.missed"] = (sent - metrics["links.delivered"]) / sent if sent else None
+    """The outcome of a run; position_error of its curve is the root mean square of the agents."""
+    metrics = scalars(analysis.metrics.as_json())
+    metrics["bytes_per_step"] = analysis.metrics.bytes_per_step or bytes_per_step
+    links = analysis.trace.links
+    metrics |= {f"links.{name}": int(getattr(links, name).sum()) for name in _SUMMED}
+    sent = int(links.sent.sum())
+    metrics["links.missed"] = (sent - int(links.delivered.sum())) / sent if sent else None
     metrics |= _final(analysis)
     steps = np.unique(np.linspace(0, len(analysis.trace.time) - 1, _CURVE_POINTS).round().astype(int))
-    curve = {
-        "time": analysis.trace.time[steps],
-        "position_error": _rms(analysis.position_error[analysis.counted][:, steps]),
-        "disagreement": analysis.disagreement[steps],
-    }
-    rounded = {name: [_short(value) for value in values.tolist()] for name, values in curve.items()}
-    return {"seed": analysis.trace.scenario.seed, "metrics": metrics, "curve": rounded}
+    curves = (
+        analysis.trace.time[steps],
+        _rms(analysis.position_error[analysis.counted][:, steps]),
+        analysis.disagreement[steps],
+    )
+    curve = Curve(*([_short(value) for value in values.tolist()] for values in curves))
+    return Outcome(analysis.trace.scenario.seed, metrics, curve)
 
 
 def _final(analysis: Analysis) -> dict[str, float | None]:
@@ -127,13 +124,13 @@ def _short(value: float) -> float | None:
     return float(f"{value:.4g}") if np.isfinite(value) else None
 
 
-def scalars(metrics: dict[str, Any], above: str = "") -> dict[str, Any]:
+def scalars(metrics: Mapping[str, Json], above: str = "") -> dict[str, str | float | None]:
     """Numbers, words and truths by dotted names; lists are left out."""
-    found: dict[str, Any] = {}
+    found: dict[str, str | float | None] = {}
     for name, value in metrics.items():
-        if isinstance(value, dict):
+        if isinstance(value, Mapping):
             found |= scalars(value, f"{above}{name}.")
-        elif not isinstance(value, list):
+        elif not isinstance(value, Sequence) or isinstance(value, str):
             found[above + name] = None if isinstance(value, float) and not np.isfinite(value) else value
     return found
 

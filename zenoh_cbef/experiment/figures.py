@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from html import escape
-from typing import Any
 
 from zenoh_cbef.analysis.figures import INK, MUTED, agent_style
+from zenoh_cbef.experiment.results import CellSummary, Summary
 from zenoh_cbef.pages.parts import Figure, Plot
+from zenoh_cbef.plain import Json
+
+Cells = Sequence[CellSummary]
+Yardsticks = Sequence[tuple[str, str]]
 
 # Metric, what it is called, and the metrics of the yardsticks that are drawn with it.
 SHOWN = (
@@ -24,14 +28,14 @@ _MOST_CURVES = 12
 _CURVES = (("position_error", "position error (m)"), ("disagreement", "disagreement (m)"))
 
 
-def figures_of(summary: dict[str, Any]) -> list[Figure]:
+def figures_of(summary: Summary) -> list[Figure]:
     """All figures of a summary: every metric against the varied keys, and errors over time."""
-    cells, varied = summary["cells"], summary["varied"]
+    cells, varied = summary.cells, summary.varied
     figures = []
     for metric, title, yardsticks in SHOWN:
-        if not varied or not any(metric in cell["metrics"] for cell in cells):
+        if not varied or not any(metric in cell.metrics for cell in cells):
             continue
-        caption = f"Medians over the seeds with {summary['level']:.0%} bootstrap intervals."
+        caption = f"Medians over the seeds with {summary.level:.0%} bootstrap intervals."
         plot = _lines(cells, varied, metric, title, yardsticks)
         figures.append(Figure(_file(metric), f"{title} against {varied[0]}", caption, plot))
         if len(varied) == 2:
@@ -39,7 +43,7 @@ def figures_of(summary: dict[str, Any]) -> list[Figure]:
             plot = _heat_map(cells, varied, metric, title)
             figures.append(Figure(f"{_file(metric)}-map", f"{title} over {' and '.join(varied)}", caption, plot))
     for name, title in _CURVES:
-        if any(cell["curve"] for cell in cells):
+        if any(cell.curve for cell in cells):
             caption = "Median over the seeds at each step: how fast errors settle, and recover."
             shown = f", the first {_MOST_CURVES} cells" if len(cells) > _MOST_CURVES else ""
             figures.append(
@@ -48,12 +52,12 @@ def figures_of(summary: dict[str, Any]) -> list[Figure]:
     return figures
 
 
-def written_value(value: Any) -> str:
+def written_value(value: Json) -> str:
     """A varied value as words; a fault as its kind and its numbers."""
-    if isinstance(value, dict):
+    if isinstance(value, Mapping):
         parts = [str(each) if key == "kind" else f"{key}={written_value(each)}" for key, each in value.items()]
         return " ".join(parts)
-    if isinstance(value, list) and any(isinstance(one, dict) for one in value):
+    if isinstance(value, list | tuple) and any(isinstance(one, Mapping) for one in value):
         return "; ".join(map(written_value, value))
     return value if isinstance(value, str) else json.dumps(value)
 
@@ -69,57 +73,60 @@ def _file(metric: str) -> str:
     return metric.replace(".", "-").replace("_", "-")
 
 
-def _median(cell: Plot, metric: str) -> float | None:
-    found = cell["metrics"].get(metric)
-    return None if found is None else float(found["median"])
+def _median(cell: CellSummary, metric: str) -> float | None:
+    found = cell.metrics.get(metric)
+    return None if found is None else found.median
 
 
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
+def _numbers(values: Sequence[Json]) -> list[float]:
+    """The values, where all are numbers; otherwise none."""
+    found = [value for value in values if isinstance(value, int | float) and not isinstance(value, bool)]
+    return found if len(found) == len(values) else []
 
 
-def _axis(values: Sequence[Any], key: str) -> Plot:
+def _axis(values: Sequence[Json], key: str) -> Plot:
     """Choose an axis: numbers to scale (logarithmic where they span more than two decades), the rest in order."""
     axis: Plot = {"title": {"text": escape(key)}}
-    if not all(map(_is_number, values)):
+    numbers = _numbers(values)
+    if not numbers:
         return axis | {"type": "category"}
-    return axis | {"type": "log" if min(values) > 0 and max(values) >= 100 * min(values) else "linear"}
+    return axis | {"type": "log" if min(numbers) > 0 and max(numbers) >= 100 * min(numbers) else "linear"}
 
 
-def _places(values: Sequence[Any]) -> list[Any]:
-    return list(values) if all(map(_is_number, values)) else [escape(written_value(value)) for value in values]
+def _places(values: Sequence[Json]) -> Sequence[float | str]:
+    return _numbers(values) or [escape(written_value(value)) for value in values]
 
 
-def _lines(cells: Sequence[Plot], varied: Sequence[str], metric: str, title: str, yardsticks: Any) -> Plot:
+def _lines(cells: Cells, varied: Sequence[str], metric: str, title: str, yardsticks: Yardsticks) -> Plot:
     """One line per combination of the other keys against the first."""
     first, *others = varied
-    groups: dict[str, list[Plot]] = {}
+    groups: dict[str, list[CellSummary]] = {}
     for cell in cells:
-        name = ", ".join(f"{key} = {written_value(cell['values'][key])}" for key in others)
+        name = ", ".join(f"{key} = {written_value(cell.values[key])}" for key in others)
         groups.setdefault(name, []).append(cell)
-    lines = []
+    lines: list[Plot] = []
     for place, (name, members) in enumerate(groups.items()):
         colour, dash = agent_style(place)
-        known = [cell for cell in members if metric in cell["metrics"]]
-        found = [cell["metrics"][metric] for cell in known]
+        known = [cell for cell in members if metric in cell.metrics]
+        found = [cell.metrics[metric] for cell in known]
         error = {
             "type": "data",
-            "array": [one["high"] - one["median"] for one in found],
-            "arrayminus": [one["median"] - one["low"] for one in found],
+            "array": [one.high - one.median for one in found],
+            "arrayminus": [one.median - one.low for one in found],
         }
         lines.append(
             {
                 "type": "scatter",
                 "mode": "lines+markers",
                 "name": escape(name) or "network",
-                "x": _places([cell["values"][first] for cell in known]),
-                "y": [one["median"] for one in found],
+                "x": _places([cell.values[first] for cell in known]),
+                "y": [one.median for one in found],
                 "error_y": error,
                 "line": {"color": colour, "dash": dash},
             }
         )
         for yardstick, label in yardsticks:
-            drawn = {"x": lines[-1]["x"], "y": [_median(cell, yardstick) for cell in known]}
+            drawn: Plot = {"x": lines[-1]["x"], "y": [_median(cell, yardstick) for cell in known]}
             colour, role = (INK, "ink") if len(groups) == 1 else (MUTED, "muted")
             dashed = {"meta": role, "line": {"color": colour, "dash": "dash", "width": 1}}
             # Consensus does not change a centralised filter: one line is enough where its values are the same.
@@ -130,16 +137,16 @@ def _lines(cells: Sequence[Plot], varied: Sequence[str], metric: str, title: str
     if len(alone) == 1:
         alone[0]["name"] = yardsticks[0][1]
     lines.sort(key=lambda line: "error_y" not in line)
-    values = [cell["values"][first] for cell in cells]
+    values = [cell.values[first] for cell in cells]
     return {"data": lines, "layout": _layout(_axis(values, first), title)}
 
 
-def _heat_map(cells: Sequence[Plot], varied: Sequence[str], metric: str, title: str) -> Plot:
+def _heat_map(cells: Cells, varied: Sequence[str], metric: str, title: str) -> Plot:
     across, along = varied
     rows: dict[str, dict[str, float | None]] = {}
     for cell in cells:
-        row = rows.setdefault(written_value(cell["values"][along]), {})
-        row[written_value(cell["values"][across])] = _median(cell, metric)
+        row = rows.setdefault(written_value(cell.values[along]), {})
+        row[written_value(cell.values[across])] = _median(cell, metric)
     columns = list(dict.fromkeys(name for row in rows.values() for name in row))
     heat = {
         "type": "heatmap",
@@ -155,15 +162,16 @@ def _heat_map(cells: Sequence[Plot], varied: Sequence[str], metric: str, title: 
     return {"data": [heat], "layout": layout}
 
 
-def _curves(cells: Sequence[Plot], name: str, title: str) -> Plot:
+def _curves(cells: Cells, name: str, title: str) -> Plot:
     lines = []
-    for place, cell in enumerate([cell for cell in cells if cell["curve"]][:_MOST_CURVES]):
+    drawn = [(cell, cell.curve) for cell in cells if cell.curve]
+    for place, (cell, curve) in enumerate(drawn[:_MOST_CURVES]):
         colour, dash = agent_style(place)
-        label = ", ".join(f"{key} = {written_value(value)}" for key, value in cell["values"].items())
-        shown = [value if value and value > 0.0 else None for value in cell["curve"][name]]
+        label = ", ".join(f"{key} = {written_value(value)}" for key, value in cell.values.items())
+        shown = [value if value and value > 0.0 else None for value in getattr(curve, name)]
         line: Plot = {"type": "scatter", "mode": "lines", "name": escape(label) or "network"}
         line |= {"line": {"color": colour, "dash": dash, "width": 1.5}}
-        lines.append(line | {"x": cell["curve"]["time"], "y": shown})
+        lines.append(line | {"x": curve.time, "y": shown})
     layout = _layout({"title": {"text": "time (s)"}}, title)
     layout["yaxis"]["type"] = "log"
     return {"data": lines, "layout": layout}

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 from difflib import get_close_matches
 from importlib.resources import files
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
-from pydantic import BaseModel, Field, ValidationError, model_validator
+from pydantic import BaseModel, Field, JsonValue, ValidationError, model_validator
 
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.plain import read_toml
+from zenoh_cbef.plain import Json, read_toml
 from zenoh_cbef.quantities import Finite, Seed
 from zenoh_cbef.scenario.library import Library, purpose_of
 from zenoh_cbef.scenario.load import put
@@ -29,7 +29,7 @@ class Vary(Table):
     """One axis of the grid: a scenario key and the values that it takes in turn."""
 
     key: Key
-    values: Annotated[tuple[Any, ...], Field(min_length=1, description="a list of one or more values")]
+    values: Annotated[tuple[JsonValue, ...], Field(min_length=1, description="a list of one or more values")]
 
 
 class Expect(Table):
@@ -38,7 +38,7 @@ class Expect(Table):
     metric: Annotated[str, Field(min_length=1)]
     at_most: Finite | None = None
     at_least: Finite | None = None
-    where: dict[str, Any] = Field(default={}, description="a table of varied keys and their values")
+    where: dict[str, JsonValue] = Field(default={}, description="a table of varied keys and their values")
 
     @model_validator(mode="after")
     def _limited(self) -> Expect:
@@ -60,8 +60,10 @@ class Experiment(Table):
         default=20, description="a number of at least 1, or a list of seeds"
     )
     engine: Literal["simulate", "processes"] = "simulate"
-    set: dict[str, Any] = Field(default={}, description="a table of scenario keys and their values")
-    fault: tuple[dict[str, Any], ...] | None = Field(default=None, description="a list of tables, written [[fault]]")
+    set: dict[str, JsonValue] = Field(default={}, description="a table of scenario keys and their values")
+    fault: tuple[dict[str, JsonValue], ...] | None = Field(
+        default=None, description="a list of tables, written [[fault]]"
+    )
     vary: tuple[Vary, ...] = Field(default=(), description="a list of tables, each written [[vary]]")
     expect: tuple[Expect, ...] = Field(default=(), description="a list of tables, each written [[expect]]")
 
@@ -93,7 +95,7 @@ class Written:
         return purpose_of(self.source)
 
 
-def read_experiment(name: str, changes: Mapping[str, Any] | None = None) -> Written:
+def read_experiment(name: str, changes: Mapping[str, Json] | None = None) -> Written:
     """Read an experiment; changes: top-level keys that replace the file's. Raises UserError with the remedy."""
     source, folder = read_source(name)
     try:
@@ -111,9 +113,9 @@ def read_experiment(name: str, changes: Mapping[str, Any] | None = None) -> Writ
     return Written(Path(name).stem if name not in builtin_names() else name, source, folder, experiment)
 
 
-def flat(table: Mapping[str, Any]) -> dict[str, Any]:
+def flat(table: Mapping[str, Json]) -> dict[str, Json]:
     """A [set] table by dotted keys, however its tables were written."""
-    found: dict[str, Any] = {}
+    found: dict[str, Json] = {}
     for key, value in table.items():
         if isinstance(value, Mapping):
             found |= {f"{key}.{rest}": each for rest, each in flat(value).items()}
@@ -122,7 +124,7 @@ def flat(table: Mapping[str, Any]) -> dict[str, Any]:
     return found
 
 
-def changed(data: dict[str, Any], experiment: Experiment) -> dict[str, Any]:
+def changed(data: dict[str, object], experiment: Experiment) -> dict[str, object]:
     """Apply the experiment's faults and settings to the base's tables."""
     if experiment.fault is not None:
         data["fault"] = [dict(one) for one in experiment.fault]

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable
+from dataclasses import asdict
 from hashlib import sha256
 from pathlib import Path
-from typing import Any, Self
+from typing import Self
 
 from zenoh_cbef import __version__
 from zenoh_cbef.errors import UserError
+from zenoh_cbef.experiment.results import Curve, Outcome
 from zenoh_cbef.scenario import Scenario
 
 JOURNAL = "finished.jsonl"
@@ -43,27 +45,28 @@ class Journal:
     def __exit__(self, *_: object) -> None:
         self._stream.close()
 
-    def outcome(self, key: str, seed: int) -> dict[str, Any] | None:
+    def outcome(self, key: str, seed: int) -> Outcome | None:
         """The outcome of a run; None where it is not finished."""
         return self._found.get((key, seed))
 
-    def add(self, key: str, outcomes: Iterable[dict[str, Any]]) -> None:
+    def add(self, key: str, outcomes: Iterable[Outcome]) -> None:
         """Keep the outcomes of some runs of one cell."""
         for one in outcomes:
-            self._found[key, one["seed"]] = one
-            if "error" not in one:
-                self._stream.write(json.dumps({"key": key, **one}, separators=(",", ":")) + "\n")
+            self._found[key, one.seed] = one
+            if one.error is None:
+                kept = {name: value for name, value in asdict(one).items() if name != "error"}
+                self._stream.write(json.dumps({"key": key, **kept}, separators=(",", ":")) + "\n")
         self._stream.flush()
 
 
-def _read(path: Path) -> Iterable[tuple[tuple[str, int], dict[str, Any]]]:
+def _read(path: Path) -> Iterable[tuple[tuple[str, int], Outcome]]:
     if not path.exists():
         return
     with path.open(encoding="utf-8", errors="replace") as lines:
         for line in lines:
             try:
                 one = json.loads(line)
-                yield (one.pop("key"), one["seed"]), {name: one[name] for name in ("seed", "metrics", "curve")}
+                yield (one["key"], one["seed"]), Outcome(one["seed"], one["metrics"], Curve(**one["curve"]))
             except (ValueError, KeyError, TypeError, AttributeError):
                 continue  # cut off, so it has to be done again
 

@@ -5,11 +5,12 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.experiment.figures import SHOWN, figures_of, written_value
-from zenoh_cbef.experiment.table import write_table
+from zenoh_cbef.experiment.results import CellSummary, Expectation, Judged, Summary
+from zenoh_cbef.experiment.statistics import Interval
+from zenoh_cbef.experiment.table import Row, write_table
 from zenoh_cbef.extras import MissingExtra, from_extra
 from zenoh_cbef.pages.parts import Table, plots_of
 from zenoh_cbef.pages.render import render
@@ -21,16 +22,14 @@ RESULTS = ("results.csv", "results.parquet", "summary.json", "index.html", "figu
 _MOST_FAILURES = 20
 
 
-def write_outputs(summary: dict[str, Any], rows: Sequence[dict[str, Any]], source: str, folder: Path) -> list[str]:
+def write_outputs(summary: Summary, rows: Sequence[Row], source: str, folder: Path) -> list[str]:
     """Write results.csv, results.parquet, summary.json, figures/, index.html; returns what could not be written.
 
     Raises UserError where the folder cannot be written into.
     """
     try:
         missing = [write_table(rows, folder)]
-        # Curves are in the figures; the summary stays something to read.
-        cells = [{name: value for name, value in cell.items() if name != "curve"} for cell in summary["cells"]]
-        text = json.dumps({**summary, "cells": cells}, indent=1)
+        text = json.dumps(summary.as_json(), indent=1)
         (folder / "summary.json").write_text(text + "\n", encoding="utf-8")
         missing.append(_write_page(summary, source, folder))
     except OSError as error:
@@ -38,7 +37,7 @@ def write_outputs(summary: dict[str, Any], rows: Sequence[dict[str, Any]], sourc
     return [sentence for sentence in missing if sentence]
 
 
-def _write_page(summary: dict[str, Any], source: str, folder: Path) -> str:
+def _write_page(summary: Summary, source: str, folder: Path) -> str:
     figures, place = figures_of(summary), folder / "figures"
     place.mkdir(exist_ok=True)
     for stale in place.glob("*.html"):
@@ -52,14 +51,14 @@ def _write_page(summary: dict[str, Any], source: str, folder: Path) -> str:
     if figures:
         (place / "plotly.min.js").write_text(script, encoding="utf-8")
     for figure in figures:
-        text = render("figure.html", name=summary["experiment"], it=figure, plots=plots_of([figure]))
+        text = render("figure.html", name=summary.experiment, it=figure, plots=plots_of([figure]))
         (place / f"{figure.name}.html").write_text(text, encoding="utf-8")
     text = render(
         "experiment.html",
-        name=summary["experiment"],
-        purpose=summary["purpose"],
+        name=summary.experiment,
+        purpose=summary.purpose,
         facts=_facts(summary),
-        verdict=summary["verdict"],
+        verdict=summary.verdict,
         expectations=_expectations(summary),
         failures=_failures(summary),
         results=_results(summary),
@@ -73,58 +72,55 @@ def _write_page(summary: dict[str, Any], source: str, folder: Path) -> str:
     return missing
 
 
-def _facts(summary: dict[str, Any]) -> str:
-    how = {"simulate": "simulated", "processes": "run as processes"}[summary["engine"]]
+def _facts(summary: Summary) -> str:
+    how = {"simulate": "simulated", "processes": "run as processes"}[summary.engine]
     return (
-        f"{counted(summary['runs'], 'run')} of {summary['base']} in {counted(len(summary['cells']), 'cell')}, {how}; "
-        f"{summary['failed']} failed."
+        f"{counted(summary.runs, 'run')} of {summary.base} in {counted(len(summary.cells), 'cell')}, {how}; "
+        f"{summary.failed} failed."
     )
 
 
-def limits_of(one: dict[str, Any]) -> str:
+def limits_of(one: Expectation) -> str:
     """The limits of an expectation in words."""
-    parts = [f"{name.replace('_', ' ')} {one[name]:g}" for name in ("at_least", "at_most") if name in one]
-    return " and ".join(parts)
+    return " and ".join(f"{name.replace('_', ' ')} {limit:g}" for name, limit in reversed(one.limits.items()))
 
 
-def values_of(cell: dict[str, Any]) -> str:
+def values_of(cell: CellSummary | Judged) -> str:
     """The varied values of a cell in words."""
-    return ", ".join(f"{key} = {written_value(value)}" for key, value in cell["values"].items()) or "all runs"
+    return ", ".join(f"{key} = {written_value(value)}" for key, value in cell.values.items()) or "all runs"
 
 
-def _expectations(summary: dict[str, Any]) -> list[list[str]]:
+def _expectations(summary: Summary) -> list[list[str]]:
     return [
-        [one["metric"], limits_of(one), values_of(cell), _interval(cell), cell["verdict"]]
-        for one in summary["expect"]
-        for cell in one["cells"]
+        [one.metric, limits_of(one), values_of(cell), _interval(cell.found), cell.verdict]
+        for one in summary.expect
+        for cell in one.cells
     ]
 
 
-def _failures(summary: dict[str, Any]) -> Table:
-    failures = [(cell, one) for cell in summary["cells"] for one in cell["failures"]]
-    rows = [[values_of(cell), str(one["seed"]), one["error"]] for cell, one in failures]
+def _failures(summary: Summary) -> Table:
+    failures = [(cell, one) for cell in summary.cells for one in cell.failures]
+    rows = [[values_of(cell), str(one.seed), one.error] for cell, one in failures]
     more = len(rows) - _MOST_FAILURES
     return Table(f"{more} more are in results.csv" if more > 0 else "", ["cell", "seed", "why"], rows[:_MOST_FAILURES])
 
 
-def _results(summary: dict[str, Any]) -> Table:
-    metrics = [name for name, *_ in SHOWN if any(name in cell["metrics"] for cell in summary["cells"])]
+def _results(summary: Summary) -> Table:
+    metrics = [name for name, *_ in SHOWN if any(name in cell.metrics for cell in summary.cells)]
     rows = [
         [
-            *(written_value(value) for value in cell["values"].values()),
-            f"{cell['runs'] - cell['failed']} of {cell['runs']}",
-            *(_interval(cell["metrics"].get(name, {})) for name in metrics),
+            *(written_value(value) for value in cell.values.values()),
+            f"{cell.runs - cell.failed} of {cell.runs}",
+            *(_interval(cell.metrics.get(name)) for name in metrics),
         ]
-        for cell in summary["cells"]
+        for cell in summary.cells
     ]
     caption = (
-        f"Medians over the seeds, in brackets their {summary['level']:.0%} bootstrap intervals. All metrics of all "
+        f"Medians over the seeds, in brackets their {summary.level:.0%} bootstrap intervals. All metrics of all "
         "runs: results.csv."
     )
-    return Table(caption, [*summary["varied"], "runs", *metrics], rows)
+    return Table(caption, [*summary.varied, "runs", *metrics], rows)
 
 
-def _interval(found: dict[str, Any]) -> str:
-    if "median" not in found:
-        return "-"
-    return f"{found['median']:.4g} ({found['low']:.4g} to {found['high']:.4g})"
+def _interval(found: Interval | None) -> str:
+    return "-" if found is None else f"{found.median:.4g} ({found.low:.4g} to {found.high:.4g})"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cache
 from math import lgamma
 
@@ -12,7 +13,17 @@ from numpy.typing import NDArray
 LEVEL = 0.95
 
 
-def median_interval(values: Sequence[float]) -> dict[str, float]:
+@dataclass(frozen=True)
+class Interval:
+    """The median of so many runs, and the bounds of its 95 % interval."""
+
+    median: float
+    low: float
+    high: float
+    runs: int
+
+
+def median_interval(values: Sequence[float]) -> Interval:
     """Median, and the bounds of its 95 % bootstrap interval (percentiles), of one or more finite values.
 
     The interval is the exact one (Efron, The Jackknife, the Bootstrap and Other Resampling Plans, 1982, sec. 10.3):
@@ -21,7 +32,7 @@ def median_interval(values: Sequence[float]) -> dict[str, float]:
     """
     ordered = np.sort(np.asarray(values, dtype=np.float64))
     low, high = _ranks(len(ordered))
-    return {"median": float(np.median(ordered)), "low": float(ordered[low]), "high": float(ordered[high])}
+    return Interval(float(np.median(ordered)), float(ordered[low]), float(ordered[high]), len(ordered))
 
 
 @cache

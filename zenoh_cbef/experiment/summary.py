@@ -4,39 +4,45 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from difflib import get_close_matches
-from typing import Any, Literal
 
 import numpy as np
 
+from zenoh_cbef.analysis.results import Number
 from zenoh_cbef.experiment.cells import Cell, selected
-from zenoh_cbef.experiment.engines import Outcome
 from zenoh_cbef.experiment.file import Expect, Written
+from zenoh_cbef.experiment.results import (
+    CellSummary,
+    Curve,
+    Expectation,
+    Failure,
+    Judged,
+    Outcome,
+    Summary,
+    Verdict,
+)
 from zenoh_cbef.experiment.statistics import LEVEL, median_interval
 
-Verdict = Literal["met", "not met", "cannot be judged"]
-
 EXIT_STATUS: dict[Verdict, int] = {"met": 0, "not met": 1, "cannot be judged": 2}
-_CURVES = ("position_error", "disagreement")
 
 
-def summarize(written: Written, cells: Sequence[Cell], outcomes: Sequence[Sequence[Outcome]]) -> dict[str, Any]:
-    """The summary as one JSON object: cells with medians and intervals, expectations, verdict."""
+def summarize(written: Written, cells: Sequence[Cell], outcomes: Sequence[Sequence[Outcome]]) -> Summary:
+    """Cells with medians and intervals, expectations, verdict."""
     told = [_cell(cell, runs) for cell, runs in zip(cells, outcomes, strict=True)]
     expectations = [_judge(one, cells, told) for one in written.experiment.expect]
-    failed = sum(cell["failed"] for cell in told)
-    return {
-        "experiment": written.name,
-        "purpose": written.purpose,
-        "engine": written.experiment.engine,
-        "base": written.experiment.base,
-        "varied": [one.key for one in written.experiment.vary],
-        "level": LEVEL,
-        "runs": sum(cell["runs"] for cell in told),
-        "failed": failed,
-        "cells": told,
-        "expect": expectations,
-        "verdict": _verdict([one["verdict"] for one in expectations], failed),
-    }
+    failed = sum(cell.failed for cell in told)
+    return Summary(
+        experiment=written.name,
+        purpose=written.purpose,
+        engine=written.experiment.engine,
+        base=written.experiment.base,
+        varied=[one.key for one in written.experiment.vary],
+        level=LEVEL,
+        runs=sum(cell.runs for cell in told),
+        failed=failed,
+        cells=told,
+        expect=expectations,
+        verdict=_verdict([one.verdict for one in expectations], failed),
+    )
 
 
 def check_expectations(written: Written, cells: Sequence[Cell]) -> None:
@@ -45,69 +51,57 @@ def check_expectations(written: Written, cells: Sequence[Cell]) -> None:
         selected(cells, one.where, one.metric)
 
 
-def _cell(cell: Cell, runs: Sequence[Outcome]) -> dict[str, Any]:
-    good = [one for one in runs if "error" not in one]
+def _cell(cell: Cell, runs: Sequence[Outcome]) -> CellSummary:
+    good = [one for one in runs if one.error is None]
     metrics = {}
-    for name in dict.fromkeys(name for one in good for name in one["metrics"]):
-        values = [one["metrics"].get(name) for one in good]
+    for name in dict.fromkeys(name for one in good for name in one.metrics):
+        values = [one.metrics.get(name) for one in good]
         known = [float(value) for value in values if isinstance(value, int | float) and not isinstance(value, bool)]
         if known:
-            metrics[name] = {**median_interval(known), "runs": len(known)}
-    failures = [{"seed": one["seed"], "error": one["error"]} for one in runs if "error" in one]
-    return {
-        "cell": cell.index,
-        "values": cell.values,
-        "runs": len(runs),
-        "failed": len(failures),
-        "failures": failures,
-        "metrics": metrics,
-        "curve": _curve(good),
-    }
+            metrics[name] = median_interval(known)
+    failures = [Failure(one.seed, one.error) for one in runs if one.error is not None]
+    return CellSummary(cell.index, cell.values, len(runs), len(failures), failures, metrics, _curve(good))
 
 
-def _curve(runs: Sequence[Outcome]) -> dict[str, list[float | None]]:
-    """The median over the runs at each step; nothing where runs differ in length."""
-    curves = [one["curve"] for one in runs]
-    if not curves or any(one["time"] != curves[0]["time"] for one in curves):
-        return {}
-    medians = {}
-    for name in _CURVES:
-        values = np.array([one[name] for one in curves], dtype=np.float64)
-        known = np.atleast_1d(np.isfinite(values).any(axis=0))
-        middle = np.nanmedian(np.where(known, values, 0.0), axis=0)
-        medians[name] = [value if there else None for value, there in zip(middle.tolist(), known, strict=True)]
-    return {"time": curves[0]["time"], **medians}
+def _curve(runs: Sequence[Outcome]) -> Curve | None:
+    """The median over the runs at each step; None where runs differ in length."""
+    curves = [one.curve for one in runs if one.curve is not None]
+    if not curves or any(one.time != curves[0].time for one in curves):
+        return None
+    position, disagreement = (
+        _medians([getattr(one, name) for one in curves]) for name in ("position_error", "disagreement")
+    )
+    return Curve(curves[0].time, position, disagreement)
 
 
-def _judge(expect: Expect, cells: Sequence[Cell], told: Sequence[dict[str, Any]]) -> dict[str, Any]:
+def _medians(curves: Sequence[Sequence[Number]]) -> list[Number]:
+    values = np.array(curves, dtype=np.float64)
+    known = np.atleast_1d(np.isfinite(values).any(axis=0))
+    middle = np.nanmedian(np.where(known, values, 0.0), axis=0)
+    return [value if there else None for value, there in zip(middle.tolist(), known, strict=True)]
+
+
+def _judge(expect: Expect, cells: Sequence[Cell], told: Sequence[CellSummary]) -> Expectation:
     """Compare the medians of the selected cells with the limits; a cell with a failed run cannot be judged."""
     judged = []
     for cell in selected(cells, expect.where, expect.metric):
-        found = told[cell.index]["metrics"].get(expect.metric)
-        complete = found is not None and found["runs"] == told[cell.index]["runs"]
+        found = told[cell.index].metrics.get(expect.metric)
         verdict: Verdict = "cannot be judged"
-        if found is not None and complete:
-            verdict = "met" if expect.holds(found["median"]) else "not met"
-        judged.append({"cell": cell.index, "values": cell.values, "verdict": verdict, **(found or {})})
-    limits = {name: value for name in ("at_most", "at_least") if (value := getattr(expect, name)) is not None}
-    verdict = _verdict([one["verdict"] for one in judged], 0)
-    return {
-        "metric": expect.metric,
-        **limits,
-        "where": expect.where,
-        "verdict": verdict,
-        "why": _why(judged, expect, told),
-        "cells": judged,
-    }
+        if found is not None and found.runs == told[cell.index].runs:
+            verdict = "met" if expect.holds(found.median) else "not met"
+        judged.append(Judged(cell.index, cell.values, verdict, found))
+    verdict = _verdict([one.verdict for one in judged], 0)
+    why = _why(judged, expect, told)
+    return Expectation(expect.metric, expect.at_most, expect.at_least, expect.where, verdict, why, judged)
 
 
-def _why(judged: Sequence[dict[str, Any]], expect: Expect, told: Sequence[dict[str, Any]]) -> str:
+def _why(judged: Sequence[Judged], expect: Expect, told: Sequence[CellSummary]) -> str:
     """Why a verdict is not possible: the file names a wrong metric, or runs failed."""
-    known = {name for one in told for name in one["metrics"]}
+    known = {name for one in told for name in one.metrics}
     if known and expect.metric not in known:
         near = get_close_matches(expect.metric, sorted(known), 1)
         return f"no run has such a number; {f'did you mean {near[0]!r}?' if near else 'results.csv has their names'}"
-    if any(one["verdict"] == "cannot be judged" for one in judged):
+    if any(one.verdict == "cannot be judged" for one in judged):
         return "runs failed or have no such number"
     return ""
 

@@ -5,19 +5,20 @@ from __future__ import annotations
 import os
 import signal
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass
 from functools import partial
 from multiprocessing import resource_tracker
 from pathlib import Path
-from typing import Any
+from types import ModuleType
 
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.experiment.cells import Cell, seeds_of
-from zenoh_cbef.experiment.engines import Outcome, executed, simulated
+from zenoh_cbef.experiment.engines import executed, simulated
 from zenoh_cbef.experiment.file import Experiment
 from zenoh_cbef.experiment.journal import Journal, key_of
+from zenoh_cbef.experiment.results import Outcome
 from zenoh_cbef.extras import MissingExtra, from_extra
 
 # Rows times steps of one batch. Larger ones are no faster per run, as they leave the processor's caches.
@@ -32,7 +33,7 @@ class Work:
     key: str
     seeds: list[int]
 
-    def __call__(self, engine: str, skip: float, logs: Path) -> tuple[Work, list[Outcome]]:
+    def __call__(self, engine: str, skip: float, logs: Path) -> Done:
         """Do them. Never raises for what a run does: an outcome then holds its `error`."""
         if self.cell.scenario is None:
             raise RuntimeError("a cell without a scenario cannot be run")
@@ -41,6 +42,10 @@ class Work:
         folders = [logs / f"cell-{self.cell.index}-seed-{seed}" for seed in self.seeds]
         runs = zip(self.seeds, folders, strict=True)
         return self, [executed(self.cell.scenario, seed, skip, folder) for seed, folder in runs]
+
+
+Done = tuple[Work, list[Outcome]]
+Tasks = list[object]
 
 
 @dataclass(frozen=True)
@@ -82,7 +87,7 @@ class Sweep:
         for start in range(0, len(seeds), most):
             yield Work(cell, key, seeds[start : start + most])
 
-    def _spread(self, work: Sequence[Work], logs: Path) -> Iterator[tuple[Work, list[Outcome]]]:
+    def _spread(self, work: Sequence[Work], logs: Path) -> Iterator[Done]:
         do = partial(_do, engine=self.experiment.engine, skip=self.skip, logs=logs)
         # A run's processes fill the cores by themselves.
         jobs = 1 if self.experiment.engine == "processes" else self.jobs or len(os.sched_getaffinity(0))
@@ -95,7 +100,7 @@ class Sweep:
             parallel = joblib.Parallel(n_jobs=jobs, return_as="generator_unordered", batch_size=1)
             yield from _outcomes(parallel, [joblib.delayed(do)(one) for one in work])
 
-    def _joblib(self) -> Any:
+    def _joblib(self) -> ModuleType | None:
         """The module joblib, which spreads the work; None where it is not installed: one core then does all."""
         try:
             return from_extra("joblib", "simulating on several cores")
@@ -108,13 +113,13 @@ class Sweep:
     def _outcomes(self, cell: Cell, journal: Journal) -> list[Outcome]:
         seeds = seeds_of(cell, self.experiment.seeds)
         if cell.scenario is None:
-            return [{"seed": seed, "error": cell.error} for seed in seeds]
+            return [Outcome(seed, error=cell.error) for seed in seeds]
         key = key_of(cell.scenario, self.experiment.engine, self.skip)
-        nothing: dict[str, Any] = {"error": "the run left no outcome"}
-        return [journal.outcome(key, seed) or {"seed": seed, **nothing} for seed in seeds]
+        nothing = "the run left no outcome"
+        return [journal.outcome(key, seed) or Outcome(seed, error=nothing) for seed in seeds]
 
 
-def _outcomes(parallel: Any, tasks: list[Any]) -> Iterator[tuple[Work, list[Outcome]]]:
+def _outcomes(parallel: Callable[[Tasks], Generator[Done]], tasks: Tasks) -> Iterator[Done]:
     """The outcomes of the workers, as they come.
 
     The workers ignore Ctrl-C, as they would print tracebacks: this process ends them.
@@ -130,7 +135,7 @@ def _outcomes(parallel: Any, tasks: list[Any]) -> Iterator[tuple[Work, list[Outc
 
 
 @contextmanager
-def _back_end(joblib: Any, dask: str | None) -> Iterator[None]:
+def _back_end(joblib: ModuleType, dask: str | None) -> Iterator[None]:
     """Tell joblib where to simulate."""
     if dask is None:
         yield
@@ -144,5 +149,5 @@ def _back_end(joblib: Any, dask: str | None) -> Iterator[None]:
         yield
 
 
-def _do(work: Work, *, engine: str, skip: float, logs: Path) -> tuple[Work, list[Outcome]]:
+def _do(work: Work, *, engine: str, skip: float, logs: Path) -> Done:
     return work(engine, skip, logs)

@@ -6,22 +6,25 @@ import csv
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from zenoh_cbef.experiment.cells import Cell
-from zenoh_cbef.experiment.engines import Outcome
+from zenoh_cbef.experiment.results import Outcome
 from zenoh_cbef.extras import MissingExtra, from_extra
+from zenoh_cbef.plain import Json
+
+Value = str | float | None
+Row = dict[str, Value]
 
 
-def rows_of(cells: Sequence[Cell], outcomes: Sequence[Sequence[Outcome]]) -> list[dict[str, Any]]:
+def rows_of(cells: Sequence[Cell], outcomes: Sequence[Sequence[Outcome]]) -> list[Row]:
     """One row per run: cell, varied values, seed, the error if the run failed, and all scalar metrics."""
     rows = [
         {
             "cell": cell.index,
             **{key: _plain(value) for key, value in cell.values.items()},
-            "seed": run["seed"],
-            "error": run.get("error"),
-            **{name: value for name, value in run.get("metrics", {}).items() if name not in {"seed", *cell.values}},
+            "seed": run.seed,
+            "error": run.error,
+            **{name: value for name, value in run.metrics.items() if name not in {"seed", *cell.values}},
         }
         for cell, runs in zip(cells, outcomes, strict=True)
         for run in runs
@@ -30,7 +33,7 @@ def rows_of(cells: Sequence[Cell], outcomes: Sequence[Sequence[Outcome]]) -> lis
     return [{name: row.get(name) for name in columns} for row in rows]
 
 
-def write_table(rows: Sequence[dict[str, Any]], folder: Path) -> str:
+def write_table(rows: Sequence[Row], folder: Path) -> str:
     """Write results.csv and results.parquet; returns why there is no Parquet, if there is none."""
     with (folder / "results.csv").open("w", encoding="utf-8", newline="") as stream:
         writer = csv.DictWriter(stream, rows[0].keys(), lineterminator="\n")
@@ -40,17 +43,19 @@ def write_table(rows: Sequence[dict[str, Any]], folder: Path) -> str:
         arrow, parquet = (from_extra(name, "results.parquet") for name in ("pyarrow", "pyarrow.parquet"))
     except MissingExtra as missing:
         return str(missing)
-    columns: dict[str, Any] = {name: _uniform([row[name] for row in rows]) for name in rows[0]}
+    columns: dict[str, object] = {name: _uniform([row[name] for row in rows]) for name in rows[0]}
     columns["seed"] = arrow.array(columns["seed"], arrow.uint64())
     parquet.write_table(arrow.table(columns), folder / "results.parquet")
     return ""
 
 
-def _plain(value: Any) -> Any:
-    return json.dumps(value) if isinstance(value, list | dict) else value
+def _plain(value: Json) -> Value:
+    if isinstance(value, str | float | int | None):
+        return value
+    return json.dumps(value)
 
 
-def _uniform(values: list[Any]) -> list[Any]:
+def _uniform(values: list[Value]) -> list[Value]:
     """Give a column one type: numbers as they are, whole ones among others as floats, else text."""
     kinds = {type(value) for value in values if value is not None}
     if len(kinds) <= 1:

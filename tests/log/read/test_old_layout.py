@@ -97,4 +97,4 @@ def test_what_a_log_says_of_anothers_messages_does_not_count(logs: tuple[Path, P
     assert found.missing == {}
     assert any("5000000" in sentence and "out of all proportion" in sentence for sentence in found.wrong)
     assert any("not agent/3" in sentence for sentence in found.wrong)
-    assert analyze([read_trace(copy.path)])[0].metrics["messages"]["missing"] == 0
+    assert analyze([read_trace(copy.path)])[0].metrics.messages.missing == 0

@@ -12,6 +12,7 @@ from tests.log.made import START, made_log
 from zenoh_cbef.analysis.coverage import stretches
 from zenoh_cbef.analysis.metrics import Analysis, analyze
 from zenoh_cbef.analysis.report import write_report
+from zenoh_cbef.analysis.results import Scored, Yardstick
 from zenoh_cbef.analysis.timeline import write_timeline
 from zenoh_cbef.log.prove.verify import verify
 from zenoh_cbef.log.read.exchange import read_exchange
@@ -51,25 +52,25 @@ def moment(step: int) -> int:
 
 def test_a_whole_log_lacks_nothing(whole):
     metrics = analysed(whole).metrics
-    assert (metrics["complete"], metrics["lacks"]) == (True, [])
-    assert metrics["scored"] == {"agents": [0, 1, 2, 3], "steps": [[6, 20]], "centralized_steps": [[6, 20]]}
+    assert (metrics.complete, metrics.lacks) == (True, [])
+    assert metrics.scored == Scored(agents=[0, 1, 2, 3], steps=[[6, 20]], centralized_steps=[[6, 20]])
 
 
 def test_without_beacons_there_is_no_centralised_filter_and_no_bound(whole, part):
     metrics, before = analysed(part(r".*/(estimate|truth|event.*)")).metrics, analysed(whole).metrics
-    assert metrics["position_rmse"] == before["position_rmse"]
-    assert metrics["complete"] is False
-    assert metrics["ratio_to_centralized"] is None
-    assert set(metrics["centralized"].values()) | set(metrics["bound"].values()) == {None}
-    assert metrics["scored"]["centralized_steps"] == []
-    assert metrics["bytes_per_step"] is None
-    assert "beacons in steps 1 to 20 are not in the log" in metrics["lacks"][0]
+    assert metrics.position_rmse == before.position_rmse
+    assert metrics.complete is False
+    assert metrics.ratio_to_centralized is None
+    assert metrics.centralized == metrics.bound == Yardstick(None, None, None)
+    assert metrics.scored.centralized_steps == []
+    assert metrics.bytes_per_step is None
+    assert "beacons in steps 1 to 20 are not in the log" in metrics.lacks[0]
 
 
 def test_without_beacons_of_one_agent_there_is_none_either(part):
     metrics = analysed(part(exclude=r".*/beacon/2")).metrics
-    assert metrics["ratio_to_centralized"] is None
-    assert "beacons of agent 2 " in metrics["lacks"][0]
+    assert metrics.ratio_to_centralized is None
+    assert "beacons of agent 2 " in metrics.lacks[0]
 
 
 def test_the_centralised_filter_is_compared_over_its_own_steps(whole):
@@ -77,10 +78,10 @@ def test_the_centralised_filter_is_compared_over_its_own_steps(whole):
     unlogged = np.zeros(trace.ranges.shape, dtype=bool)
     unlogged[1, 11] = True
     some = analyze([type(trace)(**{**vars(trace), "unlogged": unlogged})])[0]
-    assert some.metrics["scored"]["centralized_steps"] == [[6, 11]]
+    assert some.metrics.scored.centralized_steps == [[6, 11]]
     own = np.sqrt((before.position_error[:, 5:11] ** 2).mean())
     central = np.sqrt((before.centralized_position_error[5:11] ** 2).mean())
-    assert some.metrics["ratio_to_centralized"] == pytest.approx(own / central)
+    assert some.metrics.ratio_to_centralized == pytest.approx(own / central)
     assert np.isnan(some.bound[11:]).all()
     np.testing.assert_array_equal(some.bound[:11], before.bound[:11])
 
@@ -88,22 +89,22 @@ def test_the_centralised_filter_is_compared_over_its_own_steps(whole):
 def test_steps_outside_the_log_are_absent(whole, part):
     path = part(start=moment(11), end=moment(16))
     found, before = analysed(path), analysed(whole)
-    assert found.metrics["steps"] == 5
-    assert found.metrics["scored"]["steps"] == [[11, 15]]
-    assert found.metrics["complete"] is False
+    assert found.metrics.steps == 5
+    assert found.metrics.scored.steps == [[11, 15]]
+    assert found.metrics.complete is False
     np.testing.assert_array_equal(found.position_error[:, 10:15], before.position_error[:, 10:15])
     assert np.isnan(found.position_error[:, :10]).all()
     assert np.isnan(found.disagreement[:10]).all()
-    assert any("no estimate of steps 1 to 10 " in said for said in found.metrics["lacks"])
+    assert any("no estimate of steps 1 to 10 " in said for said in found.metrics.lacks)
     scene = read_scene(path)
     assert scene.time[10] == pytest.approx(moment(11), abs=2e8)
 
 
 def test_without_truth_there_are_no_errors_and_the_report_says_why(part, tmp_path):
     found = analysed(part(exclude=r".*/truth"))
-    assert found.metrics["position_rmse"] is None
-    assert found.metrics["nis"] is not None
-    assert found.metrics["scored"] == {"agents": [], "steps": [], "centralized_steps": []}
+    assert found.metrics.position_rmse is None
+    assert found.metrics.nis is not None
+    assert found.metrics.scored == Scored(agents=[], steps=[], centralized_steps=[])
     write_report(found, tmp_path / "report.html")
     page = (tmp_path / "report.html").read_text()
     assert "the filter has no covariance" not in page
@@ -112,8 +113,8 @@ def test_without_truth_there_are_no_errors_and_the_report_says_why(part, tmp_pat
 
 def test_an_agent_that_is_not_there_is_named(part):
     found = analysed(part(exclude=r".*/agent/3/.*")).metrics
-    assert found["scored"]["agents"] == [0, 1, 2]
-    assert "no estimate of agent 3 is there" in found["lacks"][0]
+    assert found.scored.agents == [0, 1, 2]
+    assert "no estimate of agent 3 is there" in found.lacks[0]
 
 
 @pytest.mark.parametrize("include", [r".*/(estimate|truth|event.*)", r".*/(estimate|round)", r".*/(beacon/.|estimate)"])
