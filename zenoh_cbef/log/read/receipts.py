@@ -73,9 +73,13 @@ class Receipts:
         """In which of these steps the agent counts anew, (m,): it was started again, and numbers from 0."""
         return np.asarray(np.diff(self.counts("seq", until)[:, 0], prepend=-1.0) <= 0.0)
 
+    def known(self, step: int) -> bool:
+        """Whether the agent said something of a step that fits."""
+        return step >= 1 and bool(self._table.seen(step)[0, step - 1])
+
     def told(self, step: int) -> dict[str, list[Any]]:
-        """What its estimate of a step says, by field, for the neighbours in order; nothing where it does not fit."""
-        if step < 1 or not self._table.seen(step)[0, step - 1]:
+        """What its estimate of a step says, by field, for the neighbours in order; nothing where it is not known."""
+        if not self.known(step):
             return {}
         said: dict[str, list[Any]] = {"neighbours": self.neighbours}
         for name in (*COUNTS, *INJECTED):
