@@ -30,24 +30,6 @@ class Consensus(Protocol):
         """The mixed payload (n, d)."""
 
 
-def averaged(
-    weights: Floats, value: Floats, received: Floats, delivered: Bools | None, room: Floats | None = None
-) -> Floats:
-    """W y of values (n, d) and messages (n, m, d), of which some were delivered: (n, m), or (n, m, d) by component.
-
-    room: where the terms of the sum can be written, laid out as `received`.
-    """
-    # The own value stands in for a missing one, so its term is zero and the rows of W always sum to one. The sum
-    # is never -0.0, which padding in a larger batch would turn into 0.0.
-    terms = np.subtract(received, value[:, None, :], out=room)
-    terms *= weights[:, :, None]
-    if delivered is not None:
-        terms[~delivered] = 0.0
-    total = neighbour_sum(terms)
-    total += value
-    return total
-
-
 @dataclass
 class Average:
     """y(l) = W y(l-1): with uniform weights the paper's x - epsilon sum_j (x - x_j).
@@ -58,7 +40,7 @@ class Average:
     weights: Floats
 
     def __post_init__(self) -> None:
-        self._room = np.empty((*self.weights.shape, 0))
+        self._terms = np.empty((*self.weights.shape, 0))
 
     def start(self, payload: Floats) -> Floats:
         """The payload itself is sent."""
@@ -67,18 +49,32 @@ class Average:
 
     def mix(self, received: Floats, delivered: Bools | None) -> Floats:
         """One multiplication by W."""
-        if self._room.shape != received.shape:
-            self._room = np.empty_like(received)
-        self._value = averaged(self.weights, self._value, received, delivered, self._room)
+        self._value = self._averaged(received, delivered)
         return self._value
 
     def result(self) -> Floats:
         """The value after the last round."""
         return self._value
 
+    def _averaged(self, received: Floats, delivered: Bools | None) -> Floats:
+        """W y of messages (n, m, d), of which some were delivered: (n, m), or (n, m, d) by component; None for all."""
+        if self._terms.shape != received.shape:
+            # Once, laid out as the messages are: a factor for each of their numbers halves a large batch's time.
+            self._terms, self._factors = np.empty_like(received), np.empty_like(received)
+            self._factors[...] = self.weights[:, :, None]
+        # The own value stands in for a missing one, so its term is zero and the rows of W always sum to one. The sum
+        # is never -0.0, which padding in a larger batch would turn into 0.0.
+        terms = np.subtract(received, self._value[:, None, :], out=self._terms)
+        terms *= self._factors
+        if delivered is not None:
+            terms[~delivered] = 0.0
+        total = neighbour_sum(terms)
+        total += self._value
+        return total
+
 
 @dataclass
-class Chebyshev:
+class Chebyshev(Average):
     """Chebyshev-accelerated averaging (Montijano, Montijano, Sagues, IEEE TSP 61(3), 2013).
 
     With a(x) = (2x - high - low)/(high - low) and T_l the Chebyshev polynomials,
@@ -87,11 +83,11 @@ class Chebyshev:
     weights: (n, m). low, high: (n, 1), bounds of the eigenvalues of W other than 1.
     """
 
-    weights: Floats
     low: Floats
     high: Floats
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         # Equal bounds (a complete graph) would divide by zero; a narrow band around them is as good.
         middle, half = 0.5 * (self.high + self.low), np.maximum(0.5 * (self.high - self.low), 1e-3)
         self._middle, self._gap = middle, 1.0 - middle
@@ -106,7 +102,7 @@ class Chebyshev:
 
     def mix(self, received: Floats, delivered: Bools | None) -> Floats:
         """One step of the recurrence y(l+1) = y(l-1) + omega (a(W)/a(1) y(l) - y(l-1))."""
-        mixed = averaged(self.weights, self._value, received, delivered)
+        mixed = self._averaged(received, delivered)
         scaled = (mixed - self._middle * self._value) / self._gap
         if self._rounds == 1:
             self._omega = 1.0 / (1.0 - 0.5 * self._ratio**2)
@@ -116,10 +112,6 @@ class Chebyshev:
         self._previous, self._value = self._value, following
         self._rounds += 1
         return following
-
-    def result(self) -> Floats:
-        """The value after the last round."""
-        return self._value
 
 
 @dataclass

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from zenoh_cbef.tracking.consensus import Average, Bools, Floats, averaged
+from zenoh_cbef.tracking.consensus import Average, Bools, Floats
 from zenoh_cbef.tracking.filters.base import Belief
 from zenoh_cbef.tracking.filters.information_form import belief_of, pack, packed_size, predict
 from zenoh_cbef.tracking.linalg import inverse, matvec
@@ -36,7 +36,7 @@ class StaleAverage(Average):
         known = received if delivered is None else np.where(delivered[:, :, None], received, own)
         length = received.shape[2]
         carried = self._carried(known.reshape(-1, length), own.reshape(-1, length)).reshape(received.shape)
-        self._value = averaged(self.weights, self._value, carried, delivered)
+        self._value = self._averaged(carried, delivered)
         return self._value
 
     def _carried(self, payload: Floats, own: Floats) -> Floats:

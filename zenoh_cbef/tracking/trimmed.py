@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from zenoh_cbef.tracking.consensus import Average, Bools, Floats, averaged
+from zenoh_cbef.tracking.consensus import Average, Bools, Floats
 
 
 @dataclass
@@ -29,7 +29,7 @@ class TrimmedComponents(Average):
         arrived = np.broadcast_to(_arrived(self.weights, delivered)[:, :, None], received.shape)
         above, below = arrived & (received > own), arrived & (received < own)
         kept = arrived & ~_largest(received, above, self.trim) & ~_largest(-received, below, self.trim)
-        self._value = averaged(self.weights, self._value, received, kept)
+        self._value = self._averaged(received, kept)
         return self._value
 
 
@@ -54,7 +54,7 @@ class TrimmedMessages(Average):
         # What did not arrive may hold anything.
         distance = self.distance(self._value, np.where(arrived[:, :, None], received, self._value[:, None, :]))
         kept = arrived & ~_largest(distance, arrived, self.trim)
-        self._value = averaged(self.weights, self._value, received, kept)
+        self._value = self._averaged(received, kept)
         return self._value
 
 
