@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from zenoh_cbef.analysis.design import design
-from zenoh_cbef.analysis.metrics import analyze
+from zenoh_cbef.analysis.metrics import analyze, notes
 from zenoh_cbef.datasets import read_dataset
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.scenario.checks import check
@@ -126,6 +127,41 @@ def test_negative_ranges_are_left_out(tmp_path):
     assert len(dataset.ranges) == 5
 
 
+@pytest.mark.parametrize(("factor", "swapped"), [(1.0, False), (100.0, False), (1.0, True)])
+def test_ranges_that_do_not_fit_the_positions_are_said_to(tmp_path, factor, swapped):
+    corners = {0: (0.0, 0.0), 1: (20.0, 0.0), 2: (20.0, 15.0), 3: (0.0, 15.0)}
+    named = {0: 2, 1: 3, 2: 0, 3: 1} if swapped else {each: each for each in corners}
+    times = [0.1 * k for k in range(100)]
+    path = [(10.0 + 6.0 * math.cos(t / 3.0), 7.0 + 5.0 * math.sin(t / 3.0)) for t in times]
+    anchors = "id,x,y,z\n" + "".join(f"{each},{x},{y},1\n" for each, (x, y) in corners.items())
+    truth = "t,x,y,z\n" + "".join(f"{t},{x},{y},1\n" for t, (x, y) in zip(times, path, strict=True))
+    ranges = "t,anchor_id,range\n" + "".join(
+        f"{t},{named[each]},{factor * math.dist(at, here)}\n"
+        for t, here in zip(times, path, strict=True)
+        for each, at in corners.items()
+    )
+    folder = write(tmp_path, anchors=anchors, ranges=ranges, truth=truth)
+    settings = ["target.motion=dataset", f'target.path="{folder}"', "filter.planar_height=1", "filter.kind=sicf"]
+    said = notes(analyze([simulate([load("tracking", settings).scenario])[0]])[0].metrics)
+    fits = factor == 1.0 and not swapped
+    assert any("check units (m) and the order of anchors" in each for each in said) is not fits
+
+
+def test_quoted_numbers_are_numbers(tmp_path):
+    plain = read_dataset(write(tmp_path / "plain"))
+    rows = RANGES.splitlines()
+    quoted = "\n".join(",".join(f'"{value}"' for value in row.split(",")) for row in rows)
+    read = read_dataset(write(tmp_path / "quoted", ranges=quoted))
+    assert (read.ranges == plain.ranges).all()
+
+
+def test_a_folder_in_place_of_a_file_is_said_to_be_one(tmp_path):
+    folder = write(tmp_path / "set", ranges=None)
+    (folder / "ranges.csv").mkdir()
+    with pytest.raises(UserError, match=r"ranges\.csv is a folder, where a file of t,anchor_id,range has to be"):
+        read_dataset(folder)
+
+
 @pytest.mark.parametrize(
     ("files", "said"),
     [
@@ -140,9 +176,9 @@ def test_negative_ranges_are_left_out(tmp_path):
         ({"ranges": "t,anchor_id,range\n1,3\n"}, "ranges.csv has rows that are not t,anchor_id,range"),
         (
             {"ranges": "t,anchor_id,range\n1,3,x\n"},
-            "ranges.csv has a line that is not t,anchor_id,range in numbers",
+            "ranges.csv has a line that is not t,anchor_id,range in numbers: line 2 has 'x'; correct it",
         ),
-        ({"ranges": "t,anchor_id,range\n1,3,2\n1,3\n"}, "ranges.csv has a line that is not"),
+        ({"ranges": "t,anchor_id,range\n1,3,2\n1,3\n"}, "in numbers: line 3 has 2 values; correct it"),
         ({"ranges": "t,anchor_id,range\n1,3,nan\n"}, "in finite numbers; correct them"),
         ({"ranges": "t,anchor_id,range\n1,4,2\n"}, "ranges of anchor 4, which anchors.csv lacks; add it"),
         (

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zenoh_cbef.errors import UserError
+from zenoh_cbef.words import counted
 
 Bools = NDArray[np.bool_]
 Floats = NDArray[np.float64]
@@ -143,16 +144,19 @@ def read_dataset(folder: Path) -> Dataset:
 
 def _read(folder: Path, name: str) -> Floats:
     path, columns = folder / f"{name}.csv", _COLUMNS[name]
+    if path.is_dir():
+        raise UserError(f"{path} is a folder, where a file of {columns} has to be; name them otherwise")
     if not path.is_file():
         raise UserError(f"{path} is missing; a dataset folder holds anchors.csv, ranges.csv and truth.csv")
-    lines = path.read_text(encoding="utf-8-sig", errors="replace").splitlines()
+    lines = path.read_text(encoding="utf-8-sig", errors="replace").replace('"', "").splitlines()
     if not lines or lines[0].replace(" ", "") != columns:
         raise UserError(f"{path} does not begin with the header {columns}, with commas between; see docs/datasets.md")
     filled = [line for line in lines[1:] if line.strip()]
     try:
         rows = np.loadtxt(filled, delimiter=",", ndmin=2, comments=None) if filled else np.empty((0, 0))
-    except ValueError as error:
-        raise UserError(f"{path} has a line that is not {columns} in numbers: {error}") from None
+    except ValueError:
+        flaw = _flaw(lines, columns.count(",") + 1)
+        raise UserError(f"{path} has a line that is not {columns} in numbers: {flaw}; correct it") from None
     if rows.size == 0:
         raise UserError(f"{path} has no rows; a dataset needs at least one of {columns}")
     if rows.shape[1] != columns.count(",") + 1 or not np.isfinite(rows).all():
@@ -165,3 +169,17 @@ def _read(folder: Path, name: str) -> Floats:
                 f"{path} has {worst:g} in the column {column}, which takes at most {most:g}, in s or m; correct it"
             )
     return np.asarray(rows)
+
+
+def _flaw(lines: Sequence[str], columns: int) -> str:
+    """Where the first line is that does not hold so many numbers, and what it holds instead."""
+    for number, line in enumerate(lines[1:], start=2):
+        values = line.split(",")
+        if line.strip() and len(values) != columns:
+            return f"line {number} has {counted(len(values), 'value')}"
+        for value in values if line.strip() else ():
+            try:
+                float(value)
+            except ValueError:
+                return f"line {number} has {value.strip()!r:.40}"
+    return "a number is written in an unusual way"

@@ -32,6 +32,28 @@ atexit.register(lambda: os.kill(os.getpid(), signal.SIGINT))
 from zenoh_cbef.cli.main import main
 main()
 """
+# Sends Ctrl-C when the last objects go, or when an error is told.
+AT_FINALISATION = """
+import os, signal
+class Last:
+    def __del__(self, kill=os.kill, me=os.getpid()):
+        kill(me, signal.SIGINT)
+last = Last()
+from zenoh_cbef.cli.main import main
+main()
+"""
+AT_WORDS = """
+import os, signal, sys
+class Words:
+    def write(self, text):
+        os.kill(os.getpid(), signal.SIGINT)
+        return sys.__stderr__.write(text)
+    def flush(self):
+        sys.__stderr__.flush()
+sys.stderr = Words()
+from zenoh_cbef.cli.main import main
+main()
+"""
 
 
 @pytest.fixture(scope="module")
@@ -109,6 +131,14 @@ def test_ctrl_c_when_all_is_done_is_one_line(log: Path) -> None:
     )
     assert done.returncode == 130
     assert done.stderr == "zenoh-cbef: interrupted\n"
+
+
+@pytest.mark.parametrize(("script", "status"), [(AT_FINALISATION, 2), (AT_WORDS, 130)])
+def test_ctrl_c_after_a_verb_has_failed_never_kills(tmp_path: Path, script: str, status: int) -> None:
+    words = [sys.executable, "-c", script, "info", "missing.mcap"]
+    done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == status
+    assert "Traceback" not in done.stderr
 
 
 def test_a_job_that_ignores_ctrl_c_goes_on(log: Path) -> None:

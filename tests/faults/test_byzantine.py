@@ -12,6 +12,7 @@ from zenoh_cbef.faults import Byzantine, Outgoing
 from zenoh_cbef.scenario import build
 from zenoh_cbef.scenario.load import load, parse
 from zenoh_cbef.simulator import simulate
+from zenoh_cbef.tracking.moderation import LARGEST_SENT
 from zenoh_cbef.tracking.trimmed import TrimmedComponents
 
 AGENTS = np.array([0, 1, 2, 3])
@@ -37,6 +38,16 @@ def run(senders, steps=8, rounds=2, rows=slice(None)):
 
 
 HONEST = run(outgoing())
+
+
+def test_what_is_sent_stays_below_what_receivers_take_for_a_lie_of_no_agent():
+    # A payload that grows from round to round, as the lies of several agents echo, never gets farther.
+    wild = outgoing(byzantine(mode="scale", magnitude=1e7)).message(1, 1, np.full((4, 3), 1e58))
+    assert (np.abs(wild) <= LARGEST_SENT).all()
+    assert wild[0, 0] == 1e58
+    assert (outgoing().message(1, 1, np.full((4, 3), -1e300)) == -LARGEST_SENT).all()
+
+
 FAULTS = [
     byzantine(mode="constant", magnitude=2.0),
     byzantine(mode="drift", magnitude=3.0, **{"from": 0.3}),

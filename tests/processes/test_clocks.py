@@ -1,11 +1,17 @@
 """Hosts whose clocks are an hour apart."""
 
 import os
+import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
-from tests.processes.conftest import settings
+from tests.processes.conftest import settings, unused_port
+from zenoh_cbef.nodes.agent.entrance import Entrance
+from zenoh_cbef.nodes.common.node import Identity
+from zenoh_cbef.protocol.scenario_service import Clock, ScenarioText, serve_scenario
+from zenoh_cbef.protocol.session import Connection, open_session
 
 SHIFTED = """import time
 shift = {shift}
@@ -31,3 +37,17 @@ def test_an_agent_whose_clock_is_an_hour_off_takes_part_in_realtime(world, free_
         out, err = process.communicate(timeout=100)
         assert process.returncode == 0, err
         assert "after step 20" in out or "messages in" in out
+
+
+@pytest.mark.parametrize("jump", [-3600.0, 3600.0])
+def test_a_clock_that_is_set_after_an_agent_has_joined_does_not_move_the_start(jump):
+    endpoint = f"tcp/127.0.0.1:{unused_port()}"
+    joined = Clock(ahead=jump, round_trip=0.001)  # then the target's clock was set right
+    with open_session(Connection(listen=[endpoint])) as target, open_session(Connection([endpoint])) as session:
+        service = serve_scenario(target, "test", lambda: ScenarioText("", "", ""))
+        node = SimpleNamespace(session=session, identity=Identity("test", "agent", "1"))
+        entrance = Entrance(SimpleNamespace(node=node, neighbourhood=None), None, joined)
+        now, before = time.time(), time.monotonic()
+        epoch = entrance.epoch({"k": 0, "at": now + 100.0, "sent": int(1e9 * now)})
+        assert abs(epoch - before - 100.0) < 0.5 * abs(jump)
+        service.undeclare()

@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from zenoh_cbef.analysis.consistency import agents_bands, chi2_band, described, nees_of
+from zenoh_cbef.analysis.consistency import agents_bands, chi2_band, described, misfit_note, nees_of
 from zenoh_cbef.analysis.coverage import estimated_steps, lacks, stretches, unseen_note
 from zenoh_cbef.analysis.observability import unseen_steps
 from zenoh_cbef.analysis.results import (
@@ -83,8 +83,9 @@ def analyze(traces: Sequence[Trace], skip: float = 0.25) -> list[Analysis]:
 
 
 def notes(metrics: Metrics) -> list[str]:
-    """Notes on a run for its reader, in sentences: what is not scored or not observable, which processes were slow."""
-    return [*metrics.lacks, *filter(None, [unseen_note(metrics.unobservable_steps), slow_note(metrics.slow)])]
+    """Notes on a run for its reader, in sentences: what is not scored or not observable, slow processes, bad data."""
+    said = unseen_note(metrics.unobservable_steps), slow_note(metrics.slow), metrics.misfit
+    return [*metrics.lacks, *filter(None, said)]
 
 
 def running_mean(values: Floats) -> Floats:
@@ -186,8 +187,9 @@ def _metrics(errors: Errors) -> Metrics:
         centralized=_centralized(errors, window),
         ratio_to_centralized=ratio_to_centralized(errors, window),
         bound=_bound(errors, window),
-        nees=_nees(errors),
-        nis=_nis(errors),
+        nees=(nees := _nees(errors)),
+        nis=(nis := _nis(errors)),
+        misfit=misfit_note(nees, nis) if trace.scenario.target.motion == "dataset" else "",
         bias=_bias(trace, errors.first),
         distrust=_distrust(trace, errors.first),
         slow=slowness(trace),

@@ -133,7 +133,8 @@ class Metrics:
     """What a run achieved. RMSE, NEES, NIS and disagreement are of the scored window, which `skip` steps precede.
 
     left_out: agents that averages are not over. lacks: what the log does not hold, in sentences. position_rmse, m, and
-    velocity_rmse, m/s: of the network. nees, nis, bias, distrust, slow: None where the run has none. gaps: by key, the
+    velocity_rmse, m/s: of the network. nees, nis, bias, distrust, slow: None where the run has none. misfit: a
+    sentence where recorded ranges do not fit the positions, else empty. gaps: by key, the
     stretches of numbers that are missing. bytes_per_step: of each agent.
     """
 
@@ -158,6 +159,7 @@ class Metrics:
     bound: Yardstick
     nees: Honesty | None
     nis: Nis | None
+    misfit: str
     bias: Bias | None
     distrust: Distrust | None
     slow: Slowness | None

@@ -6,6 +6,7 @@ and imports next to nothing itself.
 
 from __future__ import annotations
 
+import atexit
 import os
 from importlib import import_module
 
@@ -26,6 +27,14 @@ def raise_from_here() -> None:
     """Let Ctrl-C raise KeyboardInterrupt from here on, where it would end the program."""
     if _signal.getsignal(_signal.SIGINT) is _leave:
         _signal.signal(_signal.SIGINT, _signal.default_int_handler)
+
+
+def end_deaf() -> None:
+    """At exit, when all else is done, ignore Ctrl-C: Python takes its handlers out next, and would die of one."""
+    atexit.unregister(end_deaf)
+    atexit._run_exitfuncs()  # noqa: SLF001 - what was registered before this
+    if _signal.getsignal(_signal.SIGINT) is _leave:
+        _signal.signal(_signal.SIGINT, _signal.SIG_IGN)
 
 
 def _leave(_signum: int, _frame: object) -> None:

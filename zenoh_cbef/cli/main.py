@@ -5,12 +5,13 @@ Ctrl-C can come at any time, so nothing that takes time to import is imported be
 
 from __future__ import annotations
 
+import atexit
 import errno
 import os
 import sys
 from importlib import import_module
 
-from zenoh_cbef.cli.interrupts import INTERRUPTED, leave_at_once
+from zenoh_cbef.cli.interrupts import INTERRUPTED, end_deaf, leave_at_once
 from zenoh_cbef.errors import Interrupted, UserError
 
 TYPE_CHECKING = False  # as in `typing`, which takes as long
@@ -40,8 +41,8 @@ def main() -> None:
     """
     _open_streams()
     leave_at_once()
+    atexit.register(end_deaf)
     status = _run()
-    leave_at_once()
     sys.exit(_flushed(status))
 
 
@@ -58,11 +59,14 @@ def _open_streams() -> None:
 
 def _run() -> int:
     try:
-        if {"COMP_WORDS", "COMP_CWORD"} <= os.environ.keys():  # bash asks what may come next
-            import_module("zenoh_cbef.cli.completing").mend_words()
-        application: typer.Typer = import_module("zenoh_cbef.cli.verbs").build()
-        with import_module("zenoh_cbef.cli.warned").plain_warnings():
-            application(prog_name="zenoh-cbef")
+        try:
+            if {"COMP_WORDS", "COMP_CWORD"} <= os.environ.keys():  # bash asks what may come next
+                import_module("zenoh_cbef.cli.completing").mend_words()
+            application: typer.Typer = import_module("zenoh_cbef.cli.verbs").build()
+            with import_module("zenoh_cbef.cli.warned").plain_warnings():
+                application(prog_name="zenoh-cbef")
+        finally:
+            leave_at_once()  # an exception among the words about another one would be a traceback
     except SystemExit as ended:
         return ended.code if isinstance(ended.code, int) else int(ended.code is not None)
     except (Interrupted, KeyboardInterrupt):

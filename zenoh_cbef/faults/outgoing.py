@@ -12,6 +12,7 @@ from pydantic import Field
 
 from zenoh_cbef.faults.base import Fault, Floats, Ids, Seeds
 from zenoh_cbef.quantities import Agent
+from zenoh_cbef.tracking.moderation import bounded
 
 Displaced = Callable[[Floats, Floats], Floats]
 """Messages (n, d) that say the target is elsewhere by offsets (n, 3), m."""
@@ -75,7 +76,7 @@ class Outgoing:
 
     def message(self, step: int, round_: int, message: Floats) -> Floats:
         """What is sent in a round, (n, d), in place of the honest messages (n, d)."""
-        return self._sent(step, round_, message, self._displaced) if self._faults else message
+        return bounded(self._sent(step, round_, message, self._displaced) if self._faults else message)
 
     def ranges(self, step: int, ranges: Floats) -> Floats:
         """Ranges (n,) as they are sent, m; a displaced target is farther away by the length of the displacement.

@@ -125,6 +125,11 @@ _MESSAGES = re.compile(
     rf"|(?P<beacon>beacon)/(?P<receiver>{_ID})(?:/(?P<signal>signal))?"
     rf"|(?P<owner>agent/(?P<agent>{_ID}))/(?P<own>range|round|estimate)"
 )
+_LIVING = rf"agent/(?:{_ID})|target/target|replay/replay"
+_TOKENS = re.compile(rf"(?:over/)?(?:{_LIVING})|ready/(?:{_ID})")
+_CHOSEN_TOKENS = re.compile(
+    rf"record/[^/*$]{{1,200}}|(?:life|claim)/(?:{_LIVING})/[0-9a-f]{{1,40}}|heard/(?:target|agent/(?:{_ID}))/[0-9]{{1,20}}"
+)
 _KINDS = ("truth", "shared", "event", "signal", "beacon", "own")
 _OWNERS = {"truth": "target", "faults": "target", "signal": "target"}
 
@@ -175,6 +180,14 @@ def agent_named(process: str) -> int | None:
     """The agent that the name of a process, as in "agent/3", stands for; None for any other text."""
     found = _AGENT.fullmatch(process)
     return int(found[1]) if found else None
+
+
+def is_token(name: str, *, chosen: bool) -> bool:
+    """Whether a run can have a liveliness token of this name, as in "agent/3".
+
+    chosen: of a name that its process chooses at least in part, of which there can be any number.
+    """
+    return (_CHOSEN_TOKENS if chosen else _TOKENS).fullmatch(name) is not None
 
 
 def matches(expression: str, key: str) -> bool:

@@ -8,7 +8,11 @@ from collections.abc import Callable
 
 import zenoh
 
+from zenoh_cbef.protocol.keys import is_token
+
 _LIFE, _OVER = "life/", "over/"
+_MOST = 10_000
+"""Names that are known at once. Beyond it no more are taken that processes choose: without certificates, any can."""
 
 
 def live_now(session: zenoh.Session, expression: str) -> set[str]:
@@ -35,6 +39,9 @@ class Presence:
     def _notice(self, sample: zenoh.Sample) -> None:
         name = str(sample.key_expr).removeprefix(self._prefix)
         joined = sample.kind == zenoh.SampleKind.PUT
+        chosen = is_token(name, chosen=True)
+        if not (chosen or is_token(name, chosen=False)) or (joined and chosen and len(self._live) >= _MOST):
+            return
         with self._changed:
             (self._live.add if joined else self._live.discard)(name)
             if joined:

@@ -16,6 +16,24 @@ Bools = NDArray[np.bool_]
 LARGEST = 1e100
 """Beyond it squares of squares are no longer finite; in no unit is a place or a speed that large."""
 
+LARGEST_SENT = 1e60
+"""No number of a payload is larger. None that is honest comes near: a scenario's ranges allow an information of 1e18
+per range (a spread of 1 nm), of 1e3 agents in 1e7 steps, times 1e12 for velocities (the square of the longest dt), and
+a position of 1e15 m: 1e55 in all. And its fourth power is finite, so that an update can be computed from it.
+"""
+
+
+def bounded(payload: Floats) -> Floats:
+    """Payloads (n, d) with no number beyond `LARGEST_SENT`: only what liars have said gets there."""
+    return payload if surely_bounded(payload) else np.clip(payload, -LARGEST_SENT, LARGEST_SENT)
+
+
+def surely_bounded(payload: Floats) -> bool:
+    """Whether the sum of squares already shows that no number is beyond `LARGEST_SENT`: one call looks at all."""
+    flat = payload.ravel()
+    with np.errstate(over="ignore"):
+        return bool(flat.dot(flat) <= LARGEST_SENT**2)
+
 
 def immoderate(values: Floats) -> Bools:
     """Which rows of an array (n, ...) hold a number that is not finite, or above the limit: (n,)."""

@@ -127,6 +127,17 @@ def test_what_is_put_aside_comes_back_also_where_there_is_no_place_for_it(tmp_pa
     one.close()
 
 
+def test_a_log_of_several_files_names_no_more_made_up_keys_than_one(tmp_path):
+    log = RunLog(tmp_path / "run.mcap", Record(rotate_bytes=20_000))
+    for number in range(3000):
+        log.add(f"cbef/run/nonsense/{number}", encode("run", "agent/1", 0, 0, {"kind": "x", "text": "x"}), 0)
+        log.add(f"cbef/run/event/record/{number}", encode("run", f"record/{number}", 0, 0, {"kind": "x"}), 0)
+        log.flush()
+    log.close({})
+    assert (tmp_path / "run.2.mcap").exists()
+    assert log.foreign == 4000
+
+
 def test_names_that_processes_chose_leave_room_for_the_keys_of_the_run(log):
     def send(key: str, sender: str) -> str:
         return log.add(f"cbef/run/{key}", encode("run", sender, 0, 0, {"kind": "x", "text": "x"}), 0)

@@ -6,7 +6,6 @@ import errno
 import json
 import os
 import time
-from collections import Counter
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
@@ -26,11 +25,15 @@ UNKNOWN = "unknown"
 _MOST = 1 << 63
 _NOWHERE = Address("", UNKNOWN, "no process")
 _FREE, _LONGEST_KEY = 1000, 1000
-"""Keys that no run has which a file names, likewise keys with names that processes chose, and characters of a key.
+"""Keys that no run has which a log names, likewise keys with names that processes chose, and characters of a key.
 
 A file has numbers for 65535 channels. Those of the agents and the target always find room, as an agent's number has
 at most three digits.
 """
+
+
+_Named = dict[bool, set[tuple[str, bool]]]
+"""Keys of processes with chosen names (False), and keys that no run has; with whether their messages are of ours."""
 
 
 class _Part:
@@ -46,7 +49,6 @@ class _Part:
             library=f"zenoh-cbef {__version__}",
         )
         self.channels: dict[tuple[str, bool], tuple[Address, int]] = {}
-        self._free: Counter[bool] = Counter()
         self._schemas: dict[str, int] = {}
         self.head_bytes = 0
 
@@ -62,14 +64,15 @@ class _Part:
         self.writer.flush()
         self.head_bytes = self.writer.bytes_written
 
-    def register(self, key: str, *, known: bool) -> tuple[Address, int] | None:
-        """The address and the channel of a key; None where the file has no room for another key."""
+    def register(self, key: str, named: _Named, *, known: bool) -> tuple[Address, int] | None:
+        """The address and the channel of a key; None where the log, with the keys that it names so far, has no room."""
         at = address(key)
         free = at is None or at.chosen
-        if len(key) > _LONGEST_KEY or (free and self._free[at is None] == _FREE):
+        others = named[at is None]
+        if len(key) > _LONGEST_KEY or (free and (key, known) not in others and len(others) == _FREE):
             return None
         if free:
-            self._free[at is None] += 1
+            others.add((key, known))
         found = at if known else None
         at = found or _NOWHERE
         kind = at.kind
@@ -111,6 +114,7 @@ class RunLog:
         self._number = 1
         self._description: tuple[str, str, Mapping[str, str]] = "", "", {}
         self._sequences = Sequences()
+        self._named: _Named = {False: set(), True: set()}
         self._taken, self._closed_count = 0, 0
         self._rotate_bytes = settings.rotate_bytes or 1 << 63
         self._rotate_seconds = settings.rotate_seconds or float("inf")
@@ -155,7 +159,7 @@ class RunLog:
         except (BadMessage, KeyError):
             known = False
         part = self._part
-        place = part.channels.get((key, known)) or part.register(key, known=known)
+        place = part.channels.get((key, known)) or part.register(key, self._named, known=known)
         if place is None:
             self.foreign += 1
             return UNKNOWN

@@ -18,7 +18,7 @@ from zenoh_cbef.nodes.common.node import Node
 from zenoh_cbef.nodes.common.rejections import Rejections
 from zenoh_cbef.protocol.memory import ask_latest
 from zenoh_cbef.protocol.messages import BadMessage, decode, unpack_floats
-from zenoh_cbef.protocol.scenario_service import Clock
+from zenoh_cbef.protocol.scenario_service import Clock, measure_clock
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.tracking.filters import Belief
 from zenoh_cbef.tracking.newcomer import belief_from
@@ -27,6 +27,8 @@ from zenoh_cbef.tracking.tracker import Tracker
 _JOIN_SECONDS = 1.0
 _ANSWER_SECONDS = 5.0
 _LOOK_SECONDS = 0.2
+_SET_SECONDS = 1.0
+"""By how much the clocks and the start signal may differ on when the run starts."""
 _RETURN_SECONDS = 2.0
 """For how long an agent waits for a target that is out of sight before the start, s: a link or router can come back."""
 
@@ -77,15 +79,24 @@ class Entrance:
         start = self._signal()
         if start is None:
             return None
+        epoch = self.epoch(start)
         self._neighbourhood.drain(start["k"])
         self._neighbourhood.look_around()
         self._of.rejections.start()
         if self._members is not None and start["k"] > 0:
             self._adopt(start["k"])
-        # Steps are counted on the monotonic clock: a clock that is set while we run must not move them.
-        now = time.time()
-        at = start.get("at", now)
-        return Entry(start["k"], (self._clock.ours(at) if self._clock else at) - now + time.monotonic())
+        return Entry(start["k"], epoch)
+
+    def epoch(self, start: dict[str, Any]) -> float:
+        """When step 0 is or was. Steps are counted on the monotonic clock: one that is set must not move them."""
+        if "at" not in start:
+            return time.monotonic()
+        left, told = seconds_until(start["at"], self._clock), start["at"] - 1e-9 * start["sent"]
+        if abs(left - told) > _SET_SECONDS:
+            # One of the clocks was set since they were compared.
+            clock = measure_clock(self._node.session, self._node.identity.run)
+            left = told if clock is None else seconds_until(start["at"], clock)
+        return time.monotonic() + left
 
     def _meet(self) -> bool:
         others = [one for one in self._neighbourhood.ids if self._members is None or one in self._members]
@@ -157,6 +168,11 @@ class Entrance:
             self._node.event(MISSED, text, step=before)
         belief = neighbours_belief(self._of.tracker, ids, {other: told[other] for other in wanted & told.keys()})
         self._of.tracker.adopt(belief, np.ones(1, dtype=bool))
+
+
+def seconds_until(at: float, clock: Clock | None) -> float:
+    """How far off a moment of the target's clock is, s. clock: ours against the target's."""
+    return (at if clock is None else clock.ours(at)) - time.time()
 
 
 def neighbours_belief(tracker: Tracker, ids: Sequence[int], told: Mapping[int, Mapping[str, Any]]) -> Belief:

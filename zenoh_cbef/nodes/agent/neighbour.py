@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from math import isnan
 from typing import Any
 
 import numpy as np
@@ -20,6 +19,7 @@ from zenoh_cbef.protocol.mailbox import CAPACITY, Mailbox
 from zenoh_cbef.protocol.messages import nil_to_nan
 from zenoh_cbef.protocol.round_codec import RoundCodec
 from zenoh_cbef.scenario.plan import Plan
+from zenoh_cbef.tracking.moderation import LARGEST_SENT, surely_bounded
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -49,7 +49,6 @@ class Neighbourhood:
         self.fates, self._rounds, self._lag = fates, rounds, lag
         self._received = np.zeros((1, len(self.ids), width))
         self._rows = [memoryview(row).cast("B") for row in self._received[0]]
-        self._nothing = np.zeros(self._received.size)
         self._counts = {name: [0] * len(self.ids) for name in ("received", "lost", "late")}
         self._injected, self._twice = Injected(len(self.ids)), list[int]()
         self._order, self._everyone = list(range(len(self.ids))), [True] * len(self.ids)
@@ -162,22 +161,21 @@ class Neighbourhood:
         if slowest != self._order[0]:
             self._order.remove(slowest)
             self._order.insert(0, slowest)
-        # Zero times a value is NaN where the value is not finite: one call looks at all of them.
-        if isnan(self._received.ravel().dot(self._nothing)):
-            self._refuse_infinite(turn, delivered, deadline)
+        if not surely_bounded(self._received):
+            self._refuse_immoderate(turn, delivered, deadline)
         return self._received, None if all(delivered) else np.array([delivered])
 
-    def _refuse_infinite(self, turn: int, delivered: list[bool], deadline: float | None) -> None:
-        """Drop payloads that are not finite, and wait for their senders again.
+    def _refuse_immoderate(self, turn: int, delivered: list[bool], deadline: float | None) -> None:
+        """Drop payloads that no agent sends, and wait for their senders again.
 
         A forged message must not take the place of a true one.
         """
         values = self._received[0]
         for place, box in enumerate(self._round_boxes):
-            while not np.isfinite(values[place]).all():
+            while not (np.abs(values[place]) <= LARGEST_SENT).all():
                 values[place] = 0.0
                 if delivered[place]:
-                    box.reject("a payload that is not finite")
+                    box.reject("a payload that is not finite, or larger than any can be")
                     payload = box.take(turn, deadline)
                     delivered[place] = payload is not None
                     if payload is not None:

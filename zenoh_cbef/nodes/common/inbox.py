@@ -68,8 +68,7 @@ class Inbox:
         self._first = 1 if turns > 1 else 0
         self._rejections, self._alarm = rejections, alarm
         self._patience, self._grace = patience, grace
-        self._silent, self._unheard = False, True
-        self._life = ""
+        self._silent, self._unheard, self._broke_silence, self._life = False, True, False, ""
         self._gone_at, self._since = time.monotonic(), 0.0
         self._held: tuple[int, Any] | None = None
         self._raw = b""
@@ -77,10 +76,8 @@ class Inbox:
         self._missed: dict[int, None] = {}  # in the order of time
         self._end = _ANY
         self.on_recall: Callable[[], None] = lambda: None
-        self.open = True
-        self.waited = False
-        self.lost = self.late = 0
-        self.delay_ns = self.read = 0
+        self.open, self.waited = True, False
+        self.lost = self.late = self.delay_ns = self.read = 0
         self._heed(node, owner)
 
     def _heed(self, node: Node, owner: str) -> None:
@@ -258,8 +255,10 @@ class Inbox:
         return True
 
     def reject(self, reason: str) -> None:
-        """Count a message that was taken and then found invalid."""
+        """Count a message that was taken and then found invalid: a silent sender has not spoken with it."""
         self._rejections.add(self.mailbox.key, reason)
+        self._silent |= self._broke_silence
+        self._unheard |= self._broke_silence
 
     def spoil(self, turn: int, deadline: float | None) -> None:
         """Receive the message of a turn with flipped bytes, so that it must be rejected."""
@@ -289,9 +288,10 @@ class Inbox:
             if found > turn + self._horizon:
                 raise BadMessage("ahead of what its sender can have reached")
         except BadMessage as error:
-            self.reject(str(error))
+            self._rejections.add(self.mailbox.key, str(error))
         else:
             self._held, self._raw = (found, content), data
+            self._broke_silence = self._silent
             if self._unheard:
                 self._silent = self._unheard = False
                 self._life = self._node.presence.life(self.owner)

@@ -6,6 +6,7 @@ import threading
 import time
 
 from zenoh_cbef.nodes.common.node import Node, heard_token
+from zenoh_cbef.nodes.recorder.attendance import takes_part
 
 _EVERY_SECONDS = 0.1
 
@@ -25,8 +26,7 @@ class Acknowledgements:
 
     def hear(self, sender: str, word: int | None) -> None:
         """Take a sender's word, and acknowledge it now, or at the next `catch_up`."""
-        known = sender == "target" or sender in self._node.presence
-        if not known or word is None:
+        if word is None or not takes_part(sender, self._node.presence):
             return
         with self._lock:
             self._words[sender] = word

@@ -6,12 +6,19 @@ import time
 from collections.abc import Callable
 
 from zenoh_cbef.nodes.common.node import Node
+from zenoh_cbef.protocol.keys import agent_named
+from zenoh_cbef.protocol.presence import Presence
 
 _TARGET = "target/target"
 _GRACE_SECONDS = 2.0
 _LOST_SECONDS = 30.0
 _LEADING = ("target/", "replay/")
 _TAKING_PART = ("agent/", *_LEADING)
+
+
+def takes_part(sender: str, presence: Presence) -> bool:
+    """Whether a process, by its name in messages, is one of the run's: the target, or an agent that is there."""
+    return sender == "target" or (agent_named(sender) is not None and sender in presence)
 
 
 class Attendance:
@@ -32,7 +39,9 @@ class Attendance:
 
     def farewell(self, sender: str) -> None:
         """A process says that it is done."""
-        self._departed.add(_TARGET if sender == "target" else sender)
+        name = _TARGET if sender == "target" else sender
+        if name.startswith(_TAKING_PART):
+            self._departed.add(name)
 
     def _note_change(self, name: str, joined: bool) -> None:
         if joined:

@@ -18,7 +18,7 @@ from zenoh_cbef.nodes.common.briefing import brief, introduce
 from zenoh_cbef.nodes.common.node import Identity, Node
 from zenoh_cbef.nodes.common.recording import Status
 from zenoh_cbef.nodes.recorder.acknowledgements import Acknowledgements
-from zenoh_cbef.nodes.recorder.attendance import Attendance
+from zenoh_cbef.nodes.recorder.attendance import Attendance, takes_part
 from zenoh_cbef.nodes.recorder.overview import Overview
 from zenoh_cbef.nodes.recorder.recovery import Recovery
 from zenoh_cbef.plain import count_in, counts_in
@@ -35,6 +35,8 @@ _REPORT_SECONDS = 0.2
 _GATHER_SECONDS = 0.005
 _PORTION = 10_000
 _BEHIND_SECONDS = 1.0
+_PROMISES = 2000
+"""Beyond so many processes that say what they sent, none is believed whose name is its own choice."""
 
 
 class Recorder:
@@ -164,14 +166,15 @@ class Recorder:
         sender, told = str(message["from"]), dict[str, Any](message.get("data", {}))
         if not self._recovery.lacks(sender):  # It asks again.
             self._acknowledgements.hear(sender, count_in(told, "word"))
-        if message["kind"] == SLOW and (sender == "target" or sender in self.node.presence):
+        if message["kind"] == SLOW and takes_part(sender, self.node.presence):
             self.overview.note_slow(sender)
         if message["kind"] in {"finished", "killed"}:
             self._attendance.farewell(sender)
         if message["kind"] == "finished":
             if sender == "target" and (step := count_in(told, "step")) is not None:
                 self.target_ended = step
-            self._promised[sender] = self._owned(sender, counts_in(told, "sent"))
+            if not at.chosen or sender in self._promised or len(self._promised) < _PROMISES:
+                self._promised[sender] = self._owned(sender, counts_in(told, "sent"))
 
     def _owned(self, sender: str, sent: dict[str, int]) -> dict[str, int]:
         """How many messages a process says that it sent on its own keys, for keys that are recorded."""

@@ -22,11 +22,11 @@ _MOMENT = 1e-7
 class Injection:
     """The list of injected faults, which the target keeps: it only grows, and a cleared one ends.
 
-    start: when the run started, s since the Unix epoch; the times of faults are counted from it.
+    epoch: when the run starts, s on the monotonic clock; the times of faults are counted from it.
     """
 
-    def __init__(self, plan: Plan, start: float) -> None:
-        self._given, self._start = plan, start
+    def __init__(self, plan: Plan, epoch: float) -> None:
+        self._given, self._epoch = plan, epoch
         self.plan = plan
         self._tables: list[dict[str, Any]] = []
         self._lock = threading.Lock()
@@ -87,7 +87,7 @@ class Injection:
         self._tables, self._fresh = tables, True
 
     def _now(self) -> float:
-        return time.time() - self._start
+        return time.monotonic() - self._epoch
 
     def _soon(self) -> float:
         return round(max(self._now(), 0.0) + _LEAD_SECONDS, 3)

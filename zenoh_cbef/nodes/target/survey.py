@@ -17,7 +17,7 @@ from zenoh_cbef.nodes.common.briefing import HERE, card
 from zenoh_cbef.nodes.common.node import Node
 from zenoh_cbef.nodes.target.lookout import Lookout
 from zenoh_cbef.nodes.target.progress import Progress
-from zenoh_cbef.protocol.keys import address
+from zenoh_cbef.protocol.keys import Address, address, agent_named
 from zenoh_cbef.protocol.mailbox import Mailbox
 from zenoh_cbef.protocol.messages import BadMessage, decode
 from zenoh_cbef.scenario.plan import Plan
@@ -26,6 +26,7 @@ from zenoh_cbef.scenario.world import World
 _KEPT_OF_EACH = 10
 _PORTION = 50
 _WAITING = 1 << 10
+_CHOSEN = 100
 _SHOWN = ("agent/", "ready/", "record/")
 
 
@@ -38,7 +39,11 @@ class Surveyed(Protocol):
     progress: Progress
     lookout: Lookout
     step: int | None
-    start: float
+
+    @property
+    def start(self) -> float:
+        """When step 0 is or was, s since the Unix epoch."""
+        ...
 
     def members(self) -> list[int]:
         """The agents that take part in the run, and are here."""
@@ -71,7 +76,7 @@ class Survey:
             message = decode("event", data, run=self._node.identity.run, sender=sender)
         except BadMessage:
             return  # the recorder counts those
-        known = self._known(sender)
+        known = at is not None and self._known(sender) and self._has_room(at)
         if message["kind"] == HERE and known:
             self._cards[sender] = data
         # Keep the latest events of each process, so that one that sends many does not displace the others'.
@@ -79,6 +84,11 @@ class Survey:
 
     def _known(self, sender: str) -> bool:
         return any(name == sender or name.startswith(f"{sender}/") for name in self._node.presence.names())
+
+    def _has_room(self, at: Address) -> bool:
+        """Whether a process's events get a place of their own: of chosen names there can be any number."""
+        chosen = (one for one in self._events if one != "target" and agent_named(one) is None)
+        return not at.chosen or at.owner in self._events or sum(1 for _ in chosen) < _CHOSEN
 
     def _latest(self) -> list[bytes]:
         return [data for events in list(self._events.values()) for data in list(events)]

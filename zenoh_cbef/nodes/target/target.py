@@ -67,7 +67,7 @@ class Target:
         self.survey = Survey(self.node)
         self.lookout = Lookout(self.node)
         self._first_fix = self.plan.first_fix_steps
-        self.start = 0.0
+        self._epoch = 0.0
         self._alone_at = 0.0
         self._faults_out = self.node.outbox(self.node.keys.faults)
         self._active: set[int] = set()
@@ -84,6 +84,11 @@ class Target:
     @property
     def _patience(self) -> float:
         return _LONGER * self.scenario.timing.patience
+
+    @property
+    def start(self) -> float:
+        """When step 0 is or was, s since the Unix epoch, as the clock is set now."""
+        return self._epoch - time.monotonic() + time.time()
 
     def members(self) -> list[int]:
         """The agents that take part in the run, and are here."""
@@ -112,14 +117,13 @@ class Target:
     def run(self) -> int:
         """Emit all beacons; returns the last step emitted."""
         realtime = self.plan.realtime
-        self.start = time.time() + (self.scenario.timing.start_delay if realtime else 0.0)
-        epoch = self.start - time.time() + time.monotonic()
+        self._epoch = epoch = time.monotonic() + (self.scenario.timing.start_delay if realtime else 0.0)
         self.node.event("started", f"run {self.node.identity.run} started", at=self.start)
         self.progress.rejections.start()
         ready = {agent for agent in range(self.scenario.count) if f"ready/{agent}" in self.node.presence}
         self.progress.begin(ready)
         if realtime:
-            self.injection = Injection(self.plan, self.start)
+            self.injection = Injection(self.plan, epoch)
         self.step = 0
         for agent in sorted(ready):
             self._signal_start(agent, 0)

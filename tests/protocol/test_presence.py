@@ -1,0 +1,29 @@
+"""Names that anybody may announce where links have no certificates; tokens of real sessions."""
+
+import pytest
+
+from tests.processes.conftest import unused_port
+from zenoh_cbef.protocol import presence
+from zenoh_cbef.protocol.keys import Keys
+from zenoh_cbef.protocol.presence import Presence
+from zenoh_cbef.protocol.session import Connection, open_session
+
+LIVE = Keys("test").all_live
+MADE_UP = ["agent/1000", "agent/x", "nonsense/deep/er", "life/made-up/1", "over/record/a", "ready/agent/1", "heard/x/1"]
+
+
+def test_names_that_no_run_has_are_not_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(presence, "_MOST", 20)
+    endpoint = f"tcp/127.0.0.1:{unused_port()}"
+    with open_session(Connection(listen=[endpoint])) as here, open_session(Connection([endpoint])) as there:
+        seen, hostile = Presence(here, LIVE), Presence(there, LIVE)
+        tokens = [*MADE_UP, *(f"record/{n}" for n in range(50)), *(f"heard/agent/1/{n}" for n in range(50))]
+        for name in tokens:
+            hostile.announce(name)
+        hostile.enter("agent/3")
+        assert seen.wait(lambda live: "agent/3" in live, 20.0)
+        kept = seen.names()
+        assert not kept & set(MADE_UP)
+        assert len(kept) <= 21
+        hostile.leave("agent/3")
+        assert seen.wait(lambda live: not live, 20.0)
