@@ -31,6 +31,7 @@ def attacks(run: str) -> list[tuple[str, bytes]]:
         forged("another", "agent/1", **good),
         forged(run, "agent/0", **good),
         forged(run, "agent/1", **(good | {"payload": nan})),
+        forged(run, "agent/1", **(good | {"payload": struct.pack("<27d", *[1e200] * 27)})),
         forged(run, "agent/1", **(good | {"payload": b"\0" * 24})),
         forged(run, "agent/1", **(good | {"k": 10**12})),
         forged(run, "agent/1", **(good | {"l": 999})),

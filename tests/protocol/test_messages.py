@@ -27,12 +27,14 @@ from zenoh_cbef.protocol.messages import (
     unpack_floats,
 )
 from zenoh_cbef.tracking.diagnostics import NAMES
+from zenoh_cbef.tracking.moderation import LARGEST_SENT
 
 COUNTS = st.integers(0, 2**63 - 1)
 NUMBERS = st.floats(-FARTHEST, FARTHEST)
 NUMBERS_OR_NIL = st.one_of(st.none(), NUMBERS)
 MOMENTS = st.floats(0.0, 9e9)
 TEXTS = st.text(st.characters(exclude_categories=["Cc", "Cs"]), max_size=30)
+PAYLOADS = st.lists(st.floats(-LARGEST_SENT, LARGEST_SENT), max_size=30).map(lambda one: pack_floats(np.array(one)))
 DOUBLES = st.lists(NUMBERS, max_size=30).map(lambda values: pack_floats(np.array(values, dtype=float)))
 
 SMALL = st.integers(0, (1 << 40) - 1)
@@ -52,7 +54,7 @@ BODY = {
         {"k": COUNTS, "signal": st.sampled_from(["start", "end"])}, optional={"at": MOMENTS}
     ),
     "range": st.fixed_dictionaries({"k": COUNTS, "position": numbers(3), "range": NUMBERS_OR_NIL}),
-    "round": st.fixed_dictionaries({"k": COUNTS, "l": COUNTS, "payload": DOUBLES}),
+    "round": st.fixed_dictionaries({"k": COUNTS, "l": COUNTS, "payload": PAYLOADS}),
     "estimate": st.fixed_dictionaries(
         {
             "k": COUNTS,
@@ -226,8 +228,8 @@ def test_a_refusal_says_what_is_wrong(kind, change, said):
     assert len(str(caught.value)) < 120
 
 
-@pytest.mark.parametrize("values", [[math.nan], [1.0, math.inf], [-math.inf, 0.0]])
-def test_numbers_that_are_not_finite_do_not_hide_in_binary_fields(values):
+@pytest.mark.parametrize("values", [[math.nan], [1.0, math.inf], [-math.inf, 0.0], [1.0, 2e60]])
+def test_numbers_that_are_not_finite_or_immense_do_not_hide_in_binary_fields(values):
     body = {"k": 1, "l": 1, "payload": struct.pack(f"<{len(values)}d", *values)}
     with pytest.raises(BadMessage, match="payload"):
         decode("round", written(body), run=RUN)

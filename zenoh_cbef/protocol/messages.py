@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from zenoh_cbef.plain import flaw
 from zenoh_cbef.tracking import diagnostics
+from zenoh_cbef.tracking.moderation import LARGEST_SENT
 
 VERSION = 1
 LARGEST = 1 << 20
@@ -106,14 +107,13 @@ def _lists_of(test: Test, size: int | None = None) -> Test:
     return hold
 
 
-def _doubles(values: Values) -> bool:
+def _doubles(values: Values, most: float = LARGEST_SENT) -> bool:
     whole = _are(values, bytes) and all(len(value) % 8 == 0 for value in values)
-    return whole and bool(np.isfinite(np.frombuffer(b"".join(values), "<f8")).all())
+    return whole and bool((np.abs(np.frombuffer(b"".join(values), "<f8")) <= most).all())
 
 
 def _doubles_or_nil(values: Values) -> bool:
-    present = [value for value in values if value is not None]
-    return _doubles(present) and bool((np.abs(np.frombuffer(b"".join(present), "<f8")) <= FARTHEST).all())
+    return _doubles([value for value in values if value is not None], FARTHEST)
 
 
 def _numbers(size: int) -> Field:

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zenoh_cbef.protocol.messages import VERSION, decode, unpack_floats
+from zenoh_cbef.tracking.moderation import LARGEST_SENT
 
 Floats = NDArray[np.float64]
 Counts = NDArray[np.unsignedinteger[Any]]
@@ -68,7 +69,7 @@ class RoundCodec:
         return self._head + numbers + (payload if _LITTLE else payload.astype("<f8")).tobytes()
 
     def decode_all(self, messages: Sequence[bytes]) -> Rounds:
-        """Many messages at once. Raises BadMessage where any is not as promised, or its payload not finite."""
+        """Many messages at once. Raises BadMessage where any is not as promised, or its payload immense."""
         if set(map(len, messages)) == {self._size}:
             data = b"".join(messages)
             read = np.frombuffer(data, self._row)
@@ -76,7 +77,7 @@ class RoundCodec:
             found = Rounds(*(read[name].astype(read[name].dtype.newbyteorder("=")) for name in Rounds._fields))
             numbered = max(found.seq.max(), found.sent.max()) < _MOST
             plain = (bytes_[:, self._fixed] == self._example[self._fixed]).all()
-            if plain and numbered and np.isfinite(found.payload).all():
+            if plain and numbered and (np.abs(found.payload) <= LARGEST_SENT).all():
                 return found
         maps = [decode("round", data, run=self._run, sender=self._sender) for data in messages]
         seq, sent, step, round_ = (
@@ -87,7 +88,7 @@ class RoundCodec:
         )
 
     def decode(self, data: bytes) -> tuple[int, int, int, bytes]:
-        """Step, round, sending time (ns) and payload: d float64, which the caller still has to check for finite values.
+        """Step, round, sending time (ns) and payload: d float64; the caller compares it with LARGEST_SENT.
 
         Raises BadMessage for anything else than a round message of this run and sender.
         """
