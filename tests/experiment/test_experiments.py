@@ -222,8 +222,8 @@ def test_built_in_experiments_are_listed_and_shown(monkeypatch, capsys):
     ("arguments", "words"),
     [
         (["los"], "did you mean 'loss'"),
-        (["show"], "give one experiment"),
-        (["loss", "delay"], "give one experiment"),
+        (["show"], "Missing argument 'FILE'; see 'zenoh-cbef experiment show -h'"),
+        (["loss", "delay"], "unexpected extra argument"),
         (["loss", "--seeds", "many"], "neither a number nor a list"),
         (["loss", "--seeds", "0"], "at least 1"),
     ],

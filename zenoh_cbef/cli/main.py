@@ -14,10 +14,6 @@ from importlib import import_module
 from zenoh_cbef.cli.interrupts import INTERRUPTED, end_deaf, leave_at_once
 from zenoh_cbef.errors import Interrupted, UserError
 
-TYPE_CHECKING = False  # as in `typing`, which takes as long
-if TYPE_CHECKING:
-    import typer
-
 _MISTAKE = 2
 _READER_GONE = 1
 _REMEDIES = {
@@ -62,9 +58,9 @@ def _run() -> int:
         try:
             if {"COMP_WORDS", "COMP_CWORD"} <= os.environ.keys():  # bash asks what may come next
                 import_module("zenoh_cbef.cli.completing").mend_words()
-            application: typer.Typer = import_module("zenoh_cbef.cli.verbs").build()
+            verbs = import_module("zenoh_cbef.cli.verbs")
             with import_module("zenoh_cbef.cli.warned").plain_warnings():
-                application(prog_name="zenoh-cbef")
+                verbs.call(verbs.build())
         finally:
             leave_at_once()  # an exception among the words about another one would be a traceback
     except SystemExit as ended:

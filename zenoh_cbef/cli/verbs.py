@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import sys
 from importlib import import_module
-from typing import Annotated, Any
+from typing import Annotated, Any, NoReturn
 
 import typer
 from typer.core import TyperGroup
+from typer.exceptions import Abort, TyperException
 
 from zenoh_cbef import __version__
 from zenoh_cbef.cli.interrupts import raise_from_here
-from zenoh_cbef.errors import Interrupted
+from zenoh_cbef.errors import Interrupted, UserError
 
 GROUPS = {
     "Run": {
@@ -114,3 +116,18 @@ def build() -> typer.Typer:
         for name, what in verbs.items():
             app.command(name, short_help=what, rich_help_panel=heading)(_not_imported)
     return app
+
+
+def call(application: typer.Typer) -> NoReturn:
+    """Call the verb of the command line, and exit with its status.
+
+    Raises UserError where the command line is not one of the verb's: with where its help is.
+    """
+    try:
+        status = application(prog_name="zenoh-cbef", standalone_mode=False)
+    except Abort:
+        sys.exit(1)
+    except TyperException as error:
+        where = getattr(getattr(error, "ctx", None), "command_path", "zenoh-cbef")
+        raise UserError(f"{error.format_message().rstrip('.')}; see '{where} -h'") from None
+    sys.exit(status if isinstance(status, int) else 0)
