@@ -185,3 +185,10 @@ def test_bash_completes_with_the_script_that_it_is_given(tmp_path):
         ["bash", "-c", f"{script}\n{asks}"], env=environment, capture_output=True, text=True, check=True
     )
     assert done.stdout == "paper\n"
+
+
+@pytest.mark.parametrize("words", [[], ["certs"]])
+def test_no_words_are_answered_with_help_and_nothing_else(monkeypatch, capsys, words):
+    status, out, err = call(monkeypatch, capsys, *words)
+    assert (status, err) == (2, "")
+    assert out.strip().startswith("Usage:")

@@ -128,6 +128,8 @@ def call(application: typer.Typer) -> NoReturn:
     except Abort:
         sys.exit(1)
     except TyperException as error:
+        if not error.format_message():  # nothing was said, and help was the answer
+            sys.exit(2)
         where = getattr(getattr(error, "ctx", None), "command_path", "zenoh-cbef")
         raise UserError(f"{error.format_message().rstrip('.')}; see '{where} -h'") from None
     sys.exit(status if isinstance(status, int) else 0)
