@@ -4,7 +4,7 @@ from pathlib import Path
 
 from zenoh_cbef.checkout import commit
 
-VERSION = "0.1.0"
+VERSION = "0.2.0"
 _COMMIT = commit(Path(__file__).parents[1])
 
 __version__ = f"{VERSION}+g{_COMMIT}" if _COMMIT else VERSION
