@@ -25,14 +25,12 @@ a position of 1e15 m: 1e55 in all. And its fourth power is finite, so that an up
 
 def bounded(payload: Floats) -> Floats:
     """Payloads (n, d) with no number beyond `LARGEST_SENT`: only what liars have said gets there."""
-    return payload if surely_bounded(payload) else np.clip(payload, -LARGEST_SENT, LARGEST_SENT)
+    return payload if is_bounded(payload) else np.clip(payload, -LARGEST_SENT, LARGEST_SENT)
 
 
-def surely_bounded(payload: Floats) -> bool:
-    """Whether the sum of squares already shows that no number is beyond `LARGEST_SENT`: one call looks at all."""
-    flat = payload.ravel()
-    with np.errstate(over="ignore"):
-        return bool(flat.dot(flat) <= LARGEST_SENT**2)
+def is_bounded(payload: Floats) -> bool:
+    """Whether no number is beyond `LARGEST_SENT`, and none is NaN."""
+    return bool(np.maximum.reduce(np.abs(payload), axis=None, initial=0.0) <= LARGEST_SENT)
 
 
 def immoderate(values: Floats) -> Bools:

@@ -19,7 +19,7 @@ from zenoh_cbef.protocol.mailbox import CAPACITY, Mailbox
 from zenoh_cbef.protocol.messages import nil_to_nan
 from zenoh_cbef.protocol.round_codec import RoundCodec
 from zenoh_cbef.scenario.plan import Plan
-from zenoh_cbef.tracking.moderation import LARGEST_SENT, surely_bounded
+from zenoh_cbef.tracking.moderation import LARGEST_SENT, is_bounded
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -161,7 +161,7 @@ class Neighbourhood:
         if slowest != self._order[0]:
             self._order.remove(slowest)
             self._order.insert(0, slowest)
-        if not surely_bounded(self._received):
+        if not is_bounded(self._received):
             self._refuse_immoderate(turn, delivered, deadline)
         return self._received, None if all(delivered) else np.array([delivered])
 
