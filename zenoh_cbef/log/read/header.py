@@ -9,6 +9,7 @@ from zenoh_cbef.log.common.naming import END, RESOLVED, RUN
 from zenoh_cbef.log.read.parts import Log
 from zenoh_cbef.plain import read_toml
 from zenoh_cbef.scenario import Scenario
+from zenoh_cbef.scenario.legacy import as_meant
 from zenoh_cbef.scenario.load import parse
 from zenoh_cbef.scenario.plan import Plan
 
@@ -37,4 +38,4 @@ def read_header(log: Log) -> Header:
         data = read_toml(attached.decode())
     except ValueError as error:
         raise UserError(f"the scenario in {log.path} is damaged: {error}") from None
-    return Header(described["run"], Plan(parse(data, f"the scenario in {log.path}")), log.metadata.get(END))
+    return Header(described["run"], Plan(parse(as_meant(data), f"the scenario in {log.path}")), log.metadata.get(END))

@@ -1,0 +1,19 @@
+"""What a scenario in an older log means where it lacks a key that was added later."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+MEANT: dict[tuple[str, str], Any] = {}
+"""What an absent key of a table stood for when it did not exist yet: so an older log is computed as it was."""
+
+
+def as_meant(data: Mapping[str, Any]) -> dict[str, Any]:
+    """The tables of a logged scenario, with the keys that it lacks."""
+    filled = {name: dict(table) if isinstance(table, Mapping) else table for name, table in data.items()}
+    for (table, key), value in MEANT.items():
+        given = filled.setdefault(table, {})
+        if isinstance(given, dict):
+            given.setdefault(key, value)
+    return filled
