@@ -14,6 +14,8 @@ from zenoh_cbef.tracking.filters import KINDS, Abilities, abilities_of
 class Filter(Table):
     """The estimation filter and its settings. None: the value follows from target and sensor.
 
+    defaults: the rules by which 'auto' and None decide: 2 today's, 1 those of version 0.2.0 and before it. Logs hold
+    'auto' as such, so a change of what it means is a new number here, and old logs keep theirs (see legacy.py).
     xi: cbef saturates at this size of the whole innovation (m^2), cbef-scaled likewise (m), the others at this many
     standard deviations. saturation auto: redescending where the scenario's sensor has outliers. omega: hcmci multiplies
     averaged measurements by it; None: the number of agents.
@@ -24,6 +26,7 @@ class Filter(Table):
     """
 
     kind: str = "sicf"
+    defaults: Literal[1, 2] = 2
     xi: Factor = 1.5
     saturation: Literal["auto", "bounded", "redescending"] = "auto"
     recovery: bool = False

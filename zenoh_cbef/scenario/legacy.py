@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-MEANT: dict[tuple[str, str], Any] = {}
+MEANT: dict[tuple[str, str], Any] = {("filter", "defaults"): 1}
 """What an absent key of a table stood for when it did not exist yet: so an older log is computed as it was."""
 
 
