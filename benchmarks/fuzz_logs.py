@@ -111,7 +111,7 @@ class Logs:
                 channels[channel.id] = writer.register_channel(channel.topic, channel.message_encoding, schema)
             _copy(writer, channels[channel.id], message)
         writer.add_metadata(END, file.metadata[END])
-        writer.finish()  # type: ignore[no-untyped-call]
+        writer.finish()
         return stream.getvalue()
 
 

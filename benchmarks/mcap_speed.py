@@ -43,7 +43,7 @@ def write_official(path: Path, compression: Compression, messages: list[bytes]) 
         channels = [writer.register_channel(f"key/{n}", "msgpack", schema) for n in range(CHANNELS)]
         for n, data in enumerate(messages):
             writer.add_message(channels[n % CHANNELS], log_time=n, publish_time=n, sequence=n // CHANNELS, data=data)
-        writer.finish()  # type: ignore[no-untyped-call]
+        writer.finish()
 
 
 def write_ours(path: Path, compression: Compression, messages: list[bytes]) -> None:

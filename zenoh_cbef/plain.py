@@ -11,7 +11,7 @@ import math
 import re
 import tomllib
 from collections.abc import Mapping, Sequence
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 Json: TypeAlias = "Mapping[str, Json] | Sequence[Json] | str | float | bool | None"
 """What JSON can say."""
@@ -68,11 +68,11 @@ def _is_unicode(text: str) -> bool:
     return True
 
 
-def read_json(text: str | bytes) -> Any:
+def read_json(text: str | bytes) -> Json:
     """A plain value from JSON. Raises ValueError with the reason in a few words."""
     _check_length(text)
     try:
-        value = json.loads(text)
+        value: Json = json.loads(text)
     except RecursionError:
         raise ValueError(_TOO_DEEP) from None
     if words := flaw(value):
@@ -80,7 +80,7 @@ def read_json(text: str | bytes) -> Any:
     return value
 
 
-def read_toml(text: str) -> dict[str, Any]:
+def read_toml(text: str) -> dict[str, object]:
     """The tables of a TOML text. Raises ValueError with the reason in a few words."""
     _check_length(text)
     if _LONG_KEY.search(text):

@@ -27,7 +27,7 @@ from zenoh_cbef.experiment.results import Summary
 from zenoh_cbef.experiment.summary import EXIT_STATUS, check_expectations, summarize
 from zenoh_cbef.experiment.sweep import Sweep
 from zenoh_cbef.experiment.table import rows_of
-from zenoh_cbef.plain import Json, read_toml
+from zenoh_cbef.plain import read_toml
 from zenoh_cbef.words import counted
 
 _COLUMNS = {
@@ -98,7 +98,7 @@ def _run(
     _sweep(written, sweep, new_folder_of(folder, RESULTS, force=own), as_json=as_json)
 
 
-def _changes(seeds: str | None) -> dict[str, Json]:
+def _changes(seeds: str | None) -> dict[str, object]:
     if seeds is None:
         return {}
     try:

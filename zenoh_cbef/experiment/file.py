@@ -95,7 +95,7 @@ class Written:
         return purpose_of(self.source)
 
 
-def read_experiment(name: str, changes: Mapping[str, Json] | None = None) -> Written:
+def read_experiment(name: str, changes: Mapping[str, object] | None = None) -> Written:
     """Read an experiment; changes: top-level keys that replace the file's. Raises UserError with the remedy."""
     source, folder = read_source(name)
     try:

@@ -94,10 +94,18 @@ def known_runs() -> dict[str, KnownRun]:
 
 def _read(name: str, file: IO[str]) -> KnownRun:
     told = read_json(file.read(_LONGEST))
-    if isinstance(told, list):  # as earlier versions wrote it
-        return KnownRun(name, [str(one) for one in told], [])
-    sessions = [int(one) for one in told["sessions"]]
-    return KnownRun(name, [str(one) for one in told["endpoints"]], sessions, told.get("folder"), told.get("started"))
+    table = told if isinstance(told, dict) else {"endpoints": told}  # as earlier versions wrote it
+    endpoints, sessions = table.get("endpoints"), table.get("sessions", [])
+    if not isinstance(endpoints, list) or not isinstance(sessions, list):
+        raise TypeError
+    folder, started = table.get("folder"), table.get("started")
+    return KnownRun(
+        name,
+        [one for one in endpoints if isinstance(one, str)],
+        [one for one in sessions if isinstance(one, int)],
+        folder if isinstance(folder, str) else None,
+        started if isinstance(started, float) else None,
+    )
 
 
 def _held(file: IO[str]) -> bool:

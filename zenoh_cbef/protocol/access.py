@@ -7,8 +7,7 @@ their receiver checks them.
 
 from __future__ import annotations
 
-from typing import Any
-
+from zenoh_cbef.plain import Json
 from zenoh_cbef.protocol.keys import Keys
 from zenoh_cbef.protocol.tls import common_name
 
@@ -80,10 +79,10 @@ _ROLES: dict[str, list[Rule]] = {
 }
 
 
-def access_control() -> dict[str, Any]:
+def access_control() -> dict[str, Json]:
     """Zenoh's access_control section."""
     roles = _ROLES | {common_name("agent", str(agent)): _agent(agent) for agent in range(AGENTS)}
-    rules: list[dict[str, Any]] = [
+    rules: list[dict[str, Json]] = [
         {"id": "out", "permission": "allow", "flows": ["egress"], "messages": _ALL, "key_exprs": [_ANY.everything]}
     ]
     policies = []

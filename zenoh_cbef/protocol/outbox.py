@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import zenoh
 
@@ -42,10 +41,11 @@ class Outbox:
             allowed_destination=zenoh.Locality.REMOTE,
         )
 
-    def send(self, **body: Any) -> bytes:
+    def send(self, **body: object) -> bytes:
         """Publish one message, bin fields last; returns it as it was sent."""
         data = encode(self._run, self._sender, self.sent, self._clock(), body)
-        self._memory.keep(self.sent, body.get("k"), data)
+        step = body.get("k")
+        self._memory.keep(self.sent, step if isinstance(step, int) else None, data)
         self._publisher.put(data)
         self.sent += 1
         return data

@@ -9,13 +9,17 @@ from concurrent.futures import Future
 from concurrent.futures import TimeoutError as NotYet
 from pathlib import Path
 from threading import Thread
-from typing import Any
 
 import zenoh
 
 from zenoh_cbef.plain import whole
 from zenoh_cbef.protocol.keys import Keys, run_of
 from zenoh_cbef.protocol.session import Connection
+
+_Place = tuple[
+    socket.AddressFamily, socket.SocketKind, int, str, tuple[str, int] | tuple[str, int, int, int] | tuple[int, bytes]
+]
+"""What a name service says of a place: family, kind and number of the protocol, canonical name, address."""
 
 _REACH_SECONDS = 1.0
 _POLL_SECONDS = 0.02
@@ -90,9 +94,9 @@ def unreachable(endpoint: str, seconds: float = _REACH_SECONDS) -> str | None:
     return _refusal(endpoint, found, seconds) if protocol in _STREAMS else None
 
 
-def _resolve(host: str, port: int, seconds: float) -> Sequence[Any]:
+def _resolve(host: str, port: int, seconds: float) -> Sequence[_Place]:
     # A name service that is away takes longer than a user wants to wait, and cannot be interrupted.
-    found: Future[Sequence[Any]] = Future()
+    found: Future[Sequence[_Place]] = Future()
 
     def ask() -> None:
         try:
@@ -104,7 +108,7 @@ def _resolve(host: str, port: int, seconds: float) -> Sequence[Any]:
     return found.result(seconds)
 
 
-def _refusal(endpoint: str, addresses: Sequence[Any], seconds: float) -> str | None:
+def _refusal(endpoint: str, addresses: Sequence[_Place], seconds: float) -> str | None:
     """Why none of the addresses takes a connection, None where one does."""
     words = ""
     for family, kind, number, _, address in addresses:

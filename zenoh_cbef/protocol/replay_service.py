@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any
 
 import msgpack
 import zenoh
@@ -16,7 +15,7 @@ Orders = list[tuple[str, str]]
 
 
 def serve_replay(
-    session: zenoh.Session, run: str, obey: Callable[[Orders], Mapping[str, Any]]
+    session: zenoh.Session, run: str, obey: Callable[[Orders], Mapping[str, object]]
 ) -> zenoh.Queryable[None]:
     """Answer queries until the returned queryable is dropped.
 

@@ -9,11 +9,11 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import zenoh
 
 from zenoh_cbef.errors import UserError
+from zenoh_cbef.plain import Json
 from zenoh_cbef.protocol.access import access_control
 from zenoh_cbef.protocol.keys import Keys
 from zenoh_cbef.protocol.linger import let_go_at_once
@@ -26,7 +26,7 @@ _MEET_SECONDS = 1.0
 _ROUTER_RETRY_SECONDS = 0.2
 _OPEN_MS = 1500
 """How long a link may take to open before it is tried again; a session that closes waits for as long."""
-_SIZE_LIMIT = {
+_SIZE_LIMIT: Json = {
     "id": "size",
     "flows": ["ingress"],
     "messages": ["put", "query", "reply"],
@@ -133,7 +133,7 @@ def configuration(connection: Connection) -> str:
 
 def _config(connection: Connection) -> zenoh.Config:
     config = _base(connection.config)
-    settings: dict[str, Any] = {
+    settings: dict[str, Json] = {
         "mode": connection.mode,
         "scouting/multicast/enabled": connection.multicast,
         "scouting/gossip/enabled": connection.gossip,

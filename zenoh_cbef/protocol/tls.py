@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from zenoh_cbef.errors import UserError
 
@@ -35,7 +34,7 @@ class Tls:
         """The files that `certs new` put into a folder for the process with this common name."""
         return cls(folder / "ca.pem", folder / f"{name}.pem", folder / f"{name}.key")
 
-    def settings(self) -> dict[str, Any]:
+    def settings(self) -> dict[str, str | bool]:
         """Zenoh's transport/link/tls: both ends of every link show a certificate."""
         return {
             "root_ca_certificate": str(self.ca),

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.plain import read_json
+from zenoh_cbef.plain import Json, read_json
 from zenoh_cbef.scenario.checks import check_faults
 from zenoh_cbef.scenario.load import parse
 from zenoh_cbef.scenario.plan import Plan
 
 
-def with_faults(plan: Plan, tables: Sequence[Mapping[str, Any]]) -> Plan:
+def with_faults(plan: Plan, tables: Sequence[Mapping[str, object]]) -> Plan:
     """The plan with more faults, as tables of `[[fault]]`. Raises UserError where they are none.
 
     What the scenario leaves to be derived from its faults stays as it was: a run cannot change its messages.
@@ -26,12 +25,13 @@ def with_faults(plan: Plan, tables: Sequence[Mapping[str, Any]]) -> Plan:
     return extended
 
 
-def read_tables(text: str) -> list[dict[str, Any]]:
+def read_tables(text: str) -> list[dict[str, Json]]:
     """Tables of faults from JSON. Raises UserError."""
     try:
         tables = read_json(text)
     except ValueError as error:
         raise UserError(f"the injected faults are no JSON: {error}") from None
-    if not isinstance(tables, list) or not all(isinstance(one, dict) for one in tables):
+    found = [one for one in tables if isinstance(one, dict)] if isinstance(tables, list) else []
+    if tables != found:
         raise UserError("the injected faults are no list of tables")
-    return tables
+    return found

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
-MEANT: dict[tuple[str, str], Any] = {("filter", "defaults"): 1}
+MEANT: dict[tuple[str, str], object] = {("filter", "defaults"): 1}
 """What an absent key of a table stood for when it did not exist yet: so an older log is computed as it was."""
 
 
-def as_meant(data: Mapping[str, Any]) -> dict[str, Any]:
+def as_meant(data: Mapping[str, object]) -> dict[str, object]:
     """The tables of a logged scenario, with the keys that it lacks."""
     filled = {name: dict(table) if isinstance(table, Mapping) else table for name, table in data.items()}
     for (table, key), value in MEANT.items():

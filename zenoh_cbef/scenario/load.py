@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from functools import cached_property
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import tomli_w
@@ -53,7 +52,7 @@ def load(name: str, overrides: Sequence[str] = ()) -> Loaded:
     return Loaded(source, complete(data, name, folder))
 
 
-def read_tables(name: str) -> tuple[str, dict[str, Any], Path]:
+def read_tables(name: str) -> tuple[str, dict[str, object], Path]:
     """As `read_source`, with the text's tables between the two."""
     source, folder = read_source(name)
     try:
@@ -62,12 +61,12 @@ def read_tables(name: str) -> tuple[str, dict[str, Any], Path]:
         raise UserError(f"{name} is not valid TOML: {error}; correct that line") from None
 
 
-def complete(data: Mapping[str, Any], name: str, folder: Path) -> Scenario:
+def complete(data: Mapping[str, object], name: str, folder: Path) -> Scenario:
     """The scenario of these tables, with recorded data laid out; relative paths start from the folder."""
     return _lay_out(parse(data, name), folder)
 
 
-def parse(data: Mapping[str, Any], name: str) -> Scenario:
+def parse(data: Mapping[str, object], name: str) -> Scenario:
     """A scenario from its tables. Raises UserError naming file, key and remedy."""
     try:
         text = json.dumps(data, default=_dated)
@@ -85,30 +84,33 @@ def to_toml(scenario: Scenario) -> str:
     return tomli_w.dumps(scenario.model_dump(mode="json", by_alias=True, exclude_none=True))
 
 
-def _dated(value: Any) -> list[list[str]]:
+def _dated(value: object) -> list[list[str]]:
     # TOML's dates have no place in a scenario; no key takes a list of lists of text.
     return [[str(value)]]
 
 
-def put(data: dict[str, Any], key: str, value: Any) -> None:
+def put(data: dict[str, object], key: str, value: object) -> None:
     """Put a value at `a.b.c`; a table of a list is named by its place, or by its kind (fault.loss.probability).
 
     Raises UserError where the way there does not lead through tables.
     """
     *way, last = (part.strip() for part in key.split("."))
-    place: Any = data
+    place: dict[str, object] | list[object] = data
     for depth, part in enumerate(way, 1):
-        place = (
-            place[_entry(place, part, key)]
-            if isinstance(place, list)
-            else place.setdefault(part, [] if part == "fault" else {})
-        )
-        if not isinstance(place, dict | list):
+        if isinstance(place, list):
+            inner = place[_entry(place, part, key)]
+        else:
+            inner = place.setdefault(part, [] if part == "fault" else {})
+        if not isinstance(inner, dict | list):
             raise UserError(f"{key}: {'.'.join(way[:depth])} is not a table of the scenario; see docs/scenario.md")
-    place[_entry(place, last, key) if isinstance(place, list) else last] = value
+        place = inner
+    if isinstance(place, list):
+        place[_entry(place, last, key)] = value
+    else:
+        place[last] = value
 
 
-def _entry(entries: list[Any], part: str, key: str) -> int:
+def _entry(entries: list[object], part: str, key: str) -> int:
     number = whole(part)
     if number is not None and number < len(entries):
         return number
@@ -126,7 +128,7 @@ def _entry(entries: list[Any], part: str, key: str) -> int:
     raise UserError(f"{key}: there is no entry {part}; there is {there}; name one of these")
 
 
-def value_of(text: str) -> Any:
+def value_of(text: str) -> object:
     """A value as a command line has it: TOML, or else text without quotes."""
     try:
         return read_toml(f"value = {text}")["value"]
@@ -134,7 +136,7 @@ def value_of(text: str) -> Any:
         return float(text) if _SHORT_NUMBER.fullmatch(text.strip()) else text.strip()
 
 
-def apply(data: dict[str, Any], override: str) -> None:
+def apply(data: dict[str, object], override: str) -> None:
     """Apply one `a.b=value` to a scenario's tables. Raises UserError where it is none."""
     key, separator, text = override.partition("=")
     if not separator or not all(part.strip() for part in key.split(".")):

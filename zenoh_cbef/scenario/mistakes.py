@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from difflib import get_close_matches
-from typing import Any, get_args
+from typing import get_args
 
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
+from pydantic_core import ErrorDetails
 
 from zenoh_cbef.scenario.model import Scenario
 
@@ -43,7 +44,7 @@ def sentence(error: ValidationError) -> str:
     return _text(meant, same) + (f" ({more} more)" if more else "")
 
 
-def _text(mistake: Any, same: Sequence[Any]) -> str:
+def _text(mistake: ErrorDetails, same: Sequence[ErrorDetails]) -> str:
     place, kind, given = mistake["loc"], mistake["type"], mistake["input"]
     key = _written(_key(place))
     if kind == "extra_forbidden":
@@ -60,7 +61,7 @@ def _text(mistake: Any, same: Sequence[Any]) -> str:
     return f"{key} {_requirement(mistake)}, not {_shown(given)}"
 
 
-def _requirement(mistake: Any) -> str:
+def _requirement(mistake: ErrorDetails) -> str:
     place, kind = mistake["loc"], mistake["type"]
     field = _field(place)
     if field and field.description and kind != "finite_number" and not isinstance(place[-1], int):
@@ -69,17 +70,18 @@ def _requirement(mistake: Any) -> str:
     return f"must be {_MUST_BE[kind]}" if kind in _MUST_BE else said
 
 
-def _miscounted(mistake: Any, same: Sequence[Any]) -> str:
+def _miscounted(mistake: ErrorDetails, same: Sequence[ErrorDetails]) -> str:
     place, given = mistake["loc"], mistake["input"]
     if mistake["type"] == "too_long":
         return f"{_written(_key(place))} must have {mistake['ctx']['max_length']} items, not {len(given)}"
     if not isinstance(place[-1], int):
         return f"{_written(_key(place))} is missing; add it"
-    needed = 1 + max(one["loc"][-1] for one in same if one["loc"][:-1] == place[:-1])
+    beside = [one["loc"][-1] for one in same if one["loc"][:-1] == place[:-1]]
+    needed = 1 + max(number for number in beside if isinstance(number, int))
     return f"{_written(_key(place[:-1]))} must have {needed} items, not {len(given)}"
 
 
-def _unknown_kind(mistake: Any, key: str) -> str:
+def _unknown_kind(mistake: ErrorDetails, key: str) -> str:
     kinds = ", ".join(tag for model in _models(mistake["loc"]) if (tag := _tag(model)))
     given = f", not {mistake['ctx']['tag']!r}" if "tag" in mistake["ctx"] else ""
     return f"{key}.kind must be one of {kinds}{given}"
@@ -108,7 +110,7 @@ def _everywhere(is_meant: Callable[[str], bool]) -> list[str]:
     ]
 
 
-def _shown(value: Any) -> str:
+def _shown(value: object) -> str:
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, str | int | float):
@@ -168,13 +170,13 @@ def _names(model: type[BaseModel]) -> list[str]:
     return [field.alias or name for name, field in model.model_fields.items()]
 
 
-def _tables(annotation: Any) -> list[type[BaseModel]]:
+def _tables(annotation: object) -> list[type[BaseModel]]:
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return [annotation]
     return [model for part in get_args(annotation) for model in _tables(part)]
 
 
-def _tables_or_values(annotation: Any) -> bool:
+def _tables_or_values(annotation: object) -> bool:
     """Whether a key takes a table, or something else."""
     kinds = {isinstance(part, type) and issubclass(part, BaseModel) for part in get_args(annotation)}
     return len(kinds) == 2

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from types import ModuleType
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,10 @@ from zenoh_cbef.errors import UserError
 from zenoh_cbef.extras import from_extra
 from zenoh_cbef.viewers.scene import Scene
 from zenoh_cbef.viewers.viz import TRAIL, TRUTH, WARNINGS, agent_colour, body_size, health_colour
+
+if TYPE_CHECKING:
+    from rerun import RecordingStream
+    from rerun.blueprint import Blueprint
 
 Floats = NDArray[np.float64]
 
@@ -34,7 +39,7 @@ def write_rrd(scene: Scene, output: Path) -> list[Path]:
     return [output]
 
 
-def _layout(blueprint: Any, count: int) -> Any:
+def _layout(blueprint: ModuleType, count: int) -> Blueprint:
     delivered = [f"agents/{agent}/delivered" for agent in range(count)]
     plots = [
         blueprint.TimeSeriesView(name="errors (m)", contents=[f"metrics/{name}" for name in _LEAST_SHOWN]),
@@ -49,7 +54,7 @@ def _layout(blueprint: Any, count: int) -> Any:
 
 
 class _Writer:
-    def __init__(self, scene: Scene, rerun: Any, recording: Any) -> None:
+    def __init__(self, scene: Scene, rerun: ModuleType, recording: RecordingStream) -> None:
         self._scene, self._trace, self._rr, self._recording = scene, scene.trace, rerun, recording
         self._colours = [agent_colour(agent) for agent in range(len(scene.trace.positions))]
         self._faint = [agent_colour(agent, 0.25) for agent in range(len(scene.trace.positions))]
@@ -70,7 +75,7 @@ class _Writer:
             level = "WARN" if event.kind in WARNINGS else "INFO"
             self._log("events", self._rr.TextLog(f"{event.sender}: {event.text}", level=level))
 
-    def _log(self, entity: str, what: Any) -> None:
+    def _log(self, entity: str, what: object) -> None:
         self._recording.log(entity, what)
 
     def _step(self, row: int) -> None:

@@ -5,11 +5,12 @@ The schemas are those of foxglove (https://docs.foxglove.dev/docs/sdk/schemas), 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from importlib.resources import files
 from math import isfinite
 from pathlib import Path
-from typing import Any
+from types import ModuleType
+from typing import ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,11 +19,26 @@ from zenoh_cbef import __version__
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.extras import from_extra
 from zenoh_cbef.log.mcap.writer import McapWriter
-from zenoh_cbef.viewers.scene import Scene
+from zenoh_cbef.viewers.scene import Scene, SceneEvent
 
 Floats = NDArray[np.float64]
 Colour = tuple[float, float, float, float]
-Message = tuple[str, Any]
+
+
+class _Described(Protocol):
+    full_name: str
+
+
+class Protobuf(Protocol):
+    """A message of protobuf, whose classes are made when their schemas are read."""
+
+    DESCRIPTOR: ClassVar[_Described]
+
+    def SerializeToString(self) -> bytes:  # noqa: N802 - protobuf's name
+        """Its bytes."""
+
+
+Message = tuple[str, Protobuf]
 
 TRAIL = 50
 """Steps that a path shows."""
@@ -46,7 +62,7 @@ def health_colour(delivered: float) -> Floats:
     return _WHOLE + (1.0 - delivered) * (_BROKEN - _WHOLE) if isfinite(delivered) else _UNKNOWN
 
 
-def _library(module: str) -> Any:
+def _library(module: str) -> ModuleType:
     return from_extra(module, "the export for viewers")
 
 
@@ -85,7 +101,7 @@ class _Builder:
 
     def __init__(self, scene: Scene) -> None:
         self._scene, self._trace = scene, scene.trace
-        self._classes: dict[str, Any] = {}
+        self._classes: dict[str, Callable[..., Protobuf]] = {}
         for name in (
             *("FrameTransform", "FrameTransforms", "PointCloud", "PackedElementField", "PosesInFrame", "Pose"),
             *("SceneUpdate", "SceneEntity", "SpherePrimitive", "CubePrimitive", "LinePrimitive", "TextPrimitive"),
@@ -101,10 +117,10 @@ class _Builder:
             "AgentMetrics": _numbers_class("AgentMetrics", list(self._agents[0])),
         }
 
-    def _new(self, name: str, /, **fields: Any) -> Any:
+    def _new(self, name: str, /, **fields: object) -> Protobuf:
         return self._classes[name](**fields)
 
-    def messages(self) -> Iterator[tuple[int, str, Any]]:
+    def messages(self) -> Iterator[tuple[int, str, Protobuf]]:
         """Time (ns), topic and message, by time."""
         events = sorted(self._scene.events, key=lambda event: event.time)
         for row, time in enumerate(self._scene.time.tolist()):
@@ -115,13 +131,13 @@ class _Builder:
                 yield time, topic, message
         yield from map(self._event, events)
 
-    def _event(self, event: Any) -> tuple[int, str, Any]:
+    def _event(self, event: SceneEvent) -> tuple[int, str, Protobuf]:
         level = "WARNING" if event.kind in WARNINGS else "INFO"
         stamp = self._stamp(seconds=event.time // 10**9, nanos=event.time % 10**9)
         log = self._new("Log", timestamp=stamp, level=level, message=event.text, name=event.sender, file=event.kind)
         return event.time, "/log", log
 
-    def _step(self, row: int, stamp: Any) -> Iterator[Message]:
+    def _step(self, row: int, stamp: Protobuf) -> Iterator[Message]:
         trace = self._trace
         yield "/tf", self._transforms(row, stamp)
         agents = np.column_stack([trace.positions[:, row], np.arange(len(trace.positions)), trace.ranges[:, row]])
@@ -140,7 +156,7 @@ class _Builder:
             numbers = {name: float(values[row]) for name, values in metrics.items()}
             yield f"/agent/{agent}/metrics", self._numbers["AgentMetrics"](step=row + 1, **numbers)
 
-    def _transforms(self, row: int, stamp: Any) -> Any:
+    def _transforms(self, row: int, stamp: Protobuf) -> Protobuf:
         trace = self._trace
         places = {"target": trace.truth[row, :3]}
         places |= {f"agent/{agent}": position for agent, position in enumerate(trace.positions[:, row])}
@@ -159,7 +175,7 @@ class _Builder:
         ]
         return self._new("FrameTransforms", transforms=transforms)
 
-    def _cloud(self, stamp: Any, rows: Floats, names: Sequence[str]) -> Any:
+    def _cloud(self, stamp: Protobuf, rows: Floats, names: Sequence[str]) -> Protobuf:
         rows = np.ascontiguousarray(rows[np.isfinite(rows[:, :3]).all(axis=1)], dtype="<f4")
         fields = [
             self._new("PackedElementField", name=name, offset=4 * place, type="FLOAT32")
@@ -177,20 +193,20 @@ class _Builder:
             data=rows.tobytes(),
         )
 
-    def _path(self, stamp: Any, places: Floats) -> Any:
+    def _path(self, stamp: Protobuf, places: Floats) -> Protobuf:
         poses = [self._pose(place) for place in places if np.isfinite(place).all()]
         return self._new("PosesInFrame", timestamp=stamp, frame_id="world", poses=poses)
 
-    def _pose(self, place: Floats, orientation: Floats | None = None) -> Any:
+    def _pose(self, place: Floats, orientation: Floats | None = None) -> Protobuf:
         x, y, z, w = (0.0, 0.0, 0.0, 1.0) if orientation is None else orientation.tolist()
         turn = self._new("Quaternion", x=x, y=y, z=z, w=w)
         return self._new("Pose", position=self._new("Vector3", **_xyz(place)), orientation=turn)
 
-    def _colour(self, colour: Sequence[float] | Floats) -> Any:
+    def _colour(self, colour: Sequence[float] | Floats) -> Protobuf:
         red, green, blue, alpha = (float(part) for part in colour)
         return self._new("Color", r=red, g=green, b=blue, a=alpha)
 
-    def _links(self, row: int, stamp: Any) -> Any:
+    def _links(self, row: int, stamp: Protobuf) -> Protobuf:
         """One line per direction: each half, from its receiver to the middle, is of that receiver's colour."""
         points, colours = [], []
         for (source, destination), share in zip(self._scene.links.tolist(), self._scene.delivered[:, row], strict=True):
@@ -208,7 +224,7 @@ class _Builder:
         )
         return self._new("SceneEntity", timestamp=stamp, frame_id="world", id="links", lines=[line])
 
-    def _bodies(self, row: int, stamp: Any) -> Any:
+    def _bodies(self, row: int, stamp: Protobuf) -> Protobuf:
         size = body_size(self._scene)
         cubes, texts = [], []
         for agent, place in enumerate(self._trace.positions[:, row]):
@@ -237,7 +253,7 @@ class _Builder:
             "SceneEntity", timestamp=stamp, frame_id="world", id="bodies", cubes=cubes, texts=texts, spheres=spheres
         )
 
-    def _uncertainty(self, row: int, stamp: Any) -> Iterator[Any]:
+    def _uncertainty(self, row: int, stamp: Protobuf) -> Iterator[Protobuf]:
         """The 95 % ellipsoid of each agent; an entity of its own, which a user can switch off by name."""
         shapes = self._scene.ellipsoids
         for agent, place in enumerate(self._trace.estimates[:, row, :3]):
@@ -257,7 +273,7 @@ def body_size(scene: Scene) -> float:
     return max(0.05, 0.02 * float(np.linalg.norm(places.max(axis=0) - places.min(axis=0))))
 
 
-def _numbers_class(name: str, fields: Sequence[str]) -> Any:
+def _numbers_class(name: str, fields: Sequence[str]) -> Callable[..., Protobuf]:
     """The class of a message of plain numbers."""
     descriptor, pool = _library("google.protobuf.descriptor_pb2"), _library("google.protobuf.descriptor_pool")
     file = descriptor.FileDescriptorProto(name=f"cbef/{name}.proto", package="cbef", syntax="proto3")
@@ -268,7 +284,8 @@ def _numbers_class(name: str, fields: Sequence[str]) -> Any:
     own = pool.DescriptorPool()
     own.Add(file)
     factory = _library("google.protobuf.message_factory")
-    return factory.GetMessageClass(own.FindMessageTypeByName(f"cbef.{name}"))
+    made: Callable[..., Protobuf] = factory.GetMessageClass(own.FindMessageTypeByName(f"cbef.{name}"))
+    return made
 
 
 def _xyz(place: Floats) -> Mapping[str, float]:

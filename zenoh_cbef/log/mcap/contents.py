@@ -10,7 +10,7 @@ import struct
 from collections.abc import Callable
 from dataclasses import dataclass
 from io import BytesIO
-from typing import Any, NamedTuple
+from typing import NamedTuple, TypeVar
 
 import zstandard
 from mcap import records
@@ -35,6 +35,12 @@ MESSAGE = struct.Struct("<HIQQ")
 
 _MESSAGE_OPCODE = int(Opcode.MESSAGE)
 _WHOLE_MESSAGE = struct.Struct("<BQ" + MESSAGE.format.removeprefix("<"))
+
+
+Parsed = TypeVar(
+    "Parsed", records.Header, records.Schema, records.Channel, records.Statistics, records.Attachment, records.Metadata
+)
+"""A kind of record that the public library reads."""
 
 
 class NotMcapError(ValueError):
@@ -133,7 +139,7 @@ class Closing:
         self.declared = Declarations()
         self.extras: list[Record] = []
         self.chunk_totals = [0, 0, 0]
-        self.statistics: Any = None
+        said: records.Statistics | None = None
         position = 0
         while position < len(section):
             opcode, length = RECORD.unpack_from(section, position)
@@ -147,25 +153,25 @@ class Closing:
                 start, size = struct.unpack_from("<QQ", content)
                 self.extras.append(Record(kind, start, start + size))
             elif opcode == Opcode.STATISTICS:
-                self.statistics = parse_record(records.Statistics, content)
+                said = parse_record(records.Statistics, content)
             else:
                 self.declared.add(opcode, content)
-        said = self.statistics
-        promised = said and (said.chunk_count, said.attachment_count + said.metadata_count)
-        if promised != (self.chunk_totals[0], len(self.extras)):
+        there = self.chunk_totals[0], len(self.extras)
+        if said is None or there != (said.chunk_count, said.attachment_count + said.metadata_count):
             raise ValueError("the summary is not whole")
+        self.statistics = said
 
 
-def parse_record(parser: Any, content: bytes) -> Any:
+def parse_record(parser: type[Parsed], content: bytes) -> Parsed:
     """Read a record's content with the public library; ValueError where it is malformed."""
     builder = RecordBuilder()
     try:
-        record = parser.read(ReadDataStream(BytesIO(content)))
+        record: Parsed = parser.read(ReadDataStream(BytesIO(content)))
         record.write(builder)
     except (McapError, struct.error, OverflowError, MemoryError) as error:
         raise ValueError(f"it is malformed ({error})" if str(error) else "it is malformed") from None
     # The library takes fields that are too short as they are: they show in what it writes back.
-    written: bytes = builder.end()[RECORD.size :]  # type: ignore[no-untyped-call]
+    written: bytes = builder.end()[RECORD.size :]
     if parser is records.Attachment and content.endswith(NO_CRC):
         written = written[: -len(NO_CRC)] + NO_CRC
     if written != content:

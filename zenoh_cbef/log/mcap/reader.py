@@ -14,7 +14,6 @@ from collections.abc import Iterable, Iterator
 from functools import cached_property
 from operator import attrgetter
 from pathlib import Path
-from typing import Any
 
 import zstandard
 from mcap import records
@@ -26,6 +25,7 @@ from zenoh_cbef.log.mcap.contents import (
     Closing,
     Declarations,
     NotMcapError,
+    Parsed,
     RawMessage,
     Record,
     Summary,
@@ -227,12 +227,12 @@ class McapFile:
             # Legal: the specification lets a writer leave any part of the summary out.
             return None
 
-    def _extras(self, kind: Opcode, parser: Any) -> Iterator[Any]:
+    def _extras(self, kind: Opcode, parser: type[Parsed]) -> Iterator[Parsed]:
         """Yield the attachments or metadata: by their indexes where there are any."""
         places = self._closing.extras if self._closing else self._walk.records()
         return self._parsed((record for record in places if record.opcode == kind), parser)
 
-    def _parsed(self, places: Iterable[Record], parser: Any) -> Iterator[Any]:
+    def _parsed(self, places: Iterable[Record], parser: type[Parsed]) -> Iterator[Parsed]:
         for record in places:
             name = f"{parser.__name__.lower()} at byte {record.start}"
             if self._bytes[record.start : record.start + 1] != bytes((record.opcode,)):

@@ -5,9 +5,10 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import asdict, dataclass
-from math import inf, isfinite, nan
-from typing import Any
+from math import inf, isfinite
+from typing import TypeVar
 
 from zenoh_cbef import __version__
 from zenoh_cbef.errors import UserError
@@ -25,6 +26,8 @@ from zenoh_cbef.protocol.scenario_service import ScenarioText, serve_scenario
 _FASTER = 1.1
 _POLL_SECONDS = 0.05
 _REPORT_SECONDS = 0.1
+
+_Number = TypeVar("_Number", int, float)
 
 
 @dataclass(frozen=True)
@@ -133,31 +136,28 @@ def _actions(player: Player) -> dict[str, Callable[[], None]]:
     }
 
 
-def _obey(player: Player, orders: Orders) -> Mapping[str, Any]:
+def _obey(player: Player, orders: Orders) -> Mapping[str, object]:
     """Carry out a query's orders, and return the replay's state after them. Raises UserError."""
     plain = {"pause": player.pause, "resume": player.resume, "toggle": player.toggle}
-    numbered: dict[str, tuple[Callable[[Any], None], Callable[[str], float], str]] = {
-        "next": (player.next, int, "1"),
-        "step": (player.step, int, "1"),
-        "rate": (player.set_rate, float, ""),
-        "seek": (player.seek, float, ""),
+    numbered: dict[str, Callable[[str], None]] = {
+        "next": lambda value: player.next(_number("next", value or "1", int)),
+        "step": lambda value: player.step(_number("step", value or "1", int)),
+        "rate": lambda value: player.set_rate(_number("rate", value, float)),
+        "seek": lambda value: player.seek(_number("seek", value, float)),
     }
     for what, value in orders:
         if what in plain and not value:
             plain[what]()
         elif what in numbered:
-            act, kind, usual = numbered[what]
-            act(_number(what, value or usual, kind))
+            numbered[what](value)
         else:
             raise UserError(f"{what!r} is nothing a replay can do; it knows {', '.join((*plain, *numbered))}")
     return asdict(player.state())
 
 
-def _number(what: str, value: str, kind: Callable[[str], float]) -> float:
-    try:
+def _number(what: str, value: str, kind: Callable[[str], _Number]) -> _Number:
+    with suppress(ValueError):
         number = kind(value)
-    except ValueError:
-        number = nan
-    if not isfinite(number) or number < 0.0:
-        raise UserError(f"{what}={value} is not a number from 0 on; write it as in {what}=2")
-    return number
+        if isfinite(number) and number >= 0:
+            return number
+    raise UserError(f"{what}={value} is not a number from 0 on; write it as in {what}=2")
