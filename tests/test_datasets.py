@@ -75,7 +75,7 @@ def test_the_noise_of_the_motion_of_a_recorded_target_does_not_hang_on_the_step(
         scenario = scenario_of(folder, f"dt={dt}", "filter.acceleration_std=2.0")
         assert scenario.filter.acceleration_interval == pytest.approx(0.2)
         # Variance of the velocity after a second.
-        assert Plan(scenario).motion.process_noise[3, 3] / dt == pytest.approx(2.0**2 * 0.2)
+        assert Plan(scenario).plain_motion.process_noise[3, 3] / dt == pytest.approx(2.0**2 * 0.2)
 
 
 def test_a_range_after_the_last_step_is_dropped(tmp_path):

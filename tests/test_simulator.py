@@ -16,6 +16,7 @@ from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.scenario.world import make_world
 from zenoh_cbef.simulator import heard_in, simulate
 from zenoh_cbef.tracking.filters import KINDS
+from zenoh_cbef.tracking.motion import MOTIONS
 from zenoh_cbef.tracking.ranging import Measurement
 
 LOSS = {"kind": "loss", "probability": 0.3}
@@ -160,6 +161,18 @@ def test_agents_on_their_own_compute_the_bits_of_the_simulator(kind, stage, faul
     assert_agents_on_their_own_compute(
         scenario(3, filter=FILTERS[kind], consensus=STAGES[stage], fault=FAULTS[fault], steps=6)
     )
+
+
+@pytest.mark.parametrize("motion", sorted(set(MOTIONS) - {"ncv"}))
+@pytest.mark.parametrize("kind", ["sicf", "hcmci", "kcf", "local"])
+@pytest.mark.parametrize("planar", [False, True])
+def test_every_motion_is_the_same_for_agents_on_their_own_and_in_a_batch(motion, kind, planar):
+    filter_ = {"kind": kind, "motion": motion, **({"planar_height": 0.4} if planar else {})}
+    assert_agents_on_their_own_compute(scenario(3, filter=filter_, fault=FAULTS["liar"], steps=6))
+    away = {"kind": "crash", "agents": [1], "from": 0.35, "until": 0.65}
+    runs = [scenario(seed, filter=filter_, fault=[away], steps=8) for seed in (1, 2)]
+    for one, expected in zip(runs, simulate(runs), strict=True):
+        assert_same(simulate([one])[0], expected)
 
 
 SAYING: dict[str, dict] = {

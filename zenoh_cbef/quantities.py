@@ -31,6 +31,9 @@ SignalSpeed = Annotated[float, _within(1e-3, 1e9)]
 Acceleration = Annotated[float, _within(0.0, 1e6)]
 """m/s^2."""
 
+Rate = Annotated[float, _within(1e-9, 1e3)]
+"""How fast a direction turns, rad/s."""
+
 Seconds = Annotated[float, _within(0.0, 1e9)]
 """A run time."""
 

@@ -53,7 +53,7 @@ def test_a_single_agent_is_predicted_at_the_posterior_bound():
     world, initial = make_world(scenario), np.diag([1.0] * 3 + [0.25] * 3)
     bound = posterior_bound(
         initial[None],
-        Plan(scenario).motion,
+        Plan(scenario).plain_motion,
         Space(),
         truth=world.truth[None],
         positions=world.positions[None],
@@ -63,7 +63,7 @@ def test_a_single_agent_is_predicted_at_the_posterior_bound():
     )[0]
     expected = propagate(
         initial,
-        Plan(scenario).motion,
+        Plan(scenario).plain_motion,
         sight_of(Plan(scenario)),
         np.ones((1, 1, 1, 1)),
         weight=np.ones(1),
@@ -194,7 +194,7 @@ def test_observability_tells_what_agents_on_a_line_cannot_see():
             "target.acceleration_std=0.0",
         ]
         scenario = tracking(*world, "target.velocity=[0, 0, 0]", "steps=100", "filter.acceleration_std=0.3")
-        return observability(np.eye(6), Plan(scenario).motion, sight_of(Plan(scenario)), 25)
+        return observability(np.eye(6), Plan(scenario).plain_motion, sight_of(Plan(scenario)), 25)
 
     line = seen([[0, 0, 0], [4, 0, 0], [8, 0, 0], [12, 0, 0]])
     spread = seen([[0, 0, 0], [10, 0, 0], [0, 10, 0], [0, 0, 10]])

@@ -41,6 +41,17 @@ def test_without_covariances_it_is_the_mean_and_in_a_plane_the_height_is_left_ou
     np.testing.assert_allclose(belief.state, states.mean(axis=1)[:, [0, 1, 3, 4]])
 
 
+def test_what_follows_position_and_velocity_is_as_at_the_start():
+    states, covariances = random_estimates(3)
+    told = np.array([[True, True, True], [False, False, False]])
+    longer = Belief(np.full((2, 7), 7.0), np.tile(9.0 * np.eye(7), (2, 1, 1)))
+    belief, six = (belief_from(Space(), states, covariances, told, one) for one in (longer, INITIAL))
+    np.testing.assert_array_equal(belief.state, np.pad(six.state, ((0, 0), (0, 1)), constant_values=7.0))
+    expected = np.pad(six.known_covariance, ((0, 0), (0, 1), (0, 1)))
+    expected[:, 6, 6] = 9.0
+    np.testing.assert_array_equal(belief.known_covariance, expected)
+
+
 def test_a_row_does_not_depend_on_padding():
     states, covariances = random_estimates(2)
     told = np.ones((2, 2), dtype=bool)

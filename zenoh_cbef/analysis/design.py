@@ -53,7 +53,7 @@ def design(plan: Plan, *, within: float = 0.01, skip: float = 0.25, search: bool
         skip=first,
         edges=len(plan.edges),
         within=within,
-        observability=observability(plan.initial_covariance, plan.motion, sight, first),
+        observability=observability(plan.initial_covariance, plan.plain_motion, sight, first),
         spectral_gap={each: 1.0 - contraction(plan, each) for each in SCHEMES},
         bytes=cost,
         cannot=cannot(plan),
@@ -109,8 +109,8 @@ def cannot(plan: Plan) -> list[str]:
         "Errors from differenced ranges are not predicted, as agents share their noise; try 'sim'.": (
             chosen.measurement == "difference"
         ),
-        f"Errors of more than {_MOST_STATES // plan.motion.size} agents are not predicted; try 'sim'.": (
-            scenario.count * plan.motion.size > _MOST_STATES
+        f"Errors of more than {_MOST_STATES // plan.plain_motion.size} agents are not predicted; try 'sim'.": (
+            scenario.count * plan.plain_motion.size > _MOST_STATES
         ),
         "Recorded ranges have biases and outliers that are unknown beforehand: errors are those of noise of "
         f"{plan.range_std:g} m alone, so expect more.": recorded,
@@ -135,7 +135,7 @@ def cannot(plan: Plan) -> list[str]:
 
 
 def _predictable(plan: Plan) -> bool:
-    chosen, states = plan.scenario.filter, plan.scenario.count * plan.motion.size
+    chosen, states = plan.scenario.filter, plan.scenario.count * plan.plain_motion.size
     plain = chosen.kind in _PREDICTED and chosen.measurement == "range"
     return plain and states <= _MOST_STATES
 
@@ -203,7 +203,7 @@ class _Predictor:
     def _errors(self, matrices: Floats, weight: float) -> list[Expected]:
         expected = propagate(
             self._plan.initial_covariance,
-            self._plan.motion,
+            self._plan.plain_motion,
             self._sight,
             matrices,
             weight=np.full(len(matrices), weight),

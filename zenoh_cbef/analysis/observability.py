@@ -10,7 +10,7 @@ from zenoh_cbef.analysis.prediction import Sight
 from zenoh_cbef.scenario.sight import unobservable_steps
 from zenoh_cbef.trace import Trace
 from zenoh_cbef.tracking.linalg import inverse
-from zenoh_cbef.tracking.motion import NearlyConstantVelocity
+from zenoh_cbef.tracking.motion import LinearMotion
 
 Bools = NDArray[np.bool_]
 Floats = NDArray[np.float64]
@@ -18,7 +18,7 @@ Floats = NDArray[np.float64]
 _LEAST = 1e-9
 
 
-def observability(initial: Floats, motion: NearlyConstantVelocity, sight: Sight, first: int) -> Observability:
+def observability(initial: Floats, motion: LinearMotion, sight: Sight, first: int) -> Observability:
     """Rank and condition of the observability Gramian, and the error bound, of the network and of each agent alone.
 
     The Gramian is sum_t A^t^T H^T H A^t over a stretch in the middle of the run, at most a tenth of it and at least
@@ -63,7 +63,7 @@ def _seen(gramian: Floats, bound: float) -> Seen:
     return Seen(rank, condition, bound)
 
 
-def _bounds(initial: Floats, motion: NearlyConstantVelocity, sight: Sight, first: int) -> Floats:
+def _bounds(initial: Floats, motion: LinearMotion, sight: Sight, first: int) -> Floats:
     """Root mean square position bound of the network (first) and of each agent alone, (1 + n,), m."""
     agents, axes = sight.rows.shape[1], motion.axes
     covariance = np.broadcast_to(initial, (1 + agents, *initial.shape))

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zenoh_cbef.tracking.linalg import inverse, matvec, outer
-from zenoh_cbef.tracking.motion import NearlyConstantVelocity
+from zenoh_cbef.tracking.motion import LinearMotion
 
 Floats = NDArray[np.float64]
 
@@ -77,7 +77,7 @@ class Expected:
 
 def propagate(
     initial: Floats,
-    motion: NearlyConstantVelocity,
+    motion: LinearMotion,
     sight: Sight,
     mixing: Floats,
     *,

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zenoh_cbef.trace import Trace
-from zenoh_cbef.tracking.filters import Belief, level_of
+from zenoh_cbef.tracking.filters import level_of
 from zenoh_cbef.tracking.joint import joint_centralized
 from zenoh_cbef.tracking.reference import centralized, posterior_bound
 
@@ -45,8 +45,8 @@ def _prior(traces: Sequence[Trace]) -> Floats:
 
 def _centralized(traces: Sequence[Trace], steps: int) -> Floats:
     plan = traces[0].plan
-    scenario, kept = plan.scenario, plan.space.kept
-    initial = Belief(_stacked(traces, "initial").mean(axis=1)[:, kept], _prior(traces))
+    scenario = plan.scenario
+    initial = plan.belief_at(_stacked(traces, "initial").mean(axis=1))
     xi = level_of(scenario.filter.kind, scenario.filter.xi)
     seen = {part: _stacked(traces, part)[:, :, :steps] for part in ("positions", "ranges", "age")}
     settings = plan.settings
@@ -60,7 +60,7 @@ def _bounds(traces: Sequence[Trace], truth: Floats) -> Floats:
     plan, steps = traces[0].plan, truth.shape[1]
     return posterior_bound(
         _prior(traces),
-        plan.motion,
+        plan.plain_motion,
         plan.space,
         truth=truth,
         positions=_stacked(traces, "positions")[:, :, :steps],

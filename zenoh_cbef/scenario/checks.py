@@ -139,7 +139,8 @@ def _check_signal(scenario: Scenario) -> None:
 
 def _check_proportion(plan: Plan) -> None:
     # Variances are inverted: beyond half of float64's digits between standard deviations nothing is left of them.
-    covariance = plan.motion.predict_covariance(plan.initial_covariance)
+    begin = plan.initial_belief
+    covariance = plan.motion.predict_covariance(begin.known_covariance[:1], begin.state[:1])[0]
     chosen, range_std = plan.scenario.filter, plan.range_std
     unknown = {
         "the state's after one step (it follows from filter.initial_position_std, filter.initial_velocity_std, dt and "

@@ -6,9 +6,10 @@ from typing import Annotated, Literal
 
 from pydantic import Field, field_validator, model_validator
 
-from zenoh_cbef.quantities import Acceleration, Duration, Factor, Length, Metres, Speed, Spread
+from zenoh_cbef.quantities import Acceleration, Duration, Factor, Length, Metres, Rate, Speed, Spread
 from zenoh_cbef.scenario.table import EachPosition, EachVelocity, Table, one_of
 from zenoh_cbef.tracking.filters import KINDS, Abilities, abilities_of
+from zenoh_cbef.tracking.motion import MOTIONS
 
 
 class Filter(Table):
@@ -20,9 +21,10 @@ class Filter(Table):
     standard deviations. saturation auto: redescending where the scenario's sensor has outliers. omega: hcmci multiplies
     averaged measurements by it; None: the number of agents.
     measurement: the agent's own range, or differences with its neighbours', as cbef and cbef-scaled always have.
-    acceleration_interval: how long a random acceleration lasts, s; None: one step, or for recorded ranges their own
-    interval. bias_common_std, bias_own_std: prior of the network's and of the agents' own part of the bias, m; None:
-    1.5 and 0.15 of range_std.
+    motion: a model of tracking/motion; auto: it follows from the target. velocity_time: time constant of decay, s.
+    turn_rate_std: rad/s, of turn. acceleration_interval: how long a random acceleration lasts, s; None: one step, or
+    for recorded ranges their own interval. bias_common_std, bias_own_std: prior of the network's and of the agents'
+    own part of the bias, m; None: 1.5 and 0.15 of range_std.
     """
 
     kind: str = "sicf"
@@ -33,8 +35,11 @@ class Filter(Table):
     distrust: Annotated[bool | Literal["auto"], Field(description="true, false or 'auto'")] = "auto"
     omega: Factor | None = None
     measurement: Literal["range", "difference"] = "range"
+    motion: str = "auto"
     acceleration_std: Acceleration | None = None
     acceleration_interval: Duration | None = None
+    velocity_time: Duration = 10.0
+    turn_rate_std: Rate = 1.0
     range_std: Annotated[Length | Literal["auto"] | None, Field(description="a number from 1e-9 to 1e7, or 'auto'")] = (
         None
     )
@@ -55,6 +60,25 @@ class Filter(Table):
     @classmethod
     def _known(cls, value: str) -> str:
         return one_of(value, tuple(KINDS))
+
+    @field_validator("motion")
+    @classmethod
+    def _known_motion(cls, value: str) -> str:
+        return one_of(value, ("auto", *MOTIONS))
+
+    @model_validator(mode="after")
+    def _moves(self) -> Filter:
+        if self.motion not in ("auto", "ncv") and not self._abilities.covariance:
+            raise ValueError(
+                f"filter.motion = {self.motion!r} is not for {self.kind!r}, which has no covariance; set filter.motion "
+                "= 'ncv', or filter.kind = 'sicf'"
+            )
+        if self.motion == "turn" and self.bias == "estimate":
+            raise ValueError(
+                "filter.bias = 'estimate' needs a linear motion, which filter.motion = 'turn' is not; choose another "
+                "motion, or set filter.bias = 'auto', which leaves biases alone then"
+            )
+        return self
 
     @model_validator(mode="after")
     def _recovers(self) -> Filter:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from zenoh_cbef.faults import Absences, MessageFault, SenderFault, SensorFault
 from zenoh_cbef.scenario import network, start
 from zenoh_cbef.scenario.model import Scenario
+from zenoh_cbef.scenario.motion import assumed_motion, plain_motion
 from zenoh_cbef.scenario.plausible import Plausible, plausible_ranges
 from zenoh_cbef.tracking import graph
 from zenoh_cbef.tracking.filters import (
@@ -23,15 +24,12 @@ from zenoh_cbef.tracking.filters import (
     make_filter,
     sharing_of,
 )
-from zenoh_cbef.tracking.motion import NearlyConstantVelocity
+from zenoh_cbef.tracking.motion import LinearMotion, Motion, begun
 from zenoh_cbef.tracking.payloads import InformationPayloads, StatePayloads
 from zenoh_cbef.tracking.ranging import Space
 from zenoh_cbef.tracking.weights import spectrum_bounds, weight_matrix
 
 Floats = NDArray[np.float64]
-
-_RECORDED_ACCELERATION = 1.0
-"""Acceleration of a real target where the scenario gives none, m/s^2: a walking person, a trolley, a slow vehicle."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,16 +63,14 @@ class Plan:
         return Space(self.scenario.filter.planar_height)
 
     @cached_property
-    def motion(self) -> NearlyConstantVelocity:
+    def motion(self) -> Motion:
         """The filter's model of the target's motion."""
-        scenario, chosen = self.scenario, self.scenario.filter
-        assumed = chosen.acceleration_std
-        if assumed is None:
-            assumed = _RECORDED_ACCELERATION if self.recorded else scenario.target.acceleration_std
-        if chosen.acceleration_interval is not None:
-            # The same power of the noise in a second, however long a step is.
-            assumed *= float(np.sqrt(chosen.acceleration_interval / scenario.dt))
-        return NearlyConstantVelocity(scenario.dt, assumed, self.space.axes)
+        return assumed_motion(self.scenario, self.range_std, self.space.axes)
+
+    @cached_property
+    def plain_motion(self) -> LinearMotion:
+        """What bound and predictions are computed with, which are of linear models in position and velocity alone."""
+        return plain_motion(self.scenario, self.range_std, self.space.axes)
 
     @cached_property
     def range_std(self) -> float:
@@ -106,7 +102,8 @@ class Plan:
         chosen = self.scenario.filter
         if not self.abilities.biases:
             return "none"
-        if chosen.bias == "auto" and (chosen.recovery or self.distrusts_others or not self._may_be_biased):
+        unfit = chosen.recovery or self.distrusts_others or not isinstance(self.motion, LinearMotion)
+        if chosen.bias == "auto" and (unfit or not self._may_be_biased):
             return "none"
         return chosen.bias
 
@@ -275,16 +272,20 @@ class Plan:
 
     @cached_property
     def initial_covariance(self) -> Floats:
-        """Covariance of the initial estimate along the estimated axes, (s, s). Before a first fix it is wide."""
+        """Covariance of the initial position and velocity along the axes, (s, s). Before a first fix it is wide."""
         std = start.widened_std(self.scenario) if self._seeks else start.initial_std(self.scenario)
         return np.asarray(np.diag(std[self.space.kept] ** 2))
 
     @cached_property
     def initial_belief(self) -> Belief:
         """The agents' initial estimates along the estimated axes: states (n, s), covariances (n, s, s)."""
+        return self.belief_at(self.initial_states)
+
+    def belief_at(self, states: Floats) -> Belief:
+        """The initial belief about states (r, 6)."""
         covariance = self.initial_covariance
-        states = self.initial_states[:, self.space.kept]
-        return Belief(states, np.broadcast_to(covariance, (self.scenario.count, *covariance.shape)))
+        wide = np.broadcast_to(covariance, (len(states), *covariance.shape))
+        return Belief(*begun(self.motion, states[:, self.space.kept], wide))
 
     def _has(self, fault: type[MessageFault | SenderFault | SensorFault]) -> bool:
         return any(isinstance(one, fault) for one in self.scenario.fault)

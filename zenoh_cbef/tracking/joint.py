@@ -15,6 +15,7 @@ from zenoh_cbef.tracking.filters.around.learned_noise import learned
 from zenoh_cbef.tracking.filters.base import Belief, Update
 from zenoh_cbef.tracking.filters.information_form import saturation
 from zenoh_cbef.tracking.linalg import matvec
+from zenoh_cbef.tracking.motion import linear
 from zenoh_cbef.tracking.ranging import Measurement, own_range
 
 Floats = NDArray[np.float64]
@@ -163,12 +164,12 @@ class _Joint:
     def _predicted(self, belief: Belief, step: Ranges, *, biased: bool) -> tuple[Floats, Floats]:
         motion = self.settings.motion
         if not biased:
-            return motion.predict_state(belief.state), motion.predict_covariance(belief.known_covariance)
+            return motion.predict_state(belief.state), motion.predict_covariance(belief.known_covariance, belief.state)
         size = motion.size
         transition = np.eye(size + 1 + self.agents)
-        transition[:size, :size] = motion.transition
+        transition[:size, :size] = linear(motion).transition
         covariance = transition @ belief.known_covariance @ transition.T
-        covariance[:, :size, :size] += motion.process_noise
+        covariance[:, :size, :size] += linear(motion).process_noise
         own = np.arange(size + 1, len(transition))
         variance = covariance[:, own, own]
         widened = np.minimum((1.0 + FORGETTING) * variance, np.maximum(variance, self.settings.own_bias_std**2))

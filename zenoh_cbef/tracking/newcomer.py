@@ -18,28 +18,36 @@ def belief_from(space: Space, states: Floats, covariances: Floats | None, told: 
     """Covariance intersection, with equal weights, of the neighbours' estimates (Julier, Uhlmann, ACC 1997).
 
     states: (n, m, 6), covariances: (n, m, 6, 6), None for filters without one; told: (n, m), which neighbours answered.
-    Returns `initial`, (n, s) and (n, s, s), where no neighbour answered. The neighbours' estimates have nearly all
-    information in common, so together they count as one.
+    Returns `initial`, (n, s) and (n, s, s), where no neighbour answered, and what follows position and velocity in a
+    state as it is there. The neighbours' estimates have nearly all information in common, so together they count as
+    one.
     """
     kept, count = space.kept, told.sum(axis=1)
     safe = np.maximum(count, 1)
-    alone = (count == 0)[:, None]
+    alone, size = (count == 0)[:, None], len(kept)
     state = np.where(told[:, :, None], states[:, :, kept], 0.0)
     if covariances is None:
         mean = neighbour_sum(state) / safe[:, None]
-        return replace(initial, state=np.where(alone, initial.state, mean))
-    unit = np.broadcast_to(np.eye(len(kept)), (*told.shape, len(kept), len(kept)))
+        return replace(initial, state=np.where(alone, initial.state, _begins_with(mean, initial.state)))
+    unit = np.broadcast_to(np.eye(size), (*told.shape, size, size))
     known = np.where(told[:, :, None, None], covariances[:, :, kept[:, None], kept], unit)
     information = np.where(told[:, :, None, None], inverse(known), 0.0)
     vectors = np.sum(information * state[:, :, None, :], axis=3)
     total = neighbour_sum(information.reshape(*told.shape, -1)).reshape(known.shape[0], *known.shape[2:])
-    total = np.where(alone[:, :, None], np.eye(len(kept)), total / safe[:, None, None])
+    total = np.where(alone[:, :, None], np.eye(size), total / safe[:, None, None])
     covariance = inverse(total)
     state = matvec(covariance, neighbour_sum(vectors) / safe[:, None])
+    widened = np.array(initial.known_covariance)
+    widened[:, :size] = widened[:, :, :size] = 0.0
+    widened[:, :size, :size] = covariance
     return Belief(
-        np.where(alone, initial.state, state),
-        np.where(alone[:, :, None], initial.known_covariance, covariance),
+        np.where(alone, initial.state, _begins_with(state, initial.state)),
+        np.where(alone[:, :, None], initial.known_covariance, widened),
     )
+
+
+def _begins_with(state: Floats, longer: Floats) -> Floats:
+    return np.concatenate([state, longer[:, state.shape[1] :]], axis=1)
 
 
 def merged(old: Update, new: Update, rows: Bools) -> Update:

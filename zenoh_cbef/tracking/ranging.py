@@ -41,26 +41,26 @@ class Space:
         return 3 if self.height is None else 2
 
     def position(self, state: Floats) -> Floats:
-        """Positions (n, 3) of states (n, 2 axes)."""
+        """Positions (n, 3) of states (n, s) that begin with a position."""
         if self.height is None:
             return state[:, :3]
         return np.concatenate([state[:, :2], np.full((len(state), 1), self.height)], axis=1)
 
     def embed_state(self, state: Floats) -> Floats:
-        """States (n, 2 axes) as (n, 6)."""
+        """Position and velocity, with which states (n, s) begin, as (n, 6)."""
         if self.height is None:
-            return state
+            return state if state.shape[1] == 6 else np.ascontiguousarray(state[:, :6])
         full = np.zeros((len(state), 6))
-        full[:, self.kept] = state
+        full[:, self.kept] = state[:, :4]
         full[:, 2] = self.height
         return full
 
     def embed_covariance(self, covariance: Floats) -> Floats:
-        """Covariances (n, 2 axes, 2 axes) as (n, 6, 6), zero where the state is known."""
+        """That part of covariances (n, s, s) as (n, 6, 6), zero where the state is known."""
         if self.height is None:
-            return covariance
+            return covariance if covariance.shape[1] == 6 else np.ascontiguousarray(covariance[:, :6, :6])
         full = np.zeros((len(covariance), 6, 6))
-        full[:, self.kept[:, None], self.kept] = covariance
+        full[:, self.kept[:, None], self.kept] = covariance[:, :4, :4]
         return full
 
     @property
@@ -77,10 +77,16 @@ def own_range(space: Space, state: Floats, position: Floats, age: Floats) -> tup
     """
     axes = space.axes
     offset = space.position(state) - position
-    offset[:, :axes] -= age[:, None] * state[:, axes:]
+    offset[:, :axes] -= age[:, None] * state[:, axes : 2 * axes]
     distance = np.sqrt(np.add.reduce(offset * offset, axis=1))
     direction = offset[:, :axes] / np.where(distance > 0.0, distance, 1.0)[:, None]
-    return distance, np.concatenate([direction, -age[:, None] * direction], axis=1)
+    return distance, filled(np.concatenate([direction, -age[:, None] * direction], axis=1), state.shape[1])
+
+
+def filled(rows: Floats, size: int) -> Floats:
+    """Gradients (..., 2 axes) by position and velocity as gradients by a state of the given size, (..., s)."""
+    missing = size - rows.shape[-1]
+    return rows if missing == 0 else np.pad(rows, ((0, 0),) * (rows.ndim - 1) + ((0, missing),))
 
 
 def differenced_rows(space: Space, measurement: Measurement) -> tuple[Floats, Floats, Bools]:

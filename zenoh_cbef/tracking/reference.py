@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from zenoh_cbef.tracking.filters.base import Belief
 from zenoh_cbef.tracking.filters.information_form import saturation
 from zenoh_cbef.tracking.linalg import inverse, matvec
-from zenoh_cbef.tracking.motion import NearlyConstantVelocity
+from zenoh_cbef.tracking.motion import LinearMotion, Motion
 from zenoh_cbef.tracking.ranging import Space, own_range
 
 Floats = NDArray[np.float64]
@@ -16,7 +16,7 @@ Floats = NDArray[np.float64]
 
 def centralized_step(
     belief: Belief,
-    motion: NearlyConstantVelocity,
+    motion: Motion,
     space: Space,
     *,
     positions: Floats,
@@ -34,7 +34,7 @@ def centralized_step(
     """
     runs, agents = ranges.shape
     state = motion.predict_state(belief.state)
-    covariance = motion.predict_covariance(belief.known_covariance)
+    covariance = motion.predict_covariance(belief.known_covariance, belief.state)
     predicted, rows = own_range(
         space, np.repeat(state, agents, axis=0), positions.reshape(-1, 3), np.nan_to_num(age).ravel()
     )
@@ -51,7 +51,7 @@ def centralized_step(
 
 def centralized(
     initial: Belief,
-    motion: NearlyConstantVelocity,
+    motion: Motion,
     space: Space,
     *,
     positions: Floats,
@@ -87,7 +87,7 @@ def centralized(
 
 def posterior_bound(
     initial_covariance: Floats,
-    motion: NearlyConstantVelocity,
+    motion: LinearMotion,
     space: Space,
     *,
     truth: Floats,

@@ -10,7 +10,7 @@ from zenoh_cbef.tracking.consensus import Average, Bools, Floats
 from zenoh_cbef.tracking.filters.base import Belief
 from zenoh_cbef.tracking.filters.information_form import belief_of, pack, packed_size, predict
 from zenoh_cbef.tracking.linalg import inverse, matvec
-from zenoh_cbef.tracking.motion import NearlyConstantVelocity
+from zenoh_cbef.tracking.motion import Motion
 
 
 @dataclass
@@ -27,7 +27,7 @@ class StaleAverage(Average):
     motion: the model. lag: steps, at least 1.
     """
 
-    motion: NearlyConstantVelocity
+    motion: Motion
     lag: int
 
     def mix(self, received: Floats, delivered: Bools | None) -> Floats:

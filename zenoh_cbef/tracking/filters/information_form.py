@@ -9,8 +9,8 @@ import numpy as np
 from zenoh_cbef.tracking.diagnostics import Bools, Diagnostics
 from zenoh_cbef.tracking.filters.base import Belief, Floats, Update
 from zenoh_cbef.tracking.linalg import inverse, matvec, neighbour_sum, outer, pack_upper, unpack_upper
-from zenoh_cbef.tracking.motion import NearlyConstantVelocity
-from zenoh_cbef.tracking.ranging import Measurement, Space, differenced_rows, own_range
+from zenoh_cbef.tracking.motion import Motion
+from zenoh_cbef.tracking.ranging import Measurement, Space, differenced_rows, filled, own_range
 
 _LEAST = 1e-12
 """Least over largest eigenvalue of what passes for an information matrix."""
@@ -46,9 +46,9 @@ def told(measured: Bools, innovation: Floats, weight: Floats, spread: Floats) ->
     )
 
 
-def predict(motion: NearlyConstantVelocity, belief: Belief) -> tuple[Floats, Floats]:
+def predict(motion: Motion, belief: Belief) -> tuple[Floats, Floats]:
     """Prior state (n, s) and covariance (n, s, s) of a step."""
-    return motion.predict_state(belief.state), motion.predict_covariance(belief.known_covariance)
+    return motion.predict_state(belief.state), motion.predict_covariance(belief.known_covariance, belief.state)
 
 
 def own_information(
@@ -147,7 +147,7 @@ def differenced_information(
     """
     rows, right, present = differenced_rows(space, measurement)
     count, variance = present.sum(axis=1), range_std**2
-    rows = np.concatenate([rows, -measurement.age[:, None, None] * rows], axis=2)
+    rows = filled(np.concatenate([rows, -measurement.age[:, None, None] * rows], axis=2), state.shape[1])
     innovation = np.where(present, right - np.sum(rows * state[:, None, :], axis=2), 0.0)
     ranges = measurement.range, measurement.neighbour_range
     common, spread = (variance * np.nan_to_num(each) ** 2 + 0.5 * variance**2 for each in ranges)

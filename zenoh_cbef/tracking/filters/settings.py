@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from zenoh_cbef.tracking.motion import NearlyConstantVelocity
+from zenoh_cbef.tracking.motion import Motion
 from zenoh_cbef.tracking.ranging import Space
 
 
@@ -20,7 +20,7 @@ class FilterSettings:
     estimate, a guess, is improved by least squares on the first ranges; 0: it is none.
     """
 
-    motion: NearlyConstantVelocity
+    motion: Motion
     space: Space
     range_std: float
     xi: float

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from zenoh_cbef.tracking.filters.base import Sharing
 from zenoh_cbef.tracking.filters.settings import FilterSettings
-from zenoh_cbef.tracking.motion import NearlyConstantVelocity
+from zenoh_cbef.tracking.motion import Motion
 from zenoh_cbef.tracking.ranging import Space
 
 
@@ -14,7 +14,7 @@ from zenoh_cbef.tracking.ranging import Space
 class StateExchange:
     """A filter whose payload is a state (n, s), and that takes in its neighbours' positions and ranges."""
 
-    motion: NearlyConstantVelocity
+    motion: Motion
     space: Space
 
     @classmethod

@@ -20,7 +20,7 @@ from zenoh_cbef.tracking.filters.information_form import (
 )
 from zenoh_cbef.tracking.filters.settings import FilterSettings
 from zenoh_cbef.tracking.linalg import inverse, matvec, outer
-from zenoh_cbef.tracking.motion import NearlyConstantVelocity
+from zenoh_cbef.tracking.motion import LinearMotion, linear
 from zenoh_cbef.tracking.ranging import Measurement, Space, own_range
 
 FORGETTING = 0.004
@@ -53,7 +53,7 @@ class BiasedInformation:
     saturation level in standard deviations. power: 1 bounds the pull of an outlier, 2 lets it fall (redescending).
     """
 
-    motion: NearlyConstantVelocity
+    motion: LinearMotion
     space: Space
     range_std: float
     network_size: int
@@ -71,7 +71,7 @@ class BiasedInformation:
     def of(cls, settings: FilterSettings, xi: float) -> Self:
         """The filter of these settings. xi: saturation level in standard deviations."""
         return cls(
-            motion=settings.motion,
+            motion=linear(settings.motion),
             space=settings.space,
             range_std=settings.range_std,
             network_size=settings.network_size,

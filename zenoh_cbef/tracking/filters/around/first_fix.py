@@ -22,7 +22,7 @@ from zenoh_cbef.tracking.filters.information_form import (
 )
 from zenoh_cbef.tracking.filters.settings import FilterSettings
 from zenoh_cbef.tracking.linalg import inverse, matvec, neighbour_sum, outer
-from zenoh_cbef.tracking.motion import NearlyConstantVelocity
+from zenoh_cbef.tracking.motion import Motion
 from zenoh_cbef.tracking.ranging import Measurement, Space, own_range
 
 
@@ -47,7 +47,7 @@ class FirstFix(Wrapping):
     ranges. payload_size: the filter's, to which messages are filled up. xi: saturation level in standard deviations.
     """
 
-    motion: NearlyConstantVelocity
+    motion: Motion
     space: Space
     range_std: float
     bias_std: float

@@ -18,7 +18,7 @@ from zenoh_cbef.tracking.filters.information_form import (
 )
 from zenoh_cbef.tracking.filters.settings import FilterSettings
 from zenoh_cbef.tracking.linalg import inverse, matvec
-from zenoh_cbef.tracking.motion import NearlyConstantVelocity
+from zenoh_cbef.tracking.motion import Motion
 from zenoh_cbef.tracking.ranging import Measurement, Space
 
 
@@ -40,7 +40,7 @@ class HybridConsensus:
     deviations. power: of the saturation, see `sicf`.
     """
 
-    motion: NearlyConstantVelocity
+    motion: Motion
     space: Space
     range_std: float
     omega: float

@@ -18,7 +18,7 @@ from zenoh_cbef.tracking.filters.information_form import (
 )
 from zenoh_cbef.tracking.filters.settings import FilterSettings
 from zenoh_cbef.tracking.linalg import inverse, matvec
-from zenoh_cbef.tracking.motion import NearlyConstantVelocity
+from zenoh_cbef.tracking.motion import Motion
 from zenoh_cbef.tracking.ranging import Measurement, Space
 
 
@@ -42,7 +42,7 @@ class SaturatedInformation:
     deviations, infinite for the plain ICF. power: 1 bounds the pull of an outlier, 2 lets it fall (redescending).
     """
 
-    motion: NearlyConstantVelocity
+    motion: Motion
     space: Space
     range_std: float
     network_size: int

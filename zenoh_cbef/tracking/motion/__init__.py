@@ -1,0 +1,34 @@
+"""Models of the target's motion by name. Adding one is a file here with a class as in base.py, and a line here."""
+
+from __future__ import annotations
+
+from zenoh_cbef.tracking.motion.acceleration import NearlyConstantAcceleration
+from zenoh_cbef.tracking.motion.base import LinearMotion, Motion, MotionSettings, begun, linear
+from zenoh_cbef.tracking.motion.decay import DecayingVelocity
+from zenoh_cbef.tracking.motion.ncv import NearlyConstantVelocity
+from zenoh_cbef.tracking.motion.stationary import Stationary
+from zenoh_cbef.tracking.motion.turn import CoordinatedTurn
+
+__all__ = [
+    "MOTIONS",
+    "LinearMotion",
+    "Motion",
+    "MotionSettings",
+    "NearlyConstantVelocity",
+    "begun",
+    "linear",
+    "make_motion",
+]
+
+MOTIONS: dict[str, type[Motion]] = {
+    "ncv": NearlyConstantVelocity,
+    "decay": DecayingVelocity,
+    "stationary": Stationary,
+    "acceleration": NearlyConstantAcceleration,
+    "turn": CoordinatedTurn,
+}
+
+
+def make_motion(kind: str, settings: MotionSettings) -> Motion:
+    """The model of one name."""
+    return MOTIONS[kind].of(settings)

@@ -1,0 +1,142 @@
+"""What every model of the target's motion is."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from dataclasses import dataclass
+from typing import Protocol, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zenoh_cbef.tracking.linalg import matvec
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class MotionSettings:
+    """What any model may need to know.
+
+    dt: of a step, s. acceleration_std: q, m/s^2. axes: 3, or 2 in a plane. interval: how long a random acceleration
+    lasts, s; None: one step. velocity_time: time constant of a velocity that decays, s. turn_rate_std: rad/s.
+    """
+
+    dt: float
+    acceleration_std: float
+    axes: int = 3
+    interval: float | None = None
+    velocity_time: float = 10.0
+    turn_rate_std: float = 1.0
+
+    @property
+    def stepwise_std(self) -> float:
+        """Standard deviation of an acceleration that lasts one step, with the same power of the noise in a second."""
+        if self.interval is None:
+            return self.acceleration_std
+        return self.acceleration_std * float(np.sqrt(self.interval / self.dt))
+
+
+class Motion(Protocol):
+    """A model of the motion. States begin with position and velocity along the axes; what follows is the model's own.
+
+    The axes are three, or two where the target moves in a plane.
+    """
+
+    @property
+    def dt(self) -> float:
+        """Sampling time D, s."""
+
+    @property
+    def acceleration_std(self) -> float:
+        """The acceleration that the model allows for, m/s^2."""
+
+    @property
+    def axes(self) -> int:
+        """Number of axes."""
+
+    @property
+    def size(self) -> int:
+        """Number of state components s."""
+
+    @property
+    def extra_std(self) -> tuple[float, ...]:
+        """Standard deviations, before the first step, of the components that follow position and velocity."""
+
+    @classmethod
+    def of(cls, settings: MotionSettings) -> Self:
+        """The model of these settings."""
+
+    def predict_state(self, state: Floats) -> Floats:
+        """States (n, s) one step later."""
+
+    def predict_covariance(self, covariance: Floats, state: Floats) -> Floats:
+        """Covariances (n, s, s) one step later, linearised at states (n, s)."""
+
+
+@dataclass(frozen=True)
+class LinearMotion:
+    """x(k+1) = A x(k) + w(k), w ~ N(0, Q).
+
+    dt: sampling time D (s). acceleration_std: q (m/s^2). axes: 3, or 2 in a plane.
+    """
+
+    dt: float
+    acceleration_std: float
+    axes: int = 3
+
+    @classmethod
+    def of(cls, settings: MotionSettings) -> Self:
+        """The model of these settings."""
+        return cls(settings.dt, settings.stepwise_std, settings.axes)
+
+    @property
+    def size(self) -> int:
+        """Number of state components."""
+        return 2 * self.axes
+
+    @property
+    def extra_std(self) -> tuple[float, ...]:
+        """Nothing follows position and velocity."""
+        return ()
+
+    @property
+    @abstractmethod
+    def transition(self) -> Floats:
+        """A, (s, s)."""
+
+    @property
+    @abstractmethod
+    def process_noise(self) -> Floats:
+        """Q, (s, s)."""
+
+    def predict_state(self, state: Floats) -> Floats:
+        """A x for states (n, s)."""
+        return matvec(self.transition, state)
+
+    def predict_covariance(self, covariance: Floats, state: Floats | None = None) -> Floats:  # noqa: ARG002
+        """A P A^T + Q for covariances (n, s, s), wherever the state is."""
+        return np.asarray(self.transition @ covariance @ self.transition.T + self.process_noise)
+
+
+def along_axes(matrix: list[list[float]], axes: int) -> Floats:
+    """A matrix about one axis, (m, m), for all of them: (m axes, m axes)."""
+    return np.kron(np.array(matrix), np.eye(axes))
+
+
+def linear(motion: Motion) -> LinearMotion:
+    """The model, which is linear. Raises ValueError where it is not."""
+    if not isinstance(motion, LinearMotion):
+        raise ValueError(f"{type(motion).__name__} is not linear")  # noqa: TRY004 - a user chose it, not a caller
+    return motion
+
+
+def begun(motion: Motion, state: Floats, covariance: Floats) -> tuple[Floats, Floats]:
+    """States (n, s) and covariances (n, s, s) of a model from those of position and velocity, (n, 2 axes) and so on."""
+    extra = np.array(motion.extra_std)
+    if not len(extra):
+        return state, covariance
+    longer = ((0, 0), (0, len(extra)))
+    widened = np.pad(covariance, (*longer, (0, len(extra))))
+    widened[:, -len(extra) :, -len(extra) :] = np.diag(extra**2)
+    return np.pad(state, longer), widened
