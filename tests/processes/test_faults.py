@@ -63,6 +63,20 @@ def run(world: World, scenario: dict) -> Metrics:
     return metrics
 
 
+# Chebyshev's rounds overshoot, so honest agents come to the bound on what may be sent after the liars.
+FLOOD_OF_LIES = {
+    "steps": 2,
+    "agents": {"count": 3},
+    "network": {"graph": "complete"},
+    "consensus": {"rounds": 40, "acceleration": "chebyshev", "bounds": [-0.9, 0.9]},
+    "fault": [{"kind": "byzantine", "agents": [0, 1], "mode": "scale", "magnitude": 1e7}],
+}
+
+
+def test_what_liars_lead_an_honest_agent_to_send_is_bounded_as_in_the_simulator(world):
+    assert run(world, FLOOD_OF_LIES).messages.rejected == 0
+
+
 @pytest.mark.parametrize("kind", ["sicf", "ci"])
 def test_every_kind_of_fault_gives_the_simulators_bits_and_is_counted_and_marked_in_the_log(world, kind):
     measurement = {"measurement": "difference"} if kind == "ci" else {}

@@ -60,7 +60,6 @@ class Outgoing:
     """What the agents of a batch really send, the same in any batch.
 
     faults: all of a scenario; those of senders count. seed, agent: (n,). dt: s. displaced: for consensus messages.
-    honest: whether none of these agents ever misbehaves, so that all messages are what they are.
     """
 
     def __init__(self, faults: Sequence[Fault], *, seed: Seeds, agent: Ids, dt: float, displaced: Displaced) -> None:
@@ -70,12 +69,15 @@ class Outgoing:
                 self._faults.append((index, fault, rows))
         self._seed, self._agent, self._dt = seed, agent, dt
         self._displaced = displaced
-        self.honest = not self._faults
         # The honest messages of each fault's rows, by step and round, as far back as it looks.
         self._honest: list[dict[tuple[int, int], Floats]] = [{} for _ in self._faults]
 
     def message(self, step: int, round_: int, message: Floats) -> Floats:
-        """What is sent in a round, (n, d), in place of the honest messages (n, d)."""
+        """What is sent in a round, (n, d), in place of the honest messages (n, d).
+
+        It is bounded for honest agents, too: receivers reject more, and what liars say, or a filter that diverges, may
+        lead an honest agent there.
+        """
         return bounded(self._sent(step, round_, message, self._displaced) if self._faults else message)
 
     def ranges(self, step: int, ranges: Floats) -> Floats:

@@ -212,7 +212,7 @@ class Agent:
         there, deadline = self._is_there(step), None
         message = self.tracker.measure(self._measurement(step, beacon, there=there))
         for round_ in range(1, self.plan.rounds + 1):
-            sent = message if self.outgoing.honest else self.outgoing.message(step, round_, message)
+            sent = self.outgoing.message(step, round_, message)
             if there:
                 self._round_out.send_round(self._codec, step, round_, sent[0])
             if self._realtime:
