@@ -12,12 +12,13 @@ from rich.console import Console
 from rich.table import Table
 
 from benchmarks.common import interrupt_on_terminate
+from zenoh_cbef.errors import UserError
 
 
 class Benchmark(Protocol):
     """What every module named below has."""
 
-    def run(self, repeats: int, **options: Path | float | None) -> Iterable[Table]:
+    def run(self, repeats: int, **options: Path | float | str | None) -> Iterable[Table]:
         """Measure, timed parts `repeats` times, and yield tables as they are done. Few have options."""
 
 
@@ -39,12 +40,13 @@ BENCHMARKS = {
     "held-out": ("held_out", "made-up sets of the same kinds, with known biases"),
     "faults": ("random_faults", "200 random fault scenarios as processes, each proved by verify"),
     "fault-cost": ("fault_cost", "what faults cost a round of a scenario that has none"),
+    "stress": ("stress", "scenarios that lose trackers; --case NAME, --seeds 50"),
     "seeds": ("seeds", "1000 seeds of a lossy run: CPU of simulation and analysis; the bits of single runs"),
     "soak": ("soak", "memory of every process of a realtime run over time; --minutes 60"),
     "method": ("method_figures", "the figures of docs/method.md, written to docs/figures, and their numbers"),
 }
 
-_OPTIONS = {"filters": ("data", "write"), "soak": ("minutes",)}
+_OPTIONS = {"filters": ("data", "write"), "soak": ("minutes",), "stress": ("case", "seeds")}
 
 
 def main() -> None:
@@ -54,6 +56,8 @@ def main() -> None:
     parser.add_argument("--repeats", type=int, default=5, help="how often what is timed is repeated")
     parser.add_argument("--data", type=Path, help="filters: the folder that holds the recorded sets")
     parser.add_argument("--minutes", type=float, default=10.0, help="soak: how long the run is")
+    parser.add_argument("--case", help="stress: the one case to run; default: all")
+    parser.add_argument("--seeds", type=int, default=50, help="stress: how many seeds of each case")
     parser.add_argument("--write", type=Path, help="filters: the page to bring up to date")
     arguments = parser.parse_args()
     # Tables that are piped into a file keep their columns.
@@ -65,12 +69,17 @@ def main() -> None:
     unknown = [name for name in arguments.names if name not in BENCHMARKS]
     if unknown or arguments.repeats < 1:
         parser.error(f"there is no benchmark {unknown[0]!r}; see --list" if unknown else "--repeats must be 1 or more")
+    if arguments.seeds < 1:
+        parser.error("--seeds must be 1 or more")
     interrupt_on_terminate()
     for name in arguments.names or BENCHMARKS:
         benchmark = cast("Benchmark", importlib.import_module(f"benchmarks.{BENCHMARKS[name][0]}"))
         options = _OPTIONS.get(name, ())
-        for table in benchmark.run(arguments.repeats, **{option: getattr(arguments, option) for option in options}):
-            console.print(table)
+        try:
+            for table in benchmark.run(arguments.repeats, **{option: getattr(arguments, option) for option in options}):
+                console.print(table)
+        except UserError as error:
+            parser.error(str(error))
 
 
 if __name__ == "__main__":

@@ -13,7 +13,7 @@ ROOT = Path(__file__).resolve().parents[1]
 # The benchmarks are part of the repository, not of the installed package.
 sys.path.insert(0, str(ROOT))
 
-from benchmarks import accuracy, fuzz, held_out, method_studies, soak  # noqa: E402
+from benchmarks import accuracy, fuzz, held_out, method_studies, soak, stress  # noqa: E402
 from benchmarks.__main__ import BENCHMARKS  # noqa: E402
 from benchmarks.common import analyses, at_least, below, children  # noqa: E402
 from benchmarks.fuzz_logs import fuzz_logs  # noqa: E402
@@ -207,3 +207,20 @@ def test_a_crash_is_told_as_one():
         raise IndexError("of no list")
 
     assert fuzz.through(broken, Material(1)).startswith("crash: IndexError at test_benchmarks.py")
+
+
+def test_every_case_of_stress_is_a_scenario_and_a_lost_network_is_counted():
+    for case in stress.cases().values():
+        stress.scenario_of(case)
+    scenario = stress.scenario_of({"set": ["steps=60", "consensus.rounds=0"]})
+    found = stress.scores(scenario, seeds=2)
+    assert (found.lost(found.network), found.lost(found.twin), found.lost(found.strong)) == (2, 0, 0)
+    liar = stress.scores(stress.scenario_of({"set": ["steps=60"]}), "liar", seeds=2)
+    assert (liar.twin > 2.0 * liar.strong).all()
+
+
+def test_an_unknown_case_of_stress_is_refused_by_name():
+    refused = module("stress", "--case", "nowhere")
+    assert refused.returncode == 2
+    assert "nowhere" in refused.stderr
+    assert "Traceback" not in refused.stderr

@@ -1,0 +1,141 @@
+"""Scenarios that lose trackers: how often the network loses its target, and how sure it is of itself meanwhile."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.table import Table
+
+from benchmarks.common import plain_table
+from zenoh_cbef.analysis.metrics import Analysis, analyze
+from zenoh_cbef.analysis.strong import strong
+from zenoh_cbef.analysis.strong.told import told
+from zenoh_cbef.analysis.summary import pick
+from zenoh_cbef.errors import UserError
+from zenoh_cbef.scenario import Scenario
+from zenoh_cbef.scenario.load import load
+from zenoh_cbef.scenario.plan import Plan
+from zenoh_cbef.scenario.world import make_world
+from zenoh_cbef.simulator import Heard, heard_in, simulate
+from zenoh_cbef.trace import Trace
+
+Floats = NDArray[np.float64]
+
+CASES = Path(__file__).with_name("stress.toml")
+SEEDS, FIRST = 50, 1001
+LOST = 3.0
+"""A run is lost whose position RMSE is more than so many times that of the best centralised filter."""
+
+COLUMNS = (
+    "case", "median (m)", "p90", "max", "lost", "twin lost", "strong lost", "ratio to strong", "worst", "NEES/d",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Scores:
+    """Of s runs of a case: position RMSE of the network and of two centralised filters, m; NEES over its ideal."""
+
+    network: Floats
+    twin: Floats
+    strong: Floats
+    nees: Floats
+
+    @property
+    def best(self) -> Floats:
+        """The best centralised filter's RMSE in each run."""
+        return np.fmin(self.twin, self.strong)
+
+    def lost(self, errors: Floats) -> int:
+        """How many runs these RMSEs (s,) lose."""
+        return int((~(errors <= LOST * self.best)).sum())
+
+    def row(self, name: str) -> list[object]:
+        """The case as a row of the table."""
+        network = np.nan_to_num(self.network, nan=np.inf)
+        ratio = network / self.best
+        return [
+            name,
+            *(float(np.quantile(network, share, method="higher")) for share in (0.5, 0.9, 1.0)),
+            *(self.lost(errors) for errors in (self.network, self.twin, self.strong)),
+            float(np.median(ratio)),
+            float(ratio.max()),
+            float(np.mean(self.nees)),
+        ]
+
+
+def cases() -> dict[str, Mapping[str, object]]:
+    """All cases by name: their `set` and `wrong`."""
+    found: dict[str, Mapping[str, object]] = tomllib.loads(CASES.read_text(encoding="utf-8"))
+    return found
+
+
+def scenario_of(case: Mapping[str, object]) -> Scenario:
+    """`tracking` with the keys of a case."""
+    overrides = case.get("set", [])
+    assert isinstance(overrides, list)
+    return load("tracking", overrides).scenario
+
+
+def scores(scenario: Scenario, wrong: str = "", seeds: int = SEEDS) -> Scores:
+    """Simulate and score the seeds of a case as one batch."""
+    scenarios = [scenario.model_copy(update={"seed": FIRST + more}) for more in range(seeds)]
+    heard = [_heard(Plan(one), wrong) for one in scenarios]
+    with np.errstate(all="ignore"):
+        traces = simulate(scenarios, heard=heard)
+        runs = analyze(traces)
+        states, _ = strong(*told(traces, len(traces[0].time)))
+    return Scores(
+        np.array([pick(run.metrics, "position_rmse") for run in runs]),
+        np.array([pick(run.metrics, "centralized.position_rmse") for run in runs]),
+        _errors(traces, states, runs[0].first),
+        np.array([_nees(run) for run in runs]),
+    )
+
+
+def _heard(plan: Plan, wrong: str) -> Heard:
+    """What receivers measure that are wrong in a way of which the scenario says nothing."""
+    heard = heard_in(plan, make_world(plan.scenario))
+    if not wrong:
+        return heard
+    ranges = heard.ranges.copy()
+    count, steps = ranges.shape
+    chance = np.random.default_rng(plan.scenario.seed)
+    if wrong == "liar":
+        ranges[min(2, count - 1)] += 5.0
+    elif wrong == "bursts":
+        for agent in (0, count - 1):
+            for first in chance.integers(0, steps, max(1, steps // 60)):
+                ranges[agent, first : first + 20] += 10.0
+    else:
+        ranges += 30.0 * (chance.random(ranges.shape) < 0.4)
+    return Heard(heard.positions, ranges, heard.age)
+
+
+def _errors(traces: Sequence[Trace], states: Floats, first: int) -> Floats:
+    kept = traces[0].plan.space.kept
+    axes = len(kept) // 2
+    truth = np.stack([trace.truth for trace in traces])[:, first:, kept[:axes]]
+    return np.asarray(np.sqrt(np.mean(np.sum((states[:, first:, :axes] - truth) ** 2, axis=2), axis=1)))
+
+
+def _nees(run: Analysis) -> float:
+    """Mean NEES over its ideal value, of agents that count in the scored window; infinite where an estimate is not."""
+    found = run.metrics.nees
+    average = None if found is None else found.average
+    return float("inf") if average is None else average / len(run.trace.plan.space.kept)
+
+
+def run(repeats: int, case: str | None = None, seeds: int = SEEDS) -> Iterator[Table]:
+    """One row per case; nothing is timed."""
+    del repeats
+    known = cases()
+    if case is not None and case not in known:
+        raise UserError(f"there is no case {case!r} in {CASES.name}; there are {', '.join(known)}")
+    for name in known if case is None else [case]:
+        found = scores(scenario_of(known[name]), str(known[name].get("wrong", "")), seeds)
+        yield plain_table(f"stress: {name}, {len(found.network)} seeds from {FIRST}", COLUMNS, [found.row(name)])

@@ -1,0 +1,153 @@
+"""The measurement update by sigma points, iterated: batched over runs and hypotheses, written apart from the filters.
+
+The iterated posterior linearisation filter of Garcia-Fernandez, Svensson, Morelande and Sarkka, IEEE TSP 63(20), 2015:
+ranges are linearised statistically, first over the prior and then over the posterior that this gave, so neither a wide
+prior nor a start that is off spoils the direction. The points are those of the cubature filter (Arasaratnam, Haykin,
+IEEE TAC 54(6), 2009), and heavy tails are weights of Student's t.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+_LEAST = 1e-150
+_IMPOSSIBLE = -1e9
+_CLIPPED = 9.0
+"""The most that one range counts in how surprising a step was: three standard deviations, squared."""
+
+
+@dataclass(frozen=True)
+class Heard:
+    """One step of r runs and n agents.
+
+    anchor: (r, n, a), the agents along the estimated axes, m. off: (r, n), m^2, squared height of the agents above a
+    known plane, else 0. range: (r, n), m, NaN where there is none. age: (r, n), s. variance: of the noise, m^2. heavy:
+    degrees of freedom of Student's t, infinite for Gaussian noise.
+    """
+
+    anchor: Floats
+    off: Floats
+    range: Floats
+    age: Floats
+    variance: float
+    heavy: float
+
+
+@dataclass(frozen=True)
+class Updated:
+    """Posteriors of b hypotheses of each run.
+
+    mean: (r, b, d). covariance: (r, b, d, d). evidence: (r, b), log likelihood of the ranges. surprise: (r, b), sum
+    over ranges of the squared innovation in its own standard deviations, each clipped.
+    """
+
+    mean: Floats
+    covariance: Floats
+    evidence: Floats
+    surprise: Floats
+
+
+def square_root(matrices: Floats) -> Floats:
+    """Lower Cholesky factors of (..., e, e); a matrix that is not positive definite gets the nearest small pivots."""
+    size = matrices.shape[-1]
+    root = np.zeros_like(matrices)
+    for column in range(size):
+        done = root[..., column, :column]
+        pivot = matrices[..., column, column] - np.sum(done * done, axis=-1)
+        root[..., column, column] = np.sqrt(
+            np.maximum(pivot, np.maximum(1e-14 * matrices[..., column, column], _LEAST))
+        )
+        below = matrices[..., column + 1 :, column] - np.sum(
+            root[..., column + 1 :, :column] * done[..., None, :], axis=-1
+        )
+        root[..., column + 1 :, column] = below / root[..., column, column, None]
+    return root
+
+
+def update(mean: Floats, covariance: Floats, heard: Heard, passes: int) -> Updated:
+    """Take in the ranges of a step. mean: (r, b, d), position, velocity and, where d is larger, the n biases."""
+    gaussian = bool(np.isinf(heard.heavy))
+    found, spread, surprise = mean, covariance, np.zeros(mean.shape[:2])
+    odd: Floats | None = None
+    for _ in range(passes):
+        step = _Linear.of(found, spread, heard)
+        innovation = np.where(step.known, heard.range[:, None] - step.at(mean, found), 0.0)
+        cross = covariance @ np.swapaxes(step.rows, 2, 3)
+        seen = step.rows @ cross + step.rest
+        if odd is None:
+            odd = innovation**2 / (np.diagonal(seen, axis1=2, axis2=3) + heard.variance)
+            surprise = np.minimum(odd, _CLIPPED).sum(axis=2)
+        noise = heard.variance if gaussian else heard.variance * (heard.heavy + odd) / (heard.heavy + 1.0)
+        total = seen + np.where(step.known, noise, 1.0)[..., None] * np.eye(heard.range.shape[1])
+        solved = np.linalg.solve(total, np.concatenate([innovation[..., None], np.swapaxes(cross, 2, 3)], axis=3))
+        found = mean + (cross @ solved[..., :1])[..., 0]
+        spread = covariance - cross @ solved[..., 1:]
+        spread = 0.5 * (spread + np.swapaxes(spread, 2, 3))
+        if not gaussian:
+            odd = _oddness(found, spread, heard)
+    fit = np.sum(innovation * solved[..., 0], axis=2) + np.linalg.slogdet(total)[1]
+    evidence = -0.5 * (fit + step.known.sum(axis=2) * np.log(2.0 * np.pi))
+    sound = np.isfinite(evidence) & np.isfinite(found).all(axis=2) & np.isfinite(spread).all(axis=(2, 3))
+    return Updated(
+        np.where(sound[..., None], found, np.nan_to_num(mean)),
+        np.where(sound[..., None, None], spread, covariance),
+        np.where(sound, evidence, _IMPOSSIBLE),
+        surprise,
+    )
+
+
+def _oddness(mean: Floats, covariance: Floats, heard: Heard) -> Floats:
+    """Expected squared errors of the ranges under posteriors, in units of their noise, (r, b, n)."""
+    step = _Linear.of(mean, covariance, heard)
+    left = np.diagonal(step.rows @ covariance @ np.swapaxes(step.rows, 2, 3) + step.rest, axis1=2, axis2=3)
+    return np.asarray(np.where(step.known, (heard.range[:, None] - step.centre) ** 2 + left, 0.0) / heard.variance)
+
+
+@dataclass(frozen=True)
+class _Linear:
+    """Ranges by statistical linear regression over b hypotheses of each run; rows and rest are zero where none is.
+
+    known: (r, 1, n). centre: (r, b, n), expected ranges. rows: (r, b, n, d). rest: (r, b, n, n), covariance of what is
+    not linear.
+    """
+
+    known: NDArray[np.bool_]
+    centre: Floats
+    rows: Floats
+    rest: Floats
+
+    def at(self, mean: Floats, found: Floats) -> Floats:
+        """Ranges that are expected at means (r, b, d), where the regression is about `found`."""
+        return np.asarray(self.centre + np.sum(self.rows * (mean - found)[:, :, None], axis=3))
+
+    @classmethod
+    def of(cls, mean: Floats, covariance: Floats, heard: Heard) -> _Linear:
+        """About means (r, b, d) with covariances (r, b, d, d)."""
+        axes, (runs, many, size) = heard.anchor.shape[2], mean.shape
+        moving = bool(np.any(heard.age))
+        inner = 2 * axes if moving else axes
+        root = square_root(covariance[..., :inner, :inner])
+        away = np.sqrt(inner) * np.swapaxes(root, 2, 3)
+        points = mean[:, :, None, :inner] + np.concatenate([away, -away], axis=2)
+        places = points[:, :, :, None, :axes]
+        if moving:
+            places = places - heard.age[:, None, None, :, None] * points[:, :, :, None, axes:]
+        offset = places - heard.anchor[:, None, None]
+        distance = np.sqrt(np.sum(offset * offset, axis=4) + heard.off[:, None, None])
+        slope = (distance[:, :, :inner] - distance[:, :, inner:]) / (2.0 * np.sqrt(inner))
+        centre = distance.mean(axis=2)
+        apart = distance - centre[:, :, None]
+        rest = np.swapaxes(apart, 2, 3) @ apart / (2.0 * inner) - np.swapaxes(slope, 2, 3) @ slope
+        agents, known = heard.range.shape[1], np.isfinite(heard.range)[:, None]
+        rows = np.zeros((runs, many, agents, size))
+        rows[..., :inner] = np.swapaxes(np.linalg.solve(np.swapaxes(root, 2, 3), slope), 2, 3)
+        if size > 2 * axes:
+            rows[..., 2 * axes :] = np.eye(agents)
+            centre = centre + mean[..., 2 * axes :]
+        pairs = known[..., None] & known[..., None, :]
+        return cls(known, centre, np.where(known[..., None], rows, 0.0), np.where(pairs, rest, 0.0))

@@ -1,0 +1,81 @@
+"""What the strong yardstick is told of runs: the start that agents know together, the noise, and which ranges lie."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zenoh_cbef.analysis.strong.yardstick import Known, Seen
+from zenoh_cbef.faults import SensorFault
+from zenoh_cbef.scenario.plan import Plan
+from zenoh_cbef.scenario.world import make_world
+from zenoh_cbef.trace import Trace
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+_HEAVY = 4.0
+_WRONG = 0.1
+"""A range that differs by more than this share of its noise from what an honest receiver measures is an outlier."""
+
+
+def known_together(plan: Plan) -> Floats:
+    """Covariance of the mean of all agents' initial estimates, (s, s).
+
+    Guesses of agents that are independent of one another have a mean whose covariance is that of one over n. A position
+    or a velocity that the scenario gives to all of them is no more certain than it says.
+    """
+    chosen = plan.scenario.filter
+    shared = np.repeat([_shared(plan, chosen.initial_position), _shared(plan, chosen.initial_velocity)], 3)
+    number = np.where(shared, 1.0, plan.scenario.count)[plan.space.kept]
+    return np.asarray(plan.initial_covariance / np.sqrt(number[:, None] * number))
+
+
+def _shared(plan: Plan, given: Sequence[float] | Sequence[Sequence[float]] | None) -> bool:
+    return plan.recorded if given is None else not isinstance(given[0], Sequence)
+
+
+def told(traces: Sequence[Trace], steps: int) -> tuple[Known, Seen]:
+    """What is known of runs of one shape, and what they measured in the first steps."""
+    plan = traces[0].plan
+    scenario, settings = plan.scenario, plan.settings
+    count = scenario.count
+    emulated = not plan.recorded
+    wrong = [wrong_ranges(trace) if emulated else None for trace in traces]
+    ranges = np.stack(
+        [
+            trace.ranges if odd is None else np.where(odd, np.nan, trace.ranges)
+            for trace, odd in zip(traces, wrong, strict=True)
+        ]
+    )
+    own, common = max(settings.own_bias_std, scenario.sensor.bias_std), settings.common_bias_std
+    accelerations = {plan.motion.acceleration_std}
+    if scenario.target.motion == "ncv":
+        accelerations.add(scenario.target.acceleration_std)
+    known = Known(
+        dt=scenario.dt,
+        range_std=scenario.sensor.range_std if emulated else plan.range_std,
+        accelerations=tuple(accelerations),
+        heavy=_HEAVY if any(one is None for one in wrong) else np.inf,
+        settle=plan.settling_steps,
+        height=scenario.filter.planar_height,
+        mean=np.stack([trace.initial for trace in traces]).mean(axis=1)[:, plan.space.kept],
+        covariance=known_together(plan),
+        bias=None if plan.bias == "none" else own**2 * np.eye(count) + common**2,
+    )
+    positions, age = (np.stack([getattr(trace, part) for trace in traces]) for part in ("positions", "age"))
+    return known, Seen(positions[:, :, :steps], ranges[:, :, :steps], age[:, :, :steps])
+
+
+def wrong_ranges(trace: Trace) -> Bools | None:
+    """Which ranges (n, K) honest receivers of the emulated world would not have measured; None where it is not that."""
+    scenario = trace.scenario
+    sensor = scenario.sensor.model_copy(update={"outlier_probability": 0.0})
+    faults = tuple(fault for fault in scenario.fault if not isinstance(fault, SensorFault))
+    world = make_world(scenario.model_copy(update={"sensor": sensor, "fault": faults}))
+    honest = sensor.signal_speed * (world.arrived - world.emitted)
+    differs = np.abs(trace.ranges - honest) > _WRONG * sensor.range_std
+    heard = np.isfinite(trace.ranges)
+    return None if heard.any() and np.mean(differs[heard]) > 0.8 else differs
