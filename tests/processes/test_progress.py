@@ -23,3 +23,19 @@ def test_an_estimate_of_a_step_that_was_not_begun_is_refused_and_counted():
             time.sleep(0.01)
         assert [step for step, _ in progress.estimates()] == [3]
         assert progress.rejections.total == 2
+
+
+def test_an_estimate_that_did_not_come_is_asked_for():
+    run = f"progress-{uuid.uuid4().hex[:12]}"
+    with Node(Identity(run, "target", "target")) as node:
+        progress = Progress(node, 2, 60.0, 0.0, begun=3)
+        for agent in range(2):
+            node.presence.announce(f"agent/{agent}")
+            key = node.keys.estimate(agent)
+            data = encode(run, f"agent/{agent}", 0, time.time_ns(), {"k": 3, **ESTIMATE})
+            # What an agent has sent and the target has not heard: as after a broken link, or in a flood.
+            node.archive.open(key).keep(0, 3, data)
+            node.archive.serve(key)
+        assert node.wait_for(lambda live: {"agent/0", "agent/1"} <= live, 10.0)
+        assert progress.wait(3)
+        assert progress.silent() == []

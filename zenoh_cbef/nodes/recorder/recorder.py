@@ -22,8 +22,8 @@ from zenoh_cbef.nodes.recorder.attendance import Attendance, takes_part
 from zenoh_cbef.nodes.recorder.overview import Overview
 from zenoh_cbef.nodes.recorder.recovery import Recovery
 from zenoh_cbef.plain import count_in, counts_in
+from zenoh_cbef.protocol.fair_mailbox import FairMailbox
 from zenoh_cbef.protocol.keys import address
-from zenoh_cbef.protocol.mailbox import Mailbox
 from zenoh_cbef.protocol.messages import BadMessage, decode
 from zenoh_cbef.protocol.recorded import belongs, covering, recorded_keys
 from zenoh_cbef.protocol.slow import SLOW
@@ -46,14 +46,14 @@ class Recorder:
     """
 
     def __init__(
-        self, node: Node, log: RunLog, overview: Overview, mailboxes: Sequence[Mailbox], scenario: Scenario
+        self, node: Node, log: RunLog, overview: Overview, mailboxes: Sequence[FairMailbox], scenario: Scenario
     ) -> None:
         self.node, self.log, self.overview = node, log, overview
         self._mailboxes, self._settings = mailboxes, scenario.record
         self._covers = covering([mailbox.key for mailbox in mailboxes])
         self._lock = threading.Lock()
         self._done = threading.Event()
-        self._full_since: dict[Mailbox, float] = {}
+        self._full_since: dict[FairMailbox, float] = {}
         self._told: set[str] = set()
         self._promised: dict[str, dict[str, int]] = {}
         self._acknowledgements = Acknowledgements(node)
@@ -84,7 +84,7 @@ class Recorder:
             for _ in range(0, _CAPACITY, _PORTION):  # a flood has no end
                 self._write_waiting(mailbox, mailbox.poll_from())
 
-    def _drain(self, mailbox: Mailbox) -> None:
+    def _drain(self, mailbox: FairMailbox) -> None:
         while not self._done.is_set():
             self._write_waiting(mailbox, mailbox.receive_from())
             time.sleep(_GATHER_SECONDS)
@@ -93,7 +93,7 @@ class Recorder:
         for mailbox in self._mailboxes:
             mailbox.wake()
 
-    def _write_waiting(self, mailbox: Mailbox, received: tuple[str, bytes] | None) -> None:
+    def _write_waiting(self, mailbox: FairMailbox, received: tuple[str, bytes] | None) -> None:
         """Write a message and those behind it.
 
         No more than a portion: in a flood, too, the log is flushed and the end of the run is seen.
@@ -212,7 +212,7 @@ def run_recorder(
     expressions = recorded_keys(identity.run, keys)
     with Node(identity) as node:
         # Subscribe before any process can see us: none sends before we listen. A full mailbox must not slow agents.
-        mailboxes = [Mailbox(node.session, one, _CAPACITY) for one in expressions]
+        mailboxes = [FairMailbox(node.session, one, _CAPACITY) for one in expressions]
         briefing = brief(node)
         text, scenario = briefing.text, briefing.scenario
         settings: Record = scenario.record

@@ -9,16 +9,20 @@ from zenoh_cbef.faults.base import Bools
 from zenoh_cbef.nodes.common.alarm import Alarm
 from zenoh_cbef.nodes.common.node import Node
 from zenoh_cbef.nodes.common.rejections import Rejections
+from zenoh_cbef.protocol.fair_mailbox import FairMailbox
 from zenoh_cbef.protocol.keys import address, agent_named
-from zenoh_cbef.protocol.mailbox import CAPACITY, Mailbox
+from zenoh_cbef.protocol.memory import ask_latest
 from zenoh_cbef.protocol.messages import BadMessage, peek
 
 _GATHER_SECONDS = 0.001
 _PORTION = 10_000
+_WAITING = 1 << 12
 _ROOM = 16
-"""Estimates of each agent that can wait: more than it can be ahead."""
+"""Estimates that can wait: of each agent more than it can be ahead, and some of a flood."""
 _KEPT = 8
 """Estimates of each agent that are kept: more than agents can be apart."""
+_ASK_SECONDS, _ASKED = 2.0, 4
+"""How often the slowest agents are asked for estimates that may be lost, and how many of them."""
 _LOOK_BACK = 6
 """Estimates of each agent that are kept from the last seconds, one of each."""
 
@@ -43,7 +47,7 @@ class Progress:
         self._recent: list[deque[tuple[int, bytes]]] = [deque(maxlen=_KEPT) for _ in range(count)]
         self._past: list[deque[tuple[float, bytes]]] = [deque(maxlen=_LOOK_BACK) for _ in range(count)]
         self._members = set(range(count))
-        self._mailbox = Mailbox(node.session, node.keys.all_estimates, CAPACITY + _ROOM * count)
+        self._mailbox = FairMailbox(node.session, node.keys.all_estimates, _WAITING + _ROOM * count)
         node.presence.on_change(self._note_change)
         node.on_stop(self._mailbox.wake)
 
@@ -122,7 +126,7 @@ class Progress:
         It no longer waits for agents that make no progress for longer than the agents' own patience, until they do.
         When these are all agents, and for as long again, the run is over.
         """
-        until = time.monotonic() + self._patience
+        until, ask_at = time.monotonic() + self._patience, time.monotonic() + _ASK_SECONDS
         while self.members() and (even_stopping or not self._node.stopping):
             slowest = self._slowest()
             if slowest is not None and slowest >= step:
@@ -138,7 +142,18 @@ class Progress:
                 # There is time to let the others' estimates gather: a wake-up for each would cost more.
                 time.sleep(_GATHER_SECONDS)
                 self.drain()
+            if time.monotonic() >= ask_at:
+                self._recall()
+                ask_at = time.monotonic() + _ASK_SECONDS
         return False
+
+    def _recall(self) -> None:
+        """Ask the slowest agents for their last estimates, which a flood or a broken link may have lost."""
+        slowest = self._slowest()
+        behind = [one for one in self.members() if one not in self._silent and self._reached[one] == slowest]
+        for key in map(self._node.keys.estimate, behind[:_ASKED]):
+            for data in ask_latest(self._node.session, key):
+                self._note(key, data)
 
     def _leave_behind(self, step: int) -> None:
         behind = [agent for agent in self.members() if agent not in self._silent and self._reached[agent] == step]

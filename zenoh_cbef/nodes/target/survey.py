@@ -17,8 +17,8 @@ from zenoh_cbef.nodes.common.briefing import HERE, card
 from zenoh_cbef.nodes.common.node import Node
 from zenoh_cbef.nodes.target.lookout import Lookout
 from zenoh_cbef.nodes.target.progress import Progress
+from zenoh_cbef.protocol.fair_mailbox import FairMailbox
 from zenoh_cbef.protocol.keys import Address, address, agent_named
-from zenoh_cbef.protocol.mailbox import Mailbox
 from zenoh_cbef.protocol.messages import BadMessage, decode
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.scenario.world import World
@@ -55,7 +55,7 @@ class Survey:
 
     def __init__(self, node: Node) -> None:
         self._node = node
-        self._mailbox = Mailbox(node.session, node.keys.all_events, _WAITING)
+        self._mailbox = FairMailbox(node.session, node.keys.all_events, _WAITING)
         self._events: defaultdict[str, deque[bytes]] = defaultdict(lambda: deque(maxlen=_KEPT_OF_EACH))
         self._cards: dict[str, bytes] = {}
         self._lock = threading.Lock()
