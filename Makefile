@@ -4,9 +4,12 @@ PYTHON ?= $(shell for p in python3.13 python3.12 python3.11 python3.14 python3; 
 BIN := .venv/bin
 PIP := .venv/bin/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 READY := .venv/.installed
-WORKERS ?= $(shell echo $$(($$(getconf _NPROCESSORS_ONLN) + 1)))
+CORES ?= $(shell getconf _NPROCESSORS_ONLN)
+WORKERS ?= $(shell echo $$(($(CORES) + 1)))
+# Else each of the thousand processes of the tests would compile the package anew.
+unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help demo test install lint types unit fast coverage mutants format benchmarks clean
+.PHONY: help demo test install lint types unit fast thorough coverage mutants format benchmarks clean
 
 help:  ## what can be made
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/\1\t\2/p' $(MAKEFILE_LIST)
@@ -37,10 +40,13 @@ unit: install  ## all tests; one worker more than there are cores, as many tests
 	$(BIN)/pytest -n $(WORKERS) --dist loadgroup
 
 fast: install  ## the tests that start no process
-	$(BIN)/pytest -n $(WORKERS) -m "not processes"
+	$(BIN)/pytest -n $(CORES) -m "not processes"
+
+thorough: install  ## the same, with ten times as many random examples (minutes)
+	EXAMPLES=10 $(BIN)/pytest -n $(CORES) -m "not processes"
 
 coverage: install  ## which lines the fast tests run; processes are not counted
-	$(BIN)/pytest -n $(WORKERS) -m "not processes" --cov --cov-report=term
+	$(BIN)/pytest -n $(CORES) -m "not processes" --cov --cov-report=term
 
 mutants: install  ## tests of the tests: change the package here and there, and see whether one fails (minutes)
 	$(BIN)/python -m benchmarks.mutants

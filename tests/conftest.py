@@ -18,8 +18,16 @@ WITH_PROCESSES = (
 )
 
 
+def has_processes(path: Path) -> bool:
+    return any(path.is_relative_to(HERE / one) for one in WITH_PROCESSES)
+
+
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Do not even import the files of which no test is asked for."""
+    return True if config.option.markexpr == "not processes" and has_processes(collection_path) else None
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    folders = [HERE / one for one in WITH_PROCESSES]
     for item in items:
-        if any(item.path.is_relative_to(folder) for folder in folders):
+        if has_processes(item.path):
             item.add_marker(pytest.mark.processes)

@@ -79,17 +79,25 @@ STAGES = {
 } | {"running sums": {"scheme": "running-sums"}, "trimmed": {"trim": 1}}
 
 
-@pytest.mark.parametrize("kind", FILTERS)
-@pytest.mark.parametrize("stage", STAGES)
-@pytest.mark.parametrize("fault", FAULTS)
-@pytest.mark.parametrize("planar", [False, True])
-def test_a_run_is_the_same_alone_and_in_a_batch(kind, stage, fault, planar):
+def met(stages):
+    """Every filter in every stage, under two of the four faults: all pairs meet, and each trio of kinds half."""
+    pairs = itertools.product(enumerate(FILTERS), enumerate(stages))
+    return [
+        (kind, stage, list(FAULTS)[(row + column + far) % 4])
+        for ((row, kind), (column, stage)) in pairs
+        for far in (0, 2)
+    ]
+
+
+@pytest.mark.parametrize(("kind", "stage", "fault"), met(STAGES))
+def test_a_run_is_the_same_alone_and_in_a_batch(kind, stage, fault):
+    planar = fault in {"loss", "delay"}
     keys = {
         "filter": {**FILTERS[kind], **({"planar_height": 0.4} if planar else {})},
         "consensus": STAGES[stage],
         "fault": FAULTS[fault],
     }
-    runs = [scenario(seed, **keys) for seed in (1, 2, 2**64 - 1)]
+    runs = [scenario(seed, **keys) for seed in (1, 2**64 - 1)]
     together = simulate(runs, keep_payloads=True)
     for one, expected in zip(runs, together, strict=True):
         [alone] = simulate([one], keep_payloads=True)
@@ -154,9 +162,9 @@ def assert_agents_on_their_own_compute(one):
                 assert estimate.covariance[0].tobytes() == trace.covariances[agent.number, step - 1].tobytes()
 
 
-@pytest.mark.parametrize("kind", FILTERS)
-@pytest.mark.parametrize("stage", ["metropolis none", "metropolis chebyshev", "running sums", "trimmed"])
-@pytest.mark.parametrize("fault", FAULTS)
+@pytest.mark.parametrize(
+    ("kind", "stage", "fault"), met(["metropolis none", "metropolis chebyshev", "running sums", "trimmed"])
+)
 def test_agents_on_their_own_compute_the_bits_of_the_simulator(kind, stage, fault):
     assert_agents_on_their_own_compute(
         scenario(3, filter=FILTERS[kind], consensus=STAGES[stage], fault=FAULTS[fault], steps=6)

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
 from tests.log.hand_made import Maker
+from tests.within import within
 from zenoh_cbef.log.mcap.writer import McapWriter
 
 
@@ -27,11 +26,6 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     with McapWriter(path / "foreign.mcap", library="test") as writer:
         writer.add_message(writer.register_channel("key", "", 0), 0, 0, 0, b"x")
     return path
-
-
-def call(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "zenoh_cbef", *words]
-    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
 
 
 @pytest.mark.parametrize(
@@ -58,7 +52,7 @@ def call(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
 )
 def test_exit_statuses_tell_what_happened(folder: Path, tmp_path: Path, words: str, status: int) -> None:
     new = tmp_path / "new.mcap"
-    done = call(folder, *words.format(new=new).split())
+    done = within(folder, *words.format(new=new).split())
     assert done.returncode == status, done.stderr
     assert "Traceback" not in done.stderr
     assert new.exists() == ("{new}" in words and status in (0, 3))
@@ -70,7 +64,7 @@ def test_exit_statuses_tell_what_happened(folder: Path, tmp_path: Path, words: s
 def test_info_says_of_a_foreign_file_that_it_is_foreign_and_whether_it_is_whole(folder: Path) -> None:
     data = (folder / "foreign.mcap").read_bytes()
     (folder / "half.mcap").write_bytes(data[:60])
-    whole, half = call(folder, "info", "foreign.mcap"), call(folder, "info", "half.mcap")
+    whole, half = within(folder, "info", "foreign.mcap"), within(folder, "info", "half.mcap")
     for done in (whole, half):
         assert done.returncode == 0
         assert "none, as this is no log of zenoh-cbef" in done.stdout
@@ -78,11 +72,11 @@ def test_info_says_of_a_foreign_file_that_it_is_foreign_and_whether_it_is_whole(
         assert "complete" not in done.stdout
     assert "state:       whole" in whole.stdout
     assert "state:       cut off" in half.stdout
-    assert "state:       complete" in call(folder, "info", "whole.mcap").stdout
+    assert "state:       complete" in within(folder, "info", "whole.mcap").stdout
 
 
 def test_what_cat_prints_is_one_object_a_line(folder: Path) -> None:
-    done = call(folder, "cat", "whole.mcap", "-y", "cbef/made/agent/1/.*", "-S", "0s", "-E", "0.1s")
+    done = within(folder, "cat", "whole.mcap", "-y", "cbef/made/agent/1/.*", "-S", "0s", "-E", "0.1s")
     shown = [json.loads(line) for line in done.stdout.splitlines()]
     assert {line["topic"].rsplit("/", 1)[1] for line in shown} == {"estimate", "range", "round"}
     assert all(line["data"]["from"] == "agent/1" for line in shown)

@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.examples import examples
 from zenoh_cbef.experiment.statistics import median_interval
 
 NUMBERS = st.floats(-1e6, 1e6, allow_nan=False)
@@ -40,7 +41,7 @@ def test_the_interval_covers_the_true_median_about_as_often_as_it_says():
 
 
 @given(st.lists(NUMBERS, min_size=1, max_size=200))
-@settings(max_examples=200, deadline=None)
+@examples(60)
 def test_the_interval_is_made_of_values_around_the_median_in_any_order(values):
     found = median_interval(values)
     assert found.low <= found.median <= found.high
@@ -51,7 +52,7 @@ def test_the_interval_is_made_of_values_around_the_median_in_any_order(values):
 
 
 @given(st.integers(5, 60), st.integers(1, 8))
-@settings(max_examples=50, deadline=None)
+@examples(25)
 def test_more_runs_of_the_same_values_are_surer(count, times):
     values = list(map(float, range(count)))
     once, often = median_interval(values), median_interval(values * (2 * times + 1))

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from zenoh_cbef.faults import BurstLoss, Fates
 from zenoh_cbef.streams import stream, uniform
 
-ROUNDS, STEPS, LINKS = 4, 1200, 12
+ROUNDS, STEPS, LINKS = 4, 240, 60
 
 
 def burst_loss(enter, leave, **keys):
@@ -72,7 +72,7 @@ def test_links_start_in_the_stationary_state():
 def test_the_states_are_those_of_a_chain_that_is_stepped_from_the_past(enter, leave):
     # The same draws, applied one after the other from both states long before the first message.
     lost = history(burst_loss(enter, leave), steps=40)
-    for link in range(LINKS):
+    for link in range(12):
         [key] = stream(3, "burst-loss/0/state", link, link + 1)
         for first in (False, True):
             bad, states = first, []

@@ -5,8 +5,9 @@ from __future__ import annotations
 import re
 
 import numpy as np
-from hypothesis import HealthCheck, assume, given, settings
+from hypothesis import HealthCheck, assume, given
 
+from tests.examples import examples
 from tests.faults.strategies import scenarios
 from tests.test_simulator import assert_same
 from zenoh_cbef.analysis.metrics import analyze
@@ -17,7 +18,7 @@ from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.simulator import simulate
 
 
-@settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@examples(50, suppress_health_check=[HealthCheck.too_slow])
 @given(scenarios())
 def test_a_faulty_run_is_finite_and_the_same_alone_and_in_a_batch(given):
     one = parse(given, "test")

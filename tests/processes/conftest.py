@@ -1,6 +1,5 @@
 """Real processes over real Zenoh sessions; whatever a test starts is gone when it ends, also when it fails."""
 
-import io
 import json
 import os
 import signal
@@ -10,13 +9,12 @@ import sys
 import time
 import uuid
 from collections.abc import Sequence
-from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 
 import pytest
 import zenoh
 
-from zenoh_cbef.cli.main import main
+from tests.within import within
 
 WITHIN = {"analyze", "cat", "check", "compare", "export", "filter", "info", "merge", "recover", "reestimate", "sim"}
 WITHIN |= {"timeline", "verify"}
@@ -52,21 +50,6 @@ def processes_of(run: str) -> dict[int, str]:
             if run.encode() in words and state != "Z":
                 found[int(entry.name)] = b" ".join(words).decode(errors="replace")
     return found
-
-
-def within(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
-    """What a verb does and says in a folder, in this process."""
-    streams = [io.TextIOWrapper(io.BytesIO(), encoding="utf-8", write_through=True) for _ in range(2)]
-    heeds = signal.getsignal(signal.SIGINT)
-    with pytest.MonkeyPatch.context() as patch, redirect_stdout(streams[0]), redirect_stderr(streams[1]):
-        patch.chdir(folder)
-        patch.setattr(sys, "argv", ["zenoh-cbef", *arguments])
-        with pytest.raises(SystemExit) as ended:
-            main()
-    signal.signal(signal.SIGINT, heeds)
-    out, err = (stream.buffer.getvalue().decode() for stream in streams)
-    assert isinstance(ended.value.code, int), err
-    return subprocess.CompletedProcess(arguments, ended.value.code, out, err)
 
 
 class World:

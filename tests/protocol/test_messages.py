@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.examples import examples
 from zenoh_cbef.protocol.messages import (
     BODIES,
     FARTHEST,
@@ -134,7 +135,7 @@ def test_a_message_is_read_back_as_it_was_written(message, seq, sent):
         assert peek(kind, data, run=RUN, sender=SENDER)["k"] == body["k"]
 
 
-@settings(deadline=None, max_examples=300)
+@examples(100)
 @given(MESSAGES, st.data())
 def test_flipped_cut_or_extended_bytes_are_read_soundly_or_refused(message, data):
     kind, body = message
@@ -161,7 +162,7 @@ def test_noise_is_refused(kind, data):
     assert read_or_refused(kind, data) is None
 
 
-@settings(deadline=None, max_examples=300)
+@examples(100)
 @given(MESSAGES, st.data())
 def test_a_field_of_any_other_value_is_read_soundly_or_refused(message, data):
     kind, body = message

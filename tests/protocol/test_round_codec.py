@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.examples import examples
 from zenoh_cbef.protocol.messages import VERSION, BadMessage, decode, encode, pack_floats
 from zenoh_cbef.protocol.round_codec import RoundCodec
 from zenoh_cbef.tracking.moderation import LARGEST_SENT
@@ -84,7 +85,7 @@ def test_it_reads_what_any_msgpack_writer_makes_of_the_same_message(message):
         assert read[3] == payload.tobytes()
 
 
-@settings(deadline=None, max_examples=400)
+@examples(150)
 @given(messages(), st.data())
 def test_it_accepts_exactly_what_the_general_decoder_accepts(message, data):
     width, (seq, sent, step, round_), payload = message

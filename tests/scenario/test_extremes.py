@@ -7,9 +7,10 @@ import warnings
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.examples import examples
 from tests.scenario.extremes import scenario_of
 from zenoh_cbef.analysis.divergence import refuse_divergence
 from zenoh_cbef.analysis.metrics import analyze
@@ -45,7 +46,7 @@ def told_by_sim(data):
             return {}, str(error)
 
 
-@settings(max_examples=150, deadline=None)
+@examples(60)
 @given(st.randoms(use_true_random=False))
 def test_numbers_at_the_ends_of_their_ranges_give_a_result_or_a_sentence(random):
     told, failure = told_by_sim(scenario_of(random))

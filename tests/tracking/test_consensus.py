@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.polynomial.chebyshev import Chebyshev as Polynomial
 
+from tests.examples import examples
 from zenoh_cbef.tracking.consensus import Average, Chebyshev, RunningSums
 from zenoh_cbef.tracking.graph import canonical_edges, make_edges, neighbours, stack
 from zenoh_cbef.tracking.weights import metropolis_weights, spectrum_bounds, uniform_weights, weight_matrix
@@ -159,7 +160,7 @@ def exchanges(draw):
     return several, mixed, draw(st.sampled_from(SCHEMES)), draw(st.sampled_from([0.0, 0.3, 1.0])), random
 
 
-@settings(deadline=None, max_examples=150)
+@examples(50)
 @given(exchanges())
 def test_an_agent_alone_computes_the_bits_of_the_batch(exchange):
     several, payload, scheme, loss, random = exchange

@@ -10,10 +10,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from mcap.writer import CompressionType, IndexType, Writer
 
+from tests.examples import TIMES, examples
 from zenoh_cbef.log.mcap.contents import NotMcapError
 from zenoh_cbef.log.mcap.reader import McapFile
 from zenoh_cbef.log.mcap.writer import MAGIC, Compression, McapWriter
@@ -159,7 +160,7 @@ def test_the_summary_of_a_cut_file_is_that_of_the_whole(log: Path) -> None:
 def test_random_cuts_leave_an_exact_prefix(log: Path) -> None:
     data, wanted = log.read_bytes(), rows(McapFile(log))
     cuts = chance(2)
-    for cut in [cuts.randrange(len(MAGIC), len(data)) for _ in range(250)]:
+    for cut in [cuts.randrange(len(MAGIC), len(data)) for _ in range(80 * TIMES)]:
         file = altered(data[:cut])
         found = rows(file)
         assert found == wanted[: len(found)]
@@ -186,8 +187,8 @@ def test_random_bit_flips_never_crash_and_never_go_unnoticed(log: Path) -> None:
     wanted, extras = rows(whole), (whole.attachments, whole.metadata)
     flips = chance(3)
     heads = [n for n in range(len(data)) if data[n] in (4, 5, 6, 7, 9, 12, 15) and data[n + 4 : n + 9] == bytes(5)]
-    places = [flips.randrange(len(MAGIC), len(data)) for _ in range(300)]
-    for place in places + [flips.choice(heads) + flips.choice((0, 0, 1, 2, 8)) for _ in range(200)]:
+    places = [flips.randrange(len(MAGIC), len(data)) for _ in range(90 * TIMES)]
+    for place in places + [flips.choice(heads) + flips.choice((0, 0, 1, 2, 8)) for _ in range(60 * TIMES)]:
         bent = bytearray(data)
         bent[place] ^= 1 << flips.randrange(8)
         file = altered(bent)
@@ -203,7 +204,7 @@ def test_random_bit_flips_in_a_cut_file_never_go_unnoticed(log: Path) -> None:
     wanted, damage = rows(whole), whole.damage
     flips = chance(4)
     # In the last chunk, which is cut, no CRC tells.
-    for place in [flips.randrange(len(MAGIC), len(data) - 4000) for _ in range(300)]:
+    for place in [flips.randrange(len(MAGIC), len(data) - 4000) for _ in range(90 * TIMES)]:
         bent = bytearray(data)
         bent[place] ^= 1 << flips.randrange(8)
         file = altered(bent)
@@ -241,7 +242,7 @@ def test_a_damaged_chunk_is_named_and_skipped(log: Path) -> None:
     assert any(sentence.startswith("chunk at byte") and "fails its CRC" in sentence for sentence in file.damage)
 
 
-@settings(max_examples=300, deadline=None)
+@examples(100)
 @given(st.binary(max_size=400), st.booleans())
 def test_arbitrary_bytes_never_crash(data: bytes, closed: bool) -> None:
     footer = b"\x02\x14" + bytes(7) + data[:20].ljust(20, b"\0") + MAGIC
@@ -252,7 +253,7 @@ def test_arbitrary_bytes_never_crash(data: bytes, closed: bool) -> None:
     assert isinstance(file.metadata, dict)
 
 
-@settings(max_examples=200, deadline=None)
+@examples(60)
 @given(
     st.lists(
         st.tuples(st.integers(0, 255), st.integers(0, 80), st.binary(max_size=60)).map(

@@ -10,10 +10,11 @@ from typing import Any
 
 import msgpack
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from mcap.reader import make_reader
 
+from tests.examples import examples
 from tests.log.hand_made import KEYS, START, Maker
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.common.naming import RESOLVED, SOURCE, part_path
@@ -86,7 +87,7 @@ def official(path: Path) -> list[tuple[Any, ...]]:
     return read
 
 
-@settings(max_examples=150, deadline=None)
+@examples(50)
 @given(MESSAGES, st.sampled_from(COMPRESSIONS), st.sampled_from([1, 200, 1 << 20]), st.floats(0, 1))
 def test_what_is_recovered_of_a_cut_log_is_an_exact_prefix(
     messages: list[tuple[int, int, int, int, bytes]], compression: Compression, chunk: int, cut: float
@@ -109,7 +110,7 @@ def test_what_is_recovered_of_a_cut_log_is_an_exact_prefix(
         assert McapFile(new).damage == []
 
 
-@settings(max_examples=300, deadline=None)
+@examples(80)
 @given(MESSAGES, st.sampled_from(COMPRESSIONS), st.sampled_from([1, 200, 1 << 20]), st.randoms(use_true_random=False))
 def test_a_flipped_bit_never_gives_a_wrong_message_and_never_goes_unsaid(
     messages: list[tuple[int, int, int, int, bytes]], compression: Compression, chunk: int, noise: random.Random
@@ -207,7 +208,7 @@ def test_messages_are_shown_as_json_with_their_numbers(log: Path) -> None:
     assert [line["log_time"] for line in shown] == sorted(line["log_time"] for line in shown)
 
 
-@settings(max_examples=100, deadline=None)
+@examples(40)
 @given(st.binary(max_size=30) | MAPS.map(msgpack.packb))
 def test_any_message_is_shown_and_none_is_taken_for_another(data: bytes) -> None:
     with tempfile.TemporaryDirectory() as name:

@@ -76,30 +76,33 @@ from tests.log.write.test_run_log import write
 from zenoh_cbef.log.write.run_log import RunLog
 from zenoh_cbef.scenario.model import Record
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-limit = int(sys.argv[2])
-resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
-log = RunLog(Path(sys.argv[1]), Record(chunk_bytes=2048, compression="none"))
-log.describe(source="", resolved="", run={})
-for first in range(0, 1000, 7):
-    write(log, range(first, first + 7))
-    if not first % 4:
-        log.flush()
-log.close({})
-print(json.dumps([log.count, log.dropped, str(log.failure)]))
+_, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+for limit in map(int, sys.argv[2:]):
+    resource.setrlimit(resource.RLIMIT_FSIZE, (limit, hard))
+    log = RunLog(Path(sys.argv[1]) / f"{limit}.mcap", Record(chunk_bytes=2048, compression="none"))
+    log.describe(source="", resolved="", run={})
+    for first in range(0, 1000, 7):
+        write(log, range(first, first + 7))
+        if not first % 4:
+            log.flush()
+    log.close({})
+    print(json.dumps([limit, log.count, log.dropped, str(log.failure)]))
 """
 
 
-@pytest.mark.parametrize("limit", [2_000, 5_000, 20_011, 60_000])
-def test_what_does_not_fit_on_a_full_disk_is_counted(tmp_path, limit):
-    path = tmp_path / "run.mcap"
+def test_what_does_not_fit_on_a_full_disk_is_counted(tmp_path):
+    limits = [2_000, 5_000, 20_011, 60_000]
     done = subprocess.run(
-        [sys.executable, "-c", FULL, str(path), str(limit)], capture_output=True, text=True, check=False
+        [sys.executable, "-c", FULL, str(tmp_path), *map(str, limits)], capture_output=True, text=True, check=False
     )
     assert done.returncode == 0, done.stderr
-    count, dropped, failure = json.loads(done.stdout)
-    file = path if path.exists() else path.with_name("run.mcap.active")
-    assert "too large" in failure
-    assert (count, dropped) == (len(list(open_log(file).messages())), 1001 - count)
+    told = [json.loads(line) for line in done.stdout.splitlines()]
+    assert [limit for limit, *_ in told] == limits
+    for limit, count, dropped, failure in told:
+        path = tmp_path / f"{limit}.mcap"
+        file = path if path.exists() else path.with_name(f"{limit}.mcap.active")
+        assert "too large" in failure
+        assert (count, dropped) == (len(list(open_log(file).messages())), 1001 - count)
 
 
 def test_the_index_of_a_long_log_lies_on_the_disk(tmp_path, monkeypatch):

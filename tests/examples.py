@@ -1,0 +1,15 @@
+"""How many random examples a test tries: few whenever the tests run, and ten times as many in `make thorough`."""
+
+from __future__ import annotations
+
+import os
+from typing import Any
+
+from hypothesis import settings
+
+TIMES = int(os.environ.get("EXAMPLES", "1"))
+
+
+def examples(count: int, **how: Any) -> settings:
+    """Hypothesis's settings for so many examples, without a limit of time."""
+    return settings(max_examples=count * TIMES, deadline=None, **how)
