@@ -11,15 +11,16 @@ from numpy.typing import NDArray
 
 from zenoh_cbef.faults import Fate, Fates
 from zenoh_cbef.scenario import Scenario
-from zenoh_cbef.scenario.build import batch_tracker, fates_of, outgoing_of
+from zenoh_cbef.scenario.build import batch_tracker, fates_of, outgoing_of, smoother_of
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.scenario.size import refuse_a_trace_beyond_memory
 from zenoh_cbef.scenario.world import World, make_world
-from zenoh_cbef.trace import LinkCounts, Links, Trace, Traffic
+from zenoh_cbef.trace import LinkCounts, Links, SmoothedPath, Trace, Traffic
 from zenoh_cbef.tracking.diagnostics import Diagnostics
 from zenoh_cbef.tracking.graph import Neighbours
 from zenoh_cbef.tracking.newcomer import belief_from
 from zenoh_cbef.tracking.ranging import Measurement
+from zenoh_cbef.tracking.smoothing import Smoothed
 from zenoh_cbef.tracking.tracker import Estimate
 
 Floats = NDArray[np.float64]
@@ -40,7 +41,7 @@ class Heard:
 
 @dataclass(frozen=True)
 class Step:
-    """One simulated step: the messages sent in every round (L, N, d), and the estimates.
+    """One simulated step: the messages sent in every round (L, N, d), the estimates, and smoothed ones that are due.
 
     told: (N,), ranges as they were sent to neighbours, m. fates: of the messages that were to be used, round by round,
     over the present neighbours of all rows in order; none where no fault touches any link. absent: (N,), the agents
@@ -52,6 +53,7 @@ class Step:
     told: Floats
     fates: list[Fate]
     absent: Bools
+    smoothed: list[Smoothed]
 
 
 def measured(plan: Plan, emitted: Floats, arrived: Floats, step: int | Floats) -> tuple[Floats, Floats]:
@@ -103,6 +105,7 @@ class Simulation:
         self._sources = np.ascontiguousarray(self.neighbours.index.T)
         self._links = np.flatnonzero(self.neighbours.present)
         self._noted: list[Fate] = []
+        self.smoother = smoother_of(self.plan)
 
     def __iter__(self) -> Iterator[Step]:
         for step in range(1, self.scenario.length + 1):
@@ -169,7 +172,15 @@ class Simulation:
             delivered = self._delivered(used, round_) if used >= 1 else nothing
             message = self.tracker.exchange(self._received(round_), delivered)
         estimate = self._estimate = self.tracker.conclude()
-        return Step(sent, estimate, told, self._noted, np.tile(self.absences.at(step), self._runs))
+        absent, smoothed = np.tile(self.absences.at(step), self._runs), self._smoothed(step, estimate)
+        return Step(sent, estimate, told, self._noted, absent, smoothed)
+
+    def _smoothed(self, step: int, estimate: Estimate) -> list[Smoothed]:
+        """The smoothed estimates that are due, at the end all; agents that come back without a memory begin anew."""
+        if self.smoother is None or estimate.covariance is None:
+            return []
+        self.smoother.take(step, estimate.state, estimate.covariance, np.tile(self.absences.reborn(step), self._runs))
+        return self.smoother.due() + (self.smoother.rest() if step == self.scenario.length else [])
 
 
 def simulate(
@@ -231,6 +242,8 @@ class _Results:
         self.covariances = np.full((rows, steps, 6, 6), np.nan)
         self.diagnostics = Diagnostics.of(rows, steps)
         self.payloads: Floats | None = None
+        smoother = simulation.smoother
+        self.smoothed = None if smoother is None else SmoothedPath.empty(rows, steps, smoother.lag)
 
     def put(self, k: int, step: Step, *, keep_payloads: bool) -> None:
         """Take in step k + 1."""
@@ -243,6 +256,8 @@ class _Results:
             if self.payloads is None:
                 self.payloads = np.empty((*self._shape, len(step.sent), step.sent[0].shape[1]))
             self.payloads[:, k] = np.stack(step.sent, axis=1)
+        if self.smoothed is not None:
+            self.smoothed.put(step.smoothed, step.absent)
         if step.absent.any():
             self._leave_out(k, step.absent)
 
@@ -274,6 +289,7 @@ class _Results:
             links=links,
             traffic=Traffic(0, 0, 0, 0),
             payloads=None if self.payloads is None else self.payloads[mine],
+            smoothed=None if self.smoothed is None else self.smoothed.of(mine),
         )
 
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Literal
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from zenoh_cbef.faults import Fate
 from zenoh_cbef.scenario.model import Scenario
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.tracking.diagnostics import Diagnostics
+from zenoh_cbef.tracking.smoothing import Smoothed
 
 Bools = NDArray[np.bool_]
 Floats = NDArray[np.float64]
@@ -120,12 +121,41 @@ class Traffic:
 
 
 @dataclass(frozen=True)
+class SmoothedPath:
+    """What later estimates say of each step: states (n, K, 6), covariances (n, K, 6, 6); NaN where there is nothing.
+
+    lag: by how many steps each waited for later ones, at most.
+    """
+
+    states: Floats
+    covariances: Floats
+    lag: int
+
+    @classmethod
+    def empty(cls, rows: int, steps: int, lag: int) -> Self:
+        """Nothing yet."""
+        return cls(np.full((rows, steps, 6), np.nan), np.full((rows, steps, 6, 6), np.nan), lag)
+
+    def put(self, told: Iterable[Smoothed], absent: Bools) -> None:
+        """Take in what agents say, but for those that are not there to say it, (n,)."""
+        for one in told:
+            rows = one.known & ~absent
+            self.states[rows, one.step - 1] = one.state[rows]
+            self.covariances[rows, one.step - 1] = one.covariance[rows]
+
+    def of(self, mine: slice) -> Self:
+        """Some rows of it."""
+        return replace(self, states=self.states[mine], covariances=self.covariances[mine])
+
+
+@dataclass(frozen=True)
 class Trace:
     """One run. Row k-1 of a step axis is step k; n agents, K steps.
 
     time: (K,), s. truth: (K, 6). positions: (n, K, 3). ranges: (n, K), m. age: (n, K), s, of each range at its
     step. initial: (n, 6), before step 1's update. estimates: (n, K, 6). covariances: (n, K, 6, 6).
     diagnostics: (n, K) each. edges: (m, 2). NaN where there is nothing. payloads, where kept: (n, K, L, d), as sent.
+    smoothed: None where the agents did not smooth.
     events: what nodes reported, in order. unlogged: (n, K), measurements that were made, or may have been, and are not
     in `ranges`; None where there are none. complete: the log was closed, the run ended as planned, and nothing of it
     is missing.
@@ -146,6 +176,7 @@ class Trace:
     links: Links
     traffic: Traffic
     payloads: Floats | None = None
+    smoothed: SmoothedPath | None = None
     events: list[dict[str, object]] = field(default_factory=list)
     unlogged: Bools | None = None
     complete: bool = True

@@ -71,6 +71,7 @@ def test_with_nothing_changed_every_message_is_that_of_the_processes(world, kind
         "filter": {"kind": "ci", "measurement": "difference"} if kind == "ci" else {}
     }
     if kind == "crash":
+        scenario["filter"]["lag_seconds"] = 0.5
         scenario["fault"] = [*scenario["fault"], {"kind": "crash", "agents": [2], "from": 0.5, "until": 1.5}]
     path = world.folder / "scenario.toml"
     path.write_text(tomli_w.dumps(scenario))

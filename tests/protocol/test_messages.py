@@ -69,6 +69,14 @@ BODY = {
         optional=dict.fromkeys({*NAMES} - {"innovation", "weight", "nis_degrees"}, NUMBERS_OR_NIL)
         | {"nis_degrees": COUNTS},
     ),
+    "smoothed": st.fixed_dictionaries(
+        {
+            "k": COUNTS,
+            "until": COUNTS,
+            "state": numbers(6),
+            "covariance": numbers(36).map(lambda values: pack_floats(np.array(values))),
+        }
+    ),
     "faults": st.fixed_dictionaries({"tables": TEXTS}),
     "event": st.fixed_dictionaries(
         {"kind": TEXTS, "text": TEXTS}, optional={"data": st.dictionaries(TEXTS, st.one_of(COUNTS, TEXTS))}

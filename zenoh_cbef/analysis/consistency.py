@@ -14,6 +14,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
+from zenoh_cbef.analysis.averages import mean
 from zenoh_cbef.analysis.chi2 import chi2_quantile
 from zenoh_cbef.analysis.results import Honesty, Number, OverTime
 
@@ -83,15 +84,15 @@ def described(values: Floats, degrees: Ints, *, time: Floats, first: int, counte
     ends = np.unique(np.linspace(0, len(time), min(_STRETCHES, len(time)) + 1).astype(int))
     stretches = [slice(start, end) for start, end in pairwise(ends.tolist())]
     return Honesty(
-        average=_mean(values[counted, first:]),
+        average=mean(values[counted, first:]),
         agents=_means(values[:, first:]),
         dimension=int(usual) if usual.is_integer() else usual,
         band=list(chi2_band(usual)),
-        inside=_mean(inside[counted, first:]),
+        inside=mean(inside[counted, first:]),
         over_time=OverTime(
             until=[float(time[end - 1]) for end in ends[1:]],
             agents=[list(each) for each in zip(*(_means(values[:, one]) for one in stretches), strict=True)],
-            inside=[_mean(inside[counted, stretch]) for stretch in stretches],
+            inside=[mean(inside[counted, stretch]) for stretch in stretches],
         ),
     )
 
@@ -143,9 +144,4 @@ def _means(values: Floats) -> list[Number]:
     if np.isfinite(values).all():
         means: list[Number] = (np.add.reduce(values, axis=1) / values.shape[1]).tolist()
         return means
-    return [_mean(row) for row in values]
-
-
-def _mean(values: Floats) -> Number:
-    finite = values[np.isfinite(values)]
-    return float(finite.mean()) if finite.size else None
+    return [mean(row) for row in values]

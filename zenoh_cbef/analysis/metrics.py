@@ -8,6 +8,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
+from zenoh_cbef.analysis.averages import mean, rms
 from zenoh_cbef.analysis.consistency import agents_bands, chi2_band, described, misfit_note, nees_of
 from zenoh_cbef.analysis.coverage import estimated_steps, lacks, stretches, unseen_note
 from zenoh_cbef.analysis.observability import unseen_steps
@@ -25,6 +26,7 @@ from zenoh_cbef.analysis.results import (
     Yardstick,
 )
 from zenoh_cbef.analysis.slowness import slow_note, slowness
+from zenoh_cbef.analysis.smoothed import SmoothedErrors, smoothed_errors, smoothing_of
 from zenoh_cbef.analysis.yardsticks import yardsticks
 from zenoh_cbef.faults import SenderFault
 from zenoh_cbef.trace import Trace
@@ -45,7 +47,7 @@ class Errors:
     msee_average: (K,). position_error, velocity_error: (n, K). nees: (n, K), NaN for a filter without covariance;
     nees_band: its 95 % band. disagreement: (K,), m, root mean square distance of the agents' positions from their
     mean. centralized_states: (K, 6), centralized_msee, centralized_position_error: (K,). bound: (K, 6, 6),
-    bound_msee: (K,). NaN where the trace lacks what is needed.
+    bound_msee: (K,). NaN where the trace lacks what is needed. smoothed: None where the run has no smoothed path.
     """
 
     trace: Trace
@@ -63,6 +65,7 @@ class Errors:
     centralized_position_error: Floats
     bound: Floats
     bound_msee: Floats
+    smoothed: SmoothedErrors | None
 
 
 @dataclass(frozen=True)
@@ -108,8 +111,8 @@ def _errors_of(trace: Trace, states: Floats, bound: Floats, skip: float) -> Erro
     counted = counted_agents(trace)
     present = np.isfinite(positions).all(axis=2) & counted[:, None]
     number = np.maximum(present.sum(axis=0), 1)
-    mean = np.where(present[:, :, None], positions, 0.0).sum(axis=0) / number[:, None]
-    apart = np.where(present, np.sum((positions - mean) ** 2, axis=2), 0.0)
+    middle = np.where(present[:, :, None], positions, 0.0).sum(axis=0) / number[:, None]
+    apart = np.where(present, np.sum((positions - middle) ** 2, axis=2), 0.0)
     kept = trace.plan.space.kept
     msee = running_mean(np.sum(error**2, axis=2))
     return Errors(
@@ -128,6 +131,7 @@ def _errors_of(trace: Trace, states: Floats, bound: Floats, skip: float) -> Erro
         centralized_position_error=np.linalg.norm(reference[:, :3], axis=1),
         bound=bound,
         bound_msee=running_mean(np.trace(bound, axis1=1, axis2=2)),
+        smoothed=smoothed_errors(trace),
     )
 
 
@@ -153,16 +157,6 @@ def _mean_over_agents(values: Floats) -> Floats:
     return np.where(count > 0, np.where(present, values, 0.0).sum(axis=0) / np.maximum(count, 1), np.nan)
 
 
-def _mean(values: Floats) -> Number:
-    finite = values[np.isfinite(values)]
-    return float(finite.mean()) if finite.size else None
-
-
-def _rms(values: Floats) -> Number:
-    mean = _mean(values**2)
-    return None if mean is None else float(np.sqrt(mean))
-
-
 def _metrics(errors: Errors) -> Metrics:
     trace, window, counted = errors.trace, slice(errors.first, None), errors.counted
     traffic = trace.traffic
@@ -182,18 +176,19 @@ def _metrics(errors: Errors) -> Metrics:
         scored=_scored(errors),
         lacks=lacks(trace),
         unobservable_steps=stretches(unseen_steps(trace)),
-        position_rmse=_rms(errors.position_error[counted, window]),
-        velocity_rmse=_rms(errors.velocity_error[counted, window]),
+        position_rmse=rms(errors.position_error[counted, window]),
+        velocity_rmse=rms(errors.velocity_error[counted, window]),
         centralized=_centralized(errors, window),
         ratio_to_centralized=ratio_to_centralized(errors, window),
         bound=_bound(errors, window),
+        smoothed=None if errors.smoothed is None else smoothing_of(errors.smoothed, trace, errors.first, counted),
         nees=(nees := _nees(errors)),
         nis=(nis := _nis(errors)),
         misfit=misfit_note(nees, nis) if trace.scenario.target.motion == "dataset" else "",
         bias=_bias(trace, errors.first),
         distrust=_distrust(trace, errors.first),
         slow=slowness(trace),
-        disagreement=_rms(errors.disagreement[window]),
+        disagreement=rms(errors.disagreement[window]),
         bytes_per_step=None if traffic.agents_missing else share or None,
         messages=Messages(traffic.sent, traffic.recorded, traffic.missing, traffic.rejected),
         gaps=traffic.gaps,
@@ -204,8 +199,8 @@ def _metrics(errors: Errors) -> Metrics:
 def _centralized(errors: Errors, window: slice) -> Yardstick:
     velocity = _estimated_only(errors.trace, errors.centralized_states - errors.trace.truth)[window, 3:]
     return Yardstick(
-        position_rmse=_rms(errors.centralized_position_error[window]),
-        velocity_rmse=_rms(np.linalg.norm(velocity, axis=1)),
+        position_rmse=rms(errors.centralized_position_error[window]),
+        velocity_rmse=rms(np.linalg.norm(velocity, axis=1)),
         msee=_last(errors.centralized_msee),
     )
 
@@ -213,8 +208,8 @@ def _centralized(errors: Errors, window: slice) -> Yardstick:
 def _bound(errors: Errors, window: slice) -> Yardstick:
     bound = np.diagonal(errors.bound[window], axis1=1, axis2=2)
     return Yardstick(
-        position_rmse=_rms(np.sqrt(bound[:, :3].sum(axis=1))),
-        velocity_rmse=_rms(np.sqrt(bound[:, 3:].sum(axis=1))),
+        position_rmse=rms(np.sqrt(bound[:, :3].sum(axis=1))),
+        velocity_rmse=rms(np.sqrt(bound[:, 3:].sum(axis=1))),
         msee=_last(errors.bound_msee),
     )
 
@@ -223,7 +218,7 @@ def ratio_to_centralized(errors: Errors, window: slice) -> float | None:
     """Of the position RMSEs of the network and of the centralised filter, over the same steps of a window."""
     central = errors.centralized_position_error[window]
     network = errors.position_error[errors.counted, window]
-    own, other = _rms(network[:, np.isfinite(central)]), _rms(central[np.isfinite(network).any(axis=0)])
+    own, other = rms(network[:, np.isfinite(central)]), rms(central[np.isfinite(network).any(axis=0)])
     return own / other if own is not None and other else None
 
 
@@ -260,7 +255,7 @@ def _bias(trace: Trace, first: int) -> Bias | None:
     return Bias(
         agents=[_last(row) for row in told.bias],
         std=[_last(row) for row in told.bias_std],
-        weight=[_mean(row) for row in told.bias_weight[:, first:]],
+        weight=[mean(row) for row in told.bias_weight[:, first:]],
     )
 
 
@@ -270,7 +265,7 @@ def _distrust(trace: Trace, first: int) -> Distrust | None:
         return None
     known, flagged = np.isfinite(distrust), distrust > FLAGGED
     return Distrust(
-        agents=[_mean(row) for row in np.where(known, flagged, np.nan)[:, first:]],
+        agents=[mean(row) for row in np.where(known, flagged, np.nan)[:, first:]],
         first=[float(trace.time[row.argmax()]) if row.any() else None for row in flagged],
         last=[float(trace.time[len(row) - 1 - row[::-1].argmax()]) if row.any() else None for row in flagged],
     )

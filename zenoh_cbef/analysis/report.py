@@ -155,6 +155,10 @@ def _errors(analysis: Analysis) -> Table:
             ("average MSEE at the end (m² + m²/s²)", metrics.msee.average, central.msee, bound.msee),
         )
     ]
+    if told := metrics.smoothed:
+        own, other = told.position_rmse, told.centralized_position_rmse
+        rows.append(["smoothed position RMSE (m)", *map(number, (own, other, None, told.ratio_to_centralized))])
+        rows.append(["smoothed velocity RMSE (m/s)", *map(number, (told.velocity_rmse, None, None, None))])
     skipped = counted(analysis.first, "step")
     caption = f"Errors. RMSE, NEES and disagreement leave out the first {skipped}; MSEE starts at step 1."
     caption += " The target moves in a plane: errors are those of x and y alone." if metrics.planar else ""
@@ -168,7 +172,10 @@ def _honesty(analysis: Analysis) -> Table:
         rows.append(["left out: agents that send wrong values", ", ".join(map(str, metrics.left_out))])
     if metrics.unobservable_steps:
         rows.append(["position not determined", spelt(metrics.unobservable_steps)])
-    for name, found, why in (("NEES", metrics.nees, why_no_nees), ("NIS", metrics.nis, why_no_nis)):
+    found_in = [("NEES", metrics.nees, why_no_nees), ("NIS", metrics.nis, why_no_nis)]
+    if metrics.smoothed:
+        found_in.insert(1, ("smoothed NEES", metrics.smoothed.nees, why_no_nees))
+    for name, found, why in found_in:
         if found is None:
             rows.append([name, why(analysis.trace)])
             continue

@@ -73,6 +73,21 @@ class Nis(Honesty):
 
 
 @dataclass(frozen=True)
+class Smoothing:
+    """The smoothed estimates in the scored window, m and m/s, and the centralised smoother with the same lag.
+
+    lag: steps that each estimate waited for later ones, at most; as many as the run has: the whole of it is smoothed.
+    """
+
+    lag: int
+    position_rmse: Number
+    velocity_rmse: Number
+    centralized_position_rmse: Number
+    ratio_to_centralized: Number
+    nees: Honesty | None
+
+
+@dataclass(frozen=True)
 class Bias:
     """The constant error of each agent's ranges as it estimates it at the end, its standard deviation, and weight."""
 
@@ -133,9 +148,9 @@ class Metrics:
     """What a run achieved. RMSE, NEES, NIS and disagreement are of the scored window, which `skip` steps precede.
 
     left_out: agents that averages are not over. lacks: what the log does not hold, in sentences. position_rmse, m, and
-    velocity_rmse, m/s: of the network. nees, nis, bias, distrust, slow: None where the run has none. misfit: a
-    sentence where recorded ranges do not fit the positions, else empty. gaps: by key, the
-    stretches of numbers that are missing. bytes_per_step: of each agent.
+    velocity_rmse, m/s: of the network. smoothed, nees, nis, bias, distrust, slow: None where the run has none. misfit:
+    a sentence where recorded ranges do not fit the positions, else empty. gaps: by key, the stretches of numbers that
+    are missing. bytes_per_step: of each agent.
     """
 
     run: str
@@ -157,6 +172,7 @@ class Metrics:
     centralized: Yardstick
     ratio_to_centralized: Number
     bound: Yardstick
+    smoothed: Smoothing | None
     nees: Honesty | None
     nis: Nis | None
     misfit: str

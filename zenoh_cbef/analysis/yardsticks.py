@@ -25,7 +25,7 @@ def yardsticks(traces: Sequence[Trace]) -> tuple[Floats, Floats]:
     truth = _stacked(traces, "truth")
     states, bounds = np.full(truth.shape, np.nan), np.full((*truth.shape, 6), np.nan)
     reach = max(measured)
-    states[:, :reach] = _centralized(traces, reach)
+    states[:, :reach] = centralized_run(traces, reach)[0]
     known = np.isfinite(truth)
     bounds[:, :reach] = _bounds(traces, np.where(known, truth, states)[:, :reach])
     for run, steps in enumerate(measured):
@@ -43,7 +43,8 @@ def _prior(traces: Sequence[Trace]) -> Floats:
     return np.broadcast_to(covariance, (len(traces), *covariance.shape))
 
 
-def _centralized(traces: Sequence[Trace], steps: int) -> Floats:
+def centralized_run(traces: Sequence[Trace], steps: int) -> tuple[Floats, Floats]:
+    """The centralised filter's states (r, steps, 6) and covariances (r, steps, 6, 6) in the first steps of r runs."""
     plan = traces[0].plan
     scenario = plan.scenario
     initial = plan.belief_at(_stacked(traces, "initial").mean(axis=1))
@@ -51,9 +52,9 @@ def _centralized(traces: Sequence[Trace], steps: int) -> Floats:
     seen = {part: _stacked(traces, part)[:, :, :steps] for part in ("positions", "ranges", "age")}
     settings = plan.settings
     if settings.bias != "none" or settings.first_fix or settings.learns_noise:
-        return joint_centralized(initial, settings, xi, **seen)[0]
+        return joint_centralized(initial, settings, xi, **seen)
     motion, space, range_std, power = plan.motion, plan.space, plan.range_std, plan.power
-    return centralized(initial, motion, space, range_std=range_std, xi=xi, power=power, **seen)[0]
+    return centralized(initial, motion, space, range_std=range_std, xi=xi, power=power, **seen)
 
 
 def _bounds(traces: Sequence[Trace], truth: Floats) -> Floats:

@@ -10,9 +10,10 @@ import typer
 
 from zenoh_cbef.analysis.metrics import analyze, notes
 from zenoh_cbef.analysis.outputs import FIGURES, METRICS, REPORT, write_outputs
+from zenoh_cbef.analysis.smoothed import smoothed_run
 from zenoh_cbef.cli.completing import logs
 from zenoh_cbef.cli.console import console, tell, tell_what_lacks
-from zenoh_cbef.cli.options import AsJson, Force, Skip
+from zenoh_cbef.cli.options import AsJson, Force, Skip, Smooth
 from zenoh_cbef.cli.places import beside, new_folder_of
 from zenoh_cbef.cli.tables import metrics_table
 from zenoh_cbef.errors import UserError
@@ -31,6 +32,7 @@ def _analyze(
         Path | None, typer.Option("--output", "-o", metavar="DIR", help="Folder for metrics.json; default: the log's.")
     ] = None,
     report: Annotated[bool, typer.Option("--report/--no-report", help="Also write report.html and figures.")] = False,
+    smooth: Smooth = False,
     force: Force = False,
 ) -> None:
     """Print how well a logged run tracked, beside the centralised filter and the bound; write its metrics."""
@@ -39,7 +41,8 @@ def _analyze(
     own = output is None or output.resolve() == log.parent.resolve()
     if output is not None and not own:
         new_folder_of(output, [METRICS, *([REPORT, FIGURES] if report else [])], force=force)
-    analysis = analyze([read_trace(*paths)], skip)[0]
+    trace = read_trace(*paths)
+    analysis = analyze([smoothed_run(trace) if smooth else trace], skip)[0]
     failed: list[UserError] = []
     if not as_json or output or report:
         default = beside(log, METRICS)

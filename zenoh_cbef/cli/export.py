@@ -9,8 +9,9 @@ from typing import Annotated
 import typer
 
 from zenoh_cbef.analysis.coverage import lacks
+from zenoh_cbef.analysis.smoothed import smoothed_run
 from zenoh_cbef.cli.console import tell_what_lacks
-from zenoh_cbef.cli.options import Force, LogFile
+from zenoh_cbef.cli.options import Force, LogFile, Smooth
 from zenoh_cbef.cli.places import new_place, stem_of
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.read.parts import find_log
@@ -50,6 +51,7 @@ def _export(
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="The file or folder to write; default: beside the log.")
     ] = None,
+    smooth: Smooth = False,
     force: Force = False,
 ) -> None:
     """Write a log's truth, measurements and estimates as arrays that any program reads, or as scenes for viewers."""
@@ -57,12 +59,14 @@ def _export(
     to = _format(to, output)
     if output is not None and output.exists() and output.samefile(found):
         raise UserError(f"{output} is the log itself, and logs are never overwritten; choose another --output")
+    if smooth and to in {Format.viz, Format.rrd}:
+        raise UserError(f"--smooth is for arrays, and {to} is for viewers; export --to npz, csv or parquet")
     place = found.with_name(stem_of(found) + to.ending) if output is None else new_place(output, to.value, force=force)
     if to in {Format.viz, Format.rrd}:
         scene = read_scene(log)
         trace, paths = scene.trace, (write_viz if to is Format.viz else write_rrd)(scene, place)
     else:
-        trace = read_trace(log)
+        trace = smoothed_run(read_trace(log)) if smooth else read_trace(log)
         paths = export(trace, place, to.value)
     tell_what_lacks(lacks(trace))
     for path in paths:

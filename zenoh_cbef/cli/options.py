@@ -63,6 +63,9 @@ End = Annotated[
     str | None,
     typer.Option("-E", "--end", metavar="TIME", rich_help_panel=WHICH, help=f"Only what was logged before it: {_TIME}"),
 ]
+Smooth = Annotated[
+    bool, typer.Option("--smooth", help="Smooth each agent's estimates: what later ones say of earlier steps.")
+]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")]
 Skip = Annotated[
     float,

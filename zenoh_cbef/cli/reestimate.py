@@ -10,12 +10,14 @@ from rich.progress import Progress
 
 from zenoh_cbef.cli.console import console, errors, number, tell_what_lacks
 from zenoh_cbef.cli.names import check_run
-from zenoh_cbef.cli.options import LogFile, Overrides
+from zenoh_cbef.cli.options import LogFile, Overrides, Smooth
 from zenoh_cbef.cli.places import place_of_log
 from zenoh_cbef.cli.tables import scheme_line
+from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.prove.reestimate import Reestimated, reestimate
 from zenoh_cbef.log.read.measurements import read_measurements
 from zenoh_cbef.scenario.checks import check
+from zenoh_cbef.scenario.load import Loaded
 from zenoh_cbef.words import counted
 
 
@@ -28,13 +30,18 @@ def _reestimate(
     run: Annotated[
         str | None, typer.Option("--run", callback=check_run, help="Its run's name; default: the log's and the filter.")
     ] = None,
+    smooth: Smooth = False,
 ) -> None:
     """Estimate again from the measurements of a log, with another filter or parameters, without processes.
+
+    With --smooth the log also has each agent's smoothed estimates, made from all of its own: the best path.
 
     The result is a log too, for 'compare', 'analyze', 'verify' and 'export'.
     """
     found = read_measurements(log)
     loaded = found.loaded(overrides or ())
+    if smooth:
+        loaded = found.loaded([*(overrides or ()), f"filter.lag_seconds={_whole(loaded)}"])
     tell_what_lacks(found.lacks())
     for warning in check(loaded.plan):
         errors.print(f"warning: {warning}", highlight=False, soft_wrap=True)
@@ -49,6 +56,16 @@ def _reestimate(
         done = reestimate(found, loaded, name, path, lambda step: progress.update(task, completed=step))
     console.print(_figures(done), highlight=False, soft_wrap=True)
     console.print(f"log     {path}", highlight=False, soft_wrap=True)
+
+
+def _whole(loaded: Loaded) -> float:
+    """A lag as long as the run, s: every estimate waits for all later ones. Raises UserError where none can."""
+    if not loaded.plan.abilities.covariance:
+        kind = loaded.scenario.filter.kind
+        raise UserError(
+            f"--smooth needs a filter with a covariance, which {kind!r} has not; add --set filter.kind=sicf"
+        )
+    return loaded.scenario.length * loaded.scenario.dt
 
 
 def _figures(done: Reestimated) -> str:

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from rich.table import Table
 
-from zenoh_cbef.analysis.results import Bias, Distrust, Metrics, Slowness
+from zenoh_cbef.analysis.results import Bias, Distrust, Honesty, Metrics, Slowness
 from zenoh_cbef.analysis.summary import Summary
 from zenoh_cbef.cli.console import number
 from zenoh_cbef.cli.fitting import Fitting, Told
@@ -38,9 +38,7 @@ def metrics_table(metrics: Metrics) -> Fitting:
     table.add_row("ratio to centralised", number(ratio), "1" if ratio else "-", "")
     for name, found in (("NEES", metrics.nees), ("NIS", metrics.nis)):
         if found is not None:
-            share = "-" if found.inside is None else f"{found.inside:.0%}"
-            inside = "{} in [{:.3g}, {:.3g}]".format(share, *found.band)
-            table.add_row(name, number(found.average), Told(f"ideal {found.dimension}"), Told(inside))
+            table.add_row(name, number(found.average), Told(f"ideal {found.dimension}"), _inside(found))
     for told in _where_told(metrics):
         table.add_row(*told)
     table.add_row("disagreement", number(metrics.disagreement, "m"), "", "")
@@ -58,6 +56,11 @@ def metrics_table(metrics: Metrics) -> Fitting:
     return Fitting(table)
 
 
+def _inside(found: Honesty) -> Told:
+    share = "-" if found.inside is None else f"{found.inside:.0%}"
+    return Told("{} in [{:.3g}, {:.3g}]".format(share, *found.band))
+
+
 def _on_links(metrics: Metrics) -> Iterator[tuple[str | Told, ...]]:
     links = metrics.links
     sent, lost, late = sum(one.sent for one in links), sum(one.lost for one in links), sum(one.late for one in links)
@@ -70,6 +73,11 @@ def _on_links(metrics: Metrics) -> Iterator[tuple[str | Told, ...]]:
 
 def _where_told(metrics: Metrics) -> Iterator[tuple[str | Told, ...]]:
     """Rows, of four cells, of metrics that not every run has."""
+    if told := metrics.smoothed:
+        yield "smoothed position", number(told.position_rmse, "m"), number(told.centralized_position_rmse, "m"), ""
+        yield "smoothed velocity", number(told.velocity_rmse, "m/s"), "", ""
+        if found := told.nees:
+            yield "smoothed NEES", number(found.average), Told(f"ideal {found.dimension}"), _inside(found)
     if metrics.bias:
         yield "bias of ranges", *_bias_cells(metrics.bias)
     if metrics.distrust:

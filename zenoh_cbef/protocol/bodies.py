@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.protocol.messages import nan_to_nil, pack_floats
 from zenoh_cbef.tracking.diagnostics import SOMETIMES, WHOLE, Diagnostics
+from zenoh_cbef.tracking.smoothing import Smoothed
 from zenoh_cbef.tracking.tracker import Estimate
 
 
@@ -51,4 +52,14 @@ def estimate_body(step: int, estimate: Estimate, row: int, agent: int, counts: M
         **diagnostics_body(estimate.diagnostics, row),
         **counts,
         "covariance": None if covariance is None else pack_floats(covariance[row]),
+    }
+
+
+def smoothed_body(smoothed: Smoothed, row: int) -> dict[str, Any]:
+    """What later estimates say of an earlier step of one agent, a row of the batch."""
+    return {
+        "k": smoothed.step,
+        "until": smoothed.until,
+        "state": smoothed.state[row].tolist(),
+        "covariance": pack_floats(smoothed.covariance[row]),
     }

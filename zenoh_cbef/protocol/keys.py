@@ -111,6 +111,10 @@ class Keys:
         """An agent's result of a step."""
         return f"{self.root}/agent/{agent}/estimate"
 
+    def smoothed(self, agent: int) -> str:
+        """An agent's result of an earlier step, with what it knows since."""
+        return f"{self.root}/agent/{agent}/smoothed"
+
 
 _ID = "0|[1-9][0-9]{0,2}"
 """An agent's number in a key, in ASCII digits: as many as a scenario can have."""
@@ -123,7 +127,7 @@ _SENDER = rf"target|agent/(?:{_ID})|(?:record|replay|receiver)(?:/[^/*$]+)?"
 _MESSAGES = re.compile(
     rf"target/(?P<truth>truth)|(?P<shared>faults)|(?P<event>event)(?:/(?P<sender>{_SENDER}))?"
     rf"|(?P<beacon>beacon)/(?P<receiver>{_ID})(?:/(?P<signal>signal))?"
-    rf"|(?P<owner>agent/(?P<agent>{_ID}))/(?P<own>range|round|estimate)"
+    rf"|(?P<owner>agent/(?P<agent>{_ID}))/(?P<own>range|round|estimate|smoothed)"
 )
 _LIVING = rf"agent/(?:{_ID})|target/target|replay/replay"
 _TOKENS = re.compile(rf"(?:over/)?(?:{_LIVING})|ready/(?:{_ID})")
@@ -138,7 +142,7 @@ _OWNERS = {"truth": "target", "faults": "target", "signal": "target"}
 class Address:
     """What a key of a run carries: the kind of message, and the process that owns the key ("" for any).
 
-    agent: whose beacons, signals, ranges, rounds or estimates these are, -1 where the key is of no agent.
+    agent: whose beacons, signals, ranges, rounds or estimates, smoothed or not, these are, -1 for a key of no agent.
     """
 
     run: str

@@ -133,6 +133,7 @@ NUMBER_OR_NIL = Field(_finite_or_nil, {"type": ["number", "null"]})
 NUMBERS_OR_NIL = Field(_lists_of(_finite_or_nil), {"type": "array", "items": {"type": ["number", "null"]}})
 TEXT = Field(_texts, {"type": "string"})
 DOUBLES = Field(_doubles, _DOUBLES)
+MATRIX = Field(lambda values: _doubles(values, FARTHEST) and {*map(len, values)} == {8 * 36}, _DOUBLES)
 DOUBLES_OR_NIL = Field(_doubles_or_nil, {**_DOUBLES, "type": ["string", "null"]})
 
 START, END = "start", "end"
@@ -180,6 +181,7 @@ BODIES: dict[str, dict[str, Field]] = {
         "latency": NUMBERS_OR_NIL,
         "covariance": DOUBLES_OR_NIL,
     },
+    "smoothed": {"k": COUNT, "until": COUNT, "state": _numbers(6), "covariance": MATRIX},
     "faults": {"tables": TEXT},
     "event": {
         "kind": TEXT,

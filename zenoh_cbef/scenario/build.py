@@ -15,6 +15,7 @@ from zenoh_cbef.tracking import graph
 from zenoh_cbef.tracking.consensus import Average, Chebyshev, Consensus, RunningSums
 from zenoh_cbef.tracking.filters import Belief
 from zenoh_cbef.tracking.payloads import InformationPayloads
+from zenoh_cbef.tracking.smoothing import FixedLag
 from zenoh_cbef.tracking.stale import StaleAverage
 from zenoh_cbef.tracking.tracker import Tracker
 from zenoh_cbef.tracking.trimmed import TrimmedComponents, TrimmedMessages
@@ -70,6 +71,11 @@ def batch_tracker(plans: Sequence[Plan]) -> tuple[Tracker, graph.Neighbours]:
         ),
     )
     return tracker, neighbours
+
+
+def smoother_of(plan: Plan) -> FixedLag | None:
+    """The smoother of one agent's estimates, or of a batch's; None where agents do not smooth."""
+    return FixedLag(plan.motion, plan.space, plan.smoothing_lag) if plan.smoothing_lag else None
 
 
 def fates_of(plan: Plan, seed: Seeds, source: Ids, destination: Ids, *, realtime: bool = False) -> Fates:

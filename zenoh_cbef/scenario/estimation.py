@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, field_validator, model_validator
 
-from zenoh_cbef.quantities import Acceleration, Duration, Factor, Length, Metres, Rate, Speed, Spread
+from zenoh_cbef.quantities import Acceleration, Duration, Factor, Length, Metres, Rate, Seconds, Speed, Spread
 from zenoh_cbef.scenario.table import EachPosition, EachVelocity, Table, one_of
 from zenoh_cbef.tracking.filters import KINDS, Abilities, abilities_of
 from zenoh_cbef.tracking.motion import MOTIONS
@@ -24,7 +24,8 @@ class Filter(Table):
     motion: a model of tracking/motion; auto: it follows from the target. velocity_time: time constant of decay, s.
     turn_rate_std: rad/s, of turn. acceleration_interval: how long a random acceleration lasts, s; None: one step, or
     for recorded ranges their own interval. bias_common_std, bias_own_std: prior of the network's and of the agents'
-    own part of the bias, m; None: 1.5 and 0.15 of range_std.
+    own part of the bias, m; None: 1.5 and 0.15 of range_std. lag_seconds: agents also publish smoothed estimates of so
+    long ago; 0: they do not.
     """
 
     kind: str = "sicf"
@@ -47,6 +48,7 @@ class Filter(Table):
     bias_common_std: Length | None = None
     bias_own_std: Spread | None = None
     planar_height: Metres | None = None
+    lag_seconds: Seconds = 0.0
     initial_position: EachPosition = None
     initial_velocity: EachVelocity = None
     initial_position_std: Length | None = None
@@ -91,6 +93,15 @@ class Filter(Table):
             raise ValueError(
                 "filter.recovery widens the covariance of position and velocity alone; "
                 "set filter.bias = 'auto' or 'none', or leave filter.recovery out"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _smooths(self) -> Filter:
+        if self.lag_seconds and not self._abilities.covariance:
+            raise ValueError(
+                f"filter.lag_seconds needs to know how sure each estimate is, and {self.kind!r} has no covariance; "
+                "set filter.kind = 'sicf', or leave filter.lag_seconds out"
             )
         return self
 

@@ -210,6 +210,11 @@ class Plan:
         return self.scheme[0] == "running-sums"
 
     @cached_property
+    def smoothing_lag(self) -> int:
+        """By how many steps the smoothed estimates are later than the filter's; 0: agents do not smooth."""
+        return int(np.ceil(self.scenario.filter.lag_seconds / self.scenario.dt * (1.0 - 1e-9)))
+
+    @cached_property
     def message_size(self) -> int:
         """How many numbers a consensus message holds: the payload's, and one more for running sums."""
         return self.sharing.payload_size + self.sums

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.extras import from_extra
-from zenoh_cbef.trace import Trace
+from zenoh_cbef.trace import SmoothedPath, Trace
 from zenoh_cbef.tracking.diagnostics import NAMES, WHOLE
 
 _WHOLE = {"agent", "k", "first", "second"} | WHOLE
@@ -32,7 +32,12 @@ def arrays_of(trace: Trace) -> dict[str, Array]:
         # One array of three since 0.1.0.
         "bias": np.stack([getattr(trace.diagnostics, name) for name in ("bias", "bias_std", "bias_weight")], axis=2),
         "edges": trace.edges,
+        **({} if trace.smoothed is None else _smoothed(trace.smoothed)),
     }
+
+
+def _smoothed(path: SmoothedPath) -> dict[str, Array]:
+    return {"smoothed": path.states, "smoothed_covariances": path.covariances}
 
 
 def export(trace: Trace, output: Path, kind: str) -> list[Path]:
@@ -79,27 +84,35 @@ def _tables(trace: Trace) -> dict[str, tuple[list[str], list[Array]]]:
     """Header and columns of the tables by their names."""
     count, steps = trace.ranges.shape
     agent, step = np.repeat(np.arange(count), steps), np.tile(np.arange(1, steps + 1), count)
-    rows, columns = np.triu_indices(6)
     axes = ("x", "y", "z")
     state = [*axes, *(f"v{axis}" for axis in axes)]
-    upper = [f"p{row}{column}" for row, column in zip(rows, columns, strict=True)]
-    return {
+    upper = [f"p{row}{column}" for row, column in zip(*np.triu_indices(6), strict=True)]
+    place: list[Array] = [agent, step, np.tile(trace.time, count)]
+    tables: dict[str, tuple[list[str], list[Array]]] = {
         "truth": (["k", "time", *state], [np.arange(1, steps + 1), trace.time, trace.truth]),
         "initial": (["agent", *state], [np.arange(count), trace.initial]),
         "edges": (["first", "second"], [trace.edges]),
         "agents": (
             ["agent", "k", "time", *axes, "range"],
-            [agent, step, np.tile(trace.time, count), trace.positions.reshape(-1, 3), trace.ranges.ravel()],
+            [*place, trace.positions.reshape(-1, 3), trace.ranges.ravel()],
         ),
         "estimates": (
             ["agent", "k", "time", *state, *NAMES, *upper],
             [
-                agent,
-                step,
-                np.tile(trace.time, count),
+                *place,
                 trace.estimates.reshape(-1, 6),
                 *trace.diagnostics.each(np.ravel).named().values(),
-                trace.covariances[:, :, rows, columns].reshape(count * steps, -1),
+                _upper(trace.covariances),
             ],
         ),
     }
+    if (path := trace.smoothed) is not None:
+        numbers = [*place, path.states.reshape(-1, 6), _upper(path.covariances)]
+        tables["smoothed"] = (["agent", "k", "time", *state, *upper], numbers)
+    return tables
+
+
+def _upper(covariances: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The upper triangles of (n, K, 6, 6), a row for each agent and step."""
+    rows, columns = np.triu_indices(6)
+    return covariances[:, :, rows, columns].reshape(-1, len(rows))

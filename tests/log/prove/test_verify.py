@@ -18,12 +18,13 @@ from zenoh_cbef.log.write.run_log import RunLog
 from zenoh_cbef.scenario.model import Record
 
 Message = dict[str, Any]
+LAG = "filter.lag_seconds=0.3"
 LOSS = 'fault=[{kind="loss", probability=0.3}]'
 
 
 @pytest.fixture(scope="module")
 def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return made_log(tmp_path_factory.mktemp("proof") / "run.mcap", "steps=12", "agents.count=4", LOSS)
+    return made_log(tmp_path_factory.mktemp("proof") / "run.mcap", "steps=12", "agents.count=4", LAG, LOSS)
 
 
 @pytest.fixture
@@ -65,7 +66,7 @@ def flipped(field: str) -> Callable[[Message], Message]:
 def test_what_is_not_changed_is_equal(judged):
     verdict = judged("estimate", lambda message: message)
     assert verdict.result == "equal"
-    assert verdict.compared == 12 * 4 * (1 + 10)
+    assert verdict.compared == 12 * 4 * (1 + 10 + 1)
 
 
 @pytest.mark.parametrize(
@@ -78,6 +79,9 @@ def test_what_is_not_changed_is_equal(judged):
         ("estimate", lambda one: one | {"nis_degrees": 5}, "agent 1, step 7: nis_degrees[0] is"),
         ("estimate", lambda one: one | {"duplicated": [9] * len(one["late"])}, "agent 1, step 7: duplicated is [9, "),
         ("estimate", lambda one: one | {"late": [0]}, "agent 1, step 7: its counts are not of its neighbours"),
+        ("smoothed", nudged, "agent 1, step 7, smoothed up to 10: state[0] is"),
+        ("smoothed", flipped("covariance"), "agent 1, step 7, smoothed up to 10: covariance[3] is"),
+        ("smoothed", lambda one: one | {"until": 6}, "step 7, smoothed up to 6: no agent does that"),
         ("round", flipped("payload"), "agent 1, step 7, round 1: payload[3] is"),
     ],
 )

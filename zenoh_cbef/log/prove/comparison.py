@@ -12,7 +12,7 @@ from zenoh_cbef.faults.injected import FATES, IN_TIME, Injected
 from zenoh_cbef.log.read.receipts import INJECTED
 from zenoh_cbef.log.read.recording import Recording
 from zenoh_cbef.simulator import Simulation, Step
-from zenoh_cbef.trace import Trace
+from zenoh_cbef.trace import SmoothedPath, Trace
 from zenoh_cbef.tracking.diagnostics import NAMES, SOMETIMES
 from zenoh_cbef.tracking.graph import Neighbours
 
@@ -71,6 +71,8 @@ class Comparison:
         # Logs of version 0.1.0 lack most diagnostics; of others an estimate lacks those that have nothing to say.
         self._names = [name for name in NAMES if name in recording.fields or name in SOMETIMES]
         self._said = self._columns(vars(trace.diagnostics))
+        self._smoother, self._smoothed = simulation.smoother, _by_latest(recording, steps)
+        self._paths = trace.smoothed or SmoothedPath.empty(0, 0, 0)
         self.compared = self.unlogged = 0
         self.largest = 0.0
 
@@ -88,6 +90,7 @@ class Comparison:
         executed = self._columns(vars(step.estimate.diagnostics))
         for agent in np.flatnonzero(seen).tolist():
             self._estimate(agent, number, step, executed[agent])
+        self._compare_smoothed(number, step)
 
     def _columns(self, diagnostics: Mapping[str, NDArray[Any]]) -> Floats:
         return np.stack([diagnostics[name].astype(np.float64) for name in self._names], axis=-1)
@@ -114,6 +117,22 @@ class Comparison:
             if covariance is not None:
                 self._same(at + "covariance", logged, covariance[agent])
 
+    def _compare_smoothed(self, number: int, step: Step) -> None:
+        """Compare the smoothed estimates of which this step is the latest: an agent's last ones have a shorter lag."""
+        logged = self._smoothed.pop(number, {})
+        due = sum(int((one.known & ~step.absent).sum()) for one in step.smoothed)
+        self.unlogged += max(0, due - sum(map(len, logged.values())))
+        if not logged:
+            return
+        for one in () if self._smoother is None else self._smoother.back():
+            for agent in logged.pop(one.step, ()):
+                at, place = f"agent {agent}, step {one.step}, smoothed up to {number}: ", (agent, one.step - 1)
+                self._same(at + "state", self._paths.states[place], one.state[agent])
+                self._same(at + "covariance", self._paths.covariances[place], one.covariance[agent])
+                self.compared += 1
+        if logged:
+            raise Different(f"step {min(logged)}, smoothed up to {number}: no agent does that when executed")
+
     def _same(self, what: str, logged: Floats, executed: Floats) -> None:
         logged, executed = np.ascontiguousarray(logged), np.ascontiguousarray(executed)
         if _equal(logged, executed):
@@ -128,6 +147,16 @@ class Comparison:
         raise Different(
             f"{what}[{first}] is {logged.ravel()[first]!r} in the log and {executed.ravel()[first]!r} when executed"
         )
+
+
+def _by_latest(recording: Recording, steps: int) -> dict[int, dict[int, list[int]]]:
+    """The agents whose smoothed estimates are in the log, by the latest step in it and by the step it is of."""
+    found: dict[int, dict[int, list[int]]] = {}
+    agents, places = np.nonzero(recording.smoothed.seen(steps))
+    latest = recording.smoothed.numbers("until", steps)[agents, places, 0].astype(np.int64)
+    for agent, place, until in zip(agents.tolist(), places.tolist(), latest.tolist(), strict=True):
+        found.setdefault(until, {}).setdefault(place + 1, []).append(agent)
+    return found
 
 
 def _equal(logged: Floats, executed: Floats) -> bool:

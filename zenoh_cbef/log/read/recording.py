@@ -44,6 +44,7 @@ class Recording:
 
     truth: one row; state (6). beacons: n rows; heard (3): emitted and arrived, s, and the number of the sender in
     `senders`. ranges: n rows; position (3), m. estimates: n rows; state (6), said (the diagnostics), covariance (36).
+    smoothed: n rows; state (6), covariance (36), until: the last step whose estimate is in it.
     fields: of any estimate; logs of version 0.1.0 lack most diagnostics. receipts: of each agent. rounds: n L rows,
     agent by agent; payload (d). faults: the last list of injected ones, JSON, or empty. first: when the first message
     was sent, ns; None without any.
@@ -60,6 +61,7 @@ class Recording:
         self.beacons = Table(count, limit, heard=3)
         self.ranges = Table(count, limit, position=3)
         self.estimates = Table(count, limit, state=6, said=len(NAMES), covariance=36)
+        self.smoothed = Table(count, limit, state=6, covariance=36, until=1)
         self.rounds = Table(count * self.rounds_per_step, limit, payload=plan.message_size)
         self.receipts = [Receipts(limit) for _ in range(count)]
         self.fields: set[str] = set()
@@ -80,6 +82,8 @@ class Recording:
             self.faults = messages[-1]["tables"]
         elif at.kind == "estimate":
             self._take_estimates(at.agent, stamps, messages)
+        elif at.kind == "smoothed":
+            self._take_smoothed(at.agent, stamps, messages)
         elif at.kind == "range":
             self.ranges.put(at.agent, _steps(messages), stamps, position=floats([one["position"] for one in messages]))
         elif at.kind == "truth":
@@ -132,6 +136,16 @@ class Recording:
         if not new.all():
             step, messages = step[new], [one for one, is_new in zip(messages, new.tolist(), strict=True) if is_new]
         self.receipts[agent].put(step, messages)
+
+    def _take_smoothed(self, agent: int, stamps: Stamps, messages: list[dict[str, Any]]) -> None:
+        self.smoothed.put(
+            agent,
+            _steps(messages),
+            stamps,
+            state=floats([one["state"] for one in messages]),
+            covariance=np.frombuffer(b"".join([one["covariance"] for one in messages]), "<f8").reshape(-1, 36),
+            until=floats([[one["until"]] for one in messages]),
+        )
 
 
 def read_recording(

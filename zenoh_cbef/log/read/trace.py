@@ -21,7 +21,7 @@ from zenoh_cbef.scenario.injected import read_tables, with_faults
 from zenoh_cbef.scenario.paths import agent_positions, step_times
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.simulator import measured
-from zenoh_cbef.trace import Links, Trace, Traffic
+from zenoh_cbef.trace import Links, SmoothedPath, Trace, Traffic
 from zenoh_cbef.tracking.diagnostics import Diagnostics
 
 Bools = NDArray[np.bool_]
@@ -69,10 +69,19 @@ def trace_of(recording: Recording) -> Trace:
         edges=plan.edges,
         links=_links(plan, recording.receipts, steps),
         traffic=traffic,
+        smoothed=_smoothed(recording, plan, steps),
         events=[_event(event.message) for event in recording.events],
         unlogged=unlogged if unlogged.any() else None,
         complete=recording.complete and (header.end or {}).get("status") == "finished" and traffic.missing == 0,
     )
+
+
+def _smoothed(recording: Recording, plan: Plan, steps: int) -> SmoothedPath | None:
+    told = recording.smoothed
+    if not told.last:
+        return None
+    covariances = told.numbers("covariance", steps).reshape(plan.scenario.count, steps, 6, 6)
+    return SmoothedPath(told.numbers("state", steps), covariances, plan.smoothing_lag)
 
 
 def _unlogged(recording: Recording, innovation: Floats) -> Bools:

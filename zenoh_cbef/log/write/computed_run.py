@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from zenoh_cbef.faults import Fate
 from zenoh_cbef.faults.injected import FATES, IN_TIME, Injected
 from zenoh_cbef.log.write.run_log import RunLog
-from zenoh_cbef.protocol.bodies import estimate_body, range_body
+from zenoh_cbef.protocol.bodies import estimate_body, range_body, smoothed_body
 from zenoh_cbef.protocol.keys import Keys
 from zenoh_cbef.protocol.messages import encode
 from zenoh_cbef.protocol.round_codec import RoundCodec
@@ -106,6 +106,9 @@ class ComputedRun:
             if not step.absent[agent]:
                 body = estimate_body(number, step.estimate, agent, agent, counts)
                 self.say(f"agent/{agent}", self._keys.estimate(agent), begin + (self._rounds + 1) * pause, body)
+                for one in step.smoothed:
+                    if one.known[agent]:
+                        self.say(f"agent/{agent}", self._keys.smoothed(agent), self._now, smoothed_body(one, agent))
             elif self._absences.crashed(number)[agent]:
                 self._received.forget(agent)
                 self._forget(f"agent/{agent}")

@@ -11,6 +11,7 @@ import numpy as np
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.faults import ahead, clocks_of
 from zenoh_cbef.machine import require
+from zenoh_cbef.nodes.agent.afterwards import Afterwards
 from zenoh_cbef.nodes.agent.entrance import Entrance, Entry
 from zenoh_cbef.nodes.agent.neighbour import Neighbourhood
 from zenoh_cbef.nodes.agent.signals import Signals
@@ -28,7 +29,7 @@ from zenoh_cbef.protocol.memory import ask_latest
 from zenoh_cbef.protocol.messages import BadMessage, decode
 from zenoh_cbef.protocol.round_codec import RoundCodec
 from zenoh_cbef.protocol.slow import SLOW
-from zenoh_cbef.scenario.build import agent_tracker, fates_into, outgoing_of
+from zenoh_cbef.scenario.build import agent_tracker, fates_into, outgoing_of, smoother_of
 from zenoh_cbef.scenario.injected import read_tables, with_faults
 from zenoh_cbef.scenario.paths import agent_positions
 from zenoh_cbef.scenario.plan import Plan
@@ -80,6 +81,10 @@ class Agent:
             node.outbox(key, may_drop=realtime, keep=_KEPT_BYTES)
             for key in (node.keys.range(agent), node.keys.round(agent), node.keys.estimate(agent))
         )
+        smoother = smoother_of(plan)
+        self._afterwards = None
+        if smoother is not None:
+            self._afterwards = Afterwards(node, agent, smoother, may_drop=realtime, keep=_KEPT_BYTES)
         node.archive.serve(node.keys.of_agent(agent))
         self._codec = RoundCodec(node.identity.run, node.identity.sender, plan.message_size)
         self._realtime = realtime
@@ -224,11 +229,17 @@ class Agent:
             self.rejections.add(f"the update of agent {self.agent}", "it would have left the finite numbers")
         if there:
             self._estimate_out.send(**estimate_body(step, estimate, 0, self.agent, counts))
+        if self._afterwards is not None:
+            self._afterwards.take(step, estimate, there=there)
 
     def finish(self, last: int) -> None:
-        """Say what was done and sent, so that the log can be checked for completeness."""
+        """Say what is left to say, and what was done and sent, so that the log can be checked for completeness."""
+        boxes = [self._range_out, self._round_out, self._estimate_out]
+        if self._afterwards is not None:
+            boxes.append(self._afterwards.box)
+            if self._is_there(last):
+                self._afterwards.finish()
         self.rejections.report()
-        boxes = (self._range_out, self._round_out, self._estimate_out)
         self.node.last_words(
             "finished",
             f"agent {self.agent} ended after step {last}",

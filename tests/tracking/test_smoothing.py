@@ -1,0 +1,162 @@
+"""Smoothing: what least squares on the whole run gives at once, computed backwards from the filter's estimates."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from zenoh_cbef.tracking.motion import NearlyConstantVelocity
+from zenoh_cbef.tracking.ranging import Space
+from zenoh_cbef.tracking.smoothing import Backward, FixedLag, smoothed
+
+DT, ACCELERATION, STD, STEPS, ROWS = 0.3, 0.7, 0.4, 9, 3
+SPACES = [Space(), Space(1.5)]
+
+
+class Linear:
+    """Agents that measure projections of the target's position, some of them missing; a filter, and least squares.
+
+    The unknowns of the least squares are the state before step 1 and every step's acceleration: everything else
+    follows from them, so the singular process noise needs no inverse.
+    """
+
+    def __init__(self, space: Space, gap: int | None = None) -> None:
+        random = np.random.default_rng(8)
+        self.space, self.size = space, 2 * space.axes
+        self.motion = NearlyConstantVelocity(DT, ACCELERATION, space.axes)
+        self.rows = np.zeros((ROWS, STEPS, self.size))
+        self.rows[:, :, : space.axes] = random.normal(size=(ROWS, STEPS, space.axes))
+        self.values = random.normal(scale=3.0, size=(ROWS, STEPS))
+        self.heard = random.random((ROWS, STEPS)) < 0.8
+        if gap is not None:
+            self.heard[:, gap] = False
+        self.prior = random.normal(size=(ROWS, self.size)), np.diag(np.arange(1.0, self.size + 1.0))
+
+    def filtered(self) -> tuple[np.ndarray, np.ndarray]:
+        """The Kalman filter's states (n, K, 6) and covariances (n, K, 6, 6)."""
+        states, covariances = np.empty((ROWS, STEPS, 6)), np.empty((ROWS, STEPS, 6, 6))
+        for row in range(ROWS):
+            state, covariance = self.prior[0][row], self.prior[1]
+            for step in range(STEPS):
+                state = self.motion.transition @ state
+                covariance = self.motion.transition @ covariance @ self.motion.transition.T + self.motion.process_noise
+                if self.heard[row, step]:
+                    seen = self.rows[row, step]
+                    gain = covariance @ seen / (seen @ covariance @ seen + STD**2)
+                    state = state + gain * (self.values[row, step] - seen @ state)
+                    covariance = covariance - np.outer(gain, seen @ covariance)
+                states[row, step] = self.space.embed_state(state[None])[0]
+                covariances[row, step] = self.space.embed_covariance(covariance[None])[0]
+        return states, covariances
+
+    def least_squares(self, last: int = STEPS) -> tuple[np.ndarray, np.ndarray]:
+        """States (n, last, s) and covariances from all that was measured up to a step."""
+        axes = self.space.axes
+        push = np.kron([[0.5 * DT**2], [DT]], np.eye(axes))
+        # State k as a linear function of the unknowns.
+        maps = np.zeros((last, self.size, self.size + axes * last))
+        for step in range(last):
+            before = maps[step - 1] if step else np.eye(self.size, maps.shape[2])
+            maps[step] = self.motion.transition @ before
+            maps[step, :, self.size + axes * step : self.size + axes * (step + 1)] += push
+        states, covariances = [], []
+        for row in range(ROWS):
+            information = np.zeros((maps.shape[2], maps.shape[2]))
+            information[: self.size, : self.size] = np.linalg.inv(self.prior[1])
+            information[self.size :, self.size :] = np.eye(axes * last) / ACCELERATION**2
+            vector = information[:, : self.size] @ self.prior[0][row]
+            for step in np.flatnonzero(self.heard[row, :last]):
+                seen = self.rows[row, step] @ maps[step]
+                information += np.outer(seen, seen) / STD**2
+                vector += seen * self.values[row, step] / STD**2
+            covariance = np.linalg.inv(information)
+            states.append(maps @ (covariance @ vector))
+            covariances.append(maps @ covariance @ maps.swapaxes(1, 2))
+        return np.array(states), np.array(covariances)
+
+
+def part(space: Space, covariances: np.ndarray) -> np.ndarray:
+    return covariances[..., space.kept[:, None], space.kept]
+
+
+@pytest.mark.parametrize("space", SPACES)
+def test_the_whole_run_smoothed_is_its_least_squares_solution(space):
+    problem = Linear(space)
+    states, covariances = smoothed(*problem.filtered(), problem.motion, space)
+    expected, uncertain = problem.least_squares()
+    np.testing.assert_allclose(states[:, :, space.kept], expected, rtol=0, atol=1e-10)
+    np.testing.assert_allclose(part(space, covariances), uncertain, rtol=0, atol=1e-10)
+    if space.height is not None:
+        assert (states[:, :, 2] == space.height).all()
+
+
+def test_a_fixed_lag_is_the_least_squares_solution_of_what_was_known_then():
+    problem, lag = Linear(Space()), 3
+    found, uncertain = smoothed(*problem.filtered(), problem.motion, problem.space, lag)
+    for step in range(STEPS):
+        expected, covariances = problem.least_squares(min(step + lag + 1, STEPS))
+        np.testing.assert_allclose(found[:, step], expected[:, step], rtol=0, atol=1e-10)
+        np.testing.assert_allclose(uncertain[:, step], covariances[:, step], rtol=0, atol=1e-10)
+
+
+def test_a_step_without_an_estimate_is_bridged_as_one_without_a_range():
+    problem = Linear(Space(), gap=4)
+    states, covariances = problem.filtered()
+    whole = smoothed(states, covariances, problem.motion, problem.space)
+    states[1, 4], covariances[1, 4] = np.nan, np.nan
+    for found, expected in zip(smoothed(states, covariances, problem.motion, problem.space), whole, strict=True):
+        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12)
+
+
+def test_before_the_first_and_after_the_last_estimate_there_is_nothing():
+    problem = Linear(Space())
+    states, covariances = problem.filtered()
+    states[0, :3] = states[1, -2:] = states[2] = np.nan
+    for lag in (None, 2):
+        found, uncertain = smoothed(states, covariances, problem.motion, problem.space, lag)
+        known = np.isfinite(found).all(axis=2)
+        assert known.tolist() == np.isfinite(states).all(axis=2).tolist()
+        assert (np.isfinite(uncertain).all(axis=(2, 3)) == known).all()
+
+
+def test_an_agent_alone_has_the_bits_that_it_has_in_a_batch():
+    problem = Linear(Space())
+    states, covariances = problem.filtered()
+    together = smoothed(states, covariances, problem.motion, problem.space, 4)
+    for row in range(ROWS):
+        alone = smoothed(states[[row]], covariances[[row]], problem.motion, problem.space, 4)
+        for one, all_of_them in zip(alone, together, strict=True):
+            assert one[0].tobytes() == all_of_them[row].tobytes()
+
+
+def test_an_agent_that_begins_anew_says_nothing_of_what_was_before():
+    problem = Linear(Space())
+    states, covariances = problem.filtered()
+    window = FixedLag(problem.motion, problem.space, 2)
+    for step in range(1, 5):
+        window.take(step, states[:, step - 1], covariances[:, step - 1], np.array([False, step == 3, False]))
+        told = [(one.step, one.until, one.known.tolist()) for one in window.due()]
+        assert told == ([(step - 2, step, [True, False, True])] if step > 2 else [])
+    assert [(one.step, one.known.all()) for one in window.rest()] == [(3, True), (4, True)]
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.integers(0, 2**32), st.floats(1e-3, 1e3), st.floats(1e-3, 1e3))
+def test_whatever_the_filter_did_the_result_is_a_covariance(seed, before, after):
+    """As where a network widens its covariance, or gets a fix, between two steps."""
+    random = np.random.default_rng(seed)
+    motion = NearlyConstantVelocity(0.1, 1.0)
+    first, second = (
+        scale * factor @ factor.swapaxes(1, 2)
+        for scale, factor in zip((before, after), random.normal(size=(2, 4, 6, 7)), strict=True)
+    )
+    backward = Backward.of(random.normal(size=(4, 6)), first, motion)
+    _, carried = backward.carried(random.normal(size=(4, 6)), second)
+    assert np.array_equal(carried, carried.swapaxes(1, 2))
+    assert (np.linalg.eigvalsh(carried) >= -1e-9 * np.linalg.eigvalsh(carried)[:, -1:]).all()
+    # A later step of which no more is known than was predicted says nothing of the one before.
+    predicted = motion.predict_covariance(first)
+    _, carried = backward.carried(random.normal(size=(4, 6)), predicted)
+    np.testing.assert_allclose(carried, first, rtol=0, atol=1e-8 * np.abs(first).max())

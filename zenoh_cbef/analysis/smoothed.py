@@ -1,0 +1,96 @@
+"""Smoothed paths: of any run with a covariance, and how good they are beside the centralised smoother's."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zenoh_cbef.analysis.averages import rms
+from zenoh_cbef.analysis.consistency import described, nees_of
+from zenoh_cbef.analysis.results import Smoothing
+from zenoh_cbef.analysis.yardsticks import centralized_run
+from zenoh_cbef.errors import UserError
+from zenoh_cbef.trace import SmoothedPath, Trace
+from zenoh_cbef.tracking.smoothing import smoothed
+
+Bools = NDArray[np.bool_]
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class SmoothedErrors:
+    """Errors of the smoothed path in the steps that have an estimate; n agents, K steps.
+
+    position, velocity: (n, K), m and m/s. nees: (n, K). centralized: (K,), m, of the position of the centralised
+    smoother with the same lag.
+    """
+
+    lag: int
+    position: Floats
+    velocity: Floats
+    nees: Floats
+    centralized: Floats
+
+
+def smoothed_run(trace: Trace) -> Trace:
+    """The run with its estimates smoothed over its whole length: each agent alone, by what it said of itself.
+
+    Raises UserError where the estimates have no covariance.
+    """
+    known = _sound(trace.covariances)
+    if not known.any():
+        kind = trace.scenario.filter.kind
+        why = f"{kind!r} has no covariance" if not trace.plan.abilities.covariance else "the log holds no covariance"
+        raise UserError(
+            f"smoothing needs to know how sure each estimate is, but {why}; "
+            "estimate again with another filter: zenoh-cbef reestimate LOG --smooth --set filter.kind=sicf"
+        )
+    states = np.where(known[:, :, None], trace.estimates, np.nan)
+    found = smoothed(states, trace.covariances, trace.plan.motion, trace.plan.space)
+    return replace(trace, smoothed=SmoothedPath(*found, lag=len(trace.time)))
+
+
+def _sound(covariances: Floats) -> Bools:
+    """Which of (n, K, 6, 6) are covariances, (n, K); in a plane they are zero where the state is known."""
+    finite = np.asarray(np.isfinite(covariances).all(axis=(2, 3)))
+    least = np.linalg.eigvalsh(np.where(finite[:, :, None, None], covariances, 0.0))
+    return np.asarray(finite & (least[:, :, -1] > 0.0) & (least[:, :, 0] >= -1e-9 * least[:, :, -1]))
+
+
+def smoothed_errors(trace: Trace) -> SmoothedErrors | None:
+    """The errors of a run's smoothed path; None where it has none."""
+    path = trace.smoothed
+    if path is None:
+        return None
+    kept, axes = trace.plan.space.kept, trace.plan.space.axes
+    error = np.where(np.isfinite(trace.estimates), path.states - trace.truth, np.nan)[:, :, kept]
+    central = np.full(trace.truth.shape, np.nan)
+    steps = trace.measured_steps
+    if steps:
+        states, covariances = centralized_run([trace], steps)
+        central[:steps] = smoothed(states, covariances, trace.plan.motion, trace.plan.space, path.lag)[0][0]
+    return SmoothedErrors(
+        path.lag,
+        np.linalg.norm(error[:, :, :axes], axis=2),
+        np.linalg.norm(error[:, :, axes:], axis=2),
+        nees_of(error, path.covariances[:, :, kept[:, None], kept]),
+        np.linalg.norm((central - trace.truth)[:, kept[:axes]], axis=1),
+    )
+
+
+def smoothing_of(errors: SmoothedErrors, trace: Trace, first: int, counted: Bools) -> Smoothing:
+    """What the errors amount to in the window that begins at index `first`; counted: (n,), of these agents."""
+    position, central = errors.position[counted, first:], errors.centralized[first:]
+    own = rms(position[:, np.isfinite(central)])
+    other = rms(central[np.isfinite(position).any(axis=0)])
+    degrees = np.full(errors.nees.shape, len(trace.plan.space.kept))
+    return Smoothing(
+        lag=errors.lag,
+        position_rmse=rms(position),
+        velocity_rmse=rms(errors.velocity[counted, first:]),
+        centralized_position_rmse=rms(central),
+        ratio_to_centralized=own / other if own is not None and other else None,
+        nees=described(errors.nees, degrees, time=trace.time, first=first, counted=counted),
+    )

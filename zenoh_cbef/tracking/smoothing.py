@@ -1,0 +1,164 @@
+"""Smoothing: what later estimates say of earlier steps. Each agent smooths its own, and needs no message for it."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zenoh_cbef.tracking.linalg import matvec
+from zenoh_cbef.tracking.motion import NearlyConstantVelocity
+from zenoh_cbef.tracking.ranging import Space
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Backward:
+    """What is known of x(k), given x(k+1) and the ranges up to step k: x(k) ~ N(m + C x(k+1), D).
+
+        C = P A^T (A P A^T + Q)^-1,   m = x - C A x,   D = (I - C A) P (I - C A)^T + C Q C^T
+
+    for the filter's estimate x with covariance P of step k: the backward pass of Rauch, Tung and Striebel (AIAA
+    Journal 3(8), 1965) with its parts in another order, so that D is positive semidefinite whatever the filter did.
+
+    offset: m, (n, s). gain: C, (n, s, s). rest: D, (n, s, s).
+    """
+
+    offset: Floats
+    gain: Floats
+    rest: Floats
+
+    @classmethod
+    def of(cls, state: Floats, covariance: Floats, motion: NearlyConstantVelocity) -> Backward:
+        """From the filter's estimates of step k, (n, s) and (n, s, s)."""
+        predicted = motion.predict_covariance(covariance)
+        gain = np.asarray(np.linalg.solve(predicted, motion.transition @ covariance).swapaxes(-1, -2), dtype=np.float64)
+        others = np.eye(motion.size) - gain @ motion.transition
+        rest = _sandwich(others, covariance) + _sandwich(gain, motion.process_noise)
+        return cls(state - matvec(gain, motion.predict_state(state)), gain, rest)
+
+    def carried(self, state: Floats, covariance: Floats) -> tuple[Floats, Floats]:
+        """The smoothed estimates of step k from those of step k + 1."""
+        return self.offset + matvec(self.gain, state), self.rest + _sandwich(self.gain, covariance)
+
+
+def _sandwich(left: Floats, middle: Floats) -> Floats:
+    """L M L^T per row, symmetric to the last bit."""
+    product = left @ middle @ left.swapaxes(-1, -2)
+    return np.asarray(0.5 * (product + product.swapaxes(-1, -2)))
+
+
+@dataclass(frozen=True)
+class Smoothed:
+    """Estimates of a step, (n, 6) and (n, 6, 6), from those up to a later one; they mean something in `known` rows."""
+
+    step: int
+    until: int
+    state: Floats
+    covariance: Floats
+    known: Bools
+
+
+class FixedLag:
+    """The smoothed estimates of `lag` steps ago, step after step; what is left at the end has a shorter lag.
+
+    A lag as long as the run gives the fixed-interval smoother of Rauch, Tung and Striebel. The filter's estimates are
+    taken as they are: the smoother does not ask where they came from. So where a network widens its covariance, finds
+    the target again or gets a first fix, the later estimate is carried back by as much as the earlier one was unsure
+    by its own covariance.
+    """
+
+    def __init__(self, motion: NearlyConstantVelocity, space: Space, lag: int) -> None:
+        self.lag = lag
+        self._motion, self._space = motion, space
+        self._window: deque[Backward] = deque(maxlen=lag)
+        self._latest: tuple[Floats, Floats] | None = None
+        self._step = 0
+        self._age = np.zeros(0, dtype=np.int64)
+
+    def take(self, step: int, state: Floats, covariance: Floats, new: Bools | None = None) -> None:
+        """Take in the filter's estimates of the next step, (n, 6), (n, 6, 6); new: agents (n,) that begin with it."""
+        if self._latest is None:
+            self._age = np.full(len(state), -1)
+        else:
+            self._window.append(Backward.of(*self._latest, self._motion))
+        kept = self._space.kept
+        self._latest = np.ascontiguousarray(state[:, kept]), np.ascontiguousarray(covariance[:, kept[:, None], kept])
+        self._step, self._age = step, self._age + 1
+        if new is not None:
+            self._age[new] = 0
+
+    def due(self) -> list[Smoothed]:
+        """The estimates of `lag` steps ago, where there are any."""
+        if self._latest is None or len(self._window) < self.lag:
+            return []
+        *_, oldest = self._carried()
+        return [self._told(self.lag, *oldest)]
+
+    def rest(self) -> list[Smoothed]:
+        """At the end: the estimates of the steps that were not due yet, the earliest first."""
+        return [one for one in self.back() if one.step > self._step - self.lag][::-1]
+
+    def back(self) -> Iterator[Smoothed]:
+        """The estimates of the latest step, of the one before, and so on, as far back as is kept."""
+        return (self._told(before, *one) for before, one in enumerate(self._carried()))
+
+    def _carried(self) -> Iterator[tuple[Floats, Floats]]:
+        if self._latest is None:
+            return
+        state, covariance = self._latest
+        yield state, covariance
+        for backward in reversed(self._window):
+            state, covariance = backward.carried(state, covariance)
+            yield state, covariance
+
+    def _told(self, before: int, state: Floats, covariance: Floats) -> Smoothed:
+        finite = np.asarray(np.isfinite(state).all(axis=1) & np.isfinite(covariance).all(axis=(1, 2)))
+        return Smoothed(
+            self._step - before,
+            self._step,
+            self._space.embed_state(state),
+            self._space.embed_covariance(covariance),
+            (self._age >= before) & finite,
+        )
+
+
+def smoothed(
+    states: Floats, covariances: Floats, motion: NearlyConstantVelocity, space: Space, lag: int | None = None
+) -> tuple[Floats, Floats]:
+    """Smooth the estimates of K steps, (n, K, 6) and (n, K, 6, 6), by a lag, None for the whole run; NaN for nothing.
+
+    Steps without an estimate, between others, are predicted from the one before.
+    """
+    found, uncertain = np.full_like(states, np.nan), np.full_like(covariances, np.nan)
+    steps = states.shape[1]
+    window = FixedLag(motion, space, steps if lag is None else min(lag, steps))
+    for step, estimates in enumerate(_without_gaps(states, covariances, motion, space), 1):
+        window.take(step, *estimates)
+        for one in [*window.due(), *(window.rest() if step == steps else ())]:
+            found[one.known, one.step - 1] = one.state[one.known]
+            uncertain[one.known, one.step - 1] = one.covariance[one.known]
+    known = np.asarray(np.isfinite(states).all(axis=2))
+    between = np.logical_or.accumulate(known, axis=1) & np.logical_or.accumulate(known[:, ::-1], axis=1)[:, ::-1]
+    found[~between] = uncertain[~between] = np.nan
+    return found, uncertain
+
+
+def _without_gaps(
+    states: Floats, covariances: Floats, motion: NearlyConstantVelocity, space: Space
+) -> Iterator[tuple[Floats, Floats]]:
+    """Each step's estimates, predicted where there are none; before an agent's first one they mean nothing."""
+    kept = space.kept
+    state, covariance = np.zeros_like(states[:, 0]), np.broadcast_to(np.eye(6), covariances[:, 0].shape)
+    for k in range(states.shape[1]):
+        known = np.asarray(np.isfinite(states[:, k]).all(axis=1))
+        predicted = space.embed_state(motion.predict_state(state[:, kept]))
+        spread = space.embed_covariance(motion.predict_covariance(covariance[:, kept[:, None], kept]))
+        state = np.where(known[:, None], states[:, k], predicted)
+        covariance = np.where(known[:, None, None], covariances[:, k], spread)
+        yield state, covariance
