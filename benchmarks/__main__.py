@@ -33,6 +33,7 @@ BENCHMARKS = {
     "logs": ("log_speed", "a log of a million messages analysed and described; writing, 200-byte messages"),
     "fuzz": ("fuzz", "a million mutated messages, keys and texts through every decoder, 250 logs through every verb"),
     "kills": ("kills", "200 recorders killed at random moments: what their logs lack"),
+    "smoothing": ("smoothing", "what smoothing gains, with which lag, against a centralised smoother, 50 seeds"),
     "robust": ("robust", "what sensors and agents that fail cost, 50 seeds"),
     "design": ("design", "errors that `zenoh-cbef design` predicts, against simulations"),
     "filters": ("filters", "every filter, 50 seeds and recorded data; --write docs/filters.md --data FOLDER"),

@@ -104,8 +104,7 @@ class Simulation:
         self._sent: deque[list[Floats]] = deque(maxlen=1 + self.scenario.consensus.lag)
         self._sources = np.ascontiguousarray(self.neighbours.index.T)
         self._links = np.flatnonzero(self.neighbours.present)
-        self._noted: list[Fate] = []
-        self.smoother = smoother_of(self.plan)
+        self._noted, self.smoother = list[Fate](), smoother_of(self.plan)
 
     def __iter__(self) -> Iterator[Step]:
         for step in range(1, self.scenario.length + 1):
@@ -172,8 +171,8 @@ class Simulation:
             delivered = self._delivered(used, round_) if used >= 1 else nothing
             message = self.tracker.exchange(self._received(round_), delivered)
         estimate = self._estimate = self.tracker.conclude()
-        absent, smoothed = np.tile(self.absences.at(step), self._runs), self._smoothed(step, estimate)
-        return Step(sent, estimate, told, self._noted, absent, smoothed)
+        absent = np.tile(self.absences.at(step), self._runs)
+        return Step(sent, estimate, told, self._noted, absent, self._smoothed(step, estimate))
 
     def _smoothed(self, step: int, estimate: Estimate) -> list[Smoothed]:
         """The smoothed estimates that are due, at the end all; agents that come back without a memory begin anew."""

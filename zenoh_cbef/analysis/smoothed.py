@@ -48,7 +48,7 @@ def smoothed_run(trace: Trace) -> Trace:
             "estimate again with another filter: zenoh-cbef reestimate LOG --smooth --set filter.kind=sicf"
         )
     states = np.where(known[:, :, None], trace.estimates, np.nan)
-    found = smoothed(states, trace.covariances, trace.plan.motion, trace.plan.space)
+    found = smoothed(states, trace.covariances, trace.plan.plain_motion, trace.plan.space)
     return replace(trace, smoothed=SmoothedPath(*found, lag=len(trace.time)))
 
 
@@ -70,7 +70,7 @@ def smoothed_errors(trace: Trace) -> SmoothedErrors | None:
     steps = trace.measured_steps
     if steps:
         states, covariances = centralized_run([trace], steps)
-        central[:steps] = smoothed(states, covariances, trace.plan.motion, trace.plan.space, path.lag)[0][0]
+        central[:steps] = smoothed(states, covariances, trace.plan.plain_motion, trace.plan.space, path.lag)[0][0]
     return SmoothedErrors(
         path.lag,
         np.linalg.norm(error[:, :, :axes], axis=2),

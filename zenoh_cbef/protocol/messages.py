@@ -79,8 +79,7 @@ def _finite(values: Values) -> bool:
 
 
 def _finite_or_nil(values: Values) -> bool:
-    numbers = [value for value in values if value is not None]
-    return not numbers or _finite(numbers)
+    return not (numbers := [value for value in values if value is not None]) or _finite(numbers)
 
 
 def _texts(values: Values) -> bool:
@@ -183,11 +182,7 @@ BODIES: dict[str, dict[str, Field]] = {
     },
     "smoothed": {"k": COUNT, "until": COUNT, "state": _numbers(6), "covariance": MATRIX},
     "faults": {"tables": TEXT},
-    "event": {
-        "kind": TEXT,
-        "text": TEXT,
-        "data": Field(_plain_tables, {"type": "object"}, optional=True),
-    },
+    "event": {"kind": TEXT, "text": TEXT, "data": Field(_plain_tables, {"type": "object"}, optional=True)},
 }
 
 _FIELDS = {kind: {**ENVELOPE, **body} for kind, body in BODIES.items()}

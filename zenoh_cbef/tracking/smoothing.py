@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zenoh_cbef.tracking.linalg import matvec
-from zenoh_cbef.tracking.motion import NearlyConstantVelocity
+from zenoh_cbef.tracking.motion import LinearMotion
 from zenoh_cbef.tracking.ranging import Space
 
 Floats = NDArray[np.float64]
@@ -34,7 +34,7 @@ class Backward:
     rest: Floats
 
     @classmethod
-    def of(cls, state: Floats, covariance: Floats, motion: NearlyConstantVelocity) -> Backward:
+    def of(cls, state: Floats, covariance: Floats, motion: LinearMotion) -> Backward:
         """From the filter's estimates of step k, (n, s) and (n, s, s)."""
         predicted = motion.predict_covariance(covariance)
         gain = np.asarray(np.linalg.solve(predicted, motion.transition @ covariance).swapaxes(-1, -2), dtype=np.float64)
@@ -73,7 +73,7 @@ class FixedLag:
     by its own covariance.
     """
 
-    def __init__(self, motion: NearlyConstantVelocity, space: Space, lag: int) -> None:
+    def __init__(self, motion: LinearMotion, space: Space, lag: int) -> None:
         self.lag = lag
         self._motion, self._space = motion, space
         self._window: deque[Backward] = deque(maxlen=lag)
@@ -129,7 +129,7 @@ class FixedLag:
 
 
 def smoothed(
-    states: Floats, covariances: Floats, motion: NearlyConstantVelocity, space: Space, lag: int | None = None
+    states: Floats, covariances: Floats, motion: LinearMotion, space: Space, lag: int | None = None
 ) -> tuple[Floats, Floats]:
     """Smooth the estimates of K steps, (n, K, 6) and (n, K, 6, 6), by a lag, None for the whole run; NaN for nothing.
 
@@ -150,7 +150,7 @@ def smoothed(
 
 
 def _without_gaps(
-    states: Floats, covariances: Floats, motion: NearlyConstantVelocity, space: Space
+    states: Floats, covariances: Floats, motion: LinearMotion, space: Space
 ) -> Iterator[tuple[Floats, Floats]]:
     """Each step's estimates, predicted where there are none; before an agent's first one they mean nothing."""
     kept = space.kept

@@ -1,0 +1,86 @@
+"""What smoothing gains, how near agents come to a centralised smoother, and how honest they are, 50 seeds."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.table import Table
+
+from benchmarks.common import plain_table
+from zenoh_cbef.analysis.metrics import Analysis, analyze
+from zenoh_cbef.analysis.summary import pick
+from zenoh_cbef.scenario.load import load
+from zenoh_cbef.simulator import simulate
+from zenoh_cbef.trace import SmoothedPath, Trace
+from zenoh_cbef.tracking.smoothing import smoothed
+
+Floats = NDArray[np.float64]
+
+SEEDS = 50
+LAGS: tuple[float | None, ...] = (0.2, 0.5, 1.0, 2.0, None)
+"""s; None: the whole run."""
+
+CASES: dict[str, tuple[str, ...]] = {
+    "tracking": ("tracking",),
+    "3 rounds": ("tracking", "consensus.rounds=3"),
+    "30 % loss": ("tracking", 'fault=[{kind="loss", probability=0.3}]'),
+    "60 % loss": ("tracking", 'fault=[{kind="loss", probability=0.6}]'),
+    "outliers": ("outliers",),
+    "bias 0.3 m, estimated": ("tracking", "sensor.bias=0.3", "filter.bias=estimate"),
+    "ci": ("tracking", "filter.kind=ci"),
+}
+
+
+def run(repeats: int) -> Iterator[Table]:
+    """One row per case and lag; nothing is timed."""
+    del repeats
+    rows = []
+    for name, (scenario, *overrides) in CASES.items():
+        traces = traces_of(scenario, overrides, SEEDS)
+        for lag in LAGS if name == "tracking" else (1.0, None):
+            rows.append([name, "whole run" if lag is None else f"{lag:g} s", *figures(with_lag(traces, lag))])
+    columns = ["case", "lag", "position", "velocity", "ratio", "worst", "NEES/d"]
+    yield plain_table(
+        "smoothed over filtered RMSE of position and velocity; ratio to the centralised smoother with the same lag, "
+        "median and worst seed; mean NEES over its ideal",
+        columns,
+        rows,
+    )
+
+
+def traces_of(scenario: str, overrides: Sequence[str], seeds: int) -> list[Trace]:
+    """Simulated runs under seeds 1, 2, ..., as one batch."""
+    chosen = load(scenario, overrides).scenario
+    return simulate([chosen.model_copy(update={"seed": seed}) for seed in range(1, seeds + 1)])
+
+
+def with_lag(traces: Sequence[Trace], lag: float | None) -> list[Analysis]:
+    """The runs smoothed with a lag, s, None for their whole length, and analysed."""
+    plan, steps = traces[0].plan, len(traces[0].time)
+    waited = steps if lag is None else round(lag / plan.scenario.dt)
+    states, covariances = (np.concatenate([getattr(one, name) for one in traces]) for name in _PARTS)
+    found = smoothed(states, covariances, plan.plain_motion, plan.space, waited)
+    each = (part.reshape(len(traces), -1, *part.shape[1:]) for part in found)
+    paths = [SmoothedPath(*parts, waited) for parts in zip(*each, strict=True)]
+    return analyze([replace(trace, smoothed=path) for trace, path in zip(traces, paths, strict=True)])
+
+
+_PARTS = ("estimates", "covariances")
+
+
+def figures(runs: Sequence[Analysis]) -> list[str]:
+    """The columns of a row."""
+    ratio = _picked(runs, "smoothed.ratio_to_centralized")
+    position, velocity = (
+        float(np.median(_picked(runs, f"smoothed.{name}") / _picked(runs, name)))
+        for name in ("position_rmse", "velocity_rmse")
+    )
+    honest = float(_picked(runs, "smoothed.nees.average").mean()) / len(runs[0].trace.plan.space.kept)
+    return [f"{position:.3f}", f"{velocity:.3f}", f"{np.median(ratio):.4f}", f"{ratio.max():.3f}", f"{honest:.2f}"]
+
+
+def _picked(runs: Sequence[Analysis], name: str) -> Floats:
+    return np.array([pick(one.metrics, name) for one in runs])
