@@ -37,11 +37,11 @@ CASES: dict[str, tuple[str, ...]] = {
 def run(repeats: int) -> Iterator[Table]:
     """One row per case and lag; nothing is timed."""
     del repeats
-    rows = []
+    rows: list[list[str]] = []
     for name, (scenario, *overrides) in CASES.items():
         traces = traces_of(scenario, overrides, SEEDS)
-        for lag in LAGS if name == "tracking" else (1.0, None):
-            rows.append([name, "whole run" if lag is None else f"{lag:g} s", *figures(with_lag(traces, lag))])
+        lags = LAGS if name == "tracking" else (1.0, None)
+        rows += [[name, "whole run" if lag is None else f"{lag:g} s", *figures(with_lag(traces, lag))] for lag in lags]
     columns = ["case", "lag", "position", "velocity", "ratio", "worst", "NEES/d"]
     yield plain_table(
         "smoothed over filtered RMSE of position and velocity; ratio to the centralised smoother with the same lag, "
