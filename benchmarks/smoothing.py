@@ -64,7 +64,7 @@ def with_lag(traces: Sequence[Trace], lag: float | None) -> list[Analysis]:
     states, covariances = (np.concatenate([getattr(one, name) for one in traces]) for name in _PARTS)
     found = smoothed(states, covariances, plan.plain_motion, plan.space, waited)
     each = (part.reshape(len(traces), -1, *part.shape[1:]) for part in found)
-    paths = [SmoothedPath(*parts, waited) for parts in zip(*each, strict=True)]
+    paths = [SmoothedPath(path, spread, waited) for path, spread in zip(*each, strict=True)]
     return analyze([replace(trace, smoothed=path) for trace, path in zip(traces, paths, strict=True)])
 
 

@@ -9,11 +9,13 @@ from tests.cli.test_errors import call
 from tests.log.made import made_log
 from zenoh_cbef.analysis.metrics import analyze
 from zenoh_cbef.analysis.smoothed import smoothed_run
+from zenoh_cbef.analysis.summary import pick
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.prove.verify import verify
 from zenoh_cbef.log.read.trace import read_trace
 from zenoh_cbef.scenario.load import load
 from zenoh_cbef.simulator import simulate
+from zenoh_cbef.trace import SmoothedPath, Trace
 
 LOSS = 'fault=[{kind="loss", probability=0.3}]'
 
@@ -23,21 +25,25 @@ def run(*overrides, seeds=(1,)):
     return simulate([scenario.model_copy(update={"seed": seed}) for seed in seeds])
 
 
+def path_of(trace: Trace) -> SmoothedPath:
+    assert trace.smoothed is not None
+    return trace.smoothed
+
+
 @pytest.mark.parametrize(("fault", "most"), [("fault=[]", 1.02), (LOSS, 1.05)])
 def test_agents_smooth_as_well_as_a_centralised_smoother(fault, most):
     found = [one.metrics for one in analyze(run("steps=150", "filter.lag_seconds=1", fault, seeds=range(1, 9)))]
-    ratios = [one.smoothed.ratio_to_centralized for one in found]
-    assert np.median(ratios) < most
-    better = [one.smoothed.position_rmse / one.position_rmse for one in found]
+    assert np.median([pick(one, "smoothed.ratio_to_centralized") for one in found]) < most
+    better = [pick(one, "smoothed.position_rmse") / pick(one, "position_rmse") for one in found]
     assert 0.4 < np.median(better) < 0.7
-    assert 0.7 < np.mean([one.smoothed.nees.average for one in found]) / 6 < 1.3
+    assert 0.7 < np.mean([pick(one, "smoothed.nees.average") for one in found]) / 6 < 1.3
 
 
 def test_a_lag_as_long_as_the_run_is_the_whole_run_smoothed():
     (whole,) = run("steps=40", "filter.lag_seconds=100")
     again = smoothed_run(replace(whole, smoothed=None))
-    assert np.array_equal(whole.smoothed.states, again.smoothed.states)
-    assert np.array_equal(whole.smoothed.covariances, again.smoothed.covariances)
+    assert np.array_equal(path_of(whole).states, path_of(again).states)
+    assert np.array_equal(path_of(whole).covariances, path_of(again).covariances)
 
 
 def test_a_run_that_does_not_smooth_says_nothing_of_it():
@@ -49,12 +55,12 @@ def test_a_run_that_does_not_smooth_says_nothing_of_it():
 def test_agents_that_are_away_or_forget_leave_gaps_that_the_whole_run_bridges():
     fault = 'fault=[{kind="crash", agents=[2], from=1.0, until=2.0}, {kind="pause", agents=[4], from=1.0, until=2.0}]'
     (trace,) = run("steps=40", "filter.lag_seconds=0.3", fault)
-    told = np.isfinite(trace.smoothed.states).all(axis=2)
+    told = np.isfinite(path_of(trace).states).all(axis=2)
     # An agent that is killed at step 10 had not yet told of steps 7 to 9; the one that goes on tells three steps late.
     assert np.flatnonzero(~told[2]).tolist() == list(range(6, 19))
     assert np.flatnonzero(~told[4]).tolist() == list(range(6, 16))
     assert told[[0, 1, 3, 5]].all()
-    whole = smoothed_run(trace).smoothed
+    whole = path_of(smoothed_run(trace))
     assert np.isfinite(whole.states).all()
     assert np.linalg.norm(whole.states[2, :, :3] - whole.states[0, :, :3], axis=1).max() < 0.5
 
@@ -70,7 +76,7 @@ def test_covariances_that_are_none_count_as_missing():
     (trace,) = run("steps=20")
     trace.covariances[1, 7] = 0.0
     trace.covariances[2, 8] = -np.eye(6)
-    assert np.isfinite(smoothed_run(trace).smoothed.covariances).all()
+    assert np.isfinite(path_of(smoothed_run(trace)).covariances).all()
 
 
 def test_the_verbs_smooth(monkeypatch, capsys, tmp_path):
@@ -79,11 +85,11 @@ def test_the_verbs_smooth(monkeypatch, capsys, tmp_path):
     status, _, err = call(monkeypatch, capsys, "reestimate", str(log), "--smooth", "-o", str(again), "--run", "again")
     assert status == 0, err
     assert verify(again).result == "equal"
-    assert np.array_equal(read_trace(again).smoothed.states, smoothed_run(read_trace(log)).smoothed.states)
+    assert np.array_equal(path_of(read_trace(again)).states, path_of(smoothed_run(read_trace(log))).states)
     status, _, _ = call(monkeypatch, capsys, "export", str(log), "--smooth", "-o", str(tmp_path / "smooth.npz"))
     assert status == 0
     exported = np.load(tmp_path / "smooth.npz")
-    assert np.array_equal(exported["smoothed"], read_trace(again).smoothed.states)
+    assert np.array_equal(exported["smoothed"], path_of(read_trace(again)).states)
     assert exported["smoothed_covariances"].shape == (6, 30, 6, 6)
     status, out, _ = call(monkeypatch, capsys, "analyze", str(log), "--smooth")
     assert status == 0

@@ -67,7 +67,7 @@ class Linear:
             information[: self.size, : self.size] = np.linalg.inv(self.prior[1])
             information[self.size :, self.size :] = np.eye(axes * last) / ACCELERATION**2
             vector = information[:, : self.size] @ self.prior[0][row]
-            for step in np.flatnonzero(self.heard[row, :last]):
+            for step in np.flatnonzero(self.heard[row, :last]).tolist():
                 seen = self.rows[row, step] @ maps[step]
                 information += np.outer(seen, seen) / STD**2
                 vector += seen * self.values[row, step] / STD**2
@@ -139,7 +139,7 @@ def test_an_agent_that_begins_anew_says_nothing_of_what_was_before():
         window.take(step, states[:, step - 1], covariances[:, step - 1], np.array([False, step == 3, False]))
         told = [(one.step, one.until, one.known.tolist()) for one in window.due()]
         assert told == ([(step - 2, step, [True, False, True])] if step > 2 else [])
-    assert [(one.step, one.known.all()) for one in window.rest()] == [(3, True), (4, True)]
+    assert [(one.step, bool(one.known.all())) for one in window.rest()] == [(3, True), (4, True)]
 
 
 @settings(max_examples=50, deadline=None)
