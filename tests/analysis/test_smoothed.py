@@ -55,7 +55,7 @@ def test_a_run_that_does_not_smooth_says_nothing_of_it():
 def test_agents_that_are_away_or_forget_leave_gaps_that_the_whole_run_bridges():
     fault = 'fault=[{kind="crash", agents=[2], from=1.0, until=2.0}, {kind="pause", agents=[4], from=1.0, until=2.0}]'
     (trace,) = run("steps=40", "filter.lag_seconds=0.3", fault)
-    told = np.isfinite(path_of(trace).states).all(axis=2)
+    told = np.asarray(np.isfinite(path_of(trace).states).all(axis=2))
     # An agent that is killed at step 10 had not yet told of steps 7 to 9; the one that goes on tells three steps late.
     assert np.flatnonzero(~told[2]).tolist() == list(range(6, 19))
     assert np.flatnonzero(~told[4]).tolist() == list(range(6, 16))
