@@ -241,8 +241,7 @@ class _Results:
         self.covariances = np.full((rows, steps, 6, 6), np.nan)
         self.diagnostics = Diagnostics.of(rows, steps)
         self.payloads: Floats | None = None
-        smoother = simulation.smoother
-        self.smoothed = None if smoother is None else SmoothedPath.empty(rows, steps, smoother.lag)
+        self.smoothed = SmoothedPath.empty(rows, steps, lag) if (lag := simulation.plan.smoothing_lag) else None
 
     def put(self, k: int, step: Step, *, keep_payloads: bool) -> None:
         """Take in step k + 1."""
