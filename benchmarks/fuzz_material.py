@@ -68,6 +68,9 @@ def bodies() -> dict[str, list[tuple[str, str, dict[str, Any]]]]:
             (KEYS.estimate(0), "agent/0", {**estimate, "covariance": np.eye(6).tobytes()}),
             (KEYS.estimate(1), "agent/1", {**estimate, "nis": 1.0, "nis_degrees": 1, "covariance": None}),
         ],
+        "smoothed": [
+            (KEYS.smoothed(0), "agent/0", {"k": 3, "until": 5, "state": [0.5] * 6, "covariance": np.eye(6).tobytes()})
+        ],
         "faults": [(KEYS.faults, "target", {"tables": '[{"kind": "loss", "probability": 0.5, "from": 0.1}]'})],
         "event": [
             (KEYS.event("agent/0"), "agent/0", {"kind": "finished", "text": "done", "data": finished}),

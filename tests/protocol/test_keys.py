@@ -10,7 +10,7 @@ from zenoh_cbef.protocol.keys import Address, Keys, address, agent_named, run_of
 
 RUNS = st.text(st.characters(exclude_characters="/", codec="utf-8"), min_size=1, max_size=20)
 AGENTS = st.integers(0, 999)
-OF_AGENTS = ("beacon", "signal", "range", "round", "estimate")
+OF_AGENTS = ("beacon", "signal", "range", "round", "estimate", "smoothed")
 PARTS = st.one_of(
     st.sampled_from(["cbef", "run", "agent", "target", "truth", "faults", "event", "record", *OF_AGENTS, ""]),
     st.integers().map(str),
@@ -33,6 +33,7 @@ def test_every_key_of_a_run_is_read_as_what_it_was_made_of(run, agent):
     assert address(keys.range(agent)) == Address(run, "range", owner, agent)
     assert address(keys.round(agent)) == Address(run, "round", owner, agent)
     assert address(keys.estimate(agent)) == Address(run, "estimate", owner, agent)
+    assert address(keys.smoothed(agent)) == Address(run, "smoothed", owner, agent)
     assert {run_of(key) for key in (keys.truth, keys.scenario, keys.control, keys.target_live)} == {run}
     assert agent_named(owner) == agent
 

@@ -72,7 +72,7 @@ BODY = {
     "smoothed": st.fixed_dictionaries(
         {
             "k": COUNTS,
-            "until": COUNTS,
+            "until": SMALL,
             "state": numbers(6),
             "covariance": numbers(36).map(lambda values: pack_floats(np.array(values))),
         }

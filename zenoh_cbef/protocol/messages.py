@@ -125,6 +125,7 @@ _INTEGER = {"type": "integer", "minimum": 0}
 _DOUBLES = {"type": "string", "contentEncoding": "binary", "description": "little-endian float64"}
 
 COUNT = Field(_counts, _INTEGER)
+SMALL_COUNT = Field(_small_counts, _INTEGER)
 COUNTS = Field(_lists_of(_small_counts), {"type": "array", "items": _INTEGER})
 COUNTS_IF_ANY = replace(COUNTS, optional=True)
 NUMBER = Field(_finite, {"type": "number"})
@@ -180,7 +181,7 @@ BODIES: dict[str, dict[str, Field]] = {
         "latency": NUMBERS_OR_NIL,
         "covariance": DOUBLES_OR_NIL,
     },
-    "smoothed": {"k": COUNT, "until": COUNT, "state": _numbers(6), "covariance": MATRIX},
+    "smoothed": {"k": COUNT, "until": SMALL_COUNT, "state": _numbers(6), "covariance": MATRIX},
     "faults": {"tables": TEXT},
     "event": {"kind": TEXT, "text": TEXT, "data": Field(_plain_tables, {"type": "object"}, optional=True)},
 }
