@@ -133,20 +133,6 @@ def test_uniform_weights_use_epsilon_or_the_largest_degree():
     assert network.epsilon(parse({**keys, "consensus": {"epsilon": 0.1}}, "test"), lists) == 0.1
 
 
-@pytest.mark.parametrize(
-    ("keys", "power"),
-    [
-        ({}, 1),
-        ({"sensor": {"outlier_probability": 0.1}}, 2),
-        ({"sensor": {"outlier_probability": 0.1}, "filter": {"saturation": "bounded"}}, 1),
-        ({"filter": {"saturation": "redescending"}}, 2),
-    ],
-)
-def test_saturation_redescends_where_outliers_are_expected(keys, power):
-    assert Plan(scenario(**keys)).power == power
-    assert vars(Plan(scenario(**keys)).filter)["power"] == power
-
-
 def test_eigenvalue_bounds_are_the_graphs_unless_given():
     chebyshev = {"acceleration": "chebyshev", "rounds": 5}
     ring = {"consensus": chebyshev, "network": {"graph": "ring"}}

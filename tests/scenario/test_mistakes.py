@@ -82,7 +82,7 @@ REFUSED = {
     'consensus.scheme = "sums"': "consensus.scheme must be 'auto', 'average' or 'running-sums', not 'sums'",
     'consensus = {scheme = "running-sums", acceleration = "chebyshev"}': "consensus.scheme = 'running-sums' cannot be "
     "accelerated; set consensus.acceleration = 'none'",
-    "filter.xi = 0": "filter.xi must be a number from 1e-06 to 1e+12, not 0",
+    "filter.xi = 0": "filter.xi must be a number from 1e-06 to 1e+12, or 'auto', not 0",
     "filter.xi = inf": "filter.xi must be a finite number, not inf",
     'filter = {kind = "sicf", measurement = "difference"}': "filter.measurement = 'difference' would count ranges more "
     "than once in 'sicf', as agents' differences share them; set filter.kind = 'ci'",

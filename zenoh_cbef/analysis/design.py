@@ -170,7 +170,7 @@ class _Predictor:
         kind, count = scenario.filter.kind, float(scenario.count)
         omega = count if scenario.filter.omega is None else scenario.filter.omega
         self._weight = {"sicf": count, "icf": count, "hcmci": omega}.get(kind, 1.0)
-        self._clipping = Clipping.at(level_of(kind, scenario.filter.xi))
+        self._clipping = Clipping.at(level_of(kind, plan.xi))
         self._mixing: dict[Scheme, Floats] = {}
         exact = np.full((1, 1, scenario.count, scenario.count), 1.0 / scenario.count)
         [self.centralized] = self._errors(exact, count)

@@ -122,7 +122,7 @@ def _facts(analysis: Analysis) -> tuple[dict[str, str], dict[str, str]]:
     how = "running sums" if trace.plan.sums else f"{consensus.weights} weights"
     faults = [_fault(fault) for fault in scenario.fault]
     left = {
-        "Filter": f"{scenario.filter.kind}, ξ = {scenario.filter.xi:g}",
+        "Filter": f"{scenario.filter.kind}, ξ = {trace.plan.xi:g}",
         "Consensus": f"{counted(consensus.rounds, 'round')}, {how}{chebyshev}",
         "Agents": f"{len(trace.estimates)}, {scenario.agents.motion}",
         "Graph": f"{graph}, {counted(len(trace.edges), 'edge')}",

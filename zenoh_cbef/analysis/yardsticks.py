@@ -46,9 +46,8 @@ def _prior(traces: Sequence[Trace]) -> Floats:
 def centralized_run(traces: Sequence[Trace], steps: int) -> tuple[Floats, Floats]:
     """The centralised filter's states (r, steps, 6) and covariances (r, steps, 6, 6) in the first steps of r runs."""
     plan = traces[0].plan
-    scenario = plan.scenario
     initial = plan.belief_at(_stacked(traces, "initial").mean(axis=1))
-    xi = level_of(scenario.filter.kind, scenario.filter.xi)
+    xi = level_of(plan.scenario.filter.kind, plan.xi)
     seen = {part: _stacked(traces, part)[:, :, :steps] for part in ("positions", "ranges", "age")}
     settings = plan.settings
     if settings.bias != "none" or settings.first_fix or settings.learns_noise:

@@ -67,7 +67,7 @@ def _target(
     """Run the target process: it serves the scenario, waits for the agents, and emits the beacons."""
     world = None
     if beacons is None:
-        loaded = load(scenario, overrides or ())
+        loaded = load(scenario, [*(["sensor.real=true"] if receivers else []), *(overrides or ())])
     else:
         found = read_measurements(beacons)
         loaded = found.loaded(overrides or ())

@@ -18,8 +18,9 @@ class Filter(Table):
     defaults: the rules by which 'auto' and None decide: 2 today's, 1 those of version 0.2.0 and before it. Logs hold
     'auto' as such, so a change of what it means is a new number here, and old logs keep theirs (see legacy.py).
     xi: cbef saturates at this size of the whole innovation (m^2), cbef-scaled likewise (m), the others at this many
-    standard deviations. saturation auto: redescending where the scenario's sensor has outliers. omega: hcmci multiplies
-    averaged measurements by it; None: the number of agents.
+    standard deviations; auto: 2 where saturation redescends, otherwise 1.5. saturation auto: redescending where ranges
+    are real or the scenario's sensor has outliers. distrust auto: on where they are real or receivers have faults.
+    omega: hcmci multiplies averaged measurements by it; None: the number of agents.
     measurement: the agent's own range, or differences with its neighbours', as cbef and cbef-scaled always have.
     motion: a model of tracking/motion; auto: it follows from the target. velocity_time: time constant of decay, s.
     turn_rate_std: rad/s, of turn. acceleration_interval: how long a random acceleration lasts, s; None: one step, or
@@ -30,7 +31,7 @@ class Filter(Table):
 
     kind: str = "sicf"
     defaults: Literal[1, 2] = 2
-    xi: Factor = 1.5
+    xi: Annotated[Factor | Literal["auto"], Field(description="a number from 1e-06 to 1e+12, or 'auto'")] = "auto"
     saturation: Literal["auto", "bounded", "redescending"] = "auto"
     recovery: bool = False
     distrust: Annotated[bool | Literal["auto"], Field(description="true, false or 'auto'")] = "auto"

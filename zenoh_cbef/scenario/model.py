@@ -90,8 +90,13 @@ class Agents(Table):
 
 
 class Sensor(Table):
-    """The receivers: ranges (m) with noise, bias, outliers (exponential, mean outlier_scale) and drop-outs."""
+    """The receivers: ranges (m) with noise, bias, outliers (exponential, mean outlier_scale) and drop-outs.
 
+    real: ranges are measured and not emulated, so the filter is to be wary of more than these keys say; a dataset's are
+    in any case.
+    """
+
+    real: bool = False
     range_std: Length = 0.1
     bias: Annotated[
         Metres | tuple[Metres, ...], Field(description="a number, or a list with a number for each agent")

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zenoh_cbef.faults import Absences, MessageFault, SenderFault, SensorFault
-from zenoh_cbef.scenario import network, start
+from zenoh_cbef.scenario import network, start, trust
 from zenoh_cbef.scenario.model import Scenario
 from zenoh_cbef.scenario.motion import assumed_motion, plain_motion
 from zenoh_cbef.scenario.plausible import Plausible, plausible_ranges
@@ -85,12 +85,9 @@ class Plan:
 
     @cached_property
     def distrusts_own(self) -> bool:
-        """Whether agents distrust their own receivers while implausible; auto: where receivers have faults."""
-        chosen = self.scenario.filter
-        if chosen.distrust != "auto":
-            return chosen.distrust
-        comparable = self.abilities.information and chosen.measurement == "range" and not self.distrusts_others
-        return comparable and self._has(SensorFault)
+        """Whether agents distrust their own receivers while implausible."""
+        sure = self.scenario.filter.distrust != "auto"
+        return trust.distrusts(self.scenario) and (sure or not self.distrusts_others)
 
     @cached_property
     def bias(self) -> str:
@@ -103,29 +100,19 @@ class Plan:
         if not self.abilities.biases:
             return "none"
         unfit = chosen.recovery or self.distrusts_others or not isinstance(self.motion, LinearMotion)
-        if chosen.bias == "auto" and (unfit or not self._may_be_biased):
+        if chosen.bias == "auto" and (unfit or not trust.may_be_biased(self.scenario)):
             return "none"
         return chosen.bias
 
-    @property
-    def _may_be_biased(self) -> bool:
-        sensor = self.scenario.sensor
-        biased = bool(np.any(np.array(sensor.bias))) or sensor.bias_std > 0.0
-        return biased or self._has(SensorFault) or self.recorded
-
     @cached_property
     def power(self) -> int:
-        """The power of the saturation: 1 bounds the pull of an outlier, 2 lets it fall (redescending).
+        """The power of the saturation."""
+        return trust.saturation_power(self.scenario, biased=self.bias != "none")
 
-        Real ranges have outliers. But where biases are left alone or the noise is still learned, good ones may look
-        alike.
-        """
-        chosen = self.scenario.filter.saturation
-        if chosen == "auto":
-            known = self.bias != "none" and self.scenario.filter.range_std != "auto"
-            outliers = self.scenario.sensor.outlier_probability > 0.0
-            chosen = "redescending" if (self.recorded and known) or outliers else "bounded"
-        return 2 if chosen == "redescending" else 1
+    @cached_property
+    def xi(self) -> float:
+        """The saturation level, in the units of the filter's kind."""
+        return trust.saturation_level(self.scenario, self.power)
 
     @cached_property
     def settings(self) -> FilterSettings:
@@ -136,7 +123,7 @@ class Plan:
             motion=self.motion,
             space=self.space,
             range_std=range_std,
-            xi=chosen.xi,
+            xi=self.xi,
             # Without rounds each agent is a network of one.
             network_size=scenario.count if scenario.consensus.rounds else 1,
             omega=chosen.omega,

@@ -1,0 +1,52 @@
+"""How wary a filter is of ranges: of real ones more than of emulated ones, and by the rules of its scenario."""
+
+import pytest
+
+from zenoh_cbef.scenario.load import parse
+from zenoh_cbef.scenario.plan import Plan
+
+OUTLIERS, REAL, OLD = {"outlier_probability": 0.1}, {"real": True}, {"defaults": 1}
+DATASET = {"target": {"motion": "dataset", "path": "set"}, "agents": {"positions": [[0, 0, 0], [9, 0, 0], [0, 9, 0]]}}
+
+
+@pytest.mark.parametrize(
+    ("keys", "power", "xi"),
+    [
+        ({}, 1, 1.5),
+        ({"sensor": OUTLIERS}, 2, 2.0),
+        ({"sensor": REAL}, 2, 2.0),
+        (DATASET, 2, 2.0),
+        ({**DATASET, "filter": {"bias": "none"}}, 2, 2.0),
+        ({"sensor": OUTLIERS, "filter": {"saturation": "bounded"}}, 1, 1.5),
+        ({"filter": {"saturation": "redescending", "xi": 3.0}}, 2, 3.0),
+        # The first rules, as logs of 0.2.0 have them: always with a level of their own.
+        ({**DATASET, "filter": {**OLD, "xi": 1.5}}, 2, 1.5),
+        ({**DATASET, "filter": {**OLD, "xi": 1.5, "bias": "none"}}, 1, 1.5),
+        ({**DATASET, "filter": {**OLD, "xi": 1.5, "range_std": "auto"}}, 1, 1.5),
+    ],
+)
+def test_saturation_redescends_where_outliers_are_to_be_expected(keys, power, xi):
+    plan = Plan(parse(keys, "test"))
+    assert (plan.power, plan.xi) == (power, xi)
+    assert (plan.settings.power, plan.settings.xi) == (power, xi)
+
+
+@pytest.mark.parametrize("kind", ["cbef", "cbef-scaled"])
+def test_the_papers_filters_saturate_in_units_of_their_own(kind):
+    assert Plan(parse({"sensor": REAL, "filter": {"kind": kind}}, "test")).xi == 1.5
+
+
+@pytest.mark.parametrize(
+    ("keys", "distrusts", "bias"),
+    [
+        ({}, False, "none"),
+        ({"sensor": REAL}, True, "auto"),
+        (DATASET, True, "auto"),
+        ({**DATASET, "filter": OLD}, False, "auto"),
+        ({"sensor": REAL, "filter": {"distrust": False, "bias": "none"}}, False, "none"),
+        ({"sensor": REAL, "consensus": {"trim": 1}}, False, "none"),
+    ],
+)
+def test_real_receivers_may_be_wrong_in_every_range(keys, distrusts, bias):
+    plan = Plan(parse(keys, "test"))
+    assert (plan.distrusts_own, plan.bias) == (distrusts, bias)

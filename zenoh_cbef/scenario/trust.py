@@ -1,0 +1,60 @@
+"""How far a scenario's filter trusts ranges, where the keys leave that to 'auto'."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from zenoh_cbef.faults import SensorFault
+from zenoh_cbef.scenario.model import Scenario
+from zenoh_cbef.tracking.filters import abilities_of
+
+_XI = {1: 1.5, 2: 2.0}
+"""Saturation level by the saturation's power, in standard deviations.
+
+At 2 a redescending weight costs no more on Gaussian ranges than a bounded one at 1.5: a hundredth of the error.
+"""
+
+
+def real(scenario: Scenario) -> bool:
+    """Whether ranges come from real receivers, live or recorded: then they have biases and outliers."""
+    return scenario.target.motion == "dataset" or scenario.sensor.real
+
+
+def may_be_biased(scenario: Scenario) -> bool:
+    """Whether ranges may have a constant error: where they are real, or the scenario says so."""
+    sensor = scenario.sensor
+    return bool(np.any(np.array(sensor.bias))) or sensor.bias_std > 0.0 or _at_fault(scenario) or real(scenario)
+
+
+def saturation_power(scenario: Scenario, *, biased: bool) -> int:
+    """The power of the saturation: 1 bounds the pull of an outlier, 2 lets it fall (redescending).
+
+    Auto: 2 where ranges have outliers. By the first rules (filter.defaults) real ones only if biases are
+    estimated or weighed (biased) and the noise is given: at a level of 1.5, good ranges looked alike otherwise.
+    """
+    chosen = scenario.filter
+    if chosen.saturation != "auto":
+        return 2 if chosen.saturation == "redescending" else 1
+    trusted = chosen.defaults == 1 and not (biased and chosen.range_std != "auto")
+    return 2 if scenario.sensor.outlier_probability > 0.0 or (real(scenario) and not trusted) else 1
+
+
+def saturation_level(scenario: Scenario, power: int) -> float:
+    """At how many standard deviations ranges saturate; for kinds that saturate otherwise see filter.xi."""
+    chosen = scenario.filter
+    if chosen.xi != "auto":
+        return chosen.xi
+    return _XI[power if abilities_of(chosen.kind).saturates else 1]
+
+
+def distrusts(scenario: Scenario) -> bool:
+    """Whether agents distrust their own receivers while implausible; auto: where receivers are real or at fault."""
+    chosen = scenario.filter
+    if chosen.distrust != "auto":
+        return chosen.distrust
+    comparable = abilities_of(chosen.kind).information and chosen.measurement == "range"
+    return comparable and (_at_fault(scenario) or (real(scenario) and chosen.defaults > 1))
+
+
+def _at_fault(scenario: Scenario) -> bool:
+    return any(isinstance(one, SensorFault) for one in scenario.fault)
