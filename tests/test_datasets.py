@@ -127,10 +127,23 @@ def test_negative_ranges_are_left_out(tmp_path):
     assert len(dataset.ranges) == 5
 
 
-@pytest.mark.parametrize(("factor", "swapped"), [(1.0, False), (100.0, False), (1.0, True)])
-def test_ranges_that_do_not_fit_the_positions_are_said_to(tmp_path, factor, swapped):
+MIRRORED, TWO = {0: 2, 1: 3, 2: 0, 3: 1}, {0: 1, 1: 0, 2: 2, 3: 3}
+
+
+@pytest.mark.parametrize(
+    ("how", "factor", "swapped", "said"),
+    [
+        ("filter.kind=sicf", 1.0, None, ""),
+        ("filter.range_std=auto", 1.0, None, ""),
+        ("filter.kind=sicf", 5.0, None, "half of the ranges of agent"),
+        ("filter.range_std=auto", 1.0, TWO, "half of the ranges of agent"),
+        ("filter.kind=cbef", 1.0, TWO, "half of the ranges of agent"),
+        ("filter.kind=sicf", 1.0, MIRRORED, "NEES is"),  # they fit a target on the other side
+    ],
+)
+def test_ranges_that_do_not_fit_the_positions_are_said_to(tmp_path, how, factor, swapped, said):
     corners = {0: (0.0, 0.0), 1: (20.0, 0.0), 2: (20.0, 15.0), 3: (0.0, 15.0)}
-    named = {0: 2, 1: 3, 2: 0, 3: 1} if swapped else {each: each for each in corners}
+    named = swapped or {each: each for each in corners}
     times = [0.1 * k for k in range(100)]
     path = [(10.0 + 6.0 * math.cos(t / 3.0), 7.0 + 5.0 * math.sin(t / 3.0)) for t in times]
     anchors = "id,x,y,z\n" + "".join(f"{each},{x},{y},1\n" for each, (x, y) in corners.items())
@@ -141,10 +154,11 @@ def test_ranges_that_do_not_fit_the_positions_are_said_to(tmp_path, factor, swap
         for each, at in corners.items()
     )
     folder = write(tmp_path, anchors=anchors, ranges=ranges, truth=truth)
-    settings = ["target.motion=dataset", f'target.path="{folder}"', "filter.planar_height=1", "filter.kind=sicf"]
-    said = notes(analyze([simulate([load("tracking", settings).scenario])[0]])[0].metrics)
-    fits = factor == 1.0 and not swapped
-    assert any("check units (m) and the order of anchors" in each for each in said) is not fits
+    settings = ["target.motion=dataset", f'target.path="{folder}"', "filter.planar_height=1", how]
+    told = notes(analyze([simulate([load("tracking", settings).scenario])[0]])[0].metrics)
+    misfits = [each for each in told if "check units (m) and the order of anchors" in each]
+    assert len(misfits) == bool(said)
+    assert said in "".join(misfits)
 
 
 def test_quoted_numbers_are_numbers(tmp_path):
@@ -346,3 +360,15 @@ def test_a_gap_in_the_truth_is_not_bridged(tmp_path):
 def test_a_truth_on_another_clock_is_refused(tmp_path, shift):
     with pytest.raises(UserError, match=r"truth\.csv has no position in the 40 steps .* bring both to one clock"):
         load("tracking", recorded(tmp_path / "set", shift + np.arange(0.0, 4.0, 0.05)))
+
+
+@pytest.mark.parametrize(("unit_of_anchors", "unit_of_ranges"), [(1000.0, 1.0), (1.0, 1000.0)])
+def test_anchors_and_ranges_in_different_units_are_refused(tmp_path, unit_of_anchors, unit_of_ranges):
+    corners = [(0.0, 0.0), (9.0, 0.0), (9.0, 7.0), (0.0, 7.0)]
+    walk = [(2.0 + 0.01 * k, 3.0) for k in range(80)]
+    ranges = [math.dist(corners[k % 4], place) * unit_of_ranges for k, place in enumerate(walk)]
+    anchors = "".join(f"{i},{x * unit_of_anchors},{y * unit_of_anchors},0\n" for i, (x, y) in enumerate(corners))
+    rows = "".join(f"{0.1 * k:.1f},{k % 4},{value:.6f}\n" for k, value in enumerate(ranges))
+    made = {"anchors": "id,x,y,z\n" + anchors, "ranges": "t,anchor_id,range\n" + rows}
+    with pytest.raises(UserError, match=r"times too (far|much) .*; write anchors.csv and ranges.csv in metres$"):
+        read_dataset(write(tmp_path, **made))

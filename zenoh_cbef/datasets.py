@@ -19,6 +19,8 @@ _COLUMNS = {"anchors": "id,x,y,z", "ranges": "t,anchor_id,range", "truth": "t,x,
 _VELOCITY_BASE = 0.1
 _LARGEST_GAP, _MANY_INTERVALS = 1.0, 10.0
 """The truth is unknown between positions that are further apart than this, s, and than this many usual intervals."""
+_ODD = 10.0
+"""How many times the triangle inequality must be broken before it is no noise."""
 _MOST = {"t": 1e12, "x": 1e7, "y": 1e7, "z": 1e7, "range": 1e7}
 """The largest size of a column's numbers, s and m: that of a scenario's coordinates."""
 
@@ -131,7 +133,7 @@ def read_dataset(folder: Path) -> Dataset:
     if len(ranges) == 0:
         raise UserError(f"{folder / 'ranges.csv'} has negative ranges only; a dataset needs at least one range")
     truth = truth[np.argsort(truth[:, 0], kind="stable")]
-    return Dataset(
+    found = Dataset(
         labels=tuple(str(label) for label in ids),
         anchors=anchors[:, 1:4],
         range_time=ranges[:, 0],
@@ -140,6 +142,32 @@ def read_dataset(folder: Path) -> Dataset:
         truth_time=truth[:, 0],
         truth=truth[:, 1:4],
     )
+    _check_units(found, folder)
+    return found
+
+
+def _check_units(dataset: Dataset, folder: Path) -> None:
+    """Raise UserError where anchors and ranges cannot be in one unit: they break the triangle inequality many times.
+
+    Of ranges r and s that follow one another, of anchors d apart, |r - s| <= d <= r + s, up to noise and motion.
+    """
+    first, second = dataset.range_anchor[:-1], dataset.range_anchor[1:]
+    apart = np.linalg.norm(dataset.anchors[first] - dataset.anchors[second], axis=1)
+    chosen = apart > 0.0
+    if not chosen.any():
+        return
+    apart, former, latter = apart[chosen], dataset.ranges[:-1][chosen], dataset.ranges[1:][chosen]
+    for far, wide, words in (
+        (apart, former + latter, "the anchors are {:.3g} times too far apart for the ranges"),
+        (
+            np.abs(former - latter),
+            apart,
+            "the ranges differ {:.3g} times too much for the anchors",
+        ),
+    ):
+        times = float(np.median(far / np.maximum(wide, np.finfo(float).tiny)))
+        if times > _ODD:
+            raise UserError(f"{folder}: {words.format(times)}; write anchors.csv and ranges.csv in metres")
 
 
 def _read(folder: Path, name: str) -> Floats:

@@ -94,6 +94,19 @@ def test_two_agents_with_one_id(world, target):
     assert "has agents 0 to 3, no agent 4" in refusal(world, "agent", "4", *join)
 
 
+def test_two_recorders_with_one_name(world, target):
+    join = ["record", "--run", world.run, "--connect", target, "--no-gossip"]
+    first = world.start(*join, "-o", "first.mcap")
+    until = time.monotonic() + 60
+    while not (world.folder / "first.mcap.active").exists():  # it has the name by then
+        assert time.monotonic() < until, "there is no recorder"
+        time.sleep(0.05)
+    told = refusal(world, *join, "-o", "second.mcap")
+    assert told == f"zenoh-cbef: record is already in run {world.run!r}; give another --name, or end that process\n"
+    assert not (world.folder / "second.mcap.active").exists()
+    assert first.poll() is None
+
+
 def test_an_agent_does_not_wait_for_ever_for_a_target_that_died_before_the_start(world, target):
     agent = world.start("agent", "1", "--run", world.run, "--connect", target, "--patience", "20")
     with peer(target) as session:

@@ -55,7 +55,17 @@ def test_of_five_that_ask_at_the_same_time_one_has_the_name_until_it_goes(hall: 
 
 def test_who_has_no_claim_gets_no_name(hall: Hall) -> None:
     assert hall.claims.holder("agent/1", "forged") == ""
-    assert hall.want(hall.come(), "record/any", patience=0.3) is None  # no agent's: there could be any number
+    assert hall.want(hall.come(), "receiver/any", patience=0.3) is None  # there can be several
+
+
+def test_a_recorder_has_its_name_until_it_goes(hall: Hall) -> None:
+    first = hall.come()
+    assert hall.want(first, "record/a") is True
+    assert hall.want(hall.come(), "record/a") is False
+    assert hall.want(hall.come(), "record/b") is True
+    hall.sessions.remove(first)
+    first.close()
+    assert hall.want(hall.come(), "record/a") is True
 
 
 def test_a_target_that_is_gone_gives_no_name(hall: Hall) -> None:

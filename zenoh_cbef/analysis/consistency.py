@@ -23,8 +23,6 @@ Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
 _STRETCHES = 20
-_ABSURD = 100.0
-"""Errors ten times as large as the covariance says: no tuning makes up for it."""
 
 
 @dataclass(frozen=True)
@@ -95,18 +93,6 @@ def described(values: Floats, degrees: Ints, *, time: Floats, first: int, counte
             inside=[mean(inside[counted, stretch]) for stretch in stretches],
         ),
     )
-
-
-def misfit_note(nees: Honesty | None, nis: Honesty | None) -> str:
-    """What a reader has to know of recorded ranges that do not fit the anchors, or the truth, at all; "" of others."""
-    wrong = [
-        f"{name} is {found.average:.3g}, where {found.dimension:g} is expected"
-        for name, found in (("NIS", nis), ("NEES", nees))
-        if found and found.average is not None and found.average > _ABSURD * found.dimension
-    ]
-    if not wrong:
-        return ""
-    return f"the ranges do not fit the positions: {', '.join(wrong)}; check units (m) and the order of anchors"
 
 
 def agents_bands(degrees: Ints, first: int) -> list[list[float] | None]:

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zenoh_cbef.analysis.averages import mean, rms
-from zenoh_cbef.analysis.consistency import agents_bands, chi2_band, described, misfit_note, nees_of
+from zenoh_cbef.analysis.consistency import agents_bands, chi2_band, described, nees_of
 from zenoh_cbef.analysis.coverage import estimated_steps, lacks, stretches, unseen_note
+from zenoh_cbef.analysis.misfit import misfit_note
 from zenoh_cbef.analysis.observability import unseen_steps
 from zenoh_cbef.analysis.results import (
     Bias,
@@ -183,8 +184,8 @@ def _metrics(errors: Errors) -> Metrics:
         bound=_bound(errors, window),
         smoothed=None if errors.smoothed is None else smoothing_of(errors.smoothed, trace, errors.first, counted),
         nees=(nees := _nees(errors)),
-        nis=(nis := _nis(errors)),
-        misfit=misfit_note(nees, nis) if trace.scenario.target.motion == "dataset" else "",
+        nis=_nis(errors),
+        misfit=misfit_note(trace, errors.first, nees) if trace.scenario.target.motion == "dataset" else "",
         bias=_bias(trace, errors.first),
         distrust=_distrust(trace, errors.first),
         slow=slowness(trace),

@@ -64,7 +64,8 @@ _ROLES: dict[str, list[Rule]] = {
     "record": [
         *_READERS,
         (_PUT + _ANSWER, [_ANY.event("record/**")]),
-        (_LIVE, [_token("record/*"), _token("heard/**")]),
+        (_ASK, [_ANY.claims]),
+        (_LIVE, [_token("record/*"), _token("claim/record/*/*"), _token("heard/**")]),
     ],
     # Each publishes what it measures, and hears when the run starts and ends.
     "receiver": [

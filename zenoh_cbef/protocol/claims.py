@@ -7,7 +7,7 @@ import time
 
 import zenoh
 
-from zenoh_cbef.protocol.keys import agent_named
+from zenoh_cbef.protocol.keys import can_be_claimed
 from zenoh_cbef.protocol.presence import Presence
 
 _ASK_SECONDS = 1.0
@@ -19,7 +19,7 @@ def _token(name: str, life: str) -> str:
 
 
 class Claims:
-    """Gives each agent's name to the process that asks first, for as long as that process's claim can be seen.
+    """Gives the name of each agent and recorder to the first process that asks, as long as its claim can be seen.
 
     A claim is a liveliness token, so it ends with its process, however that ends.
     """
@@ -34,9 +34,11 @@ class Claims:
         with self._lock:
             held = self._holders.get(name, "")
             if _token(name, held) not in self._presence:
-                held = life if agent_named(name) is not None and _token(name, life) in self._presence else ""
+                held = life if can_be_claimed(name) and _token(name, life) in self._presence else ""
             if held:
                 self._holders[name] = held
+            else:
+                self._holders.pop(name, None)
             return held
 
 

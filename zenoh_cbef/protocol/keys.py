@@ -130,9 +130,11 @@ _MESSAGES = re.compile(
     rf"|(?P<owner>agent/(?P<agent>{_ID}))/(?P<own>range|round|estimate|smoothed)"
 )
 _LIVING = rf"agent/(?:{_ID})|target/target|replay/replay"
+_RECORDER = "record/[^/*$]{1,200}"
 _TOKENS = re.compile(rf"(?:over/)?(?:{_LIVING})|ready/(?:{_ID})")
 _CHOSEN_TOKENS = re.compile(
-    rf"record/[^/*$]{{1,200}}|(?:life|claim)/(?:{_LIVING})/[0-9a-f]{{1,40}}|heard/(?:target|agent/(?:{_ID}))/[0-9]{{1,20}}"
+    rf"{_RECORDER}|(?:life/(?:{_LIVING})|claim/(?:{_LIVING}|{_RECORDER}))/[0-9a-f]{{1,40}}"
+    rf"|heard/(?:target|agent/(?:{_ID}))/[0-9]{{1,20}}"
 )
 _KINDS = ("truth", "shared", "event", "signal", "beacon", "own")
 _OWNERS = {"truth": "target", "faults": "target", "signal": "target"}
@@ -184,6 +186,11 @@ def agent_named(process: str) -> int | None:
     """The agent that the name of a process, as in "agent/3", stands for; None for any other text."""
     found = _AGENT.fullmatch(process)
     return int(found[1]) if found else None
+
+
+def can_be_claimed(process: str) -> bool:
+    """Whether there is one process of this name, as in "agent/3" or "record/host-b", that the target gives it to."""
+    return agent_named(process) is not None or re.fullmatch(_RECORDER, process) is not None
 
 
 def is_token(name: str, *, chosen: bool) -> bool:

@@ -115,12 +115,12 @@ class Node:
 
         Peers do not relay, so only the target is sure to see both.
         """
-        run, name = self.identity.run, self.identity.sender
+        run, name = self.identity.run, f"{self.identity.role}/{self.identity.name}"
         ours = claim(self.session, self.keys.claims, self.presence, name, self.identity.patience)
         if ours is None:
             raise UserError(f"the target of run {run!r} does not answer any more; start it again, or check --connect")
         if not ours:
-            raise self._twin("id")
+            raise self._twin("--name" if self.identity.role == "record" else "id")
 
     def _twin(self, what: str) -> UserError:
         name, run = self.identity.sender.replace("/", " "), self.identity.run

@@ -217,6 +217,8 @@ def run_recorder(
         text, scenario = briefing.text, briefing.scenario
         settings: Record = scenario.record
         require(links=scenario.count + 1)
+        if "target/target" in node.presence:  # a replay gives no names
+            node.claim_name()
         log = RunLog(path, settings)
         log.describe(source=text.source, resolved=text.resolved, run=_described(identity, scenario, expressions))
         overview = Overview(

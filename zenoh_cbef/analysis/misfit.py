@@ -1,0 +1,47 @@
+"""Whether recorded ranges fit the positions of their anchors at all."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zenoh_cbef.analysis.results import Honesty
+from zenoh_cbef.trace import Trace
+from zenoh_cbef.words import counted
+
+Floats = NDArray[np.float64]
+
+_SHARE = 0.2
+"""A fifth of the usual range: no noise and no bias of a working sensor."""
+_ABSURD = 100.0
+"""Errors ten times as large as the covariance says: no tuning makes up for it."""
+
+
+def misfit_note(trace: Trace, first: int, nees: Honesty | None) -> str:
+    """What a reader has to know of recorded ranges that do not fit the anchors, or the truth, at all; "" of others.
+
+    An agent's ranges do not fit where half of them, from step index `first` on, are off the distances to its estimates
+    by more than a fifth of the network's median range. That asks for no covariance and no known noise, and rare
+    outliers do not matter.
+    """
+    wrong = []
+    offs, usual = _offsets(trace, first)
+    bad = np.flatnonzero(offs > _SHARE * usual)
+    if bad.size:
+        who = ", ".join(map(str, bad[:8])) + (f" and {counted(bad.size - 8, 'other')}" if bad.size > 8 else "")
+        wrong.append(f"half of the ranges of agent {who} are off by {offs[bad].min():.3g} m and more of {usual:.3g} m")
+    if nees and nees.average is not None and nees.average > _ABSURD * nees.dimension:
+        wrong.append(f"NEES is {nees.average:.3g}, where {nees.dimension:g} is expected")
+    if not wrong:
+        return ""
+    return f"the ranges do not fit the estimates: {'; '.join(wrong)}; check units (m) and the order of anchors"
+
+
+def _offsets(trace: Trace, first: int) -> tuple[Floats, float]:
+    """How far half of each agent's ranges are off, (n,), NaN where it has none, and the median of all ranges; m."""
+    ranges = trace.ranges[:, first:]
+    distances = np.linalg.norm(trace.estimates[:, first:, :3] - trace.positions[:, first:], axis=2)
+    off = np.abs(ranges - distances)
+    medians = [np.median(row[np.isfinite(row)]) if np.isfinite(row).any() else np.nan for row in off]
+    known = ranges[np.isfinite(ranges)]
+    return np.array(medians), float(np.median(known)) if known.size else np.inf
