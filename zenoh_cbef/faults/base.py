@@ -75,7 +75,7 @@ class Effect:
 class Fault(BaseModel):
     """A fault that is on while `from` <= time < `until` (s, run time)."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
 
     kind: str
     since: Seconds = Field(default=0.0, alias="from")
@@ -111,7 +111,7 @@ class MessageFault(Fault):
 class Between(BaseModel):
     """The links from an agent of one group to an agent of another, in both directions."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
 
     between: Annotated[
         tuple[tuple[Agent, ...], ...],

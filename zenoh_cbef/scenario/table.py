@@ -29,9 +29,12 @@ EachVelocity = Annotated[Motion | tuple[Motion, ...] | None, _EACH]
 
 
 class Table(BaseModel):
-    """A table of the scenario file: unknown keys are refused, values never change."""
+    """A table of the scenario file: unknown keys are refused, values never change.
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    Pydantic makes its validator where one is needed: few processes need any but the whole scenario's.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
 
 
 def one_of(value: str, choices: tuple[str, ...]) -> str:
