@@ -17,7 +17,7 @@ import zenoh
 from tests.within import within
 
 WITHIN = {"analyze", "cat", "check", "compare", "export", "filter", "info", "merge", "recover", "reestimate", "sim"}
-WITHIN |= {"timeline", "verify"}
+WITHIN |= {"certs", "doctor", "fault", "health", "run", "status", "stop", "timeline", "verify"}
 """Verbs that look at files alone: a test needs no process of theirs, whose start takes longer than their work."""
 COMMAND = [sys.executable, "-m", "zenoh_cbef"]
 SMALL = ["steps=40", "agents.count=4", "network.graph=ring", "consensus.rounds=3"]

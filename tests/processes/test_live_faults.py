@@ -42,6 +42,9 @@ def test_faults_are_added_listed_and_cleared_while_the_run_goes_on(world):
     assert "no injected fault 7" in fault("clear", "7", status=2)
     [after, _] = json.loads(fault("list", "--json"))
     assert after["until"] > after["from"]
+    until = time.monotonic() + 60
+    while json.loads(world.call("status", "--run", world.run, "--json").stdout)["time"] < after["until"] + 0.3:
+        assert time.monotonic() < until, "the run stands still"
 
     run.terminate()
     _, err = run.communicate(timeout=120)

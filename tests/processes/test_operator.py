@@ -52,6 +52,7 @@ def test_status_tells_who_is_where_and_how_well_they_track(world):
     health = {who: world.call("health", who, "--run", world.run) for who in ("target", "record", "agent/1", "agent/7")}
     assert [one.returncode for one in health.values()] == [0, 0, 0, 1], "it finds the runs that status finds"
 
+    early = status["agents"]
     assert world.call("fault", "add", "outage", "agents=[2]", "--run", world.run).returncode == 0
     status = wait_for(world, lambda one: one["faults"])
     assert [(one["kind"], one["agents"]) for one in status["faults"]] == [("outage", [2])]
@@ -73,17 +74,7 @@ def test_status_tells_who_is_where_and_how_well_they_track(world):
     events: list[Any] = list(trace.events)
     here = {event["from"]: event["data"] for event in events if event["kind"] == "here"}
     assert here["agent/3"]["pid"] == status["agents"][3]["where"]["pid"]
-
-
-def test_the_error_that_status_tells_is_that_of_the_log(world):
-    run = world.start_run("timing.mode=realtime", "dt=0.1", "steps=5000")
-    wait_until_known(world.run)
-    world.wait_for_messages()
-    status = wait_for(world, lambda one: all(agent["step"] for agent in one["agents"]))
-    assert world.call("stop", "--run", world.run).returncode == 0
-    run.communicate(timeout=60)
-    trace = read_trace(world.log)
-    for agent in status["agents"]:
+    for agent in early:
         place = (agent["agent"], agent["step"] - 1)
         difference = trace.estimates[place][:3] - trace.truth[agent["step"] - 1][:3]
         assert agent["error"] == pytest.approx((difference**2).sum() ** 0.5, rel=1e-12)

@@ -1,26 +1,21 @@
-"""The measurements of a log through the same filter give the same messages; through another one, a log to compare."""
+"""The measurements of a log through the same filter give the same messages; through another one, a log to compare.
+
+test_faults.py estimates again what its runs with every kind of fault have recorded.
+"""
 
 import json
 import shutil
-from collections import defaultdict
 from collections.abc import Iterator
-from pathlib import Path
-from typing import Any
 
 import msgpack
 import numpy as np
 import pytest
-import tomli_w
 
+from tests.processes.again import again, said
 from tests.processes.conftest import World
 from tests.processes.test_datasets import small_set, track
-from tests.processes.test_faults import EVERY_KIND
 from tests.processes.test_log import copy_with
-from zenoh_cbef.log.mcap.reader import McapFile
 from zenoh_cbef.log.read.trace import read_trace
-
-OWN = ("run", "sent", "latency", "at")
-"""Fields that are of the run, not of what was computed."""
 
 
 @pytest.fixture(scope="module")
@@ -31,53 +26,6 @@ def recorded(tmp_path_factory) -> Iterator[World]:
     assert run.returncode == 0, err
     yield world
     world.end()
-
-
-def said(log: Path) -> dict[str, list[dict]]:
-    """All that target and agents sent, without what is of the run, by key."""
-    found: dict[str, list[dict]] = defaultdict(list)
-    for message in McapFile(log).messages():
-        body = msgpack.unpackb(message.data)
-        assert message.sequence == body["seq"]
-        key = message.channel.topic.split("/", 2)[2]
-        if key.startswith("event/"):
-            if body["kind"] != "finished":
-                continue
-            body["data"]["sent"] = {name.split("/", 2)[2]: count for name, count in body["data"]["sent"].items()}
-            # Last words are said until they are heard, and numbered for that.
-            found.pop(key, None)
-            body["data"].pop("word", None)
-            body["seq"] = 0
-        found[key].append({name: value for name, value in body.items() if name not in OWN})
-    return dict(found)
-
-
-def again(world: World, log: Path, *overrides: str) -> Path:
-    output = world.folder / "again" / f"{len(overrides)}.mcap"
-    shutil.rmtree(output.parent, ignore_errors=True)
-    options = [part for one in overrides for part in ("--set", one)]
-    done = world.call("reestimate", str(log), *options, "--output", str(output), "--run", "again")
-    assert done.returncode == 0, done.stderr
-    assert "times faster than real time" in done.stdout
-    verdict = world.call("verify", str(output))
-    assert verdict.returncode == 0, verdict.stdout
-    assert "equal bit for bit" in verdict.stdout
-    return output
-
-
-@pytest.mark.parametrize("kind", ["sicf", "ci", "crash"])
-def test_with_nothing_changed_every_message_is_that_of_the_processes(world, kind):
-    scenario: dict[str, Any] = EVERY_KIND | {
-        "filter": {"kind": "ci", "measurement": "difference"} if kind == "ci" else {}
-    }
-    if kind == "crash":
-        scenario["filter"]["lag_seconds"] = 0.5
-        scenario["fault"] = [*scenario["fault"], {"kind": "crash", "agents": [2], "from": 0.5, "until": 1.5}]
-    path = world.folder / "scenario.toml"
-    path.write_text(tomli_w.dumps(scenario))
-    done = world.call("run", str(path), "--run", world.run, "--log", str(world.log), "--no-report")
-    assert done.returncode == 0, done.stderr
-    assert said(again(world, world.log)) == said(world.log)
 
 
 def test_recorded_data_in_a_plane_give_the_same_messages_and_need_no_folder(world, tmp_path):
