@@ -8,10 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from zenoh_cbef.analysis.averages import running_mean
 from zenoh_cbef.analysis.chi2 import chi2_quantile
-from zenoh_cbef.analysis.metrics import analyze, running_mean
+from zenoh_cbef.analysis.metrics import analyze, notes
 from zenoh_cbef.analysis.results import Messages
-from zenoh_cbef.analysis.summary import pick
+from zenoh_cbef.analysis.summary import pick, summarize
 from zenoh_cbef.scenario.load import load, parse
 from zenoh_cbef.simulator import simulate
 from zenoh_cbef.trace import Traffic
@@ -177,3 +178,48 @@ def test_the_recommended_filter_is_near_the_centralised_one_and_honest():
     bounds = [one.metrics.bound.position_rmse for one in analyses]
     central = [one.metrics.centralized.position_rmse for one in analyses]
     assert 0.8 < rms(bounds) / rms(central) < 1.2
+
+
+@pytest.fixture(scope="module")
+def circling():
+    keys = ["steps=150", "target.motion=circle", "target.period=8", "filter.acceleration_std=0.1", "filter.motion=ncv"]
+    loaded = load("tracking", keys).scenario
+    return analyze(simulate([loaded.model_copy(update={"seed": seed}) for seed in (1, 2)]))
+
+
+def test_a_twin_that_is_lost_with_the_network_is_told_and_so_is_what_can_be_reached(circling):
+    for one in circling:
+        metrics = one.metrics
+        assert metrics.ratio_to_centralized < 1.5
+        assert metrics.ratio_to_strong > 3.0
+        assert metrics.ratio_to_strong == pytest.approx(metrics.position_rmse / metrics.strong.position_rmse)
+        assert metrics.lost
+        assert metrics.twin_lost
+        assert "lost the target itself" in " ".join(notes(metrics))
+    told = summarize([one.metrics for one in circling])
+    assert (told.share_lost, told.share_twin_lost) == (1.0, 1.0)
+    spread = told.spreads["ratio_to_strong"]
+    assert spread is not None
+    assert spread.p90 == max(one.metrics.ratio_to_strong for one in circling)
+
+
+def test_a_centralised_filter_near_the_bound_is_the_strong_yardstick(analysis):
+    metrics = analysis.metrics
+    assert metrics.strong == metrics.centralized
+    assert metrics.ratio_to_strong == metrics.ratio_to_centralized
+    assert metrics.ratio_to_bound == pytest.approx(metrics.position_rmse / metrics.bound.position_rmse)
+    assert not metrics.lost
+    assert not metrics.twin_lost
+    assert not any("itself" in said for said in notes(metrics))
+
+
+def test_the_bound_starts_from_the_mean_of_all_guesses(trace, analysis):
+    motion = trace.plan.plain_motion
+    prior = np.eye(6) / 6.0
+    information = np.linalg.inv(motion.transition @ prior @ motion.transition.T + motion.process_noise)
+    for position, measured in zip(trace.positions[:, 0], trace.ranges[:, 0], strict=True):
+        if np.isfinite(measured):
+            away = trace.truth[0, :3] - position
+            row = np.concatenate([away / np.linalg.norm(away), np.zeros(3)])
+            information += np.outer(row, row) / 0.01
+    np.testing.assert_allclose(analysis.bound[0], np.linalg.inv(information), rtol=1e-9)

@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from zenoh_cbef.analysis.prior import known_together
 from zenoh_cbef.analysis.strong import Known, Seen, strong
 from zenoh_cbef.analysis.strong.bank import Bank, Models
 from zenoh_cbef.analysis.strong.ranged import Heard, square_root, update
 from zenoh_cbef.analysis.strong.starts import Circles, starts
-from zenoh_cbef.analysis.strong.told import known_together, told, wrong_ranges
+from zenoh_cbef.analysis.strong.told import told, wrong_ranges
 from zenoh_cbef.scenario.load import load
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.simulator import simulate

@@ -7,14 +7,29 @@ from numpy.typing import NDArray
 
 from zenoh_cbef.analysis.results import Number
 
+Floats = NDArray[np.float64]
 
-def mean(values: NDArray[np.float64]) -> Number:
+
+def mean(values: Floats) -> Number:
     """The mean of the finite values; None for nothing."""
     finite = values[np.isfinite(values)]
     return float(finite.mean()) if finite.size else None
 
 
-def rms(values: NDArray[np.float64]) -> Number:
+def rms(values: Floats) -> Number:
     """The root of their mean square."""
     square = mean(values**2)
     return None if square is None else float(np.sqrt(square))
+
+
+def running_mean(values: Floats) -> Floats:
+    """(1/k) sum_{t<=k} along the last axis; steps without a value are left out of sum and count."""
+    present = np.isfinite(values)
+    total = np.cumsum(np.where(present, values, 0.0), axis=-1)
+    return np.where(np.cumsum(present, axis=-1) > 0, total / np.maximum(np.cumsum(present, axis=-1), 1), np.nan)
+
+
+def last(values: Floats) -> Number:
+    """The last that is known."""
+    finite = values[np.isfinite(values)]
+    return float(finite[-1]) if finite.size else None

@@ -8,14 +8,13 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from zenoh_cbef.analysis.averages import mean, rms
+from zenoh_cbef.analysis.averages import last, rms, running_mean
 from zenoh_cbef.analysis.consistency import agents_bands, chi2_band, described, nees_of
 from zenoh_cbef.analysis.coverage import estimated_steps, lacks, stretches, unseen_note
 from zenoh_cbef.analysis.misfit import misfit_note
 from zenoh_cbef.analysis.observability import unseen_steps
+from zenoh_cbef.analysis.receivers import bias_of, distrust_of
 from zenoh_cbef.analysis.results import (
-    Bias,
-    Distrust,
     Honesty,
     LinkMetrics,
     Messages,
@@ -28,15 +27,16 @@ from zenoh_cbef.analysis.results import (
 )
 from zenoh_cbef.analysis.slowness import slow_note, slowness
 from zenoh_cbef.analysis.smoothed import SmoothedErrors, smoothed_errors, smoothing_of
-from zenoh_cbef.analysis.yardsticks import yardsticks
+from zenoh_cbef.analysis.yardsticks import Yardsticks, yardsticks
 from zenoh_cbef.faults import SenderFault
+from zenoh_cbef.numbers import number
 from zenoh_cbef.trace import Trace
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
-FLAGGED = 0.5
-"""Distrust from which on an agent's receiver counts as flagged."""
+LOST = 3.0
+"""From how many times the strong yardstick's position RMSE on a filter has lost the target."""
 
 
 @dataclass(frozen=True)
@@ -47,8 +47,9 @@ class Errors:
     those that the scenario lets send wrong values. msee: (n, K), the paper's running mean of |xhat - x|^2;
     msee_average: (K,). position_error, velocity_error: (n, K). nees: (n, K), NaN for a filter without covariance;
     nees_band: its 95 % band. disagreement: (K,), m, root mean square distance of the agents' positions from their
-    mean. centralized_states: (K, 6), centralized_msee, centralized_position_error: (K,). bound: (K, 6, 6),
-    bound_msee: (K,). NaN where the trace lacks what is needed. smoothed: None where the run has no smoothed path.
+    mean. centralized_states: (K, 6), centralized_msee, centralized_position_error: (K,). strong_states,
+    strong_position_error: of the strong yardstick (see Yardsticks). bound: (K, 6, 6), bound_position_error, bound_msee:
+    (K,). smoothed: None where the run has no smoothed path. NaN where the trace lacks what is needed.
     """
 
     trace: Trace
@@ -64,7 +65,10 @@ class Errors:
     centralized_states: Floats
     centralized_msee: Floats
     centralized_position_error: Floats
+    strong_states: Floats
+    strong_position_error: Floats
     bound: Floats
+    bound_position_error: Floats
     bound_msee: Floats
     smoothed: SmoothedErrors | None
 
@@ -82,21 +86,23 @@ def analyze(traces: Sequence[Trace], skip: float = 0.25) -> list[Analysis]:
     skip: the share of steps left out at the start of RMSE, NEES and ratios, or of those that can be scored,
     whichever is less. MSEE starts at step 1.
     """
-    errors = [_errors_of(*each, skip) for each in zip(traces, *yardsticks(traces), strict=True)]
+    errors = [_errors_of(*each, skip) for each in zip(traces, yardsticks(traces), strict=True)]
     return [Analysis(**vars(one), metrics=_metrics(one)) for one in errors]
 
 
 def notes(metrics: Metrics) -> list[str]:
     """Notes on a run for its reader, in sentences: what is not scored or not observable, slow processes, bad data."""
-    said = unseen_note(metrics.unobservable_steps), slow_note(metrics.slow), metrics.misfit
+    said = unseen_note(metrics.unobservable_steps), _twin_note(metrics), slow_note(metrics.slow), metrics.misfit
     return [*metrics.lacks, *filter(None, said)]
 
 
-def running_mean(values: Floats) -> Floats:
-    """(1/k) sum_{t<=k} along the last axis; steps without a value are left out of sum and count."""
-    present = np.isfinite(values)
-    total = np.cumsum(np.where(present, values, 0.0), axis=-1)
-    return np.where(np.cumsum(present, axis=-1) > 0, total / np.maximum(np.cumsum(present, axis=-1), 1), np.nan)
+def _twin_note(metrics: Metrics) -> str:
+    """A sentence where the ratio to the centralised filter says nothing, else empty."""
+    lost, reachable = metrics.centralized.position_rmse, metrics.strong.position_rmse
+    if not metrics.twin_lost or lost is None or reachable is None:
+        return ""
+    beside = f"position RMSE {number(lost, 'm')}, where {number(reachable, 'm')} can be reached"
+    return f"the centralised filter lost the target itself ({beside}): look at ratio_to_strong, not at the ratio to it"
 
 
 def counted_agents(trace: Trace) -> Bools:
@@ -106,7 +112,8 @@ def counted_agents(trace: Trace) -> Bools:
     return counted if counted.any() else np.ones_like(counted)
 
 
-def _errors_of(trace: Trace, states: Floats, bound: Floats, skip: float) -> Errors:
+def _errors_of(trace: Trace, beside: Yardsticks, skip: float) -> Errors:
+    states, bound = beside.centralized, beside.bound
     error, reference = (_estimated_only(trace, each - trace.truth) for each in (trace.estimates, states))
     positions = trace.estimates[:, :, :3]
     counted = counted_agents(trace)
@@ -130,7 +137,10 @@ def _errors_of(trace: Trace, states: Floats, bound: Floats, skip: float) -> Erro
         centralized_states=states,
         centralized_msee=running_mean(np.sum(reference**2, axis=1)),
         centralized_position_error=np.linalg.norm(reference[:, :3], axis=1),
+        strong_states=beside.strong,
+        strong_position_error=np.linalg.norm(_estimated_only(trace, beside.strong - trace.truth)[:, :3], axis=1),
         bound=bound,
+        bound_position_error=np.sqrt(np.trace(bound[:, :3, :3], axis1=1, axis2=2)),
         bound_msee=running_mean(np.trace(bound, axis1=1, axis2=2)),
         smoothed=smoothed_errors(trace),
     )
@@ -173,21 +183,26 @@ def _metrics(errors: Errors) -> Metrics:
         complete=trace.complete,
         skip=errors.first,
         planar=trace.scenario.filter.planar_height is not None,
-        msee=Msee([_last(row) for row in errors.msee], _last(errors.msee_average)),
+        msee=Msee([last(row) for row in errors.msee], last(errors.msee_average)),
         scored=_scored(errors),
         lacks=lacks(trace),
         unobservable_steps=stretches(unseen_steps(trace)),
-        position_rmse=rms(errors.position_error[counted, window]),
+        position_rmse=(own := rms(errors.position_error[counted, window])),
         velocity_rmse=rms(errors.velocity_error[counted, window]),
-        centralized=_centralized(errors, window),
+        centralized=(twin := _yardstick(errors, errors.centralized_states, window)),
         ratio_to_centralized=ratio_to_centralized(errors, window),
+        strong=(strong := _yardstick(errors, errors.strong_states, window)),
+        ratio_to_strong=_ratio(errors, errors.strong_position_error, window),
+        lost=_lost(own, strong),
+        twin_lost=_lost(twin.position_rmse, strong),
         bound=_bound(errors, window),
+        ratio_to_bound=_ratio(errors, errors.bound_position_error, window),
         smoothed=None if errors.smoothed is None else smoothing_of(errors.smoothed, trace, errors.first, counted),
         nees=(nees := _nees(errors)),
         nis=_nis(errors),
         misfit=misfit_note(trace, errors.first, nees) if trace.scenario.target.motion == "dataset" else "",
-        bias=_bias(trace, errors.first),
-        distrust=_distrust(trace, errors.first),
+        bias=bias_of(trace, errors.first),
+        distrust=distrust_of(trace, errors.first),
         slow=slowness(trace),
         disagreement=rms(errors.disagreement[window]),
         bytes_per_step=None if traffic.agents_missing else share or None,
@@ -197,12 +212,13 @@ def _metrics(errors: Errors) -> Metrics:
     )
 
 
-def _centralized(errors: Errors, window: slice) -> Yardstick:
-    velocity = _estimated_only(errors.trace, errors.centralized_states - errors.trace.truth)[window, 3:]
+def _yardstick(errors: Errors, states: Floats, window: slice) -> Yardstick:
+    """What a filter's states (K, 6) reach."""
+    error = _estimated_only(errors.trace, states - errors.trace.truth)
     return Yardstick(
-        position_rmse=rms(errors.centralized_position_error[window]),
-        velocity_rmse=rms(np.linalg.norm(velocity, axis=1)),
-        msee=_last(errors.centralized_msee),
+        position_rmse=rms(np.linalg.norm(error[window, :3], axis=1)),
+        velocity_rmse=rms(np.linalg.norm(error[window, 3:], axis=1)),
+        msee=last(running_mean(np.sum(error**2, axis=1))),
     )
 
 
@@ -211,15 +227,24 @@ def _bound(errors: Errors, window: slice) -> Yardstick:
     return Yardstick(
         position_rmse=rms(np.sqrt(bound[:, :3].sum(axis=1))),
         velocity_rmse=rms(np.sqrt(bound[:, 3:].sum(axis=1))),
-        msee=_last(errors.bound_msee),
+        msee=last(errors.bound_msee),
     )
 
 
 def ratio_to_centralized(errors: Errors, window: slice) -> float | None:
     """Of the position RMSEs of the network and of the centralised filter, over the same steps of a window."""
-    central = errors.centralized_position_error[window]
-    network = errors.position_error[errors.counted, window]
-    own, other = rms(network[:, np.isfinite(central)]), rms(central[np.isfinite(network).any(axis=0)])
+    return _ratio(errors, errors.centralized_position_error, window)
+
+
+def _lost(reached: Number, strong: Yardstick) -> bool:
+    """Whether a filter with this position RMSE lost the target, which the strong yardstick did not."""
+    return bool((reached or 0.0) > LOST * (strong.position_rmse or np.inf))
+
+
+def _ratio(errors: Errors, yardstick: Floats, window: slice) -> float | None:
+    """Of the network's position RMSE and a yardstick's, whose errors are (K,), over the same steps of a window."""
+    other_errors, network = yardstick[window], errors.position_error[errors.counted, window]
+    own, other = rms(network[:, np.isfinite(other_errors)]), rms(other_errors[np.isfinite(network).any(axis=0)])
     return own / other if own is not None and other else None
 
 
@@ -233,11 +258,6 @@ def _scored(errors: Errors) -> Scored:
     )
 
 
-def _last(values: Floats) -> Number:
-    finite = values[np.isfinite(values)]
-    return float(finite[-1]) if finite.size else None
-
-
 def _nees(errors: Errors) -> Honesty | None:
     degrees = np.full(errors.nees.shape, len(errors.trace.plan.space.kept))
     return described(errors.nees, degrees, time=errors.trace.time, first=errors.first, counted=errors.counted)
@@ -247,29 +267,6 @@ def _nis(errors: Errors) -> Nis | None:
     trace, first, told = errors.trace, errors.first, errors.trace.diagnostics
     found = described(told.nis, told.nis_degrees, time=trace.time, first=first, counted=errors.counted)
     return None if found is None else Nis(**vars(found), agents_band=agents_bands(told.nis_degrees, first))
-
-
-def _bias(trace: Trace, first: int) -> Bias | None:
-    told = trace.diagnostics
-    if not np.isfinite(told.bias).any():
-        return None
-    return Bias(
-        agents=[_last(row) for row in told.bias],
-        std=[_last(row) for row in told.bias_std],
-        weight=[mean(row) for row in told.bias_weight[:, first:]],
-    )
-
-
-def _distrust(trace: Trace, first: int) -> Distrust | None:
-    distrust = trace.diagnostics.distrust
-    if not np.isfinite(distrust).any():
-        return None
-    known, flagged = np.isfinite(distrust), distrust > FLAGGED
-    return Distrust(
-        agents=[mean(row) for row in np.where(known, flagged, np.nan)[:, first:]],
-        first=[float(trace.time[row.argmax()]) if row.any() else None for row in flagged],
-        last=[float(trace.time[len(row) - 1 - row[::-1].argmax()]) if row.any() else None for row in flagged],
-    )
 
 
 def _links(trace: Trace) -> list[LinkMetrics]:

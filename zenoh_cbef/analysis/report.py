@@ -162,6 +162,13 @@ def _errors(analysis: Analysis) -> Table:
     skipped = counted(analysis.first, "step")
     caption = f"Errors. RMSE, NEES and disagreement leave out the first {skipped}; MSEE starts at step 1."
     caption += " The target moves in a plane: errors are those of x and y alone." if metrics.planar else ""
+    strong = metrics.strong
+    if strong != central:
+        how, reached = "lost" if metrics.twin_lost else "far off", number(strong.position_rmse)
+        caption += (
+            f" The centralised filter is {how} itself: the strong yardstick reaches {reached} m, and the network's "
+        )
+        caption += f"error is {number(metrics.ratio_to_strong)} times that."
     return Table(caption, ["", "network", "centralised", "bound", "network / centralised"], rows)
 
 

@@ -33,7 +33,7 @@ class Scored:
 
 @dataclass(frozen=True)
 class Yardstick:
-    """What the centralised filter or the bound reaches, m and m/s."""
+    """What a centralised filter or the bound reaches, m and m/s."""
 
     position_rmse: Number
     velocity_rmse: Number
@@ -148,9 +148,11 @@ class Metrics:
     """What a run achieved. RMSE, NEES, NIS and disagreement are of the scored window, which `skip` steps precede.
 
     left_out: agents that averages are not over. lacks: what the log does not hold, in sentences. position_rmse, m, and
-    velocity_rmse, m/s: of the network. smoothed, nees, nis, bias, distrust, slow: None where the run has none. misfit:
-    a sentence where recorded ranges do not fit the positions, else empty. gaps: by key, the stretches of numbers that
-    are missing. bytes_per_step: of each agent.
+    velocity_rmse, m/s: of the network. strong: of a centralised filter that holds where the network's kind is lost;
+    where that one is near the bound, its own figures. lost, twin_lost: whether the network, and the centralised filter,
+    lost the target: more than three times as far off as the strong one. smoothed, nees, nis, bias, distrust, slow:
+    None where the run has none. misfit: a sentence where recorded ranges do not fit the positions, else empty. gaps: by
+    key, the stretches of numbers that are missing. bytes_per_step: of each agent.
     """
 
     run: str
@@ -171,8 +173,13 @@ class Metrics:
     velocity_rmse: Number
     centralized: Yardstick
     ratio_to_centralized: Number
+    strong: Yardstick
+    ratio_to_strong: Number
+    lost: bool
+    twin_lost: bool
     bound: Yardstick
     smoothed: Smoothing | None
+    ratio_to_bound: Number
     nees: Honesty | None
     nis: Nis | None
     misfit: str

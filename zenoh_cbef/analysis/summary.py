@@ -18,6 +18,8 @@ SUMMARIZED = (
     "smoothed.position_rmse",
     "smoothed.ratio_to_centralized",
     "smoothed.nees.average",
+    "ratio_to_strong",
+    "ratio_to_bound",
     "msee.average",
     "nees.average",
     "nees.inside",
@@ -29,22 +31,28 @@ SUMMARIZED = (
 
 @dataclass(frozen=True)
 class Spread:
-    """One metric of many runs."""
+    """One metric of many runs; p90: 90 % of them are at or below it."""
 
     median: float
+    p90: float
     least: float
     largest: float
 
 
 @dataclass(frozen=True)
 class Summary:
-    """Many runs that differ in their seed. spreads: by dotted names of metrics; None where no run has it."""
+    """Many runs that differ in their seed. spreads: by dotted names of metrics; None where no run has it.
+
+    share_lost, share_twin_lost: in which share of them the network, and the centralised filter, lost the target.
+    """
 
     run: str
     filter: str
     agents: int
     steps: int
     seeds: list[int]
+    share_lost: float
+    share_twin_lost: float
     spreads: dict[str, Spread | None]
 
     def as_json(self) -> dict[str, Json]:
@@ -66,9 +74,13 @@ def summarize(runs: Sequence[Metrics]) -> Summary:
     """Median, least and largest of the metrics of runs that differ in their seed."""
     first, seeds = runs[0], [one.seed for one in runs]
     spreads = {name: _spread(np.array([pick(one, name) for one in runs])) for name in SUMMARIZED}
-    return Summary(first.run, first.filter, first.agents, first.steps, seeds, spreads)
+    lost, twin_lost = (float(np.mean([getattr(one, name) for one in runs])) for name in ("lost", "twin_lost"))
+    return Summary(first.run, first.filter, first.agents, first.steps, seeds, lost, twin_lost, spreads)
 
 
 def _spread(values: NDArray[np.float64]) -> Spread | None:
     known = values[np.isfinite(values)]
-    return Spread(float(np.median(known)), float(known.min()), float(known.max())) if known.size else None
+    if not known.size:
+        return None
+    p90 = float(np.quantile(known, 0.9, method="higher"))
+    return Spread(float(np.median(known)), p90, float(known.min()), float(known.max()))

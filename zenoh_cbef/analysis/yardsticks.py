@@ -1,22 +1,43 @@
-"""The centralised filter and the bound of logged or simulated runs, as far as the traces hold what was measured."""
+"""The yardsticks of logged or simulated runs, as far as the traces hold what was measured."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from zenoh_cbef.analysis.prior import known_together
+from zenoh_cbef.analysis.strong import strong
+from zenoh_cbef.analysis.strong.told import told
+from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.trace import Trace
 from zenoh_cbef.tracking.filters import level_of
 from zenoh_cbef.tracking.joint import joint_centralized
 from zenoh_cbef.tracking.reference import centralized, posterior_bound
 
+Bools = NDArray[np.bool_]
 Floats = NDArray[np.float64]
 
+DOUBT = 1.5
+"""From how many times the bound's error on the strong yardstick is computed, which takes long."""
 
-def yardsticks(traces: Sequence[Trace]) -> tuple[Floats, Floats]:
-    """States of the centralised filter (r, K, 6) and bounds (r, K, 6, 6) for r runs of one shape, as one batch.
+
+@dataclass(frozen=True)
+class Yardsticks:
+    """Of one run: states of the centralised filter and of the strong one (K, 6), and bounds (K, 6, 6); NaN if unknown.
+
+    strong: of the strong yardstick where the centralised filter is in doubt, elsewhere the centralised filter's.
+    """
+
+    centralized: Floats
+    strong: Floats
+    bound: Floats
+
+
+def yardsticks(traces: Sequence[Trace]) -> list[Yardsticks]:
+    """The yardsticks of runs of one shape, as one batch.
 
     NaN from the first step on of which a measurement is not in the trace: what follows would know less than the
     network did. The bound is NaN where the truth is not known, too; there it goes on along the centralised estimate.
@@ -28,10 +49,27 @@ def yardsticks(traces: Sequence[Trace]) -> tuple[Floats, Floats]:
     states[:, :reach] = centralized_run(traces, reach)[0]
     known = np.isfinite(truth)
     bounds[:, :reach] = _bounds(traces, np.where(known, truth, states)[:, :reach])
-    for run, steps in enumerate(measured):
-        states[run, steps:] = bounds[run, steps:] = np.nan
     bounds[~known.all(axis=2)] = np.nan
-    return states, bounds
+    best = states.copy()
+    doubted = np.flatnonzero(_doubted(traces[0].plan, states - truth, bounds)).tolist()
+    if doubted:
+        found, _ = strong(*told([traces[run] for run in doubted], reach))
+        best[np.ix_(np.array(doubted), np.arange(reach), traces[0].plan.space.kept)] = found
+    for run, steps in enumerate(measured):
+        states[run, steps:] = best[run, steps:] = bounds[run, steps:] = np.nan
+    return [Yardsticks(*each) for each in zip(states, best, bounds, strict=True)]
+
+
+def _doubted(plan: Plan, error: Floats, bounds: Floats) -> Bools:
+    """The runs (r,) in which the centralised filter is much worse than the bound, once it has settled."""
+    axes = plan.space.kept[: plan.space.axes]
+    square = np.sum(error[:, :, axes] ** 2, axis=2)
+    least = np.sum(np.diagonal(bounds, axis1=2, axis2=3)[:, :, axes], axis=2)
+    scored = np.isfinite(least)
+    scored[:, : min(plan.settling_steps, scored.shape[1] // 2)] = False
+    sums = (np.where(scored, part, 0.0).sum(axis=1) for part in (square, least))
+    reached, bound = sums
+    return np.asarray(~(reached <= DOUBT**2 * bound))
 
 
 def _stacked(traces: Sequence[Trace], part: str) -> Floats:
@@ -39,7 +77,7 @@ def _stacked(traces: Sequence[Trace], part: str) -> Floats:
 
 
 def _prior(traces: Sequence[Trace]) -> Floats:
-    covariance = traces[0].plan.initial_covariance
+    covariance = known_together(traces[0].plan)
     return np.broadcast_to(covariance, (len(traces), *covariance.shape))
 
 

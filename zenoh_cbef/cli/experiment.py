@@ -23,7 +23,7 @@ from zenoh_cbef.experiment.figures import short_names, written_value
 from zenoh_cbef.experiment.file import Written, purposes, read_experiment, read_source
 from zenoh_cbef.experiment.journal import JOURNAL
 from zenoh_cbef.experiment.page import RESULTS, limits_of, values_of, write_outputs
-from zenoh_cbef.experiment.results import Summary
+from zenoh_cbef.experiment.results import CellSummary, Summary
 from zenoh_cbef.experiment.summary import EXIT_STATUS, check_expectations, summarize
 from zenoh_cbef.experiment.sweep import Sweep
 from zenoh_cbef.experiment.table import rows_of
@@ -143,6 +143,7 @@ def _tell(summary: Summary, folder: Path) -> None:
             why = cell.failures[0].error
             said = f"failed: {cell.failed} of {counted(cell.runs, 'run')} with {values_of(cell)}: {why}"
             errors.print(said, highlight=False, soft_wrap=True, markup=False)
+        _tell_losses(cell)
     for one in summary.expect:
         for judged in one.cells:
             median = number(None if judged.found is None else judged.found.median)
@@ -152,6 +153,13 @@ def _tell(summary: Summary, folder: Path) -> None:
             errors.print(f"{one.metric}: {one.why}", highlight=False, soft_wrap=True, markup=False)
     console.print(f"verdict {summary.verdict}", highlight=False)
     console.print(f"page    {folder / 'index.html'}", highlight=False, soft_wrap=True)
+
+
+def _tell_losses(cell: CellSummary) -> None:
+    for name, who in (("lost", "network"), ("twin_lost", "centralised filter")):
+        if share := cell.shares.get(name):
+            said = f"lost: the {who} loses the target in {share:.0%} of the runs with {values_of(cell)}"
+            console.print(said, highlight=False, soft_wrap=True, markup=False)
 
 
 def register(app: typer.Typer) -> None:

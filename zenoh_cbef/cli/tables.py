@@ -36,6 +36,11 @@ def metrics_table(metrics: Metrics) -> Fitting:
     table.add_row("MSEE, average", number(metrics.msee.average), number(central.msee), number(bound.msee))
     ratio = metrics.ratio_to_centralized
     table.add_row("ratio to centralised", number(ratio), "1" if ratio else "-", "")
+    if metrics.strong != central:
+        reached = Told(f"reaches {number(metrics.strong.position_rmse, 'm')}")
+        lost = Told("centralised: lost" if metrics.twin_lost else "")
+        table.add_row("ratio to strong yardstick", number(metrics.ratio_to_strong), reached, lost)
+    table.add_row("ratio to bound", number(metrics.ratio_to_bound), "", "1" if metrics.ratio_to_bound else "-")
     for name, found in (("NEES", metrics.nees), ("NIS", metrics.nis)):
         if found is not None:
             table.add_row(name, number(found.average), Told(f"ideal {found.dimension}"), _inside(found))
@@ -121,9 +126,13 @@ def summary_table(summary: Summary) -> Fitting:
     """Many runs' results."""
     counts = f"{counted(summary.agents, 'agent')}, {counted(len(summary.seeds), 'seed')}"
     table = Table(title=f"{summary.run}: {summary.filter}, {counts}", title_justify="left")
-    for column in ("", "median", "least", "largest"):
+    for column in ("", "median", "90 % below", "least", "largest"):
         table.add_column(column, justify="left" if not column else "right")
     for name, spread in summary.spreads.items():
         if spread is not None:
-            table.add_row(name, number(spread.median), number(spread.least), number(spread.largest))
+            found = spread.median, spread.p90, spread.least, spread.largest
+            table.add_row(name, *map(number, found))
+    for name, share in (("lost", summary.share_lost), ("centralised filter lost", summary.share_twin_lost)):
+        if share:
+            table.add_row(f"{name}, share of seeds", number(share), *[""] * 3)
     return Fitting(table)

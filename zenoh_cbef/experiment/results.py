@@ -42,7 +42,10 @@ class Failure:
 
 @dataclass(frozen=True)
 class CellSummary:
-    """The runs of one cell. values: of the varied keys. metrics: by dotted names, of the runs that have them."""
+    """The runs of one cell. values: of the varied keys. metrics: by dotted names, of the runs that have them.
+
+    shares: of what is true or false of a run (lost, twin_lost, complete ...), in which share of the runs it is true.
+    """
 
     cell: int
     values: Mapping[str, Json]
@@ -50,6 +53,7 @@ class CellSummary:
     failed: int
     failures: Sequence[Failure]
     metrics: Mapping[str, Interval]
+    shares: Mapping[str, float]
     curve: Curve | None
 
 

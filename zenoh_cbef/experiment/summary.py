@@ -53,14 +53,17 @@ def check_expectations(written: Written, cells: Sequence[Cell]) -> None:
 
 def _cell(cell: Cell, runs: Sequence[Outcome]) -> CellSummary:
     good = [one for one in runs if one.error is None]
-    metrics = {}
+    metrics, shares = {}, {}
     for name in dict.fromkeys(name for one in good for name in one.metrics):
         values = [one.metrics.get(name) for one in good]
         known = [float(value) for value in values if isinstance(value, int | float) and not isinstance(value, bool)]
         if known:
             metrics[name] = median_interval(known)
+        told = [value for value in values if isinstance(value, bool)]
+        if told:
+            shares[name] = told.count(True) / len(told)
     failures = [Failure(one.seed, one.error) for one in runs if one.error is not None]
-    return CellSummary(cell.index, cell.values, len(runs), len(failures), failures, metrics, _curve(good))
+    return CellSummary(cell.index, cell.values, len(runs), len(failures), failures, metrics, shares, _curve(good))
 
 
 def _curve(runs: Sequence[Outcome]) -> Curve | None:

@@ -1,4 +1,4 @@
-"""What the strong yardstick is told of runs: the start that agents know together, the noise, and which ranges lie."""
+"""What the strong yardstick is told of runs: what agents know at the start, the noise, and which ranges are wrong."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from zenoh_cbef.analysis.prior import known_together
 from zenoh_cbef.analysis.strong.yardstick import Known, Seen
 from zenoh_cbef.faults import SensorFault
-from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.scenario.world import make_world
 from zenoh_cbef.trace import Trace
 
@@ -19,22 +19,6 @@ Bools = NDArray[np.bool_]
 _HEAVY = 4.0
 _WRONG = 0.1
 """A range that differs by more than this share of its noise from what an honest receiver measures is an outlier."""
-
-
-def known_together(plan: Plan) -> Floats:
-    """Covariance of the mean of all agents' initial estimates, (s, s).
-
-    Guesses of agents that are independent of one another have a mean whose covariance is that of one over n. A position
-    or a velocity that the scenario gives to all of them is no more certain than it says.
-    """
-    chosen = plan.scenario.filter
-    shared = np.repeat([_shared(plan, chosen.initial_position), _shared(plan, chosen.initial_velocity)], 3)
-    number = np.where(shared, 1.0, plan.scenario.count)[plan.space.kept]
-    return np.asarray(plan.initial_covariance / np.sqrt(number[:, None] * number))
-
-
-def _shared(plan: Plan, given: Sequence[float] | Sequence[Sequence[float]] | None) -> bool:
-    return plan.recorded if given is None else not isinstance(given[0], Sequence)
 
 
 def told(traces: Sequence[Trace], steps: int) -> tuple[Known, Seen]:
@@ -51,7 +35,7 @@ def told(traces: Sequence[Trace], steps: int) -> tuple[Known, Seen]:
         ]
     )
     own, common = max(settings.own_bias_std, scenario.sensor.bias_std), settings.common_bias_std
-    accelerations = {plan.motion.acceleration_std}
+    accelerations = {plan.plain_motion.acceleration_std}
     if scenario.target.motion == "ncv":
         accelerations.add(scenario.target.acceleration_std)
     known = Known(
