@@ -171,8 +171,13 @@ def test_agents_on_their_own_compute_the_bits_of_the_simulator(kind, stage, faul
     )
 
 
-@pytest.mark.parametrize("motion", sorted(set(MOTIONS) - {"ncv"}))
-@pytest.mark.parametrize("kind", ["sicf", "hcmci", "kcf", "local"])
+@pytest.mark.parametrize(
+    ("kind", "motion"),
+    [
+        *itertools.product(["sicf", "hcmci", "kcf", "local"], sorted(set(MOTIONS) - {"ncv"})),
+        *itertools.product(["sicf", "icf"], ["imm"]),
+    ],
+)
 @pytest.mark.parametrize("planar", [False, True])
 def test_every_motion_is_the_same_for_agents_on_their_own_and_in_a_batch(motion, kind, planar):
     filter_ = {"kind": kind, "motion": motion, **({"planar_height": 0.4} if planar else {})}
@@ -187,6 +192,7 @@ SAYING: dict[str, dict] = {
     "bias": {"filter": {"kind": "sicf", "bias": "estimate"}},
     "bias_weight": {"filter": {"kind": "sicf", "bias": "auto"}, "sensor": {"bias": 0.3}},
     "distrust": {"filter": {"kind": "sicf", "distrust": True}},
+    "maneuver": {"filter": {"kind": "icf", "motion": "imm", "distrust": True, "range_std": "auto"}},
 }
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from zenoh_cbef.analysis.design import cannot
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.scenario.legacy import as_meant
 from zenoh_cbef.scenario.load import load, parse
@@ -28,8 +29,11 @@ def test_a_motion_is_called_by_its_name(kind):
 def test_the_noise_is_of_a_key_that_describes_the_motion():
     assert plan("target.acceleration_std=0.7").motion.acceleration_std == 0.7
     assert plan("target.acceleration_std=0.7", "filter.acceleration_std=2").motion.acceleration_std == 2.0
-    circle = [plan(*CIRCLE, f"target.acceleration_std={std}").motion.acceleration_std for std in (0.1, 0.7)]
-    assert circle[0] == circle[1] > 1.0
+    for kind in ("imm", "ncv"):
+        keys = (*CIRCLE, f"filter.motion={kind}")
+        circle, other = (plan(*keys, f"target.acceleration_std={std}") for std in (0.1, 0.7))
+        assert circle.models == other.models
+        assert circle.motion.acceleration_std == other.motion.acceleration_std > 1.0
 
 
 def test_bounds_and_predictions_are_of_position_and_velocity():
@@ -47,16 +51,68 @@ def test_an_older_log_means_what_it_meant():
     assert Plan(parse(circle, "scenario")).motion.acceleration_std > 1.0
 
 
+@pytest.mark.parametrize("motion", ["circle", "lemniscate", "waypoints"])
+def test_a_target_that_may_turn_is_followed_by_several_motions(motion):
+    sets = (f"target.motion={motion}", "target.waypoints=[[0,0,0],[9,0,0],[9,9,0]]")
+    calm, turn, agile = plan(*sets).models
+    assert isinstance(turn, MOTIONS["turn"])
+    assert calm.acceleration_std == turn.acceleration_std < 1e-2 * agile.acceleration_std
+    assert plan(*sets).calm_motion == calm
+    assert calm.acceleration_std < plan(*sets).plain_motion.acceleration_std < agile.acceleration_std
+
+
+@pytest.mark.parametrize(
+    "alone",
+    [
+        ("filter.acceleration_std=3",),
+        ("filter.kind=ci",),
+        ("filter.kind=cbef",),
+        ("filter.recovery=true",),
+        ("sensor.bias=0.3",),
+        ("consensus.trim=1",),
+        ("filter.motion=turn",),
+        ("filter.defaults=1",),
+        ('fault=[{kind="byzantine", agents=[1]}]',),
+    ],
+)
+def test_where_several_do_not_fit_the_motion_is_one(alone):
+    assert plan(*CIRCLE).models
+    assert not plan(*CIRCLE, *alone).models
+    assert not plan().models
+
+
+def test_the_models_that_are_told_are_taken():
+    models = 'filter.models=[{motion="decay", velocity_time=3}, {motion="acceleration", acceleration_std=2}]'
+    slow, fast = plan("filter.motion=imm", models).models
+    assert isinstance(slow, MOTIONS["decay"])
+    assert (slow.acceleration_std, getattr(slow, "time", None)) == (0.3, 3.0)
+    assert isinstance(fast, MOTIONS["acceleration"])
+    assert fast.acceleration_std == 2.0
+
+
+def test_a_prediction_is_not_made_where_it_would_not_hold():
+    assert any("several motions" in one for one in cannot(plan(*CIRCLE)))
+    assert any("several motions" in one for one in cannot(plan("filter.motion=turn")))
+    assert not cannot(plan("filter.motion=decay"))
+
+
 @pytest.mark.parametrize(
     "sets",
     [
         ("filter.motion=flying",),
         ("filter.kind=cbef", "filter.motion=decay"),
         ("filter.motion=turn", "filter.bias=estimate"),
+        ("filter.motion=imm", "filter.bias=estimate"),
+        ("filter.motion=imm", "filter.kind=ci"),
+        ("filter.motion=imm", "filter.recovery=true"),
+        ("filter.motion=imm", "consensus.trim=1"),
+        ("filter.motion=imm", 'filter.models=[{motion="ncv"}]'),
+        ("filter.motion=imm", 'filter.models=[{motion="imm"}, {motion="ncv"}]'),
+        ("filter.motion=ncv", 'filter.models=[{motion="turn"}, {motion="ncv"}]'),
     ],
 )
 def test_what_does_not_fit_is_refused_with_a_remedy(sets):
-    with pytest.raises(UserError, match=r"filter\.(motion|bias)"):
+    with pytest.raises(UserError, match=r"filter\.(motion|models|bias)"):
         load("tracking", sets)
 
 

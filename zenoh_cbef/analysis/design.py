@@ -53,7 +53,7 @@ def design(plan: Plan, *, within: float = 0.01, skip: float = 0.25, search: bool
         skip=first,
         edges=len(plan.edges),
         within=within,
-        observability=observability(plan.initial_covariance, plan.plain_motion, sight, first),
+        observability=observability(plan.initial_covariance, plan.calm_motion, sight, first),
         spectral_gap={each: 1.0 - contraction(plan, each) for each in SCHEMES},
         bytes=cost,
         cannot=cannot(plan),
@@ -106,6 +106,8 @@ def cannot(plan: Plan) -> list[str]:
         f"The error of {chosen.kind} is not predicted, as it is no linear average of information; try 'sim'.": (
             chosen.kind not in _PREDICTED
         ),
+        "The filter has several motions, or one with more states than position and velocity, whose errors are not "
+        "predicted; bounds are those of its plainest motion. Try 'sim'.": not _plain(plan),
         "Errors from differenced ranges are not predicted, as agents share their noise; try 'sim'.": (
             chosen.measurement == "difference"
         ),
@@ -134,9 +136,13 @@ def cannot(plan: Plan) -> list[str]:
     return [sentence for sentence, holds in said.items() if holds]
 
 
+def _plain(plan: Plan) -> bool:
+    return not plan.models and plan.motion is plan.plain_motion
+
+
 def _predictable(plan: Plan) -> bool:
     chosen, states = plan.scenario.filter, plan.scenario.count * plan.plain_motion.size
-    plain = chosen.kind in _PREDICTED and chosen.measurement == "range"
+    plain = chosen.kind in _PREDICTED and chosen.measurement == "range" and _plain(plan)
     return plain and states <= _MOST_STATES
 
 

@@ -13,9 +13,11 @@ from zenoh_cbef.analysis.strong import strong
 from zenoh_cbef.analysis.strong.told import told
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.trace import Trace
+from zenoh_cbef.tracking.central_models import CentralModels, centralized_models
 from zenoh_cbef.tracking.filters import level_of
 from zenoh_cbef.tracking.joint import joint_centralized
 from zenoh_cbef.tracking.reference import centralized, posterior_bound
+from zenoh_cbef.tracking.switching import Switching
 
 Bools = NDArray[np.bool_]
 Floats = NDArray[np.float64]
@@ -91,6 +93,9 @@ def centralized_run(traces: Sequence[Trace], steps: int) -> tuple[Floats, Floats
     if settings.bias != "none" or settings.first_fix or settings.learns_noise:
         return joint_centralized(initial, settings, xi, **seen)
     motion, space, range_std, power = plan.motion, plan.space, plan.range_std, plan.power
+    if plan.models:
+        models = CentralModels(Switching(settings.models, settings.leaving), space, xi, power)
+        return centralized_models(initial, models, range_std=range_std, **seen)
     return centralized(initial, motion, space, range_std=range_std, xi=xi, power=power, **seen)
 
 
@@ -98,7 +103,7 @@ def _bounds(traces: Sequence[Trace], truth: Floats) -> Floats:
     plan, steps = traces[0].plan, truth.shape[1]
     return posterior_bound(
         _prior(traces),
-        plan.plain_motion,
+        plan.calm_motion,
         plan.space,
         truth=truth,
         positions=_stacked(traces, "positions")[:, :, :steps],

@@ -4,12 +4,25 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import AfterValidator, Field, field_validator, model_validator
 
-from zenoh_cbef.quantities import Acceleration, Duration, Factor, Length, Metres, Rate, Seconds, Speed, Spread
+from zenoh_cbef.quantities import Acceleration, Chance, Duration, Factor, Length, Metres, Rate, Seconds, Speed, Spread
 from zenoh_cbef.scenario.table import EachPosition, EachVelocity, Table, one_of
 from zenoh_cbef.tracking.filters import KINDS, Abilities, abilities_of
 from zenoh_cbef.tracking.motion import MOTIONS
+
+
+def _motion(value: str) -> str:
+    return one_of(value, tuple(MOTIONS))
+
+
+class Model(Table):
+    """One of several motions between which the target switches. None: as for a filter of this motion alone."""
+
+    motion: Annotated[str, AfterValidator(_motion)]
+    acceleration_std: Acceleration | None = None
+    velocity_time: Duration | None = None
+    turn_rate_std: Rate | None = None
 
 
 class Filter(Table):
@@ -23,10 +36,11 @@ class Filter(Table):
     omega: hcmci multiplies averaged measurements by it; None: the number of agents.
     measurement: the agent's own range, or differences with its neighbours', as cbef and cbef-scaled always have.
     motion: a model of tracking/motion; auto: it follows from the target. velocity_time: time constant of decay, s.
-    turn_rate_std: rad/s, of turn. acceleration_interval: how long a random acceleration lasts, s; None: one step, or
-    for recorded ranges their own interval. bias_common_std, bias_own_std: prior of the network's and of the agents'
-    own part of the bias, m; None: 1.5 and 0.15 of range_std. lag_seconds: agents also publish smoothed estimates of so
-    long ago; 0: they do not.
+    turn_rate_std: rad/s, of turn. models: those of imm, the most agile one last; none: straight on, a turn, and one
+    that is agile. switching: the probability that the target leaves its model in a step. acceleration_interval: how
+    long a random acceleration lasts, s; None: one step, or for recorded ranges their own interval. bias_common_std,
+    bias_own_std: prior of the network's and of the agents' own part of the bias, m; None: 1.5 and 0.15 of range_std.
+    lag_seconds: agents also publish smoothed estimates of so long ago; 0: they do not.
     """
 
     kind: str = "sicf"
@@ -42,6 +56,8 @@ class Filter(Table):
     acceleration_interval: Duration | None = None
     velocity_time: Duration = 10.0
     turn_rate_std: Rate = 1.0
+    models: tuple[Model, ...] = ()
+    switching: Chance = 0.05
     range_std: Annotated[Length | Literal["auto"] | None, Field(description="a number from 1e-9 to 1e7, or 'auto'")] = (
         None
     )
@@ -67,7 +83,7 @@ class Filter(Table):
     @field_validator("motion")
     @classmethod
     def _known_motion(cls, value: str) -> str:
-        return one_of(value, ("auto", *MOTIONS))
+        return one_of(value, ("auto", *MOTIONS, "imm"))
 
     @model_validator(mode="after")
     def _moves(self) -> Filter:
@@ -76,10 +92,24 @@ class Filter(Table):
                 f"filter.motion = {self.motion!r} is not for {self.kind!r}, which has no covariance; set filter.motion "
                 "= 'ncv', or filter.kind = 'sicf'"
             )
-        if self.motion == "turn" and self.bias == "estimate":
+        if self.motion in ("turn", "imm") and self.bias == "estimate":
             raise ValueError(
-                "filter.bias = 'estimate' needs a linear motion, which filter.motion = 'turn' is not; choose another "
-                "motion, or set filter.bias = 'auto', which leaves biases alone then"
+                f"filter.bias = 'estimate' needs one linear motion, which {self.motion!r} is not; choose another "
+                "filter.motion, or set filter.bias = 'auto', which leaves biases alone then"
+            )
+        if self.motion == "imm" and not self._abilities.models:
+            raise ValueError(
+                f"filter.motion = 'imm' is not for {self.kind!r}; set filter.kind = 'sicf' or 'icf', or another motion"
+            )
+        if self.motion == "imm" and self.recovery:
+            raise ValueError(
+                "filter.recovery is not for filter.motion = 'imm', whose most agile model finds a target that jumps; "
+                "leave one of them out"
+            )
+        if len(self.models) == 1 or (self.models and self.motion != "imm"):
+            raise ValueError(
+                "filter.models lists the motions of filter.motion = 'imm', two or more; set that motion and list two, "
+                "or leave filter.models out"
             )
         return self
 

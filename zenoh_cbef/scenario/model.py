@@ -256,6 +256,15 @@ class Scenario(Table):
         return self
 
     @model_validator(mode="after")
+    def _comparable(self) -> Scenario:
+        if self.consensus.trim and self.filter.motion == "imm":
+            raise ValueError(
+                f"consensus.trim = {self.consensus.trim} compares the information of one filter, and filter.motion = "
+                "'imm' has several; choose another motion, or leave trim out"
+            )
+        return self
+
+    @model_validator(mode="after")
     def _consistent(self) -> Scenario:
         if self.target.motion == "dataset":
             if self.agents.motion != "static":

@@ -2,31 +2,58 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
+
 from zenoh_cbef.scenario.model import Scenario
 from zenoh_cbef.tracking.motion import LinearMotion, Motion, MotionSettings, NearlyConstantVelocity, make_motion
 
 _RECORDED_ACCELERATION = 1.0
 """Acceleration of a real target where the scenario gives none, m/s^2: a walking person, a trolley, a slow vehicle."""
 
-_INDEX = 0.3
-"""Tracking index q dt^2/sigma (Kalata, IEEE TAES 20(2), 1984) of a target of which nothing else is known.
+_INDEX, _CALM, _AGILE = 0.3, 0.01, 10.0
+"""Tracking indices q dt^2/sigma (Kalata, IEEE TAES 20(2), 1984) of a target of which nothing else is known.
 
-Below it a filter averages over many steps, and lags where the target turns; above it the filter hardly averages.
+Below the first a filter averages over many steps, and lags where the target turns; above it the filter hardly averages.
+The others are of a target that goes straight on, or round, as long as it does, and of one that changes its velocity as
+it likes: in one step it goes as far astray as many standard deviations of a range.
 """
 
 
+def switches(scenario: Scenario, *, alone: bool) -> bool:
+    """Whether the filter assumes several motions. alone: whether there is a reason to let a filter stand alone."""
+    chosen, target = scenario.filter, scenario.target
+    if chosen.motion != "auto" or chosen.defaults == 1:
+        return chosen.motion == "imm"
+    emulated = target.motion not in ("ncv", "dataset")
+    return emulated and chosen.acceleration_std is None and not alone
+
+
+def assumed_models(scenario: Scenario, range_std: float, axes: int) -> tuple[Motion, ...]:
+    """The motions between which the target switches, the most agile one last."""
+    chosen, settings = scenario.filter, _settings(scenario, range_std, axes)
+    if chosen.models:
+        told = [one.model_dump(exclude={"motion"}, exclude_none=True) for one in chosen.models]
+        names = [one.motion for one in chosen.models]
+        return tuple(make_motion(name, replace(settings, **keys)) for name, keys in zip(names, told, strict=True))
+    calm = _noise(scenario, range_std, _CALM) if chosen.acceleration_std is None else chosen.acceleration_std
+    agile = max(_noise(scenario, range_std, _AGILE), _AGILE * calm)
+    each = ("ncv", calm), ("turn", calm), ("ncv", agile)
+    return tuple(make_motion(name, replace(settings, acceleration_std=std)) for name, std in each)
+
+
 def assumed_motion(scenario: Scenario, range_std: float, axes: int) -> Motion:
-    """The filter's model. range_std: m, what the filter assumes. axes: 3, or 2 in a plane."""
+    """The filter's model, if it is a single one. range_std: m, what the filter assumes. axes: 3, or 2 in a plane."""
     chosen = scenario.filter.motion
-    return make_motion("ncv" if chosen == "auto" else chosen, _settings(scenario, range_std, axes))
+    return make_motion("ncv" if chosen in ("auto", "imm") else chosen, _settings(scenario, range_std, axes))
 
 
-def plain_motion(scenario: Scenario, range_std: float, axes: int) -> LinearMotion:
-    """The filter's model if it is linear in position and velocity and has no other state, otherwise ncv."""
-    motion = assumed_motion(scenario, range_std, axes)
-    if isinstance(motion, LinearMotion) and not motion.extra_std:
-        return motion
-    return NearlyConstantVelocity.of(_settings(scenario, range_std, axes))
+def plain_motion(motions: Sequence[Motion], otherwise: Motion) -> LinearMotion:
+    """The first of some motions that is linear in position and velocity and has no other state, or ncv."""
+    for motion in motions:
+        if isinstance(motion, LinearMotion) and not motion.extra_std:
+            return motion
+    return NearlyConstantVelocity(otherwise.dt, otherwise.acceleration_std, otherwise.axes)
 
 
 def _settings(scenario: Scenario, range_std: float, axes: int) -> MotionSettings:
@@ -48,4 +75,9 @@ def _acceleration_std(scenario: Scenario, range_std: float) -> float:
         return given
     if target.motion == "ncv" or (scenario.filter.defaults == 1 and target.motion != "dataset"):
         return target.acceleration_std
-    return _RECORDED_ACCELERATION if target.motion == "dataset" else _INDEX * range_std / scenario.dt**2
+    return _RECORDED_ACCELERATION if target.motion == "dataset" else _noise(scenario, range_std, _INDEX)
+
+
+def _noise(scenario: Scenario, range_std: float, index: float) -> float:
+    """The acceleration, m/s^2, of a tracking index, from one range of an agent to its next."""
+    return index * range_std / (scenario.filter.acceleration_interval or scenario.dt) ** 2

@@ -11,8 +11,10 @@ from numpy.typing import NDArray
 from zenoh_cbef.faults import Absences, MessageFault, SenderFault, SensorFault
 from zenoh_cbef.scenario import network, start, trust
 from zenoh_cbef.scenario.model import Scenario
-from zenoh_cbef.scenario.motion import assumed_motion, plain_motion
+from zenoh_cbef.scenario.motion import assumed_models, assumed_motion, plain_motion, switches
+from zenoh_cbef.scenario.paths import placement
 from zenoh_cbef.scenario.plausible import Plausible, plausible_ranges
+from zenoh_cbef.scenario.scheme import chosen_scheme
 from zenoh_cbef.tracking import graph
 from zenoh_cbef.tracking.filters import (
     Abilities,
@@ -25,7 +27,7 @@ from zenoh_cbef.tracking.filters import (
     sharing_of,
 )
 from zenoh_cbef.tracking.motion import LinearMotion, Motion, begun
-from zenoh_cbef.tracking.payloads import InformationPayloads, StatePayloads
+from zenoh_cbef.tracking.payloads import InformationPayloads, Payloads, SeveralPayloads, StatePayloads
 from zenoh_cbef.tracking.ranging import Space
 from zenoh_cbef.tracking.weights import spectrum_bounds, weight_matrix
 
@@ -64,13 +66,27 @@ class Plan:
 
     @cached_property
     def motion(self) -> Motion:
-        """The filter's model of the target's motion."""
+        """The filter's model of the target's motion; beside several, that of the first fix."""
         return assumed_motion(self.scenario, self.range_std, self.space.axes)
 
     @cached_property
+    def models(self) -> tuple[Motion, ...]:
+        """The motions between which the target switches; none where the filter assumes one."""
+        biased = trust.may_be_biased(self.scenario) and self.scenario.filter.bias != "none"
+        alone = biased or self._one_filter or not self.abilities.models
+        if not switches(self.scenario, alone=alone):
+            return ()
+        return assumed_models(self.scenario, self.range_std, self.space.axes)
+
+    @cached_property
     def plain_motion(self) -> LinearMotion:
-        """What bound and predictions are computed with, which are of linear models in position and velocity alone."""
-        return plain_motion(self.scenario, self.range_std, self.space.axes)
+        """What smoothing and predictions are computed with, which are of linear models in position and velocity."""
+        return plain_motion((self.motion,), self.motion)
+
+    @cached_property
+    def calm_motion(self) -> LinearMotion:
+        """What the bound is computed with: of several motions the calmest, as none of them may be below it."""
+        return plain_motion(self.models, self.motion) if self.models else self.plain_motion
 
     @cached_property
     def range_std(self) -> float:
@@ -89,6 +105,11 @@ class Plan:
         sure = self.scenario.filter.distrust != "auto"
         return trust.distrusts(self.scenario) and (sure or not self.distrusts_others)
 
+    @property
+    def _one_filter(self) -> bool:
+        """Whether something stands around the filter that has to see all of its estimate, or all of a payload."""
+        return self.scenario.filter.recovery or self.distrusts_others
+
     @cached_property
     def bias(self) -> str:
         """What the filter does about biases: none, estimate, or auto where it can weigh them.
@@ -99,7 +120,7 @@ class Plan:
         chosen = self.scenario.filter
         if not self.abilities.biases:
             return "none"
-        unfit = chosen.recovery or self.distrusts_others or not isinstance(self.motion, LinearMotion)
+        unfit = self._one_filter or bool(self.models) or not isinstance(self.motion, LinearMotion)
         if chosen.bias == "auto" and (unfit or not trust.may_be_biased(self.scenario)):
             return "none"
         return chosen.bias
@@ -121,6 +142,9 @@ class Plan:
         common, own = chosen.bias_common_std, chosen.bias_own_std
         return FilterSettings(
             motion=self.motion,
+            models=self.models,
+            leaving=chosen.switching,
+            middle=tuple(placement(scenario).mean(axis=0)[: self.space.axes].tolist()),
             space=self.space,
             range_std=range_std,
             xi=self.xi,
@@ -149,11 +173,13 @@ class Plan:
         return sharing_of(self.scenario.filter.kind, self.settings)
 
     @cached_property
-    def payloads(self) -> InformationPayloads | StatePayloads:
+    def payloads(self) -> Payloads:
         """How to read the payloads of the scenario's filter."""
         axes, size, kind = self.space.axes, self.motion.size, self.scenario.filter.kind
         if not self.abilities.information:
             return StatePayloads(axes)
+        if self.models:
+            return SeveralPayloads(tuple(InformationPayloads(axes, one.size) for one in self.models))
         omega = float(self.scenario.count) if self.scenario.filter.omega is None else self.scenario.filter.omega
         size += self.bias == "estimate"  # The common part of the bias is one more state.
         return InformationPayloads(axes, size, (1.0, omega) if kind == "hcmci" else (1.0,))
@@ -172,24 +198,7 @@ class Plan:
     @cached_property
     def scheme(self) -> tuple[str, str]:
         """The consensus scheme, average or running-sums, and one sentence on why it was chosen."""
-        stage, kind = self.scenario.consensus, self.scenario.filter.kind
-        if stage.scheme != "auto":
-            return stage.scheme, f"consensus.scheme = {stage.scheme!r} was given."
-        reasons = {
-            "Messages of earlier steps are predicted forward, which running sums cannot be.": stage.lag > 0,
-            "Neighbours' values are trimmed, which running sums cannot be.": stage.trim > 0,
-            "No link has a fault, so averaging loses nothing.": not self._has(MessageFault),
-            f"{kind} does not average information, and its exchange is defined by consensus weights.": (
-                not self.abilities.information
-            ),
-            f"Running sums cannot be accelerated, and {stage.acceleration} was asked for.": (
-                stage.acceleration != "none"
-            ),
-        }
-        for reason, holds in reasons.items():
-            if holds:
-                return "average", reason
-        return "running-sums", "Links have faults, and with running sums the next message repairs a lost one."
+        return chosen_scheme(self.scenario, information=self.abilities.information, faulty=self._has(MessageFault))
 
     @property
     def sums(self) -> bool:

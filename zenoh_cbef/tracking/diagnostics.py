@@ -33,7 +33,8 @@ class Diagnostics:
     that was applied. nis: the innovation squared in units of the covariance that the filter predicted for it, before
     saturation. nis_degrees: its degrees of freedom. distrust: how far the agent distrusted its range, 0 to 1. bias,
     bias_std: constant error of the agent's ranges as it estimates it, and its standard deviation, m. bias_weight: how
-    far the state relies on that estimate, 0 to 1.
+    far the state relies on that estimate, 0 to 1. maneuver: probability of the most agile of several motions, before
+    the step's ranges.
     """
 
     innovation: Floats
@@ -44,6 +45,7 @@ class Diagnostics:
     bias: FloatsIfAny
     bias_std: FloatsIfAny
     bias_weight: FloatsIfAny
+    maneuver: FloatsIfAny
 
     @classmethod
     def of(cls, *shape: int, **known: Numbers) -> Self:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from zenoh_cbef.tracking.central_models import CentralModels, Ranges
 from zenoh_cbef.tracking.filters import FilterSettings, make_filter, sharing_of
 from zenoh_cbef.tracking.filters.around.auto_bias import BEGIN, LARGEST, MEMORY, mixed, weight_of
 from zenoh_cbef.tracking.filters.around.biased_information import FORGETTING
@@ -17,18 +18,9 @@ from zenoh_cbef.tracking.filters.information_form import saturation
 from zenoh_cbef.tracking.linalg import matvec
 from zenoh_cbef.tracking.motion import linear
 from zenoh_cbef.tracking.ranging import Measurement, own_range
+from zenoh_cbef.tracking.switching import Switching
 
 Floats = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class Ranges:
-    """One step of r runs: positions (r, n, 3), ranges, ages and their noise (r, n); NaN ranges are missing."""
-
-    position: Floats
-    range: Floats
-    age: Floats
-    std: Floats
 
 
 def joint_centralized(
@@ -88,6 +80,8 @@ class _Joint:
         self.settings, self.xi, self.agents = settings, xi, agents
         runs = len(initial.state)
         self._sums = np.full((runs, 3), BEGIN)
+        switching = Switching(settings.models, settings.leaving)
+        self._models = CentralModels(switching, settings.space, xi, settings.power) if settings.models else None
         self._scale, self._seen = np.zeros((runs, agents)), np.zeros((runs, agents))
         self.begin(initial)
 
@@ -113,6 +107,10 @@ class _Joint:
 
     def step(self, step: Ranges) -> Belief:
         """One step of both filters."""
+        if self._models is not None:
+            self._plain, told = self._models.step(self._plain, step)
+            self.learn(told.innovation, told.nis)
+            return self._plain
         size, weight = self.settings.motion.size, weight_of(*(self._sums[:, :2] / self._sums[:, 2:]).T)
         self._plain, innovation, plain = self._kalman(self._plain, step, biased=False)
         if self.settings.bias == "none":

@@ -77,6 +77,11 @@ class InformationPayloads:
         return np.where(np.isfinite(total), total, np.inf).reshape(count, width)
 
     @property
+    def length(self) -> int:
+        """Numbers of all pairs together."""
+        return len(self.factors) * self._packed
+
+    @property
     def _packed(self) -> int:
         return self.size + self.size * (self.size + 1) // 2
 
@@ -86,3 +91,19 @@ class InformationPayloads:
         for place, factor in enumerate(self.factors):
             total += factor * payload[:, place * packed : (place + 1) * packed]
         return total[:, : self.size], unpack_upper(total[:, self.size :], self.size)
+
+
+@dataclass(frozen=True)
+class SeveralPayloads:
+    """Payloads of several filters, one after the other, with other numbers after them."""
+
+    parts: tuple[InformationPayloads, ...]
+
+    def displaced(self, payload: Floats, offset: Floats) -> Floats:
+        """Every filter's displaced."""
+        moved, place = payload.copy(), 0
+        for part in self.parts:
+            mine = slice(place, place + part.length)
+            moved[:, mine] = part.displaced(payload[:, mine], offset)
+            place += part.length
+        return moved

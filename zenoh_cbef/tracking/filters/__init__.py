@@ -8,6 +8,7 @@ from zenoh_cbef.tracking.filters.around.auto_bias import AutoBias
 from zenoh_cbef.tracking.filters.around.biased_information import BiasedInformation
 from zenoh_cbef.tracking.filters.around.distrusting import Distrusting
 from zenoh_cbef.tracking.filters.around.first_fix import FirstFix
+from zenoh_cbef.tracking.filters.around.imm import InteractingModels
 from zenoh_cbef.tracking.filters.around.learned_noise import LearnedNoise
 from zenoh_cbef.tracking.filters.around.recovering import Recovering
 from zenoh_cbef.tracking.filters.base import Abilities, Belief, Filter, Kind, Sharing, Update
@@ -61,7 +62,8 @@ def level_of(kind: str, xi: float) -> float:
 
 def sharing_of(kind: str, settings: FilterSettings) -> Sharing:
     """What agents with the filter of one kind exchange, with what the settings put around it."""
-    shared = KINDS[kind].sharing(settings)
+    one = KINDS[kind].sharing
+    shared = InteractingModels.sharing(settings, one) if settings.models else one(settings)
     if settings.bias != "none":
         biased = BiasedInformation.sharing(settings)
         shared = biased if settings.bias == "estimate" else shared.longer(biased.payload_size + AutoBias.more)
@@ -70,7 +72,8 @@ def sharing_of(kind: str, settings: FilterSettings) -> Sharing:
 
 def make_filter(kind: str, settings: FilterSettings) -> Filter:
     """The filter of one kind, with what the settings put around it."""
-    chosen: Filter = KINDS[kind].of(settings)
+    one = KINDS[kind].of
+    chosen: Filter = InteractingModels.of(settings, one) if settings.models else one(settings)
     xi = level_of(kind, settings.xi)
     if settings.bias != "none":
         biased = BiasedInformation.of(settings, xi)

@@ -224,12 +224,17 @@ def unless_alone(belief: Belief, payload: Floats, update: Update) -> Belief:
     """
     if not update.kept:
         return belief
-    own, (state, covariance) = update.payload, update.kept
-    alone = (np.abs(payload - own) <= _ROUNDING * np.abs(own).max(axis=1)[:, None]).all(axis=1)
+    alone, (state, covariance) = unchanged(payload, update.payload), update.kept
     return Belief(
         np.where(alone[:, None], state, belief.state),
         np.where(alone[:, None, None], 0.5 * (covariance + covariance.swapaxes(1, 2)), belief.known_covariance),
     )
+
+
+def unchanged(payload: Floats, own: Floats) -> Bools:
+    """Which agents' payloads (n, d) no neighbour changed in the whole step: (n,)."""
+    near = np.abs(payload - own) <= _ROUNDING * np.abs(own).max(axis=1)[:, None]
+    return np.asarray(near.all(axis=1))
 
 
 def saturation(innovation: Floats, level: Floats, power: int = 1) -> Floats:

@@ -17,7 +17,9 @@ class FilterSettings:
     agent's own range. power: of the saturation. recovers: whether the network widens its covariances where most
     innovations are implausible. distrusts: whether agents give their own implausible ranges less weight. bias:
     none, estimate or auto; common_bias_std, own_bias_std: its prior, m. first_fix: over how many steps the initial
-    estimate, a guess, is improved by least squares on the first ranges; 0: it is none.
+    estimate, a guess, is improved by least squares on the first ranges; 0: it is none. models: the motions between
+    which the target switches, the most agile one last; none: it moves by `motion` alone. leaving: the probability that
+    it leaves its motion in a step. middle: a point near all agents, the same for all, m.
     """
 
     motion: Motion
@@ -35,3 +37,6 @@ class FilterSettings:
     own_bias_std: float = 0.0
     learns_noise: bool = False
     first_fix: int = 0
+    models: tuple[Motion, ...] = ()
+    leaving: float = 0.0
+    middle: tuple[float, ...] = (0.0, 0.0, 0.0)

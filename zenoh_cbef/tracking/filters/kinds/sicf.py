@@ -49,7 +49,7 @@ class SaturatedInformation:
     xi: float = np.inf
     power: int = 1
 
-    abilities: ClassVar = Abilities(information=True, saturates=True, biases=True, noise=True)
+    abilities: ClassVar = Abilities(information=True, saturates=True, biases=True, noise=True, models=True)
 
     @classmethod
     def sharing(cls, settings: FilterSettings) -> Sharing:

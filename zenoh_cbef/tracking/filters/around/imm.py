@@ -1,0 +1,114 @@
+"""A distributed interacting multiple model: one filter for each of several motions, weighed by the network's ranges."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+
+from zenoh_cbef.tracking.filters.base import Belief, Filter, Floats, Sharing, Update
+from zenoh_cbef.tracking.filters.information_form import unchanged, variance_of
+from zenoh_cbef.tracking.filters.settings import FilterSettings
+from zenoh_cbef.tracking.linalg import matvec, unpack_upper
+from zenoh_cbef.tracking.ranging import Measurement
+from zenoh_cbef.tracking.switching import Gaussian, Switching, misfit
+
+
+@dataclass(frozen=True)
+class InteractingModels:
+    """The interacting multiple model filter of Blom and Bar-Shalom (IEEE TAC 33(8), 1988), agreed upon by a network.
+
+    Each step every model's filter begins with a mixture of all models' estimates, and shares its own information, V and
+    O, as if alone. One number more for each model is the constant of the same quadratic form:
+
+        c_i = x_i^T P_i^-1 x_i/n + w_i (z_i + H_i x_i)^2/sigma^2 - log w_i
+        after averaging:  min_x of n (c - 2 x^T V + x^T O x)
+
+    is the least cost of all agents' priors and ranges together, and gives their joint likelihood, correlations and all,
+    as a centralised filter has it (see `misfit`). All three are averaged with the same weights, so few rounds weigh the
+    agents unequally but never add what does not belong together. So all agents weigh the models alike, as far as rounds
+    reach. The estimate is the mean of the mixture, with its covariance.
+
+    filters: one for each motion, alike but for it; their payloads are V and O, their updates keep prior state and
+    covariance. range_std: sigma (m). network_size: n. middle: a point (m) near all agents and the same for all, from
+    which x is counted in c: far off, c would lose its digits.
+    """
+
+    filters: tuple[Filter, ...]
+    switching: Switching
+    range_std: float
+    network_size: int
+    middle: tuple[float, ...]
+
+    @classmethod
+    def sharing(cls, settings: FilterSettings, of_one: Callable[[FilterSettings], Sharing]) -> Sharing:
+        """All models' payloads, and a number for each; of_one: what the filter of one motion exchanges."""
+        each = [of_one(replace(settings, motion=motion)) for motion in settings.models]
+        return replace(each[0], payload_size=sum(one.payload_size + 1 for one in each))
+
+    @classmethod
+    def of(cls, settings: FilterSettings, of_one: Callable[[FilterSettings], Filter]) -> Self:
+        """The filter of these settings; of_one: makes the filter of one motion."""
+        filters = tuple(of_one(replace(settings, motion=motion)) for motion in settings.models)
+        switching = Switching(settings.models, settings.leaving)
+        return cls(filters, switching, settings.range_std, settings.network_size, settings.middle)
+
+    def update(self, belief: Belief, measurement: Measurement) -> Update:
+        """All models' updates; what is said of the innovation is the likeliest model's."""
+        chance, beliefs = self._carried(belief)
+        ahead, mixtures = self.switching.mixed(chance, beliefs)
+        parts = [one.update(Belief(*mixture), measurement) for one, mixture in zip(self.filters, mixtures, strict=True)]
+        told, costs = parts[0].diagnostics, []
+        for j, part in enumerate(parts):
+            costs.append(self._own_cost(part, variance_of(measurement, self.range_std)))
+            told = told.chosen(ahead[:, j] >= np.maximum.reduce(ahead, axis=1), part.diagnostics)
+        payload = np.concatenate([*(part.payload for part in parts), np.stack(costs, axis=1)], axis=1)
+        return Update(payload, replace(told, maneuver=ahead[:, -1].copy()), (ahead,), tuple(parts))
+
+    def conclude(self, payload: Floats, update: Update) -> Belief:
+        """The mixture of all models' beliefs, weighed anew."""
+        (ahead,) = update.kept
+        place, beliefs, misfits = 0, [], []
+        numbers = payload.shape[1] - len(self.filters)
+        for j, (one, part) in enumerate(zip(self.filters, update.parts, strict=True)):
+            mine = np.ascontiguousarray(payload[:, place : place + part.payload.shape[1]])
+            belief = one.conclude(mine, part)
+            # Averages times n are the network's sums.
+            cost = self.network_size * (payload[:, numbers + j] - self._explained(mine, belief.state))
+            misfits.append(misfit(cost, part.kept[1], belief.known_covariance))
+            beliefs.append(belief)
+            place += mine.shape[1]
+        measured = np.stack(misfits, axis=1)
+        usable = np.asarray(np.isfinite(measured).all(axis=1))
+        if self.network_size > 1:
+            usable &= ~unchanged(payload, update.payload)
+        chance = self.switching.weighed(ahead, np.where(usable[:, None], measured, 0.0))
+        mixture = self.switching.combined(chance, [_gaussian(one) for one in beliefs])
+        return Belief(*mixture, memory=(chance,), parts=tuple(beliefs))
+
+    def _own_cost(self, part: Update, variance: Floats) -> Floats:
+        """c_i, (n,), of one model's update."""
+        told = part.diagnostics
+        own = np.nan_to_num(told.weight * told.innovation**2 / variance - np.log(told.weight))
+        return np.asarray(own + self._explained(part.payload, part.kept[0]))
+
+    def _explained(self, payload: Floats, state: Floats) -> Floats:
+        """2 x^T V - x^T O x for states (n, s), with the origin in the middle."""
+        size = state.shape[1]
+        away, matrix = state.copy(), unpack_upper(payload[:, size:], size)
+        middle = np.zeros_like(state)
+        middle[:, : len(self.middle)] = self.middle
+        away -= middle
+        vector = payload[:, :size] - matvec(matrix, middle)
+        return np.asarray(np.add.reduce(away * (2.0 * vector - matvec(matrix, away)), axis=1))
+
+    def _carried(self, belief: Belief) -> tuple[Floats, list[Gaussian]]:
+        if not belief.parts:
+            return self.switching.begun(belief.state, belief.known_covariance)
+        return belief.memory[0], [_gaussian(one) for one in belief.parts]
+
+
+def _gaussian(belief: Belief) -> Gaussian:
+    return belief.state, belief.known_covariance
