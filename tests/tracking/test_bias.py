@@ -9,8 +9,9 @@ from zenoh_cbef.analysis.metrics import analyze
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.scenario.load import load
 from zenoh_cbef.simulator import simulate
-from zenoh_cbef.tracking.filters.around.auto_bias import mixed, weight_of
+from zenoh_cbef.tracking.filters.around.auto_bias import mixed
 from zenoh_cbef.tracking.filters.around.biased_information import BiasedInformation
+from zenoh_cbef.tracking.filters.around.evidence import Evidence
 from zenoh_cbef.tracking.filters.around.first_fix import FirstFix
 from zenoh_cbef.tracking.filters.around.learned_noise import LearnedNoise, learned
 from zenoh_cbef.tracking.filters.base import Belief
@@ -64,8 +65,30 @@ def test_one_agent_is_the_joint_kalman_filter_of_state_and_bias():
 
 
 def test_a_consistent_filter_without_bias_is_kept_and_an_excess_that_bias_explains_is_believed():
-    weights = weight_of(np.array([0.5, 0.92, 2.0, 2.0]), np.array([0.2, 0.92, 0.9, 2.0]))
-    assert weights.tolist() == [0.0, 0.0, 1.0, 0.0]
+    sums = np.array([[0.5, 0.2, 1.0], [0.92, 0.92, 1.0], [2.0, 0.9, 1.0], [2.0, 2.0, 1.0]])
+    assert Evidence(likelihoods=False).weight(sums).tolist() == [0.0, 0.0, 1.0, 0.0]
+
+
+@pytest.mark.parametrize("overstated", [1.0, 2.0])
+def test_likelihoods_show_a_bias_also_where_the_noise_is_overstated(overstated):
+    rng, evidence = np.random.default_rng(5), Evidence()
+    errors, spread = rng.normal(0.0, 0.1, 4000), 0.1 * overstated * np.array([1.0, 1.02])
+    for bias, wanted in ((0.2, 1.0), (0.0, 0.0)):
+        plain, biased = ((np.abs(z), (z / s) ** 2) for z, s in zip((errors + bias, errors), spread, strict=True))
+        said = evidence.of(plain, biased)
+        assert (said >= 0.0).all()
+        # Twice the log likelihood of two Gaussians, here written down once more, with squares cut at 4.
+        gains = [
+            np.minimum((z / s) ** 2, 4.0) + 2.0 * np.log(s)
+            for z, s in zip((errors + bias, errors), spread, strict=True)
+        ]
+        np.testing.assert_allclose(said[:, 0] - said[:, 1], gains[0] - gains[1], atol=1e-12)
+        assert evidence.weight(said.sum(axis=0)) == wanted
+
+
+def test_a_range_that_was_not_measured_says_nothing():
+    nothing, one = np.array([np.nan, 0.1]), np.array([np.nan, 1.0])
+    np.testing.assert_array_equal(Evidence().of((nothing, one), (nothing, one)), [[0.0] * 3, [1.0] * 3])
 
 
 def test_a_mixture_has_the_moments_of_its_parts():

@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from zenoh_cbef.tracking.central_models import CentralModels, Ranges
 from zenoh_cbef.tracking.filters import FilterSettings, make_filter, sharing_of
-from zenoh_cbef.tracking.filters.around.auto_bias import BEGIN, LARGEST, MEMORY, mixed, weight_of
+from zenoh_cbef.tracking.filters.around.auto_bias import mixed
 from zenoh_cbef.tracking.filters.around.biased_information import FORGETTING
+from zenoh_cbef.tracking.filters.around.evidence import BEGIN, MEMORY, Evidence
 from zenoh_cbef.tracking.filters.around.first_fix import FirstFix
 from zenoh_cbef.tracking.filters.around.learned_noise import learned
 from zenoh_cbef.tracking.filters.base import Belief, Update
@@ -79,7 +80,7 @@ class _Joint:
     def __init__(self, settings: FilterSettings, xi: float, initial: Belief, agents: int) -> None:
         self.settings, self.xi, self.agents = settings, xi, agents
         runs = len(initial.state)
-        self._sums = np.full((runs, 3), BEGIN)
+        self._sums, self._evidence = np.full((runs, 3), BEGIN), Evidence(settings.likelihoods)
         switching = Switching(settings.models, settings.leaving)
         self._models = CentralModels(switching, settings.space, xi, settings.power) if settings.models else None
         self._scale, self._seen = np.zeros((runs, agents)), np.zeros((runs, agents))
@@ -111,7 +112,7 @@ class _Joint:
             self._plain, told = self._models.step(self._plain, step)
             self.learn(told.innovation, told.nis)
             return self._plain
-        size, weight = self.settings.motion.size, weight_of(*(self._sums[:, :2] / self._sums[:, 2:]).T)
+        size, weight = self.settings.motion.size, self._evidence.weight(self._sums)
         self._plain, innovation, plain = self._kalman(self._plain, step, biased=False)
         if self.settings.bias == "none":
             self.learn(innovation, plain)
@@ -123,11 +124,9 @@ class _Joint:
             return belief
         chosen = weight[:, None] > 0.5
         self.learn(np.where(chosen, other, innovation), np.where(chosen, biased, plain))
-        measured = np.isfinite(step.range)
-        cut = [np.minimum(np.nan_to_num(nis), LARGEST).sum(axis=1) for nis in (plain, biased)]
-        new = np.stack([*cut, measured.sum(axis=1)], axis=1)
+        new = self._evidence.of((innovation, plain), (other, biased)).sum(axis=1)
         self._sums = np.exp(-new[:, 2:] / MEMORY) * self._sums + new
-        return Belief(*mixed(self._plain, belief, weight_of(*(self._sums[:, :2] / self._sums[:, 2:]).T)))
+        return Belief(*mixed(self._plain, belief, self._evidence.weight(self._sums)))
 
     def _kalman(self, belief: Belief, step: Ranges, *, biased: bool) -> tuple[Belief, Floats, Floats]:
         """Predict and take in all ranges; returns innovations' sizes and NIS (r, n) too."""

@@ -7,6 +7,7 @@ import numpy as np
 from zenoh_cbef.tracking.filters.around.auto_bias import AutoBias
 from zenoh_cbef.tracking.filters.around.biased_information import BiasedInformation
 from zenoh_cbef.tracking.filters.around.distrusting import Distrusting
+from zenoh_cbef.tracking.filters.around.evidence import Evidence
 from zenoh_cbef.tracking.filters.around.first_fix import FirstFix
 from zenoh_cbef.tracking.filters.around.imm import InteractingModels
 from zenoh_cbef.tracking.filters.around.learned_noise import LearnedNoise
@@ -77,7 +78,7 @@ def make_filter(kind: str, settings: FilterSettings) -> Filter:
     xi = level_of(kind, settings.xi)
     if settings.bias != "none":
         biased = BiasedInformation.of(settings, xi)
-        chosen = biased if settings.bias == "estimate" else AutoBias(chosen, biased)
+        chosen = biased if settings.bias == "estimate" else AutoBias(chosen, biased, Evidence(settings.likelihoods))
     # Recovery widens the belief that the filter goes on from, so nothing else may stand between the two.
     if settings.recovers:
         chosen = Recovering(chosen)

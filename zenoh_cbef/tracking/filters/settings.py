@@ -16,10 +16,11 @@ class FilterSettings:
     network_size: number of agents. differenced: whether ci and local take in differences of ranges in place of the
     agent's own range. power: of the saturation. recovers: whether the network widens its covariances where most
     innovations are implausible. distrusts: whether agents give their own implausible ranges less weight. bias:
-    none, estimate or auto; common_bias_std, own_bias_std: its prior, m. first_fix: over how many steps the initial
-    estimate, a guess, is improved by least squares on the first ranges; 0: it is none. models: the motions between
-    which the target switches, the most agile one last; none: it moves by `motion` alone. leaving: the probability that
-    it leaves its motion in a step. middle: a point near all agents, the same for all, m.
+    none, estimate or auto; likelihoods: whether auto weighs it by these, or by the NIS; common_bias_std, own_bias_std:
+    its prior, m. first_fix: over how many steps the initial estimate, a guess, is improved by least squares on the
+    first ranges; 0: it is none. models: the motions between which the target switches, the most agile one last; none:
+    it moves by `motion` alone. leaving: the probability that it leaves its motion in a step. middle: a point near all
+    agents, the same for all, m.
     """
 
     motion: Motion
@@ -33,6 +34,7 @@ class FilterSettings:
     recovers: bool = False
     distrusts: bool = False
     bias: str = "none"
+    likelihoods: bool = True
     common_bias_std: float = 0.0
     own_bias_std: float = 0.0
     learns_noise: bool = False

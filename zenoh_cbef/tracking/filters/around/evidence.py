@@ -1,0 +1,80 @@
+"""What innovations say for an estimated bias of the ranges."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from zenoh_cbef.tracking.filters.base import Floats
+
+Innovations = tuple[Floats, Floats]
+"""Sizes of innovations, m, and their NIS, arrays of one shape; NaN where nothing was measured."""
+
+LARGEST = 4.0
+"""Where a NIS is cut off, so that outliers, which neither filter explains, do not decide."""
+
+MEMORY, BEGIN = 2000.0, 50.0
+"""How many of the network's ranges the weighing remembers, and how many consistent ones it begins with."""
+
+_GAIN = (0.25, 0.45)
+"""Mean of twice the gained log likelihood of a range from which on a bias is believed, and at which it is fully."""
+
+_INCONSISTENT = (0.8, 1.0)
+"""Mean cut NIS of the plain filter from which on it is doubted, and at which it is fully; 0.92 for Gaussian noise."""
+
+_EXPLAINED = (1.05, 1.25)
+"""How many times the biased filter's NIS the plain filter's must be, likewise, for the bias to explain the excess."""
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """Sums over the network's last ranges (..., 3): what each filter makes of a range, and how many there were.
+
+    With likelihoods, the filters' likelihoods of every range are compared, z ~ N(0, S) with a cut square:
+
+        l_0 = min(z_0^2/S_0, 4) + ln(S_0/S_1),  l_1 = min(z_1^2/S_1, 4)      plain and biased, twice -ln(likelihood)
+        weight = step(mean l_0 - mean l_1; 0.25, 0.45)
+
+    A filter with more states follows slow errors of ranges too, and then always gains a little; a bias gains more. Of
+    an overstated noise this takes nothing but scale, so a bias shows where the plain filter is not yet inconsistent.
+
+    Without, as in version 0.2.0, l_0 and l_1 are the cut squares alone, and a plain filter is kept as long as its
+    mean is plausible for the noise that was given, which hides a bias where that is overstated:
+
+        weight = step(mean l_0; 0.8, 1) step(mean l_0/mean l_1; 1.05, 1.25)
+
+    step(x; a, b): smooth, 0 up to a and 1 from b on.
+    """
+
+    likelihoods: bool = True
+
+    def of(self, plain: Innovations, biased: Innovations) -> Floats:
+        """What ranges say: l_0, l_1 and 1 where there was one, otherwise zeros; (..., 3)."""
+        first, second = (np.nan_to_num(nis) for _, nis in (plain, biased))
+        gained = np.zeros_like(first)
+        if self.likelihoods:
+            usable = (first > 0.0) & (second > 0.0)
+            squares = (np.where(usable, size, 1.0) ** 2 for size, _ in (plain, biased))
+            variances = [
+                square / np.where(usable, nis, 1.0) for square, nis in zip(squares, (first, second), strict=True)
+            ]
+            gained = np.where(usable, np.log(variances[0]) - np.log(variances[1]), 0.0)
+        # On whichever side leaves both sums positive, as counts are.
+        cut = (
+            np.minimum(first, LARGEST) + np.maximum(gained, 0.0),
+            np.minimum(second, LARGEST) - np.minimum(gained, 0.0),
+        )
+        return np.stack([*cut, np.isfinite(plain[1]).astype(np.float64)], axis=-1)
+
+    def weight(self, sums: Floats) -> Floats:
+        """Weight of the biased filter, (...)."""
+        plain, biased = sums[..., 0] / sums[..., 2], sums[..., 1] / sums[..., 2]
+        if self.likelihoods:
+            return _step(plain - biased, *_GAIN)
+        return _step(plain, *_INCONSISTENT) * _step(plain / biased, *_EXPLAINED)
+
+
+def _step(value: Floats, low: float, high: float) -> Floats:
+    way = np.clip((value - low) / (high - low), 0.0, 1.0)
+    return np.asarray(way * way * (3.0 - 2.0 * way))
