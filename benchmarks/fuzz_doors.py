@@ -27,7 +27,9 @@ from zenoh_cbef.outside.status import read_status
 from zenoh_cbef.plain import read_json, read_toml
 from zenoh_cbef.protocol.control import read_answer, read_request
 from zenoh_cbef.protocol.keys import address, agent_named, run_of
-from zenoh_cbef.protocol.messages import BODIES, BadMessage, decode, decode_all, peek, unpack
+from zenoh_cbef.protocol.kinds import BODIES
+from zenoh_cbef.protocol.messages import BadMessage, decode, decode_all, peek, unpack
+from zenoh_cbef.protocol.questions import STATUS
 from zenoh_cbef.protocol.round_codec import RoundCodec
 from zenoh_cbef.protocol.scenario_service import read_scenario, time_in
 from zenoh_cbef.scenario.injected import read_tables, with_faults
@@ -199,7 +201,7 @@ class Doors:
         told |= {
             name: [material.message()[2] for _ in range(3)] for name in ("estimates", "earlier", "cards", "events")
         }
-        read_status(read_answer(_mutated(material, told), "status", KEYS.control))
+        read_status(read_answer(_mutated(material, told), STATUS, KEYS.control))
         return "accepted"
 
 

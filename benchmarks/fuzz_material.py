@@ -11,7 +11,8 @@ import msgpack
 import numpy as np
 
 from zenoh_cbef.protocol.keys import Keys
-from zenoh_cbef.protocol.messages import BODIES, encode
+from zenoh_cbef.protocol.kinds import BODIES
+from zenoh_cbef.protocol.messages import encode
 from zenoh_cbef.protocol.round_codec import RoundCodec
 
 RUN = "fuzz"

@@ -17,7 +17,7 @@ from tests.cli.command_line import leaves
 from tests.log.made import made_log
 from zenoh_cbef.faults import AnyFault
 from zenoh_cbef.protocol.keys import Keys
-from zenoh_cbef.protocol.messages import BODIES, ENVELOPE
+from zenoh_cbef.protocol.kinds import BODIES, ENVELOPE
 from zenoh_cbef.scenario import Scenario
 from zenoh_cbef.scenario.load import load
 from zenoh_cbef.simulator import simulate

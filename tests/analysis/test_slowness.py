@@ -137,6 +137,7 @@ def test_a_status_names_who_said_so_lately():
         body = {"kind": "slow", "text": "", "data": {}}
         return encode("r", sender, 0, round(sent * SECOND), body)
 
-    state = {**told(AFTER, []), "time": 1000.0}
+    state = told(AFTER, [])
+    state["time"] = 1000.0
     state["events"] = [slow("agent/3", 990.0), slow("agent/5", 800.0), slow("target", 995.0), slow("agent/x", 999.0)]
     assert read_status(state).slow == ["agent/3", "target"]

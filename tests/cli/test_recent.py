@@ -19,7 +19,7 @@ def estimate(sent: int, received: list[int], lost: list[int], late: list[int]) -
     return encode("r", "agent/0", 0, sent, {**body, **counts, "covariance": None})
 
 
-def told(latest: bytes, earlier: list[bytes]) -> dict:
+def told(latest: bytes, earlier: list[bytes]):
     lists = dict.fromkeys(("live", "silent", "away", "truth", "cards", "events"), ())
     numbers = {"agents": 1, "steps": 100, "dt": 0.1, "step": 1, "start": 0.0, "time": 9.0}
     words = {"run": "r", "filter": "sicf", "mode": "realtime", "planar": False, "stopping": False, "target": {}}

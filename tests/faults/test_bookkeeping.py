@@ -39,12 +39,12 @@ def test_every_message_has_a_mark_and_every_strike_is_counted_since_the_start():
         for round_ in (1, 2):
             injected.note(struck.of(step, round_))
         told = injected.take()
-        assert told["injected_lost"] == [0, 2 * step, 0]
-        assert told["corrupted"] == told["duplicated"] == told["injected_late"] == [0, 0, 0]
-        assert told[FATES] == [(IN_TIME if step == 1 else ABSENT) * 2, "xx", IN_TIME * 2]
+        assert told.counts["injected_lost"] == [0, 2 * step, 0]
+        assert told.counts["corrupted"] == told.counts["duplicated"] == told.counts["injected_late"] == [0, 0, 0]
+        assert told.fields()[FATES] == told.marks == [(IN_TIME if step == 1 else ABSENT) * 2, "xx", IN_TIME * 2]
     injected.forget(slice(1, 2))
     injected.note(fates().of(1, 1))
-    assert injected.take() == {
+    assert injected.take().fields() == {
         name: [0, 0, 0] for name in ("injected_lost", "injected_late", "corrupted", "duplicated")
     }
 
@@ -54,8 +54,8 @@ def test_what_was_told_of_a_step_does_not_change_with_the_next():
     injected.note(struck.of(1, 1))
     told = injected.take()
     injected.note(struck.of(2, 1))
-    assert told["injected_lost"] == [1, 1, 1]
-    assert told[FATES] == ["x", "x", "x"]
+    assert told.counts["injected_lost"] == [1, 1, 1]
+    assert told.marks == ["x", "x", "x"]
 
 
 def test_a_message_that_may_wait_is_late_only_by_what_it_takes_longer():

@@ -48,6 +48,6 @@ def test_a_clock_that_is_set_after_an_agent_has_joined_does_not_move_the_start(j
         node = SimpleNamespace(session=session, identity=Identity("test", "agent", "1"))
         entrance = Entrance(SimpleNamespace(node=node, neighbourhood=None), None, joined)
         now, before = time.time(), time.monotonic()
-        epoch = entrance.epoch({"k": 0, "at": now + 100.0, "sent": int(1e9 * now)})
+        epoch = entrance.epoch(now + 100.0, int(1e9 * now))
         assert abs(epoch - before - 100.0) < 0.5 * abs(jump)
         service.undeclare()

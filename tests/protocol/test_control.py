@@ -10,9 +10,11 @@ import pytest
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.protocol.control import read_answer, read_request
 from zenoh_cbef.protocol.messages import VERSION, BadMessage
+from zenoh_cbef.protocol.questions import ADD, CLEAR, LIST, STATUS, STOP, Question
 
+QUESTIONS: dict[str, Question] = {one.name: one for one in (STOP, ADD, CLEAR, LIST, STATUS)}
 FAULT = {"kind": "loss", "number": 0, "from": 1.0, "until": None, "active": True}
-STATUS = {
+TOLD = {
     "run": "mine",
     "filter": "sicf",
     "mode": "lockstep",
@@ -41,12 +43,12 @@ ANSWERS: dict[str, dict] = {
     "fault add": {"number": 1, "from": 2.5},
     "fault clear": {"ended": [0, 2]},
     "fault list": {"faults": json.dumps([FAULT, FAULT | {"until": 3}])},
-    "status": STATUS,
+    "status": TOLD,
 }
 
 
 def answer(asked, **fields):
-    return read_answer(msgpack.packb(ANSWERS[asked] | fields), asked, "run/control")
+    return read_answer(msgpack.packb(ANSWERS[asked] | fields), QUESTIONS[asked], "run/control")
 
 
 @pytest.mark.parametrize("asked", ANSWERS)
@@ -55,7 +57,7 @@ def test_an_answer_is_what_was_promised_or_refused_with_the_name_of_the_field(as
     for name in ANSWERS[asked]:
         lacking = {other: value for other, value in ANSWERS[asked].items() if other != name}
         with pytest.raises(UserError, match=rf"run/control answers with something else \({name} is not"):
-            read_answer(msgpack.packb(lacking), asked, "run/control")
+            read_answer(msgpack.packb(lacking), QUESTIONS[asked], "run/control")
 
 
 NO_NUMBER: list[object] = [True, "1", None, float("nan"), float("inf"), [1]]
@@ -117,9 +119,9 @@ def test_the_largest_lists_and_counts_are_taken():
 
 def test_the_sentence_of_a_refusal_is_the_users():
     with pytest.raises(UserError, match=r"^there is no fault 3$"):
-        read_answer(msgpack.packb({"error": "there is no fault 3"}), "fault clear", "run/control")
+        read_answer(msgpack.packb({"error": "there is no fault 3"}), CLEAR, "run/control")
     with pytest.raises(UserError, match="something else"):
-        read_answer(b"\xc1", "stop", "run/control")
+        read_answer(b"\xc1", STOP, "run/control")
 
 
 def test_a_request_has_a_version_and_asks_for_something():

@@ -21,6 +21,7 @@ from zenoh_cbef.nodes.recorder.overview import Overview
 from zenoh_cbef.plain import DEEPEST, count_in, counts_in, flaw, read_json, read_toml, whole
 from zenoh_cbef.protocol.control import read_answer, read_request
 from zenoh_cbef.protocol.messages import BadMessage, decode, encode
+from zenoh_cbef.protocol.questions import ADD, CLEAR, LIST, STATUS, STOP, Question
 from zenoh_cbef.protocol.scenario_service import Clock, read_scenario
 from zenoh_cbef.scenario.injected import read_tables
 
@@ -108,15 +109,18 @@ def test_whole_numbers_are_read_without_a_crash(text):
     assert found is None or (text.isascii() and int(text) == found)
 
 
+QUESTIONS: tuple[Question, ...] = (STATUS, LIST, ADD, CLEAR, STOP)
+
+
 @settings(max_examples=40, deadline=None)
 @given(st.dictionaries(st.sampled_from(["v", "ask", "fault", "x"]), PLAIN), st.binary(max_size=40))
 def test_requests_and_answers_are_taken_or_refused(table, raw):
     for data in (msgpack.packb(table), raw):
         with contextlib.suppress(BadMessage):
             assert isinstance(read_request(data)["ask"], str)
-        for asked in ("status", "fault list", "fault add", "fault clear", "stop"):
+        for question in QUESTIONS:
             with pytest.raises(UserError):
-                read_answer(data, asked, "cbef/run/control")
+                read_answer(data, question, "cbef/run/control")
 
 
 def test_a_forged_estimate_far_away_does_not_stop_a_recorder():

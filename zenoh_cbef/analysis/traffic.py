@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
-from zenoh_cbef.faults.injected import FATES, Injected
+from zenoh_cbef.faults.injected import Injected, Told
 from zenoh_cbef.protocol.bodies import estimate_body, range_body
 from zenoh_cbef.protocol.messages import encode
 from zenoh_cbef.protocol.round_codec import RoundCodec
@@ -59,21 +57,24 @@ def _estimate(plan: Plan) -> Estimate:
     return tracker.conclude()
 
 
-def _counts(plan: Plan, agent: int, neighbours: list[int], step: int) -> dict[str, Any]:
+def _counts(plan: Plan, agent: int, neighbours: list[int], step: int) -> dict[str, object]:
     """An agent's counts of its neighbours' messages in a step, as if all steps before had been like this one."""
     rounds = range(not plan.sharing.uses_neighbour_ranges, plan.rounds + 1)
-    counts: dict[str, Any] = {"neighbours": neighbours, "latency": [0.5] * len(neighbours)}
-    counts["received"] = [step * len(rounds)] * len(neighbours)
-    counts |= {name: [0] * len(neighbours) for name in ("lost", "late")}
+    due = [step * len(rounds)] * len(neighbours)
+    none = dict.fromkeys(("lost", "late"), [0] * len(neighbours))
+    counts = {"neighbours": neighbours, "latency": [0.5] * len(neighbours), "received": due, **none}
     fates = fates_into(plan, agent, neighbours)
     if fates.quiet:
         return counts
     injected = Injected(len(neighbours))
     for round_ in rounds:
         injected.note(fates.of(step, round_))
-    told = {name: [step * one for one in ones] if name != FATES else ones for name, ones in injected.take().items()}
-    gone = [told[name] for name in ("injected_lost", "corrupted", "injected_late")]
-    counts["lost"] = [lost + corrupted for lost, corrupted, _ in zip(*gone, strict=True)]
-    counts["late"] = told["injected_late"]
-    counts["received"] = [step * len(rounds) - sum(each) for each in zip(*gone, strict=True)]
-    return counts | told
+    now = injected.take()
+    told = Told({name: [step * one for one in ones] for name, ones in now.counts.items()}, now.marks)
+    gone = [*zip(*(told.counts[name] for name in ("injected_lost", "corrupted", "injected_late")), strict=True)]
+    used = {
+        "received": [most - sum(each) for most, each in zip(due, gone, strict=True)],
+        "lost": [lost + corrupted for lost, corrupted, _ in gone],
+        "late": told.counts["injected_late"],
+    }
+    return {**counts, **used, **told.fields()}

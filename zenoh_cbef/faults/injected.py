@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
 from zenoh_cbef.faults.fates import Fate
 
-FATES = "fates"
+FATES: Final = "fates"
 """Field of an estimate with a mark for every message of the step, where faults touched any."""
 
 IN_TIME = "."
@@ -18,6 +19,23 @@ ABSENT = "-"
 """The mark of a message that was not sent, or whose receiver was not there."""
 
 _MARKS = {"injected_lost": "x", "injected_late": ">", "corrupted": "!", "duplicated": "+"}
+
+
+@dataclass(frozen=True)
+class Told:
+    """What faults did on some links: counts since the start by name, and the marks of one step, a text for each."""
+
+    counts: dict[str, list[int]]
+    marks: list[str]
+
+    def of(self, links: slice) -> Told:
+        """The same of some of the links."""
+        return Told({name: counts[links] for name, counts in self.counts.items()}, self.marks[links])
+
+    def fields(self) -> dict[str, list[int] | list[str]]:
+        """The fields of an estimate: marks only where a fault did anything in the step."""
+        marks = {FATES: self.marks} if any(marks.strip(IN_TIME) for marks in self.marks) else {}
+        return {**self.counts, **marks}
 
 
 class Injected:
@@ -45,10 +63,8 @@ class Injected:
         self._counts[name][place] += 1
         self._marks[place] = self._marks[place][:-1] + _MARKS[name]
 
-    def take(self) -> dict[str, list[Any]]:
-        """The counts, and the marks of the step that ends, where a fault did anything in it."""
-        taken: dict[str, list[Any]] = {name: count.copy() for name, count in self._counts.items()}
-        if any(marks.strip(IN_TIME) for marks in self._marks):
-            taken[FATES] = self._marks
+    def take(self) -> Told:
+        """The counts, and the marks of the step that ends."""
+        told = Told({name: counts.copy() for name, counts in self._counts.items()}, self._marks)
         self._marks = [""] * len(self._marks)
-        return taken
+        return told

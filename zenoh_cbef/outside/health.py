@@ -6,6 +6,7 @@ from zenoh_cbef.errors import UserError
 from zenoh_cbef.outside.operator import Operator
 from zenoh_cbef.protocol.control import ask_control
 from zenoh_cbef.protocol.keys import Keys
+from zenoh_cbef.protocol.questions import STATUS
 from zenoh_cbef.protocol.reach import wait_for_link, why_no_answer
 from zenoh_cbef.protocol.session import Connection
 
@@ -27,5 +28,5 @@ def is_there(connection: Connection, run: str, name: str, patience: float) -> bo
         if _TARGET not in live:
             raise UserError(f"no run {run!r} is on; check --run, or start its target")
         # Peers do not relay: a session that is linked to the target alone sees no other process, but the target does.
-        told = ask_control(operator.session, Keys(run).control, {"ask": "status"}, timeout=_ANSWER_SECONDS)
+        told = ask_control(operator.session, Keys(run).control, STATUS, timeout=_ANSWER_SECONDS)
         return told is not None and name in told["live"]

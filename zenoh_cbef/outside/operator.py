@@ -7,13 +7,14 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import TracebackType
-from typing import Any, Self
+from typing import Self
 
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.outside.status import RunStatus, read_status
 from zenoh_cbef.protocol.control import ask_control
 from zenoh_cbef.protocol.keys import Keys
 from zenoh_cbef.protocol.presence import live_now
+from zenoh_cbef.protocol.questions import ADD, CLEAR, LIST, STATUS, STOP, Answer, InjectedTable, Question
 from zenoh_cbef.protocol.reach import wait_for_link, why_no_answer
 from zenoh_cbef.protocol.session import Connection, open_session
 
@@ -43,9 +44,11 @@ class InjectedFault:
         named = {"number": self.number, "active": self.active, "kind": self.kind, "from": self.since, **until}
         return named | self.keys
 
-
-def _injected(number: int, active: bool, kind: str, until: float | None = None, **rest: Any) -> InjectedFault:
-    return InjectedFault(number, active, kind, rest.pop("from"), until, rest)
+    @classmethod
+    def of(cls, table: InjectedTable) -> Self:
+        """A fault as the run tells it."""
+        keys = {name: value for name, value in table.items() if name not in InjectedTable.__annotations__}
+        return cls(table["number"], table["active"], table["kind"], table["from"], table.get("until"), keys)
 
 
 class Operator:
@@ -70,46 +73,45 @@ class Operator:
 
     def status(self) -> RunStatus:
         """How the run is doing."""
-        return read_status(self._ask("status"))
+        return read_status(self._ask(STATUS))
 
     def status_if_on(self) -> RunStatus | None:
         """As status, but None where the run does not answer, as it has ended."""
-        told = self._answer("status")
+        told = self._answer(STATUS)
         return None if told is None else read_status(told)
 
     def stop(self) -> int | None:
         """End the run. Returns the step after which it ends, None before the first."""
-        step: int | None = self._ask("stop")["step"]
-        return step
+        return self._ask(STOP)["step"]
 
     def inject(self, fault: Mapping[str, object], seconds: float | None) -> tuple[int, float]:
         """Inject a fault for so many s, or for good. Returns its number and when it begins (run time, s)."""
-        told = self._ask("fault add", fault=json.dumps(fault), seconds=seconds)
+        told = self._ask(ADD, fault=json.dumps(fault), seconds=seconds)
         return told["number"], told["from"]
 
     def injected(self) -> list[InjectedFault]:
         """The faults that were injected."""
-        return [_injected(**fault) for fault in json.loads(self._ask("fault list")["faults"])]
+        tables: list[InjectedTable] = json.loads(self._ask(LIST)["faults"])
+        return [InjectedFault.of(table) for table in tables]
 
     def clear(self, numbers: Sequence[int]) -> list[int]:
         """End injected faults, all if none is named. Returns which were ended."""
-        ended: list[int] = self._ask("fault clear", numbers=list(numbers) or None)["ended"]
-        return ended
+        return self._ask(CLEAR, numbers=list(numbers) or None)["ended"]
 
-    def _ask(self, what: str, **more: object) -> dict[str, Any]:
+    def _ask(self, what: Question[Answer], **more: object) -> Answer:
         told = self._answer(what, **more)
         if told is None:
             why = why_no_answer(self.session, self._connection, self.run)
             raise UserError(f"run {self.run!r} does not answer: {why}")
         return told
 
-    def _answer(self, what: str, **more: object) -> dict[str, Any] | None:
+    def _answer(self, what: Question[Answer], **more: object) -> Answer | None:
         """What the run answers, None where it does not."""
         wait_for_link(self.session, self._until - time.monotonic())
         while True:
             # A new link does not know yet which processes answer: no answer may come at once, and one a moment later.
             left = self._until - time.monotonic()
-            told = ask_control(self.session, self._keys.control, {"ask": what, **more}, timeout=max(left, 1.0))
+            told = ask_control(self.session, self._keys.control, what, timeout=max(left, 1.0), **more)
             if told is not None or left < 0.0:
                 self._until = time.monotonic() + self.patience
                 return told

@@ -7,16 +7,22 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from math import sqrt
-from typing import Any
+from typing import TypedDict, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from zenoh_cbef.protocol.keys import agent_named
+from zenoh_cbef.protocol.kinds import EstimateMessage, EventMessage
 from zenoh_cbef.protocol.messages import BadMessage, decode, unpack_floats
+from zenoh_cbef.protocol.questions import StatusAnswer
 from zenoh_cbef.protocol.slow import AGAIN_SECONDS, SLOW, WINDOW_SECONDS
 
-Message = dict[str, Any]
+_Value = TypeVar("_Value")
+SaidEvent = TypedDict(
+    "SaidEvent", {"from": str, "at": float, "kind": str, "text": str, "data": Mapping[str, object] | None}
+)
+"""What a process told. at: when, s since the Unix epoch."""
 
 _LATELY_SECONDS = AGAIN_SECONDS + 2.0 * WINDOW_SECONDS
 
@@ -93,26 +99,25 @@ class RunStatus:
     recorder: Whereabouts | None
     agents: list[AgentStatus]
     links: list[LinkStatus]
-    faults: list[dict[str, Any]]
-    events: list[dict[str, Any]]
+    faults: list[dict[str, object]]
+    events: list[SaidEvent]
     slow: list[str] = field(default_factory=list)
     unobservable: str = ""
 
 
-def read_status(told: Mapping[str, Any]) -> RunStatus:
+def read_status(told: StatusAnswer) -> RunStatus:
     """The status in a target's answer."""
     run, count = told["run"], told["agents"]
-    estimates = _by_sender(_messages("estimate", told["estimates"], run))
-    earlier = _by_sender(_messages("estimate", told.get("earlier", []), run))
-    events = sorted(_messages("event", told["events"], run), key=lambda one: int(one["sent"]))
-    cards = _by_sender(_messages("event", told["cards"], run))
+    estimates, earlier = _estimates(told["estimates"], run), _estimates(told["earlier"], run)
+    events = sorted(_events(told["events"], run), key=lambda one: one["sent"])
+    cards = {message["from"]: message.get("data", {}) for message in _events(told["cards"], run)}
     truth = {k: np.array(state) for k, state in told["truth"]}
     axes = 2 if told["planar"] else 3
     agents = []
     for agent in range(count):
         name = f"agent/{agent}"
-        where = _whereabouts(cards.get(name, {}).get("data", {}))
-        agents.append(AgentStatus(agent, _state(told, agent), where, **_quality(estimates.get(name), truth, axes)))
+        status = AgentStatus(agent, _state(told, agent), _whereabouts(cards.get(name, {})))
+        agents.append(_with_quality(status, estimates[name], truth, axes) if name in estimates else status)
     taking_part = [estimates[f"agent/{agent}"] for agent in told["members"] if f"agent/{agent}" in estimates]
     error, disagreement = _network(taking_part, truth, axes)
     started, recorder = told["step"] is not None, any(name.startswith("record/") for name in told["live"])
@@ -129,39 +134,51 @@ def read_status(told: Mapping[str, Any]) -> RunStatus:
         error=error,
         disagreement=disagreement,
         target=_whereabouts(told["target"]),
-        recorder=_whereabouts(cards.get("record", {}).get("data", {})) if recorder else None,
+        recorder=_whereabouts(cards.get("record", {})) if recorder else None,
         agents=agents,
         links=[link for name, message in estimates.items() for link in _links(name, message, earlier.get(name))],
         faults=json.loads(told["faults"]),
-        events=[{"from": one["from"], "at": one["sent"] * 1e-9, **_said(one)} for one in events],
+        events=[_said(one) for one in events],
         slow=_slow(events, told["time"]),
-        unobservable=str(told.get("unobservable", "")),
+        unobservable=told.get("unobservable", ""),
     )
 
 
-def _messages(kind: str, raw: list[bytes], run: str) -> list[Message]:
-    found = []
+def _estimates(raw: list[bytes], run: str) -> dict[str, EstimateMessage]:
+    """The latest estimate of each sender."""
+    found = {}
     for data in raw:
         with suppress(BadMessage):
-            found.append(decode(kind, data, run=run))
+            message = decode("estimate", data, run=run)
+            found[message["from"]] = message
     return found
 
 
-def _by_sender(messages: list[Message]) -> dict[str, Message]:
-    return {message["from"]: message for message in messages}
+def _events(raw: list[bytes], run: str) -> list[EventMessage]:
+    found = []
+    for data in raw:
+        with suppress(BadMessage):
+            found.append(decode("event", data, run=run))
+    return found
 
 
-def _slow(events: list[Message], now: float) -> list[str]:
+def _slow(events: list[EventMessage], now: float) -> list[str]:
     """The processes that reported themselves as too slow so lately that they could not have repeated it yet."""
     lately = (one["from"] for one in events if one["kind"] == SLOW and now - 1e-9 * one["sent"] < _LATELY_SECONDS)
     return sorted({name for name in lately if name == "target" or agent_named(name) is not None})
 
 
-def _said(event: Message) -> Message:
-    return {name: event.get(name) for name in ("kind", "text", "data")}
+def _said(event: EventMessage) -> SaidEvent:
+    return {
+        "from": event["from"],
+        "at": event["sent"] * 1e-9,
+        "kind": event["kind"],
+        "text": event["text"],
+        "data": event.get("data"),
+    }
 
 
-def _state(told: Mapping[str, Any], agent: int) -> str:
+def _state(told: StatusAnswer, agent: int) -> str:
     live = told["live"]
     away = agent in told["away"]
     if f"agent/{agent}" not in live:
@@ -175,24 +192,42 @@ def _state(told: Mapping[str, Any], agent: int) -> str:
     return "on" if agent in told["members"] else "joining"
 
 
-def _whereabouts(data: Mapping[str, Any]) -> Whereabouts:
-    kinds = {"host": str, "pid": int, "version": str, "zenoh": str, "clock": float, "round_trip": float}
-    return Whereabouts(**{name: data[name] for name, kind in kinds.items() if isinstance(data.get(name), kind)})
+def _told(data: Mapping[str, object], name: str, kind: type[_Value]) -> _Value | None:
+    """A value that another process told, None where it is of another kind."""
+    value = data.get(name)
+    return value if isinstance(value, kind) else None
 
 
-def _quality(message: Message | None, truth: Mapping[int, NDArray[np.float64]], axes: int) -> Message:
-    if message is None:
-        return {}
-    found: Message = {name: message.get(name) for name in ("nis", "nis_degrees")}
-    packed = message["covariance"]
+def _whereabouts(data: Mapping[str, object]) -> Whereabouts:
+    return Whereabouts(
+        host=_told(data, "host", str),
+        pid=_told(data, "pid", int),
+        version=_told(data, "version", str),
+        zenoh=_told(data, "zenoh", str),
+        clock=_told(data, "clock", float),
+        round_trip=_told(data, "round_trip", float),
+    )
+
+
+def _with_quality(
+    status: AgentStatus, message: EstimateMessage, truth: Mapping[int, NDArray[np.float64]], axes: int
+) -> AgentStatus:
+    """The status with what an estimate says, and with its error."""
+    packed, error, spread = message["covariance"], _distance(message, truth, axes), None
     if packed is not None:
         with suppress(BadMessage):
-            found["spread"] = sqrt(max(0.0, float(np.trace(unpack_floats(packed, 6, 6)[:axes, :axes]))))
-    error = _distance(message, truth, axes)
-    return {"step": message["k"], "error": None if error is None else sqrt(error), **found}
+            spread = sqrt(max(0.0, float(np.trace(unpack_floats(packed, 6, 6)[:axes, :axes]))))
+    return replace(
+        status,
+        step=message["k"],
+        error=None if error is None else sqrt(error),
+        spread=spread,
+        nis=_told(message, "nis", float),
+        nis_degrees=_told(message, "nis_degrees", int),
+    )
 
 
-def _distance(message: Message, truth: Mapping[int, NDArray[np.float64]], axes: int) -> float | None:
+def _distance(message: EstimateMessage, truth: Mapping[int, NDArray[np.float64]], axes: int) -> float | None:
     """Squared distance from the truth, m²; None where the truth is unknown."""
     real = truth.get(message["k"])
     if real is None or not np.isfinite(real[:axes]).all():
@@ -201,7 +236,7 @@ def _distance(message: Message, truth: Mapping[int, NDArray[np.float64]], axes: 
 
 
 def _network(
-    messages: list[Message], truth: Mapping[int, NDArray[np.float64]], axes: int
+    messages: list[EstimateMessage], truth: Mapping[int, NDArray[np.float64]], axes: int
 ) -> tuple[float | None, float | None]:
     """Error and disagreement, m, of the agents in the step that most of them are at."""
     steps = [message["k"] for message in messages]
@@ -215,25 +250,24 @@ def _network(
     return sqrt(float(np.mean(errors))) if errors else None, sqrt(float(apart.mean()))
 
 
-_COUNTS = ("received", "lost", "late")
-
-
-def _links(name: str, message: Message, before: Message | None) -> list[LinkStatus]:
-    agent = agent_named(name)
-    lists = [message[field] for field in ("neighbours", *_COUNTS, "latency")]
-    if agent is None or len({len(one) for one in lists}) != 1:
+def _links(name: str, message: EstimateMessage, before: EstimateMessage | None) -> list[LinkStatus]:
+    agent, sources = agent_named(name), message["neighbours"]
+    received, lost, late, latency = message["received"], message["lost"], message["late"], message["latency"]
+    if agent is None or {len(received), len(lost), len(late), len(latency)} != {len(sources)}:
         return []
-    links = [LinkStatus(one[0], agent, *one[1:]) for one in zip(*lists, strict=True)]
+    rows = zip(sources, received, lost, late, latency, strict=True)
+    links = [LinkStatus(row[0], agent, row[1], row[2], row[3], row[4]) for row in rows]
     return links if before is None else [_with_recent(link, message, before) for link in links]
 
 
-def _with_recent(link: LinkStatus, message: Message, before: Message) -> LinkStatus:
+def _with_recent(link: LinkStatus, message: EstimateMessage, before: EstimateMessage) -> LinkStatus:
     """The link with what it did since an earlier estimate, where that is of the same life of its agent."""
     seconds = (message["sent"] - before["sent"]) * 1e-9
-    counts = zip(*(before[field] for field in ("neighbours", *_COUNTS)), strict=False)
-    then = next((one[1:] for one in counts if one[0] == link.source), None)
+    former = zip(before["neighbours"], before["received"], before["lost"], before["late"], strict=False)
+    then = next((counts for source, *counts in former if source == link.source), None)
     if then is None or seconds <= 0.0 or then[0] > link.received:
         return link
     # A message that was given up and came later is late instead of lost.
-    received, lost, late = (max(0, getattr(link, field) - former) for field, former in zip(_COUNTS, then, strict=True))
+    now = link.received, link.lost, link.late
+    received, lost, late = (max(0, count - before) for count, before in zip(now, then, strict=True))
     return replace(link, recent_received=received, recent_lost=lost, recent_late=late, recent_seconds=seconds)

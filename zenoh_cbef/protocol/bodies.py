@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +14,7 @@ from zenoh_cbef.tracking.smoothing import Smoothed
 from zenoh_cbef.tracking.tracker import Estimate
 
 
-def range_body(step: int, position: NDArray[np.float64], range_: float) -> dict[str, Any]:
+def range_body(step: int, position: NDArray[np.float64], range_: float) -> dict[str, object]:
     """An agent's position (3,) and the range (m) that it tells, NaN for none."""
     return {"k": step, "position": position.tolist(), "range": nan_to_nil(range_)}
 
@@ -38,7 +37,9 @@ def divergence(agent: int, step: int) -> str:
     )
 
 
-def estimate_body(step: int, estimate: Estimate, row: int, agent: int, counts: Mapping[str, Any]) -> dict[str, Any]:
+def estimate_body(
+    step: int, estimate: Estimate, row: int, agent: int, counts: Mapping[str, object]
+) -> dict[str, object]:
     """The result of a step of one agent, a row of the batch; counts: of its neighbours' messages.
 
     Raises UserError where the estimate is no longer finite.
@@ -55,7 +56,7 @@ def estimate_body(step: int, estimate: Estimate, row: int, agent: int, counts: M
     }
 
 
-def smoothed_body(smoothed: Smoothed, row: int) -> dict[str, Any]:
+def smoothed_body(smoothed: Smoothed, row: int) -> dict[str, object]:
     """What later estimates say of an earlier step of one agent, a row of the batch."""
     return {
         "k": smoothed.step,

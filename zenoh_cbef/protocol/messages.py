@@ -8,183 +8,42 @@ of little-endian float64, last in the map.
 from __future__ import annotations
 
 import math
-import re
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from itertools import chain
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import Any, Literal, TypeAlias, TypedDict, overload
 
 import msgpack
 import numpy as np
 from numpy.typing import NDArray
 
-from zenoh_cbef.plain import flaw
-from zenoh_cbef.tracking import diagnostics
-from zenoh_cbef.tracking.moderation import LARGEST_SENT
+from zenoh_cbef.plain import Json
+from zenoh_cbef.protocol.fields import LONGEST
+from zenoh_cbef.protocol.kinds import (
+    BODIES,
+    ENVELOPE,
+    BeaconMessage,
+    EstimateMessage,
+    EventMessage,
+    FaultsMessage,
+    RangeMessage,
+    RoundMessage,
+    SignalMessage,
+    TruthMessage,
+)
 
 VERSION = 1
 LARGEST = 1 << 20
-LONGEST = 10_000
-"""Characters of a text, and items of a list or table, beyond which a message is refused."""
 
 # The decoder makes room for as many items as a list claims to have, so that number is limited. No extensions.
 _CLAIMS = {"max_array_len": LONGEST, "max_map_len": LONGEST, "max_ext_len": 0}
 
-FARTHEST = 1e100
-"""The largest number in a message, either way: no position, time or variance gets there, and its square is finite."""
 
-_MOST = 1 << 63
-_FAR_FUTURE = 1e10
-"""A time that is no date, s since the Unix epoch."""
-
-_MOST_COUNTED = 1 << 40
-"""The most that one of many counts can be: sums of them stay exact."""
-
-_CONTROL = re.compile("[\\x00-\\x08\\x0b-\\x1f\\x7f]")
+Message: TypeAlias = Mapping[str, Any]
+"""A message of a kind that is known when the program runs: what `decode` says of that kind."""
 
 
 class BadMessage(ValueError):
     """A message that is not what its key promises; the text says why, in a few words."""
 
-
-Values = Sequence[Any]
-Test = Callable[[Values], bool]
-
-
-@dataclass(frozen=True)
-class Field:
-    """One field of a message: a test of its values in some messages, at least one, and its JSON Schema."""
-
-    hold: Test
-    schema: Mapping[str, Any]
-    optional: bool = False
-
-
-def _are(values: Values, *types: type) -> bool:
-    return set(map(type, values)) <= set(types)
-
-
-def _counts(values: Values) -> bool:
-    return _are(values, int) and min(values) >= 0 and max(values) < _MOST
-
-
-def _small_counts(values: Values) -> bool:
-    return _counts(values) and max(values) < _MOST_COUNTED
-
-
-def _finite(values: Values) -> bool:
-    return (
-        _are(values, float) and all(map(math.isfinite, values)) and -FARTHEST <= min(values) <= max(values) <= FARTHEST
-    )
-
-
-def _finite_or_nil(values: Values) -> bool:
-    return not (numbers := [value for value in values if value is not None]) or _finite(numbers)
-
-
-def _texts(values: Values) -> bool:
-    if not _are(values, str) or max(map(len, values)) > LONGEST:
-        return False
-    # Text that is shown on a terminal must hold no control characters; a list of words can have several lines.
-    return all(map(str.isprintable, values)) or not any(map(_CONTROL.search, values))
-
-
-def _plain_tables(values: Values) -> bool:
-    return _are(values, dict) and not any(map(flaw, values))
-
-
-def _lists_of(test: Test, size: int | None = None) -> Test:
-    """Lists of what passes a test, of a size, or of any that is not absurd."""
-
-    def hold(values: Values) -> bool:
-        if not _are(values, list):
-            return False
-        sizes = set(map(len, values))
-        flat = [*chain.from_iterable(values)]
-        return (max(sizes) <= LONGEST if size is None else sizes == {size}) and (not flat or test(flat))
-
-    return hold
-
-
-def _doubles(values: Values, most: float = LARGEST_SENT) -> bool:
-    whole = _are(values, bytes) and all(len(value) % 8 == 0 for value in values)
-    return whole and bool((np.abs(np.frombuffer(b"".join(values), "<f8")) <= most).all())
-
-
-def _doubles_or_nil(values: Values) -> bool:
-    return _doubles([value for value in values if value is not None], FARTHEST)
-
-
-def _numbers(size: int) -> Field:
-    return Field(
-        _lists_of(_finite, size), {"type": "array", "items": {"type": "number"}, "minItems": size, "maxItems": size}
-    )
-
-
-_INTEGER = {"type": "integer", "minimum": 0}
-_DOUBLES = {"type": "string", "contentEncoding": "binary", "description": "little-endian float64"}
-
-COUNT = Field(_counts, _INTEGER)
-SMALL_COUNT = Field(_small_counts, _INTEGER)
-COUNTS = Field(_lists_of(_small_counts), {"type": "array", "items": _INTEGER})
-COUNTS_IF_ANY = replace(COUNTS, optional=True)
-NUMBER = Field(_finite, {"type": "number"})
-NUMBER_OR_NIL = Field(_finite_or_nil, {"type": ["number", "null"]})
-NUMBERS_OR_NIL = Field(_lists_of(_finite_or_nil), {"type": "array", "items": {"type": ["number", "null"]}})
-TEXT = Field(_texts, {"type": "string"})
-DOUBLES = Field(_doubles, _DOUBLES)
-MATRIX = Field(lambda values: _doubles(values, FARTHEST) and {*map(len, values)} == {8 * 36}, _DOUBLES)
-DOUBLES_OR_NIL = Field(_doubles_or_nil, {**_DOUBLES, "type": ["string", "null"]})
-
-START, END = "start", "end"
-SIGNAL = Field(lambda values: _are(values, str) and {*values} <= {START, END}, {"enum": [START, END]})
-MOMENT = Field(
-    lambda values: _finite(values) and min(values) >= 0.0 and max(values) < _FAR_FUTURE,
-    {"type": "number", "minimum": 0, "exclusiveMaximum": _FAR_FUTURE},
-    optional=True,
-)
-
-ENVELOPE = {"v": COUNT, "run": TEXT, "from": TEXT, "seq": COUNT, "sent": COUNT}
-
-_EARLY = frozenset({"innovation", "weight"})
-"""The diagnostics that logs of version 0.1.0 have; all others are optional."""
-
-BODIES: dict[str, dict[str, Field]] = {
-    "truth": {"k": COUNT, "state": _numbers(6)},
-    "beacon": {
-        "k": COUNT,
-        "emitted": NUMBER_OR_NIL,
-        "arrived": NUMBER_OR_NIL,
-        # In older logs, which have no key for signals.
-        "signal": replace(SIGNAL, optional=True),
-        "at": MOMENT,
-    },
-    "signal": {"k": COUNT, "signal": SIGNAL, "at": MOMENT},
-    "range": {"k": COUNT, "position": _numbers(3), "range": NUMBER_OR_NIL},
-    "round": {"k": COUNT, "l": COUNT, "payload": DOUBLES},
-    "estimate": {
-        "k": COUNT,
-        "state": _numbers(6),
-        **{
-            name: replace(COUNT if name in diagnostics.WHOLE else NUMBER_OR_NIL, optional=name not in _EARLY)
-            for name in diagnostics.NAMES
-        },
-        "neighbours": COUNTS,
-        "received": COUNTS,
-        "lost": COUNTS,
-        "late": COUNTS,
-        "injected_lost": COUNTS_IF_ANY,
-        "injected_late": COUNTS_IF_ANY,
-        "corrupted": COUNTS_IF_ANY,
-        "duplicated": COUNTS_IF_ANY,
-        "fates": Field(_lists_of(_texts), {"type": "array", "items": {"type": "string"}}, optional=True),
-        "latency": NUMBERS_OR_NIL,
-        "covariance": DOUBLES_OR_NIL,
-    },
-    "smoothed": {"k": COUNT, "until": SMALL_COUNT, "state": _numbers(6), "covariance": MATRIX},
-    "faults": {"tables": TEXT},
-    "event": {"kind": TEXT, "text": TEXT, "data": Field(_plain_tables, {"type": "object"}, optional=True)},
-}
 
 _FIELDS = {kind: {**ENVELOPE, **body} for kind, body in BODIES.items()}
 _REQUIRED = {
@@ -192,7 +51,16 @@ _REQUIRED = {
 }
 
 
-def json_schema(kind: str) -> dict[str, Any]:
+class Schema(TypedDict):
+    """A JSON Schema of a message."""
+
+    title: str
+    type: str
+    properties: dict[str, dict[str, Json]]
+    required: list[str]
+
+
+def json_schema(kind: str) -> Schema:
     """The JSON Schema of one kind of message, for logs and readers in other languages."""
     return {
         "title": f"cbef.{kind.capitalize()}",
@@ -202,18 +70,18 @@ def json_schema(kind: str) -> dict[str, Any]:
     }
 
 
-def encode(run: str, sender: str, seq: int, sent: int, body: Mapping[str, Any]) -> bytes:
+def encode(run: str, sender: str, seq: int, sent: int, body: Mapping[str, object]) -> bytes:
     """One message; `body` holds the kind's fields, bin fields last."""
     envelope = {"v": VERSION, "run": run, "from": sender, "seq": seq, "sent": sent}
     return bytes(msgpack.packb({**envelope, **body}))
 
 
-def unpack(data: bytes) -> dict[str, Any]:
+def unpack(data: bytes) -> dict[str, object]:
     """The map in `data`, unchecked. Raises BadMessage."""
     if len(data) > LARGEST:
         raise BadMessage(f"larger than {LARGEST} bytes")
     try:
-        message = msgpack.unpackb(data, **_CLAIMS)
+        message: object = msgpack.unpackb(data, **_CLAIMS)
     except Exception as error:  # noqa: BLE001 - hostile bytes raise errors of many kinds
         raise BadMessage(f"not msgpack ({type(error).__name__})") from None
     if type(message) is not dict:
@@ -221,10 +89,27 @@ def unpack(data: bytes) -> dict[str, Any]:
     return message
 
 
-def decode(kind: str, data: bytes, *, run: str, sender: str = "") -> dict[str, Any]:
+@overload
+def decode(kind: Literal["truth"], data: bytes, *, run: str, sender: str = "") -> TruthMessage: ...
+@overload
+def decode(kind: Literal["beacon"], data: bytes, *, run: str, sender: str = "") -> BeaconMessage: ...
+@overload
+def decode(kind: Literal["signal"], data: bytes, *, run: str, sender: str = "") -> SignalMessage: ...
+@overload
+def decode(kind: Literal["range"], data: bytes, *, run: str, sender: str = "") -> RangeMessage: ...
+@overload
+def decode(kind: Literal["round"], data: bytes, *, run: str, sender: str = "") -> RoundMessage: ...
+@overload
+def decode(kind: Literal["estimate"], data: bytes, *, run: str, sender: str = "") -> EstimateMessage: ...
+@overload
+def decode(kind: Literal["faults"], data: bytes, *, run: str, sender: str = "") -> FaultsMessage: ...
+@overload
+def decode(kind: Literal["event"], data: bytes, *, run: str, sender: str = "") -> EventMessage: ...
+@overload
+def decode(kind: str, data: bytes, *, run: str, sender: str = "") -> Message: ...
+def decode(kind: str, data: bytes, *, run: str, sender: str = "") -> Message:
     """Read and check one message. sender: the process that owns the key, "" for any. Raises BadMessage."""
-    message = unpack(data)
-    fields = _FIELDS[kind]
+    message, fields = unpack(data), _FIELDS[kind]
     for name, value in message.items():
         field = fields.get(name)
         if field is None:
@@ -237,7 +122,17 @@ def decode(kind: str, data: bytes, *, run: str, sender: str = "") -> dict[str, A
     return message
 
 
-def decode_all(kind: str, messages: Sequence[bytes], *, run: str, sender: str = "") -> list[dict[str, Any]]:
+@overload
+def decode_all(
+    kind: Literal["estimate"], messages: Sequence[bytes], *, run: str, sender: str = ""
+) -> list[EstimateMessage]: ...
+@overload
+def decode_all(
+    kind: Literal["event"], messages: Sequence[bytes], *, run: str, sender: str = ""
+) -> list[EventMessage]: ...
+@overload
+def decode_all(kind: str, messages: Sequence[bytes], *, run: str, sender: str = "") -> Sequence[Message]: ...
+def decode_all(kind: str, messages: Sequence[bytes], *, run: str, sender: str = "") -> Sequence[Message]:
     """As decode, of many messages at once, in a fraction of the time.
 
     Raises BadMessage where any of them is not as promised; decode says of one what is wrong.
@@ -256,16 +151,17 @@ def decode_all(kind: str, messages: Sequence[bytes], *, run: str, sender: str = 
     return maps
 
 
-def peek(kind: str, data: bytes, *, run: str, sender: str) -> dict[str, Any]:
-    """As decode, for a reader that needs only the step `k`: the other fields are not checked."""
+def peek(kind: str, data: bytes, *, run: str, sender: str) -> int:
+    """The step `k` of a message; its other fields need not be as promised. Raises BadMessage."""
     message = unpack(data)
-    if not _REQUIRED[kind] <= message.keys() or not _counts([message["k"]]):
+    step = message.get("k")
+    if not _REQUIRED[kind] <= message.keys() or type(step) is not int or not _FIELDS[kind]["k"].hold([step]):
         raise BadMessage("field k is missing or not as promised")
     _check_origin(message, run, sender)
-    return message
+    return step
 
 
-def _check_origin(message: dict[str, Any], run: str, sender: str) -> None:
+def _check_origin(message: Mapping[str, object], run: str, sender: str) -> None:
     if message["v"] != VERSION:
         raise BadMessage(f"version {message['v']!r:.40}, not {VERSION}")
     if message["run"] != run:

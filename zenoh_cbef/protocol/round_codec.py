@@ -10,7 +10,7 @@ from __future__ import annotations
 import struct
 import sys
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import msgpack
 import numpy as np
@@ -20,7 +20,7 @@ from zenoh_cbef.protocol.messages import VERSION, decode, unpack_floats
 from zenoh_cbef.tracking.moderation import LARGEST_SENT
 
 Floats = NDArray[np.float64]
-Counts = NDArray[np.unsignedinteger[Any]]
+Counts = NDArray[np.uint16] | NDArray[np.uint32] | NDArray[np.uint64]
 
 _KEYS = (b"\xa3seq\xcf", b"\xa4sent\xcf", b"\xa1k\xce", b"\xa1l\xcd")
 _LITTLE = sys.byteorder == "little"
@@ -55,7 +55,7 @@ class RoundCodec:
         places = [self._begin, 8, 8, 4, self._values]
         for n in (1, 2, 3):
             places[n] += places[n - 1] + len(_KEYS[n])
-        formats: list[Any] = [">u8", ">u8", ">u4", ">u2", ("<f8", (width,))]
+        formats = [">u8", ">u8", ">u4", ">u2", ("<f8", (width,))]
         self._row = np.dtype(
             {"names": list(Rounds._fields), "formats": formats, "offsets": places, "itemsize": self._size}
         )
@@ -80,9 +80,8 @@ class RoundCodec:
             if plain and numbered and (np.abs(found.payload) <= LARGEST_SENT).all():
                 return found
         maps = [decode("round", data, run=self._run, sender=self._sender) for data in messages]
-        seq, sent, step, round_ = (
-            np.array([message[name] for message in maps], np.uint64) for name in ("seq", "sent", "k", "l")
-        )
+        numbers = [(message["seq"], message["sent"], message["k"], message["l"]) for message in maps]
+        seq, sent, step, round_ = np.array(numbers, np.uint64).T
         return Rounds(
             seq, sent, step, round_, np.stack([unpack_floats(message["payload"], self._width) for message in maps])
         )
@@ -98,7 +97,7 @@ class RoundCodec:
             if fixed and seq < _MOST and sent < _MOST:
                 values = data[self._values :]
                 return step, round_, sent, values if _LITTLE else _swapped(values)
-        message: dict[str, Any] = decode("round", data, run=self._run, sender=self._sender)
+        message = decode("round", data, run=self._run, sender=self._sender)
         payload = unpack_floats(message["payload"], self._width)
         return message["k"], message["l"], message["sent"], payload.tobytes()
 

@@ -11,8 +11,9 @@ import zenoh
 
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.plain import count_in
+from zenoh_cbef.protocol.fields import Counts, field_of
 from zenoh_cbef.protocol.keys import Keys
-from zenoh_cbef.protocol.messages import COUNTS, VERSION, BadMessage, unpack
+from zenoh_cbef.protocol.messages import VERSION, BadMessage, unpack
 from zenoh_cbef.protocol.reach import why_no_answer
 from zenoh_cbef.protocol.session import Connection
 
@@ -150,5 +151,8 @@ def read_scenario(data: bytes, run: str) -> ScenarioText:
     )
 
 
+_COUNTS = field_of(Counts)
+
+
 def _agents(value: object) -> tuple[int, ...]:
-    return tuple(value) if isinstance(value, list) and COUNTS.hold([value]) else ()
+    return tuple(value) if isinstance(value, list) and _COUNTS.hold([value]) else ()

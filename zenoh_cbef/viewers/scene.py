@@ -22,7 +22,6 @@ Ints = NDArray[np.int64]
 
 _CONFIDENCE = 0.95
 _THINNEST = 1e-3
-_WORDS = ("from", "kind", "text")
 
 
 @dataclass(frozen=True)
@@ -142,7 +141,10 @@ def _events(recording: Recording, logged: dict[int, int], start: int) -> list[Sc
     times = [logged[step] for step in known]
     return [
         SceneEvent(
-            int(np.interp(one.logged, times, ticks)) if known else one.logged, *(one.message[word] for word in _WORDS)
+            int(np.interp(one.logged, times, ticks)) if known else one.logged,
+            one.message["from"],
+            one.message["kind"],
+            one.message["text"],
         )
         for one in recording.events
     ]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import Counter
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -17,7 +16,7 @@ from tests.log.made import made_log
 from zenoh_cbef.log.mcap.contents import Chunk, decompress
 from zenoh_cbef.log.mcap.reader import McapFile
 from zenoh_cbef.log.read.parts import open_log
-from zenoh_cbef.log.read.receipts import Receipts
+from zenoh_cbef.log.read.receipts import Receipt, Receipts
 from zenoh_cbef.log.read.recording import read_recording
 from zenoh_cbef.log.read.tables import Table
 from zenoh_cbef.log.read.trace import read_trace
@@ -92,7 +91,7 @@ def test_a_table_holds_the_first_message_of_each_place(batches):
     assert table.last == max((step for _, step in expected), default=0)
 
 
-def estimate(step: int, seq: int, received: int, **more: Any) -> dict[str, Any]:
+def estimate(step: int, seq: int, received: int, **more):
     counts = {"received": [received, 0], "lost": [0, 1], "late": [0, 0], "latency": [0.5, None]}
     return {"k": step, "seq": seq, "neighbours": [3, 1], **counts, **more}
 
@@ -106,9 +105,9 @@ def test_an_agents_counts_are_kept_by_step_and_begin_anew_with_its_next_life():
     assert receipts.counts("received", 50)[:, 0].tolist() == [5, 9, 2]
     assert np.isnan(receipts.counts("latency", 50)[:, 1]).all()
     counts = {"received": [9, 0], "lost": [0, 1], "late": [0, 0]}
-    assert receipts.told(2) == {"neighbours": [3, 1], **counts, **injected}
-    assert "fates" not in receipts.told(1) | receipts.told(7)
-    assert receipts.told(3) == receipts.told(0) == {}
+    assert receipts.told(2) == Receipt([3, 1], counts | {"injected_lost": [0, 1]}, ["..", "x."])
+    assert [told.marks if (told := receipts.told(step)) else "" for step in (1, 7)] == [None, None]
+    assert receipts.told(3) is receipts.told(0) is None
 
 
 @pytest.mark.parametrize("odd", [{"neighbours": [1, 3]}, {"lost": [1]}, {"latency": [1.0]}, {"fates": ["."]}])

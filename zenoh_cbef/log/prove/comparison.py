@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from zenoh_cbef.faults.injected import FATES, IN_TIME, Injected
-from zenoh_cbef.log.read.receipts import INJECTED
+from zenoh_cbef.faults.injected import FATES, Injected, Told
+from zenoh_cbef.log.read.receipts import INJECTED, Receipt
 from zenoh_cbef.log.read.recording import Recording
 from zenoh_cbef.simulator import Simulation, Step
 from zenoh_cbef.trace import SmoothedPath, Trace
-from zenoh_cbef.tracking.diagnostics import NAMES, SOMETIMES
+from zenoh_cbef.tracking.diagnostics import NAMES, SOMETIMES, Numbers
 from zenoh_cbef.tracking.graph import Neighbours
 
 Bools = NDArray[np.bool_]
@@ -29,7 +28,7 @@ class _Faults:
 
     def __init__(self, neighbours: Neighbours) -> None:
         self._injected, self._links = Injected(int(neighbours.present.sum())), neighbours.links
-        self._told: dict[str, list[Any]] = {}
+        self._told = Told({}, [])
 
     def step(self, step: Step, crashed: Bools) -> None:
         """Take in the fates of one executed step; crashed: (n,), the agents that will count anew."""
@@ -39,14 +38,14 @@ class _Faults:
             self._injected.forget(self._links[agent])
         self._told = self._injected.take()
 
-    def compare(self, at: str, agent: int, message: dict[str, Any]) -> None:
+    def compare(self, at: str, agent: int, said: Receipt) -> None:
         """Compare what an agent's estimate of that step says. Raises Different."""
-        executed = {name: values[self._links[agent]] for name, values in self._told.items()}
-        if executed.keys().isdisjoint(message):
+        message: dict[str, object] = {**said.counts, **({} if said.marks is None else {FATES: said.marks})}
+        names = (*self._told.counts, FATES)
+        if message.keys().isdisjoint(names):
             return  # No fault is on the agent's links, or the log is of version 0.1.0.
-        if not any(marks.strip(IN_TIME) for marks in executed.get(FATES, [])):
-            executed.pop(FATES, None)
-        for name in (*self._told, FATES):
+        executed = self._told.of(self._links[agent]).fields()
+        for name in names:
             if message.get(name) != executed.get(name):
                 raise Different(f"{at}{name} is {message.get(name)} in the log and {executed.get(name)} when executed")
 
@@ -92,7 +91,7 @@ class Comparison:
             self._estimate(agent, number, step, executed[agent])
         self._compare_smoothed(number, step)
 
-    def _columns(self, diagnostics: Mapping[str, NDArray[Any]]) -> Floats:
+    def _columns(self, diagnostics: Mapping[str, Numbers]) -> Floats:
         return np.stack([diagnostics[name].astype(np.float64) for name in self._names], axis=-1)
 
     def _count(self, logged: Bools, absent: Bools) -> None:
@@ -101,10 +100,11 @@ class Comparison:
 
     def _estimate(self, agent: int, number: int, step: Step, executed: Floats) -> None:
         at, place = f"agent {agent}, step {number}: ", (agent, number - 1)
-        if not self._receipts[agent].known(number):
+        receipt = self._receipts[agent].told(number)
+        if receipt is None:
             raise Different(at + "its counts are not of its neighbours, one each")
         if self._faulty:
-            self._faults.compare(at, agent, self._receipts[agent].told(number))
+            self._faults.compare(at, agent, receipt)
         self._same(at + "state", self._trace.estimates[place], step.estimate.state[agent])
         said = self._said[place]
         if not _equal(said, executed):

@@ -16,8 +16,8 @@ from zenoh_cbef import __version__
 from zenoh_cbef.log.read.measurements import Measurements
 from zenoh_cbef.log.write.computed_run import ComputedRun
 from zenoh_cbef.log.write.run_log import RunLog
+from zenoh_cbef.protocol.fields import END, START
 from zenoh_cbef.protocol.keys import Keys
-from zenoh_cbef.protocol.messages import END, START
 from zenoh_cbef.scenario import Scenario
 from zenoh_cbef.scenario.load import Loaded, to_toml
 from zenoh_cbef.scenario.plan import Plan

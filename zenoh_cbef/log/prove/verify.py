@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,7 @@ from zenoh_cbef.log.read.parts import open_log
 from zenoh_cbef.log.read.receipts import Receipts
 from zenoh_cbef.log.read.recording import Recording, read_recording
 from zenoh_cbef.log.read.trace import trace_of
+from zenoh_cbef.protocol.kinds import EventMessage
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.simulator import Heard, Simulation
 from zenoh_cbef.trace import Trace
@@ -57,7 +58,9 @@ class _Due:
         """The messages that an agent went on without, as its estimate says; "" where there are none."""
         mine = self._links[agent]
         due = (self._simulation.counts.delivered[mine] - self._forgotten[mine]).tolist()
-        for other, wanted, got in zip(self._ids[agent], due, receipts.told(step).get("received", ()), strict=False):
+        told = receipts.told(step)
+        received = told.counts["received"] if told else []
+        for other, wanted, got in zip(self._ids[agent], due, received, strict=False):
             if got < wanted:
                 return f"by step {step} agent {agent} did without {wanted - got} messages from agent {other}"
         return ""
@@ -124,7 +127,7 @@ def _judgeable(recording: Recording) -> tuple[int, str]:
     return steps, ""
 
 
-def _surprising(event: dict[str, Any], *, left: bool) -> bool:
+def _surprising(event: EventMessage, *, left: bool) -> bool:
     """Whether something happened that lockstep does not know: an agent did without messages, or came unasked.
 
     left: an agent left, which says more than that others then did without its messages.

@@ -6,7 +6,7 @@ import gc
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Any, Protocol
+from typing import Protocol
 
 from zenoh_cbef.log.common.sequence import Sequences
 from zenoh_cbef.log.mcap.contents import RawMessage
@@ -14,7 +14,8 @@ from zenoh_cbef.log.read.header import Header
 from zenoh_cbef.log.read.parts import Log
 from zenoh_cbef.plain import counts_in
 from zenoh_cbef.protocol.keys import Address, address, agent_named
-from zenoh_cbef.protocol.messages import BadMessage, decode_all
+from zenoh_cbef.protocol.kinds import EstimateMessage, EventMessage
+from zenoh_cbef.protocol.messages import BadMessage, Message, decode_all
 from zenoh_cbef.protocol.round_codec import RoundCodec, Rounds
 from zenoh_cbef.scenario.plan import Plan
 
@@ -26,8 +27,14 @@ _MISLABELLED = "its record in the file has another number or time"
 class Sink(Protocol):
     """Takes in the messages of a log, those of one key of a chunk at once, in order. logged: their log times, ns."""
 
-    def take(self, at: Address, logged: Sequence[int], messages: list[dict[str, Any]]) -> None:
-        """Take messages (m,) that are no consensus messages."""
+    def take(self, at: Address, logged: Sequence[int], messages: Sequence[Message]) -> None:
+        """Take messages (m,) of the target, or ranges."""
+
+    def take_events(self, logged: Sequence[int], messages: Sequence[EventMessage]) -> None:
+        """Take events."""
+
+    def take_estimates(self, at: Address, logged: Sequence[int], messages: Sequence[EstimateMessage]) -> None:
+        """Take estimates of an agent."""
 
     def take_rounds(self, at: Address, logged: Sequence[int], rounds: Rounds) -> None:
         """Take consensus messages of an agent."""
@@ -47,7 +54,7 @@ class Tally:
     agent_bytes: int = 0
     sequences: Sequences = field(default_factory=Sequences)
 
-    def hear(self, event: dict[str, Any]) -> None:
+    def hear(self, event: EventMessage) -> None:
         """Take in an event: how many messages a process that ended sent, or which process a recorder lost sight of."""
         told = event.get("data", {})
         if event["kind"] in {"left", "returned"} and event["from"].startswith("record"):
@@ -168,8 +175,29 @@ class Decoder:
             self.tally.agent_bytes += sum(map(len, list(zip(*batch, strict=True))[-1]))
 
     def _take_messages(self, place: _Place, batch: list[RawMessage]) -> None:
-        _, logged, times, numbers, data = zip(*batch, strict=True)
-        messages = decode_all(place.kind, data, run=self._run, sender=place.at.owner)
+        _, logged, _, _, data = zip(*batch, strict=True)
+        sink, run, owner = self._sink, self._run, place.at.owner
+        if place.kind == "event":
+            events = decode_all("event", data, run=run, sender=owner)
+            self._check(place, batch, events)
+            for event in events:
+                self.tally.hear(event)
+            if sink is not None:
+                sink.take_events(logged, events)
+        elif place.kind == "estimate":
+            estimates = decode_all("estimate", data, run=run, sender=owner)
+            self._check(place, batch, estimates)
+            if sink is not None:
+                sink.take_estimates(place.at, logged, estimates)
+        else:
+            messages = decode_all(place.kind, data, run=run, sender=owner)
+            self._check(place, batch, messages)
+            if sink is not None:
+                sink.take(place.at, logged, messages)
+
+    def _check(self, place: _Place, batch: list[RawMessage], messages: Sequence[Message]) -> None:
+        """Compare messages with the run and with their records, and count their numbers. Raises BadMessage."""
+        _, _, times, numbers, _ = zip(*batch, strict=True)
         self._check_steps(max(message.get("k", 0) for message in messages), ended=place.kind in {"beacon", "signal"})
         labels = [(message["seq"] & _SEQUENCE, message["sent"]) for message in messages]
         if labels != [*zip(numbers, times, strict=True)]:
@@ -178,11 +206,6 @@ class Decoder:
             own = [n for n, message in zip(numbers, messages, strict=True) if message["from"] == sender]
             if place.at.is_of(sender):
                 self.tally.sequences.of(place.key, sender).take_all(own)
-        if place.kind == "event":
-            for message in messages:
-                self.tally.hear(message)
-        if self._sink is not None:
-            self._sink.take(place.at, logged, messages)
 
     def _take_rounds(self, place: _Place, codec: RoundCodec, batch: list[RawMessage]) -> None:
         _, logged, times, numbers, data = zip(*batch, strict=True)

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.faults.injected import FATES, IN_TIME
+from zenoh_cbef.faults.injected import IN_TIME
 from zenoh_cbef.log.read.parts import open_log
+from zenoh_cbef.log.read.receipts import Receipt
 from zenoh_cbef.log.read.recording import Recording, read_recording
 from zenoh_cbef.log.read.times import times_of
 from zenoh_cbef.scenario.build import fates_into
@@ -75,8 +76,8 @@ class _Builder:
         self._fates = cache(lambda agent, sources: fates_into(plan, agent, list(sources)))
         self._told = cache(self._estimate)
 
-    def _estimate(self, agent: int, step: int) -> dict[str, Any]:
-        """What an agent told of its neighbours' messages in a step; empty where the log does not have it."""
+    def _estimate(self, agent: int, step: int) -> Receipt | None:
+        """What an agent told of its neighbours' messages in a step; None where the log does not have it."""
         return self._recording.receipts[agent].told(step)
 
     def count(self, since: float, until: float) -> int:
@@ -145,17 +146,19 @@ class _Builder:
         """The messages that all agents were to use in a step."""
         for agent in range(self._scenario.count):
             told = self._told(agent, step)
-            for place, source in enumerate(told.get("neighbours", ())):
-                yield from self._from(source, agent, step, place)
+            if told is not None:
+                for place in range(len(told.neighbours)):
+                    yield from self._from(place, told, agent, step)
 
     def _due(self, step: int) -> list[tuple[int, int]]:
         """Step and round of the messages that each neighbour should have brought by a step, in the order of marks."""
         rounds = [(step - self._lag, round_) for round_ in range(1, self._turns)] if step > self._lag else []
         return [(step, 0), *rounds] if self._ranges else rounds
 
-    def _from(self, source: int, agent: int, step: int, place: int) -> list[Passage]:
-        told, due = self._told(agent, step), self._due(step)
-        marks = told[FATES][place] if FATES in told else IN_TIME * len(due)
+    def _from(self, place: int, told: Receipt, agent: int, step: int) -> list[Passage]:
+        """The messages of one neighbour that an agent was to use in a step."""
+        source, due = told.neighbours[place], self._due(step)
+        marks = told.marks[place] if told.marks else IN_TIME * len(due)
         found = []
         for mark, (sent_step, round_) in zip(marks, due, strict=False):
             sent = self.times.sent(source, sent_step, round_)
@@ -163,10 +166,10 @@ class _Builder:
                 continue
             ended = self.times.used(agent, step, round_)
             if mark == ">":
-                fate = self._fates(agent, tuple(told["neighbours"])).of(sent_step, round_)
+                fate = self._fates(agent, tuple(told.neighbours)).of(sent_step, round_)
                 ended = self._arrived(agent, (step, round_), sent, float(fate.delay[place]))
             found.append(Passage(source, agent, sent_step, round_, sent, ended, _FORTUNES[mark]))
-        return self._missed(found, place, agent, step)
+        return self._missed(found, place, told, self._told(agent, step - 1), step)
 
     def _arrived(self, agent: int, due: tuple[int, int], sent: float, delay: float) -> float:
         """When a delayed message came; in lockstep, where delays count in rounds, that many rounds later.
@@ -185,18 +188,16 @@ class _Builder:
         pace = self.times.used(agent, *due) - self.times.sent(agent, *due)
         return sent + (rounds + 1) * pace if math.isfinite(pace) else math.inf
 
-    def _missed(self, found: list[Passage], place: int, agent: int, step: int) -> list[Passage]:
+    def _missed(
+        self, found: list[Passage], place: int, told: Receipt, before: Receipt | None, step: int
+    ) -> list[Passage]:
         """Mark the messages that were missed without a fault. Receivers count them; the latest will have been those."""
-        told, before = self._told(agent, step), self._told(agent, step - 1)
-        if not told or (not before and step > 1):
+        if before is None and step > 1:
             return found
-        received = told["received"][place] - (before["received"][place] if before else 0)
+        received = told.counts["received"][place] - (before.counts["received"][place] if before else 0)
         good = [one for one in found if one.fortune in {"in time", "duplicated"}]
         if received < 0:
             return found  # The agent began anew.
         good.sort(key=lambda one: one.ended - one.sent)
         missed = {id(one) for one in good[: max(0, len(good) - received)]}
-        return [
-            Passage(one.source, agent, one.step, one.round, one.sent, one.ended, "missed") if id(one) in missed else one
-            for one in found
-        ]
+        return [replace(one, fortune="missed") if id(one) in missed else one for one in found]

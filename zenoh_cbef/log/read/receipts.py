@@ -3,18 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 
 from zenoh_cbef.faults.injected import FATES
 from zenoh_cbef.log.read.tables import Bools, Floats, Ints, Table, floats
+from zenoh_cbef.protocol.kinds import EstimateMessage
 
 COUNTS = ("received", "lost", "late")
 INJECTED = ("injected_lost", "injected_late", "corrupted", "duplicated")
 _LATENCY = "latency"
 _ALWAYS = (*COUNTS, _LATENCY)
 _FIELDS = (*_ALWAYS, *INJECTED)
+
+
+@dataclass(frozen=True)
+class Receipt:
+    """What an agent's estimate says of its neighbours' messages, for the neighbours in order.
+
+    counts: since the start, by field. marks: of the step, a text for each; None where faults touched no message of it.
+    """
+
+    neighbours: list[int]
+    counts: dict[str, list[int]]
+    marks: list[str] | None
 
 
 class Receipts:
@@ -29,7 +42,7 @@ class Receipts:
         self._table = self._of(0)
         self._fates: dict[int, list[str]] = {}
 
-    def put(self, step: Ints, messages: Sequence[dict[str, Any]]) -> None:
+    def put(self, step: Ints, messages: Sequence[EstimateMessage]) -> None:
         """Keep what some estimates (m,) say, each the first of its step."""
         if not self.neighbours:
             self.neighbours = next((one["neighbours"] for one in messages if one["neighbours"]), [])
@@ -42,7 +55,7 @@ class Receipts:
             for place, one in enumerate(messages):
                 self.put(step[place : place + 1], [one])
 
-    def _numbers(self, messages: Sequence[dict[str, Any]]) -> dict[str, Floats] | None:
+    def _numbers(self, messages: Sequence[EstimateMessage]) -> dict[str, Floats] | None:
         """What estimates (m,) say, (m, d) for each field that any has; None where one of them does not fit."""
         width = len(self.neighbours)
         marks = [one[FATES] for one in messages if FATES in one]
@@ -77,13 +90,10 @@ class Receipts:
         """Whether the agent said something of a step that fits."""
         return step >= 1 and bool(self._table.seen(step)[0, step - 1])
 
-    def told(self, step: int) -> dict[str, list[Any]]:
-        """What its estimate of a step says, by field, for the neighbours in order; nothing where it is not known."""
+    def told(self, step: int) -> Receipt | None:
+        """What its estimate of a step says; None where that is not known."""
         if not self.known(step):
-            return {}
-        said: dict[str, list[Any]] = {"neighbours": self.neighbours}
-        for name in (*COUNTS, *INJECTED):
-            values = self._table.numbers(name, step)[0, step - 1]
-            if not np.isnan(values).any():
-                said[name] = values.astype(np.int64).tolist()
-        return said | ({FATES: self._fates[step]} if step in self._fates else {})
+            return None
+        rows = {name: self._table.numbers(name, step)[0, step - 1] for name in (*COUNTS, *INJECTED)}
+        counts = {name: row.astype(np.int64).tolist() for name, row in rows.items() if not np.isnan(row).any()}
+        return Receipt(self.neighbours, counts, self._fates.get(step))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from typing import Any, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -13,6 +13,8 @@ from zenoh_cbef.log.read.parts import Log
 from zenoh_cbef.log.read.receipts import Receipts
 from zenoh_cbef.log.read.tables import Ints, Stamps, Table, floats, stamps_of
 from zenoh_cbef.protocol.keys import Address
+from zenoh_cbef.protocol.kinds import EstimateMessage, EventMessage
+from zenoh_cbef.protocol.messages import Message
 from zenoh_cbef.protocol.round_codec import Rounds
 from zenoh_cbef.tracking.diagnostics import NAMES
 
@@ -27,7 +29,7 @@ class Event(NamedTuple):
 
     logged: int
     sent: int
-    message: dict[str, Any]
+    message: EventMessage
 
 
 class Signal(NamedTuple):
@@ -72,16 +74,16 @@ class Recording:
         self.first: int | None = None
         self._kept = rounds
 
-    def take(self, at: Address, logged: Sequence[int], messages: list[dict[str, Any]]) -> None:
-        """Keep the messages of a key."""
-        stamps = stamps_of(logged, [one["sent"] for one in messages])
-        self._begin(stamps.sent[0])
-        if at.kind == "event":
-            self.events += map(Event, stamps.logged.tolist(), stamps.sent.tolist(), messages)
-        elif at.kind == "faults":
+    def take_events(self, logged: Sequence[int], messages: Sequence[EventMessage]) -> None:
+        """Keep events."""
+        stamps = self._stamps(logged, messages)
+        self.events += map(Event, stamps.logged.tolist(), stamps.sent.tolist(), messages)
+
+    def take(self, at: Address, logged: Sequence[int], messages: Sequence[Message]) -> None:
+        """Keep the messages of a key of the target, or ranges."""
+        stamps = self._stamps(logged, messages)
+        if at.kind == "faults":
             self.faults = messages[-1]["tables"]
-        elif at.kind == "estimate":
-            self._take_estimates(at.agent, stamps, messages)
         elif at.kind == "smoothed":
             self._take_smoothed(at.agent, stamps, messages)
         elif at.kind == "range":
@@ -93,7 +95,7 @@ class Recording:
 
     def take_rounds(self, at: Address, logged: Sequence[int], rounds: Rounds) -> None:
         """Keep consensus messages of an agent, as far as they are wanted."""
-        self._begin(rounds.sent[0])
+        self._begin(int(rounds.sent[0]))
         if self._kept == "none":
             return
         step, round_ = rounds.step.astype(np.int64), rounds.round.astype(np.int64)
@@ -103,11 +105,15 @@ class Recording:
         payload = {"payload": rounds.payload} if self._kept == "payloads" else {}
         self.rounds.put(row, step, stamps_of(logged, rounds.sent), **payload)
 
-    def _begin(self, sent: np.integer[Any]) -> None:
+    def _begin(self, sent: int) -> None:
         if self.first is None:
-            self.first = int(sent)
+            self.first = sent
 
-    def _take_beacons(self, agent: int, stamps: Stamps, messages: list[dict[str, Any]]) -> None:
+    def _stamps(self, logged: Sequence[int], messages: Sequence[Message]) -> Stamps:
+        self._begin(messages[0]["sent"])
+        return stamps_of(logged, [one["sent"] for one in messages])
+
+    def _take_beacons(self, agent: int, stamps: Stamps, messages: Sequence[Message]) -> None:
         if any("signal" in one for one in messages):  # Older logs have no keys for signals.
             signal = np.array(["signal" in one for one in messages])
             for place in np.flatnonzero(signal).tolist():
@@ -118,13 +124,15 @@ class Recording:
         heard = [[one["emitted"], one["arrived"], place] for one, place in zip(messages, number, strict=True)]
         self.beacons.put(agent, _steps(messages), stamps, heard=floats(heard).reshape(-1, 3))
 
-    def _take_estimates(self, agent: int, stamps: Stamps, messages: list[dict[str, Any]]) -> None:
-        step = _steps(messages)
+    def take_estimates(self, at: Address, logged: Sequence[int], messages: Sequence[EstimateMessage]) -> None:
+        """Keep estimates of an agent."""
+        stamps, step, agent = self._stamps(logged, messages), _steps(messages), at.agent
         numbers = {
             "state": floats([one["state"] for one in messages]),
-            "said": floats([[*map(one.get, NAMES)] for one in messages]),
+            "said": floats([[one.get(name) for name in NAMES] for one in messages]),
         }
-        packed = [one["covariance"] if len(one["covariance"] or b"") == _MATRIX else None for one in messages]
+        packed = [one["covariance"] for one in messages]
+        packed = [one if one is not None and len(one) == _MATRIX else None for one in packed]
         if any(packed):
             unknown = np.full(36, np.nan).tobytes()
             joined = np.frombuffer(b"".join([one or unknown for one in packed]), "<f8")
@@ -137,7 +145,7 @@ class Recording:
             step, messages = step[new], [one for one, is_new in zip(messages, new.tolist(), strict=True) if is_new]
         self.receipts[agent].put(step, messages)
 
-    def _take_smoothed(self, agent: int, stamps: Stamps, messages: list[dict[str, Any]]) -> None:
+    def _take_smoothed(self, agent: int, stamps: Stamps, messages: Sequence[Message]) -> None:
         self.smoothed.put(
             agent,
             _steps(messages),
@@ -165,5 +173,5 @@ def read_recording(
     return recording
 
 
-def _steps(messages: list[dict[str, Any]]) -> Ints:
+def _steps(messages: Sequence[Message]) -> Ints:
     return np.array([one["k"] for one in messages], dtype=np.int64)

@@ -33,7 +33,7 @@ def stamps_of(logged: Sequence[int], sent: ArrayLike) -> Stamps:
     return Stamps(clipped, np.asarray(sent, dtype=np.int64))
 
 
-def floats(rows: Sequence[Any]) -> Floats:
+def floats(rows: Sequence[object]) -> Floats:
     """Numbers as an array, NaN for nil."""
     return np.array(rows, dtype=np.float64)
 

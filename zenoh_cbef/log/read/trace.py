@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +15,7 @@ from zenoh_cbef.log.read.receipts import COUNTS, INJECTED, Receipts
 from zenoh_cbef.log.read.recording import Recording, read_recording
 from zenoh_cbef.plain import count_in
 from zenoh_cbef.protocol.keys import Keys, agent_named
+from zenoh_cbef.protocol.kinds import EventMessage
 from zenoh_cbef.scenario.injected import read_tables, with_faults
 from zenoh_cbef.scenario.paths import agent_positions, step_times
 from zenoh_cbef.scenario.plan import Plan
@@ -167,5 +166,5 @@ def _gaps(tally: Tally) -> dict[str, list[tuple[int, int]]]:
     return gaps
 
 
-def _event(message: Mapping[str, Any]) -> dict[str, object]:
-    return {name: message[name] for name in ("kind", "text", "from", "sent", "data") if name in message}
+def _event(message: EventMessage) -> dict[str, object]:
+    return {name: value for name, value in message.items() if name not in {"v", "run", "seq"}}

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from zenoh_cbef.faults import Fate
-from zenoh_cbef.faults.injected import FATES, IN_TIME, Injected
+from zenoh_cbef.faults.injected import Injected
 from zenoh_cbef.log.write.run_log import RunLog
 from zenoh_cbef.protocol.bodies import estimate_body, range_body, smoothed_body
 from zenoh_cbef.protocol.keys import Keys
@@ -34,7 +33,7 @@ class _Received:
         self._injected = Injected(links)
         self._received, self._lost, self._late, self._corrupted = np.zeros((4, links), dtype=np.int64)
 
-    def step(self, due: int, fates: Sequence[Fate]) -> Iterator[dict[str, Any]]:
+    def step(self, due: int, fates: Sequence[Fate]) -> Iterator[dict[str, object]]:
         """The fields of every agent's estimate, after a step in which `due` messages of each link were to be used."""
         self._received += due
         for fate in fates:
@@ -45,9 +44,14 @@ class _Received:
             self._corrupted += fate.corrupted
         injected = self._injected.take()
         for ids, mine, quiet in zip(self._ids, self._links, self._quiet, strict=True):
-            told = {"neighbours": ids, "received": self._received[mine].tolist(), "lost": self._lost[mine].tolist()}
-            told |= {"late": self._late[mine].tolist(), "latency": [None] * len(ids)}
-            yield told if quiet else told | _part(injected, mine)
+            yield {
+                "neighbours": ids,
+                "received": self._received[mine].tolist(),
+                "lost": self._lost[mine].tolist(),
+                "late": self._late[mine].tolist(),
+                "latency": [None] * len(ids),
+                **({} if quiet else injected.of(mine).fields()),
+            }
 
     def forget(self, agent: int) -> None:
         """Count from now on: the agent will be started again."""
@@ -59,14 +63,6 @@ class _Received:
     def rejected(self, agent: int) -> int:
         """How many messages to an agent faults damaged."""
         return int(self._corrupted[self._links[agent]].sum())
-
-
-def _part(injected: dict[str, list[Any]], links: slice) -> dict[str, list[Any]]:
-    """One agent's part; marks only where a fault did anything in its step."""
-    mine = {name: values[links] for name, values in injected.items()}
-    if not any(marks.strip(IN_TIME) for marks in mine.get(FATES, ())):
-        mine.pop(FATES, None)
-    return mine
 
 
 class ComputedRun:
@@ -82,7 +78,7 @@ class ComputedRun:
         self._codecs = [RoundCodec(run, f"agent/{agent}", width) for agent in range(plan.scenario.count)]
         self._received = _Received(plan, neighbours)
 
-    def say(self, sender: str, key: str, moment: int, body: Mapping[str, Any]) -> None:
+    def say(self, sender: str, key: str, moment: int, body: Mapping[str, object]) -> None:
         """Write one message of any process; moment: ns since the Unix epoch. Time in a log does not go back."""
         seq = self._number(sender, key, moment)
         self._log.add(key, encode(self._run, sender, seq, self._now, body), self._now)

@@ -9,14 +9,16 @@ import time
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
+from typing import NamedTuple
 
 from zenoh_cbef import __version__
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.common.naming import ACTIVE, END, RESOLVED, RUN, SOURCE, part_path
 from zenoh_cbef.log.common.sequence import Sequences
 from zenoh_cbef.log.mcap.writer import McapWriter
+from zenoh_cbef.protocol.fields import LONGEST
 from zenoh_cbef.protocol.keys import Address, address
-from zenoh_cbef.protocol.messages import LONGEST, BadMessage, json_schema, unpack
+from zenoh_cbef.protocol.messages import BadMessage, json_schema, unpack
 from zenoh_cbef.scenario.model import Record
 
 UNKNOWN = "unknown"
@@ -78,8 +80,8 @@ class _Part:
         kind = at.kind
         schema = self._schemas.get(kind)
         if schema is None:
-            text = json_schema(kind) if found else {}
-            schema = self.writer.register_schema(f"cbef.{kind.capitalize()}", "jsonschema", json.dumps(text).encode())
+            text = json.dumps(json_schema(kind) if found else {})
+            schema = self.writer.register_schema(f"cbef.{kind.capitalize()}", "jsonschema", text.encode())
             self._schemas[kind] = schema
         channel = self.writer.register_channel(key, "msgpack" if found else "", schema)
         self.channels[key, known] = at, channel
@@ -89,6 +91,24 @@ class _Part:
         self.writer.add_metadata(END, end)
         self.writer.close()
         self.active.rename(self.path)
+
+
+class _Label(NamedTuple):
+    seq: int
+    sent: int
+    sender: str
+
+
+def _label(data: bytes) -> _Label | None:
+    """What an MCAP record repeats of a message; None where it is no message of ours."""
+    try:
+        message = unpack(data)
+    except BadMessage:
+        return None
+    seq, sent, sender = message.get("seq"), message.get("sent"), message.get("from")
+    if type(seq) is not int or type(sent) is not int or type(sender) is not str:
+        return None
+    return _Label(seq, sent, sender) if 0 <= seq < _MOST and 0 <= sent < _MOST and len(sender) <= LONGEST else None
 
 
 class RunLog:
@@ -151,14 +171,8 @@ class RunLog:
 
     def add(self, key: str, data: bytes, log_time: int) -> str:
         """Write one message as it came; returns its kind, UNKNOWN where it is no message of ours."""
-        try:
-            message = unpack(data)
-            seq, sent, sender = message["seq"], message["sent"], message["from"]
-            known = type(seq) is int and type(sent) is int and 0 <= seq < _MOST and 0 <= sent < _MOST
-            known &= type(sender) is str and len(sender) <= LONGEST
-        except (BadMessage, KeyError):
-            known = False
-        part = self._part
+        label, part = _label(data), self._part
+        known = label is not None
         place = part.channels.get((key, known)) or part.register(key, self._named, known=known)
         if place is None:
             self.foreign += 1
@@ -166,14 +180,14 @@ class RunLog:
         at, channel = place
         self._taken += 1
         try:
-            if known:
-                part.writer.add_message(channel, log_time, sent, seq, data)
+            if label is not None:
+                part.writer.add_message(channel, log_time, label.sent, label.seq, data)
             else:
                 part.writer.add_message(channel, log_time, log_time, 0, data)
         except OSError as error:
             self._fail(error)
-        if known and at.is_of(sender):
-            self._sequences.of(key, sender).take(seq)
+        if label is not None and at.is_of(label.sender):
+            self._sequences.of(key, label.sender).take(label.seq)
         if part.writer.bytes_written - part.head_bytes >= self._rotate_bytes:
             self._rotate()
         return at.kind

@@ -17,7 +17,7 @@ from zenoh_cbef.nodes.agent.neighbour import Neighbourhood
 from zenoh_cbef.nodes.agent.signals import Signals
 from zenoh_cbef.nodes.common.alarm import Alarm
 from zenoh_cbef.nodes.common.briefing import brief
-from zenoh_cbef.nodes.common.inbox import Inbox, Stopped
+from zenoh_cbef.nodes.common.inbox import Stopped
 from zenoh_cbef.nodes.common.node import Identity, Node
 from zenoh_cbef.nodes.common.pace import Pace
 from zenoh_cbef.nodes.common.readers import beacon_inbox
@@ -66,7 +66,7 @@ class Agent:
         if self._wrong_clocks or realtime:
             node.clock = lambda: time.time_ns() + self._ahead_ns
         alarm, grace = Alarm(), 0.0 if realtime else node.grace * scenario.timing.patience
-        self.beacons: Inbox = beacon_inbox(node, agent, self.rejections, alarm, grace)
+        self.beacons = beacon_inbox(node, agent, self.rejections, alarm, grace)
         self.signals = Signals(node, agent, self.rejections, self.beacons)
         self.neighbourhood = Neighbourhood(
             node,

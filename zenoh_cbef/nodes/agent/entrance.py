@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from zenoh_cbef.nodes.common.briefing import introduce
 from zenoh_cbef.nodes.common.inbox import MISSED, Inbox
 from zenoh_cbef.nodes.common.node import Node
 from zenoh_cbef.nodes.common.rejections import Rejections
+from zenoh_cbef.protocol.kinds import BeaconMessage, EstimateMessage, SignalMessage
 from zenoh_cbef.protocol.memory import ask_latest
 from zenoh_cbef.protocol.messages import BadMessage, decode, unpack_floats
 from zenoh_cbef.protocol.scenario_service import Clock, measure_clock
@@ -48,7 +49,7 @@ class Entrant(Protocol):
     plan: Plan
     agent: int
     tracker: Tracker
-    beacons: Inbox
+    beacons: Inbox[BeaconMessage]
     signals: Signals
     neighbourhood: Neighbourhood
     rejections: Rejections
@@ -79,7 +80,7 @@ class Entrance:
         start = self._signal()
         if start is None:
             return None
-        epoch = self.epoch(start)
+        epoch = self.epoch(start.get("at"), start["sent"])
         self._neighbourhood.drain(start["k"])
         self._neighbourhood.look_around()
         self._of.rejections.start()
@@ -87,15 +88,18 @@ class Entrance:
             self._adopt(start["k"])
         return Entry(start["k"], epoch)
 
-    def epoch(self, start: dict[str, Any]) -> float:
-        """When step 0 is or was. Steps are counted on the monotonic clock: one that is set must not move them."""
-        if "at" not in start:
+    def epoch(self, at: float | None, sent: int) -> float:
+        """When step 0 is or was. Steps are counted on the monotonic clock: one that is set must not move them.
+
+        at: what the target said of it, s; sent: when it said so, ns.
+        """
+        if at is None:
             return time.monotonic()
-        left, told = seconds_until(start["at"], self._clock), start["at"] - 1e-9 * start["sent"]
+        left, told = seconds_until(at, self._clock), at - 1e-9 * sent
         if abs(left - told) > _SET_SECONDS:
             # One of the clocks was set since they were compared.
             clock = measure_clock(self._node.session, self._node.identity.run)
-            left = told if clock is None else seconds_until(start["at"], clock)
+            left = told if clock is None else seconds_until(at, clock)
         return time.monotonic() + left
 
     def _meet(self) -> bool:
@@ -129,7 +133,7 @@ class Entrance:
                 return False
         return False
 
-    def _signal(self) -> dict[str, Any] | None:
+    def _signal(self) -> SignalMessage | None:
         while not self._node.stopping and "target/target" in self._node.presence:
             start = self._of.signals.start(0.1)
             if start is not None or self._of.signals.over():
@@ -138,7 +142,7 @@ class Entrance:
                 self._neighbourhood.drain()
         return None
 
-    def _ask(self, step: int | None) -> dict[int, dict[str, Any]]:
+    def _ask(self, step: int | None) -> dict[int, EstimateMessage]:
         """The estimates of a step (None: the last ones) of the neighbours that answer."""
         told = {}
         for other in self._neighbourhood.ids:
@@ -158,7 +162,7 @@ class Entrance:
         wanted = {other for other, open_ in zip(ids, reaches, strict=True) if open_ and not absent[other]}
         exact = not self._of.plan.realtime
         until = time.monotonic() + (_ANSWER_SECONDS if exact else _JOIN_SECONDS)
-        told: dict[int, dict[str, Any]] = {}
+        told: dict[int, EstimateMessage] = {}
         while not wanted <= told.keys() and time.monotonic() < until and not self._node.stopping:
             told |= self._ask(before if exact else None)
             time.sleep(0.01)
@@ -175,7 +179,7 @@ def seconds_until(at: float, clock: Clock | None) -> float:
     return (at if clock is None else clock.ours(at)) - time.time()
 
 
-def neighbours_belief(tracker: Tracker, ids: Sequence[int], told: Mapping[int, Mapping[str, Any]]) -> Belief:
+def neighbours_belief(tracker: Tracker, ids: Sequence[int], told: Mapping[int, EstimateMessage]) -> Belief:
     """The belief with which a tracker begins, from its neighbours' estimates by their ids."""
     known = np.array([[other in told for other in ids]], dtype=bool).reshape(1, len(ids))
     states, covariances = np.zeros((1, len(ids), 6)), np.zeros((1, len(ids), 6, 6))

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from zenoh_cbef.faults import Fates, Injected
 from zenoh_cbef.nodes.common.alarm import Alarm
-from zenoh_cbef.nodes.common.inbox import Decoder, Inbox
+from zenoh_cbef.nodes.common.inbox import Content, Decoder, Inbox
 from zenoh_cbef.nodes.common.node import Node
 from zenoh_cbef.nodes.common.readers import WINDOW, range_reader
 from zenoh_cbef.nodes.common.rejections import Rejections
+from zenoh_cbef.protocol.kinds import RangeMessage
 from zenoh_cbef.protocol.mailbox import CAPACITY, Mailbox
 from zenoh_cbef.protocol.messages import nil_to_nan
 from zenoh_cbef.protocol.round_codec import RoundCodec
@@ -53,7 +53,7 @@ class Neighbourhood:
         self._injected, self._twice = Injected(len(self.ids)), list[int]()
         self._order, self._everyone = list(range(len(self.ids))), [True] * len(self.ids)
 
-        def inbox(agent: int, key: str, read: Decoder, turns_per_step: int) -> Inbox:
+        def inbox(agent: int, key: str, read: Decoder[Content], turns_per_step: int) -> Inbox[Content]:
             ahead = (WINDOW + 1 + lag) * turns_per_step
             mailbox = Mailbox(node.session, key, CAPACITY + 2 * ahead)
             return Inbox(
@@ -78,22 +78,24 @@ class Neighbourhood:
             inbox(agent, keys.range(agent), range_reader(run, agent), 1)
             for agent in (self.ids if plan.sharing.uses_neighbour_ranges else [])
         ]
+        self._boxes: list[list[Inbox[bytes] | Inbox[RangeMessage]]] = [[*self._round_boxes], [*self._range_boxes]]
 
     def drain(self, step: int = 0) -> None:
         """Drop what has come up to a step, 0: what came before the first one."""
-        for box in self._round_boxes:
-            box.pass_over(step * (self._rounds + 1) + self._rounds)
-        for box in self._range_boxes:
-            box.pass_over(step)
+        for round_box in self._round_boxes:
+            round_box.pass_over(step * (self._rounds + 1) + self._rounds)
+        for range_box in self._range_boxes:
+            range_box.pass_over(step)
 
     def look_around(self) -> None:
         """From now on wait for the neighbours that are there."""
-        for box in (*self._round_boxes, *self._range_boxes):
-            box.expect(there=box.owner in self._node.presence)
+        for boxes in self._boxes:
+            for box in boxes:
+                box.expect(there=box.owner in self._node.presence)
 
     def expect(self, agents: Bools) -> None:
         """From now on wait for those of all agents (n,) that come back in this step."""
-        for boxes in (self._round_boxes, self._range_boxes):
+        for boxes in self._boxes:
             for agent, box in zip(self.ids, boxes, strict=False):
                 if agents[agent]:
                     box.expect(there=True)
@@ -104,7 +106,7 @@ class Neighbourhood:
         All messages that they needed before it have then reached them. absent: (n,), which agents are not there.
         """
         until = time.monotonic() + _OUTWAIT_SECONDS
-        for boxes, turn in ((self._range_boxes, step), (self._round_boxes, step * (self._rounds + 1) + 1)):
+        for boxes, turn in zip(self._boxes, (step * (self._rounds + 1) + 1, step), strict=True):
             for agent, box in zip(self.ids, boxes, strict=False):
                 if not absent[agent]:
                     box.hold(turn, until)
@@ -183,7 +185,9 @@ class Neighbourhood:
                     else:
                         self._counts["received"][place] -= 1
 
-    def _due(self, boxes: Sequence[Inbox], turn: int, when: tuple[int, int], deadline: float | None) -> Sequence[bool]:
+    def _due(
+        self, boxes: Sequence[Inbox[Content]], turn: int, when: tuple[int, int], deadline: float | None
+    ) -> Sequence[bool]:
         """Which messages of a step and round the faults let arrive intact in time; the others are not waited for."""
         fate = self.fates.of(*when)
         self._injected.note(fate)
@@ -197,7 +201,9 @@ class Neighbourhood:
         self._twice = np.flatnonzero(fate.duplicated).tolist()
         return due
 
-    def _delay(self, boxes: Sequence[Inbox], turn: int, delay: Floats, due: list[bool], deadline: float) -> None:
+    def _delay(
+        self, boxes: Sequence[Inbox[Content]], turn: int, delay: Floats, due: list[bool], deadline: float
+    ) -> None:
         """Hold messages back for their delays (m,), s, and strike from `due` those that are late by them.
 
         A message must have come by the deadline less its delay. The agent waits first for the message with the
@@ -221,7 +227,7 @@ class Neighbourhood:
             else:
                 boxes[place].miss(turn)
 
-    def take_counts(self) -> dict[str, list[Any]]:
+    def take_counts(self) -> dict[str, object]:
         """The fates of the neighbours' messages: counts since the start, and mean latency (s) since the last call.
 
         A message that comes after the agent gave it up, and counted it as lost, counts as late instead. A neighbour
@@ -229,7 +235,7 @@ class Neighbourhood:
         """
         received, lost, late = [*self._counts["received"]], [*self._counts["lost"]], [*self._counts["late"]]
         delay, read = [0] * len(self.ids), [0] * len(self.ids)
-        for boxes in (self._round_boxes, self._range_boxes):
+        for boxes in self._boxes:
             for place, box in enumerate(boxes):
                 delay[place] += box.delay_ns
                 read[place] += box.read
@@ -237,11 +243,11 @@ class Neighbourhood:
                 lost[place] += box.lost
                 box.delay_ns = box.read = 0
         latency = [1e-9 * total / n if n else None for total, n in zip(delay, read, strict=True)]
-        counts: dict[str, list[Any]] = {
+        counts: dict[str, object] = {
             "neighbours": self.ids,
             "received": received,
             "lost": lost,
             "late": late,
             "latency": latency,
         }
-        return counts if self.fates.quiet else counts | self._injected.take()
+        return counts if self.fates.quiet else counts | self._injected.take().fields()

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import queue
-from typing import Any
 
 from zenoh_cbef.nodes.common.inbox import Inbox
 from zenoh_cbef.nodes.common.node import Node
 from zenoh_cbef.nodes.common.rejections import Rejections
+from zenoh_cbef.protocol.fields import END, START
+from zenoh_cbef.protocol.kinds import BeaconMessage, SignalMessage
 from zenoh_cbef.protocol.mailbox import Mailbox
 from zenoh_cbef.protocol.memory import ask_latest
-from zenoh_cbef.protocol.messages import END, START, BadMessage, decode
+from zenoh_cbef.protocol.messages import BadMessage, decode
 
 _KEPT = 64
 _WAITING = 1 << 10
@@ -23,16 +24,16 @@ class Signals:
     when no more beacons will come.
     """
 
-    def __init__(self, node: Node, agent: int, rejections: Rejections, beacons: Inbox) -> None:
+    def __init__(self, node: Node, agent: int, rejections: Rejections, beacons: Inbox[BeaconMessage]) -> None:
         self._node, self._rejections, self._beacons = node, rejections, beacons
         self._mailbox = Mailbox(node.session, node.keys.signal(agent), _WAITING)
-        self._starts: queue.SimpleQueue[dict[str, Any]] = queue.SimpleQueue()
+        self._starts: queue.SimpleQueue[SignalMessage] = queue.SimpleQueue()
         self._end: int | None = None
         # A link that breaks may have lost the end of the run, too.
         beacons.on_recall = self._ask
         node.follow(self._mailbox, self._take)
 
-    def start(self, seconds: float) -> dict[str, Any] | None:
+    def start(self, seconds: float) -> SignalMessage | None:
         """The next start signal, waited for so many seconds; None where none came."""
         try:
             return self._starts.get(timeout=seconds)

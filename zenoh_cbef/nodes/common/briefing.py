@@ -8,7 +8,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.metadata import version
 from platform import node as host_name
-from typing import Any
 
 from zenoh_cbef import __version__
 from zenoh_cbef.errors import UserError
@@ -68,6 +67,6 @@ def introduce(identity: Identity, clock: Clock | None, say: Callable[..., None])
     say(HERE, f"{name} is process {told['pid']} on {told['host']}", **told, **about)
 
 
-def card() -> dict[str, Any]:
+def card() -> dict[str, object]:
     """Where this process is, and what it is made of."""
     return {"host": host_name(), "pid": os.getpid(), "version": __version__, "zenoh": version("eclipse-zenoh")}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable
-from typing import Any
+from typing import Generic, TypeAlias, TypeVar
 
 from zenoh_cbef.nodes.common.alarm import Alarm
 from zenoh_cbef.nodes.common.node import Node
@@ -14,7 +14,8 @@ from zenoh_cbef.protocol.mailbox import Mailbox
 from zenoh_cbef.protocol.memory import ask_since
 from zenoh_cbef.protocol.messages import BadMessage
 
-Decoder = Callable[[bytes], tuple[int, int, int, Any]]
+Content = TypeVar("Content")
+Decoder: TypeAlias = Callable[[bytes], tuple[int, int, int, Content]]
 """Step, round (0 where there are none), sending time (ns) and content of a message; raises BadMessage."""
 
 _ANY = 1 << 63
@@ -33,7 +34,7 @@ class Stopped(Exception):
     """The process was told to stop while it waited in lockstep: the caller must not conclude the present step."""
 
 
-class Inbox:
+class Inbox(Generic[Content]):
     """One sender's messages by turn: a number that grows with every message of the key.
 
     owner: the liveliness name of the sender; open: whether it is there. turns: how many a step has; where there are
@@ -51,7 +52,7 @@ class Inbox:
         self,
         node: Node,
         mailbox: Mailbox,
-        decode: Decoder,
+        decode: Decoder[Content],
         *,
         owner: str,
         horizon: int,
@@ -70,11 +71,10 @@ class Inbox:
         self._patience, self._grace = patience, grace
         self._silent, self._unheard, self._broke_silence, self._life = False, True, False, ""
         self._gone_at, self._since = time.monotonic(), 0.0
-        self._held: tuple[int, Any] | None = None
-        self._raw = b""
+        self._held: tuple[int, Content] | None = None
+        self._raw, self._end = b"", _ANY
         self._recalled: deque[bytes] = deque()
         self._missed: dict[int, None] = {}  # in the order of time
-        self._end = _ANY
         self.on_recall: Callable[[], None] = lambda: None
         self.open, self.waited = True, False
         self.lost = self.late = self.delay_ns = self.read = 0
@@ -108,7 +108,7 @@ class Inbox:
         self._end = turn
         self.mailbox.wake()
 
-    def next(self, seconds: float) -> Any | None:
+    def next(self, seconds: float) -> Content | None:
         """The next message, whatever its turn, waited for so many seconds; None where none came."""
         until = time.monotonic() + seconds
         while self._held is None and self.open and time.monotonic() < until:
@@ -118,7 +118,7 @@ class Inbox:
         held, self._held = self._held, None
         return None if held is None else held[1]
 
-    def take(self, turn: int, deadline: float | None = None) -> Any | None:
+    def take(self, turn: int, deadline: float | None = None) -> Content | None:
         """The message of a turn, waited for until the deadline (monotonic s; None: lockstep, as long as it can come).
 
         None where it will not come in time. Older ones are passed over; a later one is kept for its turn. Raises

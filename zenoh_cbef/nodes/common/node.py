@@ -10,7 +10,7 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from types import FrameType, TracebackType
-from typing import Any, Self
+from typing import Self
 
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.machine import require
@@ -126,11 +126,11 @@ class Node:
         name, run = self.identity.sender.replace("/", " "), self.identity.run
         return UserError(f"{name} is already in run {run!r}; give another {what}, or end that process")
 
-    def event(self, kind: str, text: str, **data: Any) -> None:
+    def event(self, kind: str, text: str, **data: object) -> None:
         """Tell the log what happened."""
         self.told.append(self.events.send(kind=kind, text=text, data=data))
 
-    def last_words(self, kind: str, text: str, **data: Any) -> None:
+    def last_words(self, kind: str, text: str, **data: object) -> None:
         """Tell the log that we are done, again and again until a recorder says that it has heard it.
 
         Zenoh keeps the order of a session's messages, so the recorder then has all others, too. Messages that are still

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from math import inf
-from typing import Any
 
 from zenoh_cbef.nodes.common.alarm import Alarm
 from zenoh_cbef.nodes.common.inbox import Decoder, Inbox
 from zenoh_cbef.nodes.common.node import Node
 from zenoh_cbef.nodes.common.rejections import Rejections
+from zenoh_cbef.protocol.kinds import BeaconMessage, RangeMessage
 from zenoh_cbef.protocol.mailbox import Mailbox
 from zenoh_cbef.protocol.messages import BadMessage, decode
 
@@ -16,10 +16,10 @@ WINDOW = 4
 """How many steps the target, and so any agent, can be ahead of the slowest agent in lockstep."""
 
 
-def beacon_inbox(node: Node, agent: int, rejections: Rejections, alarm: Alarm, grace: float) -> Inbox:
+def beacon_inbox(node: Node, agent: int, rejections: Rejections, alarm: Alarm, grace: float) -> Inbox[BeaconMessage]:
     """The beacons of an agent's own receiver; the turn is the step."""
 
-    def read(data: bytes) -> tuple[int, int, int, dict[str, Any]]:
+    def read(data: bytes) -> tuple[int, int, int, BeaconMessage]:
         message = decode("beacon", data, run=node.identity.run)
         if "signal" in message:
             raise BadMessage("a signal, which has a key of its own")
@@ -41,10 +41,10 @@ def beacon_inbox(node: Node, agent: int, rejections: Rejections, alarm: Alarm, g
     )
 
 
-def range_reader(run: str, agent: int) -> Decoder:
+def range_reader(run: str, agent: int) -> Decoder[RangeMessage]:
     """Positions and ranges of a neighbour; the turn is the step."""
 
-    def read(data: bytes) -> tuple[int, int, int, dict[str, Any]]:
+    def read(data: bytes) -> tuple[int, int, int, RangeMessage]:
         message = decode("range", data, run=run, sender=f"agent/{agent}")
         return message["k"], 0, message["sent"], message
 

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 
 import numpy as np
 
 from zenoh_cbef.nodes.common.recording import Status
 from zenoh_cbef.protocol.keys import address
+from zenoh_cbef.protocol.kinds import EstimateMessage, TruthMessage
 from zenoh_cbef.protocol.messages import BadMessage, decode
 
 _KEPT = 256
@@ -37,20 +39,23 @@ class Overview:
         at = address(key)
         if at is None:
             return
-        try:
-            message = decode(kind, data, run=self.status.run, sender=at.owner)
-        except BadMessage:
-            return
+        with suppress(BadMessage):
+            if kind == "truth":
+                self._see_truth(decode("truth", data, run=self.status.run, sender=at.owner))
+            else:
+                self._see_estimate(at.agent, decode("estimate", data, run=self.status.run, sender=at.owner))
+
+    def _see_truth(self, message: TruthMessage) -> None:
+        self._truth[message["k"]] = message["state"]
+        if len(self._truth) > _KEPT:
+            # An agent that is there and says nothing would have all of them kept.
+            self._forget(min(self._truth))
+
+    def _see_estimate(self, agent: int, message: EstimateMessage) -> None:
         step = message["k"]
-        if kind == "truth":
-            self._truth[step] = message["state"]
-            if len(self._truth) > _KEPT:
-                # An agent that is there and says nothing would have all of them kept.
-                self._forget(min(self._truth))
-            return
         self.status.began = True
         self.reached = max(self.reached, min(step, self.status.steps))
-        self._links[at.agent] = (sum(message["lost"]), sum(message["late"]))
+        self._links[agent] = (sum(message["lost"]), sum(message["late"]))
         truth = self._truth.get(step)
         if truth is None:
             return

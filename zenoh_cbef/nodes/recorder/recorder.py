@@ -9,7 +9,6 @@ from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
 from platform import node as host_name
-from typing import Any
 
 from zenoh_cbef import __version__
 from zenoh_cbef.log.write.run_log import RunLog
@@ -163,7 +162,7 @@ class Recorder:
             return
         if at is None or not (at.owner or message["from"] == "target"):
             return  # An old log that is replayed: its senders are not there.
-        sender, told = str(message["from"]), dict[str, Any](message.get("data", {}))
+        sender, told = message["from"], message.get("data", {})
         if not self._recovery.lacks(sender):  # It asks again.
             self._acknowledgements.hear(sender, count_in(told, "word"))
         if message["kind"] == SLOW and takes_part(sender, self.node.presence):

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import json
-from typing import Any, Protocol
+from collections.abc import Mapping
+from typing import Protocol
 
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.nodes.target.injection import Injection
 from zenoh_cbef.nodes.target.survey import Survey, Surveyed
-from zenoh_cbef.plain import read_json
+from zenoh_cbef.plain import Json, read_json
+from zenoh_cbef.protocol.control import Request
+from zenoh_cbef.protocol.questions import Cleared, Listed, Stopped
 
 
 class Asked(Surveyed, Protocol):
@@ -18,12 +21,12 @@ class Asked(Surveyed, Protocol):
     injection: Injection | None
 
 
-def answer(target: Asked, request: dict[str, Any]) -> dict[str, Any]:
+def answer(target: Asked, request: Request) -> Mapping[str, object]:
     """Answer one request, from another thread than the target's own. Raises UserError."""
     asked = request.get("ask")
     if asked == "stop":
         target.node.stop()
-        return {"stopping": True, "step": target.step}
+        return {"stopping": True, **Stopped(step=target.step)}
     if asked == "status":
         return target.survey.of(target)
     if asked not in {"fault add", "fault list", "fault clear"}:
@@ -35,14 +38,14 @@ def answer(target: Asked, request: dict[str, Any]) -> dict[str, Any]:
             "so that the run can be repeated: write them there, or set timing.mode = 'realtime'"
         )
     if asked == "fault list":
-        return {"faults": json.dumps(injection.listed())}
+        return Listed(faults=json.dumps(injection.listed()))
     if asked == "fault clear":
-        return {"ended": injection.clear(_numbers(request.get("numbers")))}
+        return Cleared(ended=injection.clear(_numbers(request.get("numbers"))))
     number = injection.add(_table(request.get("fault")), _seconds(request.get("seconds")))
     return {"number": number, "from": injection.listed()[number]["from"]}
 
 
-def _table(text: object) -> dict[str, Any]:
+def _table(text: object) -> dict[str, Json]:
     try:
         table = read_json(text) if isinstance(text, str) else None
     except ValueError:

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.protocol.messages import LONGEST
+from zenoh_cbef.protocol.fields import LONGEST
 from zenoh_cbef.scenario.injected import with_faults
 from zenoh_cbef.scenario.plan import Plan
 

@@ -174,19 +174,19 @@ class Progress:
         try:
             if at is None or at.kind != "estimate":
                 raise BadMessage("not an estimate key")
-            message = peek("estimate", data, run=self._node.identity.run, sender=at.owner)
+            step = peek("estimate", data, run=self._node.identity.run, sender=at.owner)
             if at.agent >= len(self._reached):
                 raise BadMessage("from an agent that the scenario does not have")
-            if message["k"] > self._begun:
+            if step > self._begun:
                 raise BadMessage("of a step that no agent can have come to")
         except BadMessage as error:
             self.rejections.add(key, str(error))
         else:
-            self._recent[at.agent].append((message["k"], data))
+            self._recent[at.agent].append((step, data))
             past, now = self._past[at.agent], time.monotonic()
             if not past or now - past[-1][0] >= 1.0:
                 past.append((now, data))
             # An agent that sends the same step again and again makes no progress.
-            if message["k"] > self._reached[at.agent]:
-                self._reached[at.agent] = message["k"]
+            if step > self._reached[at.agent]:
+                self._reached[at.agent] = step
                 self._silent.discard(at.agent)

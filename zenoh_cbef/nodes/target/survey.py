@@ -9,7 +9,7 @@ import json
 import threading
 import time
 from collections import defaultdict, deque
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
@@ -17,9 +17,11 @@ from zenoh_cbef.nodes.common.briefing import HERE, card
 from zenoh_cbef.nodes.common.node import Node
 from zenoh_cbef.nodes.target.lookout import Lookout
 from zenoh_cbef.nodes.target.progress import Progress
+from zenoh_cbef.plain import Json
 from zenoh_cbef.protocol.fair_mailbox import FairMailbox
 from zenoh_cbef.protocol.keys import Address, address, agent_named
 from zenoh_cbef.protocol.messages import BadMessage, decode
+from zenoh_cbef.protocol.questions import StatusAnswer
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.scenario.world import World
 
@@ -93,7 +95,7 @@ class Survey:
     def _latest(self) -> list[bytes]:
         return [data for events in list(self._events.values()) for data in list(events)]
 
-    def of(self, target: Surveyed) -> dict[str, Any]:
+    def of(self, target: Surveyed) -> StatusAnswer:
         """All data from which a status is made."""
         self.drain()
         scenario, step = target.plan.scenario, target.step
@@ -120,7 +122,7 @@ class Survey:
             "away": away,
             "unobservable": target.lookout.problem,
             "faults": json.dumps(_faults_on(target)),
-            "truth": [[k, state.tolist()] for k, state in truth.items() if np.isfinite(state).all()],
+            "truth": [(k, state.tolist()) for k, state in truth.items() if np.isfinite(state).all()],
             "estimates": [data for _, data in estimates],
             "earlier": target.progress.earlier(),
             "cards": list(self._cards.values()),
@@ -128,7 +130,7 @@ class Survey:
         }
 
 
-def _faults_on(target: Surveyed) -> list[dict[str, Any]]:
+def _faults_on(target: Surveyed) -> list[dict[str, Json]]:
     if target.step is None:
         return []
     now = target.step * target.plan.scenario.dt

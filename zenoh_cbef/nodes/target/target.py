@@ -23,7 +23,8 @@ from zenoh_cbef.nodes.target.survey import Survey
 from zenoh_cbef.outside.registry import registered
 from zenoh_cbef.protocol.claims import Claims, serve_claims
 from zenoh_cbef.protocol.control import serve_control
-from zenoh_cbef.protocol.messages import END, START, nan_to_nil
+from zenoh_cbef.protocol.fields import END, START
+from zenoh_cbef.protocol.messages import nan_to_nil
 from zenoh_cbef.protocol.scenario_service import ScenarioText, serve_scenario
 from zenoh_cbef.protocol.slow import SLOW
 from zenoh_cbef.scenario import Scenario
@@ -31,8 +32,7 @@ from zenoh_cbef.scenario.load import Loaded, to_toml
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.scenario.world import World, make_world
 
-_LAST_WORD_SECONDS = 5.0
-_ALONE_SECONDS = 30.0
+_LAST_WORD_SECONDS, _ALONE_SECONDS = 5.0, 30.0
 _LONGER = 4.0
 """The target's patience as a multiple of the agents' own, whose waits may follow one after the other."""
 
