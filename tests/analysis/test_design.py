@@ -134,7 +134,7 @@ def test_predictions_agree_with_simulations_over_seeds(overrides):
     predicted, simulated = (np.median(one) for one in both("ratio_to_centralized"))
     assert predicted - 1.0 == pytest.approx(simulated - 1.0, rel=0.35, abs=0.004)
     claimed = np.mean([pick(one, "nees.average") for one in after])
-    assert np.mean([one.nees for one in before]) == pytest.approx(claimed, rel=0.1)
+    assert np.mean([one.nees or np.nan for one in before]) == pytest.approx(claimed, rel=0.1)
 
 
 def test_under_loss_the_error_is_predicted_and_its_small_excess_to_a_factor_of_two():
@@ -227,3 +227,12 @@ def test_a_filter_that_is_not_predicted_still_gets_geometry_and_bytes():
     assert told.rounds == []
     assert told.observability.network.rank == 6
     assert told.configured.bytes_per_step > 0
+
+
+@pytest.mark.parametrize("off", [0.0, 0.1])
+def test_no_nees_is_predicted_for_agents_on_a_line_or_nearly(off):
+    positions = [[-10, 0, 0], [-4, off, 0], [3, 0, off], [10, 0, 0]]
+    told = design(load("tracking", ["agents.count=4", f"agents.positions={positions}", "steps=60"]).plan, search=False)
+    assert told.configured.expected is not None
+    assert told.configured.expected.nees is None
+    assert any("NEES is not predicted" in said for said in told.cannot)

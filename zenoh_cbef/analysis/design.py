@@ -13,6 +13,7 @@ from zenoh_cbef.analysis.observability import observability
 from zenoh_cbef.analysis.prediction import Clipping, Sight, propagate
 from zenoh_cbef.analysis.traffic import other_bytes, round_bytes
 from zenoh_cbef.scenario.plan import Plan
+from zenoh_cbef.scenario.sight import determined
 from zenoh_cbef.scenario.world import make_world
 from zenoh_cbef.tracking.filters import level_of
 from zenoh_cbef.tracking.ranging import own_range
@@ -114,6 +115,8 @@ def cannot(plan: Plan) -> list[str]:
         f"Errors of more than {_MOST_STATES // plan.plain_motion.size} agents are not predicted; try 'sim'.": (
             scenario.count * plan.plain_motion.size > _MOST_STATES
         ),
+        "Ranges leave the position open, or nearly, so covariances come out too small and NEES is not predicted: "
+        "expect larger errors.": not determined(plan),
         "Recorded ranges have biases and outliers that are unknown beforehand: errors are those of noise of "
         f"{plan.range_std:g} m alone, so expect more.": recorded,
         "Outliers are not in the prediction: expect larger errors.": (
@@ -178,6 +181,7 @@ class _Predictor:
         self._weight = {"sicf": count, "icf": count, "hcmci": omega}.get(kind, 1.0)
         self._clipping = Clipping.at(level_of(kind, plan.xi))
         self._mixing: dict[Scheme, Floats] = {}
+        self._plain_sight = determined(plan)
         exact = np.full((1, 1, scenario.count, scenario.count), 1.0 / scenario.count)
         [self.centralized] = self._errors(exact, count)
         self.found: dict[tuple[Scheme, int], Expected] = {}
@@ -219,6 +223,6 @@ class _Predictor:
             part[:, self._first :].mean(axis=1) for part in (expected.position, expected.velocity, expected.nees)
         )
         return [
-            Expected(float(np.sqrt(p)), float(np.sqrt(v)), float(e))
+            Expected(float(np.sqrt(p)), float(np.sqrt(v)), float(e) if self._plain_sight else None)
             for p, v, e in zip(position, velocity, nees, strict=True)
         ]

@@ -36,11 +36,11 @@ class Observability:
 
 @dataclass(frozen=True)
 class Expected:
-    """Expected errors over the scored window, m and m/s, and the average NEES."""
+    """Expected errors over the scored window, m and m/s, and the average NEES, None where no covariance is right."""
 
     position_rmse: float
     velocity_rmse: float
-    nees: float
+    nees: Number
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ import numpy as np
 from zenoh_cbef.datasets import read_dataset
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.faults import Crash, MessageFault, SenderFault
-from zenoh_cbef.scenario import paths, sight, size
+from zenoh_cbef.scenario import paths, proportions, sight, size
 from zenoh_cbef.scenario.model import Scenario
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.tracking import graph
@@ -29,7 +29,8 @@ def check(plan: Plan) -> list[str]:
     _check_proportion(plan)
     warnings = _literal_gain(plan) if scenario.filter.kind == "cbef" else []
     warnings += _trimming(scenario, plan.neighbours) + _chebyshev(scenario)
-    return warnings + _faults_of_no_link(scenario, plan.edges) + _recorded_truth(scenario) + sight.warnings(plan)
+    warnings += _faults_of_no_link(scenario, plan.edges) + _recorded_truth(scenario)
+    return warnings + sight.warnings(plan) + proportions.warnings(plan)
 
 
 def _recorded_truth(scenario: Scenario) -> list[str]:

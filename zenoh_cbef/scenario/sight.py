@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from zenoh_cbef.scenario import paths
 from zenoh_cbef.scenario.plan import Plan
+from zenoh_cbef.scenario.world import target_path
 from zenoh_cbef.tracking.sight import MIRRORED, open_axes
 from zenoh_cbef.words import counted
 
@@ -22,6 +23,10 @@ _REMEDY = {
     "moves in a plane",
     2: "let three or more agents take part that are not on one line",
 }
+
+_MOMENTS = 2000
+_DILUTED = 15.0
+_NEAR = 1e-12
 
 
 def window_of(plan: Plan, steps: int) -> int:
@@ -80,7 +85,34 @@ def warnings(plan: Plan) -> list[str]:
         if last - first + 1 >= window_of(plan, length):
             left = f"from step {first} to {last} faults leave only {counted(fewest, 'agent')}"
             found.append(f"{left}: {described(plan, fewest, most_open)}; let more agents stay")
-    return found
+    return found or _weak_geometry(plan)
+
+
+def determined(plan: Plan) -> bool:
+    """Whether ranges alone tell where the target is, so that a covariance can be right: no mirror image fits them."""
+    agents, length = range(plan.scenario.count), plan.scenario.length
+    return not open_axes_between(plan, agents, 1, length) and not _weak_geometry(plan)
+
+
+def _weak_geometry(plan: Plan) -> list[str]:
+    """Agents that are so nearly on one line or in one plane that ranges say little about one direction."""
+    if plan.recorded:
+        return []
+    moments = min(plan.scenario.length, _MOMENTS)
+    path = target_path(plan.scenario.model_copy(update={"steps": moments}))[1:, :3]
+    away = path - paths.agent_positions(plan.scenario.model_copy(update={"steps": moments}))
+    rows = away / np.maximum(np.linalg.norm(away, axis=2, keepdims=True), _NEAR)
+    rows = rows[:, :, : plan.space.axes]
+    least = np.linalg.eigvalsh(np.einsum("nki,nkj->kij", rows, rows))[:, 0]
+    dilution = float(np.median(1.0 / np.sqrt(np.maximum(least, _NEAR))))
+    if dilution <= _DILUTED:
+        return []
+    near = _FLAT[plan.space.axes - 1]
+    warning = (
+        f"the geometry is weak: in one direction a step's ranges determine the position to {dilution:.3g} times their "
+        f"noise only, as the agents are nearly {near} with the target or far from it; place them around its path"
+    )
+    return [warning]
 
 
 def _dark_stretches(plan: Plan) -> list[tuple[int, int, int, int]]:

@@ -1,0 +1,148 @@
+"""Warns of numbers of a scenario that do not fit each other: steps and motion, noise and receivers, units."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zenoh_cbef.datasets import Dataset, read_dataset
+from zenoh_cbef.numbers import number
+from zenoh_cbef.scenario import paths
+from zenoh_cbef.scenario.model import Scenario
+from zenoh_cbef.scenario.plan import Plan
+from zenoh_cbef.scenario.world import target_path
+
+Floats = NDArray[np.float64]
+
+_BENT = 1.0
+"""Curvature of ranges over a step's uncertainty, in units of their noise, from which on they are not linear there."""
+
+_SEEN = 3.0
+"""How many standard deviations of their noise ranges may be off that come from outside of the plane."""
+
+_OFF = 1.5
+_SELDOM = 10.0
+_ENOUGH = 20
+_MOST_STEPS = 10_000
+_ITERATIONS = 100
+
+
+def warnings(plan: Plan) -> list[str]:
+    """Warnings, a sentence each with its remedy."""
+    recorded = _recorded(plan) if plan.recorded else _emulated_noise(plan) + _out_of_plane(plan)
+    return _long_steps(plan) + _coarse(plan) + recorded
+
+
+def _half(scenario: Scenario) -> float:
+    """Half of the diagonal of the box around the agents, m."""
+    return float(np.linalg.norm(np.ptp(paths.placement(scenario), axis=0))) / 2.0
+
+
+def _bending(plan: Plan, dt: float) -> tuple[float, float]:
+    """How uncertain the position gets in a step of dt (s), m, and how much ranges bend there, in units of their noise.
+
+    The uncertainty is that of a Kalman filter of one axis that has its share of all ranges, in its steady state. A
+    range over a distance d bends by the square of it over 2 d.
+    """
+    share = plan.range_std**2 * plan.space.axes / plan.scenario.count
+    noise = plan.plain_motion.acceleration_std
+    transition, gain = np.array([[1.0, dt], [0.0, 1.0]]), np.array([0.5 * dt**2, dt])
+    covariance = np.diag([share, share / dt**2])
+    predicted = covariance
+    for _ in range(_ITERATIONS):
+        predicted = transition @ covariance @ transition.T + noise**2 * np.outer(gain, gain)
+        covariance = predicted - np.outer(predicted[0], predicted[0]) / (predicted[0, 0] + share)
+    uncertain = float(np.sqrt(predicted[0, 0]))
+    return uncertain, uncertain**2 / (2.0 * _half(plan.scenario)) / plan.range_std
+
+
+def _long_steps(plan: Plan) -> list[str]:
+    dt, half = plan.scenario.dt, _half(plan.scenario)
+    if half == 0.0:
+        return []
+    uncertain, bent = _bending(plan, dt)
+    if bent <= _BENT:
+        return []
+    shorter = dt
+    while _bending(plan, shorter)[1] > _BENT and shorter > 1e-6 * dt:
+        shorter /= 2.0
+    warning = (
+        f"steps of dt = {number(dt)} s are long for this motion: from one to the next the position gets uncertain by "
+        f"{number(uncertain)} m per axis, and ranges over {number(half)} m bend there by {number(bent)} times their "
+        f"noise, which filters take for straight; set dt to {number(shorter)} or less (are these milliseconds?)"
+    )
+    return [warning]
+
+
+def _coarse(plan: Plan) -> list[str]:
+    half = _half(plan.scenario)
+    if plan.range_std <= half or half == 0.0:
+        return []
+    warning = (
+        f"the range noise of {number(plan.range_std)} m is larger than half of the box around the agents, "
+        f"{number(half)} m; give lengths in metres, or place the agents farther apart"
+    )
+    return [warning]
+
+
+def _emulated_noise(plan: Plan) -> list[str]:
+    given, true = plan.scenario.filter.range_std, plan.scenario.sensor.range_std
+    if not isinstance(given, float) or 1.0 / _OFF <= given / true <= _OFF:
+        return []
+    warning = (
+        f"filter.range_std = {number(given)} m, but the receivers have sensor.range_std = {number(true)} m, so NEES "
+        "will be off; leave filter.range_std out, or set it to 'auto'"
+    )
+    return [warning]
+
+
+def _out_of_plane(plan: Plan) -> list[str]:
+    height, scenario = plan.space.height, plan.scenario
+    if height is None:
+        return []
+    seen = scenario.model_copy(update={"steps": min(scenario.length, _MOST_STEPS)})
+    off, half = float(np.abs(target_path(seen)[:, 2] - height).max()), _half(scenario)
+    if off**2 <= 2.0 * half * _SEEN * plan.range_std or half == 0.0:
+        return []
+    warning = (
+        f"filter.planar_height = {number(height)} m, but the target gets {number(off)} m away from that plane; leave "
+        "filter.planar_height out, or let the target move in the plane (target.motion = 'ncv' accelerates in all axes)"
+    )
+    return [warning]
+
+
+def _recorded(plan: Plan) -> list[str]:
+    """What the recorded ranges themselves say, as far as the folder is on this host."""
+    folder = Path(plan.scenario.target.path or "")
+    if not folder.is_dir():
+        return []
+    dataset = read_dataset(folder)
+    interval = dataset.interval
+    if interval is not None and interval > _SELDOM:
+        said = f"an anchor's ranges come {number(interval)} s apart; give times in seconds (are these milliseconds?)"
+        return [said]
+    return _misjudged_noise(plan, _residuals(dataset))
+
+
+def _residuals(dataset: Dataset) -> Floats:
+    """Ranges less the true distances and each anchor's median, where the truth is known, (m,)."""
+    truth = dataset.truth_at(dataset.range_time)[:, :3]
+    residuals = dataset.ranges - np.linalg.norm(truth - dataset.anchors[dataset.range_anchor], axis=1)
+    known = np.isfinite(residuals)
+    each = [residuals[known & (dataset.range_anchor == anchor)] for anchor in range(len(dataset.anchors))]
+    return np.concatenate([row - np.median(row) for row in each if len(row)] or [np.zeros(0)])
+
+
+def _misjudged_noise(plan: Plan, residuals: Floats) -> list[str]:
+    if len(residuals) < _ENOUGH or plan.scenario.filter.range_std == "auto":
+        return []
+    found = 1.4826 * float(np.median(np.abs(residuals)))
+    if found == 0.0 or 1.0 / (2.0 * _OFF) <= plan.range_std / found <= 2.0 * _OFF:
+        return []
+    warning = (
+        f"the filter takes the range noise for {number(plan.range_std)} m, but the recorded ranges scatter by "
+        f"{number(found)} m about the true distances; set filter.range_std to about that, or to 'auto'"
+    )
+    return [warning]
