@@ -72,7 +72,7 @@ def test_the_noise_of_the_motion_of_a_recorded_target_does_not_hang_on_the_step(
     rows = "".join(f"{10.0 + 0.2 * number:.2f},3,{number}\n" for number in range(1, 41))
     folder = write(tmp_path, ranges="t,anchor_id,range\n" + rows)
     for dt in (0.05, 0.1, 0.4):
-        scenario = scenario_of(folder, f"dt={dt}", "filter.acceleration_std=2.0")
+        scenario = scenario_of(folder, f"dt={dt}", "filter.acceleration_std=2.0", "filter.motion=ncv")
         assert scenario.filter.acceleration_interval == pytest.approx(0.2)
         # Variance of the velocity after a second.
         assert Plan(scenario).plain_motion.process_noise[3, 3] / dt == pytest.approx(2.0**2 * 0.2)

@@ -81,6 +81,12 @@ def test_where_several_do_not_fit_the_motion_is_one(alone):
     assert not plan().models
 
 
+def test_the_velocity_of_a_real_target_decays():
+    assert isinstance(plan("sensor.real=true").motion, MOTIONS["decay"])
+    for kept in ("filter.kind=cbef", "filter.defaults=1", "filter.motion=ncv"):
+        assert isinstance(plan("sensor.real=true", kept).motion, MOTIONS["ncv"])
+
+
 def test_the_models_that_are_told_are_taken():
     models = 'filter.models=[{motion="decay", velocity_time=3}, {motion="acceleration", acceleration_std=2}]'
     slow, fast = plan("filter.motion=imm", models).models

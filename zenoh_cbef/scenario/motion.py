@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+from zenoh_cbef.scenario import trust
 from zenoh_cbef.scenario.model import Scenario
+from zenoh_cbef.tracking.filters import abilities_of
 from zenoh_cbef.tracking.motion import LinearMotion, Motion, MotionSettings, NearlyConstantVelocity, make_motion
 
 _RECORDED_ACCELERATION = 1.0
@@ -43,9 +45,14 @@ def assumed_models(scenario: Scenario, range_std: float, axes: int) -> tuple[Mot
 
 
 def assumed_motion(scenario: Scenario, range_std: float, axes: int) -> Motion:
-    """The filter's model, if it is a single one. range_std: m, what the filter assumes. axes: 3, or 2 in a plane."""
-    chosen = scenario.filter.motion
-    return make_motion("ncv" if chosen in ("auto", "imm") else chosen, _settings(scenario, range_std, axes))
+    """The filter's model, if it is a single one. range_std: m, what the filter assumes. axes: 3, or 2 in a plane.
+
+    Auto: decay where ranges are real. A real target may be unheard for long, and does not go straight on all the while.
+    """
+    chosen = scenario.filter
+    silent = trust.real(scenario) and chosen.defaults > 1 and abilities_of(chosen.kind).covariance
+    names = {"auto": "decay" if silent else "ncv", "imm": "ncv"}
+    return make_motion(names.get(chosen.motion, chosen.motion), _settings(scenario, range_std, axes))
 
 
 def plain_motion(motions: Sequence[Motion], otherwise: Motion) -> LinearMotion:
