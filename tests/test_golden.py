@@ -1,4 +1,4 @@
-"""Runs recorded by version 0.1.0, or the first that could, one for each filter kind and what stands around: they verify.
+"""Runs recorded by version 0.1.0, or the first that could, for each kind of filter and what stands around: they verify.
 
 A change that alters a bit of lockstep on purpose records them anew, and the changelog says so.
 """
