@@ -276,7 +276,7 @@ def test_a_delay_below_or_above_a_slot_misses_its_round_and_no_delay_does_not(mi
     assert_same(punctual, clean)
 
 
-def test_agents_that_hear_nobody_still_track():
+def test_agents_that_hear_no_neighbour_still_track():
     [trace] = simulate([scenario(7, fault=[{"kind": "loss", "probability": 1.0}])])
     assert np.isfinite(trace.estimates).all()
     assert trace.links.delivered.sum() == 0

@@ -1,4 +1,4 @@
-"""Runs in which nobody is left whose errors count: there is nothing to average, and that is said."""
+"""Runs in which no agent is left whose errors count: there is nothing to average, and that is said."""
 
 from rich.console import Console
 

@@ -18,9 +18,9 @@ _milliseconds = st.floats(0.0, 200.0)
 
 @st.composite
 def _groups(draw: st.DrawFn) -> dict[str, list[list[int]]]:
-    everybody = draw(st.permutations(range(AGENTS)))
+    agents = draw(st.permutations(range(AGENTS)))
     cut, end = draw(st.integers(1, AGENTS - 1)), draw(st.integers(2, AGENTS))
-    return {"between": [list(everybody[:cut]), list(everybody[cut : max(end, cut + 1)])]}
+    return {"between": [list(agents[:cut]), list(agents[cut : max(end, cut + 1)])]}
 
 
 _links = st.one_of(

@@ -38,7 +38,7 @@ def test_after_a_crash_an_agent_is_back_among_its_neighbours(kind):
     error = np.linalg.norm(trace.estimates[:, :, :3] - trace.truth[:, :3], axis=2)
     others = np.delete(error, 2, axis=0)[:, 99]
     assert error[2, 99] <= 1.1 * others.max()
-    # What nobody sent, or nobody was there to hear, is not lost.
+    # A message that was not sent, or whose receiver was away, is not lost.
     links = trace.links
     touched = (links.source == 2) | (links.destination == 2)
     messages = links.sent[~touched].max() // 120
@@ -60,9 +60,9 @@ def test_a_paused_agent_goes_on_from_what_it_knew():
 
 
 def test_what_cannot_work_is_refused():
-    everybody = [{"kind": "crash", "agents": [0, 1], "from": 1.0}, {"kind": "pause", "agents": [2], "until": 2.0}]
+    faults = [{"kind": "crash", "agents": [0, 1], "from": 1.0}, {"kind": "pause", "agents": [2], "until": 2.0}]
     with pytest.raises(UserError, match="none of the 3 agents is there"):
-        check(Plan(parse({"agents": {"count": 3}, "fault": everybody}, "test")))
+        check(Plan(parse({"agents": {"count": 3}, "fault": faults}, "test")))
     replay = {"kind": "byzantine", "mode": "replay", "agents": [1]}
     with pytest.raises(UserError, match="remembers nothing"):
         check(Plan(parse({"fault": [replay, {"kind": "crash", "agents": [1], "from": 1.0, "until": 2.0}]}, "test")))

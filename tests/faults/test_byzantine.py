@@ -1,4 +1,4 @@
-"""What misbehaving agents send, whoever computes it."""
+"""What misbehaving agents send is the same, whichever process computes it."""
 
 from __future__ import annotations
 

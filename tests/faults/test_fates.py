@@ -1,4 +1,4 @@
-"""The fate of a message is a function of the scenario, whoever computes it."""
+"""The fate of a message is a function of the scenario, the same in every process."""
 
 from __future__ import annotations
 

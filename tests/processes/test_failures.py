@@ -1,4 +1,4 @@
-"""Interrupted and killed: the log stays readable, the dead are named, nobody is left behind."""
+"""Interrupted and killed: the log stays readable, dead processes are named, and no process is left behind."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""A neighbour whose payloads no agent can send, over real sessions: it stops nobody else."""
+"""A neighbour whose payloads no agent can send, over real sessions: all other agents go on."""
 
 import time
 from collections.abc import Iterator

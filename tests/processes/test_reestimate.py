@@ -130,7 +130,7 @@ def test_a_realtime_run_is_estimated_as_in_lockstep(world):
     run = world.start_run(*realtime)
     _, err = run.communicate(timeout=120)
     assert run.returncode == 0, err
-    assert world.call("verify", str(world.log)).returncode == 2, "nobody can tell what came when"
+    assert world.call("verify", str(world.log)).returncode == 2, "the log does not say what came when"
     first, second = read_trace(world.log), read_trace(again(world, world.log))
     assert np.array_equal(first.ranges, second.ranges, equal_nan=True)
     assert np.array_equal(first.truth, second.truth)

@@ -1,4 +1,4 @@
-"""What cannot work is said in one sentence, and nobody hangs."""
+"""What cannot work is said in one sentence, and no process hangs."""
 
 import os
 import re

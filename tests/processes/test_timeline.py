@@ -119,7 +119,7 @@ def test_a_message_that_its_receiver_missed_is_told_from_one_that_a_fault_took(f
     assert [(one.destination, one.step) for one in missed] == [(2, 9)]
 
 
-def test_a_part_that_nobody_could_read_is_refused_with_one_that_fits(tmp_path: Path):
+def test_a_part_that_is_too_large_to_read_is_refused_with_one_that_fits(tmp_path: Path):
     world = World(tmp_path)
     try:
         run = world.start_run("steps=40", "agents.count=8", "network.graph=complete", "consensus.rounds=5")

@@ -169,7 +169,7 @@ def test_a_wildcard_does_not_get_an_agent_what_it_may_not_read(net):
     assert [spy.heard() for spy in spies] == [[], [], []]
 
 
-def test_nobody_is_announced_or_answers_under_anothers_name(net):
+def test_no_process_is_announced_or_answers_under_anothers_name(net):
     target, recorder, agent = net.join("target"), net.join("record"), net.join("agent-0")
 
     def live() -> set[str]:

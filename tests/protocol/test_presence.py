@@ -1,4 +1,4 @@
-"""Names that anybody may announce where links have no certificates; tokens of real sessions."""
+"""Names that any process may announce where links have no certificates; tokens of real sessions."""
 
 import pytest
 

@@ -79,7 +79,7 @@ def test_loopback_and_endpoints_with_certificates_are_not(endpoint):
 
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
 @pytest.mark.parametrize("mode", ["peer", "router"])
-def test_nobody_listens_off_loopback_unless_told_to(mode):
+def test_no_process_listens_off_loopback_unless_told_to(mode):
     before = addresses()
     with open_session(Connection(mode=mode)):
         new = addresses() - before

@@ -91,7 +91,7 @@ def test_running_sums_send_one_number_more():
         assert Plan(scenario(**keys, consensus={"scheme": "running-sums"})).message_size == size + 1
 
 
-def test_a_network_of_one_agent_has_nobody_to_talk_to():
+def test_a_network_of_one_agent_has_no_neighbour():
     one = scenario(agents={"count": 1})
     tracker, others = agent_tracker(Plan(one), 0)
     assert others == []
@@ -145,6 +145,6 @@ def test_eigenvalue_bounds_are_the_graphs_unless_given():
     np.testing.assert_allclose(values, [ring_values, [-0.4, 0.9]])
 
 
-def test_without_rounds_everybody_is_a_network_of_one():
+def test_without_rounds_every_agent_is_a_network_of_one():
     assert vars(Plan(scenario(consensus={"rounds": 0})).filter)["network_size"] == 1
     assert Plan(scenario(consensus={"rounds": 0})).rounds == 0

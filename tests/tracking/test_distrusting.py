@@ -93,7 +93,7 @@ def test_a_wrong_receiver_is_distrusted_within_ten_steps_alone_and_trusted_again
 
 
 @pytest.mark.parametrize("hear", [True, False])
-def test_nobody_distrusts_where_all_are_surprised_or_nobody_is_heard(hear):
+def test_no_agent_distrusts_where_all_are_surprised_or_no_neighbour_is_heard(hear):
     errors = np.tile(np.where(np.arange(AGENTS) % 2, 8.0, -8.0), (10, 1)) if hear else errors_of(2, 3.0, 10)
     for _, _, update in updates(errors, hear=hear):
         np.testing.assert_array_equal(update.diagnostics.distrust, 0.0)

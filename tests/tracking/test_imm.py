@@ -138,7 +138,7 @@ def test_models_that_are_all_the_same_are_the_single_filter():
         np.testing.assert_allclose(several[k], belief.state[0], atol=1e-9)
 
 
-def test_an_agent_that_hears_nobody_weighs_nothing():
+def test_an_agent_that_hears_no_neighbour_weighs_nothing():
     _, chances = network(settings((CALM, WILD)), spoiled=(STEPS // 2,))
     before, after = chances[STEPS // 2 - 1], chances[STEPS // 2]
     other = LEAVING * before[::-1] + (1 - LEAVING) * before

@@ -249,7 +249,7 @@ def test_an_information_filter_refuses_a_belief_without_covariance():
 
 
 @pytest.mark.parametrize("kind", ["sicf", "icf", "hcmci"])
-def test_an_agent_that_heard_nobody_goes_on_by_prediction(kind):
+def test_an_agent_that_heard_no_neighbour_goes_on_by_prediction(kind):
     belief, measurement = scene(4, Space())
     made = make_filter(kind, settings_for(Space(), 4))
     update = made.update(belief, measurement)

@@ -28,7 +28,7 @@ def test_neighbours_estimates_are_intersected_with_equal_weights():
     np.testing.assert_allclose(belief.known_covariance[0], expected, rtol=1e-9)
     mean = expected @ (information[0] @ states[0, 0] + information[1] @ states[0, 2]) / 2.0
     np.testing.assert_allclose(belief.state[0], mean, rtol=1e-9)
-    # Whom nobody answers begins as at the start.
+    # An agent that gets no answer begins as at the start.
     np.testing.assert_array_equal(belief.state[1], INITIAL.state[1])
     np.testing.assert_array_equal(belief.known_covariance[1], INITIAL.known_covariance[1])
 

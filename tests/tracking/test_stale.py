@@ -49,7 +49,7 @@ def test_it_is_the_intersection_of_the_own_estimate_and_predicted_old_ones(lag):
     np.testing.assert_allclose(stage.result()[0], expected, rtol=1e-9, atol=1e-9)
 
 
-def test_a_delay_up_to_the_lag_costs_nothing_more_and_one_beyond_cuts_everybody_off():
+def test_a_delay_up_to_the_lag_costs_nothing_more_and_one_beyond_cuts_all_agents_off():
     short = ["steps=40", "consensus.lag=2"]
     clean, inside, beyond = (runs([*short, *extra], 2) for extra in ([], [delayed(200.0)], [delayed(200.1)]))
     alone = runs(["steps=40", "filter.kind=local"], 2)

@@ -75,7 +75,16 @@ def summarize(runs: Sequence[Metrics]) -> Summary:
     first, seeds = runs[0], [one.seed for one in runs]
     spreads = {name: _spread(np.array([pick(one, name) for one in runs])) for name in SUMMARIZED}
     lost, twin_lost = (float(np.mean([getattr(one, name) for one in runs])) for name in ("lost", "twin_lost"))
-    return Summary(first.run, first.filter, first.agents, first.steps, seeds, lost, twin_lost, spreads)
+    return Summary(
+        run=first.run,
+        filter=first.filter,
+        agents=first.agents,
+        steps=first.steps,
+        seeds=seeds,
+        share_lost=lost,
+        share_twin_lost=twin_lost,
+        spreads=spreads,
+    )
 
 
 def _spread(values: NDArray[np.float64]) -> Spread | None:

@@ -13,7 +13,7 @@ import typer
 
 from zenoh_cbef.cli.console import number, tell_what_lacks
 from zenoh_cbef.cli.interrupts import INTERRUPTED
-from zenoh_cbef.cli.joining import JoiningCommand, JoiningContext, identity_of
+from zenoh_cbef.cli.joining import Joining, JoiningCommand, JoiningContext, identity_of
 from zenoh_cbef.cli.options import LONGEST_SECONDS, WHICH, Exclude, Include, LogFile
 from zenoh_cbef.cli.run import run_processes
 from zenoh_cbef.errors import UserError
@@ -131,15 +131,30 @@ def _replay(
         return
     if overrides or output:
         raise UserError("--set and --output are for --to agents: what is published is what was recorded")
-    connection = ctx.joining.connection("replay")
-    if not (ctx.joining.client or ctx.joining.connect or ctx.joining.listen or ctx.joining.config):
-        connection = replace(connection, listen=[connection.loopback(_PORT)])
     whole = select(include or (), exclude or ())
     selection = Selection(
         topics or (), not_topics or (), whole.include, whole.exclude, regex or (), not_regex or (), remap or ()
     )
-    how = Playback(rate, loop, start_offset, duration, start_paused, delay, wait, linger, keyboard)
-    _to_network(log, connection, selection, how)
+    how = Playback(
+        rate=rate,
+        loop=loop,
+        start_offset=start_offset,
+        duration=duration,
+        start_paused=start_paused,
+        delay=delay,
+        wait=wait,
+        linger=linger,
+        keyboard=keyboard,
+    )
+    _to_network(log, _connection(ctx.joining), selection, how)
+
+
+def _connection(joining: Joining) -> Connection:
+    """As the command line says; where it names no endpoint, the replay listens on this host."""
+    connection = joining.connection("replay")
+    if joining.client or joining.connect or joining.listen or joining.config:
+        return connection
+    return replace(connection, listen=[connection.loopback(_PORT)])
 
 
 def _to_network(log: Path, connection: Connection, selection: Selection, how: Playback) -> None:

@@ -63,7 +63,16 @@ def _cell(cell: Cell, runs: Sequence[Outcome]) -> CellSummary:
         if told:
             shares[name] = told.count(True) / len(told)
     failures = [Failure(one.seed, one.error) for one in runs if one.error is not None]
-    return CellSummary(cell.index, cell.values, len(runs), len(failures), failures, metrics, shares, _curve(good))
+    return CellSummary(
+        cell=cell.index,
+        values=cell.values,
+        runs=len(runs),
+        failed=len(failures),
+        failures=failures,
+        metrics=metrics,
+        shares=shares,
+        curve=_curve(good),
+    )
 
 
 def _curve(runs: Sequence[Outcome]) -> Curve | None:

@@ -70,7 +70,7 @@ class RawMessage(NamedTuple):
     data: bytes
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Summary:
     """What a file holds: messages by topic, first and last log time (ns, 0 without messages), chunks."""
 
@@ -80,8 +80,6 @@ class Summary:
     start_time: int
     end_time: int
     chunks: int
-    compressed_bytes: int
-    uncompressed_bytes: int
 
 
 class Record(NamedTuple):
@@ -138,7 +136,7 @@ class Closing:
     def __init__(self, section: bytes) -> None:
         self.declared = Declarations()
         self.extras: list[Record] = []
-        self.chunk_totals = [0, 0, 0]
+        self.chunks = 0
         said: records.Statistics | None = None
         position = 0
         while position < len(section):
@@ -146,8 +144,7 @@ class Closing:
             position += RECORD.size + length
             content = section[position - length : position]
             if opcode == Opcode.CHUNK_INDEX:
-                for place, number in enumerate((1, *struct.unpack("<QQ", content[-16:]))):
-                    self.chunk_totals[place] += number
+                self.chunks += 1
             elif opcode in (Opcode.ATTACHMENT_INDEX, Opcode.METADATA_INDEX):
                 kind = Opcode.ATTACHMENT if opcode == Opcode.ATTACHMENT_INDEX else Opcode.METADATA
                 start, size = struct.unpack_from("<QQ", content)
@@ -156,7 +153,7 @@ class Closing:
                 said = parse_record(records.Statistics, content)
             else:
                 self.declared.add(opcode, content)
-        there = self.chunk_totals[0], len(self.extras)
+        there = self.chunks, len(self.extras)
         if said is None or there != (said.chunk_count, said.attachment_count + said.metadata_count):
             raise ValueError("the summary is not whole")
         self.statistics = said

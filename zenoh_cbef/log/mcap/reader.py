@@ -33,7 +33,7 @@ from zenoh_cbef.log.mcap.contents import (
     messages_in,
     parse_record,
 )
-from zenoh_cbef.log.mcap.walk import IN_CHUNKS, RecordWalk
+from zenoh_cbef.log.mcap.walk import IN_CHUNKS, RecordWalk, with_indexes
 from zenoh_cbef.log.mcap.writer import MAGIC
 from zenoh_cbef.words import counted
 
@@ -161,14 +161,20 @@ class McapFile:
         said = self._closing.statistics
         for number, channel in self._closing.declared.channels.items():
             counts[channel.topic] += said.channel_message_counts.get(number, 0)
-        start, end, totals = said.message_start_time, said.message_end_time, self._closing.chunk_totals
-        return Summary(library, said.message_count, dict(counts), start, end, *totals)
+        return Summary(
+            library=library,
+            message_count=said.message_count,
+            channel_counts=dict(counts),
+            start_time=said.message_start_time,
+            end_time=said.message_end_time,
+            chunks=self._closing.chunks,
+        )
 
     def _summary_of_chunks(self, library: str) -> Summary:
         """Count what the indexes say, and read only chunks that have none, and one for each new channel."""
-        declared, counts, totals = Declarations(), Counter[str](), [0, 0, 0]
+        declared, counts, chunks = Declarations(), Counter[str](), 0
         start, end = 1 << 64, 0
-        for record, indexes in _with_indexes(self._walk.records()):
+        for record, indexes in with_indexes(self._walk.records()):
             chunk = self._walk.chunk(record)
             indexed = {self._walk.number(at.start + RECORD.size, 2): at.end - at.start for at in indexes}
             if chunk and record.end <= self._data_end and indexed:
@@ -182,10 +188,15 @@ class McapFile:
                 for message in self._messages_of(record, declared):
                     counts[message.channel.topic] += 1
                     start, end = min(start, message.log_time), max(end, message.log_time)
-            if chunk:
-                for place, number in enumerate((1, chunk.data_end - chunk.data_start, chunk.size)):
-                    totals[place] += number
-        return Summary(library, counts.total(), dict(counts), start if counts else 0, end, *totals)
+            chunks += chunk is not None
+        return Summary(
+            library=library,
+            message_count=counts.total(),
+            channel_counts=dict(counts),
+            start_time=start if counts else 0,
+            end_time=end,
+            chunks=chunks,
+        )
 
     def _forget(self, start: int, end: int) -> int:
         """Give the memory of bytes that were read back to the system, many at once; returns where the others begin."""
@@ -274,18 +285,3 @@ class McapFile:
 
 def _holds_messages(record: Record) -> bool:
     return record.opcode in (Opcode.CHUNK, Opcode.MESSAGE)
-
-
-def _with_indexes(places: Iterable[Record]) -> Iterator[tuple[Record, list[Record]]]:
-    """Yield each record of a data section with the message indexes behind it; the last without, as it may be cut."""
-    last: Record | None = None
-    indexes: list[Record] = []
-    for record in places:
-        if record.opcode == Opcode.MESSAGE_INDEX:
-            indexes.append(record)
-            continue
-        if last is not None:
-            yield last, indexes
-        last, indexes = record, []
-    if last is not None:
-        yield last, []

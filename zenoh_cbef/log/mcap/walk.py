@@ -8,7 +8,7 @@ from __future__ import annotations
 import mmap
 import re
 import struct
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 
 from mcap.opcode import Opcode
 
@@ -114,3 +114,18 @@ class RecordWalk:
             return None
         name = self._bytes[record.start + _CHUNK.size : name_end].decode(errors="replace")
         return Chunk(start_time, end_time, name, size, crc, data_start, record.end)
+
+
+def with_indexes(places: Iterable[Record]) -> Iterator[tuple[Record, list[Record]]]:
+    """Yield each record of a data section with the message indexes behind it; the last without, as it may be cut."""
+    last: Record | None = None
+    indexes: list[Record] = []
+    for record in places:
+        if record.opcode == Opcode.MESSAGE_INDEX:
+            indexes.append(record)
+            continue
+        if last is not None:
+            yield last, indexes
+        last, indexes = record, []
+    if last is not None:
+        yield last, []

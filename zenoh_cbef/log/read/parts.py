@@ -107,14 +107,12 @@ class Log:
             counts.update(one.channel_counts)
         full = [one for one in each if one.message_count]
         return Summary(
-            each[0].library,
-            counts.total(),
-            dict(counts),
-            min((one.start_time for one in full), default=0),
-            max((one.end_time for one in full), default=0),
-            sum(one.chunks for one in each),
-            sum(one.compressed_bytes for one in each),
-            sum(one.uncompressed_bytes for one in each),
+            library=each[0].library,
+            message_count=counts.total(),
+            channel_counts=dict(counts),
+            start_time=min((one.start_time for one in full), default=0),
+            end_time=max((one.end_time for one in full), default=0),
+            chunks=sum(one.chunks for one in each),
         )
 
     def _of(self, path: Path, sentence: str) -> str:

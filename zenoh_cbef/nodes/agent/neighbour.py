@@ -51,7 +51,7 @@ class Neighbourhood:
         self._rows = [memoryview(row).cast("B") for row in self._received[0]]
         self._counts = {name: [0] * len(self.ids) for name in ("received", "lost", "late")}
         self._injected, self._twice = Injected(len(self.ids)), list[int]()
-        self._order, self._everyone = list(range(len(self.ids))), [True] * len(self.ids)
+        self._order, self._all_due = list(range(len(self.ids))), [True] * len(self.ids)
 
         def inbox(agent: int, key: str, read: Decoder[Content], turns_per_step: int) -> Inbox[Content]:
             ahead = (WINDOW + 1 + lag) * turns_per_step
@@ -120,7 +120,7 @@ class Neighbourhood:
         positions, ranges = np.zeros((1, count, 3)), np.full((1, count), np.nan)
         if not count:
             return positions, ranges
-        due = self._everyone if self.fates.quiet else self._due(self._range_boxes, step, (step, 0), deadline)
+        due = self._all_due if self.fates.quiet else self._due(self._range_boxes, step, (step, 0), deadline)
         for place, box in enumerate(self._range_boxes):
             if not due[place]:
                 box.pass_over(step)
@@ -140,7 +140,7 @@ class Neighbourhood:
         if step < 1:
             return self._received, np.zeros((1, len(self.ids)), dtype=bool)
         turn, boxes, rows = step * (self._rounds + 1) + round_, self._round_boxes, self._rows
-        due = self._everyone if self.fates.quiet else self._due(boxes, turn, (step, round_), deadline)
+        due = self._all_due if self.fates.quiet else self._due(boxes, turn, (step, round_), deadline)
         delivered, received = [False] * len(boxes), self._counts["received"]
         slowest = self._order[0]
         for place in self._order:

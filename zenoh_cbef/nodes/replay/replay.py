@@ -30,7 +30,7 @@ _REPORT_SECONDS = 0.1
 _Number = TypeVar("_Number", int, float)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Playback:
     """How a log is played. start_offset, duration, delay: s; duration None: to the end, delay before the first.
 

@@ -94,7 +94,7 @@ class Target:
         """The agents that take part in the run, and are here."""
         return self.progress.members()
 
-    def wait_for_everybody(self, patience: float) -> None:
+    def wait_for_agents(self, patience: float) -> None:
         """Wait until every agent is ready, and a recorder where one is required. Raises UserError otherwise."""
         ready = {f"ready/{agent}" for agent in range(self.scenario.count)}
 
@@ -134,7 +134,7 @@ class Target:
                 going_on = self._in_company()
             else:
                 going_on = self.progress.wait(step - WINDOW) and self._await_return(step)
-            if self.node.stopping or not (going_on or self._someone_returns(step)):
+            if self.node.stopping or not (going_on or self._agent_returns(step)):
                 break
             self.survey.drain()
             self._inject()
@@ -179,7 +179,7 @@ class Target:
         """Tell an agent that its first step is the one after this."""
         self._signals[agent].send(k=step, signal=START, at=self.start)
 
-    def _someone_returns(self, step: int) -> bool:
+    def _agent_returns(self, step: int) -> bool:
         gone = self.plan.absences.at(step - 1).nonzero()[0].tolist()
         return any(self.plan.absences.return_of(agent, step) is not None for agent in gone)
 
@@ -290,7 +290,7 @@ def run_target(
         node.presence.enter(f"target/{identity.name}")
         reached = [*identity.connection.listen, *identity.connection.connect]
         with registered(identity.run, reached, launched=node.launched):
-            target.wait_for_everybody(identity.patience)
+            target.wait_for_agents(identity.patience)
             last = 0 if node.stopping else target.run()
         control.undeclare()
         service.undeclare()
