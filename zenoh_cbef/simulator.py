@@ -172,13 +172,13 @@ class Simulation:
             message = self.tracker.exchange(self._received(round_), delivered)
         estimate = self._estimate = self.tracker.conclude()
         absent = np.tile(self.absences.at(step), self._runs)
-        return Step(sent, estimate, told, self._noted, absent, self._smoothed(step, estimate))
+        return Step(sent, estimate, told, self._noted, absent, self._smoothed(step))
 
-    def _smoothed(self, step: int, estimate: Estimate) -> list[Smoothed]:
+    def _smoothed(self, step: int) -> list[Smoothed]:
         """The smoothed estimates that are due, at the end all; agents that come back without a memory begin anew."""
-        if self.smoother is None or estimate.covariance is None:
+        if self.smoother is None:
             return []
-        self.smoother.take(step, estimate.state, estimate.covariance, np.tile(self.absences.reborn(step), self._runs))
+        self.smoother.take(step, self.tracker.belief, np.tile(self.absences.reborn(step), self._runs))
         return self.smoother.due() + (self.smoother.rest() if step == self.scenario.length else [])
 
 

@@ -72,6 +72,15 @@ def test_estimates_that_cannot_be_smoothed_are_refused_with_the_remedy():
         load("tracking", ["filter.kind=cbef-scaled", "filter.lag_seconds=1"])
 
 
+def test_a_motion_with_more_states_is_smoothed_with_all_of_them():
+    """What the log holds is position and velocity: smoothed as if they were all, the path is no better than before."""
+    (trace,) = run("steps=100", "filter.motion=turn", "filter.lag_seconds=20")
+    found = analyze([trace])[0].metrics
+    assert pick(found, "smoothed.position_rmse") < 0.7 * pick(found, "position_rmse")
+    with pytest.raises(UserError, match=r"'turn' has more states .* zenoh-cbef reestimate LOG --smooth"):
+        smoothed_run(trace)
+
+
 def test_covariances_that_are_none_count_as_missing():
     (trace,) = run("steps=20")
     trace.covariances[1, 7] = 0.0

@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from zenoh_cbef.tracking.motion import NearlyConstantVelocity
+from zenoh_cbef.tracking.filters import Belief
+from zenoh_cbef.tracking.motion import MOTIONS, MotionSettings, NearlyConstantVelocity, make_motion
 from zenoh_cbef.tracking.ranging import Space
 from zenoh_cbef.tracking.smoothing import Backward, FixedLag, smoothed
 
@@ -136,7 +137,7 @@ def test_an_agent_that_begins_anew_says_nothing_of_what_was_before():
     states, covariances = problem.filtered()
     window = FixedLag(problem.motion, problem.space, 2)
     for step in range(1, 5):
-        window.take(step, states[:, step - 1], covariances[:, step - 1], np.array([False, step == 3, False]))
+        window.take(step, Belief(states[:, step - 1], covariances[:, step - 1]), np.array([False, step == 3, False]))
         told = [(one.step, one.until, one.known.tolist()) for one in window.due()]
         assert told == ([(step - 2, step, [True, False, True])] if step > 2 else [])
     assert [(one.step, bool(one.known.all())) for one in window.rest()] == [(3, True), (4, True)]
@@ -152,7 +153,7 @@ def test_whatever_the_filter_did_the_result_is_a_covariance(seed, before, after)
         scale * factor @ factor.swapaxes(1, 2)
         for scale, factor in zip((before, after), random.normal(size=(2, 4, 6, 7)), strict=True)
     )
-    backward = Backward.of(random.normal(size=(4, 6)), first, motion)
+    backward = Backward.of(Belief(random.normal(size=(4, 6)), first), motion)
     _, carried = backward.carried(random.normal(size=(4, 6)), second)
     assert np.array_equal(carried, carried.swapaxes(1, 2))
     assert (np.linalg.eigvalsh(carried) >= -1e-9 * np.linalg.eigvalsh(carried)[:, -1:]).all()
@@ -160,3 +161,21 @@ def test_whatever_the_filter_did_the_result_is_a_covariance(seed, before, after)
     predicted = motion.predict_covariance(first)
     _, carried = backward.carried(random.normal(size=(4, 6)), predicted)
     np.testing.assert_allclose(carried, first, rtol=0, atol=1e-8 * np.abs(first).max())
+
+
+@pytest.mark.parametrize("kind", MOTIONS)
+@pytest.mark.parametrize("space", SPACES)
+def test_the_backward_step_of_any_motion_is_the_regression_on_sampled_next_states(kind, space):
+    motion = make_motion(kind, MotionSettings(dt=0.1, acceleration_std=2.0, axes=space.axes, turn_rate_std=0.5))
+    random, size = np.random.default_rng(3), motion.size
+    root = 0.1 * random.normal(size=(size, size))
+    state = random.normal(size=size)
+    backward = Backward.of(Belief(state[None], (root @ root.T)[None]), motion)
+    before = state + random.normal(size=(200_000, size)) @ root.T
+    noise = random.multivariate_normal(np.zeros(size), motion.process_noise, size=len(before), method="svd")
+    after = motion.predict_state(before) + noise
+    told = backward.offset + after @ backward.gain[0].T
+    # What is left is small beside the covariance before, and alike in every direction that it has.
+    left = np.cov((before - told).T)
+    np.testing.assert_allclose(left, backward.rest[0], rtol=0, atol=0.03 * np.abs(root @ root.T).max())
+    np.testing.assert_allclose((before - told).mean(axis=0), 0.0, atol=0.02)

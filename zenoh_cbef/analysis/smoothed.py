@@ -47,6 +47,11 @@ def smoothed_run(trace: Trace) -> Trace:
             f"smoothing needs to know how sure each estimate is, but {why}; "
             "estimate again with another filter: zenoh-cbef reestimate LOG --smooth --set filter.kind=sicf"
         )
+    if trace.plan.motion.size > len(trace.plan.space.kept):
+        raise UserError(
+            f"the filter's model {trace.scenario.filter.motion!r} has more states than the position and velocity that "
+            "the log holds; smooth with all of them: zenoh-cbef reestimate LOG --smooth"
+        )
     states = np.where(known[:, :, None], trace.estimates, np.nan)
     found = smoothed(states, trace.covariances, trace.plan.plain_motion, trace.plan.space)
     return replace(trace, smoothed=SmoothedPath(*found, lag=len(trace.time)))
@@ -66,11 +71,7 @@ def smoothed_errors(trace: Trace) -> SmoothedErrors | None:
         return None
     kept, axes = trace.plan.space.kept, trace.plan.space.axes
     error = np.where(np.isfinite(trace.estimates), path.states - trace.truth, np.nan)[:, :, kept]
-    central = np.full(trace.truth.shape, np.nan)
-    steps = trace.measured_steps
-    if steps:
-        states, covariances = centralized_run([trace], steps)
-        central[:steps] = smoothed(states, covariances, trace.plan.plain_motion, trace.plan.space, path.lag)[0][0]
+    central = _centralized(trace, path.lag)
     return SmoothedErrors(
         path.lag,
         np.linalg.norm(error[:, :, :axes], axis=2),
@@ -78,6 +79,16 @@ def smoothed_errors(trace: Trace) -> SmoothedErrors | None:
         nees_of(error, path.covariances[:, :, kept[:, None], kept]),
         np.linalg.norm((central - trace.truth)[:, kept[:axes]], axis=1),
     )
+
+
+def _centralized(trace: Trace, lag: int) -> Floats:
+    """The states of the centralised smoother, (K, 6), NaN where the log lacks what it needs."""
+    plan, steps = trace.plan, trace.measured_steps
+    found = np.full(trace.truth.shape, np.nan)
+    if plan.motion.size == len(plan.space.kept) and steps:
+        states, covariances = centralized_run([trace], steps)
+        found[:steps] = smoothed(states, covariances, plan.plain_motion, plan.space, lag)[0][0]
+    return found
 
 
 def smoothing_of(errors: SmoothedErrors, trace: Trace, first: int, counted: Bools) -> Smoothing:

@@ -9,8 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from zenoh_cbef.tracking.filters.base import Belief
 from zenoh_cbef.tracking.linalg import matvec
-from zenoh_cbef.tracking.motion import LinearMotion
+from zenoh_cbef.tracking.motion import LinearMotion, Motion
 from zenoh_cbef.tracking.ranging import Space
 
 Floats = NDArray[np.float64]
@@ -34,12 +35,13 @@ class Backward:
     rest: Floats
 
     @classmethod
-    def of(cls, state: Floats, covariance: Floats, motion: LinearMotion) -> Backward:
-        """From the filter's estimates of step k, (n, s) and (n, s, s)."""
-        predicted = motion.predict_covariance(covariance)
-        gain = np.asarray(np.linalg.solve(predicted, motion.transition @ covariance).swapaxes(-1, -2), dtype=np.float64)
-        others = np.eye(motion.size) - gain @ motion.transition
-        rest = _sandwich(others, covariance) + _sandwich(gain, motion.process_noise)
+    def of(cls, belief: Belief, motion: Motion) -> Backward:
+        """From the filter's estimates of step k, (n, s) and (n, s, s), at which the motion is linearised."""
+        state, covariance = belief.state, belief.known_covariance
+        ahead = motion.jacobian(state)
+        predicted = motion.predict_covariance(covariance, state)
+        gain = np.asarray(np.linalg.solve(predicted, ahead @ covariance).swapaxes(-1, -2), dtype=np.float64)
+        rest = _sandwich(np.eye(motion.size) - gain @ ahead, covariance) + _sandwich(gain, motion.process_noise)
         return cls(state - matvec(gain, motion.predict_state(state)), gain, rest)
 
     def carried(self, state: Floats, covariance: Floats) -> tuple[Floats, Floats]:
@@ -73,22 +75,22 @@ class FixedLag:
     by its own covariance.
     """
 
-    def __init__(self, motion: LinearMotion, space: Space, lag: int) -> None:
+    def __init__(self, motion: Motion, space: Space, lag: int) -> None:
         self.lag = lag
         self._motion, self._space = motion, space
         self._window: deque[Backward] = deque(maxlen=lag)
-        self._latest: tuple[Floats, Floats] | None = None
+        self._latest: Belief | None = None
         self._step = 0
         self._age = np.zeros(0, dtype=np.int64)
 
-    def take(self, step: int, state: Floats, covariance: Floats, new: Bools | None = None) -> None:
-        """Take in the filter's estimates of the next step, (n, 6), (n, 6, 6); new: agents (n,) that begin with it."""
+    def take(self, step: int, belief: Belief, new: Bools | None = None) -> None:
+        """Take in the filter's belief of the next step, in the motion's states; new: agents (n,) that begin with it."""
         if self._latest is None:
-            self._age = np.full(len(state), -1)
+            self._age = np.full(len(belief.state), -1)
         else:
-            self._window.append(Backward.of(*self._latest, self._motion))
-        kept = self._space.kept
-        self._latest = np.ascontiguousarray(state[:, kept]), np.ascontiguousarray(covariance[:, kept[:, None], kept])
+            self._window.append(Backward.of(self._latest, self._motion))
+        # Products of matrices depend on how these lie in memory, and that on how many agents there are.
+        self._latest = Belief(np.ascontiguousarray(belief.state), np.ascontiguousarray(belief.known_covariance))
         self._step, self._age = step, self._age + 1
         if new is not None:
             self._age[new] = 0
@@ -111,7 +113,7 @@ class FixedLag:
     def _carried(self) -> Iterator[tuple[Floats, Floats]]:
         if self._latest is None:
             return
-        state, covariance = self._latest
+        state, covariance = self._latest.state, self._latest.known_covariance
         yield state, covariance
         for backward in reversed(self._window):
             state, covariance = backward.carried(state, covariance)
@@ -133,13 +135,14 @@ def smoothed(
 ) -> tuple[Floats, Floats]:
     """Smooth the estimates of K steps, (n, K, 6) and (n, K, 6, 6), by a lag, None for the whole run; NaN for nothing.
 
+    motion: of position and velocity alone, as these are all that a log has.
     Steps without an estimate, between others, are predicted from the one before.
     """
     found, uncertain = np.full_like(states, np.nan), np.full_like(covariances, np.nan)
     steps = states.shape[1]
     window = FixedLag(motion, space, steps if lag is None else min(lag, steps))
-    for step, estimates in enumerate(_without_gaps(states, covariances, motion, space), 1):
-        window.take(step, *estimates)
+    for step, belief in enumerate(_without_gaps(states, covariances, motion, space), 1):
+        window.take(step, belief)
         for one in [*window.due(), *(window.rest() if step == steps else ())]:
             found[one.known, one.step - 1] = one.state[one.known]
             uncertain[one.known, one.step - 1] = one.covariance[one.known]
@@ -149,16 +152,13 @@ def smoothed(
     return found, uncertain
 
 
-def _without_gaps(
-    states: Floats, covariances: Floats, motion: LinearMotion, space: Space
-) -> Iterator[tuple[Floats, Floats]]:
+def _without_gaps(states: Floats, covariances: Floats, motion: LinearMotion, space: Space) -> Iterator[Belief]:
     """Each step's estimates, predicted where there are none; before an agent's first one they mean nothing."""
-    kept = space.kept
-    state, covariance = np.zeros_like(states[:, 0]), np.broadcast_to(np.eye(6), covariances[:, 0].shape)
+    kept, count = space.kept, len(states)
+    state, covariance = np.zeros((count, motion.size)), np.tile(np.eye(motion.size), (count, 1, 1))
     for k in range(states.shape[1]):
         known = np.asarray(np.isfinite(states[:, k]).all(axis=1))
-        predicted = space.embed_state(motion.predict_state(state[:, kept]))
-        spread = space.embed_covariance(motion.predict_covariance(covariance[:, kept[:, None], kept]))
-        state = np.where(known[:, None], states[:, k], predicted)
-        covariance = np.where(known[:, None, None], covariances[:, k], spread)
-        yield state, covariance
+        spread = motion.predict_covariance(covariance)
+        state = np.where(known[:, None], states[:, k, kept], motion.predict_state(state))
+        covariance = np.where(known[:, None, None], covariances[:, k, kept[:, None], kept], spread)
+        yield Belief(state, covariance)

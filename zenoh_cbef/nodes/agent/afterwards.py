@@ -7,8 +7,8 @@ from collections.abc import Iterable
 from zenoh_cbef.nodes.common.node import Node
 from zenoh_cbef.protocol.bodies import smoothed_body
 from zenoh_cbef.protocol.outbox import Outbox
+from zenoh_cbef.tracking.filters import Belief
 from zenoh_cbef.tracking.smoothing import FixedLag, Smoothed
-from zenoh_cbef.tracking.tracker import Estimate
 
 
 class Afterwards:
@@ -18,11 +18,9 @@ class Afterwards:
         self._smoother = smoother
         self.box: Outbox = node.outbox(node.keys.smoothed(agent), may_drop=may_drop, keep=keep)
 
-    def take(self, step: int, estimate: Estimate, *, there: bool) -> None:
-        """Take in the estimate of a step, and publish what is due; an agent that is not there says nothing."""
-        if estimate.covariance is None:
-            return
-        self._smoother.take(step, estimate.state, estimate.covariance)
+    def take(self, step: int, belief: Belief, *, there: bool) -> None:
+        """Take in the belief of a step, and publish what is due; an agent that is not there says nothing."""
+        self._smoother.take(step, belief)
         if there:
             self._say(self._smoother.due())
 

@@ -230,7 +230,7 @@ class Agent:
         if there:
             self._estimate_out.send(**estimate_body(step, estimate, 0, self.agent, counts))
         if self._afterwards is not None:
-            self._afterwards.take(step, estimate, there=there)
+            self._afterwards.take(step, self.tracker.belief, there=there)
 
     def finish(self, last: int) -> None:
         """Say what is left to say, and what was done and sent, so that the log can be checked for completeness."""

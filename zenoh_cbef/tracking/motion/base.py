@@ -63,6 +63,10 @@ class Motion(Protocol):
     def extra_std(self) -> tuple[float, ...]:
         """Standard deviations, before the first step, of the components that follow position and velocity."""
 
+    @property
+    def process_noise(self) -> Floats:
+        """Q, (s, s): what a step adds to a covariance."""
+
     @classmethod
     def of(cls, settings: MotionSettings) -> Self:
         """The model of these settings."""
@@ -72,6 +76,9 @@ class Motion(Protocol):
 
     def predict_covariance(self, covariance: Floats, state: Floats) -> Floats:
         """Covariances (n, s, s) one step later, linearised at states (n, s)."""
+
+    def jacobian(self, state: Floats) -> Floats:
+        """Derivatives (n, s, s) of the next state, or (s, s) where they are the same at all states (n, s)."""
 
 
 @dataclass(frozen=True)
@@ -117,6 +124,10 @@ class LinearMotion:
     def predict_covariance(self, covariance: Floats, state: Floats | None = None) -> Floats:  # noqa: ARG002
         """A P A^T + Q for covariances (n, s, s), wherever the state is."""
         return np.asarray(self.transition @ covariance @ self.transition.T + self.process_noise)
+
+    def jacobian(self, state: Floats) -> Floats:  # noqa: ARG002
+        """A, wherever the state is."""
+        return self.transition
 
 
 def along_axes(matrix: list[list[float]], axes: int) -> Floats:
