@@ -144,7 +144,8 @@ class Plan:
             motion=self.motion,
             models=self.models,
             leaving=chosen.switching,
-            middle=tuple(placement(scenario).mean(axis=0)[: self.space.axes].tolist()),
+            # Runs that differ in their seed are one batch, so where agents are drawn must not matter.
+            middle=tuple(placement(scenario.model_copy(update={"seed": 0})).mean(axis=0)[: self.space.axes].tolist()),
             space=self.space,
             range_std=range_std,
             xi=self.xi,
