@@ -179,7 +179,7 @@ class Simulation:
         if self.smoother is None:
             return []
         self.smoother.take(step, self.tracker.belief, np.tile(self.absences.reborn(step), self._runs))
-        return self.smoother.due() + (self.smoother.rest() if step == self.scenario.length else [])
+        return self.smoother.due(last=step == self.scenario.length)
 
 
 def simulate(

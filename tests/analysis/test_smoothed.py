@@ -72,12 +72,13 @@ def test_estimates_that_cannot_be_smoothed_are_refused_with_the_remedy():
         load("tracking", ["filter.kind=cbef-scaled", "filter.lag_seconds=1"])
 
 
-def test_a_motion_with_more_states_is_smoothed_with_all_of_them():
-    """What the log holds is position and velocity: smoothed as if they were all, the path is no better than before."""
-    (trace,) = run("steps=100", "filter.motion=turn", "filter.lag_seconds=20")
+@pytest.mark.parametrize("motion", ["filter.motion=turn", "target.motion=circle"])
+def test_a_filter_that_knows_more_than_the_log_smooths_with_all_of_it(motion):
+    (trace,) = run("steps=100", motion, "filter.lag_seconds=20")
     found = analyze([trace])[0].metrics
     assert pick(found, "smoothed.position_rmse") < 0.7 * pick(found, "position_rmse")
-    with pytest.raises(UserError, match=r"'turn' has more states .* zenoh-cbef reestimate LOG --smooth"):
+    assert 0.8 < pick(found, "smoothed.ratio_to_centralized") < 1.2
+    with pytest.raises(UserError, match=r"more of the target's motion .* zenoh-cbef reestimate LOG --smooth"):
         smoothed_run(trace)
 
 

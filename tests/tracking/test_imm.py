@@ -13,6 +13,7 @@ from zenoh_cbef.tracking.filters.base import Belief
 from zenoh_cbef.tracking.motion import MotionSettings, NearlyConstantVelocity, make_motion
 from zenoh_cbef.tracking.payloads import InformationPayloads, SeveralPayloads
 from zenoh_cbef.tracking.ranging import Measurement, Space
+from zenoh_cbef.tracking.reference import stacked
 from zenoh_cbef.tracking.switching import Switching, moments
 
 DT, STD, AGENTS, STEPS, LEAVING = 0.2, 0.1, 6, 40, 0.08
@@ -105,7 +106,7 @@ def test_a_network_that_averages_exactly_is_the_filter_by_the_book():
 
 def test_the_centralised_filter_is_the_filter_by_the_book():
     models = CentralModels(Switching((CALM, WILD), LEAVING), Space(), np.inf)
-    states, covariances = centralized_models(
+    beliefs = centralized_models(
         Belief(BEGIN[0][None], BEGIN[1][None]),
         models,
         positions=np.repeat(PLACES[None, :, None], STEPS, axis=2),
@@ -113,6 +114,7 @@ def test_the_centralised_filter_is_the_filter_by_the_book():
         age=np.zeros((1, AGENTS, STEPS)),
         range_std=STD,
     )
+    states, covariances = stacked(Space(), beliefs)
     np.testing.assert_allclose(states[0], by_the_book((CALM, WILD))[0], atol=1e-8)
     assert covariances.shape == (1, STEPS, 6, 6)
 

@@ -9,7 +9,7 @@ from zenoh_cbef.tracking.filters import Belief, FilterSettings
 from zenoh_cbef.tracking.joint import joint_centralized
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
 from zenoh_cbef.tracking.ranging import Space
-from zenoh_cbef.tracking.reference import centralized, posterior_bound
+from zenoh_cbef.tracking.reference import centralized_beliefs, posterior_bound, stacked
 
 DT, ACCELERATION, STD = 0.3, 0.4, 0.2
 SPACES = [Space(), Space(-0.4)]
@@ -74,7 +74,7 @@ def textbook(scene, run, xi):
 @pytest.mark.parametrize("xi", [0.3, 1.5, np.inf])
 def test_the_centralised_filter_is_the_textbook_extended_kalman_filter(space, xi):
     scene = Scene(space)
-    states, covariances = centralized(
+    beliefs = centralized_beliefs(
         scene.initial,
         scene.motion,
         space,
@@ -84,6 +84,7 @@ def test_the_centralised_filter_is_the_textbook_extended_kalman_filter(space, xi
         range_std=STD,
         xi=xi,
     )
+    states, covariances = stacked(space, beliefs)
     assert states.shape == (3, 7, 6)
     assert covariances.shape == (3, 7, 6, 6)
     kept = np.ix_(space.kept, space.kept)

@@ -7,10 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from zenoh_cbef.tracking.backwards import Backward, OneMotion
 from zenoh_cbef.tracking.filters import Belief
 from zenoh_cbef.tracking.motion import MOTIONS, MotionSettings, NearlyConstantVelocity, make_motion
 from zenoh_cbef.tracking.ranging import Space
-from zenoh_cbef.tracking.smoothing import Backward, FixedLag, smoothed
+from zenoh_cbef.tracking.smoothing import FixedLag, smoothed
 
 DT, ACCELERATION, STD, STEPS, ROWS = 0.3, 0.7, 0.4, 9, 3
 SPACES = [Space(), Space(1.5)]
@@ -135,7 +136,7 @@ def test_an_agent_alone_has_the_bits_that_it_has_in_a_batch():
 def test_an_agent_that_begins_anew_says_nothing_of_what_was_before():
     problem = Linear(Space())
     states, covariances = problem.filtered()
-    window = FixedLag(problem.motion, problem.space, 2)
+    window = FixedLag(OneMotion(problem.motion), problem.space, 2)
     for step in range(1, 5):
         window.take(step, Belief(states[:, step - 1], covariances[:, step - 1]), np.array([False, step == 3, False]))
         told = [(one.step, one.until, one.known.tolist()) for one in window.due()]

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from zenoh_cbef.analysis.averages import rms
 from zenoh_cbef.analysis.consistency import described, nees_of
 from zenoh_cbef.analysis.results import Smoothing
-from zenoh_cbef.analysis.yardsticks import centralized_run
+from zenoh_cbef.analysis.yardsticks import centralized_run, jointly
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.trace import SmoothedPath, Trace
-from zenoh_cbef.tracking.smoothing import smoothed
+from zenoh_cbef.tracking.smoothing import FixedLag, smoothed
 
 Bools = NDArray[np.bool_]
 Floats = NDArray[np.float64]
@@ -47,10 +47,10 @@ def smoothed_run(trace: Trace) -> Trace:
             f"smoothing needs to know how sure each estimate is, but {why}; "
             "estimate again with another filter: zenoh-cbef reestimate LOG --smooth --set filter.kind=sicf"
         )
-    if trace.plan.motion.size > len(trace.plan.space.kept):
+    if trace.plan.models or trace.plan.motion.size > len(trace.plan.space.kept):
         raise UserError(
-            f"the filter's model {trace.scenario.filter.motion!r} has more states than the position and velocity that "
-            "the log holds; smooth with all of them: zenoh-cbef reestimate LOG --smooth"
+            f"the filter (filter.motion = {trace.scenario.filter.motion!r}) knows more of the target's motion than the "
+            "position and velocity that the log holds; smooth with all of it: zenoh-cbef reestimate LOG --smooth"
         )
     states = np.where(known[:, :, None], trace.estimates, np.nan)
     found = smoothed(states, trace.covariances, trace.plan.plain_motion, trace.plan.space)
@@ -85,9 +85,14 @@ def _centralized(trace: Trace, lag: int) -> Floats:
     """The states of the centralised smoother, (K, 6), NaN where the log lacks what it needs."""
     plan, steps = trace.plan, trace.measured_steps
     found = np.full(trace.truth.shape, np.nan)
-    if plan.motion.size == len(plan.space.kept) and steps:
-        states, covariances = centralized_run([trace], steps)
-        found[:steps] = smoothed(states, covariances, plan.plain_motion, plan.space, lag)[0][0]
+    whole = not plan.models and plan.motion.size == len(plan.space.kept)
+    if steps == 0 or (jointly(plan) and not whole):
+        return found
+    window = FixedLag(plan.backwards, plan.space, min(lag, steps))
+    for step, belief in enumerate(centralized_run([trace], steps), 1):
+        window.take(step, belief)
+        for one in window.due(last=step == steps):
+            found[one.step - 1] = one.state[0]
     return found
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,9 +14,9 @@ from zenoh_cbef.analysis.strong.told import told
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.trace import Trace
 from zenoh_cbef.tracking.central_models import CentralModels, centralized_models
-from zenoh_cbef.tracking.filters import level_of
+from zenoh_cbef.tracking.filters import Belief, level_of
 from zenoh_cbef.tracking.joint import joint_centralized
-from zenoh_cbef.tracking.reference import centralized, posterior_bound
+from zenoh_cbef.tracking.reference import centralized_beliefs, posterior_bound, stacked
 from zenoh_cbef.tracking.switching import Switching
 
 Bools = NDArray[np.bool_]
@@ -48,7 +48,7 @@ def yardsticks(traces: Sequence[Trace]) -> list[Yardsticks]:
     truth = _stacked(traces, "truth")
     states, bounds = np.full(truth.shape, np.nan), np.full((*truth.shape, 6), np.nan)
     reach = max(measured)
-    states[:, :reach] = centralized_run(traces, reach)[0]
+    states[:, :reach] = stacked(traces[0].plan.space, centralized_run(traces, reach))[0]
     known = np.isfinite(truth)
     bounds[:, :reach] = _bounds(traces, np.where(known, truth, states)[:, :reach])
     bounds[~known.all(axis=2)] = np.nan
@@ -83,20 +83,27 @@ def _prior(traces: Sequence[Trace]) -> Floats:
     return np.broadcast_to(covariance, (len(traces), *covariance.shape))
 
 
-def centralized_run(traces: Sequence[Trace], steps: int) -> tuple[Floats, Floats]:
-    """The centralised filter's states (r, steps, 6) and covariances (r, steps, 6, 6) in the first steps of r runs."""
+def centralized_run(traces: Sequence[Trace], steps: int) -> Iterator[Belief]:
+    """The centralised filter's beliefs of the first steps of r runs, along the estimated axes."""
     plan = traces[0].plan
     initial = plan.belief_at(_stacked(traces, "initial").mean(axis=1))
     xi = level_of(plan.scenario.filter.kind, plan.xi)
     seen = {part: _stacked(traces, part)[:, :, :steps] for part in ("positions", "ranges", "age")}
-    settings = plan.settings
-    if settings.bias != "none" or settings.first_fix or settings.learns_noise:
-        return joint_centralized(initial, settings, xi, **seen)
+    settings, kept = plan.settings, plan.space.kept
+    if jointly(plan):
+        states, covariances = joint_centralized(initial, settings, xi, **seen)
+        each = zip(np.moveaxis(states, 1, 0), np.moveaxis(covariances, 1, 0), strict=True)
+        return (Belief(state[:, kept], spread[:, kept[:, None], kept]) for state, spread in each)
     motion, space, range_std, power = plan.motion, plan.space, plan.range_std, plan.power
     if plan.models:
         models = CentralModels(Switching(settings.models, settings.leaving), space, xi, power)
         return centralized_models(initial, models, range_std=range_std, **seen)
-    return centralized(initial, motion, space, range_std=range_std, xi=xi, power=power, **seen)
+    return centralized_beliefs(initial, motion, space, range_std=range_std, xi=xi, power=power, **seen)
+
+
+def jointly(plan: Plan) -> bool:
+    """Whether the centralised filter estimates more than the target, of which only position and velocity are told."""
+    return plan.settings.bias != "none" or plan.settings.first_fix > 0 or plan.settings.learns_noise
 
 
 def _bounds(traces: Sequence[Trace], truth: Floats) -> Floats:

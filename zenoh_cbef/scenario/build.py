@@ -75,7 +75,7 @@ def batch_tracker(plans: Sequence[Plan]) -> tuple[Tracker, graph.Neighbours]:
 
 def smoother_of(plan: Plan) -> FixedLag | None:
     """The smoother of one agent's estimates, or of a batch's; None where agents do not smooth."""
-    return FixedLag(plan.motion, plan.space, plan.smoothing_lag) if plan.smoothing_lag else None
+    return FixedLag(plan.backwards, plan.space, plan.smoothing_lag) if plan.smoothing_lag else None
 
 
 def fates_of(plan: Plan, seed: Seeds, source: Ids, destination: Ids, *, realtime: bool = False) -> Fates:

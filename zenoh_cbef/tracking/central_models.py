@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -112,18 +113,14 @@ def centralized_models(
     ranges: Floats,
     age: Floats,
     range_std: float,
-) -> tuple[Floats, Floats]:
-    """The filter over K steps: states (r, K, 6) and covariances (r, K, 6, 6) of position and velocity.
+) -> Iterator[Belief]:
+    """The filter's beliefs of K steps, for r runs.
 
     initial: (r, s), (r, s, s). positions: (r, n, K, 3). ranges, age: (r, n, K).
     """
-    runs, _, steps = ranges.shape
-    states, covariances = np.empty((runs, steps, 6)), np.empty((runs, steps, 6, 6))
     belief = initial
-    for k in range(steps):
+    for k in range(ranges.shape[2]):
         heard = np.nan_to_num(age[:, :, k])
         seen = Ranges(positions[:, :, k], ranges[:, :, k], heard, np.full_like(heard, range_std))
         belief, _ = models.step(belief, seen)
-        states[:, k] = models.space.embed_state(belief.state)
-        covariances[:, k] = models.space.embed_covariance(belief.known_covariance)
-    return states, covariances
+        yield belief

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -49,7 +51,7 @@ def centralized_step(
     return Belief(state + matvec(updated, np.sum(weighted * innovation[:, :, None], axis=1)), updated)
 
 
-def centralized(
+def centralized_beliefs(
     initial: Belief,
     motion: Motion,
     space: Space,
@@ -60,15 +62,13 @@ def centralized(
     range_std: float,
     xi: float,
     power: int = 1,
-) -> tuple[Floats, Floats]:
-    """The centralised filter over K steps: states (r, K, 6) and covariances (r, K, 6, 6).
+) -> Iterator[Belief]:
+    """The centralised filter's beliefs of K steps, for r runs.
 
     initial: (r, s), (r, s, s). positions: (r, n, K, 3). ranges, age: (r, n, K).
     """
-    runs, _, steps = ranges.shape
-    states, covariances = np.empty((runs, steps, 6)), np.empty((runs, steps, 6, 6))
     belief = initial
-    for k in range(steps):
+    for k in range(ranges.shape[2]):
         belief = centralized_step(
             belief,
             motion,
@@ -80,9 +80,14 @@ def centralized(
             xi=xi,
             power=power,
         )
-        states[:, k] = space.embed_state(belief.state)
-        covariances[:, k] = space.embed_covariance(belief.known_covariance)
-    return states, covariances
+        yield belief
+
+
+def stacked(space: Space, beliefs: Iterable[Belief]) -> tuple[Floats, Floats]:
+    """Positions and velocities of K steps: states (r, K, 6) and covariances (r, K, 6, 6)."""
+    parts = [(space.embed_state(one.state), space.embed_covariance(one.known_covariance)) for one in beliefs]
+    states, covariances = zip(*parts, strict=True)
+    return np.stack(states, axis=1), np.stack(covariances, axis=1)
 
 
 def posterior_bound(

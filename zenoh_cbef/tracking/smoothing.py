@@ -9,50 +9,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from zenoh_cbef.tracking.backwards import Backward, Backwards, OneMotion
 from zenoh_cbef.tracking.filters.base import Belief
-from zenoh_cbef.tracking.linalg import matvec
-from zenoh_cbef.tracking.motion import LinearMotion, Motion
+from zenoh_cbef.tracking.motion import LinearMotion
 from zenoh_cbef.tracking.ranging import Space
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
-
-
-@dataclass(frozen=True)
-class Backward:
-    """What is known of x(k), given x(k+1) and the ranges up to step k: x(k) ~ N(m + C x(k+1), D).
-
-        C = P A^T (A P A^T + Q)^-1,   m = x - C A x,   D = (I - C A) P (I - C A)^T + C Q C^T
-
-    for the filter's estimate x with covariance P of step k: the backward pass of Rauch, Tung and Striebel (AIAA
-    Journal 3(8), 1965) with its parts in another order, so that D is positive semidefinite whatever the filter did.
-
-    offset: m, (n, s). gain: C, (n, s, s). rest: D, (n, s, s).
-    """
-
-    offset: Floats
-    gain: Floats
-    rest: Floats
-
-    @classmethod
-    def of(cls, belief: Belief, motion: Motion) -> Backward:
-        """From the filter's estimates of step k, (n, s) and (n, s, s), at which the motion is linearised."""
-        state, covariance = belief.state, belief.known_covariance
-        ahead = motion.jacobian(state)
-        predicted = motion.predict_covariance(covariance, state)
-        gain = np.asarray(np.linalg.solve(predicted, ahead @ covariance).swapaxes(-1, -2), dtype=np.float64)
-        rest = _sandwich(np.eye(motion.size) - gain @ ahead, covariance) + _sandwich(gain, motion.process_noise)
-        return cls(state - matvec(gain, motion.predict_state(state)), gain, rest)
-
-    def carried(self, state: Floats, covariance: Floats) -> tuple[Floats, Floats]:
-        """The smoothed estimates of step k from those of step k + 1."""
-        return self.offset + matvec(self.gain, state), self.rest + _sandwich(self.gain, covariance)
-
-
-def _sandwich(left: Floats, middle: Floats) -> Floats:
-    """L M L^T per row, symmetric to the last bit."""
-    product = left @ middle @ left.swapaxes(-1, -2)
-    return np.asarray(0.5 * (product + product.swapaxes(-1, -2)))
 
 
 @dataclass(frozen=True)
@@ -75,32 +38,33 @@ class FixedLag:
     by its own covariance.
     """
 
-    def __init__(self, motion: Motion, space: Space, lag: int) -> None:
+    def __init__(self, backwards: Backwards, space: Space, lag: int) -> None:
         self.lag = lag
-        self._motion, self._space = motion, space
+        self._backwards, self._space = backwards, space
         self._window: deque[Backward] = deque(maxlen=lag)
         self._latest: Belief | None = None
         self._step = 0
         self._age = np.zeros(0, dtype=np.int64)
 
     def take(self, step: int, belief: Belief, new: Bools | None = None) -> None:
-        """Take in the filter's belief of the next step, in the motion's states; new: agents (n,) that begin with it."""
+        """Take in the filter's belief of the next step; new: agents (n,) that begin with it."""
+        latest = self._backwards.kept(belief)
         if self._latest is None:
             self._age = np.full(len(belief.state), -1)
         else:
-            self._window.append(Backward.of(self._latest, self._motion))
-        # Products of matrices depend on how these lie in memory, and that on how many agents there are.
-        self._latest = Belief(np.ascontiguousarray(belief.state), np.ascontiguousarray(belief.known_covariance))
+            self._window.append(self._backwards.between(self._latest, latest))
+        self._latest = latest
         self._step, self._age = step, self._age + 1
         if new is not None:
             self._age[new] = 0
 
-    def due(self) -> list[Smoothed]:
-        """The estimates of `lag` steps ago, where there are any."""
+    def due(self, *, last: bool = False) -> list[Smoothed]:
+        """The estimates of `lag` steps ago, where there are any; at the last step also those of all steps since."""
+        rest = self.rest() if last else []
         if self._latest is None or len(self._window) < self.lag:
-            return []
+            return rest
         *_, oldest = self._carried()
-        return [self._told(self.lag, *oldest)]
+        return [self._told(self.lag, *oldest), *rest]
 
     def rest(self) -> list[Smoothed]:
         """At the end: the estimates of the steps that were not due yet, the earliest first."""
@@ -140,10 +104,10 @@ def smoothed(
     """
     found, uncertain = np.full_like(states, np.nan), np.full_like(covariances, np.nan)
     steps = states.shape[1]
-    window = FixedLag(motion, space, steps if lag is None else min(lag, steps))
+    window = FixedLag(OneMotion(motion), space, steps if lag is None else min(lag, steps))
     for step, belief in enumerate(_without_gaps(states, covariances, motion, space), 1):
         window.take(step, belief)
-        for one in [*window.due(), *(window.rest() if step == steps else ())]:
+        for one in window.due(last=step == steps):
             found[one.known, one.step - 1] = one.state[one.known]
             uncertain[one.known, one.step - 1] = one.covariance[one.known]
     known = np.asarray(np.isfinite(states).all(axis=2))

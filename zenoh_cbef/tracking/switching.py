@@ -48,6 +48,26 @@ class Switching:
             mixtures.append(moments(weights, [self._as_of(beliefs[i], i, j) for i in range(count)]))
         return ahead, mixtures
 
+    def pairs(self, chance: Floats, later: Floats, beliefs: list[Gaussian]) -> Gaussian:
+        """Position and velocity in a step and in the next one together: means (n, 2 s), covariances (n, 2 s, 2 s).
+
+        chance, later: the models' probabilities (n, M) after the ranges of either step. beliefs: of the first.
+        """
+        count, size = len(self.motions), self.size
+        other = self.leaving / max(1, count - 1)
+        weights, parts = [], []
+        for j, motion in enumerate(self.motions):
+            share = later[:, j] / (other + (1.0 - self.leaving - other) * chance[:, j])
+            for i in range(count):
+                state, covariance = self._as_of(beliefs[i], i, j)
+                cross = covariance @ np.swapaxes(motion.jacobian(state), -1, -2)
+                ahead = motion.predict_covariance(covariance, state)
+                now, both, then = (part[:, :size, :size] for part in (covariance, cross, ahead))
+                mean = np.concatenate([state[:, :size], motion.predict_state(state)[:, :size]], axis=1)
+                parts.append((mean, np.block([[now, both], [np.swapaxes(both, 1, 2), then]])))
+                weights.append(chance[:, i] * (1.0 - self.leaving if i == j else other) * share)
+        return moments(weights, parts)
+
     def weighed(self, ahead: Floats, misfits: Floats) -> Floats:
         """Probabilities (n, M) after a step, from those before it and the models' misfits: see `misfit`."""
         least = np.minimum.reduce(misfits, axis=1)[:, None]
