@@ -12,6 +12,7 @@ from zenoh_cbef.analysis.consistency import described, nees_of
 from zenoh_cbef.analysis.results import Smoothing
 from zenoh_cbef.analysis.yardsticks import centralized_run, jointly
 from zenoh_cbef.errors import UserError
+from zenoh_cbef.scenario.build import backwards_of
 from zenoh_cbef.trace import SmoothedPath, Trace
 from zenoh_cbef.tracking.smoothing import FixedLag, smoothed
 
@@ -88,7 +89,7 @@ def _centralized(trace: Trace, lag: int) -> Floats:
     whole = not plan.models and plan.motion.size == len(plan.space.kept)
     if steps == 0 or (jointly(plan) and not whole):
         return found
-    window = FixedLag(plan.backwards, plan.space, min(lag, steps))
+    window = FixedLag(backwards_of(plan), plan.space, min(lag, steps))
     for step, belief in enumerate(centralized_run([trace], steps), 1):
         window.take(step, belief)
         for one in window.due(last=step == steps):

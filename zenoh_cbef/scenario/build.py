@@ -12,11 +12,13 @@ from zenoh_cbef.scenario import network
 from zenoh_cbef.scenario.model import Scenario
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.tracking import graph
+from zenoh_cbef.tracking.backwards import Backwards, OneMotion, SeveralMotions
 from zenoh_cbef.tracking.consensus import Average, Chebyshev, Consensus, RunningSums
 from zenoh_cbef.tracking.filters import Belief
 from zenoh_cbef.tracking.payloads import InformationPayloads
 from zenoh_cbef.tracking.smoothing import FixedLag
 from zenoh_cbef.tracking.stale import StaleAverage
+from zenoh_cbef.tracking.switching import Switching
 from zenoh_cbef.tracking.tracker import Tracker
 from zenoh_cbef.tracking.trimmed import TrimmedComponents, TrimmedMessages
 
@@ -75,7 +77,14 @@ def batch_tracker(plans: Sequence[Plan]) -> tuple[Tracker, graph.Neighbours]:
 
 def smoother_of(plan: Plan) -> FixedLag | None:
     """The smoother of one agent's estimates, or of a batch's; None where agents do not smooth."""
-    return FixedLag(plan.backwards, plan.space, plan.smoothing_lag) if plan.smoothing_lag else None
+    return FixedLag(backwards_of(plan), plan.space, plan.smoothing_lag) if plan.smoothing_lag else None
+
+
+def backwards_of(plan: Plan) -> Backwards:
+    """By what a smoother goes back from step to step."""
+    if not plan.models:
+        return OneMotion(plan.motion)
+    return SeveralMotions(Switching(plan.models, plan.settings.leaving))
 
 
 def fates_of(plan: Plan, seed: Seeds, source: Ids, destination: Ids, *, realtime: bool = False) -> Fates:

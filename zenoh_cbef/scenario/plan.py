@@ -16,7 +16,6 @@ from zenoh_cbef.scenario.paths import placement
 from zenoh_cbef.scenario.plausible import Plausible, plausible_ranges
 from zenoh_cbef.scenario.scheme import chosen_scheme
 from zenoh_cbef.tracking import graph
-from zenoh_cbef.tracking.backwards import Backwards, OneMotion, SeveralMotions
 from zenoh_cbef.tracking.filters import (
     Abilities,
     Belief,
@@ -30,7 +29,6 @@ from zenoh_cbef.tracking.filters import (
 from zenoh_cbef.tracking.motion import LinearMotion, Motion, begun
 from zenoh_cbef.tracking.payloads import InformationPayloads, Payloads, SeveralPayloads, StatePayloads
 from zenoh_cbef.tracking.ranging import Space
-from zenoh_cbef.tracking.switching import Switching
 from zenoh_cbef.tracking.weights import spectrum_bounds, weight_matrix
 
 Floats = NDArray[np.float64]
@@ -213,12 +211,6 @@ class Plan:
     def smoothing_lag(self) -> int:
         """By how many steps the smoothed estimates are later than the filter's; 0: agents do not smooth."""
         return int(np.ceil(self.scenario.filter.lag_seconds / self.scenario.dt * (1.0 - 1e-9)))
-
-    @property
-    def backwards(self) -> Backwards:
-        """By what a smoother goes back from step to step."""
-        settings = self.settings
-        return SeveralMotions(Switching(settings.models, settings.leaving)) if self.models else OneMotion(self.motion)
 
     @cached_property
     def message_size(self) -> int:
