@@ -144,7 +144,8 @@ def run(repeats: int) -> Iterator[Table]:
             for seed, folder in enumerate(folders):
                 write(kind, seed, folder)
             for bias in ("none", "estimate", "auto"):
-                found = [errors(settings(kind, folder) | {"filter.bias": bias}) for folder in folders]
+                scored = [errors(settings(kind, folder) | {"filter.bias": bias}) for folder in folders]
+                found = [(near, ratio) for near, _, ratio in scored]
                 each = [
                     f"{middle(column):.4f}" for column in zip(*found, strict=True) for middle in (np.median, np.max)
                 ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -130,9 +131,15 @@ def _nees(run: Analysis) -> float:
     return float("inf") if average is None else average / len(run.trace.plan.space.kept)
 
 
-def run(repeats: int, case: str | None = None, seeds: int = SEEDS) -> Iterator[Table]:
-    """One row per case; nothing is timed."""
+def run(repeats: int, case: str | None = None, seeds: int = SEEDS, search: int = 0) -> Iterator[Table]:
+    """One row per case; nothing is timed. search: try so many random cases instead, and keep what loses the network."""
     del repeats
+    if search:
+        finder = importlib.import_module("benchmarks.stress_search")
+        for found in finder.search(search, seed=FIRST):
+            name = finder.keep(found) or "known"
+            yield plain_table(f"found: {found.case}", COLUMNS, [found.scores.row(name)])
+        return
     known = cases()
     if case is not None and case not in known:
         raise UserError(f"there is no case {case!r} in {CASES.name}; there are {', '.join(known)}")

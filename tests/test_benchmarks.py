@@ -13,13 +13,14 @@ ROOT = Path(__file__).resolve().parents[1]
 # The benchmarks are part of the repository, not of the installed package.
 sys.path.insert(0, str(ROOT))
 
-from benchmarks import accuracy, fuzz, held_out, method_studies, soak, stress  # noqa: E402
+from benchmarks import accuracy, fuzz, held_out, method_studies, recorded, soak, stress, stress_search  # noqa: E402
 from benchmarks.__main__ import BENCHMARKS  # noqa: E402
 from benchmarks.common import analyses, at_least, below, children  # noqa: E402
 from benchmarks.fuzz_logs import fuzz_logs  # noqa: E402
 from benchmarks.fuzz_material import Material  # noqa: E402
 from zenoh_cbef.datasets import read_dataset  # noqa: E402
 from zenoh_cbef.scenario.load import load  # noqa: E402
+from zenoh_cbef.simulator import simulate  # noqa: E402
 
 SHORT = ("steps=40",)
 
@@ -224,3 +225,24 @@ def test_an_unknown_case_of_stress_is_refused_by_name():
     assert refused.returncode == 2
     assert "nowhere" in refused.stderr
     assert "Traceback" not in refused.stderr
+
+
+def test_steps_of_silence_are_those_long_after_the_last_range():
+    keys = ["steps=60", 'fault=[{kind="sensor-dropout",probability=1.0,from=1.0,until=4.0}]']
+    [run] = simulate([load("tracking", keys).scenario])
+    silent = recorded.silent_steps(run)
+    assert run.time[silent].min() == pytest.approx(3.0, abs=0.11)
+    assert run.time[silent].max() == pytest.approx(4.0, abs=0.11)
+
+
+def test_what_a_search_finds_is_kept_once_as_a_case(tmp_path, monkeypatch):
+    monkeypatch.setattr(stress_search, "CASES", tmp_path / "stress.toml")
+    monkeypatch.setattr(stress, "CASES", tmp_path / "stress.toml")
+    (tmp_path / "stress.toml").write_text("")
+    case = {"set": ["dt=0.5", 'fault=[{kind="loss",probability=0.6}]'], "wrong": "liar"}
+    nothing = np.ones(2)
+    found = stress_search.Found(case, stress.Scores(4.0 * nothing, nothing, nothing, nothing))
+    assert found.excess == 2
+    name = stress_search.keep(found)
+    assert stress.cases() == {name: case}
+    assert stress_search.keep(found) == ""
