@@ -196,3 +196,11 @@ def test_without_a_range_it_predicts():
     nothing = Seen(np.zeros((1, 4, 5, 3)), np.full((1, 4, 5), np.nan), np.zeros((1, 4, 5)))
     states, _ = strong(known, nothing)
     assert states[0, -1] == pytest.approx([1.5, 1.5, 1.5, 1.0, 1.0, 1.0])
+
+
+def test_noise_beyond_the_digits_of_a_float_ends_in_numbers():
+    scenario = load(
+        "paper", ["steps=30", "sensor.range_std=1e-9", "sensor.signal_speed=1.0", "agents.high=2.5"]
+    ).scenario
+    states, _ = strong(*told(simulate([scenario]), 30))
+    assert np.isfinite(states).all()

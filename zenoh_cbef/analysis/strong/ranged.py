@@ -69,6 +69,16 @@ def square_root(matrices: Floats) -> Floats:
     return root
 
 
+def solved_for(matrices: Floats, right: Floats) -> Floats:
+    """Solutions x of (..., m, m) x = (..., m, k); where one matrix is singular, all get a little more on the diagonal."""
+    try:
+        return np.asarray(np.linalg.solve(matrices, right))
+    except np.linalg.LinAlgError:
+        size = matrices.shape[-1]
+        more = 1e-9 * np.abs(np.trace(matrices, axis1=-2, axis2=-1)) + _LEAST
+        return np.asarray(np.linalg.solve(matrices + more[..., None, None] * np.eye(size), right))
+
+
 def update(mean: Floats, covariance: Floats, heard: Heard, passes: int) -> Updated:
     """Take in the ranges of a step. mean: (r, b, d), position, velocity and, where d is larger, the n biases."""
     gaussian = bool(np.isinf(heard.heavy))
@@ -84,7 +94,7 @@ def update(mean: Floats, covariance: Floats, heard: Heard, passes: int) -> Updat
             surprise = np.minimum(odd, _CLIPPED).sum(axis=2)
         noise = heard.variance if gaussian else heard.variance * (heard.heavy + odd) / (heard.heavy + 1.0)
         total = seen + np.where(step.known, noise, 1.0)[..., None] * np.eye(heard.range.shape[1])
-        solved = np.linalg.solve(total, np.concatenate([innovation[..., None], np.swapaxes(cross, 2, 3)], axis=3))
+        solved = solved_for(total, np.concatenate([innovation[..., None], np.swapaxes(cross, 2, 3)], axis=3))
         found = mean + (cross @ solved[..., :1])[..., 0]
         spread = covariance - cross @ solved[..., 1:]
         spread = 0.5 * (spread + np.swapaxes(spread, 2, 3))
@@ -145,7 +155,7 @@ class _Linear:
         rest = np.swapaxes(apart, 2, 3) @ apart / (2.0 * inner) - np.swapaxes(slope, 2, 3) @ slope
         agents, known = heard.range.shape[1], np.isfinite(heard.range)[:, None]
         rows = np.zeros((runs, many, agents, size))
-        rows[..., :inner] = np.swapaxes(np.linalg.solve(np.swapaxes(root, 2, 3), slope), 2, 3)
+        rows[..., :inner] = np.swapaxes(solved_for(np.swapaxes(root, 2, 3), slope), 2, 3)
         if size > 2 * axes:
             rows[..., 2 * axes :] = np.eye(agents)
             centre = centre + mean[..., 2 * axes :]

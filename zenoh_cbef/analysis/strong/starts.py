@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from zenoh_cbef.analysis.strong.ranged import solved_for
+
 Floats = NDArray[np.float64]
 
 _TRIED = 48
@@ -61,7 +63,7 @@ def starts(circles: Circles, wanted: int) -> tuple[Floats, Floats]:
     for _ in range(_TURNS):
         scale = np.trace(square, axis1=2, axis2=3) / axes
         damped = square + (damping * scale + 1e-12 * scale + 1e-300)[..., None, None] * np.eye(axes)
-        tried = place + np.linalg.solve(damped, gradient[..., None])[..., 0]
+        tried = place + solved_for(damped, gradient[..., None])[..., 0]
         found = circles.normal(tried)
         better = found[0] < cost
         place = np.where(better[..., None], tried, place)
