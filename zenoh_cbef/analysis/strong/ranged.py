@@ -70,7 +70,7 @@ def square_root(matrices: Floats) -> Floats:
 
 
 def solved_for(matrices: Floats, right: Floats) -> Floats:
-    """Solutions x of (..., m, m) x = (..., m, k); where one matrix is singular, all get a little more on the diagonal."""
+    """Solutions x of (..., m, m) x = (..., m, k); where a matrix is singular, all get a little more on the diagonal."""
     try:
         return np.asarray(np.linalg.solve(matrices, right))
     except np.linalg.LinAlgError:
