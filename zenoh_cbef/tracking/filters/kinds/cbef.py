@@ -52,5 +52,5 @@ class Cbef(StateExchange):
         return Update(updated, Diagnostics.where(measured, innovation=size, weight=gain))
 
     def conclude(self, payload: Floats, update: Update) -> Belief:  # noqa: ARG002 - as Filter has it
-        """The state that consensus left; the paper's filter has no covariance."""
+        """The state that consensus left; there is no covariance."""
         return Belief(payload, None)

@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar, Self
 
 import numpy as np
 
 from zenoh_cbef.tracking.diagnostics import Diagnostics
-from zenoh_cbef.tracking.filters.base import Abilities, Belief, Floats, Update
-from zenoh_cbef.tracking.filters.settings import FilterSettings
-from zenoh_cbef.tracking.filters.state_form import StateExchange
+from zenoh_cbef.tracking.filters.base import Belief, Update
+from zenoh_cbef.tracking.filters.kinds.cbef import Cbef
 from zenoh_cbef.tracking.linalg import neighbour_sum
 from zenoh_cbef.tracking.ranging import Measurement, differenced_rows
 
 
 @dataclass(frozen=True)
-class ScaledCbef(StateExchange):
+class ScaledCbef(Cbef):
     """CBEF (Ghods, Doostmohammadian, ICRoM 2024) made to contract at any scale, as an alpha-beta tracker.
 
         h_j  = (p_j - p_i)/|p_j - p_i|,   z_j = y_j/|p_j - p_i| - h_j^T p       rows of unit length, z in m
@@ -31,16 +29,8 @@ class ScaledCbef(StateExchange):
     It has no covariance. xi: saturation level, in m.
     """
 
-    xi: float
     alpha: float = 0.5
     beta: float = 0.1
-
-    abilities: ClassVar = Abilities(differences=True, covariance=False)
-
-    @classmethod
-    def of(cls, settings: FilterSettings) -> Self:
-        """The filter of these settings."""
-        return cls(settings.motion, settings.space, settings.xi)
 
     def update(self, belief: Belief, measurement: Measurement) -> Update:
         """The saturated measurement update; the payload is the updated state (n, s)."""
@@ -60,7 +50,3 @@ class ScaledCbef(StateExchange):
         updated[:, :axes] += self.alpha * correction
         updated[:, axes:] += self.beta / self.motion.dt * correction
         return Update(updated, Diagnostics.where(count > 0, innovation=size, weight=gain))
-
-    def conclude(self, payload: Floats, update: Update) -> Belief:  # noqa: ARG002 - as Filter has it
-        """The state that consensus left; there is no covariance."""
-        return Belief(payload, None)

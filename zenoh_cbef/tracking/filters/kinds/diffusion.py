@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar, Self
 
-from zenoh_cbef.tracking.filters.base import Abilities, Belief, Floats, Update
-from zenoh_cbef.tracking.filters.information_form import neighbourhood_information, predict
-from zenoh_cbef.tracking.filters.settings import FilterSettings
-from zenoh_cbef.tracking.filters.state_form import StateExchange
-from zenoh_cbef.tracking.linalg import inverse, matvec
+from zenoh_cbef.tracking.filters.base import Belief, Floats, Update
+from zenoh_cbef.tracking.filters.state_form import LinearisedRanges
+from zenoh_cbef.tracking.linalg import matvec
 from zenoh_cbef.tracking.ranging import Measurement
 
 
 @dataclass(frozen=True)
-class Diffusion(StateExchange):
+class Diffusion(LinearisedRanges):
     """Diffusion Kalman filter of Cattivelli and Sayed (IEEE TAC 55(9), 2010), on linearised ranges.
 
         incremental:  P_i   = (P_i^-1 + sum_j U_j)^-1                                 j = i and its neighbours
@@ -28,20 +25,9 @@ class Diffusion(StateExchange):
     saturation, so outliers hit it in full. range_std: sigma (m).
     """
 
-    range_std: float
-
-    abilities: ClassVar = Abilities()
-
-    @classmethod
-    def of(cls, settings: FilterSettings) -> Self:
-        """The filter of these settings."""
-        return cls(settings.motion, settings.space, settings.range_std)
-
     def update(self, belief: Belief, measurement: Measurement) -> Update:
         """The incremental update; the payload is psi (n, s)."""
-        state, covariance = predict(self.motion, belief)
-        heard = neighbourhood_information(self.space, state, covariance, measurement, range_std=self.range_std)
-        updated = inverse(inverse(covariance) + heard.matrix)
+        state, _, updated, heard = self.informed(belief, measurement)
         psi = state + matvec(updated, heard.vector)
         return Update(psi, heard.diagnostics, (updated,))
 

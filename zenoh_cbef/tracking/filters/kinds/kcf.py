@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar, Self
 
 import numpy as np
 
-from zenoh_cbef.tracking.filters.base import Abilities, Belief, Floats, Update
-from zenoh_cbef.tracking.filters.information_form import neighbourhood_information, predict
-from zenoh_cbef.tracking.filters.settings import FilterSettings
-from zenoh_cbef.tracking.filters.state_form import StateExchange
-from zenoh_cbef.tracking.linalg import inverse, matvec, neighbour_sum
+from zenoh_cbef.tracking.filters.base import Belief, Floats, Update
+from zenoh_cbef.tracking.filters.state_form import LinearisedRanges
+from zenoh_cbef.tracking.linalg import matvec, neighbour_sum
 from zenoh_cbef.tracking.ranging import Measurement
 
 
 @dataclass(frozen=True)
-class KalmanConsensus(StateExchange):
+class KalmanConsensus(LinearisedRanges):
     """KCF of Olfati-Saber ("Kalman-consensus filter: optimality, stability, and performance", CDC 2009).
 
         M_i    = (P_i^-1 + S_i)^-1,   S_i = sum_j U_j,   y_i = sum_j u_j      j = i and its neighbours
@@ -32,20 +29,9 @@ class KalmanConsensus(StateExchange):
     saturation, so outliers hit it in full. range_std: sigma (m).
     """
 
-    range_std: float
-
-    abilities: ClassVar = Abilities()
-
-    @classmethod
-    def of(cls, settings: FilterSettings) -> Self:
-        """The filter of these settings."""
-        return cls(settings.motion, settings.space, settings.range_std)
-
     def update(self, belief: Belief, measurement: Measurement) -> Update:
         """The payload is the prior state (n, s); what the neighbourhood measured waits for the end of the step."""
-        state, covariance = predict(self.motion, belief)
-        heard = neighbourhood_information(self.space, state, covariance, measurement, range_std=self.range_std)
-        updated = inverse(inverse(covariance) + heard.matrix)
+        state, covariance, updated, heard = self.informed(belief, measurement)
         # Summed as neighbours are, as any other order may differ between a batch and an agent alone.
         norm = np.sqrt(neighbour_sum((covariance * covariance).reshape(len(state), -1)))
         pull = covariance / (1.0 + norm)[:, None, None]
