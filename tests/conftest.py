@@ -13,7 +13,6 @@ WITH_PROCESSES = (
     "outside/test_registry.py",
     "processes",
     "protocol/test_access.py",
-    "protocol/test_session.py",
     "test_benchmarks.py",
 )
 

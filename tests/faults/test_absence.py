@@ -5,6 +5,7 @@ import pytest
 
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.faults import Absences, Crash, Pause
+from zenoh_cbef.faults.absence import _lasting
 from zenoh_cbef.scenario.checks import check
 from zenoh_cbef.scenario.load import parse
 from zenoh_cbef.scenario.plan import Plan
@@ -68,3 +69,13 @@ def test_what_cannot_work_is_refused():
         check(Plan(parse({"fault": [replay, {"kind": "crash", "agents": [1], "from": 1.0, "until": 2.0}]}, "test")))
     with pytest.raises(UserError, match="a pause ends"):
         parse({"fault": [{"kind": "pause", "agents": [1]}]}, "test")
+
+
+def test_what_began_later_does_not_reach_back_to_the_first_step():
+    outage = Pause(kind="pause", agents=(0,), **{"from": 0.0}, until=0.45)
+    crash = Crash(kind="crash", agents=(0,), **{"from": 0.25}, until=0.45)
+    absences = Absences([outage, crash], agents=1, dt=0.1, steps=6)
+    assert steps_where(absences.at, 6) == [[0]] * 4 + [[]] * 2
+    assert steps_where(absences.reborn, 6) == [[], [], [], [], [0], []]
+    late = _lasting(np.array([[False, False, True, False, False]]), np.array([[True, True, True, True, False]]))
+    assert late.tolist() == [[False, False, True, True, False]]

@@ -126,6 +126,14 @@ def test_a_remembered_state_changes_nothing():
     assert (fates_of(burst_loss(0.9992, 0.9993)).of(60, 4).lost == turned[:, -1]).all()
 
 
+def test_a_chain_that_never_forgets_is_refused():
+    for enter, leave in ((1.0, 1.0), (1.0, 0.9995), (0.0004, 0.0004)):
+        with pytest.raises(ValueError, match="remember its state for too long"):
+            burst_loss(enter, leave)
+    burst_loss(1.0, 0.999)
+    burst_loss(0.0005, 0.0005)
+
+
 def test_each_message_costs_one_draw_of_its_link(monkeypatch):
     drawn = []
 

@@ -39,6 +39,11 @@ def test_delays_have_the_moments_of_their_distribution(keys, variance, median):
     assert abs(drawn.var() - variance) <= 0.1 * variance + 1e-9
 
 
+def test_a_pareto_delay_has_the_shape_3_where_none_is_said():
+    found, said = (delays(milliseconds=6.0, distribution="pareto", **shape) for shape in ({}, {"shape": 3.0}))
+    assert (found == said).all()
+
+
 def test_pareto_delays_have_a_least_value_and_their_own_tail():
     drawn = delays(milliseconds=6.0, distribution="pareto", shape=3.0)
     assert drawn.min() >= 4.0 - 1e-9

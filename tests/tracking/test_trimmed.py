@@ -135,3 +135,11 @@ def test_a_state_is_displaced_along_the_axes_it_has():
     state = np.arange(8.0).reshape(2, 4)
     moved = StatePayloads(2).displaced(state, np.array([[1.0, 2.0, 9.0], [0.0, -1.0, 9.0]]))
     assert (moved - state).tolist() == [[1, 2, 0, 0], [0, -1, 0, 0]]
+
+
+def test_an_empty_place_among_the_neighbours_is_not_what_is_trimmed():
+    # Two neighbours and an empty place, which holds what is farthest away; of the messages that of the liar is.
+    stage = TrimmedMessages(np.array([[0.25, 0.25, 0.0]]), 1, lambda own, sent: np.abs(sent - own[:, None])[:, :, 0])
+    stage.start(np.array([[0.0]]))
+    found = stage.mix(np.array([[[10.0], [1.0], [1e6]]]), None)
+    np.testing.assert_allclose(found, [[0.25]])

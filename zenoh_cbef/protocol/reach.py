@@ -87,10 +87,10 @@ def unreachable(endpoint: str, seconds: float = _REACH_SECONDS) -> str | None:
         return f"{endpoint} has no host or no port; write it as tcp/HOST:PORT"
     try:
         found = _resolve(host, number, seconds)
+    except NotYet:  # an OSError, too
+        return f"no name service says which host {host} in {endpoint} is; give its address in --connect"
     except (OSError, UnicodeError):
         return f"{host} in {endpoint} has no address; check the name in --connect, and this host's name service"
-    except NotYet:
-        return f"no name service says which host {host} in {endpoint} is; give its address in --connect"
     return _refusal(endpoint, found, seconds) if protocol in _STREAMS else None
 
 

@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from mcap.writer import CompressionType, IndexType, Writer
 
 from tests.examples import TIMES, examples
+from zenoh_cbef.log.mcap import reader
 from zenoh_cbef.log.mcap.contents import NotMcapError
 from zenoh_cbef.log.mcap.reader import McapFile
 from zenoh_cbef.log.mcap.writer import MAGIC, Compression, McapWriter
@@ -155,6 +156,24 @@ def test_the_summary_of_a_cut_file_is_that_of_the_whole(log: Path) -> None:
     assert (whole.start_time, whole.end_time) == (1000, 1599)
     assert whole.chunks > 20
     assert altered(log.read_bytes()[:-1]).summary() == whole
+
+
+def test_the_summary_of_a_cut_file_at_the_beginning_of_time(tmp_path: Path) -> None:
+    path = tmp_path / "log.mcap"
+    with McapWriter(path, library="test") as writer:
+        writer.add_message(writer.register_channel("key", "", 0), 0, 0, 0, b"data")
+    found = altered(path.read_bytes()[:-1]).summary()
+    assert (found.message_count, found.start_time, found.end_time) == (1, 0, 0)
+
+
+def test_an_attachment_may_be_as_long_as_a_record_and_no_longer(log: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    size = 9 + 8 + 8 + 4 + 5 + 4 + 10 + 8 + 180 + 4  # of the record with the attachment "first"
+    monkeypatch.setattr(reader, "MAX_RECORD_BYTES", size)
+    assert McapFile(log).attachments.keys() == {"first", "middle"}
+    monkeypatch.setattr(reader, "MAX_RECORD_BYTES", size - 1)
+    file = McapFile(log)
+    assert file.attachments.keys() == {"middle"}
+    assert any(f"claims to be {size} bytes long" in sentence for sentence in file.damage)
 
 
 def test_random_cuts_leave_an_exact_prefix(log: Path) -> None:

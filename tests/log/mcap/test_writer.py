@@ -196,3 +196,15 @@ def test_a_full_disk_is_an_error_and_the_file_stays_readable(tmp_path: Path) -> 
     assert file.attachments == {"small": b"still written"}
     assert file.complete
     assert file.damage == []
+
+
+def test_a_file_that_is_removed_is_gone_also_after_it_was_closed(tmp_path):
+    for removed in (False, True):
+        path = tmp_path / f"{removed}.mcap"
+        writer = McapWriter(path, library="test")
+        assert not writer.gone
+        if removed:
+            path.unlink()
+        assert writer.gone is removed
+        writer.close()
+        assert writer.gone is removed

@@ -1,0 +1,68 @@
+"""Requests to a run between real sessions: answered, refused with a sentence, or not answered at all."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import msgpack
+import pytest
+
+from tests.protocol.conftest import Pair
+from zenoh_cbef.errors import UserError
+from zenoh_cbef.protocol.control import ask_control, serve_control
+from zenoh_cbef.protocol.replay_service import serve_replay
+
+KEY = "cbef/test/control"
+
+
+def test_a_request_is_answered_or_refused_with_the_sentence_of_the_run(pair: Pair) -> None:
+    asked: list[dict[str, Any]] = []
+
+    def answer(request: dict[str, Any]) -> dict[str, Any]:
+        asked.append(request)
+        if request["ask"] == "fault clear":
+            raise UserError("there is no fault 3")
+        return {"step": 4}
+
+    assert ask_control(pair[1], KEY, {"ask": "stop"}, timeout=0.2) is None
+    service = serve_control(pair[0], KEY, answer)
+    until = time.monotonic() + 20
+    while ask_control(pair[1], KEY, {"ask": "stop"}, timeout=1.0) is None:
+        assert time.monotonic() < until
+    assert asked[-1] == {"v": 1, "ask": "stop"}
+    assert ask_control(pair[1], KEY, {"ask": "stop", "why": "x"}, timeout=20.0) == {"step": 4}
+    assert asked[-1] == {"v": 1, "ask": "stop", "why": "x"}
+    with pytest.raises(UserError, match=r"^there is no fault 3$"):
+        ask_control(pair[1], KEY, {"ask": "fault clear"}, timeout=20.0)
+    count = len(asked)
+    for payload in (None, b"\xc1", msgpack.packb({"v": 1})):
+        [reply] = pair[1].get(KEY, payload=payload, timeout=20.0)
+        assert reply.ok is not None
+        assert "error" in msgpack.unpackb(reply.ok.payload.to_bytes())
+    assert len(asked) == count, "only what is a request is carried out"
+    service.undeclare()
+
+
+def test_a_replay_obeys_orders_in_their_order_and_tells_its_state(pair: Pair) -> None:
+    obeyed: list[list[tuple[str, str]]] = []
+
+    def obey(orders: list[tuple[str, str]]) -> dict[str, object]:
+        if ("rate", "0") in orders:
+            raise UserError("a rate is above 0")
+        obeyed.append(orders)
+        return {"time": 12.5}
+
+    service = serve_replay(pair[0], "test", obey)
+    until = time.monotonic() + 20
+    while not list(pair[1].get("cbef/test/replay")):
+        assert time.monotonic() < until
+    [reply] = pair[1].get("cbef/test/replay?seek=12.5;rate=2;pause", timeout=20.0)
+    assert reply.ok is not None
+    assert msgpack.unpackb(reply.ok.payload.to_bytes()) == {"v": 1, "run": "test", "time": 12.5}
+    assert obeyed[-1] == [("seek", "12.5"), ("rate", "2"), ("pause", "")]
+    assert obeyed[0] == []
+    [reply] = pair[1].get("cbef/test/replay?rate=0", timeout=20.0)
+    assert reply.err is not None
+    assert reply.err.payload.to_string() == "a rate is above 0"
+    service.undeclare()
