@@ -61,7 +61,7 @@ SLOW = (
 )
 """Parts of the names of tests that are left out, as they take a second or more."""
 
-SECONDS = 30
+SECONDS = 90
 """Of processor time: tests that take longer hang, which a reader of their results notices, so the mutant is killed."""
 
 

@@ -12,6 +12,7 @@ import zenoh
 
 from tests.processes.conftest import unused_port
 from zenoh_cbef.errors import UserError
+from zenoh_cbef.protocol import access
 from zenoh_cbef.protocol.access import access_control
 from zenoh_cbef.protocol.certificates import make_certificates
 from zenoh_cbef.protocol.session import Connection, open_session
@@ -67,6 +68,12 @@ class Net:
     def close(self) -> None:
         for session in reversed(self.sessions):
             session.close()
+
+
+@pytest.fixture(autouse=True)
+def _few_agents(monkeypatch):
+    """Rules for the agents that are here: a session takes half a second to read those of a thousand (test_rules.py)."""
+    monkeypatch.setattr(access, "AGENTS", 2)
 
 
 @pytest.fixture(scope="module")

@@ -7,35 +7,37 @@ from typing import Any
 import numpy as np
 import pytest
 
-from zenoh_cbef.protocol import messages
-from zenoh_cbef.protocol.messages import BadMessage, Field
+from zenoh_cbef.protocol import fields
+from zenoh_cbef.protocol.fields import field_of
+from zenoh_cbef.protocol.messages import BadMessage
 from zenoh_cbef.protocol.round_codec import RoundCodec
 
 FAR = 1e100
-LIMITS: dict[str, tuple[Field, list[Any], list[Any]]] = {
-    "count": (messages.COUNT, [0, 2**63 - 1], [-1, 2**63, 1.0, True, None]),
-    "small count": (messages.SMALL_COUNT, [0, 2**40 - 1], [-1, 2**40, "1"]),
-    "number": (messages.NUMBER, [0.0, FAR, -FAR], [np.nextafter(FAR, np.inf), -1.1 * FAR, np.nan, np.inf, 1]),
-    "number or nil": (messages.NUMBER_OR_NIL, [None, FAR], [1.1 * FAR, np.nan]),
-    "text": (messages.TEXT, ["", "x" * 10_000, "two\nlines\t"], ["x" * 10_001, "\x1b", "\x7f", "\x00", "\x0b", 1]),
-    "counts": (messages.COUNTS, [[], [0] * 10_000, [2**40 - 1]], [[0] * 10_001, [2**40], [-1], (0,), 0]),
+LIMITS: dict[str, tuple[Any, list[Any], list[Any]]] = {
+    "count": (fields.Count, [0, 2**63 - 1], [-1, 2**63, 1.0, True, None]),
+    "small count": (fields.SmallCount, [0, 2**40 - 1], [-1, 2**40, "1"]),
+    "number": (fields.Number, [0.0, FAR, -FAR], [np.nextafter(FAR, np.inf), -1.1 * FAR, np.nan, np.inf, 1]),
+    "number or nil": (fields.NumberOrNil, [None, FAR], [1.1 * FAR, np.nan]),
+    "text": (fields.Text, ["", "x" * 10_000, "two\nlines\t"], ["x" * 10_001, "\x1b", "\x7f", "\x00", "\x0b", 1]),
+    "counts": (fields.Counts, [[], [0] * 10_000, [2**40 - 1]], [[0] * 10_001, [2**40], [-1], (0,), 0]),
     "doubles": (
-        messages.DOUBLES,
+        fields.Doubles,
         [b"", np.array([1e60, -1e60]).tobytes()],
         [np.array([1.1e60]).tobytes(), np.array([np.nan]).tobytes(), bytes(7), "x"],
     ),
     "matrix": (
-        messages.MATRIX,
+        fields.Matrix,
         [bytes(8 * 36), np.full(36, FAR).tobytes()],
         [bytes(8 * 35), bytes(8 * 37), np.full(36, 1.1 * FAR).tobytes()],
     ),
-    "signal": (messages.SIGNAL, ["start", "end"], ["stop", "", 1]),
+    "signal": (fields.Signal, ["start", "end"], ["stop", "", 1]),
 }
 
 
 @pytest.mark.parametrize("name", LIMITS)
 def test_the_last_value_is_taken_and_the_first_beyond_it_is_not(name: str) -> None:
-    field, inside, outside = LIMITS[name]
+    hint, inside, outside = LIMITS[name]
+    field = field_of(hint)
     for value in inside:
         assert field.hold([value]), value
     assert field.hold(inside)

@@ -11,6 +11,7 @@ import pytest
 from tests.protocol.conftest import Pair
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.protocol.control import ask_control, serve_control
+from zenoh_cbef.protocol.questions import CLEAR, STOP
 from zenoh_cbef.protocol.replay_service import serve_replay
 
 KEY = "cbef/test/control"
@@ -25,16 +26,16 @@ def test_a_request_is_answered_or_refused_with_the_sentence_of_the_run(pair: Pai
             raise UserError("there is no fault 3")
         return {"step": 4}
 
-    assert ask_control(pair[1], KEY, {"ask": "stop"}, timeout=0.2) is None
+    assert ask_control(pair[1], KEY, STOP, timeout=0.2) is None
     service = serve_control(pair[0], KEY, answer)
     until = time.monotonic() + 20
-    while ask_control(pair[1], KEY, {"ask": "stop"}, timeout=1.0) is None:
+    while ask_control(pair[1], KEY, STOP, timeout=1.0) is None:
         assert time.monotonic() < until
     assert asked[-1] == {"v": 1, "ask": "stop"}
-    assert ask_control(pair[1], KEY, {"ask": "stop", "why": "x"}, timeout=20.0) == {"step": 4}
+    assert ask_control(pair[1], KEY, STOP, timeout=20.0, why="x") == {"step": 4}
     assert asked[-1] == {"v": 1, "ask": "stop", "why": "x"}
     with pytest.raises(UserError, match=r"^there is no fault 3$"):
-        ask_control(pair[1], KEY, {"ask": "fault clear"}, timeout=20.0)
+        ask_control(pair[1], KEY, CLEAR, timeout=20.0)
     count = len(asked)
     for payload in (None, b"\xc1", msgpack.packb({"v": 1})):
         [reply] = pair[1].get(KEY, payload=payload, timeout=20.0)
