@@ -36,17 +36,18 @@ lint: install  ## ruff: lint and format
 types: install  ## mypy, strict
 	$(BIN)/mypy
 
+# A file's tests stay with one worker, as they share runs.
 unit: install  ## all tests; one worker more than there are cores, as many tests wait
-	$(BIN)/pytest -n $(WORKERS) --dist loadgroup
+	$(BIN)/pytest -n $(WORKERS) --dist loadfile
 
 fast: install  ## the tests that start no process
-	$(BIN)/pytest -n $(CORES) -m "not processes"
+	$(BIN)/pytest -n $(CORES) --dist loadfile -m "not processes"
 
 thorough: install  ## the same, with ten times as many random examples (minutes)
-	EXAMPLES=10 $(BIN)/pytest -n $(CORES) -m "not processes"
+	EXAMPLES=10 $(BIN)/pytest -n $(CORES) --dist loadfile -m "not processes"
 
 coverage: install  ## which lines the fast tests run; processes are not counted
-	$(BIN)/pytest -n $(CORES) -m "not processes" --cov --cov-report=term
+	$(BIN)/pytest -n $(CORES) --dist loadfile -m "not processes" --cov --cov-report=term
 
 mutants: install  ## tests of the tests: change the package here and there, and see whether one fails (minutes)
 	$(BIN)/python -m benchmarks.mutants

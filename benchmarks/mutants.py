@@ -4,8 +4,8 @@
 
 A mutant has one operator, number, condition, returned value or call changed (mutations.py), in the four packages whose
 errors stay unseen longest. Of each package N mutants are drawn, the same ones for the same seed and the same sources.
-A mutant is killed when a fast test of its package fails; those that import the mutated module come first. Who survives
-these meets tests of what uses the packages: none of them starts a process either. It survives when all pass.
+A mutant is killed when a fast test of its package fails; those that import the mutated module come first. A mutant that
+survives these meets tests of what uses the packages: none of them starts a process either. It survives when all pass.
 docs/mutants.md explains the survivors. One core, a few seconds for each mutant, and half a minute for each survivor.
 """
 
