@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -204,3 +206,15 @@ def test_noise_beyond_the_digits_of_a_float_ends_in_numbers():
     ).scenario
     states, _ = strong(*told(simulate([scenario]), 30))
     assert np.isfinite(states).all()
+
+
+def test_a_run_that_ended_early_is_told_its_wrong_ranges_too():
+    scenario = load("tracking", ["steps=40", "sensor.outlier_probability=0.2"]).scenario
+    whole = simulate([scenario])[0]
+    parts = {name: getattr(whole, name)[:, :25] for name in ("ranges", "age", "positions")}
+    early = replace(whole, time=whole.time[:25], truth=whole.truth[:25], **parts)
+    flagged = wrong_ranges(whole)
+    assert flagged is not None
+    np.testing.assert_array_equal(wrong_ranges(early), flagged[:, :25])
+    states, _ = strong(*told([early], 25))
+    assert states.shape == (1, 25, 6)

@@ -58,7 +58,8 @@ def wrong_ranges(trace: Trace) -> Bools | None:
     scenario = trace.scenario
     sensor = scenario.sensor.model_copy(update={"outlier_probability": 0.0})
     faults = tuple(fault for fault in scenario.fault if not isinstance(fault, SensorFault))
-    world = make_world(scenario.model_copy(update={"sensor": sensor, "fault": faults}))
+    steps = trace.ranges.shape[1]  # a run may have ended early
+    world = make_world(scenario.model_copy(update={"sensor": sensor, "fault": faults, "steps": steps}))
     honest = sensor.signal_speed * (world.arrived - world.emitted)
     differs = np.abs(trace.ranges - honest) > _WRONG * sensor.range_std
     heard = np.isfinite(trace.ranges)
