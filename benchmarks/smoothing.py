@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from rich.table import Table
 
 from benchmarks.common import plain_table
+from benchmarks.recorded import SETS, SETTINGS
 from zenoh_cbef.analysis.metrics import Analysis, analyze
 from zenoh_cbef.analysis.summary import pick
 from zenoh_cbef.scenario.load import load
@@ -31,24 +32,54 @@ CASES: dict[str, tuple[str, ...]] = {
     "outliers": ("outliers",),
     "bias 0.3 m, estimated": ("tracking", "sensor.bias=0.3", "filter.bias=estimate"),
     "ci": ("tracking", "filter.kind=ci"),
+    "circle": ("tracking", "target.motion=circle"),
 }
 
 
 def run(repeats: int) -> Iterator[Table]:
-    """One row per case and lag; nothing is timed."""
+    """One row per case and lag, and one per recorded set; nothing is timed."""
     del repeats
+    yield _simulated()
+    yield _recorded()
+
+
+def _simulated() -> Table:
     rows: list[list[str]] = []
     for name, (scenario, *overrides) in CASES.items():
         traces = traces_of(scenario, overrides, SEEDS)
         lags = LAGS if name == "tracking" else (1.0, None)
-        rows += [[name, "whole run" if lag is None else f"{lag:g} s", *figures(with_lag(traces, lag))] for lag in lags]
+        rows += [[name, _named(lag), *figures(with_lag(traces, lag))] for lag in lags]
     columns = ["case", "lag", "position", "velocity", "ratio", "worst", "NEES/d"]
-    yield plain_table(
+    return plain_table(
         "smoothed over filtered RMSE of position and velocity; ratio to the centralised smoother with the same lag, "
         "median and worst seed; mean NEES over its ideal",
         columns,
         rows,
     )
+
+
+def _recorded() -> Table:
+    lags, rows = (1.0, 5.0, None), list[list[str]]()
+    for name, (steps, range_std, height, _) in SETTINGS.items():
+        if not (SETS / name).is_dir():
+            rows.append([name, "not beside the repository, in ../shared/data", *[""] * len(lags)])
+            continue
+        keys = {"path": SETS / name, "motion": "dataset"}
+        overrides = [f"target.{key}={value}" for key, value in keys.items()]
+        overrides += [f"dt={steps[0]}", f"filter.range_std={range_std}", f"filter.planar_height={height}"]
+        traces = traces_of("tracking", overrides, 1)
+        found = [with_lag(traces, lag)[0].metrics for lag in lags]
+        values = [pick(found[0], "position_rmse"), *(pick(one, "smoothed.position_rmse") for one in found)]
+        rows.append([name, *(f"{value:.4g}" for value in values)])
+    return plain_table(
+        "recorded sets: position RMSE in the plane, m, last 75 %",
+        ["set", "filter", *(_named(lag) for lag in lags)],
+        rows,
+    )
+
+
+def _named(lag: float | None) -> str:
+    return "whole run" if lag is None else f"{lag:g} s"
 
 
 def traces_of(scenario: str, overrides: Sequence[str], seeds: int) -> list[Trace]:
@@ -60,6 +91,10 @@ def traces_of(scenario: str, overrides: Sequence[str], seeds: int) -> list[Trace
 def with_lag(traces: Sequence[Trace], lag: float | None) -> list[Analysis]:
     """The runs smoothed with a lag, s, None for their whole length, and analysed."""
     plan, steps = traces[0].plan, len(traces[0].time)
+    if plan.models:  # Of what its several models know a trace has no more than position and velocity.
+        waits = {"lag_seconds": steps * plan.scenario.dt if lag is None else lag}
+        chosen = plan.scenario.filter.model_copy(update=waits)
+        return analyze(simulate([one.scenario.model_copy(update={"filter": chosen}) for one in traces]))
     waited = steps if lag is None else round(lag / plan.scenario.dt)
     states, covariances = (np.concatenate([getattr(one, name) for one in traces]) for name in _PARTS)
     found = smoothed(states, covariances, plan.plain_motion, plan.space, waited)

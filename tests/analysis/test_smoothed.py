@@ -7,7 +7,9 @@ import pytest
 
 from tests.cli.test_errors import call
 from tests.log.made import made_log
+from zenoh_cbef.analysis.error_charts import error_charts
 from zenoh_cbef.analysis.metrics import analyze
+from zenoh_cbef.analysis.report import write_report
 from zenoh_cbef.analysis.smoothed import smoothed_run
 from zenoh_cbef.analysis.summary import pick
 from zenoh_cbef.errors import UserError
@@ -104,6 +106,22 @@ def test_the_verbs_smooth(monkeypatch, capsys, tmp_path):
     status, out, _ = call(monkeypatch, capsys, "analyze", str(log), "--smooth")
     assert status == 0
     assert "smoothed position" in out
+
+
+def test_the_report_shows_the_smoothed_path(tmp_path):
+    (trace,) = run("steps=30", "filter.lag_seconds=0.5", "filter.planar_height=0")
+    analysis = analyze([trace])[0]
+    position = error_charts(analysis)[0]
+    assert [one.name for one in position.references] == ["centralised filter", "posterior bound", "smoothed"]
+    assert np.isfinite(position.references[2].values).all()
+    write_report(analysis, tmp_path / "report.html")
+    text = (tmp_path / "report.html").read_text()
+    for said in ("smoothed position RMSE (m)", "smoothed NEES, average", "smoothed, mean of the agents"):
+        assert said in text
+
+
+def test_a_filter_without_covariance_cannot_be_smoothed(monkeypatch, capsys, tmp_path):
+    log = made_log(tmp_path / "run.mcap", "steps=5")
     status, _, err = call(monkeypatch, capsys, "reestimate", str(log), "--smooth", "--set", "filter.kind=cbef")
     assert status == 2
     assert "--smooth needs a filter with a covariance, which 'cbef' has not; add --set filter.kind=sicf" in err

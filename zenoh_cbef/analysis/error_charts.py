@@ -14,18 +14,24 @@ _NIS_STEPS = 20
 def error_charts(analysis: Analysis) -> tuple[Chart, Chart, Chart, Chart]:
     """Describe the position error, NEES, NIS and disagreement of each agent or of all."""
     bound = np.sqrt(np.trace(analysis.bound[:, :3, :3], axis1=1, axis2=2))
+    references = [
+        Reference("centralised filter", "centralized", analysis.centralized_position_error),
+        Reference("posterior bound", "bound", bound),
+    ]
+    caption = "Distance of each agent's estimate from the truth. Bound: root of its position block's trace."
+    if analysis.smoothed is not None:
+        square = np.ma.masked_invalid(analysis.smoothed.position[analysis.counted] ** 2).mean(axis=0).filled(np.nan)
+        references.append(Reference("smoothed", "network", np.sqrt(square)))
+        caption += " Smoothed: root mean square of the agents' smoothed estimates."
     average = np.ma.masked_invalid(analysis.nees).mean(axis=0).filled(np.nan)
     return (
         Chart(
             "position-error",
             "Position error of each agent",
-            "Distance of each agent's estimate from the truth. Bound: root of its position block's trace.",
+            caption,
             "position error (m)",
             analysis.position_error,
-            (
-                Reference("centralised filter", "centralized", analysis.centralized_position_error),
-                Reference("posterior bound", "bound", bound),
-            ),
+            tuple(references),
             scored=True,
         ),
         Chart(

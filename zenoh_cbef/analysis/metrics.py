@@ -142,7 +142,7 @@ def _errors_of(trace: Trace, beside: Yardsticks, skip: float) -> Errors:
         bound=bound,
         bound_position_error=np.sqrt(np.trace(bound[:, :3, :3], axis1=1, axis2=2)),
         bound_msee=running_mean(np.trace(bound, axis1=1, axis2=2)),
-        smoothed=smoothed_errors(trace),
+        smoothed=smoothed_errors(trace, counted),
     )
 
 

@@ -220,6 +220,9 @@ def _scene(analysis: Analysis, axes: int) -> list[Plot]:
     }
     central = _path(analysis.centralized_states[:, :axes], INK, "dash", 1.5)
     plots += [truth, central | {"name": "centralised filter", "meta": "ink"}]
+    if analysis.smoothed is not None:
+        best = _path(analysis.smoothed.path[:, :axes], INK, "solid", 1.5)
+        plots.append(best | {"name": "smoothed, mean of the agents", "meta": "ink"})
     agents = {
         "mode": "markers+text" if axes == 2 or len(names) <= 12 else "markers",
         "name": "agents",

@@ -25,7 +25,7 @@ class SmoothedErrors:
     """Errors of the smoothed path in the steps that have an estimate; n agents, K steps.
 
     position, velocity: (n, K), m and m/s. nees: (n, K). centralized: (K,), m, of the position of the centralised
-    smoother with the same lag.
+    smoother with the same lag. path: (K, 3), the mean of the agents' smoothed positions, m.
     """
 
     lag: int
@@ -33,6 +33,7 @@ class SmoothedErrors:
     velocity: Floats
     nees: Floats
     centralized: Floats
+    path: Floats
 
 
 def smoothed_run(trace: Trace) -> Trace:
@@ -65,8 +66,8 @@ def _sound(covariances: Floats) -> Bools:
     return np.asarray(finite & (least[:, :, -1] > 0.0) & (least[:, :, 0] >= -1e-9 * least[:, :, -1]))
 
 
-def smoothed_errors(trace: Trace) -> SmoothedErrors | None:
-    """The errors of a run's smoothed path; None where it has none."""
+def smoothed_errors(trace: Trace, counted: Bools) -> SmoothedErrors | None:
+    """The errors of a run's smoothed path, of all agents; None where it has none. counted: (n,), those of the mean."""
     path = trace.smoothed
     if path is None:
         return None
@@ -79,6 +80,7 @@ def smoothed_errors(trace: Trace) -> SmoothedErrors | None:
         np.linalg.norm(error[:, :, axes:], axis=2),
         nees_of(error, path.covariances[:, :, kept[:, None], kept]),
         np.linalg.norm((central - trace.truth)[:, kept[:axes]], axis=1),
+        np.ma.masked_invalid(path.states[counted, :, :3]).mean(axis=0).filled(np.nan),
     )
 
 
