@@ -5,8 +5,8 @@ import sys
 from collections.abc import Sequence
 
 from tests.processes.conftest import unused_port
-from tests.processes.test_live_faults import wait_until_known
-from tests.processes.test_refusals import mute
+from tests.processes.launch.test_refusals import mute
+from tests.processes.target.test_live_faults import wait_until_known
 from zenoh_cbef import __version__
 from zenoh_cbef.outside.registry import known_runs
 

@@ -14,7 +14,7 @@ from tests.examples import examples
 from tests.faults.strategies import scenarios
 from tests.processes.again import again, said
 from tests.processes.conftest import World
-from tests.processes.test_log import copy_with
+from tests.processes.recorder.test_log import copy_with
 from zenoh_cbef.analysis.metrics import analyze
 from zenoh_cbef.analysis.results import Metrics
 from zenoh_cbef.analysis.traffic import other_bytes, round_bytes

@@ -11,8 +11,8 @@ import pytest
 import tomli_w
 
 from tests.processes.conftest import World
+from tests.processes.recorder.test_log import copy_with
 from tests.processes.test_faults import EVERY_KIND
-from tests.processes.test_log import copy_with
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.read.exchange import MOST, read_exchange
 from zenoh_cbef.log.read.trace import read_trace

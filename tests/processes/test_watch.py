@@ -5,7 +5,7 @@ import signal
 import pytest
 
 from tests.processes.conftest import COMMAND
-from tests.processes.test_live_faults import wait_until_known
+from tests.processes.target.test_live_faults import wait_until_known
 from tests.terminal import Terminal
 
 

@@ -1,4 +1,4 @@
-"""Who is there but says nothing is waited for, then left behind."""
+"""An agent that is there but says nothing is waited for, then left behind."""
 
 import json
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from zenoh_cbef.protocol.session import Connection, open_session
 
-PAGE = (Path(__file__).resolve().parents[2] / "docs" / "hosts.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).resolve().parents[3] / "docs" / "hosts.md").read_text(encoding="utf-8")
 
 
 def block(language: str, begins: str) -> str:

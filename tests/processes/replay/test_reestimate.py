@@ -13,8 +13,8 @@ import pytest
 
 from tests.processes.again import again, said
 from tests.processes.conftest import World
-from tests.processes.test_datasets import small_set, track
-from tests.processes.test_log import copy_with
+from tests.processes.recorder.test_log import copy_with
+from tests.processes.target.test_datasets import small_set, track
 from zenoh_cbef.log.read.trace import read_trace
 
 

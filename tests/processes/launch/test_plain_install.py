@@ -17,7 +17,7 @@ from packaging.utils import canonicalize_name
 
 from zenoh_cbef.extras import EXTRA_OF
 
-PROJECT = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())["project"]
+PROJECT = tomllib.loads((Path(__file__).parents[3] / "pyproject.toml").read_text())["project"]
 
 HOOK = """
 import sys

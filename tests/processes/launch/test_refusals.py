@@ -12,8 +12,8 @@ from contextlib import contextmanager
 import pytest
 
 from tests.processes.conftest import peer, settings, unused_port
+from tests.processes.target.test_live_faults import wait_until_known
 from tests.processes.test_hostile import wait_for
-from tests.processes.test_live_faults import wait_until_known
 
 JOINING = {
     "agent": ("agent", "0"),

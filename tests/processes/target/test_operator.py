@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from tests.processes.conftest import settings
-from tests.processes.test_live_faults import wait_until_known
+from tests.processes.target.test_live_faults import wait_until_known
 from zenoh_cbef import __version__
 from zenoh_cbef.log.read.trace import read_trace
 

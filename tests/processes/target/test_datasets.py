@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-SETS = Path(__file__).parents[3] / "shared" / "data"
+SETS = Path(__file__).parents[4] / "shared" / "data"
 RECORDED = {  # dt, range_std, planar height: what the sets' own description says
     "lias_fast": ("0.05", "0.07", "0.97"),
     "adip_los_B4": ("0.1", "0.09", "1.0"),
