@@ -201,8 +201,8 @@ def test_what_cannot_work_is_refused_before_anything_starts(text):
 )
 def test_what_can_work_is_accepted(text):
     warnings = check(Plan(parse(tomllib.loads(text), "my.toml")))
-    # So few agents do not see a position, which is said and no mistake.
-    assert [one for one in warnings if "ranges of" not in one] == []
+    # So few agents do not see a position, or a target goes far from them: that is said, and no mistake.
+    assert [one for one in warnings if "ranges of" not in one and "geometry is weak" not in one] == []
 
 
 def test_several_mistakes_are_counted_and_the_branches_of_one_are_not():

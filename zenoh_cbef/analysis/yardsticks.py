@@ -48,7 +48,8 @@ def yardsticks(traces: Sequence[Trace]) -> list[Yardsticks]:
     truth = _stacked(traces, "truth")
     states, bounds = np.full(truth.shape, np.nan), np.full((*truth.shape, 6), np.nan)
     reach = max(measured)
-    states[:, :reach] = stacked(traces[0].plan.space, centralized_run(traces, reach))[0]
+    if reach:
+        states[:, :reach] = stacked(traces[0].plan.space, centralized_run(traces, reach))[0]
     known = np.isfinite(truth)
     bounds[:, :reach] = _bounds(traces, np.where(known, truth, states)[:, :reach])
     bounds[~known.all(axis=2)] = np.nan
