@@ -277,7 +277,10 @@ def test_a_first_fix_is_sought_farther_off_than_a_given_start(tmp_path):
     # Half a diagonal is 2 m; tracking.toml gives 1 m and 0.5 m/s.
     np.testing.assert_allclose(np.sqrt(np.diag(Plan(sought).initial_covariance)), [20.0] * 3 + [3.0] * 3)
     np.testing.assert_allclose(np.sqrt(np.diag(Plan(given).initial_covariance)), [1.0] * 3 + [0.5] * 3)
-    assert (Plan(sought).settings.first_fix, Plan(given).settings.first_fix) == (20, 0)
+    assert [Plan(one).settings.first_fix for one in (sought, given)] == [20, 20]
+    for more in ("filter.start=given", "filter.defaults=1"):
+        kept = Plan(scenario_of(folder, "filter.initial_position=[1, 1, 1]", more))
+        assert (kept.settings.first_fix, kept.settings.search) == (0, None)
     assert Plan(scenario_of(folder, "dt=0.03")).settings.first_fix == 34
 
 

@@ -161,7 +161,8 @@ def test_auto_is_for_receivers_with_faults_and_neighbours_that_are_trusted():
 
 def test_without_a_fault_the_estimates_are_those_of_a_filter_that_always_trusts():
     [first], [second] = (
-        simulate([load("tracking", ["steps=60", f"filter.distrust={value}"]).scenario]) for value in ("true", "false")
+        simulate([load("tracking", ["steps=60", "filter.start=given", f"filter.distrust={value}"]).scenario])
+        for value in ("true", "false")
     )
     assert np.isnan(second.diagnostics.distrust).all()
     np.testing.assert_array_equal(first.diagnostics.distrust, 0.0)

@@ -68,7 +68,7 @@ def test_a_row_does_not_depend_on_padding():
 
 
 def test_some_rows_begin_anew_and_the_others_go_on():
-    scenario = parse({"agents": {"count": 3}, "filter": {"kind": "sicf"}}, "test")
+    scenario = parse({"agents": {"count": 3}, "filter": {"kind": "sicf", "start": "given"}}, "test")
     given = np.arange(3.0)[:, None] * np.ones((3, 6))
     elsewhere = Belief(np.full((3, 6), 5.0), np.tile(0.01 * np.eye(6), (3, 1, 1)))
     nobody = np.empty((3, 0, 3)), np.empty((3, 0))

@@ -18,7 +18,7 @@ from zenoh_cbef.tracking.ranging import Measurement
 
 def surprised(count):
     """A step of six agents of which `count` have a range 10 m too long, and one has none."""
-    made = Plan(parse({"filter": {"recovery": True}}, "test")).filter
+    made = Plan(parse({"filter": {"recovery": True, "start": "given"}}, "test")).filter
     random = np.random.default_rng(1)
     positions = random.uniform(-10.0, 10.0, (6, 3))
     ranges = np.linalg.norm(positions, axis=1)
@@ -42,7 +42,7 @@ def test_covariances_double_in_deviation_where_most_of_those_who_measured_are_su
 @pytest.mark.parametrize("others", [(), ("filter.distrust=true",), ("filter.range_std=auto",)])
 def test_a_network_that_begins_elsewhere_finds_its_target_sooner(others):
     """Whatever else is put around the filter."""
-    start = ["filter.initial_position=[8.0, -8.0, 4.0]", "steps=40", *others]
+    start = ["filter.initial_position=[8.0, -8.0, 4.0]", "steps=40", "filter.start=given", *others]
     errors = []
     for recovery in ("false", "true"):
         scenario = load("tracking", [*start, f"filter.recovery={recovery}"]).scenario

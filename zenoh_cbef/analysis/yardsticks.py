@@ -16,6 +16,7 @@ from zenoh_cbef.trace import Trace
 from zenoh_cbef.tracking.central_models import CentralModels, centralized_models
 from zenoh_cbef.tracking.filters import Belief, level_of
 from zenoh_cbef.tracking.joint import joint_centralized
+from zenoh_cbef.tracking.motion import begun
 from zenoh_cbef.tracking.reference import centralized_beliefs, posterior_bound, stacked
 from zenoh_cbef.tracking.switching import Switching
 
@@ -90,21 +91,35 @@ def centralized_run(traces: Sequence[Trace], steps: int) -> Iterator[Belief]:
     initial = plan.belief_at(_stacked(traces, "initial").mean(axis=1))
     xi = level_of(plan.scenario.filter.kind, plan.xi)
     seen = {part: _stacked(traces, part)[:, :, :steps] for part in ("positions", "ranges", "age")}
-    settings, kept = plan.settings, plan.space.kept
     if jointly(plan):
-        states, covariances = joint_centralized(initial, settings, xi, **seen)
-        each = zip(np.moveaxis(states, 1, 0), np.moveaxis(covariances, 1, 0), strict=True)
-        return (Belief(state[:, kept], spread[:, kept[:, None], kept]) for state, spread in each)
+        yield from _told(plan, joint_centralized(initial, plan.settings, xi, **seen))
+        return
+    fixing = min(plan.first_fix_steps, steps)
+    if fixing:
+        first = {part: values[:, :, :fixing] for part, values in seen.items()}
+        for belief in _told(plan, joint_centralized(initial, plan.settings, xi, **first)):
+            initial = Belief(*begun(plan.motion, belief.state, belief.known_covariance))
+            yield initial
+    later = {part: values[:, :, fixing:] for part, values in seen.items()}
     motion, space, range_std, power = plan.motion, plan.space, plan.range_std, plan.power
     if plan.models:
-        models = CentralModels(Switching(settings.models, settings.leaving), space, xi, power)
-        return centralized_models(initial, models, range_std=range_std, **seen)
-    return centralized_beliefs(initial, motion, space, range_std=range_std, xi=xi, power=power, **seen)
+        models = CentralModels(Switching(plan.settings.models, plan.settings.leaving), space, xi, power)
+        yield from centralized_models(initial, models, range_std=range_std, **later)
+    else:
+        yield from centralized_beliefs(initial, motion, space, range_std=range_std, xi=xi, power=power, **later)
 
 
 def jointly(plan: Plan) -> bool:
     """Whether the centralised filter estimates more than the target, of which only position and velocity are told."""
-    return plan.settings.bias != "none" or plan.settings.first_fix > 0 or plan.settings.learns_noise
+    return plan.settings.bias != "none" or plan.settings.learns_noise
+
+
+def _told(plan: Plan, run: tuple[Floats, Floats]) -> Iterator[Belief]:
+    """The beliefs of a run's states (r, K, 6) and covariances (r, K, 6, 6), step by step."""
+    states, covariances = run
+    kept = plan.space.kept
+    for k in range(states.shape[1]):
+        yield Belief(states[:, k, kept], covariances[:, k, kept[:, None], kept])
 
 
 def _bounds(traces: Sequence[Trace], truth: Floats) -> Floats:

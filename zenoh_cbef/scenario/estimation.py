@@ -41,6 +41,7 @@ class Filter(Table):
     long a random acceleration lasts, s; None: one step, or for recorded ranges their own interval. bias_common_std,
     bias_own_std: prior of the network's and of the agents' own part of the bias, m; None: 1.5 and 0.15 of range_std.
     lag_seconds: agents also publish smoothed estimates of so long ago; 0: they do not.
+    start auto: with a first fix, for filters that can. given: at the initial estimate.
     """
 
     kind: str = "sicf"
@@ -64,6 +65,7 @@ class Filter(Table):
     bias: Literal["none", "estimate", "auto"] = "auto"
     bias_common_std: Length | None = None
     bias_own_std: Spread | None = None
+    start: Literal["auto", "given"] = "auto"
     planar_height: Metres | None = None
     lag_seconds: Seconds = 0.0
     initial_position: EachPosition = None

@@ -162,6 +162,8 @@ class Plan:
             own_bias_std=0.15 * range_std if own is None else own,
             learns_noise=chosen.range_std == "auto",
             first_fix=self.first_fix_steps,
+            squared_fix=start.squared_steps(self.scenario, self.first_fix_steps),
+            search=self.search,
         )
 
     @cached_property
@@ -257,16 +259,19 @@ class Plan:
         interval = self.scenario.filter.acceleration_interval or self.scenario.dt
         return max(20, int(np.ceil(5.0 * interval / self.scenario.dt)))
 
-    @property
-    def _seeks(self) -> bool:
-        """Whether the start of a recorded target is unknown, so that the network begins with a first fix."""
-        unknown = self.recorded and self.scenario.filter.initial_position is None
-        return unknown and self.abilities.biases and not self.distrusts_others
-
     @cached_property
     def first_fix_steps(self) -> int:
-        """How many steps the first fix takes, one for every iteration; 0 for none."""
-        return self.settling_steps if self._seeks else 0
+        """How many steps the first fix takes, 0 for none: agents must add up what they know, and not lie."""
+        able = self.abilities.biases and not self.distrusts_others
+        return start.fix_steps(self.scenario, self.settling_steps, self.absences) if able else 0
+
+    @cached_property
+    def search(self) -> tuple[Floats, Floats] | None:
+        """Where a first fix looks for the target, (1, s) and (1, s, s); None: around the initial estimate."""
+        if start.unknown(self.scenario) or not self.first_fix_steps:
+            return None
+        (middle, std), kept = start.search(self.scenario), self.space.kept
+        return begun(self.motion, middle[None, kept], np.diag(std[kept] ** 2)[None])
 
     @cached_property
     def initial_states(self) -> Floats:
@@ -276,7 +281,8 @@ class Plan:
     @cached_property
     def initial_covariance(self) -> Floats:
         """Covariance of the initial position and velocity along the axes, (s, s). Before a first fix it is wide."""
-        std = start.widened_std(self.scenario) if self._seeks else start.initial_std(self.scenario)
+        anywhere = start.unknown(self.scenario) and self.first_fix_steps > 0
+        std = start.widened_std(self.scenario) if anywhere else start.initial_std(self.scenario)
         return np.asarray(np.diag(std[self.space.kept] ** 2))
 
     @cached_property

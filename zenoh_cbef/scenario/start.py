@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zenoh_cbef import streams
+from zenoh_cbef.faults import Absences
 from zenoh_cbef.scenario import paths
 from zenoh_cbef.scenario.model import Scenario
 from zenoh_cbef.scenario.world import target_start
@@ -31,6 +32,55 @@ def widened_std(scenario: Scenario) -> Floats:
     """As initial_std, where the network looks for its target by a first fix, (6,)."""
     least = np.repeat([_FARTHEST * _half_diagonal(scenario), _FASTEST], 3)
     return np.asarray(np.maximum(initial_std(scenario), least))
+
+
+def unknown(scenario: Scenario) -> bool:
+    """Whether the scenario says nothing of where its target, a recorded one, starts."""
+    return scenario.target.motion == "dataset" and scenario.filter.initial_position is None
+
+
+def fix_steps(scenario: Scenario, settling: int, absences: Absences) -> int:
+    """How many steps a first fix takes that needs `settling` of them; 0 where the network begins without one."""
+    chosen = scenario.filter
+    if unknown(scenario):
+        return settling
+    alone = scenario.count == 1 or scenario.consensus.rounds == 0
+    if chosen.start == "given" or chosen.defaults < 2 or alone:
+        return 0
+    # An agent that has lost its memory cannot join a fix that is under way.
+    back = any(absences.reborn(step).any() for step in range(1, min(settling, scenario.length) + 1))
+    return 0 if back else settling
+
+
+def squared_steps(scenario: Scenario, steps: int) -> int:
+    """How many steps of a first fix are on squared ranges: half, or as few as give every unknown a range."""
+    half = steps // 2
+    if scenario.target.motion == "dataset":
+        return half
+    unknowns = 4 if scenario.filter.planar_height is None else 3
+    heard = scenario.count * (1.0 - scenario.sensor.dropout_probability)
+    return int(min(half, np.ceil(unknowns / max(heard, 1.0))))
+
+
+def search(scenario: Scenario) -> tuple[Floats, Floats]:
+    """Where a first fix looks for a target, and how far around that: a state and its standard deviations, (6,).
+
+    It is at rest in the middle of the box that agents are placed in, and at least ten of its half diagonals around: the
+    same for all agents and for all seeds, as these are one batch.
+    """
+    low, high = _box(scenario)
+    given = initial_std(scenario)
+    far = np.full(3, _FARTHEST * max(float(np.linalg.norm(high - low)) / 2.0, 1e-3))
+    return np.concatenate([0.5 * (low + high), np.zeros(3)]), np.concatenate([np.maximum(far, given[0]), given[3:]])
+
+
+def _box(scenario: Scenario) -> tuple[Floats, Floats]:
+    """Least and largest coordinates (3,) of where agents may be placed at first, whatever the seed."""
+    agents = scenario.agents
+    if agents.motion == "waypoints" or agents.positions is not None:
+        places = paths.placement(scenario)
+        return places.min(axis=0), places.max(axis=0)
+    return np.broadcast_to(agents.low, 3), np.broadcast_to(agents.high, 3)
 
 
 def _half_diagonal(scenario: Scenario) -> float:

@@ -59,9 +59,11 @@ def joint_centralized(
 def _first_fix(settings: FilterSettings, xi: float, fix: Belief, step: Ranges) -> tuple[Belief, Update]:
     runs, agents = step.range.shape
     rows = runs * agents
+    # Of an agent that is not there the position may not be known, either.
+    known = np.asarray(np.isfinite(step.position).all(axis=2))
     measurement = Measurement(
-        step.position.reshape(rows, 3),
-        step.range.ravel(),
+        np.where(known[:, :, None], step.position, 0.0).reshape(rows, 3),
+        np.where(known, step.range, np.nan).ravel(),
         step.age.ravel(),
         np.empty((rows, 0, 3)),
         np.empty((rows, 0)),

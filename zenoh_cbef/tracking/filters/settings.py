@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from zenoh_cbef.tracking.motion import Motion
-from zenoh_cbef.tracking.ranging import Space
+from zenoh_cbef.tracking.ranging import Floats, Space
 
 
 @dataclass(frozen=True)
@@ -18,9 +18,10 @@ class FilterSettings:
     innovations are implausible. distrusts: whether agents give their own implausible ranges less weight. bias:
     none, estimate or auto; likelihoods: whether auto weighs it by these, or by the NIS; common_bias_std, own_bias_std:
     its prior, m. first_fix: over how many steps the initial estimate, a guess, is improved by least squares on the
-    first ranges; 0: it is none. models: the motions between which the target switches, the most agile one last; none:
-    it moves by `motion` alone. leaving: the probability that it leaves its motion in a step. middle: a point near all
-    agents, the same for all, m.
+    first ranges; 0: it is none. squared_fix: how many of these steps are on squared ranges. search: where these look
+    for the target, state (1, s) and covariance (1, s, s); None: around the guess. models: the motions between which the
+    target switches, the most agile one last; none: it moves by `motion` alone. leaving: the probability that it leaves
+    its motion in a step. middle: a point near all agents, the same for all, m.
     """
 
     motion: Motion
@@ -39,6 +40,8 @@ class FilterSettings:
     own_bias_std: float = 0.0
     learns_noise: bool = False
     first_fix: int = 0
+    squared_fix: int = 0
+    search: tuple[Floats, Floats] | None = None
     models: tuple[Motion, ...] = ()
     leaving: float = 0.0
     middle: tuple[float, ...] = (0.0, 0.0, 0.0)

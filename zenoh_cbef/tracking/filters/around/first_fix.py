@@ -32,9 +32,10 @@ class FirstFix(Wrapping):
 
     A recursive filter that starts far off linearises at a wrong place, its covariance gets too small, and saturation
     then keeps it there. So in the first steps an agent keeps its ranges, and sends the information in all of them. In
-    the first half it squares the ranges, which makes them linear in the unknowns, and finds the side of the agents that
-    the target is on (squared_ranges.py). Then it linearises all ranges again in every step at the latest estimate,
-    carried back along its velocity (Gauss-Newton); the prior is the initial estimate:
+    the first of these steps it squares the ranges, which makes them linear in the unknowns, and finds the side of the
+    agents that the target is on, however wrong the initial estimate is (squared_ranges.py). Then it linearises all
+    ranges again in every step at the latest estimate, which the agents agree on, carried back along its velocity
+    (Gauss-Newton); the prior is the initial estimate:
 
         variance of a range that is t old:  sigma^2 + (q t^2/2)^2 + m beta^2
         saturation of innovation z:         w = min(1, xi s/|z|),  s^2 = H P H^T + variance + (H dx)^2
@@ -43,8 +44,10 @@ class FirstFix(Wrapping):
     of the variance stands for the target's motion since then; the third keeps a bias of variance beta^2 from averaging
     out over the m ranges that an agent has. After the last of these steps `filter` starts from the fix.
 
-    range_std: sigma (m). bias_std: beta (m). network_size: n. steps: how many it takes, half of them on squared
-    ranges. payload_size: the filter's, to which messages are filled up. xi: saturation level in standard deviations.
+    range_std: sigma (m). bias_std: beta (m). network_size: n. steps: how many it takes. payload_size: the filter's, to
+    which messages are filled up. xi: saturation level in standard deviations. squared: how many steps are on squared
+    ranges; None: half of them. search: where these look for the target, state (1, s) and covariance (1, s, s), the same
+    for all agents; None: around the initial estimate, which has to be the same for all of them then.
     """
 
     motion: Motion
@@ -55,6 +58,8 @@ class FirstFix(Wrapping):
     steps: int
     payload_size: int
     xi: float = np.inf
+    squared: int | None = None
+    search: tuple[Floats, Floats] | None = None
 
     @classmethod
     def of(cls, settings: FilterSettings, then: Filter, xi: float, payload_size: int) -> Self:
@@ -70,6 +75,8 @@ class FirstFix(Wrapping):
             steps=settings.first_fix,
             payload_size=payload_size,
             xi=xi,
+            squared=settings.squared_fix,
+            search=settings.search,
         )
 
     @property
@@ -87,20 +94,22 @@ class FirstFix(Wrapping):
         variance = (variance_of(measurement, self.range_std) + alike)[:, None]
         drift = 0.5 * self.motion.acceleration_std * seen.ages**2
         rows = self._rows(seen, state, covariance, correction, variance + drift**2)
-        if seen.steps > self.steps // 2:
+        if not self._squares(seen.steps):
             information = inverse(prior.known_covariance) / self.network_size
             payload = pack(
                 matvec(information, prior.state) + neighbour_sum(rows.vectors),
                 information + neighbour_sum(rows.matrices).reshape(information.shape),
             )
         else:
-            axes = self.space.axes
+            axes, wide = self.space.axes, self._wide(prior, seen.steps)
+            latest = Belief(state, covariance) if belief.memory else wide
             payload = self._squared.payload(
-                self._frame(prior),
-                Belief(state[:, :axes], covariance[:, :axes, :axes]),
+                self._frame(wide),
+                Belief(latest.state[:, :axes], latest.known_covariance[:, :axes, :axes]),
                 seen,
                 variance=variance,
-                speed=np.sqrt(prior.known_covariance[:, axes, axes]),
+                speed=np.sqrt(wide.known_covariance[:, axes, axes]),
+                guess=None if wide is prior else Belief(prior.state[:, :axes], prior.known_covariance[:, :axes, :axes]),
             )
         return Update(
             np.pad(payload, ((0, 0), (0, self.payload_size - payload.shape[1]))),
@@ -115,7 +124,7 @@ class FirstFix(Wrapping):
             return Belief(inner.state, inner.covariance, inner.bias, parts=(inner,))
         *history, predicted = update.kept
         steps, size = history[-1].shape[1], self.motion.size
-        if steps <= self.steps // 2:
+        if self._squares(steps):
             fix = self._at_rest(payload, update)
         else:
             own, mixed = (np.ascontiguousarray(part[:, : packed_size(size)]) for part in (update.payload, payload))
@@ -127,11 +136,26 @@ class FirstFix(Wrapping):
 
     def _at_rest(self, payload: Floats, update: Update) -> Belief:
         axes, prior = self.space.axes, Belief(update.kept[0], update.kept[1])
-        place = self._squared.solve(payload, update.payload, self._frame(prior))
+        wide = self._wide(prior, update.kept[-2].shape[1])
+        place = self._squared.solve(payload, update.payload, self._frame(wide))
         covariance = np.array(prior.known_covariance)
         covariance[:, :axes] = covariance[:, :, :axes] = 0.0
         covariance[:, :axes, :axes] = place.known_covariance
         return Belief(np.concatenate([place.state, prior.state[:, axes:]], axis=1), covariance)
+
+    def _squares(self, step: int) -> bool:
+        return step <= (self.steps // 2 if self.squared is None else self.squared)
+
+    def _wide(self, prior: Belief, step: int) -> Belief:
+        """What the squared ranges start from, carried to a step."""
+        if self.search is None:
+            return prior
+        state, covariance = self.search
+        count = len(prior.state)
+        wide = Belief(np.repeat(state, count, axis=0), np.repeat(covariance, count, axis=0))
+        for _ in range(step):
+            wide = Belief(*predict(self.motion, wide))
+        return wide
 
     def _frame(self, prior: Belief) -> Frame:
         return Frame(prior.state[:, : self.space.axes], np.sqrt(prior.known_covariance[:, 0, 0]))

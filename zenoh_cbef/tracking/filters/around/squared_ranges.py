@@ -8,7 +8,7 @@ import numpy as np
 
 from zenoh_cbef.tracking.filters.base import Belief, Floats
 from zenoh_cbef.tracking.filters.information_form import belief_of, pack, packed_size, saturation
-from zenoh_cbef.tracking.linalg import matvec, neighbour_sum, outer
+from zenoh_cbef.tracking.linalg import inverse, matvec, neighbour_sum, outer
 from zenoh_cbef.tracking.ranging import Space
 
 _LOOSE = 100.0
@@ -61,11 +61,14 @@ class SquaredRanges:
         """Numbers in a payload."""
         return packed_size(self.space.axes + 2)
 
-    def payload(self, frame: Frame, fix: Belief, seen: Seen, *, variance: Floats, speed: Floats) -> Floats:
+    def payload(
+        self, frame: Frame, fix: Belief, seen: Seen, *, variance: Floats, speed: Floats, guess: Belief | None = None
+    ) -> Floats:
         """The agent's share of the information on y, (n, size).
 
         fix: the latest position (n, axes), and its covariance, at which residuals are weighed. variance: of the
         ranges, m^2, as wide as (n, k). speed: (n,), standard deviation of the target's velocity along an axis, m/s.
+        guess: an initial estimate of the position besides, (n, axes), with its covariance.
         """
         axes, unit = self.space.axes, frame.unit[:, None]
         measured = np.isfinite(seen.ranges)
@@ -86,11 +89,18 @@ class SquaredRanges:
         spread = np.sqrt(tolerance + np.sum(slope * matvec(fix.known_covariance[:, None], slope), axis=2))
         precision = np.where(measured, saturation(residual, self.xi * spread), 0.0) / noise
         information = neighbour_sum(precision[:, :, None] * outer(rows, rows).reshape(*measured.shape, -1))
-        prior = np.diag([1.0] * axes + [_LOOSE**-2] * 2) / self.network_size
-        return pack(
-            neighbour_sum((precision * square)[:, :, None] * rows),
-            information.reshape(-1, axes + 2, axes + 2) + prior,
-        )
+        prior = np.zeros((len(unit), axes + 2, axes + 2))
+        prior[:, range(axes), range(axes)] = 1.0 / self.network_size
+        prior[:, axes, axes] = _LOOSE**-2 / self.network_size
+        rate = np.full(len(unit), _LOOSE) if guess is None else _LOOSE * speed / frame.unit
+        prior[:, -1, -1] = rate**-2 / self.network_size
+        vector = neighbour_sum((precision * square)[:, :, None] * rows)
+        matrix = information.reshape(-1, axes + 2, axes + 2) + prior
+        if guess is not None:
+            known = inverse(guess.known_covariance / unit[:, :, None] ** 2) / self.network_size
+            vector[:, :axes] += matvec(known, (guess.state - frame.middle) / unit)
+            matrix[:, :axes, :axes] += known
+        return pack(vector, matrix)
 
     def solve(self, payload: Floats, own: Floats, frame: Frame) -> Belief:
         """Position and its covariance from averaged payloads; own: the agent's, to fall back on."""
