@@ -13,6 +13,7 @@ from zenoh_cbef.scenario.load import load, parse
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.simulator import simulate
 from zenoh_cbef.tracking.filters import Belief
+from zenoh_cbef.tracking.filters.around.recovering import Recovering, widened
 from zenoh_cbef.tracking.ranging import Measurement
 
 
@@ -49,6 +50,35 @@ def test_a_network_that_begins_elsewhere_finds_its_target_sooner(others):
         runs = analyze(simulate([scenario.model_copy(update={"seed": seed}) for seed in range(1, 11)]))
         errors.append(np.median([run.position_error[:, 29].mean() for run in runs]))
     assert errors[1] < 0.2 * errors[0]
+
+
+@pytest.mark.parametrize("bias", ["estimate", "auto"])
+def test_a_network_with_biased_receivers_finds_a_target_that_jumped_and_keeps_its_biases(bias):
+    keys = ["sensor.bias=0.3", f"filter.bias={bias}", "filter.start=given", "filter.initial_position=[8.0, -8.0, 4.0]"]
+    errors, biases = [], []
+    for recovery in ("false", "true"):
+        more = [*keys, "steps=80", f"filter.recovery={recovery}"]
+        traces = simulate([load("tracking", [*more, f"seed={seed}"]).scenario for seed in range(1, 11)])
+        errors.append(np.median([np.linalg.norm((t.estimates[:, 39:, :3] - t.truth[39:, :3]), axis=2) for t in traces]))
+        biases.append(np.median([np.abs(trace.diagnostics.bias[:, -1] - 0.3) for trace in traces]))
+    assert errors[1] < 0.8 * errors[0]
+    assert biases[1] < 0.7 * biases[0]
+
+
+def test_widening_multiplies_the_state_and_leaves_the_biases():
+    made = Plan(
+        load("tracking", ["filter.bias=estimate", "filter.recovery=true", "filter.start=given"]).scenario
+    ).filter
+    assert isinstance(made, Recovering)
+    joint = np.random.default_rng(3).normal(size=(8, 8))
+    joint = joint @ joint.T
+    memory = (np.zeros((1, 7)), joint[None, :7, :7], np.zeros(1), joint[7:, 7], joint[None, 7, :7])
+    wide = widened(made.filter, Belief(np.zeros((1, 6)), joint[None, :6, :6], memory=memory), np.array([4.0]))
+    scale = np.array([2.0] * 6 + [1.0, 1.0])
+    expected = joint * np.outer(scale, scale)
+    np.testing.assert_allclose(wide.memory[1][0], expected[:7, :7])
+    np.testing.assert_allclose(wide.memory[3], expected[7:, 7])
+    np.testing.assert_allclose(wide.memory[4][0], expected[7, :7])
 
 
 def test_recovery_is_for_filters_that_average_information():

@@ -122,11 +122,6 @@ class Filter(Table):
                 f"filter.recovery is for filters that average information, not for {self.kind!r}; "
                 "set filter.kind = 'sicf', or leave filter.recovery out"
             )
-        if self.recovery and self.bias == "estimate":
-            raise ValueError(
-                "filter.recovery widens the covariance of position and velocity alone; "
-                "set filter.bias = 'auto' or 'none', or leave filter.recovery out"
-            )
         return self
 
     @model_validator(mode="after")

@@ -73,7 +73,9 @@ class Plan:
     def models(self) -> tuple[Motion, ...]:
         """The motions between which the target switches; none where the filter assumes one."""
         biased = trust.may_be_biased(self.scenario) and self.scenario.filter.bias != "none"
-        alone = biased or self._one_filter or not self.abilities.models
+        # Recovery has to see all of an estimate, and trimming all of a payload.
+        single = self.scenario.filter.recovery or self.distrusts_others
+        alone = biased or single or not self.abilities.models
         if not switches(self.scenario, alone=alone):
             return ()
         return assumed_models(self.scenario, self.range_std, self.space.axes)
@@ -105,22 +107,17 @@ class Plan:
         sure = self.scenario.filter.distrust != "auto"
         return trust.distrusts(self.scenario) and (sure or not self.distrusts_others)
 
-    @property
-    def _one_filter(self) -> bool:
-        """Whether something stands around the filter that has to see all of its estimate, or all of a payload."""
-        return self.scenario.filter.recovery or self.distrusts_others
-
     @cached_property
     def bias(self) -> str:
         """What the filter does about biases: none, estimate, or auto where it can weigh them.
 
-        With "auto", a filter for emulated receivers uses what the scenario says of them: receivers without a bias need
-        no states for it, which saves half of the arithmetic and half of the bytes.
+        With "auto", emulated receivers of which the scenario tells no bias need no states for it: half of the bytes.
         """
         chosen = self.scenario.filter
         if not self.abilities.biases:
             return "none"
-        unfit = self._one_filter or bool(self.models) or not isinstance(self.motion, LinearMotion)
+        single = self.distrusts_others or (chosen.recovery and chosen.defaults < 2)
+        unfit = single or bool(self.models) or not isinstance(self.motion, LinearMotion)
         if chosen.bias == "auto" and (unfit or not trust.may_be_biased(self.scenario)):
             return "none"
         return chosen.bias
@@ -162,7 +159,7 @@ class Plan:
             own_bias_std=0.15 * range_std if own is None else own,
             learns_noise=chosen.range_std == "auto",
             first_fix=self.first_fix_steps,
-            squared_fix=start.squared_steps(self.scenario, self.first_fix_steps),
+            squared_fix=start.squared_steps(scenario, self.first_fix_steps),
             search=self.search,
         )
 
@@ -270,8 +267,8 @@ class Plan:
         """Where a first fix looks for the target, (1, s) and (1, s, s); None: around the initial estimate."""
         if start.unknown(self.scenario) or not self.first_fix_steps:
             return None
-        (middle, std), kept = start.search(self.scenario), self.space.kept
-        return begun(self.motion, middle[None, kept], np.diag(std[kept] ** 2)[None])
+        state, std = (each[self.space.kept] for each in start.search(self.scenario))
+        return begun(self.motion, state[None], np.diag(std**2)[None])
 
     @cached_property
     def initial_states(self) -> Floats:
@@ -281,8 +278,8 @@ class Plan:
     @cached_property
     def initial_covariance(self) -> Floats:
         """Covariance of the initial position and velocity along the axes, (s, s). Before a first fix it is wide."""
-        anywhere = start.unknown(self.scenario) and self.first_fix_steps > 0
-        std = start.widened_std(self.scenario) if anywhere else start.initial_std(self.scenario)
+        wide = start.unknown(self.scenario) and self.first_fix_steps
+        std = (start.widened_std if wide else start.initial_std)(self.scenario)
         return np.asarray(np.diag(std[self.space.kept] ** 2))
 
     @cached_property

@@ -6,8 +6,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from zenoh_cbef.tracking.filters.around.auto_bias import AutoBias
+from zenoh_cbef.tracking.filters.around.biased_information import BiasedInformation
 from zenoh_cbef.tracking.filters.around.wrapping import Wrapping, resumed
-from zenoh_cbef.tracking.filters.base import Belief, Floats, Update
+from zenoh_cbef.tracking.filters.base import Belief, Filter, Floats, Update
 from zenoh_cbef.tracking.ranging import Measurement
 
 _IMPLAUSIBLE = 9.0
@@ -30,7 +32,8 @@ class Recovering(Wrapping):
     Saturation cannot tell an outlier from a wrong prior by one range. The network can: outliers hit some agents, a
     wrong prior gives most agents implausible innovations. A larger covariance allows larger innovations, so the
     widening ends once they fit. Agents decide from the same average, except for the disagreement that consensus left;
-    an agent that decides differently has a covariance that is too large, which does no harm.
+    an agent that decides differently has a covariance that is too large, which does no harm. Biases do not jump with
+    the target: their variances stay, and their covariances with the state grow by half as many powers.
     """
 
     more = 1
@@ -45,9 +48,23 @@ class Recovering(Wrapping):
     def conclude(self, payload: Floats, update: Update) -> Belief:
         """The filter's belief, with a larger covariance where most innovations were implausible."""
         belief = self.filter.conclude(payload[:, :-1], replace(update, payload=update.payload[:, :-1]))
-        factor = np.where(payload[:, -1] > 0.0, _INFLATION, 1.0)
-        return replace(belief, covariance=belief.known_covariance * factor[:, None, None])
+        return widened(self.filter, belief, np.where(payload[:, -1] > 0.0, _INFLATION, 1.0))
 
     def resumed(self, belief: Belief) -> Belief:
         """The belief that the inner filter carries from step to step; recovery adds nothing to it."""
         return resumed(self.filter, belief)
+
+
+def widened(chosen: Filter, belief: Belief, factor: Floats) -> Belief:
+    """A filter's belief with the covariance of all but biases multiplied by factors (n,), in all that it carries on."""
+    wide = replace(belief, covariance=belief.known_covariance * factor[:, None, None])
+    if isinstance(chosen, AutoBias):
+        plain, biased = belief.parts
+        return replace(wide, parts=(widened(chosen.plain, plain, factor), widened(chosen.biased, biased, factor)))
+    if isinstance(chosen, BiasedInformation):
+        state, covariance, own, own_variance, cross = belief.memory
+        scale = np.repeat(np.sqrt(factor)[:, None], state.shape[1], axis=1)
+        scale[:, -1] = 1.0  # The common bias.
+        covariance = covariance * (scale[:, :, None] * scale[:, None, :])
+        return replace(wide, memory=(state, covariance, own, own_variance, cross * scale))
+    return wide
