@@ -64,11 +64,12 @@ class Tracker:
         return self.consensus.start(update.payload)
 
     def _begin(self, measurement: Measurement) -> Update:
-        update = self.filter.update(self.belief, measurement)
         if self._newcomers is None:
-            return update
+            return self.filter.update(self.belief, measurement)
         belief, rows = self._newcomers
-        return merged(update, self.filter.update(belief, measurement), rows)
+        begun = self.filter.update(belief, measurement)
+        # An agent that comes late has no former belief, only the initial one, which asks for a first fix.
+        return begun if rows.all() else merged(self.filter.update(self.belief, measurement), begun, rows)
 
     def exchange(self, received: Floats, delivered: Bools | None) -> Floats:
         """Take in one round's messages (n, m, d), of which some were delivered (n, m), None for all."""
