@@ -135,7 +135,7 @@ def _first_logged(table: Table, steps: int) -> dict[int, int]:
 
 
 def _events(recording: Recording, logged: dict[int, int], start: int) -> list[SceneEvent]:
-    """What nodes reported: each is placed between the steps that it came between."""
+    """What nodes reported; in the scene an event stands between the same steps as in the log."""
     known = sorted(logged)
     ticks = [start + round(1e9 * step * recording.header.scenario.dt) for step in known]
     times = [logged[step] for step in known]
@@ -202,7 +202,7 @@ def quaternions(rotations: Floats) -> Floats:
 
 
 def _mean(values: Floats) -> Floats:
-    """Mean over the first axis of what there is; NaN where there is nothing."""
+    """Mean of the known values over the first axis; NaN where none is known."""
     present = np.isfinite(values)
     count = present.sum(axis=0)
     total = np.where(present, values, 0.0).sum(axis=0)

@@ -67,7 +67,7 @@ def _library(module: str) -> ModuleType:
 
 
 def write_viz(scene: Scene, output: Path) -> list[Path]:
-    """Write the file, and a layout for it beside; returns both. Raises UserError where that cannot be."""
+    """Write the file, and a layout for it beside; returns both. Raises UserError where they cannot be written."""
     builder = _Builder(scene)
     layout = output.with_name(f"{output.stem}-layout.json")
     try:
@@ -268,7 +268,7 @@ class _Builder:
 
 
 def body_size(scene: Scene) -> float:
-    """Of what stands for an agent: a fiftieth of the space that they fill, m."""
+    """The size of an agent's body in the scene, m: a fiftieth of the space that all agents fill."""
     places = scene.trace.positions[:, 0]
     return max(0.05, 0.02 * float(np.linalg.norm(places.max(axis=0) - places.min(axis=0))))
 

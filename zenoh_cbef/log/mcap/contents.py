@@ -21,7 +21,7 @@ from mcap.opcode import Opcode
 from zenoh_cbef.extras import from_extra
 
 MAX_RECORD_BYTES = 1 << 28
-"""The longest attachment, declaration, message or summary: a reader takes a larger length for wrong."""
+"""The longest attachment, declaration, message or summary: a reader reports a larger length as damage."""
 
 MAX_CHUNK_BYTES = 1 << 29
 _BOMB_BYTES, _BOMB_RATIO = 1 << 26, 200
@@ -131,7 +131,7 @@ class Declarations:
 
 
 class Closing:
-    """What the summary section says; ValueError where it is malformed or leaves out what it may leave out."""
+    """What the summary section says; ValueError where it is malformed, or lacks a part that is optional."""
 
     def __init__(self, section: bytes) -> None:
         self.declared = Declarations()
@@ -167,7 +167,7 @@ def parse_record(parser: type[Parsed], content: bytes) -> Parsed:
         record.write(builder)
     except (McapError, struct.error, OverflowError, MemoryError) as error:
         raise ValueError(f"it is malformed ({error})" if str(error) else "it is malformed") from None
-    # The library takes fields that are too short as they are: they show in what it writes back.
+    # The library accepts fields that are too short: the record that it writes back differs then.
     written: bytes = builder.end()[RECORD.size :]
     if parser is records.Attachment and content.endswith(NO_CRC):
         written = written[: -len(NO_CRC)] + NO_CRC
@@ -200,7 +200,7 @@ def messages_in(
 ) -> list[RawMessage]:
     """Take the declarations and messages of a part of the data, up to a record that is cut; report what is wrong."""
     found: list[RawMessage] = []
-    # The innermost loop of all that reads logs: a tuple made past its class costs half as much.
+    # Every reader of logs spends its time here: tuple.__new__ takes half as long as the class's own constructor.
     new, unpack, channels = tuple.__new__, _WHOLE_MESSAGE.unpack_from, declared.channels
     _, position, end = part
     last_head = end - _WHOLE_MESSAGE.size

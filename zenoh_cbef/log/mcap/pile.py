@@ -54,6 +54,6 @@ class Pile:
         return bytes(stored + self._fresh)
 
     def close(self) -> None:
-        """Let the file go."""
+        """Close the temporary file."""
         if self._file is not None:
             os.close(self._file)

@@ -199,7 +199,7 @@ class McapFile:
         )
 
     def _forget(self, start: int, end: int) -> int:
-        """Give the memory of bytes that were read back to the system, many at once; returns where the others begin."""
+        """Return the memory of what was read to the system, much at once; returns the byte at which the rest begins."""
         if end - start < _AT_ONCE:
             return start
         end = min(end, len(self._bytes)) // mmap.PAGESIZE * mmap.PAGESIZE

@@ -73,7 +73,7 @@ class RecordWalk:
             self._report(f"the data section ends at byte {position} without its closing record")
 
     def _next_chunk(self, position: int) -> int:
-        """Find the next compressed chunk, which is told by its compression's name and matching lengths."""
+        """Find the next compressed chunk: its compression's name stands there, and its lengths fit."""
         for found in _COMPRESSED_CHUNK.finditer(self._bytes, position):
             start = found.start()
             if self.chunk(Record(Opcode.CHUNK, start, self.end(start))):

@@ -157,7 +157,7 @@ class McapWriter:
         self._summarise(Opcode.METADATA_INDEX, _record(Opcode.METADATA_INDEX, index))
 
     def flush(self, *, sync: bool = False) -> None:
-        """End the open chunk and hand it to the system: it outlives the process. sync: the power, too."""
+        """End the open chunk and hand it to the operating system; with sync, to the disk."""
         self._end_chunk()
         if sync and self._open:
             _sync_data(self._file)
