@@ -36,8 +36,8 @@ class Filter(Table):
     omega: hcmci multiplies averaged measurements by it; None: the number of agents.
     measurement: the agent's own range, or differences with its neighbours', as cbef and cbef-scaled always have.
     motion: a model of tracking/motion; auto: it follows from the target. velocity_time: time constant of decay, s.
-    turn_rate_std: rad/s, of turn. models: those of imm, the most agile one last; none: straight on, a turn, and one
-    that is agile. switching: the probability that the target leaves its model in a step. acceleration_interval: how
+    turn_rate_std: rad/s, of turn. models: those of imm, the most agile one last; none: straight on, a turn, and two
+    that are agile. switching: the probability that the target leaves its model in a step. acceleration_interval: how
     long a random acceleration lasts, s; None: one step, or for recorded ranges their own interval. bias_common_std,
     bias_own_std: prior of the network's and of the agents' own part of the bias, m; None: 1.5 and 0.15 of range_std.
     lag_seconds: agents also publish smoothed estimates of so long ago; 0: they do not.

@@ -13,12 +13,13 @@ from zenoh_cbef.tracking.motion import LinearMotion, Motion, MotionSettings, Nea
 _RECORDED_ACCELERATION = 1.0
 """Acceleration of a real target where the scenario gives none, m/s^2: a walking person, a trolley, a slow vehicle."""
 
-_INDEX, _CALM, _AGILE = 0.3, 0.01, 10.0
+_INDEX, _CALM, _AGILE = 0.5, 0.01, 10.0
 """Tracking indices q dt^2/sigma (Kalata, IEEE TAES 20(2), 1984) of a target of which nothing else is known.
 
 Below the first a filter averages over many steps, and lags where the target turns; above it the filter hardly averages.
 The others are of a target that goes straight on, or round, as long as it does, and of one that changes its velocity as
-it likes: in one step it goes as far astray as many standard deviations of a range.
+it likes: in one step it goes astray by several standard deviations of a range. Between these two a covariance would be
+far too small or too large for a turn that is not quite round, so the first is one of several motions, too.
 """
 
 
@@ -39,8 +40,8 @@ def assumed_models(scenario: Scenario, range_std: float, axes: int) -> tuple[Mot
         names = [one.motion for one in chosen.models]
         return tuple(make_motion(name, replace(settings, **keys)) for name, keys in zip(names, told, strict=True))
     calm = _noise(scenario, range_std, _CALM) if chosen.acceleration_std is None else chosen.acceleration_std
-    agile = max(_noise(scenario, range_std, _AGILE), _AGILE * calm)
-    each = ("ncv", calm), ("turn", calm), ("ncv", agile)
+    middle, agile = (one / _CALM * calm for one in (_INDEX, _AGILE))
+    each = ("ncv", calm), ("turn", calm), ("ncv", middle), ("ncv", agile)
     return tuple(make_motion(name, replace(settings, acceleration_std=std)) for name, std in each)
 
 

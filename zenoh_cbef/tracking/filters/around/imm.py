@@ -13,7 +13,7 @@ from zenoh_cbef.tracking.filters.information_form import unchanged, variance_of
 from zenoh_cbef.tracking.filters.settings import FilterSettings
 from zenoh_cbef.tracking.linalg import matvec, unpack_upper
 from zenoh_cbef.tracking.ranging import Measurement
-from zenoh_cbef.tracking.switching import Gaussian, Switching, misfit
+from zenoh_cbef.tracking.switching import Gaussian, Switching
 
 
 @dataclass(frozen=True)
@@ -23,13 +23,14 @@ class InteractingModels:
     Each step every model's filter begins with a mixture of all models' estimates, and shares its own information, V and
     O, as if alone. One number more for each model is the constant of the same quadratic form:
 
-        c_i = x_i^T P_i^-1 x_i/n + w_i (z_i + H_i x_i)^2/sigma^2 - log w_i
-        after averaging:  min_x of n (c - 2 x^T V + x^T O x)
+        c_i = x_i^T P_i^-1 x_i/n + w_i (z_i + H_i x_i)^2/sigma^2 - log w_i + (log det P_i - 2 log m_i)/n
+        after averaging:  -2 log m = min_x n (c - 2 x^T V + x^T O x) - log det P, but for a constant
 
-    is the least cost of all agents' priors and ranges together, and gives their joint likelihood, correlations and all,
-    as a centralised filter has it (see `misfit`). All three are averaged with the same weights, so few rounds weigh the
-    agents unequally but never add what does not belong together. So all agents weigh the models alike, as far as rounds
-    reach. The estimate is the mean of the mixture, with its covariance.
+    with m_i the model's probability before the step and m after it. The minimum is the least cost of all agents' priors
+    and ranges together, so this has their joint likelihood, correlations and all, as a centralised filter has it (see
+    `misfit`). All parts are averaged with the same weights, so few rounds weigh the agents unequally but never add what
+    does not belong together; and agents agree on the probabilities before the step, too. That keeps a network of few
+    rounds close to a centralised filter. The estimate is the mean of the mixture, with its covariance.
 
     filters: one for each motion, alike but for it; their payloads are V and O, their updates keep prior state and
     covariance. range_std: sigma (m). network_size: n. middle: a point (m) near all agents and the same for all, from
@@ -62,7 +63,7 @@ class InteractingModels:
         parts = [one.update(Belief(*mixture), measurement) for one, mixture in zip(self.filters, mixtures, strict=True)]
         told, costs = parts[0].diagnostics, []
         for j, part in enumerate(parts):
-            costs.append(self._own_cost(part, variance_of(measurement, self.range_std)))
+            costs.append(self._own_cost(part, ahead[:, j], variance_of(measurement, self.range_std)))
             told = told.chosen(ahead[:, j] >= np.maximum.reduce(ahead, axis=1), part.diagnostics)
         payload = np.concatenate([*(part.payload for part in parts), np.stack(costs, axis=1)], axis=1)
         return Update(payload, replace(told, maneuver=ahead[:, -1].copy()), (ahead,), tuple(parts))
@@ -77,22 +78,24 @@ class InteractingModels:
             belief = one.conclude(mine, part)
             # Averages times n are the network's sums.
             cost = self.network_size * (payload[:, numbers + j] - self._explained(mine, belief.state))
-            misfits.append(misfit(cost, part.kept[1], belief.known_covariance))
+            misfits.append(cost - np.linalg.slogdet(belief.known_covariance)[1])
             beliefs.append(belief)
             place += mine.shape[1]
         measured = np.stack(misfits, axis=1)
         usable = np.asarray(np.isfinite(measured).all(axis=1))
         if self.network_size > 1:
             usable &= ~unchanged(payload, update.payload)
-        chance = self.switching.weighed(ahead, np.where(usable[:, None], measured, 0.0))
+        heard = self.switching.weighed(np.ones_like(ahead), np.where(usable[:, None], measured, 0.0))
+        chance = np.where(usable[:, None], heard, ahead)
         mixture = self.switching.combined(chance, [_gaussian(one) for one in beliefs])
         return Belief(*mixture, memory=(chance,), parts=tuple(beliefs))
 
-    def _own_cost(self, part: Update, variance: Floats) -> Floats:
-        """c_i, (n,), of one model's update."""
-        told = part.diagnostics
+    def _own_cost(self, part: Update, ahead: Floats, variance: Floats) -> Floats:
+        """c_i, (n,), of one model's update. ahead: (n,), its probability before the step."""
+        told, (state, covariance) = part.diagnostics, part.kept
         own = np.nan_to_num(told.weight * told.innovation**2 / variance - np.log(told.weight))
-        return np.asarray(own + self._explained(part.payload, part.kept[0]))
+        before = np.linalg.slogdet(covariance)[1] - 2.0 * np.log(ahead)
+        return np.asarray(own + self._explained(part.payload, state) + before / self.network_size)
 
     def _explained(self, payload: Floats, state: Floats) -> Floats:
         """2 x^T V - x^T O x for states (n, s), with the origin in the middle."""
