@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from zenoh_cbef.analysis.yardsticks import yardsticks
 from zenoh_cbef.scenario.load import load
 from zenoh_cbef.simulator import simulate
 from zenoh_cbef.tracking.central_models import CentralModels, Ranges, centralized_models
@@ -172,13 +173,17 @@ def test_a_liar_displaces_every_model_and_leaves_the_numbers_after_them():
         np.testing.assert_allclose(other.state[0, :3] - own.state[0, :3], [5.0, -3.0, 2.0], atol=1e-6)
 
 
-def test_a_circle_is_tracked_with_the_defaults_and_the_agents_say_that_it_turns():
-    circle = ("target.motion=circle", "target.radius=5", "target.period=8")
-    runs = [load("tracking", (*circle, f"seed={seed}")).scenario for seed in (1001, 1002, 1003)]
-    for trace in simulate(runs):
-        error = np.linalg.norm(trace.estimates[:, 75:, :3] - trace.truth[75:, :3], axis=2)
-        assert np.sqrt(np.mean(error**2)) < 0.15
+def test_a_circle_is_tracked_with_the_defaults_as_well_as_by_the_centralised_filter():
+    circle = ("target.motion=circle", "target.radius=5", "target.period=8", "steps=200")
+    traces = simulate([load("tracking", (*circle, f"seed={seed}")).scenario for seed in (1001, 1002, 1003)])
+    ratios = []
+    for trace, central in zip(traces, yardsticks(traces), strict=True):
+        truth = trace.truth[75:, :3]
+        error = np.sqrt(np.mean(np.sum((trace.estimates[:, 75:, :3] - truth) ** 2, axis=2)))
+        ratios.append(error / np.sqrt(np.mean(np.sum((central.centralized[75:, :3] - truth) ** 2, axis=1))))
+        assert error < 0.15
         assert np.isfinite(trace.diagnostics.maneuver[:, trace.plan.first_fix_steps :]).all()
+    assert np.median(ratios) < 1.02
 
 
 @pytest.mark.parametrize("more", [{}, {"learns_noise": True}, {"distrusts": True}])
