@@ -11,8 +11,6 @@ from pathlib import Path
 
 import pytest
 
-from tests.log.hand_made import Maker
-
 COMMAND = [sys.executable, "-m", "zenoh_cbef"]
 
 # Stands in front of the program: sends it Ctrl-C when a module is about to be imported, or when Python ends.
@@ -27,8 +25,12 @@ from zenoh_cbef.cli.main import main
 main()
 """
 AT_EXIT = """
-import atexit, os, signal
-atexit.register(lambda: os.kill(os.getpid(), signal.SIGINT))
+import atexit, os, signal, sys
+class Finder:
+    def find_spec(self, name, path=None, target=None):
+        if name == "typer":
+            atexit.register(lambda: os.kill(os.getpid(), signal.SIGINT))
+sys.meta_path.insert(0, Finder())
 from zenoh_cbef.cli.main import main
 main()
 """
@@ -54,16 +56,6 @@ sys.stderr = Words()
 from zenoh_cbef.cli.main import main
 main()
 """
-
-
-@pytest.fixture(scope="module")
-def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("log") / "run.mcap"
-    maker = Maker(path)
-    for k in range(1, 11):
-        maker.step(k)
-    maker.close()
-    return path
 
 
 PRINTING = ["info {log}", "cat {log}", "check {log}", "scenario show", "--help"]

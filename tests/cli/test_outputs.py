@@ -10,26 +10,15 @@ from pathlib import Path
 import pytest
 
 from tests.cli.test_errors import call
-from tests.log.hand_made import Maker
-
-
-@pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("made") / "run.mcap"
-    maker = Maker(path)
-    for k in range(1, 11):
-        maker.step(k)
-    maker.close()
-    return path
 
 
 @pytest.fixture
-def place(made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def place(log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A run's folder, a log of another name, and a working folder, which is where the test is."""
     for folder in ("logs/one", "other", "work"):
         (tmp_path / folder).mkdir(parents=True)
-    shutil.copy(made, tmp_path / "logs/one/run.mcap")
-    shutil.copy(made, tmp_path / "other/est.mcap")
+    shutil.copy(log, tmp_path / "logs/one/run.mcap")
+    shutil.copy(log, tmp_path / "other/est.mcap")
     monkeypatch.chdir(tmp_path / "work")
     return tmp_path
 

@@ -1,14 +1,16 @@
 """Real processes over real Zenoh sessions; whatever a test starts is gone when it ends, also when it fails."""
 
+import itertools
 import json
 import os
 import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
 import uuid
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import pytest
@@ -104,6 +106,33 @@ class World:
         while (left := processes_of(self.run)) and time.monotonic() < until:
             time.sleep(0.05)
         return left
+
+    def complete_under(
+        self, attack: Callable[[int], None], target: subprocess.Popen[str], join: list[str], agents: int = 4
+    ) -> list[str]:
+        """Complete a run whose target waits, while attack(0), attack(1) and so on are called; what all printed."""
+        over = threading.Event()
+
+        def go_on() -> None:
+            for number in itertools.count():
+                if over.is_set():
+                    return
+                attack(number)
+
+        attacker = threading.Thread(target=go_on)
+        attacker.start()
+        try:
+            others = [self.start("agent", str(agent), *join) for agent in range(agents)]
+            others.append(self.start("record", *join, "--output", str(self.log)))
+            printed = []
+            for process in (target, *others):
+                out, err = process.communicate(timeout=100)
+                assert process.returncode == 0, err
+                printed.append(out)
+        finally:
+            over.set()
+            attacker.join()
+        return printed
 
     def end(self) -> None:
         for process in self._started:

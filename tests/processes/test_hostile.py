@@ -3,7 +3,6 @@
 import json
 import math
 import struct
-import threading
 import time
 
 import msgpack
@@ -64,27 +63,15 @@ def test_hostile_messages_change_no_bit_and_are_counted(world, free_port, kind):
     overrides = settings("steps=400", f"filter.kind={kind}")
     join = ["--run", world.run, "--connect", endpoint, "--patience", "20"]
     target = world.start("target", "tracking", *overrides, "--run", world.run, "--listen", endpoint)
-    over = threading.Event()
     with peer(endpoint) as session:
         wait_for(session, f"cbef/{world.run}/live/target/target")
 
-        def attack() -> None:
-            while not over.is_set():
-                for key, body in attacks(world.run):
-                    session.put(key, body)
-                time.sleep(0.05)
+        def attack(_number: int) -> None:
+            for key, body in attacks(world.run):
+                session.put(key, body)
+            time.sleep(0.05)
 
-        attacker = threading.Thread(target=attack)
-        attacker.start()
-        try:
-            others = [world.start("agent", str(agent), *join) for agent in range(4)]
-            others.append(world.start("record", *join, "--output", str(world.log)))
-            for process in (target, *others):
-                _, err = process.communicate(timeout=100)
-                assert process.returncode == 0, err
-        finally:
-            over.set()
-            attacker.join()
+        world.complete_under(attack, target, join)
     verdict = world.call("verify", str(world.log))
     assert verdict.returncode == 0, verdict.stdout
     metrics = json.loads(world.call("analyze", str(world.log), "--json").stdout)
@@ -101,24 +88,12 @@ def test_a_flood_on_one_key_does_not_stop_the_consensus(world, free_port, mode):
     endpoint = f"tcp/127.0.0.1:{free_port}"
     join = ["--run", world.run, "--connect", endpoint, "--patience", "20"]
     target = world.start("target", "tracking", *settings(*overrides), "--run", world.run, "--listen", endpoint)
-    over = threading.Event()
     with peer(endpoint) as session:
         wait_for(session, f"cbef/{world.run}/live/target/target")
         flood = session.declare_publisher(f"cbef/{world.run}/agent/1/round")
 
-        def attack() -> None:
-            while not over.is_set():
-                flood.put(forged(world.run, "agent/1", k=1, l=1, payload=b"\0" * 24))
+        def attack(_number: int) -> None:
+            flood.put(forged(world.run, "agent/1", k=1, l=1, payload=b"\0" * 24))
 
-        attacker = threading.Thread(target=attack)
-        attacker.start()
-        try:
-            others = [world.start("agent", str(agent), *join) for agent in range(4)]
-            others.append(world.start("record", *join, "--output", str(world.log)))
-            for process in (target, *others):
-                out, err = process.communicate(timeout=100)
-                assert process.returncode == 0, err
-                assert "messages in" in out or "ended after step 20" in out
-        finally:
-            over.set()
-            attacker.join()
+        printed = world.complete_under(attack, target, join)
+    assert all("messages in" in out or "ended after step 20" in out for out in printed)

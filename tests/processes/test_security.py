@@ -1,7 +1,6 @@
 """Runs with certificates: they compute the same, and a certificate's holder cannot speak for another."""
 
 import json
-import threading
 import time
 
 import numpy as np
@@ -41,43 +40,29 @@ def test_who_has_an_agents_certificate_cannot_change_a_bit_of_another(world, cer
         place = join[2:]
     target = world.start("target", "tracking", *settings("steps=200"), "--run", world.run, *place)
     connection = Connection([endpoint], mode="client" if way == "router" else "peer")
-    over = threading.Event()
     tls = Tls.of_folder(certificates, "agent-4")
     connection = Connection([endpoint], mode=connection.mode, tls=tls)
     with open_session(connection, patience=20) as intruder:
         wait_for(intruder, f"cbef/{world.run}/live/target/target")
         spy = intruder.declare_subscriber(f"cbef/{world.run}/target/truth", zenoh.handlers.FifoChannel(1000))
 
-        def attack() -> None:
-            sequence = 0
-            while not over.is_set():
-                sequence += 1
-                step, round_ = divmod(sequence, 3)
-                body = {"k": 1 + step % 200, "l": 1 + round_, "payload": bytes(216)}
-                intruder.put(f"cbef/{world.run}/agent/1/round", forged(world.run, "agent/1", **body))
-                intruder.put(f"cbef/{world.run}/beacon/1", forged(world.run, "target", k=1, emitted=0.0, arrived=1.0))
-                # A flood of last words, too: in its own name, and in another's.
-                event = {"kind": "finished", "text": "an intruder is here", "data": {"word": 10**15 + sequence}}
-                for sender in ("agent/4", "agent/1", "target"):
-                    said = forged(world.run, sender, **event)
-                    intruder.put(f"cbef/{world.run}/event/{sender}", said)
-                    intruder.put(f"cbef/{world.run}/event/agent/4", said)
-                    intruder.put(f"cbef/{world.run}/event", said)
-                signal = forged(world.run, "target", k=1, signal="end")
-                intruder.put(f"cbef/{world.run}/beacon/1/signal", signal)
-                time.sleep(0.001)
+        def attack(sequence: int) -> None:
+            step, round_ = divmod(sequence, 3)
+            body = {"k": 1 + step % 200, "l": 1 + round_, "payload": bytes(216)}
+            intruder.put(f"cbef/{world.run}/agent/1/round", forged(world.run, "agent/1", **body))
+            intruder.put(f"cbef/{world.run}/beacon/1", forged(world.run, "target", k=1, emitted=0.0, arrived=1.0))
+            # A flood of last words, too: in its own name, and in another's.
+            event = {"kind": "finished", "text": "an intruder is here", "data": {"word": 10**15 + sequence}}
+            for sender in ("agent/4", "agent/1", "target"):
+                said = forged(world.run, sender, **event)
+                intruder.put(f"cbef/{world.run}/event/{sender}", said)
+                intruder.put(f"cbef/{world.run}/event/agent/4", said)
+                intruder.put(f"cbef/{world.run}/event", said)
+            signal = forged(world.run, "target", k=1, signal="end")
+            intruder.put(f"cbef/{world.run}/beacon/1/signal", signal)
+            time.sleep(0.001)
 
-        attacker = threading.Thread(target=attack)
-        attacker.start()
-        try:
-            others = [world.start("agent", str(agent), *join) for agent in range(4)]
-            others.append(world.start("record", *join, "--output", str(world.log)))
-            for process in (target, *others):
-                _, err = process.communicate(timeout=100)
-                assert process.returncode == 0, err
-        finally:
-            over.set()
-            attacker.join()
+        world.complete_under(attack, target, join)
         assert spy.handler.try_recv() is None
     if way == "router":
         assert router.poll() is None
@@ -95,34 +80,20 @@ def test_a_receivers_certificate_neither_ends_a_run_nor_makes_an_estimate_infini
     place = ["--listen", endpoint, "--tls", str(certificates)]
     target = world.start("target", "tracking", *settings("steps=60"), "--run", world.run, *place)
     tls = Tls.of_folder(certificates, "receiver")
-    over = threading.Event()
     with open_session(Connection([endpoint], tls=tls), patience=20) as intruder:
         wait_for(intruder, f"cbef/{world.run}/live/target/target")
 
-        def attack() -> None:
-            sequence = 0
-            while not over.is_set():
-                sequence += 1
-                far = {"k": 1 + sequence % 60, "emitted": 1e200, "arrived": [1e200, -1e200, 1e9][sequence % 3]}
-                for agent in range(4):
-                    key = f"cbef/{world.run}/beacon/{agent}"
-                    intruder.put(key, forged(world.run, "target", **far))
-                    intruder.put(key, forged(world.run, "target", **(far | {"signal": "end"})))
-                    intruder.put(f"{key}/signal", forged(world.run, "target", k=1, signal="end"))
-                time.sleep(0.002)
+        def attack(sequence: int) -> None:
+            far = {"k": 1 + sequence % 60, "emitted": 1e200, "arrived": [1e200, -1e200, 1e9][sequence % 3]}
+            for agent in range(4):
+                key = f"cbef/{world.run}/beacon/{agent}"
+                intruder.put(key, forged(world.run, "target", **far))
+                intruder.put(key, forged(world.run, "target", **(far | {"signal": "end"})))
+                intruder.put(f"{key}/signal", forged(world.run, "target", k=1, signal="end"))
+            time.sleep(0.002)
 
-        attacker = threading.Thread(target=attack)
-        attacker.start()
-        try:
-            others = [world.start("agent", str(agent), *join) for agent in range(4)]
-            others.append(world.start("record", *join, "--output", str(world.log)))
-            for process in (target, *others):
-                out, err = process.communicate(timeout=100)
-                assert process.returncode == 0, err
-                assert "messages in" in out or "ended after step 60" in out
-        finally:
-            over.set()
-            attacker.join()
+        printed = world.complete_under(attack, target, join)
+    assert all("messages in" in out or "ended after step 60" in out for out in printed)
     trace = read_trace(world.log)
     assert np.isfinite(trace.estimates).all()
     assert trace.traffic.rejected > 0

@@ -6,7 +6,6 @@ and imports next to nothing itself.
 
 from __future__ import annotations
 
-import atexit
 import os
 from importlib import import_module
 
@@ -30,9 +29,10 @@ def raise_from_here() -> None:
 
 
 def end_deaf() -> None:
-    """At exit, when all else is done, ignore Ctrl-C: Python takes its handlers out next, and would die of one."""
-    atexit.unregister(end_deaf)
-    atexit._run_exitfuncs()  # noqa: SLF001 - what was registered before this
+    """At exit, ignore Ctrl-C: Python takes its handlers out next, and would die of one.
+
+    Registered before all else, it is called after all else.
+    """
     if _signal.getsignal(_signal.SIGINT) is _leave:
         _signal.signal(_signal.SIGINT, _signal.SIG_IGN)
 

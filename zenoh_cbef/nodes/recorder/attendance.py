@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 
 from zenoh_cbef.nodes.common.node import Node
-from zenoh_cbef.protocol.keys import agent_named
+from zenoh_cbef.protocol.keys import agent_named, is_token
 from zenoh_cbef.protocol.presence import Presence
 
 _TARGET = "target/target"
@@ -40,7 +40,7 @@ class Attendance:
     def farewell(self, sender: str) -> None:
         """A process says that it is done."""
         name = _TARGET if sender == "target" else sender
-        if name.startswith(_TAKING_PART):
+        if name.startswith(_TAKING_PART) and is_token(name, chosen=False):
             self._departed.add(name)
 
     def _note_change(self, name: str, joined: bool) -> None:
