@@ -61,7 +61,12 @@ def test_words_get_one_token_for_each_process_that_is_there(node: Node) -> None:
         return {name for name in node.presence.names() if name.startswith("heard/")}
 
     last = {f"heard/agent/1/{MANY - 1}", f"heard/target/{MANY - 1}"}
-    until(lambda: (given.catch_up(), tokens() == last)[1])
+
+    def caught_up() -> bool:
+        given.catch_up()
+        return tokens() == last
+
+    until(caught_up)
 
 
 @pytest.mark.parametrize("there", [False, True])
@@ -80,7 +85,12 @@ def test_events_of_made_up_senders_displace_no_agents(node: Node, there: bool) -
     say("agent/1", "here")
     for number in range(200):
         say(f"record/{number}", "here")
-    until(lambda: (survey.drain(), sum(map(len, vars(survey)["_events"].values())) >= (101 if there else 11))[1])
+
+    def heard_all() -> bool:
+        survey.drain()
+        return sum(map(len, vars(survey)["_events"].values())) >= (101 if there else 11)
+
+    until(heard_all)
     events = vars(survey)["_events"]
     assert len(events["agent/1"]) == 1
     assert len(events) <= 102  # the agent, a hundred with chosen names, and all others together

@@ -96,6 +96,18 @@ def test_a_hung_agent_is_left_behind_and_ended(world):
     assert not world.wait_until_gone(5)
 
 
+@pytest.mark.parametrize("others", [["agent 1"], ["record"]])
+def test_a_hung_target_is_ended_when_all_others_are_done(world, others):
+    run = world.start_run("steps=150", "zenoh.lease_ms=1000", "timing.patience=1")
+    world.wait_for_messages()
+    for name in ("target", *others):
+        os.kill(world.pid_of(name), signal.SIGSTOP)
+    _, err = run.communicate(timeout=120)
+    assert run.returncode == 1
+    assert "target had to be ended" in err
+    assert not world.wait_until_gone(5)
+
+
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
 def test_a_launcher_that_is_killed_leaves_no_orphan_and_a_closed_log(world, number):
     run = world.start_run(LONG)

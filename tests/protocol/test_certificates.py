@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import stat
+from datetime import UTC, datetime, timedelta
 
 import pytest
 from cryptography import x509
 
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.protocol.certificates import make_certificates
+from zenoh_cbef.protocol.tls import Tls
 
 
 @pytest.mark.parametrize("damaged", ["ca.pem", "ca.key"])
@@ -32,3 +34,16 @@ def test_an_authority_signs_certificates_and_a_process_signs_only_handshakes(tmp
         assert {one for one in signing | others | {"digital_signature"} if getattr(usage, one)} == may
         assert certificate.extensions.get_extension_for_class(x509.BasicConstraints).value.ca == (name == "ca")
         assert stat.S_IMODE((tmp_path / f"{name}.key").stat().st_mode) == 0o600
+
+
+def test_the_dates_of_a_certificate_are_looked_at_before_the_first_link(tmp_path):
+    make_certificates(tmp_path, ["agent-0"], hosts=["localhost"], days=1)
+    tls, now = Tls.of_folder(tmp_path, "agent-0"), datetime.now(UTC)
+    assert tls.check_dates(now) == ""
+    assert "the links of this process with it" in tls.check_dates(now + timedelta(hours=23.5))
+    for hours, told in (
+        (25.0, r"ended at \S+ \S+ UTC; make another one"),
+        (-2.0, r"begins at \S+ \S+ UTC; set the clock"),
+    ):
+        with pytest.raises(UserError, match=told):
+            tls.check_dates(now + timedelta(hours=hours))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -80,10 +81,16 @@ class Joining:
 
     def _tls(self, certificate: str) -> Tls | None:
         if self.ca is not None and self.cert is not None and self.key is not None:
-            return Tls(self.ca, self.cert, self.key)
-        if self.ca is not None or self.cert is not None or self.key is not None:
+            found = Tls(self.ca, self.cert, self.key)
+        elif self.ca is not None or self.cert is not None or self.key is not None:
             raise UserError("--ca, --cert and --key belong together; give all three, or --tls DIR alone")
-        return None if self.tls is None else Tls.of_folder(self.tls, certificate)
+        elif self.tls is None:
+            return None
+        else:
+            found = Tls.of_folder(self.tls, certificate)
+        if told := found.check_dates(datetime.now(UTC)):
+            sys.stderr.write(f"warning: {told}\n")
+        return found
 
 
 def _options() -> list[TyperOption]:

@@ -34,7 +34,9 @@ class Claims:
         with self._lock:
             held = self._holders.get(name, "")
             if _token(name, held) not in self._presence:
-                held = life if can_be_claimed(name) and _token(name, life) in self._presence else ""
+                # One that takes part already, but not by our word, is of an earlier run of this name: it will end.
+                free = can_be_claimed(name) and name not in self._presence
+                held = life if free and _token(name, life) in self._presence else ""
             if held:
                 self._holders[name] = held
             else:

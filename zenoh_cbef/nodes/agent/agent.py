@@ -50,7 +50,7 @@ class Beacon:
 
 
 class Agent:
-    """One agent of a run, step after step."""
+    """One agent of a run, step after step. replaced: whether another target has begun another run of its name."""
 
     def __init__(self, node: Node, plan: Plan, agent: int) -> None:
         self.node, self.plan, self.agent = node, plan, agent
@@ -93,15 +93,23 @@ class Agent:
         self._pace = Pace(f"agent {agent}", "rounds", partial(node.event, SLOW)) if measurable else None
         self._epoch = 0.0
         self._uninformed = False
+        self._target = ""
+        self.replaced = False
         node.presence.on_change(self._note_target)
 
     def _note_target(self, name: str, joined: bool) -> None:
+        if not joined or name != "target/target":
+            return
         # What the target told while it was out of sight did not come.
-        self._uninformed |= joined and name == "target/target"
+        self._uninformed = True
+        if self._target not in ("", self.node.presence.life(name)):
+            self.replaced = True
+            self.signals.give_up()
 
     def run(self, entry: Entry) -> int:
         """All steps until the target ends the run; returns the last one."""
         self._epoch, self._uninformed = entry.epoch, False
+        self._target = self.node.presence.life("target/target")
         last = entry.before
         # One more than there are steps: leaving before all are done would look like a death to the others.
         for step in range(entry.before + 1, self.scenario.length + 2):
@@ -267,6 +275,13 @@ def run_agent(identity: Identity) -> int:
         node.presence.enter(f"agent/{identity.name}")
         entry = Entrance(process, None if text.step is None else text.agents, briefing.clock).wait()
         last = 0 if entry is None else process.run(entry)
+        if process.replaced:
+            # Another process may have this agent's name by now: no more words in it.
+            node.presence.withdraw()
+            raise UserError(
+                f"the target of run {identity.run!r} was started again, so the run of agent {agent} is over after step "
+                f"{last}; start the agent again, too"
+            )
         process.finish(last)
         node.presence.leave(f"agent/{identity.name}")
     return last

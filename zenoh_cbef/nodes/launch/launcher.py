@@ -237,8 +237,6 @@ class Launcher:
         now = time.monotonic()
         if self._loaded.scenario.record.on_full == "stop" and any(death.name == "recorder" for death in self.deaths):
             asked = max(asked, 1)
-        over = "target" in self._ended and len(self._processes.keys() - self._ended - {"recorder"}) == 0
-        over = over or {"target", "recorder"} <= self._ended
         if asked > 1:
             self.kill()
         elif self._asked_at is not None:
@@ -256,9 +254,15 @@ class Launcher:
         elif asked or (self.deaths and not self.started):
             self._asked_at = now
             self._terminate(set(self._processes))
-        elif over:
+        elif self._over():
             # The processes that are left are about to end, or hang.
             self._asked_at = now
+
+    def _over(self) -> bool:
+        """Whether all that the run needs has ended: what is left hangs, or ends in a moment."""
+        agents = self._processes.keys() - {"target", "recorder"}
+        heard_all = self._processes["recorder"].poll() == 0
+        return not self._restarts and (agents <= self._ended or heard_all or {"target", "recorder"} <= self._ended)
 
     def _terminate(self, names: set[str]) -> None:
         for name in names - self._ended:

@@ -33,7 +33,8 @@ class Attendance:
         self._alive_at, self._step = time.monotonic(), 0
         self._departed: set[str] = set()
         self._lost: set[str] = set()
-        self._seen = False
+        self._life = node.presence.life(_TARGET)
+        self._replaced = self._seen = False
         self._gone_at: float | None = None
         node.presence.on_change(self._note_change)
 
@@ -46,6 +47,12 @@ class Attendance:
     def _note_change(self, name: str, joined: bool) -> None:
         if joined:
             self._departed.discard(name)
+        if joined and name == _TARGET:
+            life = self._node.presence.life(name)
+            self._replaced |= self._life not in ("", life)
+            self._life = life
+        if self._replaced:
+            return  # no more words into the other run
         if not name.startswith(_TAKING_PART) or self._node.stopping:
             return
         if name in self._departed or self._node.presence.is_over(name):
@@ -59,13 +66,17 @@ class Attendance:
             self._tell("left", f"{who} is gone without a farewell", name)
 
     def over(self, *, lacking: bool, step: int) -> bool:
-        """Whether no process of the run is there any more; lacking: what they said they sent has not all come.
+        """Whether no process of the run is there any more, or another target has begun another run of its name.
+
+        lacking: what they said they sent has not all come.
 
         A process that vanished without a farewell may be behind a broken link, and so may we: the recorder waits longer
         for it, and for a target that gave us the scenario and was not seen since. step: the latest of which an estimate
         came. Without the target, the recorder does not wait for agents that make no progress, so that nothing that they
         do keeps it for ever.
         """
+        if self._replaced:
+            return True
         names, now = self._node.presence.names(), time.monotonic()
         if step > self._step or any(name.startswith(_LEADING) for name in names):
             self._alive_at, self._step = now, step

@@ -1,0 +1,35 @@
+"""A target that is started again begins another run of the same name: nothing of the first one gets into it."""
+
+import signal
+
+from tests.processes.conftest import settings
+
+
+def test_processes_of_a_targets_earlier_run_end_and_leave_the_next_one_alone(world, free_port):
+    endpoint = f"tcp/127.0.0.1:{free_port}"
+    join = ["--run", world.run, "--connect", endpoint, "--patience", "30"]
+    target = ["target", "tracking", *settings("steps=300"), "--run", world.run, "--listen", endpoint]
+    first = world.start(*target)
+
+    def others(log: str) -> list:
+        agents = [world.start("agent", str(agent), *join) for agent in range(4)]
+        return [*agents, world.start("record", *join, "--output", log)]
+
+    before = others("run.mcap")
+    world.wait_for_messages()
+    first.send_signal(signal.SIGKILL)
+    first.wait()
+    again = [world.start(*target), *others("again.mcap")]
+    for process in again:
+        _, err = process.communicate(timeout=100)
+        assert process.returncode == 0, err
+    told = [process.communicate(timeout=60)[1] for process in before]
+    assert [process.returncode for process in before[-1:]] == [0]
+    # An agent may have come to its own end a moment before.
+    words = f"the target of run {world.run!r} was started again, so the run of agent"
+    assert all(words in err for process, err in zip(before, told, strict=True) if process.returncode)
+    assert any(words in err for err in told)
+    for verb in ("check", "verify"):
+        verdict = world.call(verb, "again.mcap")
+        assert verdict.returncode == 0, verdict.stdout
+    assert "300 steps" in verdict.stdout
