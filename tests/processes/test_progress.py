@@ -5,6 +5,7 @@ import uuid
 
 from zenoh_cbef.nodes.common.node import Identity, Node
 from zenoh_cbef.nodes.target.progress import Progress
+from zenoh_cbef.protocol.claims import Claims
 from zenoh_cbef.protocol.messages import encode
 
 ESTIMATE = {"state": [0.0] * 6, "innovation": None, "weight": None, "neighbours": [], "received": [], "lost": []}
@@ -14,7 +15,7 @@ ESTIMATE |= {"late": [], "latency": [], "covariance": None}
 def test_an_estimate_of_a_step_that_was_not_begun_is_refused_and_counted():
     run = f"progress-{uuid.uuid4().hex[:12]}"
     with Node(Identity(run, "target", "target")) as node:
-        progress = Progress(node, 2, 1.0, 0.0, begun=3)
+        progress = Progress(node, 2, 1.0, 0.0, claims=Claims(node.presence), begun=3)
         for step in (4, 1 << 62, 3):
             node.session.put(node.keys.estimate(1), encode(run, "agent/1", 0, time.time_ns(), {"k": step, **ESTIMATE}))
         until = time.monotonic() + 20.0
@@ -28,7 +29,7 @@ def test_an_estimate_of_a_step_that_was_not_begun_is_refused_and_counted():
 def test_an_estimate_that_did_not_come_is_asked_for():
     run = f"progress-{uuid.uuid4().hex[:12]}"
     with Node(Identity(run, "target", "target")) as node:
-        progress = Progress(node, 2, 60.0, 0.0, begun=3)
+        progress = Progress(node, 2, 60.0, 0.0, claims=Claims(node.presence), begun=3)
         for agent in range(2):
             node.presence.announce(f"agent/{agent}")
             key = node.keys.estimate(agent)

@@ -29,12 +29,16 @@ class Claims:
         self._holders: dict[str, str] = {}
         self._lock = threading.Lock()
 
+    def gave(self, name: str, life: str) -> bool:
+        """Whether the process of this `life` has a name by our word, and is not of an earlier run of this name."""
+        return self._holders.get(name) == life
+
     def holder(self, name: str, life: str) -> str:
         """The `life` of the process that has a name; "" where none has it and the claim of `life` is not seen."""
         with self._lock:
             held = self._holders.get(name, "")
             if _token(name, held) not in self._presence:
-                # One that takes part already, but not by our word, is of an earlier run of this name: it will end.
+                # A process of an earlier run of this name will end.
                 free = can_be_claimed(name) and name not in self._presence
                 held = life if free and _token(name, life) in self._presence else ""
             if held:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-import time
 from collections.abc import Callable
 
 import zenoh
@@ -63,13 +62,18 @@ class Presence:
         """The `life` of the process seen last under this name: each process has another; "" if none was seen."""
         return self._lives.get(name, "")
 
+    def lives(self, live: set[str]) -> list[tuple[str, str]]:
+        """The names, among those that are there, of processes that have entered, each with its `life`."""
+        entered = (name.removeprefix(_LIFE).rpartition("/") for name in live if name.startswith(_LIFE))
+        return [(name, life) for name, _, life in entered]
+
     def is_over(self, name: str) -> bool:
         """Whether the process seen last under this name has said that it leaves for good."""
         return name in self._over
 
     def enter(self, name: str) -> None:
         """Announce a name, after this process's `life`: another process may have had the name before."""
-        self.announce(f"{_LIFE}{name}/{time.time_ns()}")
+        self.announce(f"{_LIFE}{name}/{self._session.zid()}")
         self.announce(name)
 
     def leave(self, name: str) -> None:

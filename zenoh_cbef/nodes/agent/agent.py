@@ -23,6 +23,7 @@ from zenoh_cbef.nodes.common.pace import Pace
 from zenoh_cbef.nodes.common.readers import beacon_inbox
 from zenoh_cbef.nodes.common.rejections import Rejections
 from zenoh_cbef.nodes.common.standstill import die, stand_still
+from zenoh_cbef.nodes.common.succession import Succession
 from zenoh_cbef.protocol.bodies import estimate_body, range_body
 from zenoh_cbef.protocol.mailbox import Mailbox
 from zenoh_cbef.protocol.memory import ask_latest
@@ -50,7 +51,7 @@ class Beacon:
 
 
 class Agent:
-    """One agent of a run, step after step. replaced: whether another target has begun another run of its name."""
+    """One agent of a run, step after step."""
 
     def __init__(self, node: Node, plan: Plan, agent: int) -> None:
         self.node, self.plan, self.agent = node, plan, agent
@@ -93,23 +94,15 @@ class Agent:
         self._pace = Pace(f"agent {agent}", "rounds", partial(node.event, SLOW)) if measurable else None
         self._epoch = 0.0
         self._uninformed = False
-        self._target = ""
-        self.replaced = False
         node.presence.on_change(self._note_target)
 
     def _note_target(self, name: str, joined: bool) -> None:
-        if not joined or name != "target/target":
-            return
         # What the target told while it was out of sight did not come.
-        self._uninformed = True
-        if self._target not in ("", self.node.presence.life(name)):
-            self.replaced = True
-            self.signals.give_up()
+        self._uninformed |= joined and name == "target/target"
 
     def run(self, entry: Entry) -> int:
         """All steps until the target ends the run; returns the last one."""
         self._epoch, self._uninformed = entry.epoch, False
-        self._target = self.node.presence.life("target/target")
         last = entry.before
         # One more than there are steps: leaving before all are done would look like a death to the others.
         for step in range(entry.before + 1, self.scenario.length + 2):
@@ -266,6 +259,7 @@ def run_agent(identity: Identity) -> int:
         if agent >= scenario.count:
             raise UserError(f"run {identity.run!r} has agents 0 to {scenario.count - 1}, no agent {agent}")
         node.claim_name()
+        succession = Succession(node.presence, node.stop)
         process = Agent(node, briefing.plan, agent)
         # Peers that tell each other of third ones link to all of them.
         others = scenario.count - 1 if identity.connection.gossip else len(process.neighbourhood.ids)
@@ -275,7 +269,7 @@ def run_agent(identity: Identity) -> int:
         node.presence.enter(f"agent/{identity.name}")
         entry = Entrance(process, None if text.step is None else text.agents, briefing.clock).wait()
         last = 0 if entry is None else process.run(entry)
-        if process.replaced:
+        if succession.replaced:
             # Another process may have this agent's name by now: no more words in it.
             node.presence.withdraw()
             raise UserError(

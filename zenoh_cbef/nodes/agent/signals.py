@@ -44,11 +44,6 @@ class Signals:
         """Whether the run was said to be over before a step, None: before any."""
         return self._end is not None and (step is None or step >= self._end)
 
-    def give_up(self) -> None:
-        """Take the run for over, whatever step it has come to."""
-        self._end = 0
-        self._beacons.end(0)
-
     def _ask(self) -> None:
         for data in ask_latest(self._node.session, self._mailbox.key):
             self._take(data, starts=False)
@@ -59,7 +54,7 @@ class Signals:
         except BadMessage as error:
             self._rejections.add(self._mailbox.key, str(error))
             return
-        if message["signal"] == END and self._end is None:
+        if message["signal"] == END:
             self._end = message["k"]
             self._beacons.end(self._end)
         elif starts and message["signal"] == START and self._starts.qsize() < _KEPT:

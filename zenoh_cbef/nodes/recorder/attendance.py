@@ -6,10 +6,10 @@ import time
 from collections.abc import Callable
 
 from zenoh_cbef.nodes.common.node import Node
+from zenoh_cbef.nodes.common.succession import TARGET, Succession
 from zenoh_cbef.protocol.keys import agent_named, is_token
 from zenoh_cbef.protocol.presence import Presence
 
-_TARGET = "target/target"
 _GRACE_SECONDS = 2.0
 _LOST_SECONDS = 30.0
 _LEADING = ("target/", "replay/")
@@ -33,25 +33,21 @@ class Attendance:
         self._alive_at, self._step = time.monotonic(), 0
         self._departed: set[str] = set()
         self._lost: set[str] = set()
-        self._life = node.presence.life(_TARGET)
-        self._replaced = self._seen = False
+        self._succession = Succession(node.presence)
+        self._seen = False
         self._gone_at: float | None = None
         node.presence.on_change(self._note_change)
 
     def farewell(self, sender: str) -> None:
         """A process says that it is done."""
-        name = _TARGET if sender == "target" else sender
+        name = TARGET if sender == "target" else sender
         if name.startswith(_TAKING_PART) and is_token(name, chosen=False):
             self._departed.add(name)
 
     def _note_change(self, name: str, joined: bool) -> None:
         if joined:
             self._departed.discard(name)
-        if joined and name == _TARGET:
-            life = self._node.presence.life(name)
-            self._replaced |= self._life not in ("", life)
-            self._life = life
-        if self._replaced:
+        if self._succession.replaced:
             return  # no more words into the other run
         if not name.startswith(_TAKING_PART) or self._node.stopping:
             return
@@ -75,7 +71,7 @@ class Attendance:
         came. Without the target, the recorder does not wait for agents that make no progress, so that nothing that they
         do keeps it for ever.
         """
-        if self._replaced:
+        if self._succession.replaced:
             return True
         names, now = self._node.presence.names(), time.monotonic()
         if step > self._step or any(name.startswith(_LEADING) for name in names):
@@ -85,7 +81,7 @@ class Attendance:
             self._seen, self._gone_at = True, None
             return False
         self._gone_at = self._gone_at or now
-        lost = self._lost and _TARGET not in self._departed and not self._node.launched
+        lost = self._lost and TARGET not in self._departed and not self._node.launched
         if lost or not self._seen:
             return time.monotonic() - self._gone_at > _LOST_SECONDS
         return not lacking or time.monotonic() - self._gone_at > _GRACE_SECONDS

@@ -9,6 +9,7 @@ from zenoh_cbef.faults.base import Bools
 from zenoh_cbef.nodes.common.alarm import Alarm
 from zenoh_cbef.nodes.common.node import Node
 from zenoh_cbef.nodes.common.rejections import Rejections
+from zenoh_cbef.protocol.claims import Claims
 from zenoh_cbef.protocol.fair_mailbox import FairMailbox
 from zenoh_cbef.protocol.keys import address, agent_named
 from zenoh_cbef.protocol.memory import ask_latest
@@ -31,11 +32,12 @@ class Progress:
     """How far the agents are. It does not wait for an agent that left, or is not there for a while.
 
     patience, grace: how long (s) an agent that is there may not get on, or be out of sight, before it is taken to be
-    gone. begun: the last step that an agent can have come to; it grows with the steps that the target begins.
+    gone. claims: of names in this run. begun: the last step that an agent can have come to; it grows with the steps
+    that the target begins.
     """
 
-    def __init__(self, node: Node, count: int, patience: float, grace: float, *, begun: int) -> None:
-        self._node, self._patience, self._grace = node, patience, grace
+    def __init__(self, node: Node, count: int, patience: float, grace: float, *, claims: Claims, begun: int) -> None:
+        self._node, self._patience, self._grace, self._claims = node, patience, grace, claims
         self._lives = [""] * count
         self._last_seen: dict[int, float] = {}
         self._away: set[int] = set()
@@ -72,6 +74,13 @@ class Progress:
             else:
                 self._lives[agent] = life
 
+    def ready(self, live: set[str]) -> set[int]:
+        """The agents that are here and ready, by the names that are there, but none of an earlier run of this name."""
+        # Of one that dies the tokens go one after the other.
+        ready = {one for one in range(len(self._reached)) if {f"agent/{one}", f"ready/{one}"} <= live}
+        lives = self._node.presence.lives(live)
+        return ready - {agent_named(name) for name, life in lives if not self._claims.gave(name, life)}
+
     def begin(self, ready: set[int]) -> None:
         """Start the run with the agents that are ready."""
         self._members = set(ready)
@@ -84,10 +93,8 @@ class Progress:
     def newcomers(self) -> list[int]:
         """The agents that are here and ready, but do not take part yet."""
         self._dismiss()
-        others = [agent for agent in range(len(self._reached)) if agent not in self._members]
-        live = self._node.presence.names() if others else set()
-        # Of one that dies the tokens go one after the other.
-        return [agent for agent in others if {f"agent/{agent}", f"ready/{agent}"} <= live]
+        everybody = len(self._members) == len(self._reached)
+        return [] if everybody else sorted(self.ready(self._node.presence.names()) - self._members)
 
     def admit(self, agent: int, step: int) -> None:
         """An agent takes part from a step on."""

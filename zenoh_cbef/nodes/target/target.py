@@ -63,7 +63,8 @@ class Target:
         grace = 0.0 if realtime else self.node.grace * self._patience
         # In realtime agents keep time by themselves, and may be ahead of a target that is slow.
         begun = self.scenario.length if realtime else 0
-        self.progress = Progress(self.node, self.scenario.count, self._patience, grace, begun=begun)
+        self.claims = Claims(self.node.presence)
+        self.progress = Progress(self.node, self.scenario.count, self._patience, grace, claims=self.claims, begun=begun)
         self.survey = Survey(self.node)
         self.lookout = Lookout(self.node)
         self._first_fix = self.plan.first_fix_steps
@@ -96,15 +97,15 @@ class Target:
 
     def wait_for_agents(self, patience: float) -> None:
         """Wait until every agent is ready, and a recorder where one is required. Raises UserError otherwise."""
-        ready = {f"ready/{agent}" for agent in range(self.scenario.count)}
 
         def missing(live: set[str]) -> list[str]:
             recorded = sum(name.startswith("record/") for name in live) >= self.scenario.record.awaited
-            enough = self.wait_for is not None and len(ready & live) >= self.wait_for
-            unready = [] if enough else [name.replace("ready/", "agent/") for name in sorted(ready - live)]
-            absent = [name for name in unready if name not in live]
-            others = absent or [f"{name} (here, but not linked to all it needs)" for name in unready]
-            return [name.replace("/", " ") for name in others] + ([] if recorded else ["the recorder"])
+            ready = self.progress.ready(live)
+            enough = self.wait_for is not None and len(ready) >= self.wait_for
+            unready = [] if enough else [agent for agent in range(self.scenario.count) if agent not in ready]
+            absent = [f"agent {agent}" for agent in unready if f"agent/{agent}" not in live]
+            others = absent or [f"agent {agent} (here, but not linked to all it needs)" for agent in unready]
+            return others + ([] if recorded else ["the recorder"])
 
         complete = self.node.wait_for(lambda live: not missing(live), patience, self.progress.drain)
         if not complete and not self.node.stopping:
@@ -120,7 +121,7 @@ class Target:
         self._epoch = epoch = time.monotonic() + (self.scenario.timing.start_delay if realtime else 0.0)
         self.node.event("started", f"run {self.node.identity.run} started", at=self.start)
         self.progress.rejections.start()
-        ready = {agent for agent in range(self.scenario.count) if f"ready/{agent}" in self.node.presence}
+        ready = self.progress.ready(self.node.presence.names())
         self.progress.begin(ready)
         if realtime:
             self.injection = Injection(self.plan, epoch)
@@ -285,7 +286,7 @@ def run_target(
             return ScenarioText(loaded.source, resolved, __version__, step, members, injected)
 
         service = serve_scenario(node.session, identity.run, text)
-        claims = serve_claims(node.session, node.keys.claims, Claims(node.presence))
+        claims = serve_claims(node.session, node.keys.claims, target.claims)
         control = serve_control(node.session, node.keys.control, lambda request: answer(target, request))
         node.presence.enter(f"target/{identity.name}")
         reached = [*identity.connection.listen, *identity.connection.connect]
