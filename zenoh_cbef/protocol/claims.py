@@ -29,9 +29,9 @@ class Claims:
         self._holders: dict[str, str] = {}
         self._lock = threading.Lock()
 
-    def gave(self, name: str, life: str) -> bool:
-        """Whether the process of this `life` has a name by our word, and is not of an earlier run of this name."""
-        return self._holders.get(name) == life
+    def given(self, name: str) -> set[str]:
+        """The `life` of the process that has a name by our word, if one has: others are of an earlier run."""
+        return {self._holders[name]} if name in self._holders else set()
 
     def holder(self, name: str, life: str) -> str:
         """The `life` of the process that has a name; "" where none has it and the claim of `life` is not seen."""

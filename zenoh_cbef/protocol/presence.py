@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from collections import defaultdict
 from collections.abc import Callable
 
 import zenoh
@@ -62,10 +63,14 @@ class Presence:
         """The `life` of the process seen last under this name: each process has another; "" if none was seen."""
         return self._lives.get(name, "")
 
-    def lives(self, live: set[str]) -> list[tuple[str, str]]:
-        """The names, among those that are there, of processes that have entered, each with its `life`."""
-        entered = (name.removeprefix(_LIFE).rpartition("/") for name in live if name.startswith(_LIFE))
-        return [(name, life) for name, _, life in entered]
+    def lives(self, live: set[str]) -> defaultdict[str, set[str]]:
+        """The `life` of each process that has entered under a name, of the names that are there."""
+        found: defaultdict[str, set[str]] = defaultdict(set)
+        for token in live:
+            if token.startswith(_LIFE):
+                name, _, life = token.removeprefix(_LIFE).rpartition("/")
+                found[name].add(life)
+        return found
 
     def is_over(self, name: str) -> bool:
         """Whether the process seen last under this name has said that it leaves for good."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import selectors
 import signal
@@ -26,6 +27,8 @@ from zenoh_cbef.scenario.load import Loaded
 
 _POLITE_SECONDS = 6.0
 _LAST_SECONDS = 3.0
+_ENDING_SECONDS = 20.0
+"""How long the other processes may take to end after the target: their last words take ten at most."""
 _PATIENCE_SECONDS = 30.0
 """The others are started together with the target, which may have a large world to make before it answers."""
 _TAIL = 4000
@@ -79,6 +82,7 @@ class Launcher:
         self._told: set[str] = set()
         self._status: Status | None = None
         self._asked_at: float | None = None
+        self._finished_at = math.inf
         self.deaths: list[Death] = []
 
     def __enter__(self) -> Self:
@@ -196,6 +200,8 @@ class Launcher:
             if status is None or name in self._ended:
                 continue
             self._ended.add(name)
+            if name == "target" and status == 0:
+                self._finished_at = time.monotonic()
             ending = ending_at(self._ending(name))
             if status == -signal.SIGKILL and ending is not None and ending.cause == "crash":
                 self._plan_restart(name, ending.steps_away)
@@ -261,8 +267,10 @@ class Launcher:
     def _over(self) -> bool:
         """Whether all that the run needs has ended: what is left hangs, or ends in a moment."""
         agents = self._processes.keys() - {"target", "recorder"}
+        if self._restarts or time.monotonic() > self._finished_at + _ENDING_SECONDS:
+            return not self._restarts
         heard_all = self._processes["recorder"].poll() == 0
-        return not self._restarts and (agents <= self._ended or heard_all or {"target", "recorder"} <= self._ended)
+        return agents <= self._ended or heard_all or {"target", "recorder"} <= self._ended
 
     def _terminate(self, names: set[str]) -> None:
         for name in names - self._ended:

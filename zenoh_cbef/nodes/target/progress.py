@@ -79,7 +79,7 @@ class Progress:
         # Of one that dies the tokens go one after the other.
         ready = {one for one in range(len(self._reached)) if {f"agent/{one}", f"ready/{one}"} <= live}
         lives = self._node.presence.lives(live)
-        return ready - {agent_named(name) for name, life in lives if not self._claims.gave(name, life)}
+        return {one for one in ready if lives[f"agent/{one}"] == self._claims.given(f"agent/{one}")}
 
     def begin(self, ready: set[int]) -> None:
         """Start the run with the agents that are ready."""
