@@ -157,8 +157,8 @@ class Trace:
     diagnostics: (n, K) each. edges: (m, 2). NaN where there is nothing. payloads, where kept: (n, K, L, d), as sent.
     smoothed: None where the agents did not smooth.
     events: what nodes reported, in order. unlogged: (n, K), measurements that were made, or may have been, and are not
-    in `ranges`; None where there are none. complete: the log was closed, the run ended as planned, and nothing of it
-    is missing.
+    in `ranges`; None where there are none. told: whether the nodes' reports are there. complete: the log was closed,
+    the run ended as planned, and nothing of it is missing.
     """
 
     name: str
@@ -179,6 +179,7 @@ class Trace:
     smoothed: SmoothedPath | None = None
     events: list[dict[str, object]] = field(default_factory=list)
     unlogged: Bools | None = None
+    told: bool = True
     complete: bool = True
 
     @property

@@ -33,7 +33,9 @@ def lacks(trace: Trace) -> list[str]:
 
     Data that the run itself did not have does not count: of an agent that the scenario has away, or a silent receiver.
     """
-    return [said for said in (_agents(trace), _steps(trace), _truth(trace), _measurements(trace)) if said]
+    return [
+        said for said in (_agents(trace), _steps(trace), _truth(trace), _measurements(trace), _events(trace)) if said
+    ]
 
 
 def why_no_nees(trace: Trace) -> str:
@@ -82,6 +84,12 @@ def _measurements(trace: Trace) -> str:
     steps = np.asarray(trace.unlogged.any(axis=0))
     said = f"beacons{of} in {spelt(stretches(steps))} are not in the log, so there is no centralised filter"
     return f"{said} and no bound" + (f" beyond step {trace.measured_steps}" if trace.measured_steps else "")
+
+
+def _events(trace: Trace) -> str:
+    if trace.told:
+        return ""
+    return "no event is in the log: what processes reported, as of slowness or silence, is not known"
 
 
 def _named(what: str, numbers: Sequence[int]) -> str:

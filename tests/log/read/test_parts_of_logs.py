@@ -73,6 +73,12 @@ def test_without_beacons_of_one_agent_there_is_none_either(part):
     assert "beacons of agent 2 " in metrics.lacks[0]
 
 
+def test_without_events_nothing_is_known_of_what_processes_reported(part):
+    metrics = analysed(part(exclude=r".*/event/.*")).metrics
+    assert metrics.complete is False
+    assert metrics.lacks == ["no event is in the log: what processes reported, as of slowness or silence, is not known"]
+
+
 def test_the_centralised_filter_is_compared_over_its_own_steps(whole):
     trace, before = read_trace(whole), analysed(whole)
     unlogged = np.zeros(trace.ranges.shape, dtype=bool)

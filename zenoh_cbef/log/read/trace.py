@@ -71,8 +71,14 @@ def trace_of(recording: Recording) -> Trace:
         smoothed=_smoothed(recording, plan, steps),
         events=[_event(event.message) for event in recording.events],
         unlogged=unlogged if unlogged.any() else None,
-        complete=recording.complete and (header.end or {}).get("status") == "finished" and traffic.missing == 0,
+        told=bool(recording.events),
+        complete=_complete(recording, missing=traffic.missing),
     )
+
+
+def _complete(recording: Recording, *, missing: int) -> bool:
+    ended = (recording.header.end or {}).get("status") == "finished"
+    return recording.complete and ended and missing == 0 and bool(recording.events)
 
 
 def _smoothed(recording: Recording, plan: Plan, steps: int) -> SmoothedPath | None:

@@ -93,8 +93,8 @@ class Progress:
     def newcomers(self) -> list[int]:
         """The agents that are here and ready, but do not take part yet."""
         self._dismiss()
-        everybody = len(self._members) == len(self._reached)
-        return [] if everybody else sorted(self.ready(self._node.presence.names()) - self._members)
+        complete = len(self._members) == len(self._reached)
+        return [] if complete else sorted(self.ready(self._node.presence.names()) - self._members)
 
     def admit(self, agent: int, step: int) -> None:
         """An agent takes part from a step on."""

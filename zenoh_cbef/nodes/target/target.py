@@ -103,8 +103,8 @@ class Target:
             ready = self.progress.ready(live)
             enough = self.wait_for is not None and len(ready) >= self.wait_for
             unready = [] if enough else [agent for agent in range(self.scenario.count) if agent not in ready]
-            absent = [f"agent {agent}" for agent in unready if f"agent/{agent}" not in live]
-            others = absent or [f"agent {agent} (here, but not linked to all it needs)" for agent in unready]
+            absent = [f"agent {one}" for one in unready if f"agent/{one}" not in live]
+            others = absent or [f"agent {one} (here, but not linked to all it needs)" for one in unready]
             return others + ([] if recorded else ["the recorder"])
 
         complete = self.node.wait_for(lambda live: not missing(live), patience, self.progress.drain)
@@ -121,8 +121,7 @@ class Target:
         self._epoch = epoch = time.monotonic() + (self.scenario.timing.start_delay if realtime else 0.0)
         self.node.event("started", f"run {self.node.identity.run} started", at=self.start)
         self.progress.rejections.start()
-        ready = self.progress.ready(self.node.presence.names())
-        self.progress.begin(ready)
+        self.progress.begin(ready := self.progress.ready(self.node.presence.names()))
         if realtime:
             self.injection = Injection(self.plan, epoch)
         self.step = 0
