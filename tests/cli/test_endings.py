@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import resource
+import shutil
 import signal
 import subprocess
 import sys
@@ -72,6 +74,19 @@ def test_a_full_output_is_one_sentence_and_status_2(log: Path, tmp_path: Path, w
     assert done.returncode == mute.returncode == 2
     why = "No space left on device; make room, or name another place"
     assert done.stderr == f"zenoh-cbef: cannot write the output: {why}\n"
+
+
+def test_on_a_full_disk_no_half_of_a_file_is_left(log: Path, tmp_path: Path) -> None:
+    copy = shutil.copy(log, tmp_path / "run.mcap")
+
+    def nothing_grows_beyond_a_page() -> None:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))
+
+    command = [*COMMAND, "analyze", str(copy)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, preexec_fn=nothing_grows_beyond_a_page)
+    assert "position RMSE" in done.stdout
+    assert "metrics.json: File too large" in done.stderr
+    assert not (tmp_path / "metrics.json").exists()
 
 
 @pytest.mark.parametrize("closed", [">&-", "2>&-", "<&- >&- 2>&-"])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from zenoh_cbef.analysis.report import write_report
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.extras import MissingExtra
 
+_FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
 METRICS, REPORT, FIGURES = "metrics.json", "report.html", "figures"
 
 
@@ -30,6 +32,8 @@ def write_outputs(analysis: Analysis, folder: Path, prefix: str = "", *, report:
         except MissingExtra as error:
             failed.append(error)
         except OSError as error:
+            if error.errno in _FULL and path.is_file():
+                path.unlink()  # half a file would be taken for a whole one
             failed.append(UserError(f"cannot write {path}: {error.strerror}; name another folder with --output"))
     return failed
 

@@ -157,3 +157,16 @@ def test_names_that_processes_chose_leave_room_for_the_keys_of_the_run(log):
     log.add("cbef/run/beacon/1", encode("run", "receiver/1", 2, 0, {"k": 1}), 0)
     assert log.gaps("target") == [("target", "cbef/run/beacon/1", 0, 2)]
     assert len(log.gaps()) == 2
+
+
+def test_a_log_that_cannot_be_begun_leaves_no_file(tmp_path):
+    script = (
+        "import resource, sys; from pathlib import Path; from zenoh_cbef.log.write.run_log import RunLog;"
+        "from zenoh_cbef.scenario.model import Record; resource.setrlimit(resource.RLIMIT_FSIZE, (300, 300));"
+        "RunLog(Path(sys.argv[1]), Record()).describe(source='x' * 1000, resolved='', run={})"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script, str(tmp_path / "run.mcap")], capture_output=True, text=True, check=False
+    )
+    assert "cannot write" in done.stderr.splitlines()[-1]
+    assert [*tmp_path.iterdir()] == []

@@ -71,14 +71,20 @@ def trace_of(recording: Recording) -> Trace:
         smoothed=_smoothed(recording, plan, steps),
         events=[_event(event.message) for event in recording.events],
         unlogged=unlogged if unlogged.any() else None,
-        told=bool(recording.events),
-        complete=_complete(recording, missing=traffic.missing),
+        told=(said := _told(recording, traffic.recorded)),
+        complete=_complete(recording, missing=traffic.missing) and said,
     )
 
 
 def _complete(recording: Recording, *, missing: int) -> bool:
     ended = (recording.header.end or {}).get("status") == "finished"
-    return recording.complete and ended and missing == 0 and bool(recording.events)
+    return recording.complete and ended and missing == 0
+
+
+def _told(recording: Recording, recorded: int) -> bool:
+    """Whether the nodes' reports are there: all of them are gone where messages were taken out and no event is left."""
+    written = (recording.header.end or {}).get("messages", "")
+    return bool(recording.events) or not (written.isdecimal() and int(written) > recorded)
 
 
 def _smoothed(recording: Recording, plan: Plan, steps: int) -> SmoothedPath | None:

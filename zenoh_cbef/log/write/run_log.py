@@ -167,6 +167,7 @@ class RunLog:
         try:
             self._part.describe(*self._described())
         except OSError as error:
+            self.active.unlink(missing_ok=True)
             raise UserError(f"cannot write {self.path}: {error.strerror}; make room, or choose another place") from None
 
     def add(self, key: str, data: bytes, log_time: int) -> str:
