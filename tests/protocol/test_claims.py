@@ -22,12 +22,19 @@ class Hall:
         endpoint = f"tcp/127.0.0.1:{unused_port()}"
         self.there = Connection([endpoint], gossip=False)
         self.sessions = [open_session(Connection(listen=[endpoint], gossip=False))]
-        self.claims = Claims(Presence(self.sessions[0], KEYS.all_live))
+        self.presence = Presence(self.sessions[0], KEYS.all_live)
+        self.claims = Claims(self.presence)
         self.service = serve_claims(self.sessions[0], KEYS.claims, self.claims)
 
     def come(self) -> zenoh.Session:
         self.sessions.append(open_session(self.there))
         return self.sessions[-1]
+
+    def see_off(self, session: zenoh.Session) -> None:
+        claims = {name for name in self.presence.names() if name.endswith(f"/{session.zid()}")}
+        self.sessions.remove(session)
+        session.close()
+        assert self.presence.wait(lambda live: not claims & live, 20.0)
 
     def want(self, session: zenoh.Session, name: str = "agent/1", patience: float = 20.0) -> bool | None:
         return claim(session, KEYS.claims, Presence(session, KEYS.all_live), name, patience)
@@ -48,8 +55,7 @@ def test_of_five_that_ask_at_the_same_time_one_has_the_name_until_it_goes(hall: 
     assert sorted(won, key=bool) == [False] * 4 + [True]
     assert hall.want(hall.come()) is False  # in mid-run, too
     assert hall.want(hall.come(), "agent/2") is True
-    hall.sessions.remove(first := twins[won.index(True)])
-    first.close()
+    hall.see_off(twins[won.index(True)])
     assert hall.want(hall.come()) is True
 
 
@@ -63,8 +69,7 @@ def test_a_recorder_has_its_name_until_it_goes(hall: Hall) -> None:
     assert hall.want(first, "record/a") is True
     assert hall.want(hall.come(), "record/a") is False
     assert hall.want(hall.come(), "record/b") is True
-    hall.sessions.remove(first)
-    first.close()
+    hall.see_off(first)
     assert hall.want(hall.come(), "record/a") is True
 
 
