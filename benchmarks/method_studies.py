@@ -22,7 +22,7 @@ SIDES = (0.4, 0.6, 0.8, 1.0, 1.25, 1.6, 2.0, 3.0, 5.0, 10.0, 30.0, 100.0)
 ROUNDS = (1, 2, 3, 5, 10)
 LOSSES = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8)
 # The paper's scenario with the recommended filter in place of the literal one, all else equal.
-SICF = ("filter.kind=sicf", "filter.xi=1.5", "consensus.weights=metropolis")
+SICF = ("filter.kind=sicf", "filter.xi=1.5", "consensus.weights=metropolis", "filter.start=given")
 NO_SATURATION = "filter.xi=1e12"
 # Long enough for a wrong velocity to show: 20 s.
 LONG = ("steps=2000", "filter.initial_velocity_std=0.5")

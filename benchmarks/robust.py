@@ -42,6 +42,7 @@ RECEIVERS = {
     "all, 30 % outliers": "sensor.outlier_probability=0.3",
     "none, but a wrong start": "filter.initial_position=[8.0, -8.0, 4.0]",
 }
+GIVEN = "filter.start=given"
 DENSE = ("agents.count=10", "network.probability=0.8")
 
 
@@ -98,7 +99,11 @@ def lost(seeds: int = SEEDS) -> Iterator[Row]:
     """All agents begin 12 m from the target and believe it within 1 m."""
     for share in (0.0, 0.3):
         for recovery in ("false", "true"):
-            keys = ["filter.initial_position=[8.0, -8.0, 4.0]", f"sensor.outlier_probability={share}"]
+            keys = [
+                "filter.initial_position=[8.0, -8.0, 4.0]",
+                GIVEN,
+                f"sensor.outlier_probability={share}",
+            ]
             runs = runs_of("tracking", [*keys, f"filter.recovery={recovery}"], seeds=seeds)
             error = np.array([np.sqrt((run.position_error**2).mean(axis=0)) for run in runs])
             name = f"{share:.0%} outliers, recovery = {recovery}"
@@ -123,7 +128,10 @@ def wrong_receiver(seeds: int = SEEDS) -> Iterator[Row]:
     for name, keys in RECEIVERS.items():
         false, true = (
             np.array(
-                [run.position_error for run in runs_of("tracking", [keys, f"filter.distrust={value}"], seeds=seeds)]
+                [
+                    run.position_error
+                    for run in runs_of("tracking", [keys, GIVEN, f"filter.distrust={value}"], seeds=seeds)
+                ]
             )
             for value in ("false", "true")
         )
