@@ -15,6 +15,7 @@ from zenoh_cbef.tracking import graph
 from zenoh_cbef.tracking.backwards import Backwards, OneMotion, SeveralMotions
 from zenoh_cbef.tracking.consensus import Average, Chebyshev, Consensus, RunningSums
 from zenoh_cbef.tracking.filters import Belief
+from zenoh_cbef.tracking.isolating import Isolating
 from zenoh_cbef.tracking.payloads import InformationPayloads
 from zenoh_cbef.tracking.smoothing import FixedLag
 from zenoh_cbef.tracking.stale import StaleAverage
@@ -43,13 +44,20 @@ def _stage(plan: Plan, present: Bools, weights: Floats, bounds: Floats) -> Conse
     return Average(weights)
 
 
+def _guarded(stage: Consensus, plan: Plan, present: Bools, names: Ids) -> Consensus:
+    """The averaging, without the neighbours that agents isolate; names: (n, m), the neighbours'."""
+    if not plan.isolates or not isinstance(plan.payloads, InformationPayloads):
+        return stage
+    return Isolating(stage, plan.motion, plan.payloads.claims, present, names)
+
+
 def agent_tracker(plan: Plan, agent: int) -> tuple[Tracker, list[int]]:
     """One agent's tracker, a batch of one, and its neighbours' ids in ascending order."""
     row, belief = plan.neighbours.row(agent), plan.initial_belief
     weights = plan.weights[[agent]][:, plan.neighbours.present[agent]]
     tracker = Tracker(
         plan.filter,
-        _stage(plan, row.present, weights, plan.bounds[[agent]]),
+        _guarded(_stage(plan, row.present, weights, plan.bounds[[agent]]), plan, row.present, row.index),
         plan.space,
         Belief(belief.state[[agent]], belief.known_covariance[[agent]]),
     )
@@ -65,7 +73,12 @@ def batch_tracker(plans: Sequence[Plan]) -> tuple[Tracker, graph.Neighbours]:
     beliefs = [one.initial_belief for one in plans]
     tracker = Tracker(
         first.filter,
-        _stage(first, neighbours.present, np.concatenate(weights), bounds),
+        _guarded(
+            _stage(first, neighbours.present, np.concatenate(weights), bounds),
+            first,
+            neighbours.present,
+            neighbours.index % first.scenario.count,
+        ),
         first.space,
         Belief(
             np.concatenate([one.state for one in beliefs]),

@@ -4,7 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-MEANT: dict[tuple[str, str], object] = {("filter", "defaults"): 1, ("filter", "start"): "given"}
+MEANT: dict[tuple[str, str], object] = {
+    ("filter", "defaults"): 1,
+    ("filter", "start"): "given",
+    ("consensus", "isolate"): False,
+}
 """What an absent key of a table stood for when it did not exist yet: so an older log is computed as it was."""
 
 

@@ -24,9 +24,11 @@ from zenoh_cbef.quantities import (
     Speed,
     Spread,
 )
+from zenoh_cbef.scenario.averaging import Consensus
 from zenoh_cbef.scenario.estimation import Filter
-from zenoh_cbef.scenario.table import Corner, Drift, Eigenvalue, Name, Point, Table, one_of
+from zenoh_cbef.scenario.table import Corner, Drift, Name, Point, Table, one_of
 from zenoh_cbef.tracking import graph
+from zenoh_cbef.tracking.filters import abilities_of
 
 
 class Target(Table):
@@ -122,52 +124,6 @@ class Network(Table):
         return one_of(value, (*graph.KINDS, "radio"))
 
 
-class Consensus(Table):
-    """How payloads are averaged. epsilon None: 1/(largest degree + 1). scheme auto: see Plan.scheme.
-
-    bounds: least and largest eigenvalue of W other than 1, for chebyshev; None: those of the graph.
-    trim: F, how many neighbours' values are left out in every round (W-MSR); 0: none.
-    lag: how many steps after its own a message is used, predicted forward; 0: in its own round.
-    """
-
-    rounds: Annotated[int, Field(ge=0, le=10_000)] = 10
-    weights: Literal["uniform", "metropolis"] = "metropolis"
-    epsilon: Chance | None = None
-    acceleration: Literal["none", "chebyshev"] = "none"
-    bounds: tuple[Eigenvalue, Eigenvalue] | None = None
-    scheme: Literal["auto", "average", "running-sums"] = "auto"
-    trim: Annotated[int, Field(ge=0, le=1000)] = 0
-    lag: Annotated[int, Field(ge=0, le=100)] = 0
-
-    @model_validator(mode="after")
-    def _plain_with_lag(self) -> Consensus:
-        if self.lag and (self.scheme == "running-sums" or self.acceleration != "none" or self.trim):
-            raise ValueError(
-                f"consensus.lag = {self.lag} needs plain averaging, as only that intersects covariances; set "
-                "consensus.acceleration = 'none', consensus.trim = 0 and consensus.scheme = 'average' or 'auto'"
-            )
-        return self
-
-    @model_validator(mode="after")
-    def _combinable(self) -> Consensus:
-        if self.bounds is not None and (self.acceleration != "chebyshev" or self.bounds[0] > self.bounds[1]):
-            raise ValueError(
-                f"consensus.bounds = {list(self.bounds)} are the least and the largest eigenvalue for "
-                "consensus.acceleration = 'chebyshev'; set that and give the lower one first, or leave bounds out"
-            )
-        if self.scheme == "running-sums" and self.acceleration != "none":
-            raise ValueError(
-                "consensus.scheme = 'running-sums' cannot be accelerated; "
-                "set consensus.acceleration = 'none', or consensus.scheme = 'average'"
-            )
-        if self.trim and (self.scheme == "running-sums" or self.acceleration != "none"):
-            raise ValueError(
-                f"consensus.trim = {self.trim} needs plain averaging, in which no agent weighs negatively; "
-                "set consensus.acceleration = 'none' and consensus.scheme = 'average' or 'auto'"
-            )
-        return self
-
-
 class Timing(Table):
     """lockstep: a round ends when all messages that are due have come. realtime: a round ends at its deadline.
 
@@ -261,6 +217,17 @@ class Scenario(Table):
             raise ValueError(
                 f"consensus.trim = {self.consensus.trim} compares the information of one filter, and filter.motion = "
                 "'imm' has several; choose another motion, or leave trim out"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _judged_by_a_state(self) -> Scenario:
+        chosen = self.filter
+        judged = abilities_of(chosen.kind).information and chosen.motion != "imm" and chosen.bias != "estimate"
+        if self.consensus.isolate is True and not judged:
+            raise ValueError(
+                "consensus.isolate = true compares the information of one filter about position and velocity; set "
+                "filter.kind = 'sicf', filter.bias = 'none' and another filter.motion than 'imm', or leave isolate out"
             )
         return self
 

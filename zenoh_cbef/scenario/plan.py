@@ -99,13 +99,17 @@ class Plan:
     @cached_property
     def distrusts_others(self) -> bool:
         """Whether neighbours may send wrong values; agents then compare and trim the information of one filter."""
-        return self.scenario.consensus.trim > 0 or self._has(SenderFault)
+        return trust.suspects(self.scenario)
+
+    @cached_property
+    def isolates(self) -> bool:
+        """Whether agents leave out neighbours whose messages their own prediction rules out."""
+        return self.rounds > 0 and isinstance(self.payloads, InformationPayloads) and trust.isolates(self.scenario)
 
     @cached_property
     def distrusts_own(self) -> bool:
         """Whether agents distrust their own receivers while implausible."""
-        sure = self.scenario.filter.distrust != "auto"
-        return trust.distrusts(self.scenario) and (sure or not self.distrusts_others)
+        return trust.distrusts(self.scenario, others=self.distrusts_others)
 
     @cached_property
     def bias(self) -> str:

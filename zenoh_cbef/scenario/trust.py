@@ -1,10 +1,10 @@
-"""How far a scenario's filter trusts ranges, where the keys leave that to 'auto'."""
+"""How far a scenario's agents trust ranges and each other, where the keys leave that to 'auto'."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from zenoh_cbef.faults import SensorFault
+from zenoh_cbef.faults import SenderFault, SensorFault
 from zenoh_cbef.scenario.model import Scenario
 from zenoh_cbef.tracking.filters import abilities_of
 
@@ -47,13 +47,34 @@ def saturation_level(scenario: Scenario, power: int) -> float:
     return _XI[power if abilities_of(chosen.kind).saturates else 1]
 
 
-def distrusts(scenario: Scenario) -> bool:
-    """Whether agents distrust their own receivers while implausible; auto: where receivers are real or at fault."""
+def distrusts(scenario: Scenario, *, others: bool) -> bool:
+    """Whether agents distrust their own receivers while implausible.
+
+    Auto: where receivers are real or at fault, and what neighbours say of theirs is not to be doubted (others).
+    """
     chosen = scenario.filter
     if chosen.distrust != "auto":
         return chosen.distrust
-    comparable = abilities_of(chosen.kind).information and chosen.measurement == "range"
+    comparable = abilities_of(chosen.kind).information and chosen.measurement == "range" and not others
     return comparable and (_at_fault(scenario) or (real(scenario) and chosen.defaults > 1))
+
+
+def suspects(scenario: Scenario) -> bool:
+    """Whether neighbours may send wrong values."""
+    stage = scenario.consensus
+    return stage.trim > 0 or stage.isolate is True or _has_liars(scenario)
+
+
+def isolates(scenario: Scenario) -> bool:
+    """Whether agents leave out implausible neighbours; auto: with liars, where messages are judged as they are sent."""
+    stage = scenario.consensus
+    if stage.isolate != "auto":
+        return stage.isolate
+    return _has_liars(scenario) and stage.acceleration == "none" and not stage.lag and not stage.trim
+
+
+def _has_liars(scenario: Scenario) -> bool:
+    return any(isinstance(one, SenderFault) for one in scenario.fault)
 
 
 def _at_fault(scenario: Scenario) -> bool:

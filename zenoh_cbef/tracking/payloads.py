@@ -55,6 +55,10 @@ class InformationPayloads:
             moved[:, start : start + self.size] += matvec(matrix, shift)
         return moved
 
+    def claims(self, payload: Floats) -> tuple[Floats, Floats]:
+        """Information vectors V (n, s) and matrices O (n, s, s) of payloads (n, d), which say x = O^-1 V."""
+        return self._read(payload)
+
     def distance(self, own: Floats, others: Floats) -> Floats:
         """How far payloads (n, m, d) are from an agent's own (n, d): infinite where they are not comparable.
 

@@ -11,6 +11,7 @@ from zenoh_cbef.tracking.consensus import Consensus
 from zenoh_cbef.tracking.diagnostics import Diagnostics
 from zenoh_cbef.tracking.filters.around.wrapping import resumed
 from zenoh_cbef.tracking.filters.base import Belief, Filter, Update
+from zenoh_cbef.tracking.isolating import Isolating
 from zenoh_cbef.tracking.moderation import chosen, immoderate, immoderate_belief, unheard
 from zenoh_cbef.tracking.newcomer import merged
 from zenoh_cbef.tracking.ranging import Measurement, Space
@@ -61,7 +62,17 @@ class Tracker:
             if self._refused.any():
                 update, self._refused = self._without(update, self._refused)
         self._update = update
+        if isinstance(self.consensus, Isolating):
+            self.consensus.look(*self._begun())
         return self.consensus.start(update.payload)
+
+    def _begun(self) -> tuple[Belief, Bools]:
+        """The belief that the step began with, and which agents (n,) have it from others."""
+        if self._newcomers is None:
+            return self.belief, np.zeros(len(self.belief.state), dtype=bool)
+        belief, rows = self._newcomers
+        known = np.where(rows[:, None, None], belief.known_covariance, self.belief.known_covariance)
+        return Belief(np.where(rows[:, None], belief.state, self.belief.state), known), rows
 
     def _begin(self, measurement: Measurement) -> Update:
         if self._newcomers is None:
@@ -83,6 +94,8 @@ class Tracker:
             self.belief, update = self._concluded(self._update)
         self._newcomers = None
         covariance, bias, diagnostics = self.belief.covariance, self.belief.bias, update.diagnostics
+        if isinstance(self.consensus, Isolating):
+            diagnostics = replace(diagnostics, isolated=self.consensus.judge())
         if bias is not None:
             diagnostics = replace(diagnostics, bias=bias.value, bias_std=bias.std, bias_weight=bias.weight)
         return Estimate(

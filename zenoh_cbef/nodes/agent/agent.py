@@ -63,7 +63,7 @@ class Agent:
         self.rejections = Rejections(node)
         self._faults_in = Mailbox(node.session, node.keys.faults)
         self._wrong_clocks = clocks_of(scenario.fault, agent)
-        self._ahead_ns = 0
+        self._ahead_ns, self._isolated = 0, np.nan
         if self._wrong_clocks or realtime:
             node.clock = lambda: time.time_ns() + self._ahead_ns
         alarm, grace = Alarm(), 0.0 if realtime else node.grace * scenario.timing.patience
@@ -226,12 +226,20 @@ class Agent:
             received, delivered = self.neighbourhood.round(step, round_, deadline)
             message = self.tracker.exchange(received, delivered)
         estimate, counts = self.tracker.conclude(), self.neighbourhood.take_counts()
+        self._name_isolated(step, float(estimate.diagnostics.isolated[0]))
         if estimate.refused[0]:
             self.rejections.add(f"the update of agent {self.agent}", "it would have left the finite numbers")
         if there:
             self._estimate_out.send(**estimate_body(step, estimate, 0, self.agent, counts))
         if self._afterwards is not None:
             self._afterwards.take(step, self.tracker.belief, there=there)
+
+    def _name_isolated(self, step: int, neighbour: float) -> None:
+        """Say so when the agent has isolated another neighbour."""
+        if np.isfinite(neighbour) and neighbour != self._isolated:
+            self._isolated = neighbour
+            text = f"agent {self.agent} leaves out agent {neighbour:.0f}, whose messages are not plausible"
+            self.node.event("isolated", text, agent=self.agent, neighbour=int(neighbour), step=step)
 
     def finish(self, last: int) -> None:
         """Say what is left to say, and what was done and sent, so that the log can be checked for completeness."""

@@ -1,0 +1,164 @@
+"""A neighbour that lies is found by its messages and left out; a neighbour that is only surprised is not."""
+
+import numpy as np
+import pytest
+
+from zenoh_cbef.errors import UserError
+from zenoh_cbef.scenario.load import load, parse
+from zenoh_cbef.scenario.plan import Plan
+from zenoh_cbef.simulator import simulate
+from zenoh_cbef.tracking.consensus import Average
+from zenoh_cbef.tracking.filters import Belief
+from zenoh_cbef.tracking.filters.information_form import pack
+from zenoh_cbef.tracking.isolating import ENOUGH, Isolating
+from zenoh_cbef.tracking.motion import NearlyConstantVelocity
+from zenoh_cbef.tracking.payloads import InformationPayloads
+from zenoh_cbef.tracking.reference import centralized
+
+LIAR = 'fault=[{kind="byzantine", agents=[3]}]'
+MOTION, SIZE = NearlyConstantVelocity(0.1, 0.5), 6
+BELIEF = Belief(np.zeros((1, SIZE)), 0.01 * np.eye(SIZE)[None])
+NOTHING_NEW = np.zeros(1, dtype=bool)
+
+
+def stage(neighbours):
+    present = np.ones((1, neighbours), dtype=bool)
+    weights = np.full((1, neighbours), 1.0 / (1.0 + neighbours))
+    names = np.arange(neighbours)[None] + 10
+    return Isolating(Average(weights), MOTION, InformationPayloads(3, SIZE).claims, present, names)
+
+
+def says(*places, certainty=100.0):
+    """Messages (1, m, d) of neighbours that say that the target is at (x, 0, 0)."""
+    matrix = np.repeat(certainty * np.eye(SIZE)[None], len(places), axis=0)
+    vector = np.zeros((len(places), SIZE))
+    vector[:, 0] = certainty * np.array(places)
+    return pack(vector, matrix)[None]
+
+
+def step(isolating, received, delivered=None):
+    """One step of one round; where the average puts the target along x, and who is isolated."""
+    isolating.look(BELIEF, NOTHING_NEW)
+    isolating.start(says(0.0)[0])
+    isolating.mix(received, delivered)
+    mixed = isolating.result()
+    return mixed[0, 0] / 100.0, isolating.judge()[0]
+
+
+def test_the_statistic_is_half_the_squared_distance_in_standard_deviations():
+    # One step of prediction from standard deviations of 0.1: of the position 0.1 * sqrt(1 + 0.1^2), hardly more.
+    deviation = np.sqrt(MOTION.predict_covariance(BELIEF.known_covariance, BELIEF.state)[0, 0, 0])
+    for size, believed in ((5.0, True), (6.0, False)):  # 12.5 and 18 of at most 15; velocities correlate a little.
+        place, _ = step(stage(1), says(size * deviation))
+        assert (place != 0.0) == believed
+
+
+def test_a_liar_is_left_out_at_once_and_for_good_after_some_steps():
+    isolating, named = stage(3), []
+    for _ in range(8):
+        place, name = step(isolating, says(0.1, 5.0, 0.1))
+        assert place == pytest.approx(0.05)
+        named.append(name)
+    assert np.isnan(named[: int(ENOUGH) - 1]).all()
+    assert named[int(ENOUGH) - 1 :] == [11.0] * (9 - int(ENOUGH))
+    assert step(isolating, says(0.1, 0.1, 0.1))[0] == pytest.approx(0.05)
+
+
+def test_what_is_wrong_now_and_then_is_forgiven():
+    isolating = stage(3)
+    for k in range(60):
+        assert np.isnan(step(isolating, says(0.1, 5.0 if k % 3 == 0 else 0.1, 0.1))[1])
+
+
+def test_an_agent_that_disagrees_with_most_neighbours_isolates_none():
+    isolating = stage(3)
+    for _ in range(10):
+        place, name = step(isolating, says(5.0, 5.0, 0.0))
+        assert (place, np.isnan(name)) == (0.0, True)
+    assert step(isolating, says(0.1, 0.1, 0.0))[0] == pytest.approx(0.05)
+
+
+def test_what_was_not_delivered_accuses_no_neighbour():
+    isolating, delivered = stage(3), np.array([[True, False, True]])
+    for _ in range(10):
+        assert np.isnan(step(isolating, says(0.1, np.nan, 0.1), delivered)[1])
+
+
+@pytest.mark.parametrize("wrong", [says(np.inf), says(np.nan), says(0.0, certainty=-1.0), np.zeros((1, 1, 27))])
+def test_a_message_that_is_no_information_is_left_out(wrong):
+    others = says(0.1, 0.1)
+    assert step(stage(3), np.concatenate([others, wrong], axis=1))[0] == pytest.approx(0.05)
+
+
+def linked(links):
+    """Agents that agent 0 reaches over these links."""
+    reached = {0}
+    for _ in links:
+        reached |= {end for link in links if reached & link for end in link}
+    return reached
+
+
+def honest_central(trace):
+    """Position RMSE of one filter that has the ranges of the five honest agents."""
+    plan, ranges = trace.plan, trace.ranges.copy()
+    ranges[3] = np.nan
+    initial = Belief(np.delete(trace.initial, 3, axis=0).mean(axis=0)[None], plan.initial_covariance[None])
+    seen = {"positions": trace.positions[None], "ranges": ranges[None], "age": trace.age[None]}
+    states, _ = centralized(initial, plan.motion, plan.space, range_std=plan.range_std, xi=np.inf, **seen)
+    return np.sqrt(((states[0] - trace.truth)[30:, :3] ** 2).sum(axis=1).mean())
+
+
+def test_one_liar_of_six_on_sparse_graphs_is_named_within_twenty_steps_and_does_no_harm():
+    one, honest, judged = load("tracking", [LIAR, "steps=120"]).scenario, [0, 1, 2, 4, 5], 0
+    for trace in simulate([one.model_copy(update={"seed": seed}) for seed in range(1, 13)]):
+        links = [set(link) for link in trace.edges.tolist()]
+        if linked([link for link in links if 3 not in link]) != set(honest):
+            continue  # The liar is the only way between honest agents.
+        isolated = trace.diagnostics.isolated
+        assert any(isolated[agent, 19] == 3.0 for agent in honest if {agent, 3} in links)
+        assert set(isolated[honest][np.isfinite(isolated[honest])]) == {3.0}
+        errors = trace.estimates[honest, 30:, :3] - trace.truth[30:, :3]
+        assert np.sqrt((errors**2).sum(axis=2).mean()) < 1.3 * honest_central(trace)
+        judged += 1
+    assert judged >= 8
+
+
+def test_without_a_liar_nothing_changes_but_what_is_asked_for():
+    one = load("tracking", ["steps=60"]).scenario
+    asked = load("tracking", ["steps=60", "consensus.isolate=true"]).scenario
+    [first], [second] = simulate([one]), simulate([asked])
+    assert np.isnan(first.diagnostics.isolated).all()
+    np.testing.assert_array_equal(first.estimates, second.estimates)
+
+
+@pytest.mark.parametrize(
+    ("keys", "wanted"),
+    [
+        ({}, False),
+        ({"fault": [{"kind": "byzantine", "agents": [1]}]}, True),
+        ({"fault": [{"kind": "byzantine", "agents": [1]}], "consensus": {"trim": 1}}, False),
+        ({"fault": [{"kind": "byzantine", "agents": [1]}], "consensus": {"acceleration": "chebyshev"}}, False),
+        ({"fault": [{"kind": "byzantine", "agents": [1]}], "filter": {"kind": "kcf"}}, False),
+        ({"fault": [{"kind": "byzantine", "agents": [1]}], "filter": {"motion": "imm"}}, False),
+        ({"consensus": {"isolate": True, "trim": 1}}, True),
+        ({"fault": [{"kind": "byzantine", "agents": [1]}], "consensus": {"isolate": False}}, False),
+    ],
+)
+def test_auto_is_for_scenarios_with_liars_whose_messages_can_be_judged(keys, wanted):
+    assert Plan(parse(keys, "test")).isolates is wanted
+
+
+@pytest.mark.parametrize(
+    "keys",
+    [
+        {"consensus": {"acceleration": "chebyshev"}},
+        {"consensus": {"lag": 1}, "filter": {"kind": "ci"}},
+        {"filter": {"kind": "kcf"}},
+        {"filter": {"bias": "estimate"}},
+        {"filter": {"motion": "imm"}},
+    ],
+)
+def test_it_is_refused_where_messages_cannot_be_judged(keys):
+    consensus = {**keys.get("consensus", {}), "isolate": True}
+    with pytest.raises(UserError, match=r"consensus\.isolate = true"):
+        parse({**keys, "consensus": consensus}, "test")

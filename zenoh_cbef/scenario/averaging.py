@@ -1,0 +1,68 @@
+"""The scenario's [consensus] table."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from zenoh_cbef.quantities import Chance
+from zenoh_cbef.scenario.table import Eigenvalue, Table
+
+
+class Consensus(Table):
+    """How payloads are averaged. epsilon None: 1/(largest degree + 1). scheme auto: see Plan.scheme.
+
+    bounds: least and largest eigenvalue of W other than 1, for chebyshev; None: those of the graph.
+    trim: F, how many neighbours' values are left out in every round (W-MSR); 0: none.
+    lag: how many steps after its own a message is used, predicted forward; 0: in its own round.
+    isolate: whether agents leave out neighbours whose messages their own prediction rules out; auto: where the scenario
+    has agents that send wrong values, and trim is 0.
+    """
+
+    rounds: Annotated[int, Field(ge=0, le=10_000)] = 10
+    weights: Literal["uniform", "metropolis"] = "metropolis"
+    epsilon: Chance | None = None
+    acceleration: Literal["none", "chebyshev"] = "none"
+    bounds: tuple[Eigenvalue, Eigenvalue] | None = None
+    scheme: Literal["auto", "average", "running-sums"] = "auto"
+    trim: Annotated[int, Field(ge=0, le=1000)] = 0
+    lag: Annotated[int, Field(ge=0, le=100)] = 0
+    isolate: Annotated[bool | Literal["auto"], Field(description="true, false or 'auto'")] = "auto"
+
+    @model_validator(mode="after")
+    def _plain_with_lag(self) -> Consensus:
+        if self.lag and (self.scheme == "running-sums" or self.acceleration != "none" or self.trim):
+            raise ValueError(
+                f"consensus.lag = {self.lag} needs plain averaging, as only that intersects covariances; set "
+                "consensus.acceleration = 'none', consensus.trim = 0 and consensus.scheme = 'average' or 'auto'"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _judged_as_sent(self) -> Consensus:
+        if self.isolate is True and (self.lag or self.acceleration != "none"):
+            raise ValueError(
+                "consensus.isolate = true judges whether a message is what its sender can know now; set "
+                "consensus.acceleration = 'none' and consensus.lag = 0, or leave isolate out"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _combinable(self) -> Consensus:
+        if self.bounds is not None and (self.acceleration != "chebyshev" or self.bounds[0] > self.bounds[1]):
+            raise ValueError(
+                f"consensus.bounds = {list(self.bounds)} are the least and the largest eigenvalue for "
+                "consensus.acceleration = 'chebyshev'; set that and give the lower one first, or leave bounds out"
+            )
+        if self.scheme == "running-sums" and self.acceleration != "none":
+            raise ValueError(
+                "consensus.scheme = 'running-sums' cannot be accelerated; "
+                "set consensus.acceleration = 'none', or consensus.scheme = 'average'"
+            )
+        if self.trim and (self.scheme == "running-sums" or self.acceleration != "none"):
+            raise ValueError(
+                f"consensus.trim = {self.trim} needs plain averaging, in which no agent weighs negatively; "
+                "set consensus.acceleration = 'none' and consensus.scheme = 'average' or 'auto'"
+            )
+        return self

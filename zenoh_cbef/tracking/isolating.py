@@ -1,0 +1,98 @@
+"""Leaving out neighbours whose messages no honest agent sends, for a step or for good."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zenoh_cbef.tracking.consensus import Bools, Consensus, Floats
+from zenoh_cbef.tracking.filters.base import Belief
+from zenoh_cbef.tracking.linalg import inverse, matvec
+from zenoh_cbef.tracking.motion import Motion
+
+Ids = NDArray[np.int64]
+Claims = Callable[[Floats], tuple[Floats, Floats]]
+"""Information vectors and matrices of messages (n, d)."""
+
+IMPLAUSIBLE = 15.0
+"""Test statistic from which on a message is left out; honest ones have about half the number of states."""
+
+ENOUGH = 5.0
+"""Score at which a neighbour is isolated: after as many implausible steps in a row."""
+
+FORGIVEN = 0.5
+"""What a plausible step takes from a score."""
+
+
+class Isolating:
+    """Any averaging of information, without the messages that the own prediction rules out.
+
+    Detection and isolation by innovations, as Ghods and Doostmohammadian have it for this network (Signals 6(3):44,
+    2025), here on what neighbours send. Whatever share of the network's information a message (V, O) is, it says that
+    the target is at O^-1 V. An agent compares that with its own prediction x, P of this step:
+
+        T = (O^-1 V - x)^T P^-1 (O^-1 V - x)/2
+
+    The two are honest guesses of one state, each no worse than P, so T is about half a chi-squared number. A message
+    with T above 15 is taken as lost, and so are its sender's other ones of the same step. A step with one adds 1 to the
+    sender's score, another one takes 1/2 from it; a neighbour that reaches 5 is isolated for good. All this an agent
+    decides by itself, from what it received alone.
+
+    An agent whose own prediction is wrong finds all its neighbours implausible. So it isolates no more than half of
+    them, and while it leaves out others, it goes on by prediction, until that is uncertain enough to fit again.
+
+    inner: the averaging, whose missing messages return their weight to the own value. motion: the filter's. claims:
+    what messages say, see InformationPayloads. present: (n, m), False where padded. names: (n, m), the neighbours'.
+    """
+
+    def __init__(self, inner: Consensus, motion: Motion, claims: Claims, present: Bools, names: Ids) -> None:
+        self.inner, self.motion, self.claims, self.names = inner, motion, claims, names
+        self._most = present.sum(axis=1) // 2
+        self._score = np.zeros(present.shape)
+        self._isolated, self._out = np.zeros_like(present), np.zeros_like(present)
+        self._latest: Floats = np.full(len(present), np.nan)
+
+    def look(self, belief: Belief, fresh: Bools) -> None:
+        """Begin a step with the belief that the last one left; fresh: (n,), agents that begin without a memory."""
+        self._state = self.motion.predict_state(belief.state)
+        self._information = inverse(self.motion.predict_covariance(belief.known_covariance, belief.state))
+        self._score[fresh], self._isolated[fresh], self._latest[fresh] = 0.0, False, np.nan
+
+    def start(self, payload: Floats) -> Floats:
+        """The inner averaging's first message."""
+        self._out = self._isolated.copy()
+        return self.inner.start(payload)
+
+    def mix(self, received: Floats, delivered: Bools | None) -> Floats:
+        """One round, with the messages that are plausible."""
+        arrived = np.ones_like(self._out) if delivered is None else delivered
+        self._out |= arrived & self._implausible(received)
+        return self.inner.mix(received, arrived & ~self._out)
+
+    def result(self) -> Floats:
+        """The mixed payload."""
+        return self.inner.result()
+
+    def judge(self) -> Floats:
+        """End the step: count scores; returns the neighbour that each agent isolated last, (n,), NaN for none."""
+        self._score = np.maximum(self._score + np.where(self._out, 1.0, -FORGIVEN), 0.0)
+        guilty = self._isolated | (self._score >= ENOUGH)
+        guilty &= (guilty.sum(axis=1) <= self._most)[:, None] | self._isolated
+        new = guilty & ~self._isolated
+        if new.any():
+            first = np.take_along_axis(self.names, new.argmax(axis=1)[:, None], axis=1)[:, 0]
+            self._latest = np.where(new.any(axis=1), first, self._latest)
+        self._isolated = guilty
+        return self._latest
+
+    def _implausible(self, received: Floats) -> Bools:
+        count, width, length = received.shape
+        with np.errstate(all="ignore"):  # messages can be forged
+            vector, matrix = self.claims(received.reshape(-1, length))
+            sound = np.linalg.det(matrix) > 0.0
+            matrix = np.where(sound[:, None, None], matrix, np.eye(matrix.shape[1]))
+            apart = matvec(inverse(matrix), vector) - np.repeat(self._state, width, axis=0)
+            told = np.sum(apart * matvec(np.repeat(self._information, width, axis=0), apart), axis=1)
+        return np.asarray(~(sound & (0.5 * told <= IMPLAUSIBLE)).reshape(count, width))
