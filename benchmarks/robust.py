@@ -15,7 +15,7 @@ from zenoh_cbef.cli.console import number
 from zenoh_cbef.scenario.load import load
 from zenoh_cbef.simulator import simulate
 from zenoh_cbef.tracking.filters import Belief
-from zenoh_cbef.tracking.reference import centralized
+from zenoh_cbef.tracking.reference import centralized_beliefs
 
 Floats = NDArray[np.float64]
 
@@ -102,12 +102,19 @@ def _honest_central(runs: Sequence[Analysis]) -> Floats:
     ranges[:, 3] = np.nan
     starts = np.stack([np.delete(run.trace.initial, 3, axis=0).mean(axis=0) for run in runs])
     initial = Belief(starts, np.broadcast_to(plan.initial_covariance, (len(runs), 6, 6)))
-    xi = np.inf
-    states, _ = centralized(
-        initial, plan.motion, plan.space, positions=positions, ranges=ranges, age=age, range_std=plan.range_std, xi=xi
+    beliefs = centralized_beliefs(
+        initial,
+        plan.motion,
+        plan.space,
+        positions=positions,
+        ranges=ranges,
+        age=age,
+        range_std=plan.range_std,
+        xi=np.inf,
     )
-    errors = states - np.stack([run.trace.truth for run in runs])
-    return np.asarray(np.sqrt((errors[:, runs[0].first :, :3] ** 2).sum(axis=2).mean(axis=1)))
+    places = np.stack([belief.state[:, :3] for belief in beliefs], axis=1)
+    errors = places - np.stack([run.trace.truth[:, :3] for run in runs])
+    return np.asarray(np.sqrt((errors[:, runs[0].first :] ** 2).sum(axis=2).mean(axis=1)))
 
 
 def _joined(run: Analysis) -> bool:

@@ -13,7 +13,7 @@ from zenoh_cbef.tracking.filters.information_form import pack
 from zenoh_cbef.tracking.isolating import ENOUGH, Isolating
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
 from zenoh_cbef.tracking.payloads import InformationPayloads
-from zenoh_cbef.tracking.reference import centralized
+from zenoh_cbef.tracking.reference import centralized_beliefs
 
 LIAR = 'fault=[{kind="byzantine", agents=[3]}]'
 MOTION, SIZE = NearlyConstantVelocity(0.1, 0.5), 6
@@ -104,8 +104,9 @@ def honest_central(trace):
     ranges[3] = np.nan
     initial = Belief(np.delete(trace.initial, 3, axis=0).mean(axis=0)[None], plan.initial_covariance[None])
     seen = {"positions": trace.positions[None], "ranges": ranges[None], "age": trace.age[None]}
-    states, _ = centralized(initial, plan.motion, plan.space, range_std=plan.range_std, xi=np.inf, **seen)
-    return np.sqrt(((states[0] - trace.truth)[30:, :3] ** 2).sum(axis=1).mean())
+    beliefs = centralized_beliefs(initial, plan.motion, plan.space, range_std=plan.range_std, xi=np.inf, **seen)
+    places = np.array([belief.state[0, :3] for belief in beliefs])
+    return np.sqrt(((places - trace.truth[:, :3])[30:] ** 2).sum(axis=1).mean())
 
 
 def test_one_liar_of_six_on_sparse_graphs_is_named_within_twenty_steps_and_does_no_harm():
