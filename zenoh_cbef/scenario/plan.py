@@ -36,11 +36,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """What a scenario means. Every part is made when it is first asked for, and kept.
-
-    The parts are in the order in which they build upon each other: the filter's settings, what agents exchange, which
-    agents exchange it, and how they begin.
-    """
+    """What a scenario means. Every part is made when it is first asked for, and kept, in the order of their use."""
 
     scenario: Scenario
 
