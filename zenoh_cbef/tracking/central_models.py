@@ -98,9 +98,9 @@ class CentralModels:
 
 
 def _likeliest(taken: list[Taken], ahead: Floats) -> Taken:
-    """What is said of the innovations by the motion that is likeliest before the step."""
-    first = taken[0]
-    chosen, runs = ahead.argmax(axis=1), np.arange(len(ahead))
+    """What is said of the innovations by the motion that is likeliest before the step; of equal ones by the last."""
+    first, last = taken[0], len(taken) - 1
+    chosen, runs = last - ahead[:, ::-1].argmax(axis=1), np.arange(len(ahead))
     innovation, nis = (np.stack([getattr(one, part) for one in taken])[chosen, runs] for part in ("innovation", "nis"))
     return Taken(first.prior, first.posterior, first.cost, innovation, nis)
 

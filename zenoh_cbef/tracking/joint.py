@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -69,8 +67,8 @@ def _first_fix(settings: FilterSettings, xi: float, fix: Belief, step: Ranges) -
         np.empty((rows, 0)),
         step.std.ravel(),
     )
-    then = make_filter("sicf", replace(settings, first_fix=0, learns_noise=False))
-    filter_ = FirstFix.of(settings, then, xi, sharing_of("sicf", settings).payload_size)
+    # The filter that follows is `_Joint`: the one that stands here is not asked.
+    filter_ = FirstFix.of(settings, make_filter("sicf", settings), xi, sharing_of("sicf", settings).payload_size)
     update = filter_.update(fix, measurement)
     average = update.payload.reshape(runs, agents, -1).mean(axis=1)
     return filter_.conclude(np.repeat(average, agents, axis=0), update), update

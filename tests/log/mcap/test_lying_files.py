@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import os
 import random
 import struct
 
 import pytest
 import zstandard
+from mcap.writer import Writer
 
+from zenoh_cbef.log.mcap import reader
 from zenoh_cbef.log.mcap.contents import MAX_RECORD_BYTES, MESSAGE, RECORD, Channel, Declarations, Record, messages_in
 from zenoh_cbef.log.mcap.pile import Pile
 from zenoh_cbef.log.mcap.reader import McapFile
@@ -118,3 +121,87 @@ def test_a_declaration_that_is_damaged_is_told_and_what_follows_is_read():
     assert data == [b"x"]
     assert len(told) == 1
     assert told[0].startswith("a declaration is damaged: ")
+
+
+def test_a_message_among_chunks_is_told_and_left_out(tmp_path, head):
+    path = tmp_path / "among.mcap"
+    path.write_bytes(head + RECORD.pack(5, MESSAGE.size + 1) + MESSAGE.pack(1, 1, 1, 1) + b"y")
+    file = McapFile(path)
+    assert [message.data for message in file.messages()] == [b"x"]
+    assert file.lost == [f"message at byte {len(head)} stands among chunks"]
+
+
+def test_a_summary_may_be_as_long_as_a_record_and_no_longer(tmp_path, head, monkeypatch):
+    path = tmp_path / "sound.mcap"
+    data = path.read_bytes()
+    start = int.from_bytes(data[-28:-20], "little")  # The footer: two places, a CRC; then the magic.
+    size = len(data) - len(MAGIC) - 29 - start
+    assert len(head) + RECORD.size + 4 == start
+    for longest, damage in ((size, []), (size - 1, [f"the summary claims to be {size} bytes long"])):
+        monkeypatch.setattr(reader, "MAX_RECORD_BYTES", longest)
+        file = McapFile(path)
+        assert [message.data for message in file.messages()] == [b"x"]
+        assert file.damage[:1] == damage
+
+
+@pytest.mark.parametrize("most", [1, 2])
+def test_so_many_faults_are_told_each_once_and_no_more(tmp_path, head, monkeypatch, most):
+    path = tmp_path / "faults.mcap"
+    stray = RECORD.pack(5, MESSAGE.size) + MESSAGE.pack(1, 1, 1, 1)
+    path.write_bytes(head + 3 * stray)
+    monkeypatch.setattr(reader, "MAX_DAMAGE", most)
+    file = McapFile(path)
+    for _ in range(2):
+        assert len(list(file.messages())) == 1
+    places = [len(head) + number * len(stray) for number in range(most)]
+    assert file.lost == [f"message at byte {place} stands among chunks" for place in places]
+
+
+def test_an_attachment_that_is_not_where_its_index_says_is_told(tmp_path):
+    path = tmp_path / "moved.mcap"
+    with McapWriter(path, library="test") as writer:
+        start = writer.bytes_written
+        writer.add_attachment("first", "text/plain", b"1")
+        writer.add_attachment("second", "text/plain", b"2")
+    data = bytearray(path.read_bytes())
+    data[start] = 0x90
+    path.write_bytes(data)
+    file = McapFile(path)
+    assert file.attachments == {"second": b"2"}
+    assert file.lost == [f"attachment at byte {start} is not where it should be"]
+
+
+def test_of_a_message_outside_of_chunks_that_is_cut_nothing_is_read(tmp_path):
+    path, ends = tmp_path / "bare.mcap", []
+    with path.open("wb") as stream:
+        writer = Writer(stream, use_chunking=False)
+        writer.start("", "other")
+        channel = writer.register_channel("key", "", 0)
+        for number in range(4):
+            writer.add_message(channel, number, b"data", number, number)
+            ends.append(stream.tell())
+        writer.finish()
+    data = path.read_bytes()
+    for cut in range(ends[0], ends[-1]):
+        path.write_bytes(data[:cut])
+        file = McapFile(path)
+        assert not file.closed
+        assert [message.data for message in file.messages()] == [b"data"] * sum(end <= cut for end in ends)
+        assert not file.closed
+        assert len(file.lost) == (cut not in ends)
+
+
+def test_a_file_that_ended_as_its_writer_ended_it_is_closed(tmp_path, head):
+    file = McapFile(tmp_path / "sound.mcap")
+    assert not file.closed
+    assert len(list(file.messages())) == 1
+    assert file.closed
+
+
+def test_a_pile_whose_file_was_emptied_says_so(tmp_path):
+    pile = Pile(tmp_path)
+    pile.add(bytes(1 << 16))
+    os.ftruncate(pile._file, 0)
+    with pytest.raises(OSError, match="is gone"):
+        pile.read()
+    pile.close()

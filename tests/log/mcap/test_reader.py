@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import mmap
 import random
 import tempfile
 import time
@@ -79,6 +80,19 @@ def test_a_whole_file_is_read_exactly(log: Path) -> None:
     assert file.metadata == {"run": {"seed": "1"}, "end": {"status": "done"}}
     assert file.complete
     assert file.damage == []
+
+
+def test_reading_a_portion_at_once_changes_nothing(log: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    wanted = rows(McapFile(log))
+    monkeypatch.setattr(reader, "_AT_ONCE", mmap.PAGESIZE)
+    file = McapFile(log)
+    assert rows(file) == wanted
+    assert file.damage == []
+    bent = bytearray(log.read_bytes())
+    bent[bent.index(b"middle") + 100] ^= 1
+    file = altered(bent)
+    list(file.messages())
+    assert "the data section fails its CRC" in file.damage
 
 
 def test_messages_come_by_log_time_where_that_is_asked_for(tmp_path: Path) -> None:

@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from mcap.reader import NonSeekingReader, make_reader
 
 from zenoh_cbef.log.mcap.reader import McapFile
-from zenoh_cbef.log.mcap.writer import Compression, McapWriter
+from zenoh_cbef.log.mcap.writer import Compression, McapWriter, _next_number
 
 COMPRESSIONS: tuple[Compression, ...] = ("zstd", "lz4", "none")
 TIMES = st.integers(0, 2**64 - 1)
@@ -124,6 +124,44 @@ def test_messages_that_cannot_be_written_are_refused_and_leave_no_trace(tmp_path
     file = McapFile(path)
     assert [message[1:] for message in file.messages()] == [(1, 2, 0xFFFFFFFF, b"good")]
     assert file.damage == []
+
+
+def test_a_chunk_ends_with_the_message_that_begins_where_it_is_full(tmp_path: Path) -> None:
+    declared = 9 + 2 + 2 + 4 + len("key") + 4 + 4  # record, numbers, topic, encoding and metadata
+    message = 9 + 2 + 4 + 8 + 8 + 10
+    for size, chunks in ((declared + 3 * message, 2), (declared + 3 * message + 1, 1)):
+        path = tmp_path / f"{size}.mcap"
+        with McapWriter(path, chunk_bytes=size, library="test") as writer:
+            channel = writer.register_channel("key", "", 0)
+            for n in range(5):
+                writer.add_message(channel, n, n, n, bytes(10))
+        assert McapFile(path).summary().chunks == chunks
+
+
+def test_an_attachment_of_an_unknown_time_has_none(tmp_path: Path) -> None:
+    path = tmp_path / "log.mcap"
+    with McapWriter(path, library="test") as writer:
+        writer.add_attachment("note", "text/plain", b"text")
+    with path.open("rb") as stream:
+        found = make_reader(stream, validate_crcs=True)
+        [attachment] = found.iter_attachments()
+        summary = found.get_summary()
+    assert (attachment.log_time, attachment.create_time) == (0, 0)
+    assert summary is not None
+    [index] = summary.attachment_indexes
+    assert (index.log_time, index.create_time, index.data_size) == (0, 0, 4)
+
+
+def test_a_file_that_is_closed_may_be_flushed(tmp_path: Path) -> None:
+    with McapWriter(tmp_path / "log.mcap", library="test") as writer:
+        pass
+    writer.flush(sync=True)
+
+
+def test_numbers_of_schemas_and_channels_fit_into_sixteen_bits() -> None:
+    assert _next_number(0xFFFF, "channels") == 0xFFFF
+    with pytest.raises(ValueError, match="at most 65535 channels"):
+        _next_number(0x10000, "channels")
 
 
 KILLED = """
