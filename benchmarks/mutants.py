@@ -54,6 +54,9 @@ SLOW = (
     "test_a_network_",
     "test_noise_is_learned_from_half",
     "test_without_a_bias_auto",
+    "test_one_liar_of_six",
+    "test_a_circle_is_tracked",
+    "test_the_backward_step_of_any_motion",
 )
 """Parts of the names of tests that are left out, as they take a second or more."""
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -139,6 +141,38 @@ def test_models_that_are_all_the_same_are_the_single_filter():
         update = filter_.update(belief, Measurement(PLACES, RANGES[:, k], np.zeros(AGENTS), *none))
         belief = filter_.conclude(everyone(update.payload.mean(axis=0)), update)
         np.testing.assert_allclose(several[k], belief.state[0], atol=1e-9)
+
+
+def test_agents_of_different_noise_count_by_their_own():
+    motions, noise = (CALM, TURN, WILD), STD * np.linspace(0.5, 3.0, AGENTS)
+    filter_, mine = make_filter("icf", settings(motions)), Belief(*map(everyone, BEGIN))
+    models, belief = CentralModels(Switching(motions, LEAVING), Space(), np.inf), Belief(BEGIN[0][None], BEGIN[1][None])
+    for k in range(STEPS // 2 + 3):
+        seen = Ranges(PLACES[None], RANGES[None, :, k], np.zeros((1, AGENTS)), noise[None])
+        belief, _ = models.step(belief, seen)
+        none = np.empty((AGENTS, 0, 3)), np.empty((AGENTS, 0))
+        update = filter_.update(mine, Measurement(PLACES, RANGES[:, k], np.zeros(AGENTS), *none, noise))
+        mine = filter_.conclude(everyone(update.payload.mean(axis=0)), update)
+        np.testing.assert_allclose(mine.state[0], belief.state[0], atol=1e-8)
+        np.testing.assert_allclose(mine.memory[0][0], belief.memory[0][0], atol=1e-6)
+
+
+def test_an_agent_alone_is_the_centralised_filter_of_its_own_ranges():
+    motions, alone = (CALM, WILD), replace(settings((CALM, WILD)), network_size=1)
+    filter_, mine = make_filter("sicf", replace(alone, xi=1.5)), Belief(BEGIN[0][None], BEGIN[1][None])
+    models, belief = CentralModels(Switching(motions, LEAVING), Space(), 1.5), mine
+    for k in range(STEPS // 3):  # One agent's geometry makes covariances longer and longer.
+        seen = Ranges(PLACES[None, :1], RANGES[None, :1, k], np.zeros((1, 1)), np.full((1, 1), STD))
+        belief, told = models.step(belief, seen)
+        none = np.empty((1, 0, 3)), np.empty((1, 0))
+        update = filter_.update(mine, Measurement(PLACES[:1], RANGES[:1, k], np.zeros(1), *none))
+        mine = filter_.conclude(update.payload, update)
+        np.testing.assert_allclose(mine.state, belief.state, atol=1e-7)
+        np.testing.assert_allclose(mine.memory[0], belief.memory[0], atol=1e-6)
+        np.testing.assert_allclose(update.diagnostics.innovation, told.innovation[:, 0], atol=1e-6)
+        np.testing.assert_allclose(update.diagnostics.nis, told.nis[:, 0], rtol=1e-5)
+    assert not sharing_of("sicf", alone).cooperates
+    assert sharing_of("sicf", settings(motions)).cooperates
 
 
 def test_an_agent_that_hears_no_neighbour_weighs_nothing():

@@ -78,6 +78,43 @@ def test_an_agent_that_disagrees_with_most_neighbours_isolates_none():
     assert step(isolating, says(0.1, 0.1, 0.0))[0] == pytest.approx(0.05)
 
 
+def test_an_agent_that_begins_without_a_memory_accuses_no_neighbour_of_what_was():
+    isolating = stage(3)
+    for _ in range(7):
+        _, name = step(isolating, says(0.1, 5.0, 0.1))
+    assert name == 11.0
+    isolating.look(BELIEF, ~NOTHING_NEW)
+    isolating.start(says(0.0)[0])
+    isolating.mix(says(0.1, 0.1, 0.1), None)
+    assert isolating.result()[0, 0] / 100.0 == pytest.approx(0.075)
+    assert np.isnan(isolating.judge()[0])
+    # And it counts from the beginning.
+    named = [step(isolating, says(0.1, 5.0, 0.1))[1] for _ in range(5)]
+    assert np.isnan(named[:4]).all()
+    assert named[4] == 11.0
+
+
+def test_a_second_liar_is_isolated_too_and_named_as_the_last_one():
+    isolating, named = stage(5), []
+    for k in range(14):
+        named.append(step(isolating, says(0.1, 5.0, 0.1, 0.1 if k < 6 else -5.0, 0.1))[1])
+    assert named[4:10] == [11.0] * 6
+    assert named[10:] == [13.0] * 4
+
+
+def test_a_message_counts_by_what_it_adds_to_the_prediction_of_the_next_step():
+    """The prior is carried ahead by the motion: a target that moves is expected where it moves to."""
+    moving = Belief(np.array([[0.0, 0.0, 0.0, 20.0, 0.0, 0.0]]), BELIEF.covariance)
+    isolating = stage(2)
+    isolating.look(moving, NOTHING_NEW)
+    isolating.start(says(0.0)[0])
+    there, here = says(2.0), says(0.0)
+    for message in (there, here):
+        message[0, 0, 3] = 20.0 * 100.0
+    isolating.mix(np.concatenate([there, here], axis=1), None)
+    assert isolating._out.tolist() == [[False, True]]
+
+
 def test_what_was_not_delivered_accuses_no_neighbour():
     isolating, delivered = stage(3), np.array([[True, False, True]])
     for _ in range(10):

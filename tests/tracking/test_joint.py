@@ -80,5 +80,7 @@ def test_of_an_agent_that_is_not_there_no_position_is_needed():
     known = joint_centralized(initial, chosen, XI, positions=positions, ranges=ranges, age=age)
     lost = np.array(positions)
     lost[:, 3, :6] = np.nan
-    for one, other in zip(known, joint_centralized(initial, chosen, XI, positions=lost, ranges=ranges, age=age), strict=True):
+    for one, other in zip(
+        known, joint_centralized(initial, chosen, XI, positions=lost, ranges=ranges, age=age), strict=True
+    ):
         np.testing.assert_array_equal(one, other)

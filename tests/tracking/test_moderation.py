@@ -12,8 +12,11 @@ from zenoh_cbef.scenario.load import load
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.scenario.world import make_world
 from zenoh_cbef.simulator import heard_in, measured
-from zenoh_cbef.tracking.filters import KINDS
+from zenoh_cbef.tracking.consensus import Average
+from zenoh_cbef.tracking.filters import KINDS, Belief
+from zenoh_cbef.tracking.filters.information_form import pack
 from zenoh_cbef.tracking.ranging import Measurement
+from zenoh_cbef.tracking.tracker import Tracker
 
 WILD = st.sampled_from([1e90, 1e101, 1e160, -1e200, 1e308, -1e308])
 
@@ -54,6 +57,36 @@ def test_no_message_makes_an_estimate_infinite(kind: str, told: float, payload: 
             assert own.refused[0] == estimate.refused[agent]
         if k != step:
             assert not estimate.refused.any()
+
+
+def test_an_agent_that_becomes_sure_beyond_measure_takes_back_what_it_heard() -> None:
+    """Information without bounds is a moderate place with hardly any covariance: only the message shows it."""
+    plan = load("tracking", ["filter.start=given", "filter.kind=sicf"]).plan
+    begin = Belief(np.array([[1.0, 2.0, 3.0, 0.3, 0.2, 0.1]]), 0.25 * np.eye(6)[None])
+    none = np.empty((1, 0, 3)), np.empty((1, 0))
+    seen = Measurement(np.array([[5.0, 0.0, 1.0]]), np.array([4.0]), np.zeros(1), *none)
+    for size, refused in ((1e20, False), (1e110, True)):
+        tracker = Tracker(plan.filter, Average(np.full((1, 1), 0.5)), plan.space, begin)
+        tracker.measure(seen)
+        tracker.exchange(pack(size * np.ones((1, 6)), size * np.eye(6)[None])[None], None)
+        estimate = tracker.conclude()
+        assert estimate.covariance is not None
+        if not refused:
+            np.testing.assert_allclose(estimate.state, 1.0, rtol=1e-9)
+            assert not estimate.refused[0]
+            continue
+        transition = np.kron([[1.0, plan.motion.dt], [0.0, 1.0]], np.eye(3))
+        np.testing.assert_allclose(estimate.state[0], transition @ begin.state[0], rtol=1e-9)
+        expected = 0.25 * transition @ transition.T + plan.motion.process_noise
+        np.testing.assert_allclose(estimate.covariance[0], expected, rtol=1e-9, atol=1e-12)
+        assert estimate.refused[0]
+
+
+def test_a_step_cannot_end_before_it_began() -> None:
+    plan = load("tracking").plan
+    tracker = Tracker(plan.filter, Average(np.zeros((1, 0))), plan.space, Belief(np.zeros((1, 6)), np.eye(6)[None]))
+    with pytest.raises(RuntimeError, match="after measure"):
+        tracker.conclude()
 
 
 @pytest.mark.parametrize(

@@ -1,10 +1,14 @@
 """Two agents are a network; one is none."""
 
+from contextlib import suppress
+
 import pytest
 
-from zenoh_cbef.tracking.filters import KINDS
+from zenoh_cbef.errors import UserError
+from zenoh_cbef.scenario.load import parse
+from zenoh_cbef.tracking.filters import KINDS, sharing_of
 from zenoh_cbef.tracking.filters.settings import FilterSettings
-from zenoh_cbef.tracking.motion.base import MotionSettings
+from zenoh_cbef.tracking.motion import MOTIONS, MotionSettings, make_motion
 from zenoh_cbef.tracking.motion.ncv import NearlyConstantVelocity
 from zenoh_cbef.tracking.ranging import Space
 
@@ -17,6 +21,63 @@ def test_an_agent_exchanges_messages_where_there_is_another(kind: str) -> None:
     )
     assert KINDS[kind].sharing(two).cooperates == (kind != "local")
     assert kind not in {"sicf", "icf"} or not KINDS[kind].sharing(alone).cooperates
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_neighbours_ranges_are_asked_for_where_they_are_used(kind: str) -> None:
+    alone, differenced = (
+        FilterSettings(NearlyConstantVelocity(0.1, 0.3), Space(), 0.1, 1.0, network_size=3, differenced=one)
+        for one in (False, True)
+    )
+    several = {"kcf", "diffusion", "cbef", "cbef-scaled"}
+    assert sharing_of(kind, alone).uses_neighbour_ranges == (kind in several)
+    assert sharing_of(kind, differenced).uses_neighbour_ranges == (kind in several | {"ci", "local"})
+
+
+OPTIONS = {
+    "recovery": {"recovery": True},
+    "distrust": {"distrust": True},
+    "difference": {"measurement": "difference"},
+    "bias": {"bias": "estimate"},
+    "noise": {"range_std": "auto"},
+    "imm": {"motion": "imm"},
+    "turn": {"motion": "turn"},
+    "lag": {"lag_seconds": 1.0},
+}
+EVERY = {"turn", "lag"}  # What takes no more than a covariance.
+TAKEN = {
+    "sicf": EVERY | {"recovery", "distrust", "bias", "noise", "imm"},
+    "icf": EVERY | {"recovery", "distrust", "bias", "noise", "imm"},
+    "hcmci": EVERY | {"recovery", "distrust", "noise"},
+    "ci": EVERY | {"recovery", "distrust", "noise", "difference"},
+    "local": EVERY | {"noise", "difference"},  # Alone it has no other agents to compare itself with.
+    "kcf": EVERY,
+    "diffusion": EVERY,
+    "cbef": {"difference"},
+    "cbef-scaled": {"difference"},
+}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_kind_takes_the_options_that_make_sense_in_it(kind: str) -> None:
+    taken = set()
+    for name, keys in OPTIONS.items():
+        with suppress(UserError):
+            parse({"filter": {"kind": kind, **keys}}, "test")
+            taken.add(name)
+    assert taken == TAKEN[kind]
+
+
+@pytest.mark.parametrize("kind", MOTIONS)
+def test_a_motion_made_by_hand_is_the_one_of_the_same_settings(kind: str) -> None:
+    one = type(make_motion(kind, MotionSettings(0.1, 0.3)))
+    assert one(0.1, 0.3) == one.of(MotionSettings(0.1, 0.3))
+
+
+@pytest.mark.parametrize("kind", ["ncv", "turn", "stationary"])
+def test_an_acceleration_that_lasts_longer_is_a_larger_one_for_the_same_power(kind: str) -> None:
+    made = make_motion(kind, MotionSettings(0.1, 0.3, interval=0.4))
+    assert made.acceleration_std == pytest.approx(2.0 * 0.3)
 
 
 def test_what_a_motion_is_not_told_is_what_a_scenario_means_by_default() -> None:

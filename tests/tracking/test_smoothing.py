@@ -7,11 +7,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from zenoh_cbef.tracking.backwards import Backward, OneMotion
+from zenoh_cbef.tracking.backwards import Backward, OneMotion, SeveralMotions
 from zenoh_cbef.tracking.filters import Belief
 from zenoh_cbef.tracking.motion import MOTIONS, MotionSettings, NearlyConstantVelocity, make_motion
 from zenoh_cbef.tracking.ranging import Space
 from zenoh_cbef.tracking.smoothing import FixedLag, smoothed
+from zenoh_cbef.tracking.switching import Switching
 
 DT, ACCELERATION, STD, STEPS, ROWS = 0.3, 0.7, 0.4, 9, 3
 SPACES = [Space(), Space(1.5)]
@@ -180,3 +181,84 @@ def test_the_backward_step_of_any_motion_is_the_regression_on_sampled_next_state
     left = np.cov((before - told).T)
     np.testing.assert_allclose(left, backward.rest[0], rtol=0, atol=0.03 * np.abs(root @ root.T).max())
     np.testing.assert_allclose((before - told).mean(axis=0), 0.0, atol=0.02)
+
+
+SWITCHING = Switching(
+    tuple(make_motion(kind, MotionSettings(0.4, 0.8, turn_rate_std=0.4)) for kind in ("ncv", "turn", "stationary")), 0.3
+)
+
+
+def chain(before, after, count):
+    """By which model the target moves in the step after a step's, for sampled models of that step: Bayes's rule."""
+    random = np.random.default_rng(12)
+    turned = np.full((3, 3), 0.15) + 0.55 * np.eye(3)
+    joint = before[:, None] * turned  # How likely each pair is, before the later step's ranges.
+    joint *= after / joint.sum(axis=0)
+    return np.divmod(random.choice(9, count, p=joint.ravel()), 3)
+
+
+def test_two_steps_of_several_motions_have_the_moments_of_sampled_paths():
+    random, count = np.random.default_rng(11), 300_000
+    before, after = np.array([0.5, 0.3, 0.2]), np.array([0.2, 0.6, 0.2])
+    beliefs = []
+    for motion in SWITCHING.motions:
+        root = 0.3 * random.normal(size=(motion.size, motion.size)) / np.sqrt(motion.size)
+        beliefs.append((0.5 * random.normal(size=(1, motion.size)), (root @ root.T)[None]))
+    mean, spread = SWITCHING.pairs(before[None], after[None], beliefs)
+    first, then = chain(before, after, count)
+    paths = np.zeros((count, 12))
+    for i in range(3):
+        state, covariance = (one[0] for one in beliefs[i])
+        for j, motion in enumerate(SWITCHING.motions):
+            rows = (first == i) & (then == j)
+            drawn = random.multivariate_normal(state, covariance, size=rows.sum(), method="svd")
+            if motion.size > 6 and len(state) == 6:
+                drawn = np.column_stack([drawn, 0.4 * random.normal(size=len(drawn))])
+            drawn = drawn[:, : motion.size]
+            # What `pairs` linearises is linear here.
+            at = np.pad(state, (0, 7 - len(state)))[None, : motion.size]
+            moved = motion.predict_state(at) + (drawn - at) @ motion.jacobian(at).reshape(motion.size, -1).T
+            noise = random.multivariate_normal(np.zeros(motion.size), motion.process_noise, len(drawn), method="svd")
+            paths[rows] = np.column_stack([drawn[:, :6], (moved + noise)[:, :6]])
+    np.testing.assert_allclose(mean[0], paths.mean(axis=0), atol=0.006)
+    np.testing.assert_allclose(spread[0], np.cov(paths.T), atol=0.006)
+    way = Backward.within((mean, spread))
+    np.testing.assert_allclose(way.gain[0], np.linalg.lstsq(
+        np.cov(paths.T)[6:, 6:], np.cov(paths.T)[6:, :6], rcond=None)[0].T, atol=0.1)  # fmt: skip
+
+
+def test_several_motions_are_smoothed_by_what_the_filter_keeps_of_each_wherever_that_stands():
+    random, beliefs = np.random.default_rng(4), []
+    for motion in SWITCHING.motions:
+        root = random.normal(size=(2, motion.size, motion.size))
+        beliefs.append(Belief(random.normal(size=(2, motion.size)), root @ root.swapaxes(1, 2)))
+    chance = np.array([[0.2, 0.5, 0.3], [0.6, 0.3, 0.1]])
+    mixture = SWITCHING.combined(chance, [(one.state, one.known_covariance) for one in beliefs])
+    inner = Belief(*mixture, memory=(chance,), parts=tuple(beliefs))
+    ways = SeveralMotions(SWITCHING)
+    assert ways.kept(inner) is inner
+    assert ways.kept(Belief(*mixture, memory=(np.ones(2),), parts=(Belief(*mixture), inner))) is inner
+    # During a first fix there is one belief for all models, and all are alike.
+    alike = ways.kept(Belief(*mixture))
+    assert (alike.state is mixture[0], alike.covariance is mixture[1]) == (True, True)
+    np.testing.assert_array_equal(alike.memory[0], 1.0 / 3.0)
+    assert [one.state.shape[1] for one in alike.parts] == [6, 7, 6]
+    later = Belief(*mixture, memory=(chance[:, ::-1],), parts=tuple(beliefs))
+    way = ways.between(inner, later)
+    expected = Backward.within(
+        SWITCHING.pairs(chance, chance[:, ::-1], [(one.state, one.known_covariance) for one in beliefs])
+    )
+    np.testing.assert_array_equal(way.offset, expected.offset)
+    np.testing.assert_array_equal(way.rest, expected.rest)
+
+
+def test_the_way_back_within_a_joint_distribution_is_the_conditional_one():
+    root = np.random.default_rng(2).normal(size=(3, 8, 8))
+    spread, mean = root @ root.swapaxes(1, 2), np.random.default_rng(3).normal(size=(3, 8))
+    way = Backward.within((mean, spread))
+    information = np.linalg.inv(spread)  # Given the second half, the first has the inverse of its block.
+    np.testing.assert_allclose(way.rest, np.linalg.inv(information[:, :4, :4]), rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(way.gain, -way.rest @ information[:, :4, 4:], rtol=1e-6, atol=1e-7)
+    told, uncertain = way.carried(mean[:, 4:], spread[:, 4:, 4:])
+    np.testing.assert_allclose(told, mean[:, :4], atol=1e-9)
+    np.testing.assert_allclose(uncertain, spread[:, :4, :4], rtol=1e-7, atol=1e-9)
