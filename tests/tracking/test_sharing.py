@@ -1,16 +1,18 @@
 """Two agents are a network; one is none."""
 
 from contextlib import suppress
+from typing import Any
 
+import numpy as np
 import pytest
 
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.scenario.load import parse
-from zenoh_cbef.tracking.filters import KINDS, sharing_of
+from zenoh_cbef.tracking.filters import KINDS, Belief, make_filter, sharing_of
 from zenoh_cbef.tracking.filters.settings import FilterSettings
 from zenoh_cbef.tracking.motion import MOTIONS, MotionSettings, make_motion
 from zenoh_cbef.tracking.motion.ncv import NearlyConstantVelocity
-from zenoh_cbef.tracking.ranging import Space
+from zenoh_cbef.tracking.ranging import Measurement, Space
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -34,7 +36,7 @@ def test_neighbours_ranges_are_asked_for_where_they_are_used(kind: str) -> None:
     assert sharing_of(kind, differenced).uses_neighbour_ranges == (kind in several | {"ci", "local"})
 
 
-OPTIONS = {
+OPTIONS: dict[str, dict[str, Any]] = {
     "recovery": {"recovery": True},
     "distrust": {"distrust": True},
     "difference": {"measurement": "difference"},
@@ -70,7 +72,7 @@ def test_a_kind_takes_the_options_that_make_sense_in_it(kind: str) -> None:
 
 @pytest.mark.parametrize("kind", MOTIONS)
 def test_a_motion_made_by_hand_is_the_one_of_the_same_settings(kind: str) -> None:
-    one = type(make_motion(kind, MotionSettings(0.1, 0.3)))
+    one: Any = type(make_motion(kind, MotionSettings(0.1, 0.3)))
     assert one(0.1, 0.3) == one.of(MotionSettings(0.1, 0.3))
 
 
@@ -83,3 +85,22 @@ def test_an_acceleration_that_lasts_longer_is_a_larger_one_for_the_same_power(ki
 def test_what_a_motion_is_not_told_is_what_a_scenario_means_by_default() -> None:
     told = MotionSettings(0.1, 0.3)
     assert (told.axes, told.interval, told.velocity_time, told.turn_rate_std) == (3, None, 10.0, 1.0)
+
+
+@pytest.mark.parametrize("recovers", [False, True])
+@pytest.mark.parametrize("distrusts", [False, True])
+@pytest.mark.parametrize("around", [{}, {"bias": "estimate"}, {"bias": "auto"}, {"models": ("ncv", "turn")}])
+def test_a_message_is_as_long_as_was_agreed(around: dict[str, Any], *, recovers: bool, distrusts: bool) -> None:
+    motions = tuple(make_motion(kind, MotionSettings(0.1, 0.3)) for kind in around.get("models", ()))
+    settings = FilterSettings(
+        NearlyConstantVelocity(0.1, 0.3), Space(), 0.1, 1.0, network_size=3, recovers=recovers, distrusts=distrusts,
+        common_bias_std=0.3, own_bias_std=0.2, leaving=0.1, first_fix=2,
+        **{**around, "models": motions},
+    )  # fmt: skip
+    agreed = sharing_of("sicf", settings).payload_size
+    filter_, belief = make_filter("sicf", settings), Belief(np.zeros((1, 6)), np.eye(6)[None])
+    for _ in range(4):  # Squared ranges, ranges of the first fix, and two steps of the filter that follows.
+        none = np.empty((1, 0, 3)), np.empty((1, 0))
+        update = filter_.update(belief, Measurement(np.ones((1, 3)), np.array([2.0]), np.zeros(1), *none))
+        assert update.payload.shape == (1, agreed)
+        belief = filter_.conclude(update.payload, update)

@@ -95,6 +95,18 @@ def test_reading_a_portion_at_once_changes_nothing(log: Path, monkeypatch: pytes
     assert "the data section fails its CRC" in file.damage
 
 
+def test_a_message_outside_of_chunks_waits_for_an_earlier_one_whatever_its_other_times(tmp_path: Path) -> None:
+    path = tmp_path / "bare.mcap"
+    with path.open("wb") as stream:
+        writer = Writer(stream, use_chunking=False)
+        writer.start("", "other")
+        channel = writer.register_channel("key", "", 0)
+        for at in (3, 2, 1):
+            writer.add_message(channel, at, b"data", (1 << 64) - 1, (1 << 32) - 1)
+        writer.finish()
+    assert [message.log_time for message in McapFile(path).messages_in_order()] == [1, 2, 3]
+
+
 def test_messages_come_by_log_time_where_that_is_asked_for(tmp_path: Path) -> None:
     path, noise = tmp_path / "log.mcap", chance(5)
     times = [n + noise.randrange(300) for n in range(2000)]
