@@ -59,16 +59,17 @@ def test_no_message_makes_an_estimate_infinite(kind: str, told: float, payload: 
             assert not estimate.refused.any()
 
 
-def test_an_agent_that_becomes_sure_beyond_measure_takes_back_what_it_heard() -> None:
+def test_an_agent_that_becomes_sure_or_far_beyond_measure_takes_back_what_it_heard() -> None:
     """Information without bounds is a moderate place with hardly any covariance: only the message shows it."""
     plan = load("tracking", ["filter.start=given", "filter.kind=sicf"]).plan
     begin = Belief(np.array([[1.0, 2.0, 3.0, 0.3, 0.2, 0.1]]), 0.25 * np.eye(6)[None])
     none = np.empty((1, 0, 3)), np.empty((1, 0))
     seen = Measurement(np.array([[5.0, 0.0, 1.0]]), np.array([4.0]), np.zeros(1), *none)
-    for size, refused in ((1e20, False), (1e110, True)):
+    # At last a message that is moderate once it is averaged, and leaves a place that is not.
+    for size, certainty, refused in ((1e20, 1e20, False), (1e110, 1e110, True), (1.9e100, 0.0, True)):
         tracker = Tracker(plan.filter, Average(np.full((1, 1), 0.5)), plan.space, begin)
         tracker.measure(seen)
-        tracker.exchange(pack(size * np.ones((1, 6)), size * np.eye(6)[None])[None], None)
+        tracker.exchange(pack(size * np.ones((1, 6)), certainty * np.eye(6)[None])[None], None)
         estimate = tracker.conclude()
         assert estimate.covariance is not None
         if not refused:
