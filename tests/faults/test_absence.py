@@ -28,6 +28,22 @@ def test_absences_begin_end_and_forget():
     forever = Absences([Crash(kind="crash", agents=(0,))], agents=2, dt=0.1, steps=4)
     assert steps_where(forever.at, 4) == [[0]] * 4
     assert forever.return_of(0, 2) is None
+    assert [of(1).tolist() for of in (forever.begun, forever.ended, forever.crashed)] == [
+        [True, False],
+        [False, False],
+        [True, False],
+    ]
+    assert forever.stretches() == [(1, 4)]
+
+
+def test_a_run_without_agents_begins_where_the_last_one_goes():
+    def absences(*agents):
+        away = [Crash(kind="crash", agents=(agent,), **{"from": 0.1 + 0.2 * agent}) for agent in agents]
+        return Absences(away, agents=2, dt=0.1, steps=6)
+
+    assert (absences(0, 1).empty, absences(0).empty, absences().empty) == (3, None, None)
+    assert (bool(absences(0)), bool(absences())) == (True, False)
+    assert not absences().at(3).any()
 
 
 @pytest.mark.parametrize("kind", ["sicf", "icf", "hcmci", "ci", "kcf", "diffusion", "cbef-scaled"])

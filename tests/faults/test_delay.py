@@ -75,3 +75,10 @@ def test_without_reordering_a_message_arrives_when_those_before_it_have(since):
         overtaking += int((sent + alone < latest).sum())
         latest = arrival
     assert overtaking > 10
+
+
+def test_a_message_waits_for_the_last_64_of_its_link_itself_among_them():
+    keys = {"links": 400, "milliseconds": 50_000.0, "distribution": "exponential"}
+    at = [{"step": 1 + number // 5, "round_": number % 5} for number in range(70)]
+    arrivals = [delays(**one, **keys) - 20.0 * (69 - number) for number, one in enumerate(at)]
+    np.testing.assert_allclose(delays(**at[-1], **keys, reorder=False), np.max(arrivals[-64:], axis=0), atol=1e-6)

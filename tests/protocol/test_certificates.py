@@ -40,6 +40,13 @@ def test_the_dates_of_a_certificate_are_looked_at_before_the_first_link(tmp_path
     make_certificates(tmp_path, ["agent-0"], hosts=["localhost"], days=1)
     tls, now = Tls.of_folder(tmp_path, "agent-0"), datetime.now(UTC)
     assert tls.check_dates(now) == ""
+    found = x509.load_pem_x509_certificate(tls.cert.read_bytes())
+    begin, end, moment = found.not_valid_before_utc, found.not_valid_after_utc, timedelta(seconds=1)
+    assert tls.check_dates(begin) == tls.check_dates(end - timedelta(hours=1)) == ""
+    assert "ends at" in tls.check_dates(end - timedelta(hours=1) + moment)
+    for at in (begin - moment, end):
+        with pytest.raises(UserError, match=r"begins at|ended at"):
+            tls.check_dates(at)
     assert "the links of this process with it" in tls.check_dates(now + timedelta(hours=23.5))
     for hours, told in (
         (25.0, r"ended at \S+ \S+ UTC; make another one"),
@@ -47,3 +54,9 @@ def test_the_dates_of_a_certificate_are_looked_at_before_the_first_link(tmp_path
     ):
         with pytest.raises(UserError, match=told):
             tls.check_dates(now + timedelta(hours=hours))
+
+
+def test_a_certificate_that_cannot_be_read_is_left_to_zenoh(tmp_path):
+    for name in ("ca.pem", "agent-0.pem", "agent-0.key"):
+        (tmp_path / name).touch()
+    assert Tls.of_folder(tmp_path, "agent-0").check_dates(datetime.now(UTC)) == ""

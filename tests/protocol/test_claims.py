@@ -61,16 +61,30 @@ def test_of_five_that_ask_at_the_same_time_one_has_the_name_until_it_goes(hall: 
 
 def test_who_has_no_claim_gets_no_name(hall: Hall) -> None:
     assert hall.claims.holder("agent/1", "forged") == ""
+    assert hall.claims.given("agent/1") == set()
     assert hall.want(hall.come(), "receiver/any", patience=0.3) is None  # there can be several
 
 
 def test_a_recorder_has_its_name_until_it_goes(hall: Hall) -> None:
     first = hall.come()
     assert hall.want(first, "record/a") is True
+    assert hall.claims.given("record/a") == {str(first.zid())}
     assert hall.want(hall.come(), "record/a") is False
     assert hall.want(hall.come(), "record/b") is True
     hall.see_off(first)
+    assert hall.claims.holder("record/a", "") == ""
+    assert hall.claims.given("record/a") == set(), "the name is free"
     assert hall.want(hall.come(), "record/a") is True
+
+
+def test_a_process_of_an_earlier_run_has_its_name_until_it_ends(hall: Hall) -> None:
+    earlier = Presence(hall.come(), KEYS.all_live)
+    earlier.announce("agent/1")
+    assert hall.presence.wait(lambda live: "agent/1" in live, 20.0)
+    waiting = hall.come()
+    assert hall.want(waiting, patience=0.1) is None
+    earlier.retract("agent/1")
+    assert hall.want(waiting) is True
 
 
 def test_a_target_that_is_gone_gives_no_name(hall: Hall) -> None:

@@ -115,6 +115,19 @@ def test_the_largest_lists_and_counts_are_taken():
     assert len(answer("status", estimates=[b""] * 10_000)["estimates"]) == 10_000
     assert answer("status", agents=10_000)["agents"] == 10_000
     assert answer("stop", step=None)["step"] is None
+    assert answer("status", truth=[[0, [1e100, -1e100] * 3]])["truth"] == [[0, [1e100, -1e100] * 3]]
+    assert answer("fault list", faults="[]")["faults"] == "[]"
+
+
+def test_what_an_answer_may_lack_is_checked_where_it_is_there():
+    for name in ("name", "unobservable"):
+        assert answer("status", **{name: "x"})[name] == "x"
+        with pytest.raises(UserError, match=rf"\({name} is not"):
+            answer("status", **{name: 1})
+    told = {"faults": json.dumps([{name: value for name, value in FAULT.items() if name != "until"}])}
+    with pytest.raises(UserError, match=r"\(faults is not"):
+        read_answer(msgpack.packb({"faults": json.dumps([{**FAULT, "until": "x"}])}), LIST, "run/control")
+    assert read_answer(msgpack.packb(told), LIST, "run/control") == told
 
 
 def test_the_sentence_of_a_refusal_is_the_users():

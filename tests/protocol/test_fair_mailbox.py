@@ -65,3 +65,16 @@ def test_keys_that_a_sender_makes_up_share_one_queue(post: Post) -> None:
     assert got == {"made": 50, "event": 25, "agent": 12}
     post.send(*[CALM] * 40)  # what was read gives its room back
     assert post.read(1000) == [CALM] * 40
+
+
+def test_a_message_may_take_all_of_the_room_and_no_more_and_a_wake_up_none() -> None:
+    with open_session(Connection()) as session:
+        mailboxes = {room: FairMailbox(session, f"{RUN}/**", 9, room) for room in (611, 612)}
+        for got in ([None, (CALM, bytes(100))], [None, (CALM, bytes(100))]):
+            session.put(CALM, bytes(100))
+            assert [mailbox.poll_from() for mailbox in mailboxes.values()] == got
+        mailbox = mailboxes[612]
+        mailbox.wake()
+        assert mailbox.receive_from() is None
+        session.put(CALM, b"")
+        assert mailbox.receive_from() == (CALM, b""), "an empty message is no wake-up"

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from zenoh_cbef.protocol.keys import Address, Keys, address, agent_named, run_of
+from zenoh_cbef.protocol.keys import Address, Keys, address, agent_named, can_be_claimed, matches, run_of
 
 RUNS = st.text(st.characters(exclude_characters="/", codec="utf-8"), min_size=1, max_size=20)
 AGENTS = st.integers(0, 999)
@@ -69,3 +69,49 @@ def test_no_agent_has_a_number_written_otherwise(number):
 )
 def test_what_is_no_key_of_a_run_has_no_address(text):
     assert address(text) is None
+
+
+def test_a_key_is_of_its_owner_and_beacons_are_of_all_but_agents():
+    keys = Keys("run")
+    for key, may, may_not in (
+        (keys.round(3), ["agent/3"], ["agent/4", "target", None, 3]),
+        (keys.truth, ["target"], ["agent/3"]),
+        (keys.beacon(3), ["target", "receiver/3"], ["agent/3", None, 3]),
+        (f"{keys.root}/event", ["agent/3", "target", "record/a"], [None, 3]),
+    ):
+        found = address(key)
+        assert found is not None
+        assert [found.is_of(sender) for sender in (*may, *may_not)] == [True] * len(may) + [False] * len(may_not)
+
+
+def test_a_name_is_chosen_by_who_is_neither_an_agent_nor_the_target():
+    def at(key):
+        found = address(f"cbef/run/{key}")
+        assert found is not None
+        return found
+
+    chosen = ["event/record/a", "event/replay"]
+    given = ["event/target", "event/agent/3", "beacon/3", "event", "agent/3/round"]
+    assert [at(key).chosen for key in (*chosen, *given)] == [True] * 2 + [False] * 5
+    assert Address("run", "event", "").agent == at("event").agent == -1
+
+
+def test_agents_and_recorders_claim_their_names():
+    names = ["agent/0", "agent/999", "record/a", "record", "agent/1000", "target", "receiver/a", "record/*"]
+    assert [can_be_claimed(name) for name in names] == [True] * 3 + [False] * 5
+
+
+@pytest.mark.parametrize(
+    ("expression", "inside", "outside"),
+    [
+        ("a/b", ["a/b"], ["a", "a/b/c", "a/c", "xa/b"]),
+        ("a/*", ["a/b"], ["a", "a/b/c", "a/"]),
+        ("a/**", ["a", "a/b", "a/b/c"], ["b", "ab"]),
+        ("**/c", ["c", "a/c", "a/b/c"], ["a/b", "xc"]),
+        ("a/x$*y", ["a/xy", "a/xzzy"], ["a/x/y", "a/xz"]),
+        ("a/b.c", ["a/b.c"], ["a/bxc"]),
+    ],
+)
+def test_an_expression_stands_for_keys_as_zenoh_says(expression, inside, outside):
+    assert all(matches(expression, key) for key in inside)
+    assert not any(matches(expression, key) for key in outside)

@@ -31,6 +31,21 @@ LIMITS: dict[str, tuple[Any, list[Any], list[Any]]] = {
         [bytes(8 * 35), bytes(8 * 37), np.full(36, 1.1 * FAR).tobytes()],
     ),
     "signal": (fields.Signal, ["start", "end"], ["stop", "", 1]),
+    "moment": (
+        fields.Moment,
+        [0.0, np.nextafter(1e10, 0.0).item()],
+        [-5e-324, 1e10, np.nan, 1, np.float64(1.0)],
+    ),
+    "doubles or nil": (
+        fields.DoublesOrNil,
+        [None, b"", np.array([FAR, -FAR]).tobytes()],
+        [np.array([1.1 * FAR]).tobytes(), bytes(9), "x"],
+    ),
+    "three": (fields.Three, [[0.0, FAR, -FAR]], [[0.0] * 2, [0.0] * 4, [0.0, 0.0, np.nan], [0, 0, 0]]),
+    "six": (fields.Six, [[0.0] * 6], [[0.0] * 5, [0.0] * 7]),
+    "numbers or nil": (fields.NumbersOrNil, [[], [None], [1.0, None]], [[1.0, np.nan], [1], None]),
+    "texts": (fields.Texts, [[], ["x", "y"]], [["x", 1], ["\x07"], "x"]),
+    "table": (fields.Table, [{}, {"x": [1, None]}], [{"x": {1: 2}}, {"x": b""}, []]),
 }
 
 

@@ -32,10 +32,35 @@ def test_a_memory_keeps_the_last_messages_that_fit(sizes: list[int], most: int) 
 def test_what_is_too_old_is_forgotten(monkeypatch: pytest.MonkeyPatch) -> None:
     memory, now = Memory(), [0.0]
     monkeypatch.setattr(time, "monotonic", lambda: now[0])
-    for number in range(10):
+    for number in range(100):
         memory.keep(number, None, b"%d" % number)
-        now[0] += 10.0
-    assert memory.answer(zenoh.Parameters({"first": "0", "last": "9"})) == [b"%d" % n for n in range(3, 10)]
+        now[0] += 1.0
+    assert memory.answer(zenoh.Parameters({"first": "0", "last": "99"})) == [b"%d" % n for n in range(39, 100)]
+
+
+def test_a_memory_has_64_kib_where_nothing_else_is_said() -> None:
+    memory = Memory()
+    for data in (b"a" * (1 << 15), b"b" * (1 << 15)):
+        memory.keep(0, 0, data)
+    assert len(memory.answer(zenoh.Parameters({"k": "0"}))) == 2
+    memory.keep(1, 1, b"c")
+    assert memory.answer(zenoh.Parameters({"first": "0", "last": "1"})) == [b"b" * (1 << 15), b"c"]
+
+
+def test_one_number_or_nothing_that_is_known_can_be_asked_for() -> None:
+    memory = Memory()
+    assert memory.answer(zenoh.Parameters({})) == []
+    for number in range(5):
+        memory.keep(number, None if number == 4 else number, b"%d" % number)
+    for asked, expected in (
+        ({"first": "3"}, [b"3"]),
+        ({"since": "2"}, [b"2", b"3"]),
+        ({"k": "9"}, []),
+        ({"k": "x"}, []),
+        ({"first": "1", "last": "y"}, []),
+        ({}, [b"4"]),
+    ):
+        assert memory.answer(zenoh.Parameters(asked)) == expected
 
 
 @given(st.text(max_size=20), st.text(max_size=20))

@@ -1,5 +1,7 @@
 """Names that any process may announce where links have no certificates; tokens of real sessions."""
 
+from threading import Event, Thread
+
 import pytest
 
 from tests.processes.conftest import unused_port
@@ -27,3 +29,29 @@ def test_names_that_no_run_has_are_not_kept(monkeypatch: pytest.MonkeyPatch) -> 
         assert len(kept) <= 21
         hostile.leave("agent/3")
         assert seen.wait(lambda live: not live, 20.0)
+
+
+def test_a_name_has_the_lives_that_are_told_of_it() -> None:
+    with open_session(Connection()) as session:
+        lives = Presence(session, LIVE).lives(
+            {"life/agent/1/a", "life/agent/1/b", "life/record/x/c", "agent/2", "over/agent/1"}
+        )
+    assert lives == {"agent/1": {"a", "b"}, "record/x": {"c"}}
+    assert lives["agent/2"] == set()
+
+
+def test_who_waits_without_an_end_is_told_of_every_change() -> None:
+    looked = Event()
+
+    def there(live: set[str]) -> bool:
+        looked.set()
+        return "agent/1" in live
+
+    with open_session(Connection()) as session:
+        seen = Presence(session, LIVE)
+        waits = Thread(target=seen.wait, args=(there, None), daemon=True)
+        waits.start()
+        assert looked.wait(20)
+        seen.announce("agent/1")
+        waits.join(20)
+        assert not waits.is_alive()

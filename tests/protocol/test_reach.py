@@ -71,6 +71,9 @@ def test_a_name_without_an_address_is_told_from_a_name_service_that_is_silent(mo
     begun = time.monotonic()
     assert "no name service says which host nowhere in tcp/nowhere:1 is" in (unreachable("tcp/nowhere:1", 0.05) or "")
     assert time.monotonic() - begun < 10
+    asks = threading.enumerate()[-1]
+    assert asks is not threading.current_thread()
+    assert asks.daemon, "a name service does not hold up the end of the program"
     over.set()
 
 
