@@ -45,7 +45,6 @@ SLOW = (
     "test_random_scenarios.py",
     "random_bit_flips",
     "test_a_large_chunk",
-    "test_the_states_are_those_of_a_chain",
     "test_shares_bursts_and_memory",
     "test_losses_in_good_and_bad_times",
     "test_trimming_holds_off",

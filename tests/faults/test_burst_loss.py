@@ -71,17 +71,15 @@ def test_links_start_in_the_stationary_state():
 @pytest.mark.parametrize(("enter", "leave"), [(0.05, 0.3), (0.9, 0.8)])
 def test_the_states_are_those_of_a_chain_that_is_stepped_from_the_past(enter, leave):
     # The same draws, applied one after the other from both states long before the first message.
-    lost = history(burst_loss(enter, leave), steps=40)
-    for link in range(12):
-        [key] = stream(3, "burst-loss/0/state", link, link + 1)
-        for first in (False, True):
-            bad, states = first, []
-            for number in range(-400, 41 * (ROUNDS + 1)):
-                draw = uniform(np.array([key]), np.array([number]))[0]
-                # Inverted for a bad state, so that the two states use one draw in a coupled way.
-                bad = draw < 1.0 - leave if bad else draw < enter
-                states.append(bad)
-            assert states[400 + ROUNDS + 1 :] == lost[link].tolist()
+    lost, links = history(burst_loss(enter, leave), steps=40), np.arange(LINKS)
+    draws = uniform(stream(3, "burst-loss/0/state", links, links + 1)[:, None], np.arange(-400, 41 * (ROUNDS + 1)))
+    for first in (False, True):
+        bad, states = np.full(LINKS, first), []
+        for draw in draws.T:
+            # Inverted for a bad state, so that the two states use one draw in a coupled way.
+            bad = np.where(bad, draw < 1.0 - leave, draw < enter)
+            states.append(bad)
+        np.testing.assert_array_equal(np.stack(states[400 + ROUNDS + 1 :], axis=1), lost)
 
 
 def test_losses_in_good_and_bad_times_have_their_own_probability():

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from zenoh_cbef.faults import measured_ranges
+from zenoh_cbef.faults import SensorStuck, measured_ranges
 from zenoh_cbef.scenario.load import load, parse
 from zenoh_cbef.scenario.world import make_world
 
@@ -47,6 +47,13 @@ def test_a_stuck_sensor_repeats_its_last_range_and_hears_no_more_than_before():
 def test_a_sensor_that_is_stuck_from_the_beginning_repeats_its_first_range():
     clean, faulty = ranges(), ranges({"kind": "sensor-stuck"})
     assert_near(faulty, np.repeat(clean[:, :1], STEPS, axis=1))
+
+
+def test_a_sensor_is_stuck_at_the_first_range_that_it_hears_where_it_heard_none_before():
+    heard = np.array([[np.nan, 5.0, np.nan, 6.0, 7.0]])
+    stuck = SensorStuck(kind="sensor-stuck", until=3.5)
+    told = measured_ranges([stuck], heard, seed=1, time=np.arange(5.0), signal_speed=SPEED)
+    np.testing.assert_array_equal(told, [[np.nan, 5.0, np.nan, 5.0, 7.0]])
 
 
 def test_dropouts_have_their_probability_and_leave_the_rest():

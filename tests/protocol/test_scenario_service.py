@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import time
 from dataclasses import replace
+from typing import Any
 
 import msgpack
 import pytest
+import zenoh
 
 from tests.protocol.conftest import Pair
 from zenoh_cbef.errors import UserError
@@ -46,7 +48,8 @@ def test_a_target_that_comes_late_is_waited_for(pair: Pair) -> None:
 def test_targets_that_differ_are_not_chosen_from(pair: Pair) -> None:
     both = [serve_scenario(one, "mine", lambda: TEXT) for one in pair]
     until = time.monotonic() + 20
-    while len(list(pair[1].get("cbef/mine/scenario"))) < 1 and time.monotonic() < until:
+    each: dict[str, Any] = {"target": zenoh.QueryTarget.ALL, "consolidation": zenoh.ConsolidationMode.NONE}
+    while len(list(pair[1].get("cbef/mine/scenario", **each))) < 2 and time.monotonic() < until:
         time.sleep(0.01)
     assert fetch_scenario(pair[1], "mine", Connection(), patience=20.0) == TEXT
     both[1].undeclare()
