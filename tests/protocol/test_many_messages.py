@@ -145,6 +145,7 @@ def test_rounds_of_the_fixed_layout_and_of_any_other_are_read_alike() -> None:
         CODEC.encode(0, 1, 2, 3, np.array([np.nan, 0.0])),
         CODEC.encode(0, 1, 2, 3, np.array([0.0, 1.1e60])),
         CODEC.encode(0, 1 << 63, 2, 3, PAYLOADS[0]),
+        CODEC.encode(1 << 63, 1, 2, 3, PAYLOADS[0]),
         b"",
     ],
 )
