@@ -84,11 +84,17 @@ def test_each_role_may_do_what_is_its_own_and_nothing_else(name: str) -> None:
                 assert not allowed(name, message, f"{RUN}/{key}"), (message, key)
 
 
-def test_what_goes_out_is_free_and_what_no_rule_allows_is_not() -> None:
+def test_publications_go_out_only_to_processes_that_may_hear_them_and_all_else_is_free() -> None:
     assert (RULES["enabled"], RULES["default_permission"]) == (True, "deny")
-    [out] = [one for one in RULES["rules"] if one["flows"] == ["egress"]]
-    assert set(out["messages"]) == set(MESSAGES)
+    out, *hears = [one for one in RULES["rules"] if one["flows"] == ["egress"]]
+    assert set(out["messages"]) == set(MESSAGES) - {"put"}
     assert (out["permission"], out["key_exprs"]) == ("allow", ["cbef/*/**"])
+    assert all(one["messages"] == ["put"] for one in hears)
+    keys = {one["id"].removesuffix(" hears"): one["key_exprs"] for one in hears}
+    assert keys["agent-3"] == ["cbef/*/beacon/3", "cbef/*/beacon/3/signal", "cbef/*/faults", "cbef/*/agent/*/*"]
+    assert keys["receiver"] == ["cbef/*/beacon/*/signal"]
+    assert keys["record"] == keys["target"] == keys["router"] == ["cbef/*/**"]
+    assert all(one["rules"][-1] == f"{one['id']} hears" for one in RULES["policies"])
     assert all(one["rules"][0] == out["id"] for one in RULES["policies"])
     ids = [one["id"] for one in RULES["rules"]]
     assert len(ids) == len(set(ids))

@@ -12,7 +12,7 @@ from typing import Annotated, Self
 
 import typer
 from rich.live import Live
-from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, Progress, ProgressColumn, TextColumn, TimeRemainingColumn
 
 from zenoh_cbef.analysis.metrics import analyze, notes
 from zenoh_cbef.analysis.outputs import REPORT, write_outputs
@@ -37,18 +37,23 @@ from zenoh_cbef.scenario.load import Loaded, load, to_toml
 from zenoh_cbef.scenario.size import refuse_a_trace_beyond_memory
 from zenoh_cbef.words import counted
 
+_ROOMY = 130
+"""From this width on a terminal has room for all that is known of a run as it goes."""
+
 
 class _Display:
     """The run as it goes: a bar on a terminal, a line now and then elsewhere."""
 
     def __init__(self, steps: int) -> None:
-        columns = (
+        columns: tuple[ProgressColumn, ...] = (
             TextColumn("step {task.completed:>6.0f} of {task.total:.0f}"),
-            BarColumn(bar_width=24),
-            TextColumn("{task.fields[rate]} steps/s  error {task.fields[error]}"),
-            TextColumn("{task.fields[messages]} messages  {task.fields[lost]} lost  {task.fields[late]} late"),
+            TextColumn("error {task.fields[error]}"),
+            TextColumn("{task.fields[lost]} lost  {task.fields[late]} late"),
             TimeRemainingColumn(compact=True),
         )
+        if errors.width >= _ROOMY:  # A narrow terminal would cut numbers.
+            more = TextColumn("{task.fields[rate]} steps/s"), TextColumn("{task.fields[messages]} messages")
+            columns = (columns[0], BarColumn(bar_width=24), *more, *columns[1:])
         self._progress = Progress(*columns, console=errors)
         self._task = self._progress.add_task("", total=steps, rate="-", error="-", messages=0, lost=0, late=0)
         self._began: tuple[float, int] | None = None
@@ -146,6 +151,9 @@ def run_processes(
         raise typer.Exit(INTERRUPTED)
     for death in deaths:
         errors.print(f"[red]{death}[/red]", highlight=False, soft_wrap=True)
+    if stops.count > 1:
+        tell(f"ended at once; 'analyze {find_log(path)}' reads what was logged")
+        raise typer.Exit(INTERRUPTED)
     _conclude(loaded, find_log(path), default=log is None, report=report)
     if stops.count:
         raise typer.Exit(INTERRUPTED)

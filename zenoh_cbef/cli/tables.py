@@ -86,7 +86,7 @@ def _where_told(metrics: Metrics) -> Iterator[tuple[str | Told, ...]]:
     if metrics.bias:
         yield "bias of ranges", *_bias_cells(metrics.bias)
     if metrics.distrust:
-        yield "agents that distrust their ranges", *_distrust_cells(metrics.distrust)
+        yield "distrusted ranges", *_distrust_cells(metrics.distrust)
     if metrics.slow:
         yield "late by own slowness", *_slow_cells(metrics.slow)
 
@@ -100,7 +100,7 @@ def _bias_cells(bias: Bias) -> tuple[str, Told, Told]:
 
 def _distrust_cells(distrust: Distrust) -> tuple[str, Told, Told]:
     flagged = [f"{agent}: {share:.0%}" for agent, share in enumerate(distrust.agents) if share]
-    return ", ".join(flagged) or "none", Told("of the steps"), Told("")
+    return ", ".join(flagged) or "none", Told("of the steps" if flagged else ""), Told("")
 
 
 def _slow_cells(slow: Slowness) -> tuple[str, Told, Told]:

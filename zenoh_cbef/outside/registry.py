@@ -125,9 +125,10 @@ def find_run(run: str | None) -> KnownRun:
     if run is None and len(runs) == 1:
         return next(iter(runs.values()))
     there = f"there is {', '.join(runs)}" if runs else "there is none"
+    if run is None and runs:
+        raise UserError(f"on this host {there}; say which run with --run")
     if run is None:
-        remedy = "say which run with --run" if runs else "start one, or reach one of another host with --connect"
-        raise UserError(f"{remedy}; on this host {there}")
+        raise UserError("no run goes on on this host; start one, or reach one of another host with --connect")
     if run not in runs:
         raise UserError(f"no run {run!r} goes on on this host ({there}); give --run, or --connect for another host's")
     return runs[run]

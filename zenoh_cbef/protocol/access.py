@@ -1,8 +1,8 @@
 """What each process may send and hear: Zenoh's access control by the common name of the other end's certificate.
 
 Every process and every router enforces the same rules on messages that come in, whatever their run is. It drops a
-message that no rule allows, so a link without a certificate carries nothing. Messages that go out are not checked, as
-their receiver checks them.
+message that no rule allows, so a link without a certificate carries nothing. Of messages that go out only publications
+are checked: while a link is being made, Zenoh sends the other end also what it has not subscribed to.
 """
 
 from __future__ import annotations
@@ -83,17 +83,14 @@ _ROLES: dict[str, list[Rule]] = {
 def access_control() -> dict[str, Json]:
     """Zenoh's access_control section."""
     roles = _ROLES | {common_name("agent", str(agent)): _agent(agent) for agent in range(AGENTS)}
-    rules: list[dict[str, Json]] = [
-        {"id": "out", "permission": "allow", "flows": ["egress"], "messages": _ALL, "key_exprs": [_ANY.everything]}
-    ]
+    rules = [_rule("out", "egress", [one for one in _ALL if one not in _PUT], [_ANY.everything])]
     policies = []
     for name, allowed in roles.items():
         own = [f"{name} {number}" for number in range(len(allowed))]
-        rules += [
-            {"id": rule, "permission": "allow", "flows": ["ingress"], "messages": messages, "key_exprs": keys}
-            for rule, (messages, keys) in zip(own, allowed, strict=True)
-        ]
-        policies.append({"id": name, "rules": ["out", *own], "subjects": [name]})
+        rules += [_rule(rule, "ingress", messages, keys) for rule, (messages, keys) in zip(own, allowed, strict=True)]
+        heard = [key for messages, keys in allowed if set(_HEAR) <= set(messages) for key in keys]
+        rules.append(_rule(f"{name} hears", "egress", _PUT, heard))
+        policies.append({"id": name, "rules": ["out", *own, f"{name} hears"], "subjects": [name]})
     return {
         "enabled": True,
         "default_permission": "deny",
@@ -101,3 +98,7 @@ def access_control() -> dict[str, Json]:
         "subjects": [{"id": name, "cert_common_names": [name]} for name in roles],
         "policies": policies,
     }
+
+
+def _rule(name: str, flow: str, messages: list[str], keys: list[str]) -> dict[str, Json]:
+    return {"id": name, "permission": "allow", "flows": [flow], "messages": [*messages], "key_exprs": [*keys]}
