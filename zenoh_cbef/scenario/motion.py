@@ -51,7 +51,7 @@ def assumed_motion(scenario: Scenario, range_std: float, axes: int) -> Motion:
     Auto: decay where ranges are real. A real target may be unheard for long, and does not go straight on all the while.
     """
     chosen = scenario.filter
-    silent = trust.real(scenario) and chosen.defaults > 1 and abilities_of(chosen.kind).covariance
+    silent = trust.real(scenario) and trust.rules(scenario) > 1 and abilities_of(chosen.kind).covariance
     names = {"auto": "decay" if silent else "ncv", "imm": "ncv"}
     return make_motion(names.get(chosen.motion, chosen.motion), _settings(scenario, range_std, axes))
 

@@ -154,7 +154,7 @@ class Plan:
             recovers=chosen.recovery,
             distrusts=self.distrusts_own,
             bias=self.bias,
-            likelihoods=chosen.defaults > 1,
+            likelihoods=trust.rules(scenario) > 1,
             common_bias_std=1.5 * range_std if common is None else common,
             own_bias_std=0.15 * range_std if own is None else own,
             learns_noise=chosen.range_std == "auto",

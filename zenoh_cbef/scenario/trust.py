@@ -20,6 +20,15 @@ def real(scenario: Scenario) -> bool:
     return scenario.target.motion == "dataset" or scenario.sensor.real
 
 
+def rules(scenario: Scenario) -> int:
+    """By which rules (filter.defaults) 'auto' decides on real ranges: the first ones where their noise is learned.
+
+    The later ones judge ranges by a noise that is known; with a learned one they lose a target that the first keep.
+    """
+    chosen = scenario.filter
+    return 1 if real(scenario) and chosen.range_std == "auto" else chosen.defaults
+
+
 def may_be_biased(scenario: Scenario) -> bool:
     """Whether ranges may have a constant error: where they are real, or the scenario says so."""
     sensor = scenario.sensor
@@ -35,7 +44,7 @@ def saturation_power(scenario: Scenario, *, biased: bool) -> int:
     chosen = scenario.filter
     if chosen.saturation != "auto":
         return 2 if chosen.saturation == "redescending" else 1
-    trusted = chosen.defaults == 1 and not (biased and chosen.range_std != "auto")
+    trusted = rules(scenario) == 1 and not (biased and chosen.range_std != "auto")
     return 2 if scenario.sensor.outlier_probability > 0.0 or (real(scenario) and not trusted) else 1
 
 
@@ -56,7 +65,7 @@ def distrusts(scenario: Scenario, *, others: bool) -> bool:
     if chosen.distrust != "auto":
         return chosen.distrust
     comparable = abilities_of(chosen.kind).information and chosen.measurement == "range" and not others
-    return comparable and (_at_fault(scenario) or (real(scenario) and chosen.defaults > 1))
+    return comparable and (_at_fault(scenario) or (real(scenario) and rules(scenario) > 1))
 
 
 def suspects(scenario: Scenario) -> bool:
