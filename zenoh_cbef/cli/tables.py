@@ -86,7 +86,7 @@ def _where_told(metrics: Metrics) -> Iterator[tuple[str | Told, ...]]:
     if metrics.bias:
         yield "bias of ranges", *_bias_cells(metrics.bias)
     if metrics.distrust:
-        yield "distrusted ranges", *_distrust_cells(metrics.distrust)
+        yield "agents that distrust their ranges", *_distrust_cells(metrics.distrust)
     if metrics.slow:
         yield "late by own slowness", *_slow_cells(metrics.slow)
 
