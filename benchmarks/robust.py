@@ -15,7 +15,7 @@ from zenoh_cbef.cli.console import number
 from zenoh_cbef.scenario.load import load
 from zenoh_cbef.simulator import simulate
 from zenoh_cbef.tracking.filters import Belief
-from zenoh_cbef.tracking.reference import centralized_beliefs
+from zenoh_cbef.tracking.reference import centralized_beliefs, each_step
 
 Floats = NDArray[np.float64]
 
@@ -96,22 +96,12 @@ def sparse_liars(seeds: int = SEEDS) -> Iterator[Row]:
 def _honest_central(runs: Sequence[Analysis]) -> Floats:
     """Position RMSE of a centralised filter without the ranges of agent 3, per seed."""
     plan = runs[0].trace.plan
-    positions, ranges, age = (
-        np.stack([getattr(run.trace, part) for run in runs]) for part in ("positions", "ranges", "age")
-    )
-    ranges[:, 3] = np.nan
+    seen = {part: np.stack([getattr(run.trace, part) for run in runs]) for part in ("positions", "ranges", "age")}
+    seen["ranges"][:, 3] = np.nan
     starts = np.stack([np.delete(run.trace.initial, 3, axis=0).mean(axis=0) for run in runs])
     initial = Belief(starts, np.broadcast_to(plan.initial_covariance, (len(runs), 6, 6)))
-    beliefs = centralized_beliefs(
-        initial,
-        plan.motion,
-        plan.space,
-        positions=positions,
-        ranges=ranges,
-        age=age,
-        range_std=plan.range_std,
-        xi=np.inf,
-    )
+    steps = each_step(**seen, range_std=plan.range_std)
+    beliefs = centralized_beliefs(initial, plan.motion, plan.space, steps, xi=np.inf)
     places = np.stack([belief.state[:, :3] for belief in beliefs], axis=1)
     errors = places - np.stack([run.trace.truth[:, :3] for run in runs])
     return np.asarray(np.sqrt((errors[:, runs[0].first :] ** 2).sum(axis=2).mean(axis=1)))

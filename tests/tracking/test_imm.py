@@ -10,13 +10,13 @@ import pytest
 from zenoh_cbef.analysis.yardsticks import yardsticks
 from zenoh_cbef.scenario.load import load
 from zenoh_cbef.simulator import simulate
-from zenoh_cbef.tracking.central_models import CentralModels, Ranges, centralized_models
+from zenoh_cbef.tracking.central_models import CentralModels, centralized_models
 from zenoh_cbef.tracking.filters import FilterSettings, make_filter, sharing_of
 from zenoh_cbef.tracking.filters.base import Belief
 from zenoh_cbef.tracking.motion import MotionSettings, NearlyConstantVelocity, make_motion
 from zenoh_cbef.tracking.payloads import InformationPayloads, SeveralPayloads
 from zenoh_cbef.tracking.ranging import Measurement, Space
-from zenoh_cbef.tracking.reference import stacked
+from zenoh_cbef.tracking.reference import Ranges, each_step, stacked
 from zenoh_cbef.tracking.switching import Switching, moments
 
 DT, STD, AGENTS, STEPS, LEAVING = 0.2, 0.1, 6, 40, 0.08
@@ -112,10 +112,12 @@ def test_the_centralised_filter_is_the_filter_by_the_book():
     beliefs = centralized_models(
         Belief(BEGIN[0][None], BEGIN[1][None]),
         models,
-        positions=np.repeat(PLACES[None, :, None], STEPS, axis=2),
-        ranges=RANGES[None],
-        age=np.zeros((1, AGENTS, STEPS)),
-        range_std=STD,
+        each_step(
+            positions=np.repeat(PLACES[None, :, None], STEPS, axis=2),
+            ranges=RANGES[None],
+            age=np.zeros((1, AGENTS, STEPS)),
+            range_std=STD,
+        ),
     )
     states, covariances = stacked(Space(), beliefs)
     np.testing.assert_allclose(states[0], by_the_book((CALM, WILD))[0], atol=1e-8)

@@ -13,7 +13,7 @@ from zenoh_cbef.tracking.filters.information_form import pack
 from zenoh_cbef.tracking.isolating import ENOUGH, Isolating
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
 from zenoh_cbef.tracking.payloads import InformationPayloads
-from zenoh_cbef.tracking.reference import centralized_beliefs
+from zenoh_cbef.tracking.reference import centralized_beliefs, each_step
 
 LIAR = 'fault=[{kind="byzantine", agents=[3]}]'
 MOTION, SIZE = NearlyConstantVelocity(0.1, 0.5), 6
@@ -140,7 +140,9 @@ def honest_central(trace):
     ranges[3] = np.nan
     initial = Belief(np.delete(trace.initial, 3, axis=0).mean(axis=0)[None], plan.initial_covariance[None])
     seen = {"positions": trace.positions[None], "ranges": ranges[None], "age": trace.age[None]}
-    beliefs = centralized_beliefs(initial, plan.motion, plan.space, range_std=plan.range_std, xi=np.inf, **seen)
+    beliefs = centralized_beliefs(
+        initial, plan.motion, plan.space, each_step(**seen, range_std=plan.range_std), xi=np.inf
+    )
     places = np.array([belief.state[0, :3] for belief in beliefs])
     return np.sqrt(((places - trace.truth[:, :3])[30:] ** 2).sum(axis=1).mean())
 

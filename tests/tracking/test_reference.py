@@ -9,7 +9,7 @@ from zenoh_cbef.tracking.filters import Belief, FilterSettings
 from zenoh_cbef.tracking.joint import joint_centralized
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
 from zenoh_cbef.tracking.ranging import Space
-from zenoh_cbef.tracking.reference import centralized_beliefs, posterior_bound, stacked
+from zenoh_cbef.tracking.reference import centralized_beliefs, each_step, posterior_bound, stacked
 
 DT, ACCELERATION, STD = 0.3, 0.4, 0.2
 SPACES = [Space(), Space(-0.4)]
@@ -74,16 +74,8 @@ def textbook(scene, run, xi):
 @pytest.mark.parametrize("xi", [0.3, 1.5, np.inf])
 def test_the_centralised_filter_is_the_textbook_extended_kalman_filter(space, xi):
     scene = Scene(space)
-    beliefs = centralized_beliefs(
-        scene.initial,
-        scene.motion,
-        space,
-        positions=scene.positions,
-        ranges=scene.ranges,
-        age=scene.age,
-        range_std=STD,
-        xi=xi,
-    )
+    steps = each_step(positions=scene.positions, ranges=scene.ranges, age=scene.age, range_std=STD)
+    beliefs = centralized_beliefs(scene.initial, scene.motion, space, steps, xi=xi)
     states, covariances = stacked(space, beliefs)
     assert states.shape == (3, 7, 6)
     assert covariances.shape == (3, 7, 6, 6)

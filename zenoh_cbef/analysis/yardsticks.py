@@ -17,7 +17,7 @@ from zenoh_cbef.tracking.central_models import CentralModels, centralized_models
 from zenoh_cbef.tracking.filters import Belief, level_of
 from zenoh_cbef.tracking.joint import joint_centralized
 from zenoh_cbef.tracking.motion import begun
-from zenoh_cbef.tracking.reference import centralized_beliefs, posterior_bound, stacked
+from zenoh_cbef.tracking.reference import centralized_beliefs, each_step, posterior_bound, stacked
 from zenoh_cbef.tracking.switching import Switching
 
 Bools = NDArray[np.bool_]
@@ -100,13 +100,12 @@ def centralized_run(traces: Sequence[Trace], steps: int) -> Iterator[Belief]:
         for belief in _told(plan, joint_centralized(initial, plan.settings, xi, **first)):
             initial = Belief(*begun(plan.motion, belief.state, belief.known_covariance))
             yield initial
-    later = {part: values[:, :, fixing:] for part, values in seen.items()}
-    motion, space, range_std, power = plan.motion, plan.space, plan.range_std, plan.power
+    later = each_step(**{part: values[:, :, fixing:] for part, values in seen.items()}, range_std=plan.range_std)
     if plan.models:
-        models = CentralModels(Switching(plan.settings.models, plan.settings.leaving), space, xi, power)
-        yield from centralized_models(initial, models, range_std=range_std, **later)
+        models = CentralModels(Switching(plan.settings.models, plan.settings.leaving), plan.space, xi, plan.power)
+        yield from centralized_models(initial, models, later)
     else:
-        yield from centralized_beliefs(initial, motion, space, range_std=range_std, xi=xi, power=power, **later)
+        yield from centralized_beliefs(initial, plan.motion, plan.space, later, xi=xi, power=plan.power)
 
 
 def jointly(plan: Plan) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from zenoh_cbef.tracking.central_models import CentralModels, Ranges
+from zenoh_cbef.tracking.central_models import CentralModels
 from zenoh_cbef.tracking.filters import FilterSettings, make_filter, sharing_of
 from zenoh_cbef.tracking.filters.around.auto_bias import mixed
 from zenoh_cbef.tracking.filters.around.biased_information import FORGETTING
@@ -17,6 +17,7 @@ from zenoh_cbef.tracking.filters.information_form import saturation
 from zenoh_cbef.tracking.linalg import matvec
 from zenoh_cbef.tracking.motion import linear
 from zenoh_cbef.tracking.ranging import Measurement, own_range
+from zenoh_cbef.tracking.reference import Ranges
 from zenoh_cbef.tracking.switching import Switching
 
 Floats = NDArray[np.float64]

@@ -3,83 +3,91 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from zenoh_cbef.tracking.filters.base import Belief
-from zenoh_cbef.tracking.filters.information_form import saturation
+from zenoh_cbef.tracking.filters.information_form import predict, saturation
 from zenoh_cbef.tracking.linalg import inverse, matvec
 from zenoh_cbef.tracking.motion import LinearMotion, Motion
 from zenoh_cbef.tracking.ranging import Space, own_range
+from zenoh_cbef.tracking.switching import Gaussian
 
 Floats = NDArray[np.float64]
 
 
-def centralized_step(
-    belief: Belief,
-    motion: Motion,
-    space: Space,
-    *,
-    positions: Floats,
-    ranges: Floats,
-    age: Floats,
-    range_std: float,
-    xi: float,
-    power: int = 1,
-) -> Belief:
+@dataclass(frozen=True)
+class Ranges:
+    """One step of r runs: positions (r, n, 3), ranges, ages and their noise (r, n); NaN ranges are missing."""
+
+    position: Floats
+    range: Floats
+    age: Floats
+    std: Floats
+
+
+@dataclass(frozen=True)
+class Taken:
+    """All agents' ranges of a step taken in by the filter of one motion, for r runs.
+
+    prior, posterior: states (r, s) and covariances (r, s, s). innovation (m) and nis, its square in units of the
+    variance that was predicted: (r, n), 0 and NaN where nothing was measured. weight: of the saturation; precision: of
+    the ranges after it, 1/m^2, (r, n). pull: their part of the information vector, (r, s).
+    """
+
+    prior: Gaussian
+    posterior: Gaussian
+    innovation: Floats
+    nis: Floats
+    weight: Floats
+    precision: Floats
+    pull: Floats
+
+    @property
+    def cost(self) -> Floats:
+        """What `misfit` asks for, (r,)."""
+        cost = np.sum(self.precision * self.innovation**2 - np.log(self.weight), axis=1)
+        return np.asarray(cost - np.sum((self.posterior[0] - self.prior[0]) * self.pull, axis=1))
+
+
+def taken_in(belief: Belief, motion: Motion, space: Space, seen: Ranges, *, xi: float, power: int = 1) -> Taken:
     """One step of the extended information filter on all agents' ranges, for r runs at once.
 
-    belief: (r, s), (r, s, s). positions: (r, n, 3), m. ranges, age: (r, n), m and s; NaN ranges are left out.
-    Each range is saturated at xi of its own standard deviations, as in sicf; infinite xi turns that off. power:
-    of the saturation.
+    belief: (r, s), (r, s, s). Each range is saturated at xi of its own standard deviations, as in sicf; infinite xi
+    turns that off. power: of the saturation.
     """
-    runs, agents = ranges.shape
-    state = motion.predict_state(belief.state)
-    covariance = motion.predict_covariance(belief.known_covariance, belief.state)
-    predicted, rows = own_range(
-        space, np.repeat(state, agents, axis=0), positions.reshape(-1, 3), np.nan_to_num(age).ravel()
-    )
-    rows = rows.reshape(runs, agents, -1)
-    measured = np.isfinite(ranges)
-    innovation = np.where(measured, ranges - predicted.reshape(runs, agents), 0.0)
-    spread = np.sqrt(np.sum(rows * (rows @ covariance), axis=2) + range_std**2)
-    precision = np.where(measured, saturation(innovation, xi * spread, power), 0.0) / range_std**2
+    runs, agents = seen.range.shape
+    state, covariance = predict(motion, belief)
+    predicted, rows = own_range(space, np.repeat(state, agents, axis=0), seen.position.reshape(-1, 3), seen.age.ravel())
+    rows, measured = rows.reshape(runs, agents, -1), np.isfinite(seen.range)
+    innovation = np.where(measured, seen.range - predicted.reshape(runs, agents), 0.0)
+    spread = np.sqrt(np.sum(rows * (rows @ covariance), axis=2) + seen.std**2)
+    weight = np.where(measured, saturation(innovation, xi * spread, power), 1.0)
+    precision = np.where(measured, weight, 0.0) / seen.std**2
     weighted = precision[:, :, None] * rows
-    information = inverse(covariance) + np.swapaxes(weighted, 1, 2) @ rows
-    updated = inverse(information)
-    return Belief(state + matvec(updated, np.sum(weighted * innovation[:, :, None], axis=1)), updated)
+    updated = inverse(inverse(covariance) + np.swapaxes(weighted, 1, 2) @ rows)
+    pull = np.sum(weighted * innovation[:, :, None], axis=1)
+    nis = np.where(measured, (innovation / spread) ** 2, np.nan)
+    posterior = state + matvec(updated, pull), updated
+    return Taken((state, covariance), posterior, innovation, nis, weight, precision, pull)
+
+
+def each_step(*, positions: Floats, ranges: Floats, age: Floats, range_std: float) -> Iterator[Ranges]:
+    """What r runs measured, step by step. positions: (r, n, K, 3), m. ranges, age: (r, n, K), m and s."""
+    for k in range(ranges.shape[2]):
+        heard = np.nan_to_num(age[:, :, k])
+        yield Ranges(positions[:, :, k], ranges[:, :, k], heard, np.full_like(heard, range_std))
 
 
 def centralized_beliefs(
-    initial: Belief,
-    motion: Motion,
-    space: Space,
-    *,
-    positions: Floats,
-    ranges: Floats,
-    age: Floats,
-    range_std: float,
-    xi: float,
-    power: int = 1,
+    initial: Belief, motion: Motion, space: Space, steps: Iterable[Ranges], *, xi: float, power: int = 1
 ) -> Iterator[Belief]:
-    """The centralised filter's beliefs of K steps, for r runs.
-
-    initial: (r, s), (r, s, s). positions: (r, n, K, 3). ranges, age: (r, n, K).
-    """
+    """The centralised filter's beliefs of K steps, for r runs. initial: (r, s), (r, s, s)."""
     belief = initial
-    for k in range(ranges.shape[2]):
-        belief = centralized_step(
-            belief,
-            motion,
-            space,
-            positions=positions[:, :, k],
-            ranges=ranges[:, :, k],
-            age=age[:, :, k],
-            range_std=range_std,
-            xi=xi,
-            power=power,
-        )
+    for seen in steps:
+        belief = Belief(*taken_in(belief, motion, space, seen, xi=xi, power=power).posterior)
         yield belief
 
 

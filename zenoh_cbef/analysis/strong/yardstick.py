@@ -84,7 +84,7 @@ class _Search:
         mean = np.concatenate([known.mean, np.zeros((runs, extra))], axis=1)
         spread = np.broadcast_to(self._spread(known.covariance), (runs, *mean.shape[1:] * 2))
         self._bank = Bank.of(mean[:, None], spread[:, None], len(noises))
-        self._until = self._rested = 0
+        self._until = 0
         self._odd, self._silent = np.ones(runs), np.full(runs, known.settle)
         self._free = np.zeros(runs, dtype=int)
 
