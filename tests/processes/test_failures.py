@@ -38,8 +38,10 @@ def test_ctrl_c_twice_stops_now_and_leaves_a_readable_log(world):
     time.sleep(0.5)
     assert run.poll() is None
     run.send_signal(signal.SIGINT)
-    _, err = run.communicate(timeout=60)
+    out, err = run.communicate(timeout=60)
     assert run.returncode == 130, err
+    assert "ended at once; 'analyze " in err
+    assert out == "", "the log is long, and who asks twice does not wait for its analysis"
     assert not world.wait_until_gone(5)
     assert world.call("info", str(world.log)).returncode == 0
 

@@ -54,6 +54,12 @@ def copy_with(source: Path, target: Path, change, *, last: str | None = None) ->
     writer.close()
 
 
+def without_beacons(log: Path, folder: Path) -> Path:
+    """A copy of a log that lacks them."""
+    copy_with(log, folder / "poor.mcap", lambda topic, data: None if "/beacon/" in topic else data)
+    return folder / "poor.mcap"
+
+
 def flip(kind: str, field: str, step: int):
     """A change that flips the lowest bit of one number in one message."""
 
@@ -121,9 +127,7 @@ def test_a_run_with_liars_is_proved(tmp_path, filter_):
 
 
 def test_a_log_without_beacons_cannot_be_judged(recorded, tmp_path):
-    poor = tmp_path / "poor.mcap"
-    copy_with(recorded.log, poor, lambda topic, data: None if "/beacon/" in topic else data)
-    verdict = recorded.call("verify", str(poor))
+    verdict = recorded.call("verify", str(without_beacons(recorded.log, tmp_path)))
     assert verdict.returncode == 2
     assert "beacons" in verdict.stdout
 

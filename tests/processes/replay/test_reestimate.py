@@ -13,7 +13,7 @@ import pytest
 
 from tests.processes.again import again, said
 from tests.processes.conftest import World
-from tests.processes.recorder.test_log import copy_with
+from tests.processes.recorder.test_log import copy_with, without_beacons
 from tests.processes.target.test_datasets import small_set, track
 from zenoh_cbef.log.read.trace import read_trace
 
@@ -82,9 +82,7 @@ def test_what_was_measured_cannot_be_changed_afterwards(recorded, override, word
 
 
 def test_a_log_without_beacons_is_refused(recorded, tmp_path):
-    poor = tmp_path / "poor.mcap"
-    copy_with(recorded.log, poor, lambda topic, data: None if "/beacon/" in topic else data)
-    done = recorded.call("reestimate", str(poor))
+    done = recorded.call("reestimate", str(without_beacons(recorded.log, tmp_path)))
     assert done.returncode == 2
     assert "holds no beacons" in done.stderr
 
