@@ -21,7 +21,11 @@ def call(monkeypatch, capsys, *arguments: str) -> tuple[int, str, str]:
 
 MISTAKES = {
     "unknown scenario": (["sim", "trakcing"], "did you mean 'tracking'"),
-    "unknown key": (["sim", "--set", "consensus.roundz=3"], "did you mean 'rounds'"),
+    "number in words": (["sim", "--seeds", "x"], "--seeds must be a whole number; see 'zenoh-cbef sim -h'"),
+    "too few": (["sim", "--seeds", "0"], "--seeds must be greater than or equal to 1; see"),
+    "half a number": (["sim", "--skip", "y"], "--skip must be a number; see"),
+    "unknown format": (["export", "--to", "x"], "--to 'x' is not one of 'npz', "),
+    "unknown key": (["sim", "--set", "consensus.roundz=3"], "did you mean 'consensus.rounds'"),
     "not a setting": (["sim", "--set", "consensus.rounds"], "a.b=value"),
     "xi of zero": (["sim", "--set", "filter.xi=0"], "filter.xi"),
     "disconnected": (["run", "--set", "network.edges=[[0,1]]"], "falls apart"),

@@ -48,7 +48,7 @@ MISTAKES = {
     "a key twice": ('[[vary]]\nkey = "steps"\nvalues = [1]\n' * 2, "varied twice"),
     "a value twice": ('[[vary]]\nkey = "steps"\nvalues = [4, 4]', "listed twice"),
     "no base": ('base = "trakcing"', "did you mean 'tracking'"),
-    "no scenario key": ('[[vary]]\nkey = "consensus.roundz"\nvalues = [1]', "did you mean 'rounds'"),
+    "no scenario key": ('[[vary]]\nkey = "consensus.roundz"\nvalues = [1]', "did you mean 'consensus.rounds'"),
     "no such setting": ('[set]\n"filter.kind" = "magic"', "filter.kind"),
     "no such fault": ('[[vary]]\nkey = "fault.0.probability"\nvalues = [0.1]', "there is no entry 0"),
     "not a table": ('[[vary]]\nkey = "steps.x"\nvalues = [0.1]\n[set]\nsteps = 4', "steps is not a table"),

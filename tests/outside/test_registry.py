@@ -38,6 +38,8 @@ def test_a_run_is_known_by_name_or_as_the_only_one_while_it_lasts():
     assert known_runs() == {}
     with pytest.raises(UserError, match="there is none"):
         find_run("here")
+    with pytest.raises(UserError, match=r"^no run goes on on this host; start one, or reach one of another host"):
+        find_run(None)
 
 
 def test_a_run_whose_target_was_killed_is_forgotten_and_its_name_is_free(tmp_path):

@@ -5,19 +5,19 @@
 from __future__ import annotations
 
 import tomllib
+from typing import get_args
 
 import pytest
 
 from zenoh_cbef.errors import UserError
+from zenoh_cbef.faults import AnyFault
 from zenoh_cbef.scenario.checks import check
 from zenoh_cbef.scenario.load import load, parse
 from zenoh_cbef.scenario.plan import Plan
+from zenoh_cbef.tracking.filters import KINDS
 
 UNKNOWN = "is not a key of a scenario"
-FAULTS = (
-    "loss, burst-loss, delay, duplicate, reorder, corrupt, rate-limit, partition, outage, pause, crash, "
-    "byzantine, clock, sensor-bias, sensor-spikes, sensor-dropout, sensor-stuck"
-)
+FAULTS = ", ".join(get_args(one.model_fields["kind"].annotation)[0] for one in get_args(get_args(AnyFault)[0]))
 
 REFUSED = {
     'steps = "300"': "steps must be a whole number, not '300'",
@@ -39,8 +39,8 @@ REFUSED = {
     "seeed = 3": f"seeed {UNKNOWN}; did you mean 'seed'?",
     "zzz = 3": f"zzz {UNKNOWN}; remove it, or see",
     "conensus.rounds = 1": f"conensus {UNKNOWN}; did you mean 'consensus'?",
-    "consensus.round = 3": f"consensus.round {UNKNOWN}; did you mean 'rounds'?",
-    "target.postion = [0, 0, 0]": f"target.postion {UNKNOWN}; did you mean 'position'?",
+    "consensus.round = 3": f"consensus.round {UNKNOWN}; did you mean 'consensus.rounds'?",
+    "target.postion = [0, 0, 0]": f"target.postion {UNKNOWN}; did you mean 'target.position'?",
     "target = 3": "target must be a table of keys, not 3",
     "target = 2024-01-01": "target must be a table of keys",
     'target.motion = "fly"': "target.motion must be 'ncv', 'waypoints', 'circle', 'lemniscate' or 'dataset', not 'fly'",
@@ -86,8 +86,7 @@ REFUSED = {
     "filter.xi = inf": "filter.xi must be a finite number, not inf",
     'filter = {kind = "sicf", measurement = "difference"}': "filter.measurement = 'difference' would count ranges more "
     "than once in 'sicf', as agents' differences share them; set filter.kind = 'ci'",
-    'filter.kind = "ekf"': "filter.kind must be one of sicf, icf, hcmci, ci, kcf, diffusion, cbef, cbef-scaled, "
-    "local, not 'ekf'",
+    'filter.kind = "ekf"': f"filter.kind must be one of {', '.join(KINDS)}, not 'ekf'",
     "filter.initial_position = []": "filter.initial_position lists 0 values for 6 agents",
     "filter.initial_position = [1, 2]": "filter.initial_position must have 3 items, not 2",
     "filter.initial_position = [[1, 2]]": "filter.initial_position[0] must have 3 items, not 2",
@@ -108,16 +107,17 @@ REFUSED = {
     'fault = [{kind = "loss", probability = nan}]': "fault[0].probability must be a finite number, not nan",
     'fault = [{kind = "loss", probability = "1"}]': "fault[0].probability must be a number from 0 to 1, not '1'",
     'fault = [{kind = "delay", milliseconds = 1, jiter_ms = 1}]': f"fault[0].jiter_ms {UNKNOWN}; "
-    "did you mean 'jitter_ms'?",
-    'fault = [{kind = "loss", probability = 1, form = 1}]': f"fault[0].form {UNKNOWN}; did you mean 'from'?",
+    "did you mean 'fault[0].jitter_ms'?",
+    'fault = [{kind = "loss", probability = 1, form = 1}]': f"fault[0].form {UNKNOWN}; did you mean 'fault[0].from'?",
     'fault = [{kind = "loss", probability = 1, links = "agnt:1"}]': "fault[0].links must be 'all', 'agent:3', "
     "pairs [[from, to], ...], or { between = [[0, 1, 2], [3, 4, 5]] }, not 'agnt:1'",
     'fault = [{kind = "loss", probability = 1, links = [[0, "a"]]}]': "fault[0].links[0][1] must be a whole number",
     'fault = [{kind = "partition", links = {between = [[0, 1]]}}]': "fault[0].links.between must be two or more lists",
     'fault = [{kind = "partition", links = {between = [[0, 1], ["a"]]}}]': "fault[0].links.between[1][0] must be a whole",
-    'fault = [{kind = "partition", links = {betwen = [[0], [1]]}}]': f"fault[0].links.betwen {UNKNOWN}; did you mean 'between'?",
-    'fault = [{kind = "loss", probabilty = 0.3}]': f"fault[0].probabilty {UNKNOWN}; did you mean 'probability'?",
-    'fault = [{kind = "crash", agent = [3]}]': f"fault[0].agent {UNKNOWN}; did you mean 'agents'?",
+    'fault = [{kind = "partition", links = {betwen = [[0], [1]]}}]': f"fault[0].links.betwen {UNKNOWN}; did you mean 'fault[0].links.between'?",
+    'fault = [{kind = "loss", probabilty = 0.3}]': f"fault[0].probabilty {UNKNOWN}; did you mean 'fault[0].probability'?",
+    'fault = [{kind = "crash", agent = [3]}]': f"fault[0].agent {UNKNOWN}; did you mean 'fault[0].agents'?",
+    'filter.knd = "icf"': f"filter.knd {UNKNOWN}; did you mean 'filter.kind'?",
     "rounds = 5": f"rounds {UNKNOWN}; did you mean 'consensus.rounds'?",
     "roundss = 5": f"roundss {UNKNOWN}; did you mean 'consensus.rounds'",
     "range_std = 5": f"range_std {UNKNOWN}; did you mean 'sensor.range_std' or 'filter.range_std'?",
@@ -221,7 +221,7 @@ def test_several_mistakes_are_counted_and_the_branches_of_one_are_not():
         ("consensus..rounds=5", "not of the form a.b=value"),
         ("steps.x=5", "steps is not a table"),
         ("consensus.rounds=many", "consensus.rounds must be a whole number, not 'many'"),
-        ("consensus.rouns=5", "did you mean 'rounds'?"),
+        ("consensus.rouns=5", "did you mean 'consensus.rounds'?"),
         ("filter.xi=0", "filter.xi must be a number from 1e-06"),
         ("name=\udcff", "text that is not valid Unicode"),
         ("seed=" + "9" * 5000, "seed must be a whole number"),

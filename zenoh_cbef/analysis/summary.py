@@ -11,22 +11,23 @@ from numpy.typing import NDArray
 from zenoh_cbef.analysis.results import Metrics
 from zenoh_cbef.plain import Json
 
-SUMMARIZED = (
-    "position_rmse",
-    "velocity_rmse",
-    "ratio_to_centralized",
-    "smoothed.position_rmse",
-    "smoothed.ratio_to_centralized",
-    "smoothed.nees.average",
-    "ratio_to_strong",
-    "ratio_to_bound",
-    "msee.average",
-    "nees.average",
-    "nees.inside",
-    "nis.average",
-    "nis.inside",
-    "disagreement",
-)
+SUMMARIZED = {
+    "position_rmse": ("position RMSE", "m"),
+    "velocity_rmse": ("velocity RMSE", "m/s"),
+    "ratio_to_centralized": ("ratio to centralised", ""),
+    "smoothed.position_rmse": ("smoothed position", "m"),
+    "smoothed.ratio_to_centralized": ("smoothed, ratio to centralised", ""),
+    "smoothed.nees.average": ("smoothed NEES", ""),
+    "ratio_to_strong": ("ratio to strong yardstick", ""),
+    "ratio_to_bound": ("ratio to bound", ""),
+    "msee.average": ("MSEE, average", ""),
+    "nees.average": ("NEES", ""),
+    "nees.inside": ("NEES inside its band", "%"),
+    "nis.average": ("NIS", ""),
+    "nis.inside": ("NIS inside its band", "%"),
+    "disagreement": ("disagreement", "m"),
+}
+"""The metrics of a summary, each with its words and its unit."""
 
 
 @dataclass(frozen=True)

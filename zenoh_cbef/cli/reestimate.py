@@ -56,6 +56,7 @@ def _reestimate(
         done = reestimate(found, loaded, name, path, lambda step: progress.update(task, completed=step))
     console.print(_figures(done), highlight=False, soft_wrap=True)
     console.print(f"log     {path}", highlight=False, soft_wrap=True)
+    console.print(f"errors  zenoh-cbef analyze {path}", highlight=False, soft_wrap=True)
 
 
 def _whole(loaded: Loaded) -> float:

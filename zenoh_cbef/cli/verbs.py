@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from importlib import import_module
 from typing import Annotated, Any, NoReturn
@@ -118,6 +119,21 @@ def build() -> typer.Typer:
     return app
 
 
+_PLAIN = {
+    r"^Invalid value for '([^']*)': (?:Value error, |Input )": r"\1 ",
+    r"should be a valid integer, unable to.*": "must be a whole number",
+    r"should be a valid number, unable to.*": "must be a number",
+    r"\bshould be\b": "must be",
+}
+"""What the library says of the value of an option, and how this program says it."""
+
+
+def _plain(said: str) -> str:
+    for library, ours in _PLAIN.items():
+        said = re.sub(library, ours, said)
+    return said
+
+
 def call(application: typer.Typer) -> NoReturn:
     """Call the verb of the command line, and exit with its status.
 
@@ -131,5 +147,5 @@ def call(application: typer.Typer) -> NoReturn:
         if not error.format_message():  # nothing was said, and help was the answer
             sys.exit(2)
         where = getattr(getattr(error, "ctx", None), "command_path", "zenoh-cbef")
-        raise UserError(f"{error.format_message().rstrip('.')}; see '{where} -h'") from None
+        raise UserError(f"{_plain(error.format_message()).rstrip('.')}; see '{where} -h'") from None
     sys.exit(status if isinstance(status, int) else 0)

@@ -1,0 +1,40 @@
+"""What `run` says as it goes: whole on a narrow terminal, with more of it on a wide one; how it counts Ctrl-C."""
+
+import os
+import signal
+import sys
+
+import pytest
+
+from tests.terminal import Terminal
+from zenoh_cbef.cli import run
+
+SHOWN = """
+from zenoh_cbef.cli.run import _Display
+from zenoh_cbef.nodes.common.recording import Status
+display = _Display(100000)
+with display.live:
+    display.show(Status("mine", "run.mcap", 100000, True, 99998, 0.1234, 123456, 1234567, 7654321))
+    display.live.refresh()
+"""
+
+
+@pytest.mark.parametrize("width", [80, 140])
+def test_a_run_is_told_whole_at_any_width(width):
+    with Terminal([sys.executable, "-c", SHOWN], width=width) as screen:
+        assert screen.leave() == 0
+    for whole in ("step  99998 of 100000 ", "error 0.1234 m 1234567 lost  7654321 late "):
+        assert whole in screen.seen
+    assert "…" not in screen.seen
+    assert ("123456 messages" in screen.seen) == (width == 140)
+
+
+def test_every_ctrl_c_of_a_run_is_counted_and_ends_nothing():
+    before = signal.getsignal(signal.SIGINT)
+    with run._StopRequests() as stops:  # noqa: SLF001
+        assert stops() == 0
+        os.kill(os.getpid(), signal.SIGINT)
+        assert stops() == 1
+        os.kill(os.getpid(), signal.SIGTERM)
+        assert stops() == 2
+    assert signal.getsignal(signal.SIGINT) is before
