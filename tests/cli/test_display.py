@@ -20,7 +20,8 @@ with display.live:
 
 
 @pytest.mark.parametrize("width", [80, 140])
-def test_a_run_is_told_whole_at_any_width(width):
+def test_a_run_is_told_whole_at_any_width(monkeypatch, width):
+    monkeypatch.delenv("COLUMNS", raising=False)
     with Terminal([sys.executable, "-c", SHOWN], width=width) as screen:
         assert screen.leave() == 0
     for whole in ("step  99998 of 100000 ", "error 0.1234 m 1234567 lost  7654321 late "):
