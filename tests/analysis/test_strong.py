@@ -9,7 +9,8 @@ import pytest
 
 from zenoh_cbef.analysis.prior import known_together
 from zenoh_cbef.analysis.strong import Known, Seen, strong
-from zenoh_cbef.analysis.strong.bank import Bank, Models
+from zenoh_cbef.analysis.strong.bank import Bank
+from zenoh_cbef.analysis.strong.models import Models, Turns
 from zenoh_cbef.analysis.strong.ranged import Heard, square_root, update
 from zenoh_cbef.analysis.strong.starts import Circles, starts
 from zenoh_cbef.analysis.strong.told import told, wrong_ranges
@@ -20,10 +21,10 @@ from zenoh_cbef.simulator import simulate
 RANDOM = np.random.default_rng(7)
 
 
-def heard(anchor, ranges, *, age=None, std=0.1, heavy=np.inf):
+def heard(anchor, ranges, *, age=None, std=0.1, heavy=np.inf, biased=False):
     anchor, ranges = np.asarray(anchor, dtype=float)[None], np.asarray(ranges, dtype=float)[None]
     ages = np.zeros_like(ranges) if age is None else np.asarray(age, dtype=float)[None]
-    return Heard(anchor, np.zeros_like(ranges), ranges, ages, std**2, heavy)
+    return Heard(anchor, np.zeros_like(ranges), ranges, ages, std**2, heavy, biased)
 
 
 def test_the_square_root_is_cholesky_s():
@@ -43,7 +44,7 @@ def test_far_agents_make_ranges_linear_and_the_update_kalman_s(moving):
     rows = np.concatenate([-directions, age[:, None] * directions, np.eye(5)], axis=1)
     noise = RANDOM.normal(size=5)
     ranges = 1e7 + rows @ mean + noise
-    found = update(mean[None, None], covariance[None, None], heard(anchor, ranges, age=age), passes=3)
+    found = update(mean[None, None], covariance[None, None], heard(anchor, ranges, age=age, biased=True), passes=3)
     total = rows @ covariance @ rows.T + 0.01 * np.eye(5)
     gain = covariance @ rows.T @ np.linalg.inv(total)
     assert found.mean[0, 0] == pytest.approx(mean + gain @ noise, abs=1e-4)
@@ -117,6 +118,47 @@ def test_with_one_model_and_far_agents_a_run_is_kalman_s():
     mean, spread = bank.estimate()
     assert mean[0] == pytest.approx(initial, abs=1e-4)
     assert spread[0] == pytest.approx(covariance, abs=1e-4)
+
+
+def test_turns_are_predicted_as_samples_move():
+    """Means and covariances of a turning target are those of many samples, each turned on its own circle."""
+    dt, rate_std = 0.5, 0.3
+    models = Models.of(dt, np.array([0.0]), 3, 0, (Turns(0.0, rate_std, 0.0),))
+    mean = np.array([1.0, 2.0, 3.0, 4.0, -1.0, 0.5, 0.8])
+    covariance = np.diag([0.1, 0.2, 0.1, 0.3, 0.2, 0.1, rate_std**2])
+    found, spread = models.predict(np.tile(mean, (1, 2, 1)), np.tile(covariance, (1, 2, 1, 1)))
+    samples = np.random.default_rng(3).multivariate_normal(mean, covariance, 200_000)
+    place, velocity, rate = samples[:, :3], samples[:, 3:6], samples[:, 6]
+    centre = place[:, :2] + np.stack([-velocity[:, 1], velocity[:, 0]], axis=1) / rate[:, None]
+    cosine, sine = np.cos(rate * dt)[:, None], np.sin(rate * dt)[:, None]
+    arm, aside = place[:, :2] - centre, velocity[:, :2]
+    quarter = np.array([[0.0, 1.0], [-1.0, 0.0]])
+    moved = [
+        centre + cosine * arm + sine * (arm @ quarter),
+        place[:, 2:] + dt * velocity[:, 2:],
+        cosine * aside + sine * (aside @ quarter),
+        velocity[:, 2:],
+        rate[:, None],
+    ]
+    ahead = np.concatenate(moved, axis=1)
+    assert found[0, 1] == pytest.approx(ahead.mean(axis=0), abs=0.01)
+    assert spread[0, 1] == pytest.approx(np.cov(ahead.T), abs=0.02)
+    # The model that goes straight on forgets the rate.
+    assert found[0, 0] == pytest.approx([3.0, 1.5, 3.25, 4.0, -1.0, 0.5, 0.0])
+    assert spread[0, 0, 6] == pytest.approx([0.0] * 6 + [rate_std**2])
+
+
+def test_on_a_circle_it_is_better_than_any_acceleration_noise():
+    circle = ["target.motion=circle", "target.radius=5", "target.period=8"]
+    scenario = load("tracking", ["steps=120", *circle]).scenario
+    traces = simulate([scenario.model_copy(update={"seed": 1001 + more}) for more in range(4)])
+    known, seen = told(traces, 120)
+    truth = np.stack([trace.truth for trace in traces])
+    off = [
+        np.sqrt(np.mean(np.sum((strong(one, seen)[0] - truth)[:, 60:, :3] ** 2, axis=2)))
+        for one in (known, replace(known, turn_rate_std=None))
+    ]
+    assert off[0] < 0.7 * off[1]
 
 
 def test_heavy_tails_leave_out_a_wrong_range():

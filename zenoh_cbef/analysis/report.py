@@ -164,11 +164,9 @@ def _errors(analysis: Analysis) -> Table:
     caption += " The target moves in a plane: errors are those of x and y alone." if metrics.planar else ""
     strong = metrics.strong
     if strong != central:
-        how, reached = "lost" if metrics.twin_lost else "far off", number(strong.position_rmse)
-        caption += (
-            f" The centralised filter is {how} itself: the strong yardstick reaches {reached} m, and the network's "
-        )
-        caption += f"error is {number(metrics.ratio_to_strong)} times that."
+        caption += " The centralised filter lost the target itself." if metrics.twin_lost else ""
+        caption += f" The strong yardstick reaches {number(strong.position_rmse)} m, and the network's error is "
+        caption += f"{number(metrics.ratio_to_strong)} times that."
     return Table(caption, ["", "network", "centralised", "bound", "network / centralised"], rows)
 
 

@@ -24,14 +24,18 @@ Bools = NDArray[np.bool_]
 Floats = NDArray[np.float64]
 
 DOUBT = 1.5
-"""From how many times the bound's error on the strong yardstick is computed, which takes long."""
+"""From how many times the bound's error on the strong yardstick is computed, which takes long.
+
+Where the filter assumes several motions it always is: the bound is that of the calmest, and so says little of a turn.
+"""
 
 
 @dataclass(frozen=True)
 class Yardsticks:
     """Of one run: states of the centralised filter and of the strong one (K, 6), and bounds (K, 6, 6); NaN if unknown.
 
-    strong: of the strong yardstick where the centralised filter is in doubt, elsewhere the centralised filter's.
+    strong: of the strong yardstick where the centralised filter is in doubt or assumes several motions, elsewhere the
+    centralised filter's.
     """
 
     centralized: Floats
@@ -55,7 +59,8 @@ def yardsticks(traces: Sequence[Trace]) -> list[Yardsticks]:
     bounds[:, :reach] = _bounds(traces, np.where(known, truth, states)[:, :reach])
     bounds[~known.all(axis=2)] = np.nan
     best = states.copy()
-    doubted = np.flatnonzero(_doubted(traces[0].plan, states - truth, bounds)).tolist()
+    plan = traces[0].plan
+    doubted = np.flatnonzero(bool(plan.models) | _doubted(plan, states - truth, bounds)).tolist()
     if doubted:
         found, _ = strong(*told([traces[run] for run in doubted], reach))
         best[np.ix_(np.array(doubted), np.arange(reach), traces[0].plan.space.kept)] = found

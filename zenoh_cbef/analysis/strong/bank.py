@@ -1,8 +1,7 @@
 """Hypotheses about a run, weighed by their likelihood: starts, and for each a target that manoeuvres or does not.
 
-Each is a bank of nearly-constant-velocity models that differ in their acceleration noise: one keeps to its models
-(static multiple models; the likelihood finds the noise), one is an interacting multiple model (Blom, Bar-Shalom, IEEE
-TAC 33(8), 1988).
+Each is a bank of models of the motion: one keeps to its models (static multiple models; the likelihood finds the right
+one), one is an interacting multiple model (Blom, Bar-Shalom, IEEE TAC 33(8), 1988).
 """
 
 from __future__ import annotations
@@ -12,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from zenoh_cbef.analysis.strong.models import Models
 from zenoh_cbef.analysis.strong.ranged import Heard, update
 
 Floats = NDArray[np.float64]
@@ -19,30 +19,6 @@ Floats = NDArray[np.float64]
 _LEAST = -600.0
 _CHALLENGE = 0.01
 """How likely it is beforehand that a new start is right and what was believed before is not."""
-
-_SWITCH = 0.02
-"""Chance that a manoeuvring target changes its model in a step."""
-
-
-@dataclass(frozen=True)
-class Models:
-    """m models: transition (d, d), noise (m, d, d), chance of a manoeuvring target to go from one to another (m, m)."""
-
-    transition: Floats
-    noise: Floats
-    chance: Floats
-
-    @classmethod
-    def of(cls, dt: float, accelerations: Floats, axes: int, extra: int) -> Models:
-        """Models with these acceleration noises, m/s^2; extra: components that stay."""
-        size, many = 2 * axes + extra, len(accelerations)
-        transition = np.eye(size)
-        transition[:axes, axes : 2 * axes] = dt * np.eye(axes)
-        gain = np.zeros((size, axes))
-        gain[:axes], gain[axes : 2 * axes] = 0.5 * dt**2 * np.eye(axes), dt * np.eye(axes)
-        chance = np.full((many, many), _SWITCH / max(1, many - 1))
-        np.fill_diagonal(chance, 1.0 - _SWITCH if many > 1 else 1.0)
-        return cls(transition, accelerations[:, None, None] ** 2 * (gain @ gain.T), chance)
 
 
 @dataclass(frozen=True)
@@ -89,8 +65,7 @@ class Bank:
         """Predict and take in a step's ranges."""
         mixed = self._interacting(models)
         size = self.mean.shape[4]
-        mean = mixed.mean @ models.transition.T
-        covariance = models.transition @ mixed.covariance @ models.transition.T + models.noise
+        mean, covariance = models.predict(mixed.mean, mixed.covariance)
         many = int(np.prod(self.mode.shape[1:]))
         flat = mean.reshape(-1, many, size), covariance.reshape(-1, many, size, size)
         found = update(*flat, heard, passes)

@@ -27,7 +27,7 @@ class Heard:
 
     anchor: (r, n, a), the agents along the estimated axes, m. off: (r, n), m^2, squared height of the agents above a
     known plane, else 0. range: (r, n), m, NaN where there is none. age: (r, n), s. variance: of the noise, m^2. heavy:
-    degrees of freedom of Student's t, infinite for Gaussian noise.
+    degrees of freedom of Student's t, infinite for Gaussian noise. biased: whether states hold the agents' biases.
     """
 
     anchor: Floats
@@ -36,6 +36,7 @@ class Heard:
     age: Floats
     variance: float
     heavy: float
+    biased: bool = False
 
 
 @dataclass(frozen=True)
@@ -58,29 +59,31 @@ def square_root(matrices: Floats) -> Floats:
     root = np.zeros_like(matrices)
     for column in range(size):
         done = root[..., column, :column]
-        pivot = matrices[..., column, column] - np.sum(done * done, axis=-1)
+        pivot = matrices[..., column, column] - _dot(done, done)
         root[..., column, column] = np.sqrt(
             np.maximum(pivot, np.maximum(1e-14 * matrices[..., column, column], _LEAST))
         )
-        below = matrices[..., column + 1 :, column] - np.sum(
-            root[..., column + 1 :, :column] * done[..., None, :], axis=-1
-        )
+        below = matrices[..., column + 1 :, column] - _dot(root[..., column + 1 :, :column], done[..., None, :])
         root[..., column + 1 :, column] = below / root[..., column, column, None]
     return root
 
 
-def solved_for(matrices: Floats, right: Floats) -> Floats:
-    """Solutions x of (..., m, m) x = (..., m, k); where a matrix is singular, all get a little more on the diagonal."""
-    try:
-        return np.asarray(np.linalg.solve(matrices, right))
-    except np.linalg.LinAlgError:
-        size = matrices.shape[-1]
-        more = 1e-9 * np.abs(np.trace(matrices, axis1=-2, axis2=-1)) + _LEAST
-        return np.asarray(np.linalg.solve(matrices + more[..., None, None] * np.eye(size), right))
+def _dot(one: Floats, other: Floats) -> Floats:
+    """Sums of products over the last axis; einsum is fast where that is short."""
+    return np.asarray(np.einsum("...i,...i->...", one, other))
+
+
+def solved_below(root: Floats, right: Floats) -> Floats:
+    """Solutions y of R y = b for lower triangles R (..., e, e) and right-hand sides b (..., e, k)."""
+    found = np.empty(right.shape)
+    for row in range(root.shape[-1]):
+        done = np.einsum("...j,...jk->...k", root[..., row, :row], found[..., :row, :])
+        found[..., row, :] = (right[..., row, :] - done) / root[..., row, row, None]
+    return found
 
 
 def update(mean: Floats, covariance: Floats, heard: Heard, passes: int) -> Updated:
-    """Take in the ranges of a step. mean: (r, b, d), position, velocity and, where d is larger, the n biases."""
+    """Take in the ranges of a step. mean: (r, b, d), position, velocity, the n biases if any, and what moves it."""
     gaussian = bool(np.isinf(heard.heavy))
     found, spread, surprise = mean, covariance, np.zeros(mean.shape[:2])
     odd: Floats | None = None
@@ -94,14 +97,17 @@ def update(mean: Floats, covariance: Floats, heard: Heard, passes: int) -> Updat
             surprise = np.minimum(odd, _CLIPPED).sum(axis=2)
         noise = heard.variance if gaussian else heard.variance * (heard.heavy + odd) / (heard.heavy + 1.0)
         total = seen + np.where(step.known, noise, 1.0)[..., None] * np.eye(heard.range.shape[1])
-        solved = solved_for(total, np.concatenate([innovation[..., None], np.swapaxes(cross, 2, 3)], axis=3))
-        found = mean + (cross @ solved[..., :1])[..., 0]
-        spread = covariance - cross @ solved[..., 1:]
+        root = square_root(total)
+        scaled = solved_below(root, np.concatenate([innovation[..., None], np.swapaxes(cross, 2, 3)], axis=3))
+        fit, gain = scaled[..., :1], np.swapaxes(scaled[..., 1:], 2, 3)
+        found = mean + (gain @ fit)[..., 0]
+        spread = covariance - gain @ scaled[..., 1:]
         spread = 0.5 * (spread + np.swapaxes(spread, 2, 3))
         if not gaussian:
             odd = _oddness(found, spread, heard)
-    fit = np.sum(innovation * solved[..., 0], axis=2) + np.linalg.slogdet(total)[1]
-    evidence = -0.5 * (fit + step.known.sum(axis=2) * np.log(2.0 * np.pi))
+    pivots = np.diagonal(root, axis1=2, axis2=3)
+    cost = np.sum(fit[..., 0] ** 2 + 2.0 * np.log(pivots), axis=2)
+    evidence = -0.5 * (cost + step.known.sum(axis=2) * np.log(2.0 * np.pi))
     sound = np.isfinite(evidence) & np.isfinite(found).all(axis=2) & np.isfinite(spread).all(axis=(2, 3))
     return Updated(
         np.where(sound[..., None], found, np.nan_to_num(mean)),
@@ -133,31 +139,28 @@ class _Linear:
 
     def at(self, mean: Floats, found: Floats) -> Floats:
         """Ranges that are expected at means (r, b, d), where the regression is about `found`."""
-        return np.asarray(self.centre + np.sum(self.rows * (mean - found)[:, :, None], axis=3))
+        return np.asarray(self.centre + _dot(self.rows, (mean - found)[:, :, None]))
 
     @classmethod
     def of(cls, mean: Floats, covariance: Floats, heard: Heard) -> _Linear:
         """About means (r, b, d) with covariances (r, b, d, d)."""
         axes, (runs, many, size) = heard.anchor.shape[2], mean.shape
-        moving = bool(np.any(heard.age))
-        inner = 2 * axes if moving else axes
-        root = square_root(covariance[..., :inner, :inner])
-        away = np.sqrt(inner) * np.swapaxes(root, 2, 3)
-        points = mean[:, :, None, :inner] + np.concatenate([away, -away], axis=2)
-        places = points[:, :, :, None, :axes]
-        if moving:
-            places = places - heard.age[:, None, None, :, None] * points[:, :, :, None, axes:]
-        offset = places - heard.anchor[:, None, None]
-        distance = np.sqrt(np.sum(offset * offset, axis=4) + heard.off[:, None, None])
-        slope = (distance[:, :, :inner] - distance[:, :, inner:]) / (2.0 * np.sqrt(inner))
+        root = square_root(covariance[..., :axes, :axes])
+        away = np.sqrt(axes) * np.swapaxes(root, 2, 3)
+        points = np.concatenate([away, -away], axis=2)
+        place = mean[:, :, None, :axes] - heard.age[:, None, :, None] * mean[:, :, None, axes : 2 * axes]
+        offset = points[:, :, :, None] + (place - heard.anchor[:, None])[:, :, None]
+        distance = np.sqrt(_dot(offset, offset) + heard.off[:, None, None])
+        slope = (distance[:, :, :axes] - distance[:, :, axes:]) / (2.0 * np.sqrt(axes))
         centre = distance.mean(axis=2)
         apart = distance - centre[:, :, None]
-        rest = np.swapaxes(apart, 2, 3) @ apart / (2.0 * inner) - np.swapaxes(slope, 2, 3) @ slope
+        rest = np.swapaxes(apart, 2, 3) @ apart / (2.0 * axes) - np.swapaxes(slope, 2, 3) @ slope
         agents, known = heard.range.shape[1], np.isfinite(heard.range)[:, None]
         rows = np.zeros((runs, many, agents, size))
-        rows[..., :inner] = np.swapaxes(solved_for(np.swapaxes(root, 2, 3), slope), 2, 3)
-        if size > 2 * axes:
-            rows[..., 2 * axes :] = np.eye(agents)
-            centre = centre + mean[..., 2 * axes :]
+        rows[..., :axes] = np.swapaxes(slope, 2, 3) @ solved_below(root, np.broadcast_to(np.eye(axes), root.shape))
+        rows[..., axes : 2 * axes] = -heard.age[:, None, :, None] * rows[..., :axes]
+        if heard.biased:
+            rows[..., 2 * axes : 2 * axes + agents] = np.eye(agents)
+            centre = centre + mean[..., 2 * axes : 2 * axes + agents]
         pairs = known[..., None] & known[..., None, :]
         return cls(known, centre, np.where(known[..., None], rows, 0.0), np.where(pairs, rest, 0.0))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from zenoh_cbef.analysis.strong.ranged import solved_for
+from zenoh_cbef.analysis.strong.ranged import solved_below, square_root
 
 Floats = NDArray[np.float64]
 
@@ -63,7 +63,11 @@ def starts(circles: Circles, wanted: int) -> tuple[Floats, Floats]:
     for _ in range(_TURNS):
         scale = np.trace(square, axis1=2, axis2=3) / axes
         damped = square + (damping * scale + 1e-12 * scale + 1e-300)[..., None, None] * np.eye(axes)
-        tried = place + solved_for(damped, gradient[..., None])[..., 0]
+        root = square_root(damped)
+        below = solved_below(
+            root, np.concatenate([gradient[..., None], np.broadcast_to(np.eye(axes), damped.shape)], axis=3)
+        )
+        tried = place + (np.swapaxes(below[..., 1:], 2, 3) @ below[..., :1])[..., 0]
         found = circles.normal(tried)
         better = found[0] < cost
         place = np.where(better[..., None], tried, place)

@@ -48,6 +48,7 @@ def told(traces: Sequence[Trace], steps: int) -> tuple[Known, Seen]:
         mean=np.stack([trace.initial for trace in traces]).mean(axis=1)[:, plan.space.kept],
         covariance=known_together(plan),
         bias=None if plan.bias == "none" else own**2 * np.eye(count) + common**2,
+        turn_rate_std=None if scenario.target.motion == "ncv" else scenario.filter.turn_rate_std,
     )
     positions, age = (np.stack([getattr(trace, part) for trace in traces]) for part in ("positions", "age"))
     return known, Seen(positions[:, :, :steps], ranges[:, :, :steps], age[:, :, :steps])

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from zenoh_cbef.analysis.strong.bank import Bank, Models
+from zenoh_cbef.analysis.strong.bank import Bank
+from zenoh_cbef.analysis.strong.models import Models, Turns
 from zenoh_cbef.analysis.strong.ranged import Heard
 from zenoh_cbef.analysis.strong.starts import Circles, starts
 
@@ -16,6 +17,9 @@ Bools = NDArray[np.bool_]
 
 _INDICES = (1e-3, 3e-2, 1.0, 30.0)
 """Tracking indices, acceleration noise in units of range noise per step squared, of models that are always tried."""
+
+_TURNS = ((1e-3, 0.1), (3e-2, 1.0))
+"""Tracking indices of turns, and by what share of its standard deviation their rate changes in a second."""
 
 _CHALLENGERS = 4
 _PASSES_AT_FIRST, _PASSES = 6, 2
@@ -34,7 +38,7 @@ class Known:
     dt: s. range_std: m. accelerations: noises that the motion may have, m/s^2. heavy: degrees of freedom of the range
     noise, infinite where outliers are taken out. settle: steps in which a network finds its target. height: of the
     plane, m, None for three axes. mean: (r, s), covariance: (s, s), of the start. bias: (n, n), covariance of the
-    biases, None without any.
+    biases, None without any. turn_rate_std: rad/s, of a target that may turn; None for one that only goes straight on.
     """
 
     dt: float
@@ -46,6 +50,7 @@ class Known:
     mean: Floats
     covariance: Floats
     bias: Floats | None
+    turn_rate_std: float | None = None
 
 
 @dataclass(frozen=True)
@@ -77,23 +82,30 @@ class _Search:
         self._known, self._seen = known, seen
         runs, agents, _ = seen.ranges.shape
         self._axes = known.covariance.shape[0] // 2
-        extra = 0 if known.bias is None else agents
-        unit = known.range_std / known.dt**2
+        unit, rate = known.range_std / known.dt**2, known.turn_rate_std
         noises = np.array(sorted({*known.accelerations, *(unit * index for index in _INDICES)}))
-        self._models = Models.of(known.dt, noises, self._axes, extra)
-        mean = np.concatenate([known.mean, np.zeros((runs, extra))], axis=1)
-        spread = np.broadcast_to(self._spread(known.covariance), (runs, *mean.shape[1:] * 2))
-        self._bank = Bank.of(mean[:, None], spread[:, None], len(noises))
+        turns = () if rate is None else tuple(Turns(unit * index, rate, share * rate) for index, share in _TURNS)
+        extra = 0 if known.bias is None else agents
+        self._models = Models.of(known.dt, noises, self._axes, extra, turns)
+        spread = self._spread(known.covariance)
+        mean = np.concatenate([known.mean, np.zeros((runs, len(spread) - known.mean.shape[1]))], axis=1)
+        spread = np.broadcast_to(spread, (runs, *spread.shape))
+        self._bank = Bank.of(mean[:, None], spread[:, None], self._models.transition.shape[0])
         self._until = 0
         self._odd, self._silent = np.ones(runs), np.full(runs, known.settle)
         self._free = np.zeros(runs, dtype=int)
 
     def _spread(self, covariance: Floats) -> Floats:
-        if self._known.bias is None:
-            return covariance
-        size = len(covariance)
-        whole = np.zeros((size + len(self._known.bias),) * 2)
-        whole[:size, :size], whole[size:, size:] = covariance, self._known.bias
+        """Of a whole state, from that of position and velocity, (..., s, s)."""
+        bias, rate = self._known.bias, self._known.turn_rate_std
+        size, biases = covariance.shape[-1], 0 if bias is None else len(bias)
+        more = biases + (rate is not None)
+        whole = np.zeros((*covariance.shape[:-2], size + more, size + more))
+        whole[..., :size, :size] = covariance
+        if bias is not None:
+            whole[..., size : size + biases, size : size + biases] = bias
+        if rate is not None:
+            whole[..., -1, -1] = rate**2
         return whole
 
     def step(self, k: int) -> tuple[Floats, Floats]:
@@ -123,13 +135,9 @@ class _Search:
         speed = np.linalg.norm(known.mean[:, axes:], axis=1)
         begin = np.zeros((runs, _CHALLENGERS, size))
         begin[..., :axes] = place
-        spread = np.zeros((runs, _CHALLENGERS, size, size))
-        diagonal = np.arange(2 * axes)
         variances = np.repeat(np.stack([wide, fast + speed], axis=1) ** 2, axes, axis=1)
-        spread[..., diagonal, diagonal] = variances[:, None]
-        if known.bias is not None:
-            spread[..., 2 * axes :, 2 * axes :] = known.bias
-        others = Bank.of(begin, spread, self._bank.mode.shape[3])
+        spread = self._spread(variances[:, None, :, None] * np.eye(2 * axes))
+        others = Bank.of(begin, np.tile(spread, (1, _CHALLENGERS, 1, 1)), self._bank.mode.shape[3])
         self._bank = self._bank.joined(others, lost)
         self._until = k + known.settle
         self._free = np.where(lost, k + 5 * known.settle, self._free)
@@ -144,4 +152,6 @@ class _Search:
         age = np.take_along_axis(seen.age[:, :, first:after], which, axis=2)[..., 0]
         place = np.take_along_axis(seen.positions[:, :, first:after], which[..., None], axis=2)[:, :, 0]
         off = np.zeros_like(picked) if known.height is None else (place[..., 2] - known.height) ** 2
-        return Heard(place[..., :axes], off, picked, np.nan_to_num(age), known.range_std**2, known.heavy)
+        return Heard(
+            place[..., :axes], off, picked, np.nan_to_num(age), known.range_std**2, known.heavy, known.bias is not None
+        )
