@@ -15,7 +15,7 @@ from rich.table import Table
 
 from benchmarks.by_hand import by_hand
 from benchmarks.common import plain_table
-from benchmarks.watched import CALLS, WATCHED
+from benchmarks.watched import CALLS, OURS, WATCHED
 
 STEPS = 1000
 _LESS, _MORE = 2, 12
@@ -42,20 +42,20 @@ def watch(rounds: int, *, calls: bool, steps: int = STEPS) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class _Counts:
-    """Of a step: Python calls, those of this program's functions, those into another file, and how many files."""
+    """Of a step: Python calls, those of this program's functions, these functions' files, and changes among them."""
 
     calls: float
     own: float
-    across: float
     files: int
+    changes: float
 
 
 def _counted(rounds: int) -> _Counts:
     told = watch(rounds, calls=True)
     steps, calls = int(told["steps"]), dict[str, int](told["calls"])
-    own = {name: count for name, count in calls.items() if "zenoh_cbef" in name.rpartition(":")[0]}
+    own = {name: count for name, count in calls.items() if name.startswith(OURS)}
     files = {name.rpartition(":")[0] for name, count in own.items() if count >= steps // 2}
-    return _Counts(sum(calls.values()) / steps, sum(own.values()) / steps, told["across"] / steps, len(files))
+    return _Counts(sum(calls.values()) / steps, sum(own.values()) / steps, len(files), told["changes"] / steps)
 
 
 def _microseconds(rounds: int) -> float:
@@ -74,8 +74,8 @@ def run(repeats: int) -> Iterator[Table]:
         [
             ["Python calls", few.calls, (many.calls - few.calls) / more],
             ["of this program's functions", few.own, (many.own - few.own) / more],
-            ["from one file into another", few.across, (many.across - few.across) / more],
-            ["files of this program", few.files, ""],
+            ["in so many files", few.files, ""],
+            ["changes of file from one to the next", few.changes, (many.changes - few.changes) / more],
             ["CPU of the main thread, µs", short, (long - short) / more],
         ],
     )

@@ -1,7 +1,7 @@
 """An agent's process that tells what its steps cost; it takes the arguments of `zenoh-cbef`.
 
 Writes JSON into the file that WATCHED names: CPU seconds of the main thread in all steps; or, with WATCHED_CALLS, how
-often each function was called in them, and how often from another file than its own.
+often each function was called in them, and how often a call of this program's was in another file than the one before.
 """
 
 from __future__ import annotations
@@ -14,30 +14,34 @@ from collections import Counter
 from pathlib import Path
 from types import FrameType
 
+import zenoh_cbef
 from zenoh_cbef.cli.main import main
 from zenoh_cbef.nodes.agent.agent import Agent
 from zenoh_cbef.nodes.agent.entrance import Entry
 
 WATCHED, CALLS = "WATCHED", "WATCHED_CALLS"
+OURS = f"{Path(zenoh_cbef.__file__).parent}{os.sep}"
 
 
 def _run(agent: Agent, entry: Entry) -> int:
     calls: Counter[str] = Counter()
-    across = 0
+    changes, latest = 0, ""
 
     def note(frame: FrameType, event: str, _: object) -> None:
-        nonlocal across
+        nonlocal changes, latest
         if event == "call":
-            code, caller = frame.f_code, frame.f_back
+            code = frame.f_code
             calls[f"{code.co_filename}:{code.co_qualname}"] += 1
-            across += caller is not None and caller.f_code.co_filename != code.co_filename
+            if code.co_filename.startswith(OURS):
+                changes += code.co_filename != latest
+                latest = code.co_filename
 
     begin = time.thread_time()
     if CALLS in os.environ:
         sys.setprofile(note)
     last = _original(agent, entry)
     sys.setprofile(None)
-    told = {"steps": last, "seconds": time.thread_time() - begin, "calls": dict(calls), "across": across}
+    told = {"steps": last, "seconds": time.thread_time() - begin, "calls": dict(calls), "changes": changes}
     Path(os.environ[WATCHED]).write_text(json.dumps(told), encoding="utf-8")
     return last
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +26,7 @@ from zenoh_cbef.tracking.tracker import Estimate
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
+Real = TypeVar("Real", float, Floats)
 
 _BLOCK = 360
 """Agents of one batch: for this many, the data of a round fits into a core's own cache."""
@@ -56,13 +58,18 @@ class Step:
     smoothed: list[Smoothed]
 
 
-def measured(plan: Plan, emitted: Floats, arrived: Floats, step: int | Floats) -> tuple[Floats, Floats]:
-    """Range (m) and age (s) that agents take from beacon times; NaN where none was heard, or none that is plausible.
+def taken(plan: Plan, emitted: Real, arrived: Real, step: int | Real) -> tuple[Real, Real]:
+    """Range (m) and age (s) from beacon times, s: floats or arrays, plausible or not.
 
     The one place with this arithmetic, for processes and simulator alike. step counts from 1.
     """
+    return plan.scenario.sensor.signal_speed * (arrived - emitted), step * plan.scenario.dt - emitted
+
+
+def measured(plan: Plan, emitted: Floats, arrived: Floats, step: int | Floats) -> tuple[Floats, Floats]:
+    """Range (m) and age (s) that agents take from beacon times; NaN where none was heard, or none that is plausible."""
     with np.errstate(over="ignore", invalid="ignore"):  # times can be forged
-        ranges, age = plan.scenario.sensor.signal_speed * (arrived - emitted), step * plan.scenario.dt - emitted
+        ranges, age = taken(plan, emitted, arrived, step)
     holds = plan.plausible.holds(ranges, age)
     return np.where(holds, ranges, np.nan), np.where(holds, age, np.nan)
 
@@ -156,6 +163,7 @@ class Simulation:
         """The messages of all rows' neighbours (N, m, d), laid out neighbour by neighbour."""
         return self._sent[0][round_ - 1].take(self._sources, axis=0).swapaxes(0, 1)
 
+    @np.errstate(all="ignore")  # liars' messages can make a tracker overflow, which looks at its results
     def _step(self, step: int) -> Step:
         self._noted = []
         if self.absences.reborn(step).any():

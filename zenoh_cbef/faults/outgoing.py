@@ -12,7 +12,7 @@ from pydantic import Field
 
 from zenoh_cbef.faults.base import Fault, Floats, Ids, Seeds
 from zenoh_cbef.quantities import Agent
-from zenoh_cbef.tracking.moderation import bounded
+from zenoh_cbef.tracking.moderation import LARGEST_SENT, is_within
 
 Displaced = Callable[[Floats, Floats], Floats]
 """Messages (n, d) that say the target is elsewhere by offsets (n, 3), m."""
@@ -78,7 +78,9 @@ class Outgoing:
         It is bounded for honest agents, too: receivers reject more, and what liars say, or a filter that diverges, may
         lead an honest agent there.
         """
-        return bounded(self._sent(step, round_, message, self._displaced) if self._faults else message)
+        if self._faults:
+            message = self._sent(step, round_, message, self._displaced)
+        return message if is_within(message, LARGEST_SENT) else np.clip(message, -LARGEST_SENT, LARGEST_SENT)
 
     def ranges(self, step: int, ranges: Floats) -> Floats:
         """Ranges (n,) as they are sent, m; a displaced target is farther away by the length of the displacement.

@@ -3,29 +3,32 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from math import isfinite
 
 import numpy as np
 from numpy.typing import NDArray
 
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.protocol.messages import nan_to_nil, pack_floats
-from zenoh_cbef.tracking.diagnostics import SOMETIMES, WHOLE, Diagnostics
+from zenoh_cbef.protocol.messages import pack_floats
+from zenoh_cbef.tracking.diagnostics import SOMETIMES, Diagnostics
 from zenoh_cbef.tracking.smoothing import Smoothed
 from zenoh_cbef.tracking.tracker import Estimate
 
 
 def range_body(step: int, position: NDArray[np.float64], range_: float) -> dict[str, object]:
     """An agent's position (3,) and the range (m) that it tells, NaN for none."""
-    return {"k": step, "position": position.tolist(), "range": nan_to_nil(range_)}
+    return {"k": step, "position": position.tolist(), "range": float(range_) if isfinite(range_) else None}
 
 
 def diagnostics_body(told: Diagnostics, row: int) -> dict[str, float | int | None]:
     """The diagnostics of one agent, a row of the batch, as fields of a message."""
     body: dict[str, float | int | None] = {}
     for name, values in told.named().items():
-        value = int(values[row]) if name in WHOLE else nan_to_nil(values[row])
-        if value is not None or name not in SOMETIMES:
+        value: float | int = values.item(row)
+        if isfinite(value):
             body[name] = value
+        elif name not in SOMETIMES:
+            body[name] = None
     return body
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zenoh_cbef.plain import Json
-from zenoh_cbef.protocol.fields import LONGEST
+from zenoh_cbef.protocol.fields import LONGEST, Test
 from zenoh_cbef.protocol.kinds import (
     BODIES,
     ENVELOPE,
@@ -49,6 +49,12 @@ _FIELDS = {kind: {**ENVELOPE, **body} for kind, body in BODIES.items()}
 _REQUIRED = {
     kind: frozenset(name for name, field in fields.items() if not field.optional) for kind, fields in _FIELDS.items()
 }
+_TESTS: dict[str, dict[Test, list[str]]] = {kind: {} for kind in BODIES}
+"""By kind: the tests of the required fields, each with the names of all fields that have to pass it."""
+
+for _kind, _names in _REQUIRED.items():
+    for _name in sorted(_names):
+        _TESTS[_kind].setdefault(_FIELDS[_kind][_name].hold, []).append(_name)
 
 
 class Schema(TypedDict):
@@ -109,7 +115,20 @@ def decode(kind: Literal["event"], data: bytes, *, run: str, sender: str = "") -
 def decode(kind: str, data: bytes, *, run: str, sender: str = "") -> Message: ...
 def decode(kind: str, data: bytes, *, run: str, sender: str = "") -> Message:
     """Read and check one message. sender: the process that owns the key, "" for any. Raises BadMessage."""
-    message, fields = unpack(data), _FIELDS[kind]
+    message = unpack(data)
+    # Most messages have the required fields alone: those of one type are then looked at together.
+    plain = message.keys() == _REQUIRED[kind]
+    for hold, names in _TESTS[kind].items():
+        plain = plain and hold([*map(message.__getitem__, names)])
+    if not plain:
+        _check_fields(message, kind)
+    _check_origin(message, run, sender)
+    return message
+
+
+def _check_fields(message: Message, kind: str) -> None:
+    """Raise BadMessage with the first field that is not as promised."""
+    fields = _FIELDS[kind]
     for name, value in message.items():
         field = fields.get(name)
         if field is None:
@@ -118,8 +137,6 @@ def decode(kind: str, data: bytes, *, run: str, sender: str = "") -> Message:
             raise BadMessage(f"field {name} is not as promised")
     if not _REQUIRED[kind] <= message.keys():
         raise BadMessage(f"field {min(_REQUIRED[kind] - message.keys())} is missing")
-    _check_origin(message, run, sender)
-    return message
 
 
 @overload

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+import msgpack
 import zenoh
 
 from zenoh_cbef.protocol.memory import Memory
-from zenoh_cbef.protocol.messages import encode
+from zenoh_cbef.protocol.messages import VERSION
 from zenoh_cbef.protocol.round_codec import Floats, RoundCodec
 
 
@@ -34,7 +35,8 @@ class Outbox:
         self.key, self._memory = key, memory
         self._clock = clock
         self.sent = 0
-        self._run, self._sender = run, sender
+        self._envelope = {"v": VERSION, "run": run, "from": sender}
+        self._pack = msgpack.Packer().pack
         self._publisher = session.declare_publisher(
             key,
             congestion_control=zenoh.CongestionControl.DROP if may_drop else zenoh.CongestionControl.BLOCK,
@@ -43,7 +45,7 @@ class Outbox:
 
     def send(self, **body: object) -> bytes:
         """Publish one message, bin fields last; returns it as it was sent."""
-        data = encode(self._run, self._sender, self.sent, self._clock(), body)
+        data: bytes = self._pack({**self._envelope, "seq": self.sent, "sent": self._clock(), **body})
         step = body.get("k")
         self._memory.keep(self.sent, step if isinstance(step, int) else None, data)
         self._publisher.put(data)
@@ -51,7 +53,7 @@ class Outbox:
         return data
 
     def send_round(self, codec: RoundCodec, step: int, round_: int, payload: Floats) -> None:
-        """Publish one consensus message; payload: (d,)."""
+        """Publish one consensus message; payload: d numbers."""
         data = codec.encode(self.sent, self._clock(), step, round_, payload)
         self._memory.keep(self.sent, step, data)
         self._publisher.put(data)

@@ -24,7 +24,6 @@ Counts = NDArray[np.uint16] | NDArray[np.uint32] | NDArray[np.uint64]
 
 _KEYS = (b"\xa3seq\xcf", b"\xa4sent\xcf", b"\xa1k\xce", b"\xa1l\xcd")
 _LITTLE = sys.byteorder == "little"
-_MOST = 1 << 63
 _TAIL = b"\xa7payload\xc5"
 
 
@@ -48,24 +47,30 @@ class RoundCodec:
         # A map of 8 fields: v, run, from, seq, sent, k, l, payload.
         self._head = b"\x88" + packed + _KEYS[0]
         self._tail = _TAIL + struct.pack(">H", 8 * width)
-        self._numbers = struct.Struct(f">Q{len(_KEYS[1])}sQ{len(_KEYS[2])}sI{len(_KEYS[3])}sH{len(self._tail)}s")
-        self._begin = len(self._head)
-        self._values = self._begin + self._numbers.size
+        # The numbers, and between them the keys: they are written, and passed over when a header is read.
+        begin, gaps = len(self._head), [*map(len, _KEYS[1:]), len(self._tail)]
+        numbers = "".join(f"{kind}{gap}s" for kind, gap in zip("QQIH", gaps, strict=True))
+        self._written = struct.Struct(f">{numbers}")
+        self._read = struct.Struct(f">{begin}x{numbers.replace('s', 'x')}")
+        self._values = self._read.size
         self._size = self._values + 8 * width
-        places = [self._begin, 8, 8, 4, self._values]
+        places = [begin, 8, 8, 4, self._values]
         for n in (1, 2, 3):
             places[n] += places[n - 1] + len(_KEYS[n])
         formats = [">u8", ">u8", ">u4", ">u2", ("<f8", (width,))]
         self._row = np.dtype(
             {"names": list(Rounds._fields), "formats": formats, "offsets": places, "itemsize": self._size}
         )
-        self._example = np.frombuffer(self.encode(0, 0, 0, 0, np.zeros(width)), np.uint8)
-        numbers = [np.arange(place, place + self._row[n].itemsize) for n, place in enumerate(places)]
-        self._fixed = np.setdiff1d(np.arange(self._size), np.concatenate(numbers))
+        # Which bits of a header are always the same: all but its numbers, of which seq and sent are below 2^63.
+        same = np.full(self._values, 0xFF, np.uint8)
+        for place, size, first in zip(places, (8, 8, 4, 2), (0x80, 0x80, 0, 0), strict=False):
+            same[place : place + size] = first, *(0,) * (size - 1)
+        self._same, self._header = same, np.frombuffer(self.encode(0, 0, 0, 0, np.zeros(width)), np.uint8, self._values)
+        self._same_bits, self._header_bits = (int.from_bytes(one.tobytes()) for one in (same, self._header))
 
     def encode(self, seq: int, sent: int, step: int, round_: int, payload: Floats) -> bytes:
-        """One message; payload: (d,)."""
-        numbers = self._numbers.pack(seq, _KEYS[1], sent, _KEYS[2], step, _KEYS[3], round_, self._tail)
+        """One message; payload: d numbers."""
+        numbers = self._written.pack(seq, _KEYS[1], sent, _KEYS[2], step, _KEYS[3], round_, self._tail)
         return self._head + numbers + (payload if _LITTLE else payload.astype("<f8")).tobytes()
 
     def decode_all(self, messages: Sequence[bytes]) -> Rounds:
@@ -75,9 +80,8 @@ class RoundCodec:
             read = np.frombuffer(data, self._row)
             bytes_ = np.frombuffer(data, np.uint8).reshape(-1, self._size)
             found = Rounds(*(read[name].astype(read[name].dtype.newbyteorder("=")) for name in Rounds._fields))
-            numbered = max(found.seq.max(), found.sent.max()) < _MOST
-            plain = (bytes_[:, self._fixed] == self._example[self._fixed]).all()
-            if plain and numbered and (np.abs(found.payload) <= LARGEST_SENT).all():
+            plain = ((bytes_[:, : self._values] & self._same) == self._header).all()
+            if plain and (np.abs(found.payload) <= LARGEST_SENT).all():
                 return found
         maps = [decode("round", data, run=self._run, sender=self._sender) for data in messages]
         numbers = [(message["seq"], message["sent"], message["k"], message["l"]) for message in maps]
@@ -91,12 +95,11 @@ class RoundCodec:
 
         Raises BadMessage for anything else than a round message of this run and sender.
         """
-        if len(data) == self._size and data.startswith(self._head):
-            seq, key1, sent, key2, step, key3, round_, tail = self._numbers.unpack_from(data, self._begin)
-            fixed = key1 == _KEYS[1] and key2 == _KEYS[2] and key3 == _KEYS[3] and tail == self._tail
-            if fixed and seq < _MOST and sent < _MOST:
-                values = data[self._values :]
-                return step, round_, sent, values if _LITTLE else _swapped(values)
+        header = data[: self._values]
+        if len(data) == self._size and int.from_bytes(header) & self._same_bits == self._header_bits:
+            _, sent, step, round_ = self._read.unpack(header)
+            values = data[self._values :]
+            return step, round_, sent, values if _LITTLE else _swapped(values)
         message = decode("round", data, run=self._run, sender=self._sender)
         payload = unpack_floats(message["payload"], self._width)
         return message["k"], message["l"], message["sent"], payload.tobytes()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,7 @@ from zenoh_cbef.scenario.model import Scenario
 from zenoh_cbef.scenario.paths import placement
 
 Floats = NDArray[np.float64]
+Real = TypeVar("Real", float, Floats)
 
 FACTOR = 1000.0
 """How far beyond what the scenario allows for a range may be. No outlier of an emulated receiver comes near it."""
@@ -27,9 +29,9 @@ class Plausible:
     largest: float
     age: float
 
-    def holds(self, ranges: Floats, age: Floats) -> NDArray[np.bool_]:
+    def holds(self, ranges: Real, age: Real) -> NDArray[np.bool_] | bool:
         """Which ranges (m) of which ages (s) are plausible; NaN is not."""
-        return np.asarray((ranges >= self.least) & (ranges <= self.largest) & (np.abs(age) <= self.age))
+        return (ranges >= self.least) & (ranges <= self.largest) & (abs(age) <= self.age)
 
 
 def plausible_ranges(scenario: Scenario) -> Plausible:

@@ -48,16 +48,7 @@ class Average:
         return payload
 
     def mix(self, received: Floats, delivered: Bools | None) -> Floats:
-        """One multiplication by W."""
-        self._value = self._averaged(received, delivered)
-        return self._value
-
-    def result(self) -> Floats:
-        """The value after the last round."""
-        return self._value
-
-    def _averaged(self, received: Floats, delivered: Bools | None) -> Floats:
-        """W y of messages (n, m, d), of which some were delivered: (n, m), or (n, m, d) by component; None for all."""
+        """One multiplication by W; delivered: (n, m), or (n, m, d) where only components of messages count."""
         if self._terms.shape != received.shape:
             # Once, laid out as the messages are: a factor for each of their numbers halves a large batch's time.
             self._terms, self._factors = np.empty_like(received), np.empty_like(received)
@@ -70,7 +61,12 @@ class Average:
             terms[~delivered] = 0.0
         total = neighbour_sum(terms)
         total += self._value
+        self._value = total
         return total
+
+    def result(self) -> Floats:
+        """The value after the last round."""
+        return self._value
 
 
 @dataclass
@@ -102,14 +98,14 @@ class Chebyshev(Average):
 
     def mix(self, received: Floats, delivered: Bools | None) -> Floats:
         """One step of the recurrence y(l+1) = y(l-1) + omega (a(W)/a(1) y(l) - y(l-1))."""
-        mixed = self._averaged(received, delivered)
-        scaled = (mixed - self._middle * self._value) / self._gap
+        own = self._value
+        scaled = (super().mix(received, delivered) - self._middle * own) / self._gap
         if self._rounds == 1:
             self._omega = 1.0 / (1.0 - 0.5 * self._ratio**2)
         elif self._rounds > 1:
             self._omega = 1.0 / (1.0 - 0.25 * self._ratio**2 * self._omega)
         following = self._previous + self._omega * (scaled - self._previous)
-        self._previous, self._value = self._value, following
+        self._previous, self._value = own, following
         self._rounds += 1
         return following
 

@@ -22,28 +22,33 @@ per range (a spread of 1 nm), of 1e3 agents in 1e7 steps, times 1e12 for velocit
 a position of 1e15 m: 1e55 in all. And its fourth power is finite, so that an update can be computed from it.
 """
 
-_MODEST = 0.9 * LARGEST_SENT**2
-"""Where the sum of all squares is no larger, rounded as it is, no number is beyond `LARGEST_SENT`."""
 
+def is_within(values: Floats, limit: float) -> bool:
+    """Whether no number is beyond a limit, and none is NaN.
 
-def bounded(payload: Floats) -> Floats:
-    """Payloads (n, d) with no number beyond `LARGEST_SENT`: only what liars have said gets there."""
-    return payload if is_bounded(payload) else np.clip(payload, -LARGEST_SENT, LARGEST_SENT)
-
-
-def is_bounded(payload: Floats) -> bool:
-    """Whether no number is beyond `LARGEST_SENT`, and none is NaN."""
-    if np.vdot(payload, payload) <= _MODEST:  # One cheap call: this is asked of every message.
-        return True
-    return bool(np.maximum.reduce(np.abs(payload), axis=None, initial=0.0) <= LARGEST_SENT)
+    Most often the sum of all squares tells, rounded as it is: one cheap call, as this is asked of every message.
+    """
+    flat = values.ravel()
+    return bool(flat.dot(flat) <= 0.9 * limit**2 or np.maximum.reduce(np.abs(flat), initial=0.0) <= limit)
 
 
 def immoderate(values: Floats) -> Bools:
     """Which rows of an array (n, ...) hold a number that is not finite, or above the limit: (n,)."""
-    size = np.abs(values)
-    if size.max(initial=0.0) <= LARGEST:
-        return np.zeros(len(values), dtype=bool)
-    return np.asarray(~(size.reshape(len(values), -1) <= LARGEST).all(axis=1))
+    return np.asarray(~(np.abs(values).reshape(len(values), -1) <= LARGEST).all(axis=1))
+
+
+def is_moderate(belief: Belief) -> bool:
+    """Whether all numbers of a belief and of its parts are finite and within the limit."""
+    if not is_within(belief.state, LARGEST):
+        return False
+    if belief.covariance is not None and not is_within(belief.covariance, LARGEST):
+        return False
+    for part in belief.parts:
+        # A filter around another one often hands on that one's very arrays.
+        other = part.parts or part.state is not belief.state or part.covariance is not belief.covariance
+        if other and not is_moderate(part):
+            return False
+    return True
 
 
 def immoderate_belief(belief: Belief) -> Bools:

@@ -36,8 +36,7 @@ class StaleAverage(Average):
         known = received if delivered is None else np.where(delivered[:, :, None], received, own)
         length = received.shape[2]
         carried = self._carried(known.reshape(-1, length), own.reshape(-1, length)).reshape(received.shape)
-        self._value = self._averaged(carried, delivered)
-        return self._value
+        return super().mix(carried, delivered)
 
     def _carried(self, payload: Floats, own: Floats) -> Floats:
         """Payloads (n, d) predicted forward; own: what stands in for one that is no information."""

@@ -12,7 +12,15 @@ from zenoh_cbef.tracking.diagnostics import Diagnostics
 from zenoh_cbef.tracking.filters.around.wrapping import resumed
 from zenoh_cbef.tracking.filters.base import Belief, Filter, Update
 from zenoh_cbef.tracking.isolating import Isolating
-from zenoh_cbef.tracking.moderation import chosen, immoderate, immoderate_belief, unheard
+from zenoh_cbef.tracking.moderation import (
+    LARGEST,
+    chosen,
+    immoderate,
+    immoderate_belief,
+    is_moderate,
+    is_within,
+    unheard,
+)
 from zenoh_cbef.tracking.newcomer import merged
 from zenoh_cbef.tracking.ranging import Measurement, Space
 
@@ -37,17 +45,21 @@ class Tracker:
     """The filter and its consensus stage, step after step. The caller carries the messages.
 
     A step is `measure`, then as many `exchange` as there are rounds, then `conclude`. What `measure` and
-    `exchange` return is what every agent of the batch sends in the coming round, (n, d).
+    `exchange` return is what every agent of the batch sends in the coming round, (n, d). `exchange` takes one round's
+    messages (n, m, d), of which some were delivered (n, m), None for all.
+
+    Forged messages can make a step overflow. The tracker finds that in its results, so its callers keep NumPy from
+    warning of it (np.errstate).
     """
 
     def __init__(self, filter_: Filter, consensus: Consensus, space: Space, initial: Belief) -> None:
         self.filter = filter_
-        self.consensus = consensus
+        self.consensus, self.exchange = consensus, consensus.mix
         self.space = space
         self.belief = initial
         self._update: Update | None = None
         self._newcomers: tuple[Belief, Bools] | None = None
-        self._refused = np.zeros(len(initial.state), dtype=bool)
+        self._none = self._refused = np.zeros(len(initial.state), dtype=bool)
 
     def adopt(self, belief: Belief, rows: Bools) -> None:
         """Let some agents (n,) begin the next step with a belief that is not their own."""
@@ -55,12 +67,10 @@ class Tracker:
 
     def measure(self, measurement: Measurement) -> Floats:
         """Begin a step with what was measured; returns the first consensus message."""
-        self._measurement = measurement
-        with np.errstate(all="ignore"):  # messages can be forged
-            update = self._begin(measurement)
-            self._refused = immoderate(update.payload)
-            if self._refused.any():
-                update, self._refused = self._without(update, self._refused)
+        self._measurement, self._refused = measurement, self._none
+        update = self._begin(measurement)
+        if not is_within(update.payload, LARGEST):
+            update, self._refused = self._without(update, immoderate(update.payload))
         self._update = update
         if isinstance(self.consensus, Isolating):
             self.consensus.look(*self._begun())
@@ -82,16 +92,11 @@ class Tracker:
         # An agent that comes late has no former belief, only the initial one, which asks for a first fix.
         return begun if rows.all() else merged(self.filter.update(self.belief, measurement), begun, rows)
 
-    def exchange(self, received: Floats, delivered: Bools | None) -> Floats:
-        """Take in one round's messages (n, m, d), of which some were delivered (n, m), None for all."""
-        return self.consensus.mix(received, delivered)
-
     def conclude(self) -> Estimate:
         """End the step."""
         if self._update is None:
             raise RuntimeError("conclude() comes after measure()")
-        with np.errstate(all="ignore"):
-            self.belief, update = self._concluded(self._update)
+        self.belief, update = self._concluded(self._update)
         self._newcomers = None
         covariance, bias, diagnostics = self.belief.covariance, self.belief.bias, update.diagnostics
         if isinstance(self.consensus, Isolating):
@@ -108,14 +113,13 @@ class Tracker:
     def _concluded(self, update: Update) -> tuple[Belief, Update]:
         """What the step leaves. Agents whose result is immoderate take back what they measured and heard."""
         mixed = self.consensus.result()
-        wild = immoderate(mixed)
-        if wild.any():
-            update, wild = self._without(update, wild)
+        if not is_within(mixed, LARGEST):
+            update, wild = self._without(update, immoderate(mixed))
             mixed = np.where(wild[:, None], update.payload, mixed)
             self._refused = self._refused | wild
         belief = self.filter.conclude(mixed, update)
-        wild = immoderate_belief(belief)
-        if wild.any():
+        if not is_moderate(belief):
+            wild = immoderate_belief(belief)
             nothing = self._begin(unheard(self._measurement))
             predicted = self.filter.conclude(nothing.payload, nothing)
             # Where the prediction is not finite either, the scenario diverges by itself.

@@ -29,8 +29,7 @@ class TrimmedComponents(Average):
         arrived = np.broadcast_to(_arrived(self.weights, delivered)[:, :, None], received.shape)
         above, below = arrived & (received > own), arrived & (received < own)
         kept = arrived & ~_largest(received, above, self.trim) & ~_largest(-received, below, self.trim)
-        self._value = self._averaged(received, kept)
-        return self._value
+        return super().mix(received, kept)
 
 
 @dataclass
@@ -54,8 +53,7 @@ class TrimmedMessages(Average):
         # What did not arrive may hold anything.
         distance = self.distance(self._value, np.where(arrived[:, :, None], received, self._value[:, None, :]))
         kept = arrived & ~_largest(distance, arrived, self.trim)
-        self._value = self._averaged(received, kept)
-        return self._value
+        return super().mix(received, kept)
 
 
 def _arrived(weights: Floats, delivered: Bools | None) -> Bools:

@@ -23,6 +23,8 @@ from zenoh_cbef.scenario.load import load
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.tracking.moderation import LARGEST_SENT
 
+pytestmark = pytest.mark.filterwarnings("ignore::RuntimeWarning")  # what overflows is the point here
+
 PLAN = Plan(
     load("tracking", ["agents.count=2", "network.graph=complete", "consensus.rounds=3", "timing.patience=0.5"]).scenario
 )

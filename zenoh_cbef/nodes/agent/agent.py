@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
 from functools import partial
+from math import nan
 
 import numpy as np
 
@@ -34,20 +34,15 @@ from zenoh_cbef.scenario.build import agent_tracker, fates_into, outgoing_of, sm
 from zenoh_cbef.scenario.injected import read_tables, with_faults
 from zenoh_cbef.scenario.paths import agent_positions
 from zenoh_cbef.scenario.plan import Plan
-from zenoh_cbef.simulator import measured
+from zenoh_cbef.simulator import taken
 from zenoh_cbef.tracking.ranging import Measurement
 
 _LEASE_SHARE = 0.4
 _PORTION_SECONDS = 0.1
 _KEPT_BYTES = 1 << 20
 
-
-@dataclass(frozen=True)
-class Beacon:
-    """What the agent's receiver measured: range (m) and age (s), NaN and 0 where nothing was heard."""
-
-    range: float
-    age: float
+_UNHEARD = nan, 0.0
+"""Range (m) and age (s) where the agent's receiver heard nothing."""
 
 
 class Agent:
@@ -63,7 +58,7 @@ class Agent:
         self.rejections = Rejections(node)
         self._faults_in = Mailbox(node.session, node.keys.faults)
         self._wrong_clocks = clocks_of(scenario.fault, agent)
-        self._ahead_ns, self._isolated = 0, np.nan
+        self._ahead_ns, self._isolated = 0, nan
         if self._wrong_clocks or realtime:
             node.clock = lambda: time.time_ns() + self._ahead_ns
         alarm, grace = Alarm(), 0.0 if realtime else node.grace * scenario.timing.patience
@@ -100,24 +95,22 @@ class Agent:
         # What the target told while it was out of sight did not come.
         self._uninformed |= joined and name == "target/target"
 
+    @np.errstate(all="ignore")  # messages can be forged, and the tracker looks at its results
     def run(self, entry: Entry) -> int:
         """All steps until the target ends the run; returns the last one."""
         self._epoch, self._uninformed = entry.epoch, False
-        last = entry.before
+        last, length = entry.before, self.scenario.length
         # One more than there are steps: leaving before all are done would look like a death to the others.
-        for step in range(entry.before + 1, self.scenario.length + 2):
-            self._ahead_ns = (
-                round(1e9 * ahead(self._wrong_clocks, step * self.scenario.dt)) if self._wrong_clocks else 0
-            )
+        for step in range(entry.before + 1, length + 2):
+            if self._wrong_clocks:
+                self._ahead_ns = round(1e9 * ahead(self._wrong_clocks, step * self.scenario.dt))
             try:
                 beacon = self._listen(step)
-                if beacon is None or self.node.stopping or step > self.scenario.length:
+                if beacon is None or self.node.stopping or step > length:
                     break
                 if self._realtime:
                     self._heed_news()
-                if self.plan.absences:
-                    self._heed_absences(step)
-                self._step(step, beacon)
+                self._step(step, beacon, there=not self.plan.absences or self._heed_absences(step))
             except Stopped:
                 break
             last = step
@@ -143,8 +136,11 @@ class Agent:
         self.outgoing = outgoing_of([self.plan], [self.agent])
         self._wrong_clocks, self._ahead_ns = clocks_of(self.plan.scenario.fault, self.agent), 0
 
-    def _heed_absences(self, step: int) -> None:
-        """Be killed, or stopped for a while, where the scenario says so; wait for neighbours that come back."""
+    def _heed_absences(self, step: int) -> bool:
+        """Be killed, or stopped for a while, where the scenario says so; wait for neighbours that come back.
+
+        Returns whether the agent is there.
+        """
         absences = self.plan.absences
         gone, forgotten = absences.begun(step), absences.crashed(step) & ~absences.crashed(step - 1)
         if gone[self.agent] or forgotten[self.agent]:
@@ -157,6 +153,7 @@ class Agent:
                 die(step, absences.return_of(self.agent, step))
             self._pause(step)
         self.neighbourhood.expect(absences.ended(step))
+        return not absences.at(step)[self.agent]
 
     def _pause(self, step: int) -> None:
         back = self.plan.absences.return_of(self.agent, step) or self.scenario.length
@@ -188,8 +185,8 @@ class Agent:
         while (left := begin - time.monotonic()) > 0.0 and not (self.node.stopping or self.signals.over(step)):
             time.sleep(min(left, _PORTION_SECONDS))
 
-    def _listen(self, step: int) -> Beacon | None:
-        """The beacon of a step; None where the run has ended."""
+    def _listen(self, step: int) -> tuple[float, float] | None:
+        """Range (m) and age (s) of a step's beacon; None where the run has ended."""
         if self._realtime:
             self._await(step)
         message = self.beacons.take(step, self._arrive(step, 0) if self._realtime else None)
@@ -197,36 +194,37 @@ class Agent:
         if message is None and (self.signals.over(step) or (self.node.grace and not self._realtime)):
             return None
         if message is None or message["emitted"] is None or message["arrived"] is None:
-            return Beacon(np.nan, 0.0)
-        times = np.array(message["emitted"]), np.array(message["arrived"])
-        found, age = measured(self.plan, *times, step)
-        if np.isnan(found):
+            return _UNHEARD
+        beacon = taken(self.plan, message["emitted"], message["arrived"], step)
+        if not self.plan.plausible.holds(*beacon):
             self.beacons.reject("a range that is not plausible in this scenario")
-            return Beacon(np.nan, 0.0)
-        return Beacon(float(found), float(age))
+            return _UNHEARD
+        return beacon
 
-    def _measurement(self, step: int, beacon: Beacon, *, there: bool) -> Measurement:
-        position = self.path[step - 1]
-        told = self.outgoing.ranges(step, np.array([beacon.range]))
+    def _measure(self, step: int, beacon: tuple[float, float], *, there: bool) -> Measurement:
+        """What the agent measures in a step, and what its neighbours tell it of theirs."""
+        position, (range_, age) = self.path[step - 1], np.array(beacon)[:, None]
+        told = self.outgoing.ranges(step, range_)
         if there:
             self._range_out.send(**range_body(step, position, told[0]))
         heard = self.neighbourhood.ranges(step, self._deadline(step, 0) if self._realtime else None)
-        return Measurement(position[None].copy(), np.array([beacon.range]), np.array([beacon.age]), *heard)
+        return Measurement(position[None].copy(), range_, age, *heard)
 
-    def _step(self, step: int, beacon: Beacon) -> None:
+    def _step(self, step: int, beacon: tuple[float, float], *, there: bool) -> None:
         """One step: measure, exchange messages with the neighbours round by round, conclude, and say what came out."""
-        there, deadline = self._is_there(step), None
-        message = self.tracker.measure(self._measurement(step, beacon, there=there))
+        outgoing, deadline = self.outgoing, None
+        message = self.tracker.measure(self._measure(step, beacon, there=there))
         for round_ in range(1, self.plan.rounds + 1):
-            sent = self.outgoing.message(step, round_, message)
+            sent = outgoing.message(step, round_, message)
             if there:
-                self._round_out.send_round(self._codec, step, round_, sent[0])
+                self._round_out.send_round(self._codec, step, round_, sent)
             if self._realtime:
                 deadline = self._arrive(step, round_)
-            received, delivered = self.neighbourhood.round(step, round_, deadline)
-            message = self.tracker.exchange(received, delivered)
+            message = self.tracker.exchange(*self.neighbourhood.round(step, round_, deadline))
         estimate, counts = self.tracker.conclude(), self.neighbourhood.take_counts()
-        self._name_isolated(step, float(estimate.diagnostics.isolated[0]))
+        isolated = estimate.diagnostics.isolated[0]
+        if np.isfinite(isolated) and isolated != self._isolated:
+            self._name_isolated(step, isolated)
         if estimate.refused[0]:
             self.rejections.add(f"the update of agent {self.agent}", "it would have left the finite numbers")
         if there:
@@ -235,11 +233,10 @@ class Agent:
             self._afterwards.take(step, self.tracker.belief, there=there)
 
     def _name_isolated(self, step: int, neighbour: float) -> None:
-        """Say so when the agent has isolated another neighbour."""
-        if np.isfinite(neighbour) and neighbour != self._isolated:
-            self._isolated = neighbour
-            text = f"agent {self.agent} leaves out agent {neighbour:.0f}, whose messages are not plausible"
-            self.node.event("isolated", text, agent=self.agent, neighbour=int(neighbour), step=step)
+        """Say that the agent has isolated another neighbour."""
+        self._isolated = neighbour
+        text = f"agent {self.agent} leaves out agent {neighbour:.0f}, whose messages are not plausible"
+        self.node.event("isolated", text, agent=self.agent, neighbour=int(neighbour), step=step)
 
     def finish(self, last: int) -> None:
         """Say what is left to say, and what was done and sent, so that the log can be checked for completeness."""

@@ -19,7 +19,7 @@ from zenoh_cbef.protocol.mailbox import CAPACITY, Mailbox
 from zenoh_cbef.protocol.messages import nil_to_nan
 from zenoh_cbef.protocol.round_codec import RoundCodec
 from zenoh_cbef.scenario.plan import Plan
-from zenoh_cbef.tracking.moderation import LARGEST_SENT, is_bounded
+from zenoh_cbef.tracking.moderation import LARGEST_SENT, is_within
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -48,6 +48,7 @@ class Neighbourhood:
         self._node, self.ids = node, list(ids)
         self.fates, self._rounds, self._lag = fates, rounds, lag
         self._received = np.zeros((1, len(self.ids), width))
+        self._no_ranges = np.zeros((1, 0, 3)), np.zeros((1, 0))
         self._rows = [memoryview(row).cast("B") for row in self._received[0]]
         self._counts = {name: [0] * len(self.ids) for name in ("received", "lost", "late")}
         self._injected, self._twice = Injected(len(self.ids)), list[int]()
@@ -116,10 +117,10 @@ class Neighbourhood:
 
         m is 0 where the filter does not want them.
         """
+        if not self._range_boxes:
+            return self._no_ranges
         count = len(self._range_boxes)
         positions, ranges = np.zeros((1, count, 3)), np.full((1, count), np.nan)
-        if not count:
-            return positions, ranges
         due = self._all_due if self.fates.quiet else self._due(self._range_boxes, step, (step, 0), deadline)
         for place, box in enumerate(self._range_boxes):
             if not due[place]:
@@ -163,7 +164,7 @@ class Neighbourhood:
         if slowest != self._order[0]:
             self._order.remove(slowest)
             self._order.insert(0, slowest)
-        if not is_bounded(self._received):
+        if not is_within(self._received, LARGEST_SENT):
             self._refuse_immoderate(turn, delivered, deadline)
         return self._received, None if all(delivered) else np.array([delivered])
 
