@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +13,7 @@ from zenoh_cbef.faults import Fate, Fates
 from zenoh_cbef.scenario import Scenario
 from zenoh_cbef.scenario.build import batch_tracker, fates_of, outgoing_of, smoother_of
 from zenoh_cbef.scenario.plan import Plan
+from zenoh_cbef.scenario.plausible import taken
 from zenoh_cbef.scenario.size import refuse_a_trace_beyond_memory
 from zenoh_cbef.scenario.world import World, make_world
 from zenoh_cbef.trace import LinkCounts, Links, SmoothedPath, Trace, Traffic
@@ -26,7 +26,6 @@ from zenoh_cbef.tracking.tracker import Estimate
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
-Real = TypeVar("Real", float, Floats)
 
 _BLOCK = 360
 """Agents of one batch: for this many, the data of a round fits into a core's own cache."""
@@ -58,18 +57,10 @@ class Step:
     smoothed: list[Smoothed]
 
 
-def taken(plan: Plan, emitted: Real, arrived: Real, step: int | Real) -> tuple[Real, Real]:
-    """Range (m) and age (s) from beacon times, s: floats or arrays, plausible or not.
-
-    The one place with this arithmetic, for processes and simulator alike. step counts from 1.
-    """
-    return plan.scenario.sensor.signal_speed * (arrived - emitted), step * plan.scenario.dt - emitted
-
-
 def measured(plan: Plan, emitted: Floats, arrived: Floats, step: int | Floats) -> tuple[Floats, Floats]:
     """Range (m) and age (s) that agents take from beacon times; NaN where none was heard, or none that is plausible."""
     with np.errstate(over="ignore", invalid="ignore"):  # times can be forged
-        ranges, age = taken(plan, emitted, arrived, step)
+        ranges, age = taken(plan.scenario, emitted, arrived, step)
     holds = plan.plausible.holds(ranges, age)
     return np.where(holds, ranges, np.nan), np.where(holds, age, np.nan)
 

@@ -1,4 +1,4 @@
-"""Which ranges the receivers of a scenario can measure at all; an agent ignores a range far beyond them."""
+"""What beacon times say, and which ranges the receivers of a scenario can measure at all: agents ignore all others."""
 
 from __future__ import annotations
 
@@ -19,6 +19,14 @@ FACTOR = 1000.0
 """How far beyond what the scenario allows for a range may be. No outlier of an emulated receiver comes near it."""
 
 _ROUNDING = 4.0 * float(np.finfo(np.float64).eps)
+
+
+def taken(scenario: Scenario, emitted: Real, arrived: Real, step: int | Real) -> tuple[Real, Real]:
+    """Range (m) and age (s) that agents take from beacon times, s: floats or arrays, plausible or not.
+
+    The one place with this arithmetic, for processes and simulator alike. step counts from 1.
+    """
+    return scenario.sensor.signal_speed * (arrived - emitted), step * scenario.dt - emitted
 
 
 @dataclass(frozen=True)

@@ -34,7 +34,7 @@ from zenoh_cbef.scenario.build import agent_tracker, fates_into, outgoing_of, sm
 from zenoh_cbef.scenario.injected import read_tables, with_faults
 from zenoh_cbef.scenario.paths import agent_positions
 from zenoh_cbef.scenario.plan import Plan
-from zenoh_cbef.simulator import taken
+from zenoh_cbef.scenario.plausible import taken
 from zenoh_cbef.tracking.ranging import Measurement
 
 _LEASE_SHARE = 0.4
@@ -195,7 +195,7 @@ class Agent:
             return None
         if message is None or message["emitted"] is None or message["arrived"] is None:
             return _UNHEARD
-        beacon = taken(self.plan, message["emitted"], message["arrived"], step)
+        beacon = taken(self.scenario, message["emitted"], message["arrived"], step)
         if not self.plan.plausible.holds(*beacon):
             self.beacons.reject("a range that is not plausible in this scenario")
             return _UNHEARD
