@@ -27,7 +27,7 @@ from zenoh_cbef.outside.status import read_status
 from zenoh_cbef.plain import read_json, read_toml
 from zenoh_cbef.protocol.control import read_answer, read_request
 from zenoh_cbef.protocol.keys import address, agent_named, run_of
-from zenoh_cbef.protocol.kinds import BODIES
+from zenoh_cbef.protocol.kinds import MESSAGE_KINDS
 from zenoh_cbef.protocol.messages import BadMessage, decode, decode_all, peek, unpack
 from zenoh_cbef.protocol.questions import STATUS
 from zenoh_cbef.protocol.round_codec import RoundCodec
@@ -102,15 +102,15 @@ class Doors:
         """The general decoder, as live readers use it."""
         kind, _, data = material.message()
         sender = material.pick(("", "agent/0", "target"))
-        decode(kind, data, run=RUN, sender=sender)
-        if "k" in BODIES[kind]:
-            peek(kind, data, run=RUN, sender=sender)
+        decode(MESSAGE_KINDS[kind], data, run=RUN, sender=sender)
+        if "k" in MESSAGE_KINDS[kind].fields:
+            peek(MESSAGE_KINDS[kind], data, run=RUN, sender=sender)
         return "accepted"
 
     def several(self, material: Material) -> str:
         """The decoder of many messages of one key."""
         kind, _, data = material.message()
-        decode_all(kind, [data, data], run=RUN)
+        decode_all(MESSAGE_KINDS[kind], [data, data], run=RUN)
         return "accepted"
 
     def round(self, material: Material) -> str:

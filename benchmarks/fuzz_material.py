@@ -11,7 +11,7 @@ import msgpack
 import numpy as np
 
 from zenoh_cbef.protocol.keys import Keys
-from zenoh_cbef.protocol.kinds import BODIES
+from zenoh_cbef.protocol.kinds import MESSAGE_KINDS
 from zenoh_cbef.protocol.messages import encode
 from zenoh_cbef.protocol.round_codec import RoundCodec
 
@@ -89,7 +89,7 @@ class Material:
     def __init__(self, seed: int) -> None:
         self.random = random.Random(seed)  # noqa: S311 - the same faults have to be found again
         self._bodies = bodies()
-        self._kinds = [*BODIES]
+        self._kinds = [*MESSAGE_KINDS]
         self._codec = RoundCodec(RUN, "agent/0", WIDTH)
         self._texts = ["cbef", RUN, "agent", "beacon", "target", "truth", "event", "faults", "live", "0", "1", "٣", ""]
 

@@ -13,6 +13,7 @@ from rich.table import Table
 from benchmarks.by_hand import by_hand
 from benchmarks.common import Row, results
 from zenoh_cbef.protocol.keys import Keys
+from zenoh_cbef.protocol.kinds import ESTIMATE
 from zenoh_cbef.protocol.mailbox import Mailbox
 from zenoh_cbef.protocol.messages import decode
 from zenoh_cbef.protocol.session import Connection, open_session
@@ -35,7 +36,7 @@ def rate(*, recorder: bool) -> float:
                 while _STEPS not in times:
                     data = mailbox.receive()
                     if data is not None:
-                        step = decode("estimate", data, run=hand.run, sender="agent/0")["k"]
+                        step = decode(ESTIMATE, data, run=hand.run, sender="agent/0")["k"]
                         times[step] = time.monotonic()
     first = min(step for step in times if step >= _STEPS // 10)
     return plan.rounds * (_STEPS - first) / (times[_STEPS] - times[first])

@@ -17,7 +17,7 @@ from tests.cli.command_line import leaves
 from tests.log.made import made_log
 from zenoh_cbef.faults import AnyFault
 from zenoh_cbef.protocol.keys import Keys
-from zenoh_cbef.protocol.kinds import BODIES, ENVELOPE
+from zenoh_cbef.protocol.kinds import MESSAGE_KINDS
 from zenoh_cbef.scenario import Scenario
 from zenoh_cbef.scenario.load import load
 from zenoh_cbef.simulator import simulate
@@ -104,7 +104,7 @@ def test_every_key_expression_and_message_field_is_documented():
     ]
     for key in named:
         assert f"`{key}`" in page, key
-    for field in [*ENVELOPE, *(field for body in BODIES.values() for field in body)]:
+    for field in {field for kind in MESSAGE_KINDS.values() for field in kind.fields}:
         assert f"`{field}`" in page, field
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from zenoh_cbef.errors import UserError
+from zenoh_cbef.protocol import kinds
 from zenoh_cbef.protocol.bodies import diagnostics_body, divergence, estimate_body, range_body, smoothed_body
 from zenoh_cbef.protocol.messages import decode, encode, pack_floats
 from zenoh_cbef.tracking.diagnostics import Diagnostics
@@ -45,7 +46,7 @@ def test_an_estimate_is_that_of_its_row(row: int) -> None:
     assert body["covariance"] == pack_floats(COVARIANCE[row])
     assert {name: body[name] for name in COUNTS} == COUNTS
     assert body.items() >= diagnostics_body(TOLD, row).items()
-    assert decode("estimate", encode("test", "agent/3", 0, 0, body), run="test")["k"] == 7
+    assert decode(kinds.ESTIMATE, encode("test", "agent/3", 0, 0, body), run="test")["k"] == 7
     assert estimate_body(7, replace(ESTIMATE, covariance=None), row, 3, COUNTS)["covariance"] is None
 
 
@@ -63,4 +64,4 @@ def test_a_smoothed_estimate_says_until_when_it_knows() -> None:
     smoothed = Smoothed(3, 8, STATE, COVARIANCE, np.ones(2, dtype=bool))
     body = smoothed_body(smoothed, 1)
     assert body == {"k": 3, "until": 8, "state": STATE[1].tolist(), "covariance": pack_floats(COVARIANCE[1])}
-    assert decode("smoothed", encode("test", "agent/3", 0, 0, body), run="test")["until"] == 8
+    assert decode(kinds.SMOOTHED, encode("test", "agent/3", 0, 0, body), run="test")["until"] == 8

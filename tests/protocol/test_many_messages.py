@@ -8,7 +8,7 @@ import msgpack
 import numpy as np
 import pytest
 
-from zenoh_cbef.protocol import round_codec
+from zenoh_cbef.protocol import kinds, round_codec
 from zenoh_cbef.protocol.messages import (
     LARGEST,
     VERSION,
@@ -35,10 +35,12 @@ def events(*changes: dict[str, Any], without: str = "") -> list[bytes]:
 
 def test_all_are_read_in_their_order_though_some_lack_what_they_may_lack() -> None:
     several = events({"seq": 1}, {"seq": 2, "data": {"step": 4}}, {"seq": 3})
-    assert decode_all("event", several, run=RUN, sender=SENDER) == [decode("event", one, run=RUN) for one in several]
-    assert decode_all("event", [], run=RUN) == []
+    assert decode_all(kinds.EVENT, several, run=RUN, sender=SENDER) == [
+        decode(kinds.EVENT, one, run=RUN) for one in several
+    ]
+    assert decode_all(kinds.EVENT, [], run=RUN) == []
     mixed = events({}, {"from": "agent/4"})
-    assert [one["from"] for one in decode_all("event", mixed, run=RUN)] == [SENDER, "agent/4"]
+    assert [one["from"] for one in decode_all(kinds.EVENT, mixed, run=RUN)] == [SENDER, "agent/4"]
 
 
 @pytest.mark.parametrize(
@@ -56,23 +58,23 @@ def test_all_are_read_in_their_order_though_some_lack_what_they_may_lack() -> No
 def test_one_that_is_not_as_promised_refuses_all(change: dict[str, Any], without: str, said: str) -> None:
     for several in (events({}, {}, change, without=without), events({}, change, without=without)[::-1]):
         with pytest.raises(BadMessage, match=said):
-            decode_all("event", several, run=RUN, sender=SENDER)
+            decode_all(kinds.EVENT, several, run=RUN, sender=SENDER)
 
 
 def test_the_field_that_is_missing_is_named() -> None:
     with pytest.raises(BadMessage, match=r"^field kind is missing$"):
-        decode("event", msgpack.packb({name: EVENT[name] for name in ("v", "run", "from", "seq", "sent")}), run=RUN)
+        decode(kinds.EVENT, msgpack.packb({name: EVENT[name] for name in ("v", "run", "from", "seq", "sent")}), run=RUN)
 
 
 def test_a_glance_at_a_step_needs_all_fields_but_no_more_of_them() -> None:
     message = {**EVENT, "k": 5, "position": "anywhere", "range": None}
-    assert peek("range", msgpack.packb(message), run=RUN, sender=SENDER) == 5
+    assert peek(kinds.RANGE, msgpack.packb(message), run=RUN, sender=SENDER) == 5
     del message["range"]
     with pytest.raises(BadMessage, match="missing"):
-        peek("range", msgpack.packb(message), run=RUN, sender=SENDER)
+        peek(kinds.RANGE, msgpack.packb(message), run=RUN, sender=SENDER)
     for step in (True, 1 << 63, -1):
         with pytest.raises(BadMessage, match="field k"):
-            peek("range", msgpack.packb({**message, "range": None, "k": step}), run=RUN, sender=SENDER)
+            peek(kinds.RANGE, msgpack.packb({**message, "range": None, "k": step}), run=RUN, sender=SENDER)
 
 
 def test_the_largest_message_is_read_and_extensions_are_not() -> None:
@@ -104,7 +106,9 @@ def test_a_schema_tells_other_languages_what_is_checked() -> None:
     def numbers(size: int) -> dict[str, Any]:
         return {"type": "array", "items": {"type": "number"}, "minItems": size, "maxItems": size}
 
-    signal, range_, estimate, smoothed = map(json_schema, ("signal", "range", "estimate", "smoothed"))
+    signal, range_, estimate, smoothed = (
+        json_schema(kinds.MESSAGE_KINDS[name]) for name in ("signal", "range", "estimate", "smoothed")
+    )
     assert (signal["title"], signal["type"]) == ("cbef.Signal", "object")
     assert signal["required"] == ["from", "k", "run", "sent", "seq", "signal", "v"]
     assert signal["properties"]["k"] == signal["properties"]["seq"] == smoothed["properties"]["until"] == count

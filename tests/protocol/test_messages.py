@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from tests.examples import examples
 from zenoh_cbef.protocol.fields import FARTHEST
-from zenoh_cbef.protocol.kinds import BODIES
+from zenoh_cbef.protocol.kinds import MESSAGE_KINDS, ROUND
 from zenoh_cbef.protocol.messages import (
     LARGEST,
     VERSION,
@@ -82,8 +82,8 @@ BODY = {
         {"kind": TEXTS, "text": TEXTS}, optional={"data": st.dictionaries(TEXTS, st.one_of(COUNTS, TEXTS))}
     ),
 }
-KINDS = st.sampled_from(sorted(BODIES))
-MESSAGES = KINDS.flatmap(lambda kind: st.tuples(st.just(kind), BODY[kind]))
+ANY_KIND = st.sampled_from(sorted(MESSAGE_KINDS))
+MESSAGES = ANY_KIND.flatmap(lambda kind: st.tuples(st.just(kind), BODY[kind]))
 RUN, SENDER = "run-1", "agent/3"
 
 ANYTHING = st.recursive(
@@ -116,19 +116,19 @@ def is_sound(value):
 def read_or_refused(kind, data):
     """The message, checked as a reader relies on it; None where it was refused."""
     try:
-        message = decode(kind, data, run=RUN, sender=SENDER)
+        message = decode(MESSAGE_KINDS[kind], data, run=RUN, sender=SENDER)
     except BadMessage:
         return None
-    known = {"v", "run", "from", "seq", "sent", *BODIES[kind]}
+    known = {"v", "run", "from", "seq", "sent", *MESSAGE_KINDS[kind].fields}
     assert message.keys() <= known
-    assert {name for name, field in BODIES[kind].items() if not field.optional} <= message.keys()
+    assert {name for name, field in MESSAGE_KINDS[kind].fields.items() if not field.optional} <= message.keys()
     assert (message["v"], message["run"], message["from"]) == (VERSION, RUN, SENDER)
     assert all(is_sound(value) for name, value in message.items() if name != "data")
     return message
 
 
 def test_every_kind_has_its_strategy():
-    assert BODY.keys() == BODIES.keys()
+    assert BODY.keys() == MESSAGE_KINDS.keys()
 
 
 @settings(deadline=None)
@@ -137,10 +137,10 @@ def test_a_message_is_read_back_as_it_was_written(message, seq, sent):
     kind, body = message
     data = written(body, seq=seq, sent=sent)
     expected = {"v": VERSION, "run": RUN, "from": SENDER, "seq": seq, "sent": sent, **body}
-    assert decode(kind, data, run=RUN, sender=SENDER) == expected
-    assert decode(kind, data, run=RUN) == expected
+    assert decode(MESSAGE_KINDS[kind], data, run=RUN, sender=SENDER) == expected
+    assert decode(MESSAGE_KINDS[kind], data, run=RUN) == expected
     if "k" in body:
-        assert peek(kind, data, run=RUN, sender=SENDER) == body["k"]
+        assert peek(MESSAGE_KINDS[kind], data, run=RUN, sender=SENDER) == body["k"]
 
 
 @examples(100)
@@ -165,7 +165,7 @@ def test_flipped_cut_or_extended_bytes_are_read_soundly_or_refused(message, data
 
 
 @settings(deadline=None)
-@given(KINDS, st.binary(max_size=100))
+@given(ANY_KIND, st.binary(max_size=100))
 def test_noise_is_refused(kind, data):
     assert read_or_refused(kind, data) is None
 
@@ -190,14 +190,15 @@ def test_an_extra_or_missing_field_is_refused(message, data):
     name = data.draw(st.sampled_from(sorted(fields)))
     less = {key: value for key, value in fields.items() if key != name}
     result = read_or_refused(kind, msgpack.packb(less))
-    assert (result is not None) == (BODIES[kind].get(name) is not None and BODIES[kind][name].optional)
+    field = MESSAGE_KINDS[kind].fields.get(name)
+    assert (result is not None) == (field is not None and field.optional)
     assert read_or_refused(kind, msgpack.packb({**fields, "extra": 1})) is None
     assert read_or_refused(kind, msgpack.packb({**fields, b"k": 1})) is None
     assert read_or_refused(kind, msgpack.packb({**fields, 7: 1}, strict_types=False)) is None
 
 
 @settings(deadline=None)
-@given(KINDS, ANYTHING)
+@given(ANY_KIND, ANYTHING)
 def test_what_is_no_map_is_refused(kind, value):
     assert read_or_refused(kind, msgpack.packb(value)) is None
 
@@ -232,7 +233,7 @@ VALID = {"k": 3, "position": [1.0, 2.0, 3.0], "range": 4.0}
 def test_a_refusal_says_what_is_wrong(kind, change, said):
     fields = {"v": VERSION, "run": RUN, "from": SENDER, "seq": 0, "sent": 0, **VALID, **change}
     with pytest.raises(BadMessage) as caught:
-        decode(kind, msgpack.packb(fields), run=RUN, sender=SENDER)
+        decode(MESSAGE_KINDS[kind], msgpack.packb(fields), run=RUN, sender=SENDER)
     assert said in str(caught.value)
     assert len(str(caught.value)) < 120
 
@@ -241,12 +242,12 @@ def test_a_refusal_says_what_is_wrong(kind, change, said):
 def test_numbers_that_are_not_finite_or_immense_do_not_hide_in_binary_fields(values):
     body = {"k": 1, "l": 1, "payload": struct.pack(f"<{len(values)}d", *values)}
     with pytest.raises(BadMessage, match="payload"):
-        decode("round", written(body), run=RUN)
+        decode(ROUND, written(body), run=RUN)
 
 
 def test_a_huge_message_is_refused_before_it_is_read():
     with pytest.raises(BadMessage, match="larger than"):
-        decode("round", b"\x81" * (LARGEST + 1), run=RUN)
+        decode(ROUND, b"\x81" * (LARGEST + 1), run=RUN)
 
 
 @pytest.mark.parametrize(
@@ -265,7 +266,7 @@ def test_a_huge_message_is_refused_before_it_is_read():
     ],
 )
 def test_hostile_bytes_are_refused(data):
-    for kind in BODIES:
+    for kind in MESSAGE_KINDS:
         assert read_or_refused(kind, data) is None
 
 
@@ -277,14 +278,14 @@ def test_a_glance_at_the_step_refuses_what_is_not_from_its_sender(message, data)
     name = data.draw(st.sampled_from(["run", "from", "v", "k"]))
     fields[name] = data.draw(st.sampled_from(["other", -1, None, [1], {"a": 1}, math.nan]))
     with pytest.raises(BadMessage):
-        peek(kind, msgpack.packb(fields), run=RUN, sender=SENDER)
+        peek(MESSAGE_KINDS[kind], msgpack.packb(fields), run=RUN, sender=SENDER)
 
 
-@pytest.mark.parametrize("kind", sorted(BODIES))
+@pytest.mark.parametrize("kind", sorted(MESSAGE_KINDS))
 def test_schemas_describe_every_field(kind):
-    schema = json_schema(kind)
-    assert schema["properties"].keys() == {"v", "run", "from", "seq", "sent", *BODIES[kind]}
-    optional = {name for name, field in BODIES[kind].items() if field.optional}
+    schema = json_schema(MESSAGE_KINDS[kind])
+    assert schema["properties"].keys() == {"v", "run", "from", "seq", "sent", *MESSAGE_KINDS[kind].fields}
+    optional = {name for name, field in MESSAGE_KINDS[kind].fields.items() if field.optional}
     assert set(schema["required"]) == schema["properties"].keys() - optional
 
 

@@ -20,6 +20,7 @@ from zenoh_cbef.nodes.common.recording import Status
 from zenoh_cbef.nodes.recorder.overview import Overview
 from zenoh_cbef.plain import DEEPEST, count_in, counts_in, flaw, read_json, read_toml, whole
 from zenoh_cbef.protocol.control import read_answer, read_request
+from zenoh_cbef.protocol.kinds import EVENT
 from zenoh_cbef.protocol.messages import BadMessage, decode, encode
 from zenoh_cbef.protocol.questions import ADD, CLEAR, LIST, STATUS, STOP, Question
 from zenoh_cbef.protocol.scenario_service import Clock, read_scenario
@@ -45,7 +46,7 @@ def nested(levels):
 def test_an_event_with_any_data_is_refused_or_read_by_all_who_take_something_from_it(data):
     message = encode(RUN, "agent/0", 0, 1, {"kind": "finished", "text": "", "data": data})
     try:
-        event = decode("event", message, run=RUN)
+        event = decode(EVENT, message, run=RUN)
     except BadMessage:
         assert flaw(data)
         return
@@ -71,18 +72,18 @@ def test_an_event_that_is_not_plain_is_refused(data):
         {"v": 1, "run": RUN, "from": "a", "seq": 0, "sent": 0, "kind": "", "text": "", "data": {"x": data}}
     )
     with pytest.raises(BadMessage):
-        decode("event", message, run=RUN)
+        decode(EVENT, message, run=RUN)
 
 
 def test_lists_that_claim_to_be_long_take_no_room():
     with pytest.raises(BadMessage, match="not msgpack"):
-        decode("event", b"\x81\xa1x" + b"\xdd\x00\x0f\xff\xff" * 1000 + bytes(1 << 19), run=RUN)
+        decode(EVENT, b"\x81\xa1x" + b"\xdd\x00\x0f\xff\xff" * 1000 + bytes(1 << 19), run=RUN)
 
 
 @pytest.mark.parametrize("text", ["\x1b[2J", "\x00", "a\x07"])
 def test_a_text_cannot_command_a_terminal(text):
     with pytest.raises(BadMessage):
-        decode("event", encode(RUN, "a", 0, 0, {"kind": "x", "text": text}), run=RUN)
+        decode(EVENT, encode(RUN, "a", 0, 0, {"kind": "x", "text": text}), run=RUN)
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ import zenoh
 
 from tests.protocol.conftest import Pair
 from zenoh_cbef.errors import UserError
+from zenoh_cbef.protocol.kinds import RANGE
 from zenoh_cbef.protocol.mailbox import Mailbox
 from zenoh_cbef.protocol.memory import Memory
 from zenoh_cbef.protocol.messages import decode
@@ -54,7 +55,7 @@ def test_messages_are_numbered_dated_and_remembered(pair: Pair, may_drop: bool) 
     first, second, third = (taken(mailbox) for _ in range(3))
     assert codec.decode(first)[:3] == (7, 1, 100)
     assert second == data
-    said = decode("range", data, run="test", sender="agent/3")
+    said = decode(RANGE, data, run="test", sender="agent/3")
     assert (said["seq"], said["sent"], said["k"]) == (1, 200, 8)
     assert memory.answer(zenoh.Parameters({"first": "0", "last": "9"})) == [first, second, third]
     assert memory.answer(zenoh.Parameters({"k": "7"})) == [first]

@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.examples import examples
+from zenoh_cbef.protocol.kinds import ROUND
 from zenoh_cbef.protocol.messages import VERSION, BadMessage, decode, encode, pack_floats
 from zenoh_cbef.protocol.round_codec import RoundCodec
 from zenoh_cbef.tracking.moderation import LARGEST_SENT
@@ -32,7 +33,7 @@ def messages(draw):
 def general(data, width):
     """What the general decoder makes of it, of a payload that long; None where it refuses."""
     try:
-        message = decode("round", data, run=RUN, sender=SENDER)
+        message = decode(ROUND, data, run=RUN, sender=SENDER)
     except BadMessage:
         return None
     if len(message["payload"]) != 8 * width or message["k"] >= 2**32:
@@ -59,7 +60,7 @@ def test_what_it_writes_is_a_standard_message(message):
     fields = {"v": VERSION, "run": RUN, "from": SENDER, "seq": seq, "sent": sent, "k": step, "l": round_}
     assert msgpack.unpackb(data) == {**fields, "payload": pack_floats(payload)}
     assert list(msgpack.unpackb(data)) == [*fields, "payload"]
-    assert decode("round", data, run=RUN, sender=SENDER)["payload"] == pack_floats(payload)
+    assert decode(ROUND, data, run=RUN, sender=SENDER)["payload"] == pack_floats(payload)
 
 
 @settings(deadline=None)
@@ -130,5 +131,5 @@ def test_messages_of_others_and_of_other_sizes_are_refused(data):
 def test_names_of_any_length_fit(run):
     codec = RoundCodec(run, SENDER, 1)
     data = codec.encode(1, 2, 3, 4, np.array([5.0]))
-    assert decode("round", data, run=run, sender=SENDER)["k"] == 3
+    assert decode(ROUND, data, run=run, sender=SENDER)["k"] == 3
     assert codec.decode(data)[:3] == (3, 4, 2)

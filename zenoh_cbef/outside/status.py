@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zenoh_cbef.protocol.keys import agent_named
-from zenoh_cbef.protocol.kinds import EstimateMessage, EventMessage
+from zenoh_cbef.protocol.kinds import ESTIMATE, EVENT, EstimateMessage, EventMessage
 from zenoh_cbef.protocol.messages import BadMessage, decode, unpack_floats
 from zenoh_cbef.protocol.questions import StatusAnswer
 from zenoh_cbef.protocol.slow import AGAIN_SECONDS, SLOW, WINDOW_SECONDS
@@ -149,7 +149,7 @@ def _estimates(raw: list[bytes], run: str) -> dict[str, EstimateMessage]:
     found = {}
     for data in raw:
         with suppress(BadMessage):
-            message = decode("estimate", data, run=run)
+            message = decode(ESTIMATE, data, run=run)
             found[message["from"]] = message
     return found
 
@@ -158,7 +158,7 @@ def _events(raw: list[bytes], run: str) -> list[EventMessage]:
     found = []
     for data in raw:
         with suppress(BadMessage):
-            found.append(decode("event", data, run=run))
+            found.append(decode(EVENT, data, run=run))
     return found
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any
 
 import msgpack
 import zenoh
@@ -61,15 +60,14 @@ def ask_control(
 def read_answer(data: bytes, question: Question[Answer], key: str) -> Answer:
     """A complete answer. Raises UserError with the sentence in it, or where a field is missing or wrong."""
     try:
-        said: Any = unpack(data)
+        said = unpack(data)
     except BadMessage as error:
         raise UserError(f"{key} answers with something else ({error})") from None
-    if isinstance(said.get("error"), str):
-        raise UserError(said["error"])
+    if isinstance(sentence := said.get("error"), str):
+        raise UserError(sentence)
     for name, field in question.fields.items():
         if name in said and field.hold([said[name]]):
             continue
         if name in said or not field.optional:
             raise UserError(f"{key} answers with something else ({name} is not as promised); is it a zenoh-cbef?")
-    answer: Answer = said
-    return answer
+    return question.known(said)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import NotRequired, TypedDict
+from dataclasses import dataclass, field, replace
+from typing import Generic, NotRequired, TypedDict, TypeVar
 
 from zenoh_cbef.protocol.fields import (
     Count,
@@ -19,6 +19,7 @@ from zenoh_cbef.protocol.fields import (
     Six,
     SmallCount,
     Table,
+    Test,
     Text,
     Texts,
     Three,
@@ -32,46 +33,47 @@ Envelope = TypedDict("Envelope", {"v": Count, "run": Text, "from": Text, "seq": 
 sent, ns since the Unix epoch."""
 
 
-class TruthMessage(Envelope):
-    """The target's state in a step."""
+class StepMessage(Envelope):
+    """What belongs to a step."""
 
     k: Count
+
+
+class TruthMessage(StepMessage):
+    """The target's state in a step."""
+
     state: Six
 
 
-class BeaconMessage(Envelope):
+class BeaconMessage(StepMessage):
     """When a beacon was emitted and heard, s; nil where it was not.
 
     signal, at: in older logs, which have no key for signals.
     """
 
-    k: Count
     emitted: NumberOrNil
     arrived: NumberOrNil
     signal: NotRequired[Signal]
     at: NotRequired[Moment]
 
 
-class SignalMessage(Envelope):
+class SignalMessage(StepMessage):
     """The run begins after a step, or ends before it. at: when step 0 is or was, s since the Unix epoch."""
 
-    k: Count
     signal: Signal
     at: NotRequired[Moment]
 
 
-class RangeMessage(Envelope):
+class RangeMessage(StepMessage):
     """Where an agent is, m, and the range that it measured, m."""
 
-    k: Count
     position: Three
     range: NumberOrNil
 
 
-class RoundMessage(Envelope):
+class RoundMessage(StepMessage):
     """A payload of a round of consensus."""
 
-    k: Count
     l: Count  # noqa: E741 - the field's name in messages and logs
     payload: Doubles
 
@@ -91,8 +93,7 @@ class LinkCounts(TypedDict):
     latency: NumbersOrNil
 
 
-class _StateMessage(Envelope):
-    k: Count
+class _StateMessage(StepMessage):
     state: Six
 
 
@@ -102,10 +103,9 @@ class EstimateMessage(_StateMessage, LinkCounts):
     covariance: DoublesOrNil
 
 
-class SmoothedMessage(Envelope):
+class SmoothedMessage(StepMessage):
     """An agent's estimate of an earlier step; until: the last step whose estimate is in it."""
 
-    k: Count
     until: SmallCount
     state: Six
     covariance: Matrix
@@ -135,20 +135,39 @@ _DIAGNOSTICS = {
 
 ENVELOPE = fields_of(Envelope)
 
+M = TypeVar("M", bound=Envelope)
+M_co = TypeVar("M_co", bound=Envelope, covariant=True)
 
-def _body(shape: type) -> dict[str, Field]:
-    return {name: field for name, field in fields_of(shape).items() if name not in ENVELOPE}
+
+@dataclass(frozen=True)
+class Kind(Generic[M_co]):
+    """A kind of message. fields: with those of the envelope.
+
+    required: what no message of it may lack. tests: of these, each with the names of all fields that have to pass it.
+    """
+
+    name: str
+    fields: dict[str, Field]
+    required: frozenset[str] = field(init=False)
+    tests: dict[Test, list[str]] = field(init=False, default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Find what is required."""
+        required = sorted(name for name, one in self.fields.items() if not one.optional)
+        object.__setattr__(self, "required", frozenset(required))
+        for name in required:
+            self.tests.setdefault(self.fields[name].hold, []).append(name)
 
 
-BODIES: dict[str, dict[str, Field]] = {
-    "truth": _body(TruthMessage),
-    "beacon": _body(BeaconMessage),
-    "signal": _body(SignalMessage),
-    "range": _body(RangeMessage),
-    "round": _body(RoundMessage),
-    "estimate": {**_body(_StateMessage), **_DIAGNOSTICS, **_body(EstimateMessage)},
-    "smoothed": _body(SmoothedMessage),
-    "faults": _body(FaultsMessage),
-    "event": _body(EventMessage),
-}
-"""The fields of each kind of message, besides those of the envelope."""
+TRUTH = Kind[TruthMessage]("truth", fields_of(TruthMessage))
+BEACON = Kind[BeaconMessage]("beacon", fields_of(BeaconMessage))
+SIGNAL = Kind[SignalMessage]("signal", fields_of(SignalMessage))
+RANGE = Kind[RangeMessage]("range", fields_of(RangeMessage))
+ROUND = Kind[RoundMessage]("round", fields_of(RoundMessage))
+ESTIMATE = Kind[EstimateMessage]("estimate", {**fields_of(_StateMessage), **_DIAGNOSTICS, **fields_of(EstimateMessage)})
+SMOOTHED = Kind[SmoothedMessage]("smoothed", fields_of(SmoothedMessage))
+FAULTS = Kind[FaultsMessage]("faults", fields_of(FaultsMessage))
+EVENT = Kind[EventMessage]("event", fields_of(EventMessage))
+_ALL: tuple[Kind[Envelope], ...] = (TRUTH, BEACON, SIGNAL, RANGE, ROUND, ESTIMATE, SMOOTHED, FAULTS, EVENT)
+MESSAGE_KINDS = {kind.name: kind for kind in _ALL}
+"""The kinds of messages by the last part of their keys."""

@@ -9,26 +9,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any, Literal, TypeAlias, TypedDict, overload
+from typing import Any, TypedDict
 
 import msgpack
 import numpy as np
 from numpy.typing import NDArray
 
 from zenoh_cbef.plain import Json
-from zenoh_cbef.protocol.fields import LONGEST, Test
-from zenoh_cbef.protocol.kinds import (
-    BODIES,
-    ENVELOPE,
-    BeaconMessage,
-    EstimateMessage,
-    EventMessage,
-    FaultsMessage,
-    RangeMessage,
-    RoundMessage,
-    SignalMessage,
-    TruthMessage,
-)
+from zenoh_cbef.protocol.fields import LONGEST
+from zenoh_cbef.protocol.kinds import Kind, M
 
 VERSION = 1
 LARGEST = 1 << 20
@@ -37,24 +26,8 @@ LARGEST = 1 << 20
 _CLAIMS = {"max_array_len": LONGEST, "max_map_len": LONGEST, "max_ext_len": 0}
 
 
-Message: TypeAlias = Mapping[str, Any]
-"""A message of a kind that is known when the program runs: what `decode` says of that kind."""
-
-
 class BadMessage(ValueError):
     """A message that is not what its key promises; the text says why, in a few words."""
-
-
-_FIELDS = {kind: {**ENVELOPE, **body} for kind, body in BODIES.items()}
-_REQUIRED = {
-    kind: frozenset(name for name, field in fields.items() if not field.optional) for kind, fields in _FIELDS.items()
-}
-_TESTS: dict[str, dict[Test, list[str]]] = {kind: {} for kind in BODIES}
-"""By kind: the tests of the required fields, each with the names of all fields that have to pass it."""
-
-for _kind, _names in _REQUIRED.items():
-    for _name in sorted(_names):
-        _TESTS[_kind].setdefault(_FIELDS[_kind][_name].hold, []).append(_name)
 
 
 class Schema(TypedDict):
@@ -66,13 +39,13 @@ class Schema(TypedDict):
     required: list[str]
 
 
-def json_schema(kind: str) -> Schema:
+def json_schema(kind: Kind[M]) -> Schema:
     """The JSON Schema of one kind of message, for logs and readers in other languages."""
     return {
-        "title": f"cbef.{kind.capitalize()}",
+        "title": f"cbef.{kind.name.capitalize()}",
         "type": "object",
-        "properties": {name: dict(field.schema) for name, field in _FIELDS[kind].items()},
-        "required": sorted(_REQUIRED[kind]),
+        "properties": {name: dict(field.schema) for name, field in kind.fields.items()},
+        "required": sorted(kind.required),
     }
 
 
@@ -95,84 +68,57 @@ def unpack(data: bytes) -> dict[str, object]:
     return message
 
 
-@overload
-def decode(kind: Literal["truth"], data: bytes, *, run: str, sender: str = "") -> TruthMessage: ...
-@overload
-def decode(kind: Literal["beacon"], data: bytes, *, run: str, sender: str = "") -> BeaconMessage: ...
-@overload
-def decode(kind: Literal["signal"], data: bytes, *, run: str, sender: str = "") -> SignalMessage: ...
-@overload
-def decode(kind: Literal["range"], data: bytes, *, run: str, sender: str = "") -> RangeMessage: ...
-@overload
-def decode(kind: Literal["round"], data: bytes, *, run: str, sender: str = "") -> RoundMessage: ...
-@overload
-def decode(kind: Literal["estimate"], data: bytes, *, run: str, sender: str = "") -> EstimateMessage: ...
-@overload
-def decode(kind: Literal["faults"], data: bytes, *, run: str, sender: str = "") -> FaultsMessage: ...
-@overload
-def decode(kind: Literal["event"], data: bytes, *, run: str, sender: str = "") -> EventMessage: ...
-@overload
-def decode(kind: str, data: bytes, *, run: str, sender: str = "") -> Message: ...
-def decode(kind: str, data: bytes, *, run: str, sender: str = "") -> Message:
+def decode(kind: Kind[M], data: bytes, *, run: str, sender: str = "") -> M:
     """Read and check one message. sender: the process that owns the key, "" for any. Raises BadMessage."""
-    message = unpack(data)
+    message: Any = unpack(data)
     # Most messages have the required fields alone: those of one type are then looked at together.
-    plain = message.keys() == _REQUIRED[kind]
-    for hold, names in _TESTS[kind].items():
+    plain = message.keys() == kind.required
+    for hold, names in kind.tests.items():
         plain = plain and hold([*map(message.__getitem__, names)])
     if not plain:
         _check_fields(message, kind)
     _check_origin(message, run, sender)
-    return message
+    checked: M = message
+    return checked
 
 
-def _check_fields(message: Message, kind: str) -> None:
+def _check_fields(message: Mapping[str, object], kind: Kind[M]) -> None:
     """Raise BadMessage with the first field that is not as promised."""
-    fields = _FIELDS[kind]
     for name, value in message.items():
-        field = fields.get(name)
+        field = kind.fields.get(name)
         if field is None:
             raise BadMessage(f"unknown field {name!r:.40}")
         if not field.hold([value]):
             raise BadMessage(f"field {name} is not as promised")
-    if not _REQUIRED[kind] <= message.keys():
-        raise BadMessage(f"field {min(_REQUIRED[kind] - message.keys())} is missing")
+    if not kind.required <= message.keys():
+        raise BadMessage(f"field {min(kind.required - message.keys())} is missing")
 
 
-@overload
-def decode_all(
-    kind: Literal["estimate"], messages: Sequence[bytes], *, run: str, sender: str = ""
-) -> list[EstimateMessage]: ...
-@overload
-def decode_all(
-    kind: Literal["event"], messages: Sequence[bytes], *, run: str, sender: str = ""
-) -> list[EventMessage]: ...
-@overload
-def decode_all(kind: str, messages: Sequence[bytes], *, run: str, sender: str = "") -> Sequence[Message]: ...
-def decode_all(kind: str, messages: Sequence[bytes], *, run: str, sender: str = "") -> Sequence[Message]:
+def decode_all(kind: Kind[M], messages: Sequence[bytes], *, run: str, sender: str = "") -> list[M]:
     """As decode, of many messages at once, in a fraction of the time.
 
     Raises BadMessage where any of them is not as promised; decode says of one what is wrong.
     """
-    maps = [unpack(data) for data in messages]
-    fields, required = _FIELDS[kind], _REQUIRED[kind]
+    maps: Any = [unpack(data) for data in messages]
+    fields = kind.fields
     layouts = {frozenset(message) for message in maps}
     for name in frozenset().union(*layouts):
         values = [message[name] for message in maps if name in message]
         if name not in fields or not fields[name].hold(values):
             raise BadMessage(f"field {name!r:.40} is not as promised")
-    if not all(required <= layout for layout in layouts):
+    if not all(kind.required <= layout for layout in layouts):
         raise BadMessage("a field is missing")
     for origin in {(message["v"], message["run"], message["from"]) for message in maps}:
         _check_origin(dict(zip(("v", "run", "from"), origin, strict=True)), run, sender)
-    return maps
+    checked: list[M] = maps
+    return checked
 
 
-def peek(kind: str, data: bytes, *, run: str, sender: str) -> int:
+def peek(kind: Kind[M], data: bytes, *, run: str, sender: str) -> int:
     """The step `k` of a message; its other fields need not be as promised. Raises BadMessage."""
     message = unpack(data)
     step = message.get("k")
-    if not _REQUIRED[kind] <= message.keys() or type(step) is not int or not _FIELDS[kind]["k"].hold([step]):
+    if not kind.required <= message.keys() or type(step) is not int or not kind.fields["k"].hold([step]):
         raise BadMessage("field k is missing or not as promised")
     _check_origin(message, run, sender)
     return step

@@ -16,6 +16,7 @@ import msgpack
 import numpy as np
 from numpy.typing import NDArray
 
+from zenoh_cbef.protocol.kinds import ROUND
 from zenoh_cbef.protocol.messages import VERSION, decode, unpack_floats
 from zenoh_cbef.tracking.moderation import LARGEST_SENT
 
@@ -83,7 +84,7 @@ class RoundCodec:
             plain = ((bytes_[:, : self._values] & self._same) == self._header).all()
             if plain and (np.abs(found.payload) <= LARGEST_SENT).all():
                 return found
-        maps = [decode("round", data, run=self._run, sender=self._sender) for data in messages]
+        maps = [decode(ROUND, data, run=self._run, sender=self._sender) for data in messages]
         numbers = [(message["seq"], message["sent"], message["k"], message["l"]) for message in maps]
         seq, sent, step, round_ = np.array(numbers, np.uint64).T
         return Rounds(
@@ -100,7 +101,7 @@ class RoundCodec:
             _, sent, step, round_ = self._read.unpack(header)
             values = data[self._values :]
             return step, round_, sent, values if _LITTLE else _swapped(values)
-        message = decode("round", data, run=self._run, sender=self._sender)
+        message = decode(ROUND, data, run=self._run, sender=self._sender)
         payload = unpack_floats(message["payload"], self._width)
         return message["k"], message["l"], message["sent"], payload.tobytes()
 

@@ -6,7 +6,6 @@ import gc
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Protocol
 
 from zenoh_cbef.log.common.sequence import Sequences
 from zenoh_cbef.log.mcap.contents import RawMessage
@@ -14,30 +13,68 @@ from zenoh_cbef.log.read.header import Header
 from zenoh_cbef.log.read.parts import Log
 from zenoh_cbef.plain import counts_in
 from zenoh_cbef.protocol.keys import Address, address, agent_named
-from zenoh_cbef.protocol.kinds import EstimateMessage, EventMessage
-from zenoh_cbef.protocol.messages import BadMessage, Message, decode_all
+from zenoh_cbef.protocol.kinds import (
+    BEACON,
+    ESTIMATE,
+    EVENT,
+    FAULTS,
+    RANGE,
+    ROUND,
+    SIGNAL,
+    SMOOTHED,
+    TRUTH,
+    BeaconMessage,
+    Envelope,
+    EstimateMessage,
+    EventMessage,
+    FaultsMessage,
+    Kind,
+    M,
+    RangeMessage,
+    SignalMessage,
+    SmoothedMessage,
+    TruthMessage,
+)
+from zenoh_cbef.protocol.messages import BadMessage, decode_all
 from zenoh_cbef.protocol.round_codec import RoundCodec, Rounds
 from zenoh_cbef.scenario.plan import Plan
+
+Logged = Sequence[int]
 
 _SEQUENCE = 0xFFFFFFFF
 """What of a number fits into an MCAP record."""
 _MISLABELLED = "its record in the file has another number or time"
 
 
-class Sink(Protocol):
-    """Takes in the messages of a log, those of one key of a chunk at once, in order. logged: their log times, ns."""
+class Sink:
+    """Takes in the messages (m,) of a log, those of one key of a chunk at once, in order. logged: when, ns."""
 
-    def take(self, at: Address, logged: Sequence[int], messages: Sequence[Message]) -> None:
-        """Take messages (m,) of the target, or ranges."""
+    def take_truth(self, at: Address, logged: Logged, messages: Sequence[TruthMessage]) -> None:
+        """Take the truth."""
 
-    def take_events(self, logged: Sequence[int], messages: Sequence[EventMessage]) -> None:
-        """Take events."""
+    def take_beacons(self, at: Address, logged: Logged, messages: Sequence[BeaconMessage]) -> None:
+        """Take beacons for an agent."""
 
-    def take_estimates(self, at: Address, logged: Sequence[int], messages: Sequence[EstimateMessage]) -> None:
+    def take_signals(self, at: Address, logged: Logged, messages: Sequence[SignalMessage]) -> None:
+        """Take signals to an agent."""
+
+    def take_ranges(self, at: Address, logged: Logged, messages: Sequence[RangeMessage]) -> None:
+        """Take ranges of an agent."""
+
+    def take_rounds(self, at: Address, logged: Logged, rounds: Rounds) -> None:
+        """Take consensus messages of an agent."""
+
+    def take_estimates(self, at: Address, logged: Logged, messages: Sequence[EstimateMessage]) -> None:
         """Take estimates of an agent."""
 
-    def take_rounds(self, at: Address, logged: Sequence[int], rounds: Rounds) -> None:
-        """Take consensus messages of an agent."""
+    def take_smoothed(self, at: Address, logged: Logged, messages: Sequence[SmoothedMessage]) -> None:
+        """Take smoothed estimates of an agent."""
+
+    def take_faults(self, at: Address, logged: Logged, messages: Sequence[FaultsMessage]) -> None:
+        """Take lists of injected faults."""
+
+    def take_events(self, at: Address, logged: Logged, messages: Sequence[EventMessage]) -> None:
+        """Take events."""
 
 
 @dataclass
@@ -79,7 +116,7 @@ class _Place:
             raise BadMessage("an agent that the run does not have")
         self.key, self.at, self.kind = key, found, found.kind
         self.of_agent = agent_named(found.owner) is not None and found.kind != "event"
-        self.codec = RoundCodec(run, found.owner, plan.message_size) if found.kind == "round" else None
+        self.codec = RoundCodec(run, found.owner, plan.message_size)
         self.waiting: list[RawMessage] = []
 
 
@@ -87,8 +124,11 @@ def _ignore(*_: object) -> None:
     """Ignore an invalid message: it is counted elsewhere, which is enough for most readers."""
 
 
+_NOWHERE = Sink()
+
+
 class Decoder:
-    """Hands the messages of a run to a sink, if there is one, and counts them.
+    """Hands the messages of a run to a sink and counts them.
 
     kinds: of messages that are looked at, None for all. refused: told of what is not as its key promises.
     """
@@ -96,7 +136,7 @@ class Decoder:
     def __init__(
         self,
         header: Header,
-        sink: Sink | None = None,
+        sink: Sink = _NOWHERE,
         *,
         kinds: Collection[str] | None = None,
         refused: Callable[[RawMessage, BadMessage], None] = _ignore,
@@ -106,6 +146,17 @@ class Decoder:
         self._sink, self._kinds, self._refused = sink, kinds, refused
         self._places: list[_Place] = []
         self._takers: dict[str, Callable[[RawMessage], None]] = {}
+        self._by_kind: dict[str, Callable[[_Place, list[RawMessage]], None]] = {
+            TRUTH.name: self._handing(TRUTH, sink.take_truth),
+            BEACON.name: self._handing(BEACON, sink.take_beacons),
+            SIGNAL.name: self._handing(SIGNAL, sink.take_signals),
+            RANGE.name: self._handing(RANGE, sink.take_ranges),
+            ROUND.name: self._take_rounds,
+            ESTIMATE.name: self._handing(ESTIMATE, sink.take_estimates),
+            SMOOTHED.name: self._handing(SMOOTHED, sink.take_smoothed),
+            FAULTS.name: self._handing(FAULTS, sink.take_faults),
+            EVENT.name: self._handing(EVENT, self._hear),
+        }
 
     def take_all(self, log: Log) -> None:
         """Take all messages of a log."""
@@ -159,10 +210,7 @@ class Decoder:
 
     def _take(self, place: _Place, batch: list[RawMessage]) -> None:
         try:
-            if place.codec is None:
-                self._take_messages(place, batch)
-            else:
-                self._take_rounds(place, place.codec, batch)
+            self._by_kind[place.kind](place, batch)
         except BadMessage as error:
             if len(batch) == 1:
                 self._refuse(batch[0], error)
@@ -174,31 +222,29 @@ class Decoder:
         if place.of_agent:
             self.tally.agent_bytes += sum(map(len, list(zip(*batch, strict=True))[-1]))
 
-    def _take_messages(self, place: _Place, batch: list[RawMessage]) -> None:
-        _, logged, _, _, data = zip(*batch, strict=True)
-        sink, run, owner = self._sink, self._run, place.at.owner
-        if place.kind == "event":
-            events = decode_all("event", data, run=run, sender=owner)
-            self._check(place, batch, events)
-            for event in events:
-                self.tally.hear(event)
-            if sink is not None:
-                sink.take_events(logged, events)
-        elif place.kind == "estimate":
-            estimates = decode_all("estimate", data, run=run, sender=owner)
-            self._check(place, batch, estimates)
-            if sink is not None:
-                sink.take_estimates(place.at, logged, estimates)
-        else:
-            messages = decode_all(place.kind, data, run=run, sender=owner)
-            self._check(place, batch, messages)
-            if sink is not None:
-                sink.take(place.at, logged, messages)
+    def _handing(
+        self, kind: Kind[M], take: Callable[[Address, Logged, Sequence[M]], None]
+    ) -> Callable[[_Place, list[RawMessage]], None]:
+        """How messages of a kind are checked and handed on. It raises BadMessage."""
 
-    def _check(self, place: _Place, batch: list[RawMessage], messages: Sequence[Message]) -> None:
+        def handed(place: _Place, batch: list[RawMessage]) -> None:
+            _, logged, _, _, data = zip(*batch, strict=True)
+            messages = decode_all(kind, data, run=self._run, sender=place.at.owner)
+            self._check(place, batch, messages)
+            take(place.at, logged, messages)
+
+        return handed
+
+    def _hear(self, at: Address, logged: Logged, events: Sequence[EventMessage]) -> None:
+        for event in events:
+            self.tally.hear(event)
+        self._sink.take_events(at, logged, events)
+
+    def _check(self, place: _Place, batch: list[RawMessage], messages: Sequence[Envelope]) -> None:
         """Compare messages with the run and with their records, and count their numbers. Raises BadMessage."""
         _, _, times, numbers, _ = zip(*batch, strict=True)
-        self._check_steps(max(message.get("k", 0) for message in messages), ended=place.kind in {"beacon", "signal"})
+        steps = (step for one in messages if isinstance(step := one.get("k"), int))
+        self._check_steps(max(steps, default=0), ended=place.kind in {"beacon", "signal"})
         labels = [(message["seq"] & _SEQUENCE, message["sent"]) for message in messages]
         if labels != [*zip(numbers, times, strict=True)]:
             raise BadMessage(_MISLABELLED)
@@ -207,15 +253,14 @@ class Decoder:
             if place.at.is_of(sender):
                 self.tally.sequences.of(place.key, sender).take_all(own)
 
-    def _take_rounds(self, place: _Place, codec: RoundCodec, batch: list[RawMessage]) -> None:
+    def _take_rounds(self, place: _Place, batch: list[RawMessage]) -> None:
         _, logged, times, numbers, data = zip(*batch, strict=True)
-        rounds = codec.decode_all(data)
+        rounds = place.codec.decode_all(data)
         self._check_steps(int(rounds.step.max()))
         if (rounds.seq & _SEQUENCE).tolist() != [*numbers] or rounds.sent.tolist() != [*times]:
             raise BadMessage(_MISLABELLED)
         self.tally.sequences.of(place.key, place.at.owner).take_all([*numbers])
-        if self._sink is not None:
-            self._sink.take_rounds(place.at, logged, rounds)
+        self._sink.take_rounds(place.at, logged, rounds)
 
     def _check_steps(self, last: int, *, ended: bool = False) -> None:
         # The signal that ends a run is numbered one past its last step.

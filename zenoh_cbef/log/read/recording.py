@@ -7,14 +7,24 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from zenoh_cbef.log.read.decoding import Decoder, Tally
+from zenoh_cbef.log.read.decoding import Decoder, Logged, Sink, Tally
 from zenoh_cbef.log.read.header import Header, read_header
 from zenoh_cbef.log.read.parts import Log
 from zenoh_cbef.log.read.receipts import Receipts
 from zenoh_cbef.log.read.tables import Ints, Stamps, Table, floats, stamps_of
 from zenoh_cbef.protocol.keys import Address
-from zenoh_cbef.protocol.kinds import EstimateMessage, EventMessage
-from zenoh_cbef.protocol.messages import Message
+from zenoh_cbef.protocol.kinds import (
+    BeaconMessage,
+    Envelope,
+    EstimateMessage,
+    EventMessage,
+    FaultsMessage,
+    RangeMessage,
+    SignalMessage,
+    SmoothedMessage,
+    StepMessage,
+    TruthMessage,
+)
 from zenoh_cbef.protocol.round_codec import Rounds
 from zenoh_cbef.tracking.diagnostics import NAMES
 
@@ -41,7 +51,7 @@ class Signal(NamedTuple):
     at: float | None
 
 
-class Recording:
+class Recording(Sink):
     """The messages of a run, by agent and step, the first of each; n agents, L rounds, payloads of d numbers.
 
     truth: one row; state (6). beacons: n rows; heard (3): emitted and arrived, s, and the number of the sender in
@@ -74,26 +84,33 @@ class Recording:
         self.first: int | None = None
         self._kept = rounds
 
-    def take_events(self, logged: Sequence[int], messages: Sequence[EventMessage]) -> None:
+    def take_events(self, at: Address, logged: Logged, messages: Sequence[EventMessage]) -> None:  # noqa: ARG002
         """Keep events."""
         stamps = self._stamps(logged, messages)
         self.events += map(Event, stamps.logged.tolist(), stamps.sent.tolist(), messages)
 
-    def take(self, at: Address, logged: Sequence[int], messages: Sequence[Message]) -> None:
-        """Keep the messages of a key of the target, or ranges."""
-        stamps = self._stamps(logged, messages)
-        if at.kind == "faults":
-            self.faults = messages[-1]["tables"]
-        elif at.kind == "smoothed":
-            self._take_smoothed(at.agent, stamps, messages)
-        elif at.kind == "range":
-            self.ranges.put(at.agent, _steps(messages), stamps, position=floats([one["position"] for one in messages]))
-        elif at.kind == "truth":
-            self.truth.put(0, _steps(messages), stamps, state=floats([one["state"] for one in messages]))
-        else:
-            self._take_beacons(at.agent, stamps, messages)
+    def take_faults(self, at: Address, logged: Logged, messages: Sequence[FaultsMessage]) -> None:  # noqa: ARG002
+        """Keep the last list of injected faults."""
+        self._begin(messages[0]["sent"])
+        self.faults = messages[-1]["tables"]
 
-    def take_rounds(self, at: Address, logged: Sequence[int], rounds: Rounds) -> None:
+    def take_ranges(self, at: Address, logged: Logged, messages: Sequence[RangeMessage]) -> None:
+        """Keep where an agent was."""
+        position = floats([one["position"] for one in messages])
+        self.ranges.put(at.agent, _steps(messages), self._stamps(logged, messages), position=position)
+
+    def take_truth(self, at: Address, logged: Logged, messages: Sequence[TruthMessage]) -> None:  # noqa: ARG002
+        """Keep the truth."""
+        state = floats([one["state"] for one in messages])
+        self.truth.put(0, _steps(messages), self._stamps(logged, messages), state=state)
+
+    def take_signals(self, at: Address, logged: Logged, messages: Sequence[SignalMessage]) -> None:  # noqa: ARG002
+        """Keep signals."""
+        stamps = self._stamps(logged, messages)
+        for when, sent, one in zip(stamps.logged.tolist(), stamps.sent.tolist(), messages, strict=True):
+            self.signals.append(Signal(when, sent, one["k"], one.get("at")))
+
+    def take_rounds(self, at: Address, logged: Logged, rounds: Rounds) -> None:
         """Keep consensus messages of an agent, as far as they are wanted."""
         self._begin(int(rounds.sent[0]))
         if self._kept == "none":
@@ -109,11 +126,13 @@ class Recording:
         if self.first is None:
             self.first = sent
 
-    def _stamps(self, logged: Sequence[int], messages: Sequence[Message]) -> Stamps:
+    def _stamps(self, logged: Logged, messages: Sequence[Envelope]) -> Stamps:
         self._begin(messages[0]["sent"])
         return stamps_of(logged, [one["sent"] for one in messages])
 
-    def _take_beacons(self, agent: int, stamps: Stamps, messages: Sequence[Message]) -> None:
+    def take_beacons(self, at: Address, logged: Logged, messages: Sequence[BeaconMessage]) -> None:
+        """Keep beacons for an agent."""
+        stamps = self._stamps(logged, messages)
         if any("signal" in one for one in messages):  # Older logs have no keys for signals.
             signal = np.array(["signal" in one for one in messages])
             for place in np.flatnonzero(signal).tolist():
@@ -122,9 +141,9 @@ class Recording:
             stamps, messages = stamps.chosen(~signal), [one for one in messages if "signal" not in one]
         number = [self.senders.setdefault(one["from"], len(self.senders)) for one in messages]
         heard = [[one["emitted"], one["arrived"], place] for one, place in zip(messages, number, strict=True)]
-        self.beacons.put(agent, _steps(messages), stamps, heard=floats(heard).reshape(-1, 3))
+        self.beacons.put(at.agent, _steps(messages), stamps, heard=floats(heard).reshape(-1, 3))
 
-    def take_estimates(self, at: Address, logged: Sequence[int], messages: Sequence[EstimateMessage]) -> None:
+    def take_estimates(self, at: Address, logged: Logged, messages: Sequence[EstimateMessage]) -> None:
         """Keep estimates of an agent."""
         stamps, step, agent = self._stamps(logged, messages), _steps(messages), at.agent
         numbers = {
@@ -145,11 +164,12 @@ class Recording:
             step, messages = step[new], [one for one, is_new in zip(messages, new.tolist(), strict=True) if is_new]
         self.receipts[agent].put(step, messages)
 
-    def _take_smoothed(self, agent: int, stamps: Stamps, messages: Sequence[Message]) -> None:
+    def take_smoothed(self, at: Address, logged: Logged, messages: Sequence[SmoothedMessage]) -> None:
+        """Keep smoothed estimates of an agent."""
         self.smoothed.put(
-            agent,
+            at.agent,
             _steps(messages),
-            stamps,
+            self._stamps(logged, messages),
             state=floats([one["state"] for one in messages]),
             covariance=np.frombuffer(b"".join([one["covariance"] for one in messages]), "<f8").reshape(-1, 36),
             until=floats([[one["until"]] for one in messages]),
@@ -173,5 +193,5 @@ def read_recording(
     return recording
 
 
-def _steps(messages: Sequence[Message]) -> Ints:
+def _steps(messages: Sequence[StepMessage]) -> Ints:
     return np.array([one["k"] for one in messages], dtype=np.int64)

@@ -18,6 +18,7 @@ from zenoh_cbef.log.common.sequence import Sequences
 from zenoh_cbef.log.mcap.writer import McapWriter
 from zenoh_cbef.protocol.fields import LONGEST
 from zenoh_cbef.protocol.keys import Address, address
+from zenoh_cbef.protocol.kinds import MESSAGE_KINDS
 from zenoh_cbef.protocol.messages import BadMessage, json_schema, unpack
 from zenoh_cbef.scenario.model import Record
 
@@ -80,7 +81,7 @@ class _Part:
         kind = at.kind
         schema = self._schemas.get(kind)
         if schema is None:
-            text = json.dumps(json_schema(kind) if found else {})
+            text = json.dumps(json_schema(MESSAGE_KINDS[kind]) if found else {})
             schema = self.writer.register_schema(f"cbef.{kind.capitalize()}", "jsonschema", text.encode())
             self._schemas[kind] = schema
         channel = self.writer.register_channel(key, "msgpack" if found else "", schema)

@@ -25,6 +25,7 @@ from zenoh_cbef.nodes.common.rejections import Rejections
 from zenoh_cbef.nodes.common.standstill import die, stand_still
 from zenoh_cbef.nodes.common.succession import Succession
 from zenoh_cbef.protocol.bodies import estimate_body, range_body
+from zenoh_cbef.protocol.kinds import FAULTS
 from zenoh_cbef.protocol.mailbox import Mailbox
 from zenoh_cbef.protocol.memory import ask_latest
 from zenoh_cbef.protocol.messages import BadMessage, decode
@@ -124,7 +125,7 @@ class Agent:
             told.append(data)
         for data in told:
             try:
-                message = decode("faults", data, run=self.node.identity.run, sender="target")
+                message = decode(FAULTS, data, run=self.node.identity.run, sender="target")
                 self.inject(message["tables"])
             except (BadMessage, UserError) as error:
                 self.rejections.add(self._faults_in.key, str(error))

@@ -16,7 +16,7 @@ from zenoh_cbef.nodes.common.briefing import introduce
 from zenoh_cbef.nodes.common.inbox import MISSED, Inbox
 from zenoh_cbef.nodes.common.node import Node
 from zenoh_cbef.nodes.common.rejections import Rejections
-from zenoh_cbef.protocol.kinds import BeaconMessage, EstimateMessage, SignalMessage
+from zenoh_cbef.protocol.kinds import ESTIMATE, BeaconMessage, EstimateMessage, SignalMessage
 from zenoh_cbef.protocol.memory import ask_latest
 from zenoh_cbef.protocol.messages import BadMessage, decode, unpack_floats
 from zenoh_cbef.protocol.scenario_service import Clock, measure_clock
@@ -152,7 +152,7 @@ class Entrance:
                 answers = ask_latest(self._node.session, self._node.keys.estimate(other), step)
             for data in answers:
                 with suppress(BadMessage):
-                    told[other] = decode("estimate", data, run=self._node.identity.run, sender=sender)
+                    told[other] = decode(ESTIMATE, data, run=self._node.identity.run, sender=sender)
         return told
 
     def _adopt(self, before: int) -> None:

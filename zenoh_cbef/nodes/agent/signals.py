@@ -8,7 +8,7 @@ from zenoh_cbef.nodes.common.inbox import Inbox
 from zenoh_cbef.nodes.common.node import Node
 from zenoh_cbef.nodes.common.rejections import Rejections
 from zenoh_cbef.protocol.fields import END, START
-from zenoh_cbef.protocol.kinds import BeaconMessage, SignalMessage
+from zenoh_cbef.protocol.kinds import SIGNAL, BeaconMessage, SignalMessage
 from zenoh_cbef.protocol.mailbox import Mailbox
 from zenoh_cbef.protocol.memory import ask_latest
 from zenoh_cbef.protocol.messages import BadMessage, decode
@@ -50,7 +50,7 @@ class Signals:
 
     def _take(self, data: bytes, *, starts: bool = True) -> None:
         try:
-            message = decode("signal", data, run=self._node.identity.run, sender="target")
+            message = decode(SIGNAL, data, run=self._node.identity.run, sender="target")
         except BadMessage as error:
             self._rejections.add(self._mailbox.key, str(error))
             return

@@ -8,7 +8,7 @@ from zenoh_cbef.nodes.common.alarm import Alarm
 from zenoh_cbef.nodes.common.inbox import Decoder, Inbox
 from zenoh_cbef.nodes.common.node import Node
 from zenoh_cbef.nodes.common.rejections import Rejections
-from zenoh_cbef.protocol.kinds import BeaconMessage, RangeMessage
+from zenoh_cbef.protocol.kinds import BEACON, RANGE, BeaconMessage, RangeMessage
 from zenoh_cbef.protocol.mailbox import Mailbox
 from zenoh_cbef.protocol.messages import BadMessage, decode
 
@@ -20,7 +20,7 @@ def beacon_inbox(node: Node, agent: int, rejections: Rejections, alarm: Alarm, g
     """The beacons of an agent's own receiver; the turn is the step."""
 
     def read(data: bytes) -> tuple[int, int, int, BeaconMessage]:
-        message = decode("beacon", data, run=node.identity.run)
+        message = decode(BEACON, data, run=node.identity.run)
         if "signal" in message:
             raise BadMessage("a signal, which has a key of its own")
         return message["k"], 0, message["sent"], message
@@ -45,7 +45,7 @@ def range_reader(run: str, agent: int) -> Decoder[RangeMessage]:
     """Positions and ranges of a neighbour; the turn is the step."""
 
     def read(data: bytes) -> tuple[int, int, int, RangeMessage]:
-        message = decode("range", data, run=run, sender=f"agent/{agent}")
+        message = decode(RANGE, data, run=run, sender=f"agent/{agent}")
         return message["k"], 0, message["sent"], message
 
     return read

@@ -9,7 +9,7 @@ import numpy as np
 
 from zenoh_cbef.nodes.common.recording import Status
 from zenoh_cbef.protocol.keys import address
-from zenoh_cbef.protocol.kinds import EstimateMessage, TruthMessage
+from zenoh_cbef.protocol.kinds import ESTIMATE, TRUTH, EstimateMessage, TruthMessage
 from zenoh_cbef.protocol.messages import BadMessage, decode
 
 _KEPT = 256
@@ -41,9 +41,9 @@ class Overview:
             return
         with suppress(BadMessage):
             if kind == "truth":
-                self._see_truth(decode("truth", data, run=self.status.run, sender=at.owner))
+                self._see_truth(decode(TRUTH, data, run=self.status.run, sender=at.owner))
             else:
-                self._see_estimate(at.agent, decode("estimate", data, run=self.status.run, sender=at.owner))
+                self._see_estimate(at.agent, decode(ESTIMATE, data, run=self.status.run, sender=at.owner))
 
     def _see_truth(self, message: TruthMessage) -> None:
         self._truth[message["k"]] = message["state"]

@@ -23,6 +23,7 @@ from zenoh_cbef.nodes.recorder.recovery import Recovery
 from zenoh_cbef.plain import count_in, counts_in
 from zenoh_cbef.protocol.fair_mailbox import FairMailbox
 from zenoh_cbef.protocol.keys import address
+from zenoh_cbef.protocol.kinds import EVENT
 from zenoh_cbef.protocol.messages import BadMessage, decode
 from zenoh_cbef.protocol.recorded import belongs, covering, recorded_keys
 from zenoh_cbef.protocol.slow import SLOW
@@ -157,7 +158,7 @@ class Recorder:
     def _note_promises(self, key: str, data: bytes) -> None:
         at = address(key)
         try:
-            message = decode("event", data, run=self.node.identity.run, sender=at.owner if at else "")
+            message = decode(EVENT, data, run=self.node.identity.run, sender=at.owner if at else "")
         except BadMessage:
             return
         if at is None or not (at.owner or message["from"] == "target"):

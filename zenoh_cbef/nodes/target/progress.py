@@ -12,6 +12,7 @@ from zenoh_cbef.nodes.common.rejections import Rejections
 from zenoh_cbef.protocol.claims import Claims
 from zenoh_cbef.protocol.fair_mailbox import FairMailbox
 from zenoh_cbef.protocol.keys import address, agent_named
+from zenoh_cbef.protocol.kinds import ESTIMATE
 from zenoh_cbef.protocol.memory import ask_latest
 from zenoh_cbef.protocol.messages import BadMessage, peek
 
@@ -181,7 +182,7 @@ class Progress:
         try:
             if at is None or at.kind != "estimate":
                 raise BadMessage("not an estimate key")
-            step = peek("estimate", data, run=self._node.identity.run, sender=at.owner)
+            step = peek(ESTIMATE, data, run=self._node.identity.run, sender=at.owner)
             if at.agent >= len(self._reached):
                 raise BadMessage("from an agent that the scenario does not have")
             if step > self._begun:

@@ -20,6 +20,7 @@ from zenoh_cbef.nodes.target.progress import Progress
 from zenoh_cbef.plain import Json
 from zenoh_cbef.protocol.fair_mailbox import FairMailbox
 from zenoh_cbef.protocol.keys import Address, address, agent_named
+from zenoh_cbef.protocol.kinds import EVENT
 from zenoh_cbef.protocol.messages import BadMessage, decode
 from zenoh_cbef.protocol.questions import StatusAnswer
 from zenoh_cbef.scenario.plan import Plan
@@ -75,7 +76,7 @@ class Survey:
         at = address(key)
         sender = at.owner if at else ""
         try:
-            message = decode("event", data, run=self._node.identity.run, sender=sender)
+            message = decode(EVENT, data, run=self._node.identity.run, sender=sender)
         except BadMessage:
             return  # the recorder counts those
         known = at is not None and self._known(sender) and self._has_room(at)
