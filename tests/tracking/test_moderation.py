@@ -63,7 +63,7 @@ def test_no_message_makes_an_estimate_infinite(kind: str, told: float, payload: 
 
 def test_an_agent_that_becomes_sure_or_far_beyond_measure_takes_back_what_it_heard() -> None:
     """Information without bounds is a moderate place with hardly any covariance: only the message shows it."""
-    plan = load("tracking", ["filter.start=given", "filter.kind=sicf"]).plan
+    plan = load("tracking", ["filter.start=given", "filter.kind=sicf", "filter.status=false"]).plan
     begin = Belief(np.array([[1.0, 2.0, 3.0, 0.3, 0.2, 0.1]]), 0.25 * np.eye(6)[None])
     none = np.empty((1, 0, 3)), np.empty((1, 0))
     seen = Measurement(np.array([[5.0, 0.0, 1.0]]), np.array([4.0]), np.zeros(1), *none)

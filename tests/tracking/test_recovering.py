@@ -19,7 +19,7 @@ from zenoh_cbef.tracking.ranging import Measurement
 
 def surprised(count):
     """A step of six agents of which `count` have a range 10 m too long, and one has none."""
-    made = Plan(parse({"filter": {"recovery": True, "start": "given"}}, "test")).filter
+    made = Plan(parse({"filter": {"recovery": True, "start": "given", "status": False}}, "test")).filter
     random = np.random.default_rng(1)
     positions = random.uniform(-10.0, 10.0, (6, 3))
     ranges = np.linalg.norm(positions, axis=1)
@@ -66,9 +66,8 @@ def test_a_network_with_biased_receivers_finds_a_target_that_jumped_and_keeps_it
 
 
 def test_widening_multiplies_the_state_and_leaves_the_biases():
-    made = Plan(
-        load("tracking", ["filter.bias=estimate", "filter.recovery=true", "filter.start=given"]).scenario
-    ).filter
+    keys = ["filter.bias=estimate", "filter.recovery=true", "filter.start=given", "filter.status=false"]
+    made = Plan(load("tracking", keys).scenario).filter
     assert isinstance(made, Recovering)
     joint = np.random.default_rng(3).normal(size=(8, 8))
     joint = joint @ joint.T

@@ -27,6 +27,7 @@ from zenoh_cbef.analysis.results import (
 )
 from zenoh_cbef.analysis.slowness import slow_note, slowness
 from zenoh_cbef.analysis.smoothed import SmoothedErrors, smoothed_errors, smoothing_of
+from zenoh_cbef.analysis.standing import standing_of
 from zenoh_cbef.analysis.yardsticks import Yardsticks, yardsticks
 from zenoh_cbef.faults import SenderFault
 from zenoh_cbef.numbers import number
@@ -200,6 +201,7 @@ def _metrics(errors: Errors) -> Metrics:
         smoothed=None if errors.smoothed is None else smoothing_of(errors.smoothed, trace, errors.first, counted),
         nees=(nees := _nees(errors)),
         nis=_nis(errors),
+        status=standing_of(trace, errors.position_error, errors.nees, counted),
         misfit=misfit_note(trace, errors.first, nees) if trace.scenario.target.motion == "dataset" else "",
         bias=bias_of(trace, errors.first),
         distrust=distrust_of(trace, errors.first),

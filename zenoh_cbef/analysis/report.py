@@ -188,6 +188,10 @@ def _honesty(analysis: Analysis) -> Table:
         rows.append([f"{name}, average", f"{number(found.average)}, expected {found.dimension}"])
         inside = "none" if found.inside is None else f"{100.0 * found.inside:.1f} %"
         rows.append([f"{name} inside {low:.3g} to {high:.3g}", f"{inside}, expected 95 %"])
+    for name, stood in (metrics.status or {}).items():
+        if stood.share:
+            said = f"{100.0 * stood.share:.1f} % of the run, RMSE {number(stood.position_rmse)} m"
+            rows.append([f"position, while {name}", f"{said}, NEES {number(stood.nees)}"])
     return Table("Consistency and disagreement", [], rows)
 
 

@@ -106,6 +106,15 @@ class Distrust:
 
 
 @dataclass(frozen=True)
+class Standing:
+    """While estimates had one status: in which share of all, position RMSE, m, and mean NEES."""
+
+    share: float
+    position_rmse: Number
+    nees: Number
+
+
+@dataclass(frozen=True)
 class Slowness:
     """Which share of its rounds each agent, and of its steps the target, came to too late; too_slow: who is named."""
 
@@ -150,8 +159,9 @@ class Metrics:
     left_out: agents that averages are not over. lacks: what the log does not hold, in sentences. position_rmse, m, and
     velocity_rmse, m/s: of the network. strong: of a centralised filter that holds where the network's kind is lost;
     where that one is near the bound, its own figures. lost, twin_lost: whether the network, and the centralised filter,
-    lost the target: more than three times as far off as the strong one. smoothed, nees, nis, bias, distrust, slow:
-    None where the run has none. misfit: a sentence where recorded ranges do not fit the positions, else empty. gaps: by
+    lost the target: more than three times as far off as the strong one. status: of the whole run, by
+    the name of what agents said their estimates were. smoothed, nees, nis, status, bias, distrust, slow: None where the
+    run has none. misfit: a sentence where recorded ranges do not fit the positions, else empty. gaps: by
     key, the stretches of numbers that are missing. bytes_per_step: of each agent.
     """
 
@@ -182,6 +192,7 @@ class Metrics:
     ratio_to_bound: Number
     nees: Honesty | None
     nis: Nis | None
+    status: dict[str, Standing] | None
     misfit: str
     bias: Bias | None
     distrust: Distrust | None

@@ -18,6 +18,7 @@ from zenoh_cbef.words import counted
 
 _MOST_LINKS = 12
 _COLOURS = {"on": "green", "ready": "green", "silent": "red", "gone": "red", "killed": "yellow", "paused": "yellow"}
+_COLOURS |= {"tracking": "green", "coasting": "yellow", "lost": "red"}
 _SERIOUS = {
     "silent": "red",
     SLOW: "red",
@@ -88,7 +89,7 @@ def _agent_cells(one: AgentStatus) -> Sequence[str | Text]:
     where = one.where
     return (
         str(one.agent),
-        Text(one.state, style=_COLOURS.get(one.state, "")),
+        _state(one),
         where.host or "-",
         "-" if where.pid is None else str(where.pid),
         where.version or "-",
@@ -98,6 +99,15 @@ def _agent_cells(one: AgentStatus) -> Sequence[str | Text]:
         number(one.spread),
         number(one.nis),
     )
+
+
+def _state(one: AgentStatus) -> Text:
+    """Whether an agent is there; of one that takes part, what it says of its estimate, and if need be how long."""
+    if one.state != "on" or one.estimate is None:
+        return Text(one.state, style=_COLOURS.get(one.state, ""))
+    calm = one.estimate == "tracking" or one.estimate_seconds is None
+    said = one.estimate if calm else f"{one.estimate} {one.estimate_seconds:.1f} s"
+    return Text(said, style=_COLOURS.get(one.estimate, ""))
 
 
 def links_table(status: RunStatus) -> Fitting:

@@ -86,6 +86,10 @@ def _where_told(metrics: Metrics) -> Iterator[tuple[str | Told, ...]]:
         yield "smoothed velocity", number(told.velocity_rmse, "m/s"), "", ""
         if found := told.nees:
             yield "smoothed NEES", number(found.average), Told(f"ideal {found.dimension}"), _inside(found)
+    for name, stood in (metrics.status or {}).items():
+        if stood.share:
+            said = Told(f"{stood.share:.0%} of run"), Told(f"NEES {number(stood.nees)}")
+            yield f"while {name}", number(stood.position_rmse, "m"), *said
     if metrics.bias:
         yield "bias of ranges", *_bias_cells(metrics.bias)
     if metrics.distrust:

@@ -17,6 +17,7 @@ from zenoh_cbef.protocol.kinds import ESTIMATE, EVENT, EstimateMessage, EventMes
 from zenoh_cbef.protocol.messages import BadMessage, decode, unpack_floats
 from zenoh_cbef.protocol.questions import StatusAnswer
 from zenoh_cbef.protocol.slow import AGAIN_SECONDS, SLOW, WINDOW_SECONDS
+from zenoh_cbef.tracking.status import status_name
 
 _Value = TypeVar("_Value")
 SaidEvent = TypedDict(
@@ -44,7 +45,10 @@ class Whereabouts:
 
 @dataclass(frozen=True)
 class AgentStatus:
-    """One agent. error: position error in `step`, m; spread: what its covariance claims that to be, m."""
+    """One agent. error: position error in `step`, m; spread: what its covariance claims that to be, m.
+
+    estimate: what it says of its estimate, one of STATUSES, and for how long that has been so, s.
+    """
 
     agent: int
     state: str
@@ -54,6 +58,8 @@ class AgentStatus:
     spread: float | None = None
     nis: float | None = None
     nis_degrees: int | None = None
+    estimate: str | None = None
+    estimate_seconds: float | None = None
 
 
 @dataclass(frozen=True)
@@ -224,6 +230,8 @@ def _with_quality(
         spread=spread,
         nis=_told(message, "nis", float),
         nis_degrees=_told(message, "nis_degrees", int),
+        estimate=status_name(_told(message, "status", float)),
+        estimate_seconds=_told(message, "status_seconds", float),
     )
 
 

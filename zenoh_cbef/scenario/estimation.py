@@ -42,6 +42,7 @@ class Filter(Table):
     bias_own_std: prior of the network's and of the agents' own part of the bias, m; None: 1.5 and 0.15 of range_std.
     lag_seconds: agents also publish smoothed estimates of so long ago; 0: they do not.
     start auto: with a first fix, for filters that can. given: at the initial estimate.
+    status: agents of filters that average information say whether they acquire, track, coast, or have lost the target.
     """
 
     kind: str = "sicf"
@@ -66,6 +67,7 @@ class Filter(Table):
     bias_common_std: Length | None = None
     bias_own_std: Spread | None = None
     start: Literal["auto", "given"] = "auto"
+    status: bool = True
     planar_height: Metres | None = None
     lag_seconds: Seconds = 0.0
     initial_position: EachPosition = None

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 MEANT: dict[tuple[str, str], object] = {
     ("filter", "defaults"): 1,
     ("filter", "start"): "given",
+    ("filter", "status"): False,
     ("consensus", "isolate"): False,
 }
 """What an absent key of a table stood for when it did not exist yet: so an older log is computed as it was."""

@@ -153,6 +153,7 @@ class Plan:
             power=self.power,
             recovers=chosen.recovery,
             distrusts=self.distrusts_own,
+            says_status=chosen.status and self.abilities.information,
             bias=self.bias,
             likelihoods=trust.rules(scenario) > 1,
             common_bias_std=1.5 * range_std if common is None else common,

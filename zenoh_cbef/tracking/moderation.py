@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
+from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from zenoh_cbef.tracking.filters.base import Belief, Bias
 from zenoh_cbef.tracking.ranging import Measurement
+from zenoh_cbef.tracking.status import Status
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
+_Said = TypeVar("_Said", Bias, Status)
 
 LARGEST = 1e100
 """Beyond it squares of squares are no longer finite; in no unit is a place or a speed that large."""
@@ -81,13 +84,16 @@ def chosen(old: Belief, new: Belief, rows: Bools) -> Belief:
     def pick_any(first: Floats | None, second: Floats | None) -> Floats | None:
         return None if first is None or second is None else pick(first, second)
 
-    bias = old.bias
-    if bias is not None and new.bias is not None:
-        bias = Bias(*(pick(getattr(bias, one.name), getattr(new.bias, one.name)) for one in fields(Bias)))
+    def pick_all(first: _Said | None, second: _Said | None) -> _Said | None:
+        if first is None or second is None:
+            return first
+        return type(first)(**{name: pick(values, getattr(second, name)) for name, values in vars(first).items()})
+
     return Belief(
         pick(old.state, new.state),
         pick_any(old.covariance, new.covariance),
-        bias,
+        pick_all(old.bias, new.bias),
         tuple(pick(*pair) for pair in zip(old.memory, new.memory, strict=True)),
         tuple(chosen(*pair, rows) for pair in zip(old.parts, new.parts, strict=True)),
+        pick_all(old.status, new.status),
     )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from zenoh_cbef.tracking.filters.around.auto_bias import AutoBias
@@ -10,6 +12,7 @@ from zenoh_cbef.tracking.filters.around.distrusting import Distrusting
 from zenoh_cbef.tracking.filters.around.evidence import Evidence
 from zenoh_cbef.tracking.filters.around.first_fix import FirstFix
 from zenoh_cbef.tracking.filters.around.imm import InteractingModels
+from zenoh_cbef.tracking.filters.around.knowing import Knowing
 from zenoh_cbef.tracking.filters.around.learned_noise import LearnedNoise
 from zenoh_cbef.tracking.filters.around.recovering import Recovering
 from zenoh_cbef.tracking.filters.base import Abilities, Belief, Filter, Kind, Sharing, Update
@@ -68,7 +71,8 @@ def sharing_of(kind: str, settings: FilterSettings) -> Sharing:
     if settings.bias != "none":
         biased = BiasedInformation.sharing(settings)
         shared = biased if settings.bias == "estimate" else shared.longer(biased.payload_size + AutoBias.more)
-    return shared.longer(settings.recovers * Recovering.more + settings.distrusts * Distrusting.more)
+    more = settings.recovers * Recovering.more + settings.distrusts * Distrusting.more
+    return shared.longer(more + settings.says_status * Knowing.more)
 
 
 def make_filter(kind: str, settings: FilterSettings) -> Filter:
@@ -85,5 +89,8 @@ def make_filter(kind: str, settings: FilterSettings) -> Filter:
     if settings.distrusts:
         chosen = Distrusting(chosen, settings.range_std)
     if settings.first_fix:
-        chosen = FirstFix.of(settings, chosen, xi, sharing_of(kind, settings).payload_size)
-    return LearnedNoise(chosen, settings.range_std) if settings.learns_noise else chosen
+        alone = replace(settings, says_status=False)
+        chosen = FirstFix.of(settings, chosen, xi, sharing_of(kind, alone).payload_size)
+    if settings.learns_noise:
+        chosen = LearnedNoise(chosen, settings.range_std)
+    return Knowing(chosen, settings) if settings.says_status else chosen

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from zenoh_cbef.tracking.diagnostics import Diagnostics
 from zenoh_cbef.tracking.filters.settings import FilterSettings
 from zenoh_cbef.tracking.ranging import Measurement
+from zenoh_cbef.tracking.status import Status
 
 Floats = NDArray[np.float64]
 
@@ -32,7 +33,8 @@ class Belief:
     """State (n, s) with covariance (n, s, s); a filter without a covariance carries None.
 
     bias: of the agent's ranges, None for a filter that does not estimate it. memory: arrays (n, ...), and parts:
-    beliefs, that a filter carries to the next step beyond its state; a belief without them is an initial one.
+    beliefs, that a filter carries to the next step beyond its state; a belief without them is an initial one. status:
+    None where agents do not say what their estimate is.
     """
 
     state: Floats
@@ -40,6 +42,7 @@ class Belief:
     bias: Bias | None = None
     memory: tuple[Floats, ...] = ()
     parts: tuple[Belief, ...] = ()
+    status: Status | None = None
 
     @property
     def known_covariance(self) -> Floats:

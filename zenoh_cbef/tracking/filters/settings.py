@@ -15,7 +15,8 @@ class FilterSettings:
     range_std: m; learns_noise: it is where learning it begins. xi, omega: see the filter; omega None: network_size.
     network_size: number of agents. differenced: whether ci and local take in differences of ranges in place of the
     agent's own range. power: of the saturation. recovers: whether the network widens its covariances where most
-    innovations are implausible. distrusts: whether agents give their own implausible ranges less weight. bias:
+    innovations are implausible. distrusts: whether agents give their own implausible ranges less weight. says_status:
+    whether they say if they acquire, track, coast, or have lost the target. bias:
     none, estimate or auto; likelihoods: whether auto weighs it by these, or by the NIS; common_bias_std, own_bias_std:
     its prior, m. first_fix: over how many steps the initial estimate, a guess, is improved by least squares on the
     first ranges; 0: it is none. squared_fix: how many of these steps are on squared ranges. search: where these look
@@ -34,6 +35,7 @@ class FilterSettings:
     power: int = 1
     recovers: bool = False
     distrusts: bool = False
+    says_status: bool = False
     bias: str = "none"
     likelihoods: bool = True
     common_bias_std: float = 0.0

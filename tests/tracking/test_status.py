@@ -1,0 +1,143 @@
+"""What a network says of its estimates: silence makes it coast, ranges that do not fit tell it that it is lost."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from zenoh_cbef.analysis.metrics import analyze
+from zenoh_cbef.scenario.load import load
+from zenoh_cbef.simulator import simulate
+from zenoh_cbef.tracking.ranging import Measurement
+from zenoh_cbef.tracking.status import ACQUIRING, COASTING, LOST, STATUSES, TRACKING, Status, status_name
+
+SILENT = 'fault=[{kind="sensor-dropout",probability=1.0,from=5.0,until=9.0}]'
+
+
+def runs(*keys: str, seeds: int = 5):
+    one = load("tracking", ["steps=150", *keys]).scenario
+    return simulate([one.model_copy(update={"seed": 1 + more}) for more in range(seeds)])
+
+
+def said(*keys: str):
+    """What all agents of all runs said, (rows, K)."""
+    return np.concatenate([trace.diagnostics.status for trace in runs(*keys)])
+
+
+def test_a_silence_makes_a_network_coast_and_ranges_end_it():
+    status = said(SILENT)
+    assert (status[:, :20] == ACQUIRING).all()
+    assert (status[:, 30:49] == TRACKING).all()
+    # The covariance has to grow first, and a range has to come back.
+    assert (status[:, 60:89] == COASTING).all()
+    assert (status[:, 100:] == TRACKING).all()
+    for trace in runs(SILENT):
+        seconds = trace.diagnostics.status_seconds[:, 60:89]
+        np.testing.assert_allclose(np.diff(seconds, axis=1), trace.scenario.dt)
+        assert (seconds[:, 0] < 1.0).all()
+
+
+@pytest.mark.parametrize(
+    "keys",
+    [
+        ("sensor.outlier_probability=0.3", "sensor.outlier_scale=5.0"),
+        ("filter.range_std=0.05",),
+        ("sensor.dropout_probability=0.7",),
+        ("dt=0.02",),
+        ("target.velocity=[3.0,0.0,0.0]",),
+    ],
+)
+def test_bad_ranges_and_few_of_them_are_no_reason_to_despair(keys):
+    settled = said(*keys)[:, 60:]
+    assert np.mean(settled == TRACKING) > 0.98
+
+
+def test_a_network_that_holds_on_to_a_wrong_place_says_that_it_is_lost():
+    wrong = "filter.start=given", "filter.initial_position=[30,-30,10]", "filter.acceleration_std=0.01"
+    far_ones = 0
+    for trace in runs(*wrong):
+        errors = np.linalg.norm((trace.estimates - trace.truth)[:, :, :3], axis=2)
+        far = errors[:, 20:] > 2.0
+        far_ones += int(far.sum())
+        assert (trace.diagnostics.status[:, 20:][far] == LOST).all()
+    assert far_ones > 100
+
+
+def test_an_agent_that_hears_no_neighbour_coasts():
+    [trace] = runs('fault=[{kind="partition",links="agent:0",from=5.0,until=9.0}]', seeds=1)
+    assert (trace.diagnostics.status[0, 65:89] == COASTING).all()
+    assert (trace.diagnostics.status[1:, 65:89] == TRACKING).all()
+    assert (trace.diagnostics.status[:, 100:] == TRACKING).all()
+
+
+@pytest.mark.parametrize("kind", ["sicf", "icf", "hcmci", "ci"])
+def test_agents_agree_and_metrics_are_told_apart(kind):
+    [trace] = runs(f"filter.kind={kind}", SILENT, seeds=1)
+    status = trace.diagnostics.status
+    assert (status == status[0]).all(axis=0).mean() > 0.97
+    [analysis] = analyze([trace])
+    told = analysis.metrics.status
+    assert told is not None
+    assert list(told) == list(STATUSES)
+    assert sum(one.share for one in told.values()) == pytest.approx(1.0)
+    now = status == COASTING
+    assert told["coasting"].share == pytest.approx(now.mean())
+    assert told["coasting"].position_rmse == pytest.approx(np.sqrt(np.mean(analysis.position_error[now] ** 2)))
+    assert told["coasting"].nees == pytest.approx(np.mean(analysis.nees[now]))
+    assert told["lost"].position_rmse is None
+
+
+@pytest.mark.parametrize("keys", [("filter.kind=kcf",), ("filter.kind=cbef",), ("filter.status=false",)])
+def test_other_filters_say_nothing(keys):
+    [trace] = runs(*keys, seeds=1)
+    assert np.isnan(trace.diagnostics.status).all()
+    assert analyze([trace])[0].metrics.status is None
+
+
+def step(status: Status, heard: float, nis: float, spread: float, count: int = 1) -> Status:
+    for _ in range(count):
+        status = status.after(
+            heard=np.array([heard]), misfit=np.array([heard * nis]), spread=np.array([spread]), axes=3, fix=4, dt=0.5
+        )
+    return status
+
+
+def test_the_ways_from_status_to_status():
+    start = step(Status.first(1), heard=6.0, nis=9.0, spread=1.0, count=4)
+    assert start.which[0] == ACQUIRING, "a first fix does not count"
+    assert step(start, 6.0, 1.0, 1.0, count=4).which[0] == ACQUIRING
+    tracking = step(start, 6.0, 1.0, 1.0, count=5)
+    assert (tracking.which[0], tracking.seconds[0]) == (TRACKING, 0.0)
+    silent = step(step(tracking, 0.0, 0.0, 1.9), 0.0, 0.0, 2.1, count=3)
+    assert (silent.which[0], silent.seconds[0]) == (COASTING, 1.0)
+    # One agent's ranges do not end it while the claimed error grows, and six agents' soon do.
+    assert step(silent, 1.0, 1.0, 5.0, count=10).which[0] == COASTING
+    assert step(silent, 6.0, 1.0, 2.1).which[0] == TRACKING
+    wrong = step(tracking, 6.0, 9.0, 1.0, count=40)
+    assert wrong.which[0] == LOST
+    assert step(wrong, 6.0, 1.0, 1.0, count=40).which[0] == TRACKING
+    assert step(tracking, 6.0, 4.0, 1.0, count=200).which[0] == TRACKING
+
+
+@pytest.mark.parametrize("forged", [np.inf, -np.inf, np.nan, 1e60, -1e60])
+def test_forged_numbers_make_no_number_that_is_none(forged):
+    plan = load("tracking", ["filter.start=given"]).plan
+    made, belief, none = plan.filter, plan.initial_belief, (np.empty((6, 0, 3)), np.empty((6, 0)))
+    for _ in range(10):
+        update = made.update(belief, Measurement(np.zeros((6, 3)), np.full(6, 2.0), np.zeros(6), *none))
+        mixed = np.tile(update.payload.mean(axis=0), (6, 1))
+        mixed[:, -2:] = forged
+        belief = made.conclude(mixed, update)
+        assert belief.status is not None
+        assert all(np.isfinite(values).all() for values in vars(belief.status).values())
+
+
+def test_names_of_numbers_from_elsewhere():
+    assert [status_name(number) for number in (0.0, 3.0, 4.0, -1.0, 1.5, None)] == [
+        "acquiring",
+        "lost",
+        None,
+        None,
+        None,
+        None,
+    ]

@@ -1,0 +1,94 @@
+"""What an estimate is worth, decided without the truth: from ranges that were heard, their fit, and the covariance."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+STATUSES = ("acquiring", "tracking", "coasting", "lost")
+"""What a status is called, by the number that travels and that logs hold."""
+
+ACQUIRING, TRACKING, COASTING, LOST = map(float, range(4))
+
+CUT = 9.0
+"""Where a NIS is cut off, so that a single outlier does not decide: three standard deviations."""
+
+_MEMORY = 120.0
+"""How many of the network's ranges the mean NIS remembers."""
+
+_BEGUN = 30.0
+"""As if so many ranges had fitted before the first one, so that the first few do not decide."""
+
+_IMPLAUSIBLE = 0.5 * CUT
+"""The mean cut NIS of a lost target: as if half of all ranges were outliers."""
+
+_COASTS = 2.0
+"""By what factor the claimed error has grown, for want of ranges, when the network only coasts."""
+
+_LEARNED = 0.1
+"""By how much the claimed error may grow with as many ranges as there are axes: then geometry grows it, not silence."""
+
+_FIRST = 10
+"""How many ranges for each axis, five for each unknown, the network hears before it tracks."""
+
+
+@dataclass(frozen=True)
+class Status:
+    """An agent's opinion of its estimate, arrays (n,), and what it rests on.
+
+    which: a number as in STATUSES. seconds: how long it has been so, s. steps: since the start. heard: the network's
+    ranges since the end of the first fix. misfit, weight: fading sums of the ranges' cut NIS and of their number.
+    reference: the claimed position error, m, when ranges were last enough.
+
+        A <- fading mean of min(NIS, 9) over the network's last 120 ranges or so
+        r <- min(s, r exp(0.1 (ranges of this step)/axes))       s: root of the trace of the position's covariance
+
+    lost: A > 4.5. coasting: s > 2 r: the covariance has grown, and ranges that would explain it are missing. Both r and
+    A have no unit of time, so neither dt nor how often agents range matters.
+    """
+
+    which: Floats
+    seconds: Floats
+    steps: Floats
+    heard: Floats
+    misfit: Floats
+    weight: Floats
+    reference: Floats
+
+    @classmethod
+    def first(cls, count: int) -> Self:
+        """Before the first step of so many agents."""
+        none = np.zeros(count)
+        begun = np.full(count, _BEGUN)
+        return cls(none, none, none, none, begun, begun, np.full(count, np.inf))
+
+    def after(self, *, heard: Floats, misfit: Floats, spread: Floats, axes: int, fix: int, dt: float) -> Self:
+        """A step of dt (s) later.
+
+        heard, misfit: (n,), how many ranges the network had, and the sum of their cut NIS. spread: (n,), m, the claimed
+        position error. fix: how many steps the first fix takes.
+        """
+        steps, reference = self.steps + 1.0, self.reference * np.exp(_LEARNED * heard / axes)
+        fixed = steps > fix
+        heard = np.where(fixed, heard, 0.0)
+        fades = np.exp(-heard / _MEMORY)
+        total = fades * self.misfit + np.minimum(misfit, CUT * heard)
+        weight = fades * self.weight + heard
+        count, reference = self.heard + heard, np.minimum(spread, reference)
+        settled = fixed & ((self.which != ACQUIRING) | (count >= _FIRST * axes))
+        which = np.where(spread > _COASTS * reference, COASTING, TRACKING)
+        which = np.where(total > _IMPLAUSIBLE * weight, LOST, which)
+        which = np.where(settled, which, ACQUIRING)
+        seconds = np.where(which == self.which, self.seconds + dt, 0.0)
+        return type(self)(which, seconds, steps, count, total, weight, reference)
+
+
+def status_name(number: float | None) -> str | None:
+    """What a status is called that came from another process; None where it is none."""
+    return dict(enumerate(STATUSES)).get(-1 if number is None or not number.is_integer() else int(number))
