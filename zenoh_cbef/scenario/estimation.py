@@ -43,6 +43,8 @@ class Filter(Table):
     lag_seconds: agents also publish smoothed estimates of so long ago; 0: they do not.
     start auto: with a first fix, for filters that can. given: at the initial estimate.
     status: agents of filters that average information say whether they acquire, track, coast, or have lost the target.
+    linearise: ranges before they are averaged, each agent its own at its own prior, or their average, of squares, after
+    that; auto: after, for filters that can, where priors may be wide.
     """
 
     kind: str = "sicf"
@@ -68,6 +70,7 @@ class Filter(Table):
     bias_own_std: Spread | None = None
     start: Literal["auto", "given"] = "auto"
     status: bool = True
+    linearise: Literal["auto", "before", "after"] = "auto"
     planar_height: Metres | None = None
     lag_seconds: Seconds = 0.0
     initial_position: EachPosition = None
@@ -114,6 +117,15 @@ class Filter(Table):
             raise ValueError(
                 "filter.models lists the motions of filter.motion = 'imm', two or more; set that motion and list two, "
                 "or leave filter.models out"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _linearises(self) -> Filter:
+        if self.linearise == "after" and not self._abilities.biases:
+            raise ValueError(
+                f"filter.linearise = 'after' is not for {self.kind!r}; set filter.kind = 'sicf' or 'icf', or "
+                "filter.linearise = 'auto', which leaves other filters alone"
             )
         return self
 

@@ -8,6 +8,7 @@ MEANT: dict[tuple[str, str], object] = {
     ("filter", "defaults"): 1,
     ("filter", "start"): "given",
     ("filter", "status"): False,
+    ("filter", "linearise"): "before",
     ("consensus", "isolate"): False,
 }
 """What an absent key of a table stood for when it did not exist yet: so an older log is computed as it was."""

@@ -8,11 +8,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from zenoh_cbef.faults import Absences, MessageFault, SenderFault, SensorFault
-from zenoh_cbef.scenario import network, start, trust
+from zenoh_cbef.faults import Absences
+from zenoh_cbef.scenario import bending, network, start, trust
 from zenoh_cbef.scenario.model import Scenario
 from zenoh_cbef.scenario.motion import assumed_models, assumed_motion, plain_motion, switches
-from zenoh_cbef.scenario.paths import placement
 from zenoh_cbef.scenario.plausible import Plausible, plausible_ranges
 from zenoh_cbef.scenario.scheme import chosen_scheme
 from zenoh_cbef.tracking import graph
@@ -123,6 +122,12 @@ class Plan:
         return chosen.bias
 
     @cached_property
+    def squares(self) -> bool:
+        """Whether agents share squared ranges, which the network linearises after it has averaged them."""
+        unfit = self.bias != "none" or self.models or self.distrusts_others or not self.abilities.biases
+        return not unfit and bending.after(self.scenario, self.plain_motion, self.range_std)
+
+    @cached_property
     def power(self) -> int:
         """The power of the saturation."""
         return trust.saturation_power(self.scenario, biased=self.bias != "none")
@@ -141,8 +146,8 @@ class Plan:
             motion=self.motion,
             models=self.models,
             leaving=chosen.switching,
-            # Runs that differ in their seed are one batch, so where agents are drawn must not matter.
-            middle=tuple(placement(scenario.model_copy(update={"seed": 0})).mean(axis=0)[: self.space.axes].tolist()),
+            middle=start.middle(scenario)[: self.space.axes],
+            squares=self.squares,
             space=self.space,
             range_std=range_std,
             xi=self.xi,
@@ -183,7 +188,7 @@ class Plan:
         if self.models:
             return SeveralPayloads(tuple(InformationPayloads(axes, one.size) for one in self.models))
         omega = float(self.scenario.count) if self.scenario.filter.omega is None else self.scenario.filter.omega
-        size += self.bias == "estimate"  # The common part of the bias is one more state.
+        size += self.bias == "estimate" or self.squares  # The bias's common part is a state, so is a square.
         return InformationPayloads(axes, size, (1.0, omega) if kind == "hcmci" else (1.0,))
 
     @cached_property
@@ -200,7 +205,7 @@ class Plan:
     @cached_property
     def scheme(self) -> tuple[str, str]:
         """The consensus scheme, average or running-sums, and one sentence on why it was chosen."""
-        return chosen_scheme(self.scenario, information=self.abilities.information, faulty=self._has(MessageFault))
+        return chosen_scheme(self.scenario, information=self.abilities.information)
 
     @property
     def sums(self) -> bool:
@@ -290,9 +295,5 @@ class Plan:
 
     def belief_at(self, states: Floats) -> Belief:
         """The initial belief about states (r, 6)."""
-        covariance = self.initial_covariance
-        wide = np.broadcast_to(covariance, (len(states), *covariance.shape))
+        wide = np.repeat(self.initial_covariance[None], len(states), axis=0)
         return Belief(*begun(self.motion, states[:, self.space.kept], wide))
-
-    def _has(self, fault: type[MessageFault | SenderFault | SensorFault]) -> bool:
-        return any(isinstance(one, fault) for one in self.scenario.fault)

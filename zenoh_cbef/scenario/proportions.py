@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -9,15 +10,13 @@ from numpy.typing import NDArray
 
 from zenoh_cbef.datasets import Dataset, read_dataset
 from zenoh_cbef.numbers import number
-from zenoh_cbef.scenario import paths
+from zenoh_cbef.scenario import bending, paths
 from zenoh_cbef.scenario.model import Scenario
 from zenoh_cbef.scenario.plan import Plan
+from zenoh_cbef.scenario.start import half_box
 from zenoh_cbef.scenario.world import target_path
 
 Floats = NDArray[np.float64]
-
-_BENT = 1.0
-"""Curvature of ranges over a step's uncertainty, in units of their noise, from which on they are not linear there."""
 
 _SEEN = 3.0
 """How many standard deviations of their noise ranges may be off that come from outside of the plane."""
@@ -26,7 +25,6 @@ _OFF = 1.5
 _SELDOM = 10.0
 _ENOUGH = 20
 _MOST_STEPS = 10_000
-_ITERATIONS = 100
 
 
 def warnings(plan: Plan) -> list[str]:
@@ -40,38 +38,20 @@ def _half(scenario: Scenario) -> float:
     return float(np.linalg.norm(np.ptp(paths.placement(scenario), axis=0))) / 2.0
 
 
-def _bending(plan: Plan, dt: float) -> tuple[float, float]:
-    """How uncertain the position gets in a step of dt (s), m, and how much ranges bend there, in units of their noise.
-
-    The uncertainty is that of a Kalman filter of one axis that has its share of all ranges, in its steady state. A
-    range over a distance d bends by the square of it over 2 d.
-    """
-    share = plan.range_std**2 * plan.space.axes / plan.scenario.count
-    noise = plan.plain_motion.acceleration_std
-    transition, gain = np.array([[1.0, dt], [0.0, 1.0]]), np.array([0.5 * dt**2, dt])
-    covariance = np.diag([share, share / dt**2])
-    predicted = covariance
-    for _ in range(_ITERATIONS):
-        predicted = transition @ covariance @ transition.T + noise**2 * np.outer(gain, gain)
-        covariance = predicted - np.outer(predicted[0], predicted[0]) / (predicted[0, 0] + share)
-    uncertain = float(np.sqrt(predicted[0, 0]))
-    return uncertain, uncertain**2 / (2.0 * _half(plan.scenario)) / plan.range_std
-
-
 def _long_steps(plan: Plan) -> list[str]:
-    dt, half = plan.scenario.dt, _half(plan.scenario)
-    if half == 0.0:
-        return []
-    uncertain, bent = _bending(plan, dt)
-    if bent <= _BENT:
+    scenario, dt = plan.scenario, plan.scenario.dt
+    bent = partial(bending.bending, scenario, plan.plain_motion, plan.range_std)
+    uncertain, times = bent(dt)
+    if times <= bending.MOST:
         return []
     shorter = dt
-    while _bending(plan, shorter)[1] > _BENT and shorter > 1e-6 * dt:
+    while bent(shorter)[1] > bending.MOST and shorter > 1e-6 * dt:
         shorter /= 2.0
+    taken = "" if plan.squares else ", which filters take for straight"
     warning = (
         f"steps of dt = {number(dt)} s are long for this motion: from one to the next the position gets uncertain by "
-        f"{number(uncertain)} m per axis, and ranges over {number(half)} m bend there by {number(bent)} times their "
-        f"noise, which filters take for straight; set dt to {number(shorter)} or less (are these milliseconds?)"
+        f"{number(uncertain)} m per axis, and ranges over {number(half_box(scenario))} m bend there by {number(times)} "
+        f"times their noise{taken}; set dt to {number(shorter)} or less (are these milliseconds?)"
     )
     return [warning]
 

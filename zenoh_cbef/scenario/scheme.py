@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from zenoh_cbef.faults import MessageFault
 from zenoh_cbef.scenario.model import Scenario
 
 
-def chosen_scheme(scenario: Scenario, *, information: bool, faulty: bool) -> tuple[str, str]:
+def chosen_scheme(scenario: Scenario, *, information: bool) -> tuple[str, str]:
     """Average or running-sums, and one sentence on why.
 
-    information: whether the filter averages information. faulty: whether links have faults.
+    information: whether the filter averages information.
     """
+    faulty = any(isinstance(one, MessageFault) for one in scenario.fault)
     stage, kind = scenario.consensus, scenario.filter.kind
     if stage.scheme != "auto":
         return stage.scheme, f"consensus.scheme = {stage.scheme!r} was given."

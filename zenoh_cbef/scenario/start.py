@@ -68,19 +68,30 @@ def search(scenario: Scenario) -> tuple[Floats, Floats]:
     It is at rest in the middle of the box that agents are placed in, and at least ten of its half diagonals around: the
     same for all agents and for all seeds, as these are one batch.
     """
-    low, high = _box(scenario)
+    low, high = box(scenario)
     given = initial_std(scenario)
-    far = np.full(3, _FARTHEST * max(float(np.linalg.norm(high - low)) / 2.0, 1e-3))
+    far = np.full(3, _FARTHEST * max(half_box(scenario), 1e-3))
     return np.concatenate([0.5 * (low + high), np.zeros(3)]), np.concatenate([np.maximum(far, given[0]), given[3:]])
 
 
-def _box(scenario: Scenario) -> tuple[Floats, Floats]:
+def middle(scenario: Scenario) -> tuple[float, ...]:
+    """A point near all agents, (3,), m: the same for all seeds, as these are one batch."""
+    return tuple(paths.placement(scenario.model_copy(update={"seed": 0})).mean(axis=0).tolist())
+
+
+def box(scenario: Scenario) -> tuple[Floats, Floats]:
     """Least and largest coordinates (3,) of where agents may be placed at first, whatever the seed."""
     agents = scenario.agents
     if agents.motion == "waypoints" or agents.positions is not None:
         places = paths.placement(scenario)
         return places.min(axis=0), places.max(axis=0)
     return np.broadcast_to(agents.low, 3), np.broadcast_to(agents.high, 3)
+
+
+def half_box(scenario: Scenario) -> float:
+    """Half of the diagonal of that box, m."""
+    low, high = box(scenario)
+    return float(np.linalg.norm(high - low)) / 2.0
 
 
 def _half_diagonal(scenario: Scenario) -> float:

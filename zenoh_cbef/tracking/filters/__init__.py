@@ -15,6 +15,7 @@ from zenoh_cbef.tracking.filters.around.imm import InteractingModels
 from zenoh_cbef.tracking.filters.around.knowing import Knowing
 from zenoh_cbef.tracking.filters.around.learned_noise import LearnedNoise
 from zenoh_cbef.tracking.filters.around.recovering import Recovering
+from zenoh_cbef.tracking.filters.around.squared_information import SquaredInformation
 from zenoh_cbef.tracking.filters.base import Abilities, Belief, Filter, Kind, Sharing, Update
 from zenoh_cbef.tracking.filters.kinds.cbef import Cbef
 from zenoh_cbef.tracking.filters.kinds.cbef_scaled import ScaledCbef
@@ -66,7 +67,7 @@ def level_of(kind: str, xi: float) -> float:
 
 def sharing_of(kind: str, settings: FilterSettings) -> Sharing:
     """What agents with the filter of one kind exchange, with what the settings put around it."""
-    one = KINDS[kind].sharing
+    one = SquaredInformation.sharing if settings.squares else KINDS[kind].sharing
     shared = InteractingModels.sharing(settings, one) if settings.models else one(settings)
     if settings.bias != "none":
         biased = BiasedInformation.sharing(settings)
@@ -77,9 +78,11 @@ def sharing_of(kind: str, settings: FilterSettings) -> Sharing:
 
 def make_filter(kind: str, settings: FilterSettings) -> Filter:
     """The filter of one kind, with what the settings put around it."""
-    one = KINDS[kind].of
-    chosen: Filter = InteractingModels.of(settings, one) if settings.models else one(settings)
-    xi = level_of(kind, settings.xi)
+    xi, one = level_of(kind, settings.xi), KINDS[kind].of
+    if settings.squares:
+        chosen: Filter = SquaredInformation.of(settings, xi)
+    else:
+        chosen = InteractingModels.of(settings, one) if settings.models else one(settings)
     if settings.bias != "none":
         biased = BiasedInformation.of(settings, xi)
         chosen = biased if settings.bias == "estimate" else AutoBias(chosen, biased, Evidence(settings.likelihoods))

@@ -74,8 +74,9 @@ class Abilities:
     information: its payload is information, of which any convex combination is meaningful. saturates: it saturates
     ranges at xi of their standard deviations. differences: it may take in differences of ranges; other kinds would
     count shared noise more than once. covariance: it knows how far its estimate may be off. biases: it estimates
-    biases of ranges, and begins with a first fix. noise: the range noise can be learned online around it. models: one
-    for each of several motions may stand side by side, as an update keeps prior state and covariance.
+    biases of ranges, begins with a first fix, and may linearise after averaging. noise: the range noise can be learned
+    online around it. models: one for each of several motions may stand side by side, as an update keeps prior state and
+    covariance.
     """
 
     information: bool = False

@@ -22,7 +22,8 @@ class FilterSettings:
     first ranges; 0: it is none. squared_fix: how many of these steps are on squared ranges. search: where these look
     for the target, state (1, s) and covariance (1, s, s); None: around the guess. models: the motions between which the
     target switches, the most agile one last; none: it moves by `motion` alone. leaving: the probability that it leaves
-    its motion in a step. middle: a point near all agents, the same for all, m.
+    its motion in a step. middle: a point near all agents, the same for all, m. squares: whether agents share squared
+    ranges, and linearise what averaging leaves.
     """
 
     motion: Motion
@@ -47,3 +48,4 @@ class FilterSettings:
     models: tuple[Motion, ...] = ()
     leaving: float = 0.0
     middle: tuple[float, ...] = (0.0, 0.0, 0.0)
+    squares: bool = False

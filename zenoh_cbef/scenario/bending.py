@@ -1,0 +1,54 @@
+"""Where ranges bend over what a prior leaves open, so that agents share squared ranges and linearise their average."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from zenoh_cbef.scenario import paths, start
+from zenoh_cbef.scenario.model import Scenario
+from zenoh_cbef.tracking.motion import LinearMotion
+from zenoh_cbef.tracking.sight import MIRRORED, open_axes
+
+MOST = 1.0
+"""Curvature of ranges over a step's uncertainty, in units of their noise, from which on they are not linear there."""
+
+_ITERATIONS = 100
+
+
+def after(scenario: Scenario, motion: LinearMotion, range_std: float) -> bool:
+    """Whether agents linearise after averaging; auto: where priors may be too wide for ranges to be linear.
+
+    That is in steps that are long for the motion, and across a plane or a line of agents. The same for all seeds, which
+    may be one batch. motion: what the filter assumes. range_std: m.
+    """
+    chosen = scenario.filter
+    if chosen.linearise != "auto" or chosen.defaults < 2:
+        return chosen.linearise == "after"
+    return mirrored(scenario, range_std, motion.axes) or bending(scenario, motion, range_std, scenario.dt)[1] > MOST
+
+
+def mirrored(scenario: Scenario, range_std: float, axes: int) -> bool:
+    """Whether agents are in one plane, or on one line in a plane, wherever a seed places them."""
+    low, high = (corner[:axes] for corner in start.box(scenario))
+    if scenario.agents.positions is None and scenario.agents.motion != "waypoints":
+        return axes - min(scenario.count - 1, int((high - low > range_std).sum())) == MIRRORED
+    places = paths.placement(scenario)[:, None, :axes]
+    return bool(open_axes(places, np.ones(places.shape[:2], dtype=bool), 1, range_std)[0] == MIRRORED)
+
+
+def bending(scenario: Scenario, motion: LinearMotion, range_std: float, dt: float) -> tuple[float, float]:
+    """How uncertain the position gets in a step of dt (s), m, and how much ranges bend there, in units of their noise.
+
+    The uncertainty is that of a Kalman filter of one axis that has its share of all ranges, in its steady state. A
+    range over a distance d, here half of the box around the agents, bends by the square of it over 2 d.
+    """
+    share = range_std**2 * motion.axes / scenario.count
+    transition, gain = np.array([[1.0, dt], [0.0, 1.0]]), np.array([0.5 * dt**2, dt])
+    covariance = np.diag([share, share / dt**2])
+    predicted = covariance
+    for _ in range(_ITERATIONS):
+        predicted = transition @ covariance @ transition.T + motion.acceleration_std**2 * np.outer(gain, gain)
+        covariance = predicted - np.outer(predicted[0], predicted[0]) / (predicted[0, 0] + share)
+    uncertain = float(np.sqrt(predicted[0, 0]))
+    half = start.half_box(scenario)
+    return uncertain, uncertain**2 / (2.0 * half) / range_std if half else 0.0
