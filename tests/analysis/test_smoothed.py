@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from mcap.reader import make_reader
 
 from tests.cli.test_errors import call
 from tests.log.made import made_log
@@ -13,6 +14,7 @@ from zenoh_cbef.analysis.report import write_report
 from zenoh_cbef.analysis.smoothed import smoothed_run
 from zenoh_cbef.analysis.summary import pick
 from zenoh_cbef.errors import UserError
+from zenoh_cbef.log.prove.smoothed import smoothed_trace
 from zenoh_cbef.log.prove.verify import verify
 from zenoh_cbef.log.read.trace import read_trace
 from zenoh_cbef.scenario.load import load
@@ -80,8 +82,39 @@ def test_a_filter_that_knows_more_than_the_log_smooths_with_all_of_it(motion):
     found = analyze([trace])[0].metrics
     assert pick(found, "smoothed.position_rmse") < 0.7 * pick(found, "position_rmse")
     assert 0.8 < pick(found, "smoothed.ratio_to_centralized") < 1.2
-    with pytest.raises(UserError, match=r"more of the target's motion .* zenoh-cbef reestimate LOG --smooth"):
-        smoothed_run(trace)
+
+
+@pytest.mark.parametrize("motion", ["filter.motion=acceleration", "target.motion=circle"])
+def test_of_a_log_it_smooths_with_all_of_it_too(motion, tmp_path):
+    """The agents' own smoothed estimates, had they waited for the whole run."""
+    log = made_log(tmp_path / "run.mcap", "steps=30", motion)
+    live = made_log(tmp_path / "live.mcap", "steps=30", motion, "filter.lag_seconds=3")
+    done: list[int] = []
+    found, note = smoothed_trace(read_trace(log), log, progress=done.append)
+    assert done == list(range(1, 31))
+    assert note == ""
+    expected = path_of(read_trace(live))
+    assert np.array_equal(path_of(found).states, expected.states)
+    assert np.array_equal(path_of(found).covariances, expected.covariances)
+    whole = read_trace(live)
+    assert smoothed_trace(whole, live)[0] is whole
+
+
+def test_the_path_of_a_filter_computed_again_has_no_gap_where_an_agent_was_away(tmp_path):
+    fault = 'fault=[{kind="crash", agents=[2], from=1.0, until=2.0}]'
+    log = made_log(tmp_path / "run.mcap", "steps=40", "target.motion=circle", fault)
+    found, note = smoothed_trace(read_trace(log), log)
+    path = path_of(found).states
+    assert note == ""
+    assert np.linalg.norm(path[2, :, :3] - path[0, :, :3], axis=1).max() < 0.5
+
+
+def test_a_path_of_other_estimates_than_the_log_s_says_so(tmp_path):
+    log = made_log(tmp_path / "run.mcap", "steps=10", "target.motion=circle")
+    trace = read_trace(log)
+    trace.estimates[1, 4] += 1e-9
+    note = smoothed_trace(trace, log)[1]
+    assert note.endswith("as in lockstep: the smoothed path is of that, and 1 of the log's 60 estimates differ")
 
 
 def test_covariances_that_are_none_count_as_missing():
@@ -106,6 +139,14 @@ def test_the_verbs_smooth(monkeypatch, capsys, tmp_path):
     status, out, _ = call(monkeypatch, capsys, "analyze", str(log), "--smooth")
     assert status == 0
     assert "smoothed position" in out
+    for smooth in ([], ["--smooth"]):
+        status, out, _ = call(monkeypatch, capsys, "compare", str(log), *smooth)
+        assert (status, "smooth" in out) == (0, bool(smooth))
+    status, out, _ = call(monkeypatch, capsys, "export", str(log), "--smooth", "-o", str(tmp_path / "smooth.mcap"))
+    assert status == 0
+    with (tmp_path / "smooth.mcap").open("rb") as file:
+        paths = [message for *_, message in make_reader(file).iter_messages(topics=["/smoothed/path"])]
+    assert len(paths) == 30
 
 
 def test_the_report_shows_the_smoothed_path(tmp_path):

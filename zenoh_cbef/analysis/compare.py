@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from html import escape
 from pathlib import Path
@@ -25,9 +25,12 @@ from zenoh_cbef.trace import Trace
 
 Floats = NDArray[np.float64]
 
+SMOOTHED = "smoothed.position_rmse"
+
 COLUMNS = {
     "position_rmse": "position RMSE (m)",
     "velocity_rmse": "velocity RMSE (m/s)",
+    SMOOTHED: "smoothed position RMSE (m)",
     "ratio_to_centralized": "ratio to centralised",
     "msee.average": "average MSEE",
     "nees.average": "NEES",
@@ -77,6 +80,12 @@ def row(analysis: Analysis, name: str) -> Row:
         complete=metrics.complete,
         metrics={column: value if np.isfinite(value) else None for column, value in values.items()},
     )
+
+
+def filled(rows: Sequence[Row], columns: Mapping[str, str]) -> dict[str, str]:
+    """The columns, but for that of smoothed paths where no run has one."""
+    empty = all(one.metrics[SMOOTHED] is None for one in rows)
+    return {name: title for name, title in columns.items() if name != SMOOTHED or not empty}
 
 
 def names_of(traces: Sequence[Trace], paths: Sequence[Path]) -> list[str]:
@@ -129,11 +138,12 @@ def write_comparison(analyses: Sequence[Analysis], names: Sequence[str], path: P
 
 def _table(rows: Sequence[Row]) -> Table:
     caption = "The whole window of each run; missed: share of the messages that were lost or late"
+    shown = filled(rows, COLUMNS)
     told = [
-        [one.run, one.filter, f"{one.rounds}, {one.consensus}", *(number(one.metrics[name]) for name in COLUMNS)]
+        [one.run, one.filter, f"{one.rounds}, {one.consensus}", *(number(one.metrics[name]) for name in shown)]
         for one in rows
     ]
-    return Table(caption, ["run", "filter", "rounds", *COLUMNS.values()], told)
+    return Table(caption, ["run", "filter", "rounds", *shown.values()], told)
 
 
 def _figures(analyses: Sequence[Analysis], names: Sequence[str]) -> tuple[Figure, Figure]:

@@ -13,6 +13,7 @@ from zenoh_cbef.analysis.results import Smoothing
 from zenoh_cbef.analysis.yardsticks import centralized_run, jointly
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.scenario.build import backwards_of
+from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.trace import SmoothedPath, Trace
 from zenoh_cbef.tracking.smoothing import FixedLag, smoothed
 
@@ -36,10 +37,15 @@ class SmoothedErrors:
     path: Floats
 
 
+def told_whole(plan: Plan) -> bool:
+    """Whether position and velocity, which a log holds, are all that the filter knows of the target's motion."""
+    return not plan.models and plan.motion.size == len(plan.space.kept)
+
+
 def smoothed_run(trace: Trace) -> Trace:
     """The run with its estimates smoothed over its whole length: each agent alone, by what it said of itself.
 
-    Raises UserError where the estimates have no covariance.
+    For filters of which that is all (`told_whole`). Raises UserError where the estimates have no covariance.
     """
     known = _sound(trace.covariances)
     if not known.any():
@@ -48,11 +54,6 @@ def smoothed_run(trace: Trace) -> Trace:
         raise UserError(
             f"smoothing needs to know how sure each estimate is, but {why}; "
             "estimate again with another filter: zenoh-cbef reestimate LOG --smooth --set filter.kind=sicf"
-        )
-    if trace.plan.models or trace.plan.motion.size > len(trace.plan.space.kept):
-        raise UserError(
-            f"the filter (filter.motion = {trace.scenario.filter.motion!r}) knows more of the target's motion than the "
-            "position and velocity that the log holds; smooth with all of it: zenoh-cbef reestimate LOG --smooth"
         )
     states = np.where(known[:, :, None], trace.estimates, np.nan)
     found = smoothed(states, trace.covariances, trace.plan.plain_motion, trace.plan.space)
@@ -88,8 +89,7 @@ def _centralized(trace: Trace, lag: int) -> Floats:
     """The states of the centralised smoother, (K, 6), NaN where the log lacks what it needs."""
     plan, steps = trace.plan, trace.measured_steps
     found = np.full(trace.truth.shape, np.nan)
-    whole = not plan.models and plan.motion.size == len(plan.space.kept)
-    if steps == 0 or (jointly(plan) and not whole):
+    if steps == 0 or (jointly(plan) and not told_whole(plan)):
         return found
     window = FixedLag(backwards_of(plan), plan.space, min(lag, steps))
     for step, belief in enumerate(centralized_run([trace], steps), 1):

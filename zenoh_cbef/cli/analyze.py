@@ -10,11 +10,11 @@ import typer
 
 from zenoh_cbef.analysis.metrics import analyze, notes
 from zenoh_cbef.analysis.outputs import FIGURES, METRICS, REPORT, write_outputs
-from zenoh_cbef.analysis.smoothed import smoothed_run
 from zenoh_cbef.cli.completing import logs
 from zenoh_cbef.cli.console import console, tell, tell_what_lacks
 from zenoh_cbef.cli.options import AsJson, Force, Skip, Smooth
 from zenoh_cbef.cli.places import beside, new_folder_of
+from zenoh_cbef.cli.smoothing import smoothed
 from zenoh_cbef.cli.tables import metrics_table
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.read.parts import find_log
@@ -42,7 +42,7 @@ def _analyze(
     if output is not None and not own:
         new_folder_of(output, [METRICS, *([REPORT, FIGURES] if report else [])], force=force)
     trace = read_trace(*paths)
-    analysis = analyze([smoothed_run(trace) if smooth else trace], skip)[0]
+    analysis = analyze([smoothed(trace, *paths) if smooth else trace], skip)[0]
     failed: list[UserError] = []
     if not as_json or output or report:
         default = beside(log, METRICS)

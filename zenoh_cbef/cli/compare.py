@@ -13,13 +13,14 @@ import typer
 from rich import box
 from rich.table import Table
 
-from zenoh_cbef.analysis.compare import Row, differences, names_of, row, write_comparison
+from zenoh_cbef.analysis.compare import SMOOTHED, Row, differences, filled, names_of, row, write_comparison
 from zenoh_cbef.analysis.metrics import analyze, notes
 from zenoh_cbef.cli.completing import logs
 from zenoh_cbef.cli.console import console, errors, number, tell, tell_what_lacks
 from zenoh_cbef.cli.fitting import Fitting
-from zenoh_cbef.cli.options import AsJson, Force, Skip
+from zenoh_cbef.cli.options import AsJson, Force, Skip, Smooth
 from zenoh_cbef.cli.places import new_file
+from zenoh_cbef.cli.smoothing import smoothed
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.read.parts import find_log
 from zenoh_cbef.log.read.trace import read_trace
@@ -37,6 +38,7 @@ Outputs = Annotated[
 _HEADS = {
     "position_rmse": "pos",
     "velocity_rmse": "vel",
+    SMOOTHED: "smooth",
     "ratio_to_centralized": "ratio",
     "nees.average": "NEES",
     "disagreement": "apart",
@@ -52,11 +54,14 @@ def _compare(
     output: Outputs = None,
     force: Force = False,
     skip: Skip = 0.25,
+    smooth: Smooth = False,
 ) -> None:
     """Put logged runs side by side: errors, consistency, disagreement, bytes and losses, a row for each."""
     for path in output or ():
         new_file(path, {".csv": "for the rows", ".html": "for the curves"}, force=force)
     paths, traces = _read(logs)
+    if smooth:
+        traces = [smoothed(trace, path) for trace, path in zip(traces, paths, strict=True)]
     names = names_of(traces, paths)
     analyses = [analyze([trace], skip)[0] for trace in traces]
     rows = [row(one, name) for one, name in zip(analyses, names, strict=True)]
@@ -121,14 +126,15 @@ def runs_table(rows: list[Row]) -> Fitting:
     table.add_column("run", overflow="fold")
     for head in ("filter", "L"):
         table.add_column(head, no_wrap=True)
-    for head in (*_HEADS.values(), "missed"):
+    heads = filled(rows, _HEADS)
+    for head in (*heads.values(), "missed"):
         table.add_column(head, justify="right", no_wrap=True)
     for one in rows:
         name = one.run if one.complete else f"{one.run} (incomplete)"
         found = one.metrics
         missed = "-" if found["missed"] is None else f"{found['missed']:.1%}"
         averaging = f"{one.rounds}{_SCHEMES[one.consensus]}"
-        table.add_row(name, one.filter, averaging, *(_short(found[each]) for each in _HEADS), missed)
+        table.add_row(name, one.filter, averaging, *(_short(found[each]) for each in heads), missed)
     return Fitting(table)
 
 

@@ -9,10 +9,10 @@ from typing import Annotated
 import typer
 
 from zenoh_cbef.analysis.coverage import lacks
-from zenoh_cbef.analysis.smoothed import smoothed_run
 from zenoh_cbef.cli.console import tell_what_lacks
 from zenoh_cbef.cli.options import Force, LogFile, Smooth
 from zenoh_cbef.cli.places import new_place, stem_of
+from zenoh_cbef.cli.smoothing import smoothed
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.read.parts import find_log
 from zenoh_cbef.log.read.trace import read_trace
@@ -59,14 +59,13 @@ def _export(
     to = _format(to, output)
     if output is not None and output.exists() and output.samefile(found):
         raise UserError(f"{output} is the log itself, and logs are never overwritten; choose another --output")
-    if smooth and to in {Format.viz, Format.rrd}:
-        raise UserError(f"--smooth is for arrays, and {to} is for viewers; export --to npz, csv or parquet")
     place = found.with_name(stem_of(found) + to.ending) if output is None else new_place(output, to.value, force=force)
     if to in {Format.viz, Format.rrd}:
-        scene = read_scene(log)
+        scene = read_scene(log, (lambda trace: smoothed(trace, log)) if smooth else None)
         trace, paths = scene.trace, (write_viz if to is Format.viz else write_rrd)(scene, place)
     else:
-        trace = smoothed_run(read_trace(log)) if smooth else read_trace(log)
+        trace = read_trace(log)
+        trace = smoothed(trace, log) if smooth else trace
         paths = export(trace, place, to.value)
     tell_what_lacks(lacks(trace))
     for path in paths:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 
-_LEAST_SHOWN = ("position_error", "centralized_position_error", "disagreement")
+_LEAST_SHOWN = ("position_error", "smoothed_position_error", "centralized_position_error", "disagreement")
 
 
 def write_rrd(scene: Scene, output: Path) -> list[Path]:
@@ -99,8 +99,11 @@ class _Writer:
             fill_mode="solid",
         )
         self._log("world/uncertainty", shapes)
-        mean = self._scene.estimate[first : row + 1]
-        self._log("world/estimates/path", rr.LineStrips3D([mean[np.isfinite(mean).all(axis=1)]]))
+        paths = {"world/estimates/path": self._scene.estimate, "world/smoothed/path": self._scene.smoothed}
+        for name, path in paths.items():
+            if path is not None:
+                trail = path[first : row + 1]
+                self._log(name, rr.LineStrips3D([trail[np.isfinite(trail).all(axis=1)]]))
         self._links(row)
 
     def _links(self, row: int) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -51,7 +52,8 @@ class Scene:
 
     time: (K,), ns since the Unix epoch, k dt after the start of the run, however fast the processes were.
     links: (e, 2), source and destination. delivered: (e, K), share of each step's messages that came in
-    time, NaN where their receiver said nothing. estimate: (K, 3), mean of the agents' positions of the target, m.
+    time, NaN where their receiver said nothing. estimate, smoothed: (K, 3), mean of the agents' positions of the
+    target, m; smoothed: None where the run has none.
     """
 
     analysis: Analysis
@@ -60,6 +62,7 @@ class Scene:
     delivered: Floats
     ellipsoids: Ellipsoids
     estimate: Floats
+    smoothed: Floats | None
     events: list[SceneEvent]
 
     @property
@@ -69,9 +72,12 @@ class Scene:
 
     def metrics(self) -> dict[str, Floats]:
         """Numbers of the whole network by step, (K,) each; NaN where there is none."""
-        one = self.analysis
+        one, smoothed = self.analysis, {}
+        if one.smoothed is not None:
+            smoothed = {"smoothed_position_error": np.sqrt(_mean(one.smoothed.position[one.counted] ** 2))}
         return {
             "position_error": np.sqrt(_mean(one.position_error[one.counted] ** 2)),
+            **smoothed,
             "velocity_error": np.sqrt(_mean(one.velocity_error[one.counted] ** 2)),
             "centralized_position_error": one.centralized_position_error,
             "nees": _mean(one.nees[one.counted]),
@@ -92,27 +98,29 @@ class Scene:
         }
 
 
-def read_scene(path: Path) -> Scene:
-    """Read a log for viewers. Raises UserError where it is no log of a run, or holds no step."""
-    return scene_of(read_recording(open_log(path)))
-
-
-def scene_of(recording: Recording) -> Scene:
-    """What viewers show of a run. Raises UserError where the log holds no step."""
+def read_scene(path: Path, smooth: Callable[[Trace], Trace] | None = None) -> Scene:
+    """Read a log for viewers. smooth: adds a smoothed path. Raises UserError where it is no log, or holds no step."""
+    recording = read_recording(open_log(path))
     trace = trace_of(recording)
+    return _scene_of(recording, trace if smooth is None else smooth(trace))
+
+
+def _scene_of(recording: Recording, trace: Trace) -> Scene:
     logged = _logged(recording, len(trace.time))
     first = min(logged, default=0)
     start = logged.get(first, 0) - round(1e9 * trace.scenario.dt * first)
     time = start + np.round(1e9 * trace.time).astype(np.int64)
     pairs = trace.edges.tolist()
     links = np.array(sorted([*pairs, *([second, first] for first, second in pairs)]), dtype=np.int64).reshape(-1, 2)
+    analysis = analyze([trace])[0]
     return Scene(
-        analyze([trace])[0],
+        analysis,
         time,
         links,
         _delivered(recording, links, len(time)),
         ellipsoids(trace.covariances[:, :, :3, :3]),
         _mean(trace.estimates[:, :, :3]),
+        None if analysis.smoothed is None else analysis.smoothed.path,
         _events(recording, logged, start),
     )
 

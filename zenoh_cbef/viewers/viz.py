@@ -148,6 +148,8 @@ class _Builder:
         first = max(0, row + 1 - TRAIL)
         yield "/target/path", self._path(stamp, trace.truth[first : row + 1, :3])
         yield "/estimate/path", self._path(stamp, self._scene.estimate[first : row + 1])
+        if self._scene.smoothed is not None:
+            yield "/smoothed/path", self._path(stamp, self._scene.smoothed[first : row + 1])
         entities = [self._links(row, stamp), self._bodies(row, stamp), *self._uncertainty(row, stamp)]
         yield "/scene", self._new("SceneUpdate", entities=entities)
         network = {name: float(values[row]) for name, values in self._network.items()}

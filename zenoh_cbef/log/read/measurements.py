@@ -15,7 +15,7 @@ from zenoh_cbef.errors import UserError
 from zenoh_cbef.faults import SensorFault
 from zenoh_cbef.log.common.naming import RESOLVED, SOURCE
 from zenoh_cbef.log.read.header import Header
-from zenoh_cbef.log.read.parts import open_log
+from zenoh_cbef.log.read.parts import open_logs
 from zenoh_cbef.log.read.recording import Recording, read_recording
 from zenoh_cbef.protocol.messages import nan_to_nil
 from zenoh_cbef.scenario import Scenario
@@ -140,9 +140,9 @@ class Measurements:
         )
 
 
-def read_measurements(path: Path) -> Measurements:
-    """Read a log's measurements. Raises UserError where it is no log of a run, or holds none."""
-    log = open_log(path)
+def read_measurements(*paths: Path) -> Measurements:
+    """Read the measurements of a log of one file or several. Raises UserError where it is no log, or holds none."""
+    log = open_logs(paths)
     recording = read_recording(log, kinds=_KINDS)
     source = log.attachments.get(SOURCE) or log.attachments[RESOLVED]
     found = Measurements(source.decode(errors="replace"), recording)
