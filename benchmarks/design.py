@@ -5,15 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from rich.table import Table
 
 from benchmarks.common import analyses, plain_table
 from zenoh_cbef.analysis.design import design
 from zenoh_cbef.analysis.summary import pick
+from zenoh_cbef.arrays import Floats
 from zenoh_cbef.scenario.load import load
-
-Floats = NDArray[np.float64]
 
 SEEDS = 20
 LOSS = "fault=[{kind='loss', probability=0.3}]"

@@ -9,13 +9,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from rich.table import Table
 
 from benchmarks.common import plain_table
 from benchmarks.recorded import errors
+from zenoh_cbef.arrays import Floats
 
-Floats = NDArray[np.float64]
 SEEDS = 3
 
 

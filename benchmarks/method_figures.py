@@ -10,7 +10,6 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 from rich.table import Table
 
 from benchmarks import method_studies as studies
@@ -18,8 +17,7 @@ from benchmarks.accuracy import consistency, msee_factors, position_mse, ratios
 from benchmarks.common import ROOT, SEEDS, plain_table
 from zenoh_cbef.analysis.figures import COLOURS, INK, MUTED
 from zenoh_cbef.analysis.metrics import Analysis
-
-Floats = NDArray[np.float64]
+from zenoh_cbef.arrays import Floats
 
 FOLDER = ROOT / "docs" / "figures"
 _FLOOR = 1e-5

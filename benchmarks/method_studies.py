@@ -6,17 +6,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.accuracy import consistency, position_mse
 from benchmarks.common import analyses
 from zenoh_cbef.analysis.metrics import Analysis
+from zenoh_cbef.arrays import Floats
 from zenoh_cbef.scenario import network, paths
 from zenoh_cbef.scenario.model import Scenario
 from zenoh_cbef.tracking import graph
 from zenoh_cbef.tracking.weights import weight_matrix
-
-Floats = NDArray[np.float64]
 
 SIDES = (0.4, 0.6, 0.8, 1.0, 1.25, 1.6, 2.0, 3.0, 5.0, 10.0, 30.0, 100.0)
 ROUNDS = (1, 2, 3, 5, 10)

@@ -6,12 +6,12 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from rich.table import Table
 
 from benchmarks.common import plain_table
 from zenoh_cbef.analysis.metrics import analyze
 from zenoh_cbef.analysis.summary import pick
+from zenoh_cbef.arrays import Bools
 from zenoh_cbef.cli.console import number
 from zenoh_cbef.scenario.load import load
 from zenoh_cbef.simulator import simulate
@@ -78,7 +78,7 @@ def errors(settings: Mapping[str, object]) -> tuple[float, float, float]:
     return near, far, pick(found.metrics, "ratio_to_centralized")
 
 
-def silent_steps(trace: Trace) -> NDArray[np.bool_]:
+def silent_steps(trace: Trace) -> Bools:
     """The steps (K,) before which no agent had a range for longer than SILENT."""
     heard = np.isfinite(trace.ranges).any(axis=0)
     last = np.maximum.accumulate(np.where(heard, trace.time, -np.inf))

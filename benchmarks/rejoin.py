@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import cast
 
 import numpy as np
-from numpy.typing import NDArray
 from rich.table import Table
 
 from benchmarks.common import ROOT, Row, below, results
@@ -29,8 +28,6 @@ SEEDS, AGENT, SETTLED = 50, 2, 20
 GONE, BACK = 100, 150
 TIMES = f"from = {GONE / 10}, until = {BACK / 10}"
 COMMAND = [sys.executable, "-m", "zenoh_cbef"]
-
-Floats = NDArray[np.float64]
 
 
 def simulated(fault: str) -> list[Trace]:

@@ -5,19 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from rich.table import Table
 
 from benchmarks.common import Row, below, results
 from zenoh_cbef.analysis.metrics import Analysis, analyze
 from zenoh_cbef.analysis.summary import pick
+from zenoh_cbef.arrays import Floats
 from zenoh_cbef.cli.console import number
 from zenoh_cbef.scenario.load import load
 from zenoh_cbef.simulator import simulate
 from zenoh_cbef.tracking.filters import Belief
 from zenoh_cbef.tracking.reference import centralized_beliefs, each_step
-
-Floats = NDArray[np.float64]
 
 SEEDS = 50
 LIES = {

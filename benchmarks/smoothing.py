@@ -6,19 +6,17 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from rich.table import Table
 
 from benchmarks.common import plain_table
 from benchmarks.recorded import SETS, SETTINGS
 from zenoh_cbef.analysis.metrics import Analysis, analyze
 from zenoh_cbef.analysis.summary import pick
+from zenoh_cbef.arrays import Floats
 from zenoh_cbef.scenario.load import load
 from zenoh_cbef.simulator import simulate
 from zenoh_cbef.trace import SmoothedPath, Trace
 from zenoh_cbef.tracking.smoothing import smoothed
-
-Floats = NDArray[np.float64]
 
 SEEDS = 50
 LAGS: tuple[float | None, ...] = (0.2, 0.5, 1.0, 2.0, None)

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from rich.table import Table
 
 from benchmarks.common import plain_table
@@ -17,6 +16,7 @@ from zenoh_cbef.analysis.metrics import Analysis, analyze
 from zenoh_cbef.analysis.strong import strong
 from zenoh_cbef.analysis.strong.told import told
 from zenoh_cbef.analysis.summary import pick
+from zenoh_cbef.arrays import Floats
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.scenario import Scenario
 from zenoh_cbef.scenario.load import load
@@ -24,8 +24,6 @@ from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.scenario.world import make_world
 from zenoh_cbef.simulator import Heard, heard_in, simulate
 from zenoh_cbef.trace import Trace
-
-Floats = NDArray[np.float64]
 
 CASES = Path(__file__).with_name("stress.toml")
 SEEDS, FIRST = 50, 1001

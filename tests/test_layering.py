@@ -24,7 +24,7 @@ LEVELS = (
     ("faults",),
     ("datasets", "tracking"),
     ("streams", "extras", "numbers", "quantities", "plain", "machine"),
-    ("errors", "words", "__init__"),
+    ("arrays", "errors", "words", "__init__"),
     ("checkout",),
 )
 LEVEL = {part: level for level, parts in enumerate(LEVELS) for part in parts}

@@ -9,11 +9,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from zenoh_cbef.arrays import Bools, Floats
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.words import counted
-
-Bools = NDArray[np.bool_]
-Floats = NDArray[np.float64]
 
 _COLUMNS = {"anchors": "id,x,y,z", "ranges": "t,anchor_id,range", "truth": "t,x,y,z"}
 _VELOCITY_BASE = 0.1

@@ -7,8 +7,8 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zenoh_cbef.arrays import Bools, Floats
 from zenoh_cbef.faults import Fate, Fates
 from zenoh_cbef.scenario import Scenario
 from zenoh_cbef.scenario.build import batch_tracker, fates_of, outgoing_of, smoother_of
@@ -23,9 +23,6 @@ from zenoh_cbef.tracking.newcomer import belief_from
 from zenoh_cbef.tracking.ranging import Measurement
 from zenoh_cbef.tracking.smoothing import Smoothed
 from zenoh_cbef.tracking.tracker import Estimate
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 _BLOCK = 360
 """Agents of one batch: for this many, the data of a round fits into a core's own cache."""

@@ -13,8 +13,9 @@ from hashlib import blake2b
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from zenoh_cbef.arrays import Bools, Floats
+
 Keys = NDArray[np.uint64]
-Floats = NDArray[np.float64]
 
 _STEP = np.uint64(0x9E3779B97F4A7C15)
 _LANE = np.uint64(0xD1B54A32D192ED03)
@@ -69,7 +70,7 @@ class LinkStreams:
         self._keys: dict[str, Keys] = {}
         self._drawn: dict[str, tuple[int, Floats]] = {}
         # For chains whose states follow from draws: the place of the latest one, by purpose, and the states (e,).
-        self.states: dict[str, tuple[int, NDArray[np.bool_]]] = {}
+        self.states: dict[str, tuple[int, Bools]] = {}
 
     def key(self, purpose: str) -> Keys:
         """The keys of the streams of one purpose."""

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from zenoh_cbef.analysis.results import Number
-
-Floats = NDArray[np.float64]
+from zenoh_cbef.arrays import Floats
 
 
 def mean(values: Floats) -> Number:

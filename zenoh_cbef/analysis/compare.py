@@ -8,7 +8,6 @@ from html import escape
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from zenoh_cbef.analysis.figures import agent_style, points_each
 from zenoh_cbef.analysis.metrics import Analysis
@@ -16,14 +15,13 @@ from zenoh_cbef.analysis.mixing import configured_scheme
 from zenoh_cbef.analysis.plots import series
 from zenoh_cbef.analysis.results import Number
 from zenoh_cbef.analysis.summary import pick
+from zenoh_cbef.arrays import Floats
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.extras import from_extra
 from zenoh_cbef.pages.parts import Figure, Plot, Table, number, plots_of
 from zenoh_cbef.pages.render import render
 from zenoh_cbef.plain import Json
 from zenoh_cbef.trace import Trace
-
-Floats = NDArray[np.float64]
 
 SMOOTHED = "smoothed.position_rmse"
 

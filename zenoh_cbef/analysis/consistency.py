@@ -12,15 +12,11 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from numpy.typing import NDArray
 
 from zenoh_cbef.analysis.averages import mean
 from zenoh_cbef.analysis.chi2 import chi2_quantile
 from zenoh_cbef.analysis.results import Honesty, Number, OverTime
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
+from zenoh_cbef.arrays import Bools, Floats, Ints
 
 _STRETCHES = 20
 

@@ -5,11 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zenoh_cbef.arrays import Bools
 from zenoh_cbef.trace import Trace
-
-Bools = NDArray[np.bool_]
 
 
 def stretches(there: Bools) -> list[list[int]]:

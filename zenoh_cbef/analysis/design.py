@@ -5,20 +5,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from zenoh_cbef.analysis.designed import Bytes, Compared, Configured, Design, Expected, Tried, TriedRounds
 from zenoh_cbef.analysis.mixing import SCHEMES, Scheme, configured_scheme, contraction, mixing, with_scheme
 from zenoh_cbef.analysis.observability import observability
 from zenoh_cbef.analysis.prediction import Clipping, Sight, propagate
 from zenoh_cbef.analysis.traffic import other_bytes, round_bytes
+from zenoh_cbef.arrays import Floats
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.scenario.sight import determined
 from zenoh_cbef.scenario.world import make_world
 from zenoh_cbef.tracking.filters import level_of
 from zenoh_cbef.tracking.ranging import own_range
-
-Floats = NDArray[np.float64]
 
 LADDER = (1, 2, 3, 4, 5, 6, 8, 10, 13, 16, 20, 25, 32, 40, 50, 64)
 """Numbers of rounds that are tried; gaps are filled where the smallest sufficient number lies."""

@@ -8,17 +8,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from zenoh_cbef.analysis.metrics import Analysis
+from zenoh_cbef.arrays import Floats, Ints
 from zenoh_cbef.extras import from_extra
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 Dash = Literal["solid", "dash", "dot", "dashdot"]
 Role = Literal["network", "centralized", "bound"]
 

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
-from numpy.typing import NDArray
 
 from zenoh_cbef.analysis.averages import last, rms, running_mean
 from zenoh_cbef.analysis.consistency import agents_bands, chi2_band, described, nees_of
@@ -29,12 +28,10 @@ from zenoh_cbef.analysis.slowness import slow_note, slowness
 from zenoh_cbef.analysis.smoothed import SmoothedErrors, smoothed_errors, smoothing_of
 from zenoh_cbef.analysis.standing import standing_of
 from zenoh_cbef.analysis.yardsticks import Yardsticks, yardsticks
+from zenoh_cbef.arrays import Bools, Floats
 from zenoh_cbef.faults import SenderFault
 from zenoh_cbef.numbers import number
 from zenoh_cbef.trace import Trace
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 LOST = 3.0
 """From how many times the strong yardstick's position RMSE on a filter has lost the target."""

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from zenoh_cbef.analysis.results import Honesty
+from zenoh_cbef.arrays import Floats
 from zenoh_cbef.trace import Trace
 from zenoh_cbef.words import counted
-
-Floats = NDArray[np.float64]
 
 _SHARE = 0.2
 """A fifth of the usual range: no noise and no bias of a working sensor."""

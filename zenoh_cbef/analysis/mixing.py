@@ -5,14 +5,13 @@ from __future__ import annotations
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zenoh_cbef.arrays import Floats
 from zenoh_cbef.scenario.build import batch_tracker, fates_into
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.tracking import graph
 from zenoh_cbef.tracking.weights import weight_matrix
 
-Floats = NDArray[np.float64]
 Scheme = Literal["average", "chebyshev", "running-sums"]
 SCHEMES: tuple[Scheme, ...] = ("average", "chebyshev", "running-sums")
 

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from zenoh_cbef.analysis.designed import Observability, Seen
 from zenoh_cbef.analysis.prediction import Sight
+from zenoh_cbef.arrays import Bools, Floats
 from zenoh_cbef.scenario.sight import unobservable_steps
 from zenoh_cbef.trace import Trace
 from zenoh_cbef.tracking.linalg import inverse
 from zenoh_cbef.tracking.motion import LinearMotion
-
-Bools = NDArray[np.bool_]
-Floats = NDArray[np.float64]
 
 _LEAST = 1e-9
 

@@ -10,7 +10,6 @@ import html
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from zenoh_cbef.analysis.figures import (
     INK,
@@ -27,10 +26,9 @@ from zenoh_cbef.analysis.figures import (
     thinned,
 )
 from zenoh_cbef.analysis.metrics import Analysis
+from zenoh_cbef.arrays import Floats
 from zenoh_cbef.pages.parts import Plot
 from zenoh_cbef.trace import Links
-
-Floats = NDArray[np.float64]
 
 _LARGEST = float(np.finfo(np.float32).max)
 _LOSS_COLOURS = ("#8b96a1", "#b99a58", "#e0a030", "#d97a2c", "#cc4a2c", "#9c1c3c")

@@ -6,12 +6,10 @@ from dataclasses import dataclass
 from math import erf, exp, pi, sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zenoh_cbef.arrays import Floats
 from zenoh_cbef.tracking.linalg import inverse, matvec, outer
 from zenoh_cbef.tracking.motion import LinearMotion
-
-Floats = NDArray[np.float64]
 
 _LEAST = 1e-12
 

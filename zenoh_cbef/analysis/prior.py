@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zenoh_cbef.arrays import Floats
 from zenoh_cbef.scenario import start
 from zenoh_cbef.scenario.plan import Plan
-
-Floats = NDArray[np.float64]
 
 
 def known_together(plan: Plan) -> Floats:

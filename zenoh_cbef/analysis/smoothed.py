@@ -5,20 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from zenoh_cbef.analysis.averages import rms
 from zenoh_cbef.analysis.consistency import described, nees_of
 from zenoh_cbef.analysis.results import Smoothing
 from zenoh_cbef.analysis.yardsticks import centralized_run, jointly
+from zenoh_cbef.arrays import Bools, Floats
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.scenario.build import backwards_of
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.trace import SmoothedPath, Trace
 from zenoh_cbef.tracking.smoothing import FixedLag, smoothed
-
-Bools = NDArray[np.bool_]
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from zenoh_cbef.analysis.averages import mean, rms
 from zenoh_cbef.analysis.results import Standing
+from zenoh_cbef.arrays import Bools, Floats
 from zenoh_cbef.trace import Trace
 from zenoh_cbef.tracking.status import STATUSES
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 
 def standing_of(trace: Trace, position_error: Floats, nees: Floats, counted: Bools) -> dict[str, Standing] | None:

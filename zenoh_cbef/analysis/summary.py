@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from zenoh_cbef.analysis.results import Metrics
+from zenoh_cbef.arrays import Floats
 from zenoh_cbef.plain import Json
 
 SUMMARIZED = {
@@ -88,7 +88,7 @@ def summarize(runs: Sequence[Metrics]) -> Summary:
     )
 
 
-def _spread(values: NDArray[np.float64]) -> Spread | None:
+def _spread(values: Floats) -> Spread | None:
     known = values[np.isfinite(values)]
     if not known.size:
         return None

@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from zenoh_cbef.analysis.metrics import Analysis, analyze, ratio_to_centralized
 from zenoh_cbef.analysis.traffic import other_bytes, round_bytes
+from zenoh_cbef.arrays import Floats
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.experiment.results import Curve, Outcome
 from zenoh_cbef.log.read.parts import find_log
@@ -21,8 +21,6 @@ from zenoh_cbef.scenario.checks import check
 from zenoh_cbef.scenario.load import Loaded, to_toml
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.simulator import simulate
-
-Floats = NDArray[np.float64]
 
 _CURVE_POINTS = 100
 _SUMMED = ("sent", "delivered", "lost", "late", "injected_lost", "injected_late", "corrupted", "duplicated")

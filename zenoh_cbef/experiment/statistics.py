@@ -8,7 +8,8 @@ from functools import cache
 from math import lgamma
 
 import numpy as np
-from numpy.typing import NDArray
+
+from zenoh_cbef.arrays import Floats
 
 LEVEL = 0.95
 
@@ -62,6 +63,6 @@ def _at_most(count: int, order: int, rank: int) -> float:
     if rank + 1 >= count:
         return 1.0
     share = (rank + 1) / count
-    drawn: NDArray[np.float64] = np.arange(order + 1, count + 1, dtype=np.float64)
+    drawn: Floats = np.arange(order + 1, count + 1, dtype=np.float64)
     choose = lgamma(count + 1) - np.array([lgamma(k + 1) + lgamma(count - k + 1) for k in drawn.tolist()])
     return float(np.exp(choose + drawn * np.log(share) + (count - drawn) * np.log1p(-share)).sum())

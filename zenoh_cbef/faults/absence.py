@@ -9,7 +9,8 @@ from typing import Annotated, ClassVar
 import numpy as np
 from pydantic import Field
 
-from zenoh_cbef.faults.base import Bools, Effect, Fault, Floats, Ids, MessageFault, Messages
+from zenoh_cbef.arrays import Bools, Floats, Ids
+from zenoh_cbef.faults.base import Effect, Fault, MessageFault, Messages
 from zenoh_cbef.quantities import Agent
 
 

@@ -9,12 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from zenoh_cbef.arrays import Bools, Floats, Ids
 from zenoh_cbef.quantities import Agent, Seconds
 from zenoh_cbef.streams import LinkStreams
 
-Bools = NDArray[np.bool_]
-Floats = NDArray[np.float64]
-Ids = NDArray[np.int64]
 Seeds = NDArray[np.uint64]
 
 

@@ -7,7 +7,8 @@ from typing import Literal, Self
 import numpy as np
 from pydantic import model_validator
 
-from zenoh_cbef.faults.base import Bools, Effect, LinkFault, Messages
+from zenoh_cbef.arrays import Bools
+from zenoh_cbef.faults.base import Effect, LinkFault, Messages
 from zenoh_cbef.quantities import Chance, Probability
 from zenoh_cbef.streams import Keys, uniform
 

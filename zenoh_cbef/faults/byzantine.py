@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
-from zenoh_cbef.faults.base import Floats
+from zenoh_cbef.arrays import Floats
 from zenoh_cbef.faults.outgoing import SenderFault, Sent
 from zenoh_cbef.quantities import Metres
 from zenoh_cbef.streams import normal, stream

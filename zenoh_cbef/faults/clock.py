@@ -8,7 +8,8 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
-from zenoh_cbef.faults.base import Fault, Floats
+from zenoh_cbef.arrays import Floats
+from zenoh_cbef.faults.base import Fault
 from zenoh_cbef.faults.sensing import Readings, SensorFault
 
 Offset = Annotated[float, Field(ge=-1e6, le=1e6, allow_inf_nan=False)]

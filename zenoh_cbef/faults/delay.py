@@ -7,7 +7,8 @@ from typing import Annotated, Literal, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from zenoh_cbef.faults.base import Effect, Floats, Ids, LinkFault, Messages
+from zenoh_cbef.arrays import Floats, Ids
+from zenoh_cbef.faults.base import Effect, LinkFault, Messages
 from zenoh_cbef.quantities import Milliseconds
 from zenoh_cbef.streams import Keys, exponential, normal, uniform
 

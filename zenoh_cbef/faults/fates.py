@@ -7,7 +7,8 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from zenoh_cbef.faults.base import Bools, Fault, Floats, Ids, MessageFault, Messages, Seeds
+from zenoh_cbef.arrays import Bools, Floats, Ids
+from zenoh_cbef.faults.base import Fault, MessageFault, Messages, Seeds
 from zenoh_cbef.streams import LinkStreams
 
 _FLAGS = ("lost", "overtaken", "corrupted", "duplicated", "absent")

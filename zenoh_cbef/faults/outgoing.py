@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from zenoh_cbef.faults.base import Fault, Floats, Ids, Seeds
+from zenoh_cbef.arrays import Floats, Ids
+from zenoh_cbef.faults.base import Fault, Seeds
 from zenoh_cbef.quantities import Agent
 from zenoh_cbef.tracking.moderation import LARGEST_SENT, is_within
 

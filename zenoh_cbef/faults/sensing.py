@@ -10,8 +10,9 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
+from zenoh_cbef.arrays import Bools, Floats, Ids
 from zenoh_cbef.faults.absence import absent
-from zenoh_cbef.faults.base import Bools, Fault, Floats, Ids
+from zenoh_cbef.faults.base import Fault
 from zenoh_cbef.quantities import Agent
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Literal
 
-from zenoh_cbef.faults.base import Floats
+from zenoh_cbef.arrays import Floats
 from zenoh_cbef.faults.sensing import Readings, SensorFault
 from zenoh_cbef.quantities import Metres
 

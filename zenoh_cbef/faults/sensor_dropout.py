@@ -6,7 +6,7 @@ from typing import Literal
 
 import numpy as np
 
-from zenoh_cbef.faults.base import Floats
+from zenoh_cbef.arrays import Floats
 from zenoh_cbef.faults.sensing import Readings, SensorFault
 from zenoh_cbef.quantities import Probability
 from zenoh_cbef.streams import stream, uniform

@@ -6,7 +6,7 @@ from typing import Literal
 
 import numpy as np
 
-from zenoh_cbef.faults.base import Floats
+from zenoh_cbef.arrays import Floats
 from zenoh_cbef.faults.sensing import Readings, SensorFault
 
 

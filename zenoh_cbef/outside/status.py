@@ -10,8 +10,8 @@ from math import sqrt
 from typing import TypedDict, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zenoh_cbef.arrays import Floats
 from zenoh_cbef.protocol.keys import agent_named
 from zenoh_cbef.protocol.kinds import ESTIMATE, EVENT, EstimateMessage, EventMessage
 from zenoh_cbef.protocol.messages import BadMessage, decode, unpack_floats
@@ -215,9 +215,7 @@ def _whereabouts(data: Mapping[str, object]) -> Whereabouts:
     )
 
 
-def _with_quality(
-    status: AgentStatus, message: EstimateMessage, truth: Mapping[int, NDArray[np.float64]], axes: int
-) -> AgentStatus:
+def _with_quality(status: AgentStatus, message: EstimateMessage, truth: Mapping[int, Floats], axes: int) -> AgentStatus:
     """The status with what an estimate says, and with its error."""
     packed, error, spread = message["covariance"], _distance(message, truth, axes), None
     if packed is not None:
@@ -235,7 +233,7 @@ def _with_quality(
     )
 
 
-def _distance(message: EstimateMessage, truth: Mapping[int, NDArray[np.float64]], axes: int) -> float | None:
+def _distance(message: EstimateMessage, truth: Mapping[int, Floats], axes: int) -> float | None:
     """Squared distance from the truth, m²; None where the truth is unknown."""
     real = truth.get(message["k"])
     if real is None or not np.isfinite(real[:axes]).all():
@@ -244,7 +242,7 @@ def _distance(message: EstimateMessage, truth: Mapping[int, NDArray[np.float64]]
 
 
 def _network(
-    messages: list[EstimateMessage], truth: Mapping[int, NDArray[np.float64]], axes: int
+    messages: list[EstimateMessage], truth: Mapping[int, Floats], axes: int
 ) -> tuple[float | None, float | None]:
     """Error and disagreement, m, of the agents in the step that most of them are at."""
     steps = [message["k"] for message in messages]

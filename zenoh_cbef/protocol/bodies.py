@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from math import isfinite
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zenoh_cbef.arrays import Floats
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.protocol.messages import pack_floats
 from zenoh_cbef.tracking.diagnostics import SOMETIMES, Diagnostics
@@ -15,7 +15,7 @@ from zenoh_cbef.tracking.smoothing import Smoothed
 from zenoh_cbef.tracking.tracker import Estimate
 
 
-def range_body(step: int, position: NDArray[np.float64], range_: float) -> dict[str, object]:
+def range_body(step: int, position: Floats, range_: float) -> dict[str, object]:
     """An agent's position (3,) and the range (m) that it tells, NaN for none."""
     return {"k": step, "position": position.tolist(), "range": float(range_) if isfinite(range_) else None}
 

@@ -13,8 +13,8 @@ from typing import Any, TypedDict
 
 import msgpack
 import numpy as np
-from numpy.typing import NDArray
 
+from zenoh_cbef.arrays import Floats
 from zenoh_cbef.plain import Json
 from zenoh_cbef.protocol.fields import LONGEST
 from zenoh_cbef.protocol.kinds import Kind, M
@@ -133,12 +133,12 @@ def _check_origin(message: Mapping[str, object], run: str, sender: str) -> None:
         raise BadMessage(f"from {message['from']!r:.40}, not {sender}")
 
 
-def pack_floats(values: NDArray[np.float64]) -> bytes:
+def pack_floats(values: Floats) -> bytes:
     """An array as a bin field."""
     return np.ascontiguousarray(values, dtype="<f8").tobytes()
 
 
-def unpack_floats(data: bytes, *shape: int) -> NDArray[np.float64]:
+def unpack_floats(data: bytes, *shape: int) -> Floats:
     """A bin field as an array of a shape. Raises BadMessage where the size differs."""
     if len(data) != 8 * math.prod(shape):
         raise BadMessage(f"{len(data)} bytes, not {8 * math.prod(shape)}")

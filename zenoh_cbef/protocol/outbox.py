@@ -7,9 +7,10 @@ from collections.abc import Callable
 import msgpack
 import zenoh
 
+from zenoh_cbef.arrays import Floats
 from zenoh_cbef.protocol.memory import Memory
 from zenoh_cbef.protocol.messages import VERSION
-from zenoh_cbef.protocol.round_codec import Floats, RoundCodec
+from zenoh_cbef.protocol.round_codec import RoundCodec
 
 
 class Outbox:

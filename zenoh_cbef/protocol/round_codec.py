@@ -16,11 +16,11 @@ import msgpack
 import numpy as np
 from numpy.typing import NDArray
 
+from zenoh_cbef.arrays import Floats
 from zenoh_cbef.protocol.kinds import ROUND
 from zenoh_cbef.protocol.messages import VERSION, decode, unpack_floats
 from zenoh_cbef.tracking.moderation import LARGEST_SENT
 
-Floats = NDArray[np.float64]
 Counts = NDArray[np.uint16] | NDArray[np.uint32] | NDArray[np.uint64]
 
 _KEYS = (b"\xa3seq\xcf", b"\xa4sent\xcf", b"\xa1k\xce", b"\xa1l\xcd")

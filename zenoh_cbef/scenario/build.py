@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from zenoh_cbef.arrays import Bools, Floats, Ids
 from zenoh_cbef.faults import Fates, Outgoing
 from zenoh_cbef.scenario import network
 from zenoh_cbef.scenario.model import Scenario
@@ -23,9 +24,6 @@ from zenoh_cbef.tracking.switching import Switching
 from zenoh_cbef.tracking.tracker import Tracker
 from zenoh_cbef.tracking.trimmed import TrimmedComponents, TrimmedMessages
 
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
-Ids = NDArray[np.int64]
 Seeds = NDArray[np.uint64]
 
 

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zenoh_cbef.arrays import Bools, Floats
 from zenoh_cbef.scenario.model import Scenario
 from zenoh_cbef.scenario.paths import agent_positions, placement
 from zenoh_cbef.tracking import graph, weights
-
-Bools = NDArray[np.bool_]
-Floats = NDArray[np.float64]
 
 
 def edges(scenario: Scenario) -> graph.Edges:

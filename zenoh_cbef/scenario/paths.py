@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from zenoh_cbef import streams
+from zenoh_cbef.arrays import Floats
 from zenoh_cbef.scenario.model import Scenario
-
-Floats = NDArray[np.float64]
 
 
 def step_times(scenario: Scenario, steps: int) -> Floats:

@@ -6,13 +6,12 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zenoh_cbef.arrays import Bools, Floats
 from zenoh_cbef.faults import SensorFault
 from zenoh_cbef.scenario.model import Scenario
 from zenoh_cbef.scenario.paths import placement
 
-Floats = NDArray[np.float64]
 Real = TypeVar("Real", float, Floats)
 
 FACTOR = 1000.0
@@ -37,7 +36,7 @@ class Plausible:
     largest: float
     age: float
 
-    def holds(self, ranges: Real, age: Real) -> NDArray[np.bool_] | bool:
+    def holds(self, ranges: Real, age: Real) -> Bools | bool:
         """Which ranges (m) of which ages (s) are plausible; NaN is not."""
         return (ranges >= self.least) & (ranges <= self.largest) & (abs(age) <= self.age)
 

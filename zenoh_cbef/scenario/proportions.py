@@ -6,8 +6,8 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zenoh_cbef.arrays import Floats
 from zenoh_cbef.datasets import Dataset, read_dataset
 from zenoh_cbef.numbers import number
 from zenoh_cbef.scenario import bending, paths
@@ -15,8 +15,6 @@ from zenoh_cbef.scenario.model import Scenario
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.scenario.start import half_box
 from zenoh_cbef.scenario.world import target_path
-
-Floats = NDArray[np.float64]
 
 _SEEN = 3.0
 """How many standard deviations of their noise ranges may be off that come from outside of the plane."""

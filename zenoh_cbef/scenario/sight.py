@@ -5,16 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zenoh_cbef.arrays import Bools, Floats
 from zenoh_cbef.scenario import paths
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.scenario.world import target_path
 from zenoh_cbef.tracking.sight import MIRRORED, open_axes
 from zenoh_cbef.words import counted
-
-Bools = NDArray[np.bool_]
-Floats = NDArray[np.float64]
 
 _SHAPES = {2: "a circle", 3: "a sphere"}
 _FLAT = {0: "at one place", 1: "on one line", 2: "in one plane"}

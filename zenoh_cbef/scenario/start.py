@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from zenoh_cbef import streams
+from zenoh_cbef.arrays import Floats
 from zenoh_cbef.faults import Absences
 from zenoh_cbef.scenario import paths
 from zenoh_cbef.scenario.model import Scenario
 from zenoh_cbef.scenario.world import target_start
-
-Floats = NDArray[np.float64]
 
 _FARTHEST = 10.0
 """Where a first fix looks for the target: least standard deviation in half diagonals of the box around the agents."""

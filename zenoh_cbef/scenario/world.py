@@ -9,15 +9,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from zenoh_cbef import streams
+from zenoh_cbef.arrays import Floats
 from zenoh_cbef.datasets import read_dataset
 from zenoh_cbef.faults import measured_ranges
 from zenoh_cbef.scenario.model import Scenario, Target
 from zenoh_cbef.scenario.paths import agent_positions, along, step_times
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zenoh_cbef.arrays import Floats, Ints
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.extras import from_extra
 from zenoh_cbef.trace import SmoothedPath, Trace
@@ -15,7 +15,7 @@ from zenoh_cbef.tracking.diagnostics import NAMES, WHOLE
 
 _WHOLE = {"agent", "k", "first", "second"} | WHOLE
 
-Array = NDArray[np.float64] | NDArray[np.int64]
+Array = Floats | Ints
 
 
 def arrays_of(trace: Trace) -> dict[str, Array]:
@@ -62,15 +62,15 @@ def export(trace: Trace, output: Path, kind: str) -> list[Path]:
     return paths
 
 
-def _write_csv(path: Path, header: list[str], rows: NDArray[np.float64]) -> None:
+def _write_csv(path: Path, header: list[str], rows: Floats) -> None:
     formats = ["%d" if column in _WHOLE else "%.17g" for column in header]
     np.savetxt(path, rows, formats, ",", header=",".join(header), comments="")
 
 
-def _parquet_writer() -> Callable[[Path, list[str], NDArray[np.float64]], None]:
+def _parquet_writer() -> Callable[[Path, list[str], Floats], None]:
     arrow, parquet = from_extra("pyarrow", "parquet"), from_extra("pyarrow.parquet", "parquet")
 
-    def write(path: Path, header: list[str], rows: NDArray[np.float64]) -> None:
+    def write(path: Path, header: list[str], rows: Floats) -> None:
         columns = {
             name: column.astype(np.int64) if name in _WHOLE else column
             for name, column in zip(header, rows.T, strict=True)
@@ -112,7 +112,7 @@ def _tables(trace: Trace) -> dict[str, tuple[list[str], list[Array]]]:
     return tables
 
 
-def _upper(covariances: NDArray[np.float64]) -> NDArray[np.float64]:
+def _upper(covariances: Floats) -> Floats:
     """The upper triangles of (n, K, 6, 6), a row for each agent and step."""
     rows, columns = np.triu_indices(6)
     return covariances[:, :, rows, columns].reshape(-1, len(rows))

@@ -7,7 +7,6 @@ from types import ModuleType
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.extras import from_extra
@@ -18,7 +17,6 @@ if TYPE_CHECKING:
     from rerun import RecordingStream
     from rerun.blueprint import Blueprint
 
-Floats = NDArray[np.float64]
 
 _LEAST_SHOWN = ("position_error", "smoothed_position_error", "centralized_position_error", "disagreement")
 

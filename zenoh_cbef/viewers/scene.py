@@ -7,19 +7,16 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from zenoh_cbef.analysis.chi2 import chi2_quantile
 from zenoh_cbef.analysis.metrics import Analysis, analyze
+from zenoh_cbef.arrays import Floats, Ints
 from zenoh_cbef.log.read.parts import open_log
 from zenoh_cbef.log.read.receipts import COUNTS
 from zenoh_cbef.log.read.recording import Recording, read_recording
 from zenoh_cbef.log.read.tables import Table
 from zenoh_cbef.log.read.trace import trace_of
 from zenoh_cbef.trace import Trace
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 _CONFIDENCE = 0.95
 _THINNEST = 1e-3

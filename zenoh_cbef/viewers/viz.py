@@ -13,15 +13,14 @@ from types import ModuleType
 from typing import ClassVar, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from zenoh_cbef import __version__
+from zenoh_cbef.arrays import Floats
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.extras import from_extra
 from zenoh_cbef.log.mcap.writer import McapWriter
 from zenoh_cbef.viewers.scene import Scene, SceneEvent
 
-Floats = NDArray[np.float64]
 Colour = tuple[float, float, float, float]
 
 

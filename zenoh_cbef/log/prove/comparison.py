@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zenoh_cbef.arrays import Bools, Floats
 from zenoh_cbef.faults.injected import FATES, Injected, Told
 from zenoh_cbef.log.read.receipts import INJECTED, Receipt
 from zenoh_cbef.log.read.recording import Recording
@@ -14,9 +14,6 @@ from zenoh_cbef.simulator import Simulation, Step
 from zenoh_cbef.trace import SmoothedPath, Trace
 from zenoh_cbef.tracking.diagnostics import NAMES, SOMETIMES, Numbers
 from zenoh_cbef.tracking.graph import Neighbours
-
-Bools = NDArray[np.bool_]
-Floats = NDArray[np.float64]
 
 
 class Different(Exception):

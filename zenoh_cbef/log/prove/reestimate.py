@@ -10,9 +10,9 @@ from pathlib import Path
 from platform import node as host_name
 
 import numpy as np
-from numpy.typing import NDArray
 
 from zenoh_cbef import __version__
+from zenoh_cbef.arrays import Floats
 from zenoh_cbef.log.read.measurements import Measurements
 from zenoh_cbef.log.write.computed_run import ComputedRun
 from zenoh_cbef.log.write.run_log import RunLog
@@ -22,8 +22,6 @@ from zenoh_cbef.scenario import Scenario
 from zenoh_cbef.scenario.load import Loaded, to_toml
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.simulator import Simulation, Step, heard_in
-
-Floats = NDArray[np.float64]
 
 ORIGIN = "reestimated"
 """Key of a log's metadata that names the run whose measurements it is of."""

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zenoh_cbef.arrays import Bools
 from zenoh_cbef.log.prove.comparison import Comparison, Different
 from zenoh_cbef.log.read.header import read_header
 from zenoh_cbef.log.read.parts import open_log
@@ -20,8 +20,6 @@ from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.simulator import Heard, Simulation
 from zenoh_cbef.trace import Trace
 from zenoh_cbef.words import counted
-
-Bools = NDArray[np.bool_]
 
 _SKEW = 8
 """By how many steps agents' logs may end apart when a run is stopped or its recorder dies."""

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zenoh_cbef.arrays import Bools
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.faults import SensorFault
 from zenoh_cbef.log.common.naming import RESOLVED, SOURCE
@@ -44,7 +44,7 @@ class Measurements:
         return self.recording.header
 
     @cached_property
-    def _heard(self) -> NDArray[np.bool_]:
+    def _heard(self) -> Bools:
         return self.recording.beacons.seen(self.recording.beacons.last)
 
     @cached_property

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from zenoh_cbef.arrays import Bools, Floats, Ints
 from zenoh_cbef.faults.injected import FATES
-from zenoh_cbef.log.read.tables import Bools, Floats, Ints, Table, floats
+from zenoh_cbef.log.read.tables import Table, floats
 from zenoh_cbef.protocol.kinds import EstimateMessage
 
 COUNTS = ("received", "lost", "late")

@@ -7,11 +7,12 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
+from zenoh_cbef.arrays import Ints
 from zenoh_cbef.log.read.decoding import Decoder, Logged, Sink, Tally
 from zenoh_cbef.log.read.header import Header, read_header
 from zenoh_cbef.log.read.parts import Log
 from zenoh_cbef.log.read.receipts import Receipts
-from zenoh_cbef.log.read.tables import Ints, Stamps, Table, floats, stamps_of
+from zenoh_cbef.log.read.tables import Stamps, Table, floats, stamps_of
 from zenoh_cbef.protocol.keys import Address
 from zenoh_cbef.protocol.kinds import (
     BeaconMessage,

@@ -8,9 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-Bools = NDArray[np.bool_]
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from zenoh_cbef.arrays import Bools, Floats, Ints
 
 _FIRST_CAPACITY = 64
 _LATEST = (1 << 63) - 1

@@ -5,16 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zenoh_cbef.arrays import Bools, Floats, Ints
 from zenoh_cbef.faults import ahead, clocks_of
 from zenoh_cbef.log.read.recording import Recording
 from zenoh_cbef.log.read.tables import Table
 from zenoh_cbef.scenario import Scenario
-
-Bools = NDArray[np.bool_]
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,8 @@ from collections import Counter
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zenoh_cbef.arrays import Bools, Floats
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.read.decoding import Tally
 from zenoh_cbef.log.read.parts import open_logs
@@ -22,9 +22,6 @@ from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.simulator import measured
 from zenoh_cbef.trace import Links, SmoothedPath, Trace, Traffic
 from zenoh_cbef.tracking.diagnostics import Diagnostics
-
-Bools = NDArray[np.bool_]
-Floats = NDArray[np.float64]
 
 _COUNTS = (*COUNTS, *INJECTED)
 

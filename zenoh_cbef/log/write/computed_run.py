@@ -6,8 +6,8 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zenoh_cbef.arrays import Floats
 from zenoh_cbef.faults import Fate
 from zenoh_cbef.faults.injected import Injected
 from zenoh_cbef.log.write.run_log import RunLog
@@ -19,8 +19,6 @@ from zenoh_cbef.scenario.build import fates_into
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.simulator import Step
 from zenoh_cbef.tracking.graph import Neighbours
-
-Floats = NDArray[np.float64]
 
 
 class _Received:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections import deque
 
-from zenoh_cbef.faults.base import Bools
+from zenoh_cbef.arrays import Bools
 from zenoh_cbef.nodes.common.alarm import Alarm
 from zenoh_cbef.nodes.common.node import Node
 from zenoh_cbef.nodes.common.rejections import Rejections
