@@ -1,6 +1,7 @@
 """Which tests start processes or open sessions: `make fast` leaves these out."""
 
 import signal
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -22,6 +23,7 @@ WITH_PROCESSES = (
 )
 
 
+@cache
 def has_processes(path: Path) -> bool:
     return any(path.is_relative_to(HERE / one) for one in WITH_PROCESSES)
 

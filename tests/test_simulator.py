@@ -143,13 +143,14 @@ class Agent:
 def assert_agents_on_their_own_compute(one):
     [trace] = simulate([one], keep_payloads=True)
     agents = [Agent(one, number) for number in range(5)]
-    heard = heard_in(Plan(one), make_world(one))
+    plan = Plan(one)
+    heard = heard_in(plan, make_world(one))
     for step in range(1, one.steps + 1):
         told = np.array([agent.told_range(heard, step) for agent in agents])
         sent = [agent.measure(heard, step, told) for agent in agents]
-        for round_ in range(1, Plan(one).rounds + 1):
+        for round_ in range(1, plan.rounds + 1):
             sent = [agent.outgoing.message(step, round_, own) for agent, own in zip(agents, sent, strict=True)]
-            assert sent[0].shape == (1, Plan(one).message_size)
+            assert sent[0].shape == (1, plan.message_size)
             assert trace.payloads is not None
             assert np.concatenate(sent).tobytes() == trace.payloads[:, step - 1, round_ - 1].tobytes()
             sent = [agent.exchange(sent, step, round_) for agent in agents]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from functools import cache
 from typing import Any
 
 import pytest
@@ -19,14 +20,18 @@ LIVES = ("liveliness_token",)
 MESSAGES = (*PUTS, *HEARS, *ASKS, *LIVES, "delete")
 
 
-def allowed(name: str, message: str, key: str) -> bool:
+@cache
+def keys_of(name: str, message: str) -> list[zenoh.KeyExpr]:
+    """The keys on which a process of this name may send such a message."""
     [policy] = [one for one in RULES["policies"] if one["subjects"] == [name]]
     rules = [one for one in RULES["rules"] if one["id"] in policy["rules"] and "ingress" in one["flows"]]
     assert all(one["permission"] == "allow" for one in rules)
-    return any(
-        message in one["messages"] and any(zenoh.KeyExpr(of).includes(zenoh.KeyExpr(key)) for of in one["key_exprs"])
-        for one in rules
-    )
+    return [zenoh.KeyExpr(of) for one in rules if message in one["messages"] for of in one["key_exprs"]]
+
+
+def allowed(name: str, message: str, key: str) -> bool:
+    asked = zenoh.KeyExpr(key)
+    return any(of.includes(asked) for of in keys_of(name, message))
 
 
 AGENT = ["agent/7/range", "agent/7/round", "agent/7/estimate", "event/agent/7"]

@@ -208,7 +208,7 @@ def test_messages_are_shown_as_json_with_their_numbers(log: Path) -> None:
     assert [line["log_time"] for line in shown] == sorted(line["log_time"] for line in shown)
 
 
-@examples(40)
+@examples(25)
 @given(st.binary(max_size=30) | MAPS.map(msgpack.packb))
 def test_any_message_is_shown_and_none_is_taken_for_another(data: bytes) -> None:
     with tempfile.TemporaryDirectory() as name:

@@ -116,13 +116,12 @@ def test_a_turn_is_a_circle_that_many_small_steps_go_round(rate, axes):
     motion = CoordinatedTurn(0.4, 0.5, axes, turn_rate_std=0.1)
     speed = np.array([2.0, -1.0, 0.7][:axes])
     moved = motion.predict_state(np.concatenate([np.zeros(axes), speed, [rate]])[None])[0]
-    steps, place = 40_000, np.zeros(axes)
-    for number in range(steps):
-        angle = rate * 0.4 * (number + 0.5) / steps
-        now = speed.copy()
-        now[0] = np.cos(angle) * speed[0] - np.sin(angle) * speed[1]
-        now[1] = np.sin(angle) * speed[0] + np.cos(angle) * speed[1]
-        place += 0.4 / steps * now
+    steps = 40_000
+    angle = rate * 0.4 * (np.arange(steps) + 0.5) / steps
+    now = np.tile(speed, (steps, 1))
+    now[:, 0] = np.cos(angle) * speed[0] - np.sin(angle) * speed[1]
+    now[:, 1] = np.sin(angle) * speed[0] + np.cos(angle) * speed[1]
+    place = 0.4 / steps * now.sum(axis=0)
     np.testing.assert_allclose(moved[:axes], place, rtol=1e-8, atol=1e-12)
     assert np.hypot(*moved[axes : axes + 2]) == pytest.approx(np.hypot(2.0, 1.0), rel=1e-12)
     assert moved[-1] == rate
