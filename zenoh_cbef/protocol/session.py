@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import tempfile
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -153,10 +154,17 @@ def _config(connection: Connection) -> zenoh.Config:
         settings["listen/endpoints"] = list(connection.listen) or [connection.loopback()]
     if connection.tls is not None:
         settings["transport/link/tls"] = connection.tls.settings()
-        settings["access_control"] = access_control()
     for key, value in settings.items():
         config.insert_json5(key, json.dumps(value))
-    return config
+    return config if connection.tls is None else _with_rules(config)
+
+
+def _with_rules(config: zenoh.Config) -> zenoh.Config:
+    """With access control. Zenoh reads YAML, of which JSON is a part, in a fifth of the time that it takes for JSON5."""
+    with tempfile.NamedTemporaryFile("w", suffix=".yaml", encoding="utf-8") as file:
+        file.write(json.dumps(json.loads(str(config)) | {"access_control": access_control()}))
+        file.flush()
+        return zenoh.Config.from_file(file.name)
 
 
 def _base(path: str | None) -> zenoh.Config:
