@@ -12,7 +12,7 @@ from zenoh_cbef.log.read.trace import read_trace
 DT = 0.1
 FOUND, STEPS = 40, 170
 """After how many steps the target is surely found, and how many there are."""
-REALTIME = ["timing.mode=realtime", f"dt={DT}", "network.graph=ring"]
+REALTIME = ["timing.mode=realtime", f"dt={DT}", "network.graph=ring", "consensus.rounds=2"]
 CLOSE = 1.0
 """Position error, m, of agents that track: ten times what undisturbed runs have."""
 WAYS = ["router", "peers"]

@@ -38,7 +38,7 @@ def test_who_has_an_agents_certificate_cannot_change_a_bit_of_another(world, cer
         join.append("--client")
         router = world.start("router", *place)
         place = join[2:]
-    target = world.start("target", "tracking", *settings("steps=200"), "--run", world.run, *place)
+    target = world.start("target", "tracking", *settings("steps=100"), "--run", world.run, *place)
     connection = Connection([endpoint], mode="client" if way == "router" else "peer")
     tls = Tls.of_folder(certificates, "agent-4")
     connection = Connection([endpoint], mode=connection.mode, tls=tls)
@@ -48,7 +48,7 @@ def test_who_has_an_agents_certificate_cannot_change_a_bit_of_another(world, cer
 
         def attack(sequence: int) -> None:
             step, round_ = divmod(sequence, 3)
-            body = {"k": 1 + step % 200, "l": 1 + round_, "payload": bytes(232)}
+            body = {"k": 1 + step % 100, "l": 1 + round_, "payload": bytes(232)}
             intruder.put(f"cbef/{world.run}/agent/1/round", forged(world.run, "agent/1", **body))
             intruder.put(f"cbef/{world.run}/beacon/1", forged(world.run, "target", k=1, emitted=0.0, arrived=1.0))
             # A flood of last words, too: in its own name, and in another's.

@@ -45,7 +45,7 @@ def joined(trace: Trace) -> dict:
 
 @pytest.mark.parametrize("mode", ["lockstep", "realtime"])
 def test_an_agent_that_was_killed_takes_part_again(world, mode):
-    steps = {"lockstep": "steps=1500", "realtime": "steps=100"}[mode]
+    steps = {"lockstep": "steps=1000", "realtime": "steps=100"}[mode]
     run = world.start_run(steps, f"timing.mode={mode}", "network.graph=complete")
     world.wait_for_messages(30_000)
     kill_and_start_again(world, 2)
