@@ -160,7 +160,7 @@ def _config(connection: Connection) -> zenoh.Config:
 
 
 def _with_rules(config: zenoh.Config) -> zenoh.Config:
-    """With access control. Zenoh reads YAML, of which JSON is a part, in a fifth of the time that it takes for JSON5."""
+    """With access control. Zenoh reads YAML, of which JSON is a part, five times as fast as JSON5."""
     with tempfile.NamedTemporaryFile("w", suffix=".yaml", encoding="utf-8") as file:
         file.write(json.dumps(json.loads(str(config)) | {"access_control": access_control()}))
         file.flush()
