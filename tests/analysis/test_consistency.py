@@ -123,6 +123,7 @@ def test_an_agents_mean_nis_lies_in_its_own_band():
     [one] = analyze(runs("icf")[:1])
     assert one.first == FIRST
     metrics = one.metrics.nis
+    assert metrics is not None
     for agent, (low, high) in enumerate(metrics.agents_band):
         count = np.isfinite(one.trace.diagnostics.nis[agent, one.first :]).sum()
         assert (low, high) == pytest.approx(chi2_band(1, int(count)))
