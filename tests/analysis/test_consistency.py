@@ -124,10 +124,12 @@ def test_an_agents_mean_nis_lies_in_its_own_band():
     assert one.first == FIRST
     metrics = one.metrics.nis
     assert metrics is not None
-    for agent, (low, high) in enumerate(metrics.agents_band):
+    for agent, (band, found) in enumerate(zip(metrics.agents_band, metrics.agents, strict=True)):
         count = np.isfinite(one.trace.diagnostics.nis[agent, one.first :]).sum()
-        assert (low, high) == pytest.approx(chi2_band(1, int(count)))
-        assert low * 0.8 < metrics.agents[agent] < high * 1.2
+        assert band is not None
+        assert found is not None
+        assert band == pytest.approx(chi2_band(1, int(count)))
+        assert band[0] * 0.8 < found < band[1] * 1.2
     assert metrics.dimension == 1
 
 
