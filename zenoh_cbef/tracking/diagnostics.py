@@ -59,7 +59,7 @@ class Diagnostics:
     @classmethod
     def where(cls, measured: Bools, **known: Numbers) -> Self:
         """The given fields for the agents (n,) that measured something, and "nothing" for the others."""
-        said: dict[str, Numbers] = dict.fromkeys(NAMES, np.full(len(measured), np.nan))
+        said: dict[str, Numbers] = dict.fromkeys(NAMES, np.array([np.nan]).repeat(len(measured)))
         for name in WHOLE:
             said[name] = known[name] if name in known else nothing(name, len(measured))
         for name, one in known.items():

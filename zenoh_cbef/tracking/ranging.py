@@ -79,8 +79,10 @@ def own_range(space: Space, state: Floats, position: Floats, age: Floats) -> tup
     offset = space.position(state) - position
     offset[:, :axes] -= age[:, None] * state[:, axes : 2 * axes]
     distance = np.sqrt(np.add.reduce(offset * offset, axis=1))
-    direction = offset[:, :axes] / np.where(distance > 0.0, distance, 1.0)[:, None]
-    return distance, filled(np.concatenate([direction, -age[:, None] * direction], axis=1), state.shape[1])
+    rows = np.zeros(state.shape)
+    direction = np.divide(offset[:, :axes], np.where(distance > 0.0, distance, 1.0)[:, None], out=rows[:, :axes])
+    np.multiply(-age[:, None], direction, out=rows[:, axes : 2 * axes])
+    return distance, rows
 
 
 def filled(rows: Floats, size: int) -> Floats:

@@ -86,7 +86,7 @@ def own_information(
 def variance_of(measurement: Measurement, range_std: float) -> Floats:
     """Variance of the own range's noise, (n,), m^2: the measurement's where it has one, otherwise the filter's."""
     known = measurement.range_std
-    return np.full(len(measurement.range), range_std**2) if known is None else known**2
+    return np.array([range_std**2]).repeat(len(measurement.range)) if known is None else known**2
 
 
 def _spread(row: Floats, covariance: Floats, variance: float | Floats) -> Floats:
@@ -212,7 +212,7 @@ def _surely_sound(matrices: Floats) -> Floats | None:
         return None
     flat, back = matrices.reshape(len(matrices), -1), inverted.reshape(len(inverted), -1)
     sizes = np.vecdot(flat, flat) * np.vecdot(back, back)
-    return inverted if (sizes < (_CLEARLY / _LEAST) ** 2).all() else None
+    return inverted if np.logical_and.reduce(sizes < (_CLEARLY / _LEAST) ** 2) else None
 
 
 def unless_alone(belief: Belief, payload: Floats, update: Update) -> Belief:
@@ -225,6 +225,8 @@ def unless_alone(belief: Belief, payload: Floats, update: Update) -> Belief:
     if not update.kept:
         return belief
     alone, (state, covariance) = unchanged(payload, update.payload), update.kept
+    if not np.logical_or.reduce(alone):
+        return belief
     return Belief(
         np.where(alone[:, None], state, belief.state),
         np.where(alone[:, None, None], 0.5 * (covariance + covariance.swapaxes(1, 2)), belief.known_covariance),
@@ -233,8 +235,8 @@ def unless_alone(belief: Belief, payload: Floats, update: Update) -> Belief:
 
 def unchanged(payload: Floats, own: Floats) -> Bools:
     """Which agents' payloads (n, d) no neighbour changed in the whole step: (n,)."""
-    near = np.abs(payload - own) <= _ROUNDING * np.abs(own).max(axis=1)[:, None]
-    return np.asarray(near.all(axis=1))
+    near = np.abs(payload - own) <= _ROUNDING * np.maximum.reduce(np.abs(own), axis=1)[:, None]
+    return np.asarray(np.logical_and.reduce(near, axis=1))
 
 
 def saturation(innovation: Floats, level: Floats, power: int = 1) -> Floats:

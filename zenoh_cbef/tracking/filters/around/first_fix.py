@@ -86,7 +86,8 @@ class FirstFix(Wrapping):
     def update(self, belief: Belief, measurement: Measurement) -> Update:
         """The agent's share of the information in all ranges so far."""
         if belief.parts:
-            return replace(inner := self.filter.update(belief.parts[0], measurement), parts=(inner,))
+            inner = self.filter.update(belief.parts[0], measurement)
+            return Update(inner.payload, inner.diagnostics, inner.kept, (inner,))
         state, covariance = predict(self.motion, belief)
         prior, seen, correction = self._history(belief, measurement)
         measured = np.isfinite(seen.ranges)
