@@ -7,7 +7,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from zenoh_cbef.tracking.linalg import inverse, matvec, neighbour_sum, outer, pack_upper, unpack_upper
+from zenoh_cbef.tracking.linalg import (
+    inverse,
+    matvec,
+    neighbour_sum,
+    outer,
+    pack_upper,
+    positive_definite,
+    unpack_upper,
+)
 
 RANDOM = np.random.default_rng(1)
 
@@ -33,6 +41,28 @@ def test_inverse_is_symmetric_to_the_last_bit_and_inverts():
     inverted = inverse(matrices)
     np.testing.assert_array_equal(inverted, np.swapaxes(inverted, 1, 2))
     np.testing.assert_allclose(matrices @ inverted, np.broadcast_to(np.eye(6), (20, 6, 6)), atol=1e-9)
+    public = np.linalg.inv(matrices)
+    assert inverted.tobytes() == (0.5 * (public + np.swapaxes(public, 1, 2))).tobytes()
+
+
+@np.errstate(all="ignore")
+def test_a_singular_matrix_in_a_batch_is_told_and_what_is_not_a_number_stays_so():
+    matrices = covariances(3, 6)
+    matrices[1] = 0.0
+    with pytest.raises(np.linalg.LinAlgError):
+        inverse(matrices)
+    matrices[1] = np.nan
+    found = inverse(matrices)
+    assert np.isnan(found).any(axis=(1, 2)).tolist() == [False, True, False]
+    assert found[2].tobytes() == inverse(matrices[2:])[0].tobytes()
+
+
+@np.errstate(all="ignore")
+def test_positive_definite_is_what_has_positive_eigenvalues_alone():
+    axes, _ = np.linalg.qr(RANDOM.normal(size=(6, 6)))
+    spectra = np.array([[1, 2, 3, 4, 5, 6], [1, 2, 3, 4, 5, -1e-6], [-1] * 6, [1, 1, 1, 1, 1, 1e-6], [np.nan] * 6])
+    matrices = (axes * spectra[:, None, :]) @ axes.T
+    assert positive_definite(matrices).tolist() == [True, False, False, True, False]
 
 
 @pytest.mark.parametrize("size", [4, 6])

@@ -47,12 +47,12 @@ def estimate_body(
 
     Raises UserError where the estimate is no longer finite.
     """
-    if not np.isfinite(estimate.state[row]).all():
+    state, covariance = estimate.state[row].tolist(), estimate.covariance
+    if not all(map(isfinite, state)):
         raise UserError(divergence(agent, step))
-    covariance = estimate.covariance
     return {
         "k": step,
-        "state": estimate.state[row].tolist(),
+        "state": state,
         **diagnostics_body(estimate.diagnostics, row),
         **counts,
         "covariance": None if covariance is None else pack_floats(covariance[row]),
