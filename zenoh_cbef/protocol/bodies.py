@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from math import isfinite
 
-import numpy as np
-
 from zenoh_cbef.arrays import Floats
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.protocol.messages import pack_floats
