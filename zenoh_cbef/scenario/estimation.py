@@ -28,11 +28,12 @@ class Model(Table):
 class Filter(Table):
     """The estimation filter and its settings. None: the value follows from target and sensor.
 
-    defaults: the rules by which 'auto' and None decide: 2 today's, 1 those of version 0.2.0 and before it. Logs hold
+    defaults: the rules by which 'auto' and None decide: 3 today's, 1 those of version 0.2.0 and before it. Logs hold
     'auto' as such, so a change of what it means is a new number here, and old logs keep theirs (see legacy.py).
     xi: cbef saturates at this size of the whole innovation (m^2), cbef-scaled likewise (m), the others at this many
     standard deviations; auto: 2 where saturation redescends, otherwise 1.5. saturation auto: redescending where ranges
-    are real or the scenario's sensor has outliers. distrust auto: on where they are real or receivers have faults.
+    are real, the scenario's sensor has outliers, or a first fix finds a target whose motion is ncv. distrust auto: on
+    where ranges are real or receivers have faults.
     omega: hcmci multiplies averaged measurements by it; None: the number of agents.
     measurement: the agent's own range, or differences with its neighbours', as cbef and cbef-scaled always have.
     motion: a model of tracking/motion; auto: it follows from the target. velocity_time: time constant of decay, s.
@@ -48,7 +49,7 @@ class Filter(Table):
     """
 
     kind: str = "sicf"
-    defaults: Literal[1, 2] = 2
+    defaults: Literal[1, 2, 3] = 3
     xi: Annotated[Factor | Literal["auto"], Field(description="a number from 1e-06 to 1e+12, or 'auto'")] = "auto"
     saturation: Literal["auto", "bounded", "redescending"] = "auto"
     recovery: bool = False

@@ -130,7 +130,7 @@ class Plan:
     @cached_property
     def power(self) -> int:
         """The power of the saturation."""
-        return trust.saturation_power(self.scenario, biased=self.bias != "none")
+        return trust.saturation_power(self.scenario, biased=self.bias != "none", fixed=self.first_fix_steps > 0)
 
     @cached_property
     def xi(self) -> float:
@@ -166,6 +166,7 @@ class Plan:
             learns_noise=chosen.range_std == "auto",
             first_fix=self.first_fix_steps,
             squared_fix=start.squared_steps(scenario, self.first_fix_steps),
+            tries_guess=self.search is not None and start.tries_guess(scenario),
             search=self.search,
         )
 

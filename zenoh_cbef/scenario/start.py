@@ -60,6 +60,13 @@ def squared_steps(scenario: Scenario, steps: int) -> int:
     return int(min(half, np.ceil(unknowns / max(heard, 1.0))))
 
 
+def tries_guess(scenario: Scenario) -> bool:
+    """Whether a first fix tries the guess: where ranges are straight lines over how far that may be off."""
+    low, high = box(scenario)
+    sag = initial_std(scenario)[0] ** 2 / max(float(np.linalg.norm(high - low)), 1e-3)
+    return scenario.filter.defaults > 2 and bool(sag < scenario.sensor.range_std)
+
+
 def search(scenario: Scenario) -> tuple[Floats, Floats]:
     """Where a first fix looks for a target, and how far around that: a state and its standard deviations, (6,).
 
@@ -68,7 +75,7 @@ def search(scenario: Scenario) -> tuple[Floats, Floats]:
     """
     low, high = box(scenario)
     given = initial_std(scenario)
-    far = np.full(3, _FARTHEST * max(half_box(scenario), 1e-3))
+    far = np.full(3, _FARTHEST * max(halfbox(scenario), 1e-3))
     return np.concatenate([0.5 * (low + high), np.zeros(3)]), np.concatenate([np.maximum(far, given[0]), given[3:]])
 
 

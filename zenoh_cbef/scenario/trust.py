@@ -35,17 +35,23 @@ def may_be_biased(scenario: Scenario) -> bool:
     return bool(np.any(np.array(sensor.bias))) or sensor.bias_std > 0.0 or _at_fault(scenario) or real(scenario)
 
 
-def saturation_power(scenario: Scenario, *, biased: bool) -> int:
+def saturation_power(scenario: Scenario, *, biased: bool, fixed: bool) -> int:
     """The power of the saturation: 1 bounds the pull of an outlier, 2 lets it fall (redescending).
 
-    Auto: 2 where ranges have outliers. By the first rules (filter.defaults) real ones only if biases are
-    estimated or weighed (biased) and the noise is given: at a level of 1.5, good ranges looked alike otherwise.
+    Auto: 2 where ranges have outliers, or may have them untold. These are real ones, by the first rules
+    (filter.defaults) only if biases are estimated or weighed (biased) and the noise is given: at a level of 1.5, good
+    ranges looked alike otherwise. By today's they are also those of a network that begins with a first fix (fixed) and
+    whose target moves as its filter assumes: from a wrong place, or after a turn, good ranges look alike, too.
     """
     chosen = scenario.filter
     if chosen.saturation != "auto":
         return 2 if chosen.saturation == "redescending" else 1
     trusted = rules(scenario) == 1 and not (biased and chosen.range_std != "auto")
-    return 2 if scenario.sensor.outlier_probability > 0.0 or (real(scenario) and not trusted) else 1
+    if real(scenario):
+        untold = not trusted
+    else:
+        untold = fixed and chosen.defaults > 2 and scenario.target.motion == "ncv" and chosen.motion == "auto"
+    return 2 if scenario.sensor.outlier_probability > 0.0 or untold else 1
 
 
 def saturation_level(scenario: Scenario, power: int) -> float:

@@ -10,8 +10,8 @@ from zenoh_cbef.tracking.filters import FilterSettings, make_filter, sharing_of
 from zenoh_cbef.tracking.filters.around.auto_bias import mixed
 from zenoh_cbef.tracking.filters.around.biased_information import FORGETTING
 from zenoh_cbef.tracking.filters.around.evidence import BEGIN, MEMORY, Evidence
-from zenoh_cbef.tracking.filters.around.first_fix import FirstFix
 from zenoh_cbef.tracking.filters.around.learned_noise import learned
+from zenoh_cbef.tracking.filters.around.tried_guess import first_fix
 from zenoh_cbef.tracking.filters.base import Belief, Update
 from zenoh_cbef.tracking.filters.information_form import saturation
 from zenoh_cbef.tracking.linalg import matvec
@@ -70,7 +70,7 @@ def _first_fix(settings: FilterSettings, xi: float, fix: Belief, step: Ranges) -
         step.std.ravel(),
     )
     # The filter that follows is `_Joint`: the one that stands here is not asked.
-    filter_ = FirstFix.of(settings, make_filter("sicf", settings), xi, sharing_of("sicf", settings).payload_size)
+    filter_ = first_fix(settings, make_filter("sicf", settings), xi, sharing_of("sicf", settings).payload_size)
     update = filter_.update(fix, measurement)
     average = update.payload.reshape(runs, agents, -1).mean(axis=1)
     return filter_.conclude(np.repeat(average, agents, axis=0), update), update

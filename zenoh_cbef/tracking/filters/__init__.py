@@ -10,12 +10,12 @@ from zenoh_cbef.tracking.filters.around.auto_bias import AutoBias
 from zenoh_cbef.tracking.filters.around.biased_information import BiasedInformation
 from zenoh_cbef.tracking.filters.around.distrusting import Distrusting
 from zenoh_cbef.tracking.filters.around.evidence import Evidence
-from zenoh_cbef.tracking.filters.around.first_fix import FirstFix
 from zenoh_cbef.tracking.filters.around.imm import InteractingModels
 from zenoh_cbef.tracking.filters.around.knowing import Knowing
 from zenoh_cbef.tracking.filters.around.learned_noise import LearnedNoise
 from zenoh_cbef.tracking.filters.around.recovering import Recovering
 from zenoh_cbef.tracking.filters.around.squared_information import SquaredInformation
+from zenoh_cbef.tracking.filters.around.tried_guess import first_fix
 from zenoh_cbef.tracking.filters.base import Abilities, Belief, Filter, Kind, Sharing, Update
 from zenoh_cbef.tracking.filters.kinds.cbef import Cbef
 from zenoh_cbef.tracking.filters.kinds.cbef_scaled import ScaledCbef
@@ -93,7 +93,7 @@ def make_filter(kind: str, settings: FilterSettings) -> Filter:
         chosen = Distrusting(chosen, settings.range_std)
     if settings.first_fix:
         alone = replace(settings, says_status=False)
-        chosen = FirstFix.of(settings, chosen, xi, sharing_of(kind, alone).payload_size)
+        chosen = first_fix(settings, chosen, xi, sharing_of(kind, alone).payload_size)
     if settings.learns_noise:
         chosen = LearnedNoise(chosen, settings.range_std)
     return Knowing(chosen, settings) if settings.says_status else chosen

@@ -19,9 +19,10 @@ class FilterSettings:
     whether they say if they acquire, track, coast, or have lost the target. bias:
     none, estimate or auto; likelihoods: whether auto weighs it by these, or by the NIS; common_bias_std, own_bias_std:
     its prior, m. first_fix: over how many steps the initial estimate, a guess, is improved by least squares on the
-    first ranges; 0: it is none. squared_fix: how many of these steps are on squared ranges. search: where these look
-    for the target, state (1, s) and covariance (1, s, s); None: around the guess. models: the motions between which the
-    target switches, the most agile one last; none: it moves by `motion` alone. leaving: the probability that it leaves
+    first ranges; 0: it is none. squared_fix: how many of these steps are on squared ranges. tries_guess: whether the
+    guess is tried before the network searches. search: where squared ranges look for the target, state (1, s) and
+    covariance (1, s, s); None: around the guess. models: the motions between which the target switches, the most agile
+    one last; none: it moves by `motion` alone. leaving: the probability that it leaves
     its motion in a step. middle: a point near all agents, the same for all, m. squares: whether agents share squared
     ranges, and linearise what averaging leaves.
     """
@@ -44,6 +45,7 @@ class FilterSettings:
     learns_noise: bool = False
     first_fix: int = 0
     squared_fix: int = 0
+    tries_guess: bool = False
     search: tuple[Floats, Floats] | None = None
     models: tuple[Motion, ...] = ()
     leaving: float = 0.0

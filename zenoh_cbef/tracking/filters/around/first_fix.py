@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Self
+from typing import ClassVar, Self
 
 import numpy as np
 
@@ -50,6 +50,9 @@ class FirstFix(Wrapping):
     for all agents; None: around the initial estimate, which has to be the same for all of them then.
     """
 
+    power: ClassVar[int] = 1
+    """The power of the saturation: with 1 the fix is one wherever it begins."""
+
     motion: Motion
     space: Space
     range_std: float
@@ -88,35 +91,15 @@ class FirstFix(Wrapping):
         if belief.parts:
             inner = self.filter.update(belief.parts[0], measurement)
             return Update(inner.payload, inner.diagnostics, inner.kept, (inner,))
-        state, covariance = predict(self.motion, belief)
-        prior, seen, correction = self._history(belief, measurement)
-        measured = np.isfinite(seen.ranges)
-        alike = self.bias_std**2 * neighbour_sum(measured.astype(np.float64))
-        variance = (variance_of(measurement, self.range_std) + alike)[:, None]
-        drift = 0.5 * self.motion.acceleration_std * seen.ages**2
-        rows = self._rows(seen, state, covariance, correction, variance + drift**2)
-        if not self._squares(seen.steps):
-            information = inverse(prior.known_covariance) / self.network_size
-            payload = pack(
-                matvec(information, prior.state) + neighbour_sum(rows.vectors),
-                information + neighbour_sum(rows.matrices).reshape(information.shape),
-            )
+        latest, prior, seen, correction = self._history(belief, measurement)
+        variance, rows = self._linearised(latest, seen, correction, measurement)
+        if self._squares(seen.steps):
+            first = latest if belief.memory else self._wide(prior, seen.steps)
+            payload = self._at_rest(prior, first, seen, variance)
         else:
-            axes, wide = self.space.axes, self._wide(prior, seen.steps)
-            latest = Belief(state, covariance) if belief.memory else wide
-            payload = self._squared.payload(
-                self._frame(wide),
-                Belief(latest.state[:, :axes], latest.known_covariance[:, :axes, :axes]),
-                seen,
-                variance=variance,
-                speed=np.sqrt(wide.known_covariance[:, axes, axes]),
-                guess=None if wide is prior else Belief(prior.state[:, :axes], prior.known_covariance[:, :axes, :axes]),
-            )
-        return Update(
-            np.pad(payload, ((0, 0), (0, self.payload_size - payload.shape[1]))),
-            rows.latest,
-            (prior.state, prior.known_covariance, seen.positions, seen.ages, seen.ranges, state),
-        )
+            payload = self._moving(prior, rows)
+        kept = prior.state, prior.known_covariance, seen.positions, seen.ages, seen.ranges, latest.state
+        return Update(payload, rows.latest, kept)
 
     def conclude(self, payload: Floats, update: Update) -> Belief:
         """The fix so far; after the last step of it, where the filter that follows begins."""
@@ -124,28 +107,57 @@ class FirstFix(Wrapping):
             inner = self.filter.conclude(payload, update.parts[0])
             return Belief(inner.state, inner.covariance, inner.bias, parts=(inner,))
         *history, predicted = update.kept
-        steps, size = history[-1].shape[1], self.motion.size
+        steps, prior = history[-1].shape[1], Belief(history[0], history[1])
         if self._squares(steps):
-            fix = self._at_rest(payload, update)
+            fix = self._fix_at_rest(payload, update.payload, prior, steps)
         else:
-            own, mixed = (np.ascontiguousarray(part[:, : packed_size(size)]) for part in (update.payload, payload))
-            averaged = belief_of(mixed, own, size)
-            fix = Belief(averaged.state, averaged.known_covariance / self.network_size)
+            fix = self._fix_moving(payload, update.payload)
         if steps >= self.steps:
             return Belief(fix.state, fix.covariance, parts=(fix,))
         return replace(fix, memory=(*history, fix.state - predicted))
 
-    def _at_rest(self, payload: Floats, update: Update) -> Belief:
-        axes, prior = self.space.axes, Belief(update.kept[0], update.kept[1])
-        wide = self._wide(prior, update.kept[-2].shape[1])
-        place = self._squared.solve(payload, update.payload, self._frame(wide))
+    def _at_rest(self, prior: Belief, latest: Belief, seen: Seen, variance: Floats) -> Floats:
+        """The payload of squared ranges. latest: where their residuals are weighed; variance: of ranges, (n, k)."""
+        axes, wide = self.space.axes, self._wide(prior, seen.steps)
+        payload = self._squared.payload(
+            self._frame(wide),
+            Belief(latest.state[:, :axes], latest.known_covariance[:, :axes, :axes]),
+            seen,
+            variance=variance,
+            speed=np.sqrt(wide.known_covariance[:, axes, axes]),
+            guess=None if wide is prior else Belief(prior.state[:, :axes], prior.known_covariance[:, :axes, :axes]),
+        )
+        return self._filled(payload)
+
+    def _moving(self, prior: Belief, rows: Rows) -> Floats:
+        """The payload of linearised ranges."""
+        information = inverse(prior.known_covariance) / self.network_size
+        matrix = information + neighbour_sum(rows.matrices).reshape(information.shape)
+        return self._filled(pack(matvec(information, prior.state) + neighbour_sum(rows.vectors), matrix))
+
+    def _filled(self, payload: Floats) -> Floats:
+        return np.pad(payload, ((0, 0), (0, self.payload_size - payload.shape[1])))
+
+    def _fix_moving(self, payload: Floats, own: Floats) -> Belief:
+        size = self.motion.size
+        mixed, mine = (np.ascontiguousarray(part[:, : packed_size(size)]) for part in (payload, own))
+        averaged = belief_of(mixed, mine, size)
+        return Belief(averaged.state, averaged.known_covariance / self.network_size)
+
+    def _fix_at_rest(self, payload: Floats, own: Floats, prior: Belief, step: int) -> Belief:
+        axes = self.space.axes
+        place = self._squared.solve(payload, own, self._frame(self._wide(prior, step)))
         covariance = np.array(prior.known_covariance)
         covariance[:, :axes] = covariance[:, :, :axes] = 0.0
         covariance[:, :axes, :axes] = place.known_covariance
         return Belief(np.concatenate([place.state, prior.state[:, axes:]], axis=1), covariance)
 
     def _squares(self, step: int) -> bool:
-        return step <= (self.steps // 2 if self.squared is None else self.squared)
+        return step <= self._squared_steps
+
+    @property
+    def _squared_steps(self) -> int:
+        return self.steps // 2 if self.squared is None else self.squared
 
     def _wide(self, prior: Belief, step: int) -> Belief:
         """What the squared ranges start from, carried to a step."""
@@ -161,20 +173,30 @@ class FirstFix(Wrapping):
     def _frame(self, prior: Belief) -> Frame:
         return Frame(prior.state[:, : self.space.axes], np.sqrt(prior.known_covariance[:, 0, 0]))
 
-    def _history(self, belief: Belief, measurement: Measurement) -> tuple[Belief, Seen, Floats]:
-        """The initial estimate carried to this step, what was measured so far, and the latest correction (n, s)."""
+    def _history(self, belief: Belief, measurement: Measurement) -> tuple[Belief, Belief, Seen, Floats]:
+        """Latest fix and initial estimate, carried to this step, ranges so far, and the latest correction (n, s)."""
         new = Seen(measurement.position[:, None], measurement.age[:, None], measurement.range[:, None])
+        latest = Belief(*predict(self.motion, belief))
         if not belief.memory:
-            return Belief(*predict(self.motion, belief)), new, np.zeros_like(belief.state)
-        state, covariance, positions, ages, ranges, correction = belief.memory
+            return latest, latest, new, np.zeros_like(belief.state)
+        state, covariance, positions, ages, ranges, correction = belief.memory[:6]
         seen = Seen(
             np.concatenate([positions, new.positions], axis=1),
             np.concatenate([ages + self.motion.dt, new.ages], axis=1),
             np.concatenate([ranges, new.ranges], axis=1),
         )
-        return Belief(*predict(self.motion, Belief(state, covariance))), seen, correction
+        return latest, Belief(*predict(self.motion, Belief(state, covariance))), seen, correction
 
-    def _rows(self, seen: Seen, state: Floats, covariance: Floats, correction: Floats, variance: Floats) -> _Rows:
+    def _linearised(
+        self, latest: Belief, seen: Seen, correction: Floats, measurement: Measurement
+    ) -> tuple[Floats, Rows]:
+        """Variance of the ranges but for motion, (n, 1), m^2, and all ranges linearised at the latest fix."""
+        alike = self.bias_std**2 * neighbour_sum(np.isfinite(seen.ranges).astype(np.float64))
+        variance = (variance_of(measurement, self.range_std) + alike)[:, None]
+        drift = 0.5 * self.motion.acceleration_std * seen.ages**2
+        return variance, self._rows(seen, latest.state, latest.known_covariance, correction, variance + drift**2)
+
+    def _rows(self, seen: Seen, state: Floats, covariance: Floats, correction: Floats, variance: Floats) -> Rows:
         """All ranges linearised at a state."""
         count, kept = seen.ranges.shape
         predicted, rows = own_range(
@@ -184,22 +206,30 @@ class FirstFix(Wrapping):
         measured = np.isfinite(seen.ranges)
         innovation = np.where(measured, seen.ranges - predicted.reshape(count, kept), 0.0)
         expected = np.sum(rows * matvec(covariance[:, None], rows), axis=2) + variance
-        spread = np.sqrt(expected + np.sum(rows * correction[:, None], axis=2) ** 2)
-        weight = saturation(innovation, self.xi * spread)
+        moved = np.sum(rows * correction[:, None], axis=2) ** 2
+        spread = np.sqrt(expected + self._excused(moved, expected))
+        weight = saturation(innovation, self.xi * spread, self.power)
         precision = np.where(measured, weight, 0.0) / variance
         equivalent = innovation + np.sum(rows * state[:, None], axis=2)
         squares = outer(rows, rows).reshape(count, kept, -1)
-        return _Rows(
+        return Rows(
             (precision * equivalent)[:, :, None] * rows,
             precision[:, :, None] * squares,
+            weight,
             told(measured[:, -1], innovation[:, -1], weight[:, -1], spread[:, -1]),
         )
 
+    def _excused(self, moved: Floats, expected: Floats) -> Floats:
+        """By how much a correction widens what ranges (n, k) may be off, m^2; moved: by how much it moved them."""
+        del expected
+        return moved
+
 
 @dataclass(frozen=True)
-class _Rows:
-    """Information of each range, (n, k, s) and (n, k, s^2), and what is said of the latest one, (n,)."""
+class Rows:
+    """Information of ranges, (n, k, s) and (n, k, s^2), their weights (n, k), and what is said of the latest, (n,)."""
 
     vectors: Floats
     matrices: Floats
+    weight: Floats
     latest: Diagnostics
