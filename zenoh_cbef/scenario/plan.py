@@ -141,7 +141,6 @@ class Plan:
     def settings(self) -> FilterSettings:
         """The settings of the scenario's filter."""
         scenario, chosen, range_std = self.scenario, self.scenario.filter, self.range_std
-        common, own = chosen.bias_common_std, chosen.bias_own_std
         return FilterSettings(
             motion=self.motion,
             models=self.models,
@@ -161,8 +160,8 @@ class Plan:
             says_status=chosen.status and self.abilities.information,
             bias=self.bias,
             likelihoods=trust.rules(scenario) > 1,
-            common_bias_std=1.5 * range_std if common is None else common,
-            own_bias_std=0.15 * range_std if own is None else own,
+            common_bias_std=1.5 * range_std if chosen.bias_common_std is None else chosen.bias_common_std,
+            own_bias_std=0.15 * range_std if chosen.bias_own_std is None else chosen.bias_own_std,
             learns_noise=chosen.range_std == "auto",
             first_fix=self.first_fix_steps,
             squared_fix=start.squared_steps(scenario, self.first_fix_steps),

@@ -62,8 +62,7 @@ def squared_steps(scenario: Scenario, steps: int) -> int:
 
 def tries_guess(scenario: Scenario) -> bool:
     """Whether a first fix tries the guess: where ranges are straight lines over how far that may be off."""
-    low, high = box(scenario)
-    sag = initial_std(scenario)[0] ** 2 / max(float(np.linalg.norm(high - low)), 1e-3)
+    sag = initial_std(scenario)[0] ** 2 / (2.0 * max(half_box(scenario), 1e-3))
     return scenario.filter.defaults > 2 and bool(sag < scenario.sensor.range_std)
 
 
@@ -75,7 +74,7 @@ def search(scenario: Scenario) -> tuple[Floats, Floats]:
     """
     low, high = box(scenario)
     given = initial_std(scenario)
-    far = np.full(3, _FARTHEST * max(halfbox(scenario), 1e-3))
+    far = np.full(3, _FARTHEST * max(half_box(scenario), 1e-3))
     return np.concatenate([0.5 * (low + high), np.zeros(3)]), np.concatenate([np.maximum(far, given[0]), given[3:]])
 
 
