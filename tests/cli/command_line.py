@@ -16,7 +16,8 @@ def names() -> list[str]:
 
 
 def loaded(verb: str) -> TyperCommand | TyperGroup:
-    found = verbs.load(verb).commands[verb]
+    group = verbs.load(verb)
+    found = group.commands.get(verb, group)
     assert isinstance(found, TyperCommand | TyperGroup)
     return found
 

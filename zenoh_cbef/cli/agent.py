@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from zenoh_cbef.cli.joining import JoiningCommand, JoiningContext, Patience, identity_of
+from zenoh_cbef.cli.offer import verb
 from zenoh_cbef.cli.options import MOST_AGENTS, Run
 from zenoh_cbef.nodes.agent.agent import run_agent
 from zenoh_cbef.protocol.tls import common_name
@@ -26,8 +27,4 @@ def _agent(
     typer.echo(f"agent {agent} ended " + (f"after step {last}" if last else f"before run {run} had begun"))
 
 
-def register(app: typer.Typer) -> None:
-    """Add the verb."""
-    app.command(
-        "agent", cls=JoiningCommand, epilog="Example: zenoh-cbef agent 3 --run mine --connect tcp/192.0.2.1:7447"
-    )(_agent)
+VERB = verb(_agent, "agent 3 --run mine --connect tcp/192.0.2.1:7447", JoiningCommand)

@@ -12,6 +12,7 @@ from zenoh_cbef.analysis.metrics import analyze, notes
 from zenoh_cbef.analysis.outputs import FIGURES, METRICS, REPORT, write_outputs
 from zenoh_cbef.cli.completing import logs
 from zenoh_cbef.cli.console import console, tell, tell_what_lacks
+from zenoh_cbef.cli.offer import verb
 from zenoh_cbef.cli.options import AsJson, Force, Skip, Smooth
 from zenoh_cbef.cli.places import beside, new_folder_of
 from zenoh_cbef.cli.smoothing import smoothed
@@ -60,6 +61,4 @@ def _analyze(
         tell(f"note: {one}")
 
 
-def register(app: typer.Typer) -> None:
-    """Add the verb."""
-    app.command("analyze", epilog="Example: zenoh-cbef analyze logs/latest --report")(_analyze)
+VERB = verb(_analyze, "analyze logs/latest --report")

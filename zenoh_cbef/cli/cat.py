@@ -8,6 +8,7 @@ from pathlib import Path
 import typer
 
 from zenoh_cbef.cli.choosing import LOSSY, selection_of, tell_damage
+from zenoh_cbef.cli.offer import verb
 from zenoh_cbef.cli.options import End, Exclude, Include, LogFile, Start
 from zenoh_cbef.log.read.parts import open_log
 from zenoh_cbef.log.tools.show import lines
@@ -28,6 +29,4 @@ def _cat(
     raise typer.Exit(LOSSY if opened.damage else 0)
 
 
-def register(app: typer.Typer) -> None:
-    """Add the verb."""
-    app.command("cat", epilog="Example: zenoh-cbef cat logs/latest -y '.*/estimate' --start 2s --end 3s")(_cat)
+VERB = verb(_cat, "cat logs/latest -y '.*/estimate' --start 2s --end 3s")

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from zenoh_cbef.cli.offer import group
 from zenoh_cbef.cli.options import MOST_AGENTS
 from zenoh_cbef.protocol.certificates import make_certificates
 from zenoh_cbef.protocol.tls import common_name
@@ -34,8 +35,9 @@ def _new(
     typer.echo(f"give each host ca.pem and its processes' .pem and .key files; {folder / 'ca.key'} stays here")
 
 
-def register(app: typer.Typer) -> None:
-    """Add the verb."""
-    group = typer.Typer(help="Certificates for mutual TLS.", no_args_is_help=True)
-    group.command("new", epilog="Example: zenoh-cbef certs new certificates --agents 12 --host 192.0.2.1")(_new)
-    app.add_typer(group, name="certs")
+VERB = group(
+    "Certificates for mutual TLS.",
+    {
+        "certs new certificates --agents 12 --host 192.0.2.1": _new,
+    },
+)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import typer
 
+from zenoh_cbef.cli.offer import verb
 from zenoh_cbef.cli.options import AsJson, LogFile
 from zenoh_cbef.log.read.parts import open_log
 from zenoh_cbef.log.tools.check import Findings, check
@@ -47,6 +48,4 @@ def _tell(found: Findings) -> None:
     typer.echo(f"{counted(found.messages, 'message')}: " + ("something is wrong" if lines else "sound"))
 
 
-def register(app: typer.Typer) -> None:
-    """Add the verb."""
-    app.command("check", epilog="Example: zenoh-cbef check logs/latest --json")(_check)
+VERB = verb(_check, "check logs/latest --json")

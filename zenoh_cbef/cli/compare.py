@@ -18,6 +18,7 @@ from zenoh_cbef.analysis.metrics import analyze, notes
 from zenoh_cbef.cli.completing import logs
 from zenoh_cbef.cli.console import console, errors, number, tell, tell_what_lacks
 from zenoh_cbef.cli.fitting import Fitting
+from zenoh_cbef.cli.offer import verb
 from zenoh_cbef.cli.options import AsJson, Force, Skip, Smooth
 from zenoh_cbef.cli.places import new_file
 from zenoh_cbef.cli.smoothing import smoothed
@@ -142,6 +143,4 @@ def _short(value: float | None) -> str:
     return number(value) if value is None or value >= 1000.0 else f"{value:.3g}"
 
 
-def register(app: typer.Typer) -> None:
-    """Add the verb."""
-    app.command("compare", epilog="Example: zenoh-cbef compare logs/one logs/two -o curves.html")(_compare)
+VERB = verb(_compare, "compare logs/one logs/two -o curves.html")

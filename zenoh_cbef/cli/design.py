@@ -10,6 +10,7 @@ import typer
 from zenoh_cbef.analysis.design import design
 from zenoh_cbef.cli.console import console, errors
 from zenoh_cbef.cli.design_tables import design_lines
+from zenoh_cbef.cli.offer import verb
 from zenoh_cbef.cli.options import AsJson, Overrides, ScenarioName, Skip
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.scenario.checks import check
@@ -52,6 +53,4 @@ def _share(text: str) -> float:
     return percent / 100.0
 
 
-def register(app: typer.Typer) -> None:
-    """Add the verb."""
-    app.command("design", epilog="Example: zenoh-cbef design paper --within 5%")(_design)
+VERB = verb(_design, "design paper --within 5%")

@@ -14,6 +14,7 @@ from rich.text import Text
 from zenoh_cbef.cli.asking import RunName, locate
 from zenoh_cbef.cli.console import console
 from zenoh_cbef.cli.joining import Joining, JoiningCommand, JoiningContext
+from zenoh_cbef.cli.offer import verb
 from zenoh_cbef.cli.options import MOST_AGENTS, AsJson
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.outside.doctor import OK, PROBLEM, WARNING, Finding, check_endpoints, check_host
@@ -72,6 +73,4 @@ def _findings(joining: Joining, run: str | None, agents: int, output: Path) -> I
         yield Finding("run", PROBLEM, str(error))
 
 
-def register(app: typer.Typer) -> None:
-    """Add the verb."""
-    app.command("doctor", cls=JoiningCommand, epilog="Example: zenoh-cbef doctor --agents 24")(_doctor)
+VERB = verb(_doctor, "doctor --agents 24", JoiningCommand)

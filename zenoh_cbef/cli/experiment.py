@@ -15,6 +15,7 @@ from zenoh_cbef.cli.console import console, errors, number, tell
 from zenoh_cbef.cli.fitting import Fitting
 from zenoh_cbef.cli.interrupts import INTERRUPTED
 from zenoh_cbef.cli.listing import list_named
+from zenoh_cbef.cli.offer import group
 from zenoh_cbef.cli.options import AsJson, Force, Skip
 from zenoh_cbef.cli.places import new_folder_of
 from zenoh_cbef.errors import UserError
@@ -162,15 +163,13 @@ def _tell_losses(cell: CellSummary) -> None:
             console.print(said, highlight=False, soft_wrap=True, markup=False)
 
 
-def register(app: typer.Typer) -> None:
-    """Add the verb."""
-    group = typer.Typer(
-        cls=_Experiments,
-        no_args_is_help=True,
-        help="Run sweeps of scenarios, which end with a verdict. 'experiment FILE' is short for 'experiment run FILE'.",
-        epilog="Example: zenoh-cbef experiment loss --seeds 5",
-    )
-    group.command("run", epilog="Example: zenoh-cbef experiment run loss --seeds 5 --jobs 2")(_run)
-    group.command("list", epilog="Example: zenoh-cbef experiment list")(_list)
-    group.command("show", epilog="Example: zenoh-cbef experiment show loss")(_show)
-    app.add_typer(group, name="experiment")
+VERB = group(
+    "Run sweeps of scenarios, which end with a verdict. 'experiment FILE' is short for 'experiment run FILE'.",
+    {
+        "experiment run loss --seeds 5 --jobs 2": _run,
+        "experiment list": _list,
+        "experiment show loss": _show,
+    },
+    of=_Experiments,
+    example="experiment loss --seeds 5",
+)

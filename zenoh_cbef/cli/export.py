@@ -10,6 +10,7 @@ import typer
 
 from zenoh_cbef.analysis.coverage import lacks
 from zenoh_cbef.cli.console import tell_what_lacks
+from zenoh_cbef.cli.offer import verb
 from zenoh_cbef.cli.options import Force, LogFile, Smooth
 from zenoh_cbef.cli.places import new_place, stem_of
 from zenoh_cbef.cli.smoothing import smoothed
@@ -83,6 +84,4 @@ def _format(to: Format | None, output: Path | None) -> Format:
     return to or meant or Format.npz
 
 
-def register(app: typer.Typer) -> None:
-    """Add the verb."""
-    app.command("export", epilog="Example: zenoh-cbef export logs/latest --to csv")(_export)
+VERB = verb(_export, "export logs/latest --to csv")

@@ -13,6 +13,7 @@ from zenoh_cbef.cli.completing import faults
 from zenoh_cbef.cli.console import console
 from zenoh_cbef.cli.fitting import Fitting
 from zenoh_cbef.cli.joining import JoiningCommand, JoiningContext
+from zenoh_cbef.cli.offer import group
 from zenoh_cbef.cli.options import LONGEST_SECONDS, AsJson
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.outside.operator import Operator
@@ -82,12 +83,12 @@ def _clear(
     typer.echo(f"run {name}: ended {', '.join(f'fault {one}' for one in ended) or 'nothing'}")
 
 
-def register(app: typer.Typer) -> None:
-    """Add the verb."""
-    verbs = typer.Typer(no_args_is_help=True, help="Inject faults into a realtime run that goes on.")
-    verbs.command(
-        "add", cls=JoiningCommand, epilog="Example: zenoh-cbef fault add loss probability=0.3 links=agent:3 --for 5"
-    )(_add)
-    verbs.command("list", cls=JoiningCommand, epilog="Example: zenoh-cbef fault list --json")(_list)
-    verbs.command("clear", cls=JoiningCommand, epilog="Example: zenoh-cbef fault clear 1")(_clear)
-    app.add_typer(verbs, name="fault")
+VERB = group(
+    "Inject faults into a realtime run that goes on.",
+    {
+        "fault add loss probability=0.3 links=agent:3 --for 5": _add,
+        "fault list --json": _list,
+        "fault clear 1": _clear,
+    },
+    JoiningCommand,
+)

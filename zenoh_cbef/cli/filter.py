@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from zenoh_cbef.cli.choosing import LOSSY, selection_of, tell_damage
+from zenoh_cbef.cli.offer import verb
 from zenoh_cbef.cli.options import Compress, End, Exclude, Include, LogFile, NewLog, Start
 from zenoh_cbef.log.read.parts import open_log
 from zenoh_cbef.log.tools.filtering import filter_log
@@ -33,6 +34,4 @@ def _filter(
     raise typer.Exit(LOSSY if opened.damage else 0)
 
 
-def register(app: typer.Typer) -> None:
-    """Add the verb."""
-    app.command("filter", epilog="Example: zenoh-cbef filter logs/latest -n '.*/round' -o small.mcap")(_filter)
+VERB = verb(_filter, "filter logs/latest -n '.*/round' -o small.mcap")

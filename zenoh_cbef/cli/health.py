@@ -9,6 +9,7 @@ import typer
 
 from zenoh_cbef.cli.asking import RunName, locate
 from zenoh_cbef.cli.joining import JoiningCommand, JoiningContext, Patience
+from zenoh_cbef.cli.offer import verb
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.outside.health import is_there
 from zenoh_cbef.protocol.keys import agent_named
@@ -34,6 +35,4 @@ def _health(
     typer.echo(f"{process} is in run {found}")
 
 
-def register(app: typer.Typer) -> None:
-    """Add the verb."""
-    app.command("health", cls=JoiningCommand, epilog="Example: zenoh-cbef health agent/3 --run mine")(_health)
+VERB = verb(_health, "health agent/3 --run mine", JoiningCommand)

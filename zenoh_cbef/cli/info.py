@@ -7,11 +7,11 @@ from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
-import typer
 from rich.table import Table
 
 from zenoh_cbef.cli.console import console
 from zenoh_cbef.cli.fitting import Fitting
+from zenoh_cbef.cli.offer import verb
 from zenoh_cbef.cli.options import AsJson, LogFile
 from zenoh_cbef.log.common.naming import END, RUN
 from zenoh_cbef.log.read.parts import open_log
@@ -101,6 +101,4 @@ def _info(log: LogFile = Path("logs/latest"), as_json: AsJson = False) -> None:
     console.print(Fitting(table))
 
 
-def register(app: typer.Typer) -> None:
-    """Add the verb."""
-    app.command("info", epilog="Example: zenoh-cbef info logs/latest")(_info)
+VERB = verb(_info, "info logs/latest")

@@ -9,6 +9,7 @@ import typer
 
 from zenoh_cbef.cli.choosing import LOSSY, tell_damage
 from zenoh_cbef.cli.completing import logs
+from zenoh_cbef.cli.offer import verb
 from zenoh_cbef.cli.options import Compress, NewLog
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.read.parts import open_log
@@ -51,6 +52,4 @@ def _words(clock: Clock, first: Path) -> str:
     )
 
 
-def register(app: typer.Typer) -> None:
-    """Add the verb."""
-    app.command("merge", epilog="Example: zenoh-cbef merge a.mcap b.mcap -o whole.mcap")(_merge)
+VERB = verb(_merge, "merge a.mcap b.mcap -o whole.mcap")

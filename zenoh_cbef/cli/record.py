@@ -11,6 +11,7 @@ from typing import Annotated
 import typer
 
 from zenoh_cbef.cli.joining import JoiningCommand, JoiningContext, Patience, identity_of
+from zenoh_cbef.cli.offer import verb
 from zenoh_cbef.cli.options import Run
 from zenoh_cbef.nodes.common.recording import Status
 from zenoh_cbef.nodes.recorder.recorder import run_recorder
@@ -55,10 +56,4 @@ def _record(
         raise typer.Exit(1)
 
 
-def register(app: typer.Typer) -> None:
-    """Add the verb."""
-    app.command(
-        "record",
-        cls=JoiningCommand,
-        epilog="Example: zenoh-cbef record --run mine --connect tcp/192.0.2.1:7447 -o mine.mcap",
-    )(_record)
+VERB = verb(_record, "record --run mine --connect tcp/192.0.2.1:7447 -o mine.mcap", JoiningCommand)

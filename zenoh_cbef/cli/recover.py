@@ -9,6 +9,7 @@ import typer
 
 from zenoh_cbef.cli.choosing import tell_damage
 from zenoh_cbef.cli.completing import logs
+from zenoh_cbef.cli.offer import verb
 from zenoh_cbef.cli.options import Compress, NewLog
 from zenoh_cbef.log.read.parts import find_log
 from zenoh_cbef.log.tools.recover import recover
@@ -36,6 +37,4 @@ def _recover(log: Damaged, output: NewLog, compression: Compress = "zstd") -> No
     raise typer.Exit(found.exit_status)
 
 
-def register(app: typer.Typer) -> None:
-    """Add the verb."""
-    app.command("recover", epilog="Example: zenoh-cbef recover cut.mcap -o whole.mcap")(_recover)
+VERB = verb(_recover, "recover cut.mcap -o whole.mcap")

@@ -10,6 +10,7 @@ from rich.progress import Progress
 
 from zenoh_cbef.cli.console import console, errors, number, tell_what_lacks
 from zenoh_cbef.cli.names import check_run
+from zenoh_cbef.cli.offer import verb
 from zenoh_cbef.cli.options import LogFile, Overrides, Smooth
 from zenoh_cbef.cli.places import place_of_log
 from zenoh_cbef.cli.tables import scheme_line
@@ -79,6 +80,4 @@ def _figures(done: Reestimated) -> str:
     )
 
 
-def register(app: typer.Typer) -> None:
-    """Add the verb."""
-    app.command("reestimate", epilog="Example: zenoh-cbef reestimate logs/latest --set filter.kind=icf")(_reestimate)
+VERB = verb(_reestimate, "reestimate logs/latest --set filter.kind=icf")

@@ -14,6 +14,7 @@ import typer
 from zenoh_cbef.cli.console import number, tell_what_lacks
 from zenoh_cbef.cli.interrupts import INTERRUPTED
 from zenoh_cbef.cli.joining import Joining, JoiningCommand, JoiningContext, identity_of
+from zenoh_cbef.cli.offer import verb
 from zenoh_cbef.cli.options import LONGEST_SECONDS, WHICH, Exclude, Include, LogFile
 from zenoh_cbef.cli.run import run_processes
 from zenoh_cbef.errors import UserError
@@ -186,8 +187,4 @@ def _show(state: PlayerState) -> None:
         sys.stderr.flush()
 
 
-def register(app: typer.Typer) -> None:
-    """Add the verb."""
-    app.command(
-        "replay", cls=JoiningCommand, epilog="Example: zenoh-cbef replay logs/latest --rate 2 -y '.*/estimate'"
-    )(_replay)
+VERB = verb(_replay, "replay logs/latest --rate 2 -y '.*/estimate'", JoiningCommand)

@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from zenoh_cbef.cli.joining import JoiningCommand, JoiningContext, warn_of_exposure
+from zenoh_cbef.cli.offer import verb
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.outside.router import run_router
 from zenoh_cbef.protocol.session import configuration
@@ -36,6 +37,4 @@ def _router(
     run_router(connection, partial(typer.echo, f"a router listens on {place}"))
 
 
-def register(app: typer.Typer) -> None:
-    """Add the verb."""
-    app.command("router", cls=JoiningCommand, epilog="Example: zenoh-cbef router --listen tcp/192.0.2.1:7447")(_router)
+VERB = verb(_router, "router --listen tcp/192.0.2.1:7447", JoiningCommand)

@@ -20,6 +20,7 @@ from zenoh_cbef.cli.console import console, errors, number, tell, tell_what_lack
 from zenoh_cbef.cli.interrupts import INTERRUPTED
 from zenoh_cbef.cli.joining import warn_of_exposure
 from zenoh_cbef.cli.names import check_run
+from zenoh_cbef.cli.offer import verb
 from zenoh_cbef.cli.options import Overrides, ScenarioName
 from zenoh_cbef.cli.places import beside, place_of_log
 from zenoh_cbef.cli.tables import metrics_table, scheme_line
@@ -209,6 +210,4 @@ def _conclude(loaded: Loaded, path: Path, *, default: bool, report: bool) -> Non
         tell(f"note: {one}" + (f", then: zenoh-cbef analyze {path} --report" * isinstance(one, MissingExtra)))
 
 
-def register(app: typer.Typer) -> None:
-    """Add the verb."""
-    app.command("run", epilog="Example: zenoh-cbef run tracking --set consensus.rounds=5 --set steps=100")(_run)
+VERB = verb(_run, "run tracking --set consensus.rounds=5 --set steps=100")

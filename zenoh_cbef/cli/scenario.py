@@ -9,6 +9,7 @@ import typer
 
 from zenoh_cbef.cli.completing import scenarios
 from zenoh_cbef.cli.listing import list_named
+from zenoh_cbef.cli.offer import group
 from zenoh_cbef.cli.options import Overrides, ScenarioName
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.scenario.checks import check
@@ -63,11 +64,12 @@ def _new(
     typer.echo(f"{file} written; edit it, then: zenoh-cbef run {file}")
 
 
-def register(app: typer.Typer) -> None:
-    """Add the verb."""
-    group = typer.Typer(no_args_is_help=True, help="List, show, check and make scenarios.")
-    group.command("list", epilog="Example: zenoh-cbef scenario list")(_list)
-    group.command("show", epilog="Example: zenoh-cbef scenario show paper --full")(_show)
-    group.command("check", epilog="Example: zenoh-cbef scenario check mine.toml --set agents.count=12")(_check)
-    group.command("new", epilog="Example: zenoh-cbef scenario new mine.toml --from paper")(_new)
-    app.add_typer(group, name="scenario")
+VERB = group(
+    "List, show, check and make scenarios.",
+    {
+        "scenario list": _list,
+        "scenario show paper --full": _show,
+        "scenario check mine.toml --set agents.count=12": _check,
+        "scenario new mine.toml --from paper": _new,
+    },
+)

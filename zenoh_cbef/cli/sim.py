@@ -14,6 +14,7 @@ from zenoh_cbef.analysis.divergence import refuse_divergence
 from zenoh_cbef.analysis.metrics import analyze, notes
 from zenoh_cbef.analysis.summary import summarize
 from zenoh_cbef.cli.console import console, errors, tell_what_lacks
+from zenoh_cbef.cli.offer import verb
 from zenoh_cbef.cli.options import AsJson, Force, Overrides, ScenarioName, Skip
 from zenoh_cbef.cli.places import new_file
 from zenoh_cbef.cli.tables import metrics_table, scheme_line, summary_table
@@ -67,6 +68,4 @@ def _sim(
     tell_what_lacks(notes(metrics))
 
 
-def register(app: typer.Typer) -> None:
-    """Add the verb."""
-    app.command("sim", epilog="Example: zenoh-cbef sim paper --seeds 20")(_sim)
+VERB = verb(_sim, "sim paper --seeds 20")

@@ -13,6 +13,7 @@ from rich.live import Live
 from zenoh_cbef.cli.asking import RunName, locate
 from zenoh_cbef.cli.console import console
 from zenoh_cbef.cli.joining import JoiningCommand, JoiningContext
+from zenoh_cbef.cli.offer import verb
 from zenoh_cbef.cli.options import AsJson
 from zenoh_cbef.cli.status_tables import status_view
 from zenoh_cbef.outside.operator import Operator
@@ -51,6 +52,4 @@ def _follow(operator: Operator, status: RunStatus) -> None:
     console.print(f"run {operator.run} has ended")
 
 
-def register(app: typer.Typer) -> None:
-    """Add the verb."""
-    app.command("status", cls=JoiningCommand, epilog="Example: zenoh-cbef status --run mine --once")(_status)
+VERB = verb(_status, "status --run mine --once", JoiningCommand)

@@ -10,6 +10,7 @@ import typer
 from zenoh_cbef.cli.asking import RunName, locate
 from zenoh_cbef.cli.console import errors
 from zenoh_cbef.cli.joining import JoiningCommand, JoiningContext
+from zenoh_cbef.cli.offer import verb
 from zenoh_cbef.cli.options import LONGEST_SECONDS
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.outside.operator import Operator
@@ -41,6 +42,4 @@ def _stop(
     typer.echo(f"run {name} has ended")
 
 
-def register(app: typer.Typer) -> None:
-    """Add the verb."""
-    app.command("stop", cls=JoiningCommand, epilog="Example: zenoh-cbef stop --run mine")(_stop)
+VERB = verb(_stop, "stop --run mine", JoiningCommand)

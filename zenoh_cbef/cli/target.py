@@ -11,6 +11,7 @@ import typer
 
 from zenoh_cbef.cli.joining import Joining, JoiningCommand, JoiningContext, Patience, identity_of
 from zenoh_cbef.cli.names import check_run
+from zenoh_cbef.cli.offer import verb
 from zenoh_cbef.cli.options import MOST_AGENTS, Overrides, ScenarioName
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.read.measurements import read_measurements
@@ -90,10 +91,4 @@ def _target(
     typer.echo(f"the target ended after step {last}")
 
 
-def register(app: typer.Typer) -> None:
-    """Add the verb."""
-    app.command(
-        "target",
-        cls=JoiningCommand,
-        epilog="Example: zenoh-cbef target tracking --run mine --listen tcp/192.0.2.1:7447",
-    )(_target)
+VERB = verb(_target, "target tracking --run mine --listen tcp/192.0.2.1:7447", JoiningCommand)

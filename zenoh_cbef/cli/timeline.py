@@ -9,6 +9,7 @@ import typer
 
 from zenoh_cbef.analysis.timeline import check_format, write_timeline
 from zenoh_cbef.cli.console import tell
+from zenoh_cbef.cli.offer import verb
 from zenoh_cbef.cli.options import LONGEST_SECONDS, Force, LogFile
 from zenoh_cbef.cli.places import beside, new_file
 from zenoh_cbef.errors import UserError
@@ -70,6 +71,4 @@ def _steps(text: str) -> tuple[int, int]:
     return first, last
 
 
-def register(app: typer.Typer) -> None:
-    """Add the verb."""
-    app.command("timeline", epilog="Example: zenoh-cbef timeline logs/latest --steps 10:12")(_timeline)
+VERB = verb(_timeline, "timeline logs/latest --steps 10:12")

@@ -60,10 +60,8 @@ GROUPS = {
 
 
 def load(verb: str) -> TyperGroup:
-    """Import a verb, as the only one of a group."""
-    app = typer.Typer(add_completion=False)
-    import_module(f"zenoh_cbef.cli.{verb}").register(app)
-    return typer.main.get_group(app)
+    """Import a verb: the group that it is, or one that has it alone."""
+    return typer.main.get_group(import_module(f"zenoh_cbef.cli.{verb}").VERB)
 
 
 class _Verbs(TyperGroup):
@@ -74,9 +72,11 @@ class _Verbs(TyperGroup):
 
     def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
         name, known, rest = super().resolve_command(ctx, args)
-        verb = known if name is None else load(name).commands[name]
+        if name is not None:
+            found = load(name)
+            known = found.commands.get(name, found)
         raise_from_here()
-        return name, verb, rest
+        return name, known, rest
 
     def invoke(self, ctx: Any) -> Any:
         try:

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from zenoh_cbef.cli.offer import verb
 from zenoh_cbef.cli.options import LogFile
 from zenoh_cbef.log.prove.verify import verify
 
@@ -25,6 +26,4 @@ def _verify(log: LogFile = Path("logs/latest"), tolerance: Tolerance = 0.0) -> N
     raise typer.Exit(verdict.exit_status)
 
 
-def register(app: typer.Typer) -> None:
-    """Add the verb."""
-    app.command("verify", epilog="Example: zenoh-cbef verify logs/latest")(_verify)
+VERB = verb(_verify, "verify logs/latest")

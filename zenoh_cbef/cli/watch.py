@@ -5,7 +5,6 @@ from __future__ import annotations
 import threading
 from collections import deque
 
-import typer
 from rich.console import Group, RenderableType
 from rich.layout import Layout
 from rich.live import Live
@@ -16,6 +15,7 @@ from zenoh_cbef.cli.asking import RunName, locate
 from zenoh_cbef.cli.braille import plot
 from zenoh_cbef.cli.console import console, number
 from zenoh_cbef.cli.joining import JoiningCommand, JoiningContext
+from zenoh_cbef.cli.offer import verb
 from zenoh_cbef.cli.status_tables import agents_table, events_view, headline, links_line, links_table, status_view
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.outside.keyboard import Keyboard
@@ -126,6 +126,4 @@ def _follow(operator: Operator, status: RunStatus) -> tuple[RunStatus, bool]:
     return status, False
 
 
-def register(app: typer.Typer) -> None:
-    """Add the verb."""
-    app.command("watch", cls=JoiningCommand, epilog="Example: zenoh-cbef watch --run mine")(_watch)
+VERB = verb(_watch, "watch --run mine", JoiningCommand)
