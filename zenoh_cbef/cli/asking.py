@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from zenoh_cbef.cli.completing import runs
-from zenoh_cbef.cli.console import errors
+from zenoh_cbef.cli.console import tell
 from zenoh_cbef.cli.joining import Joining
 from zenoh_cbef.cli.names import check_run
 from zenoh_cbef.errors import UserError
@@ -47,7 +47,7 @@ def locate(
 def _make_sure(found: KnownRun, order: str) -> None:
     words = f"the only run on this host is {found}, and it was not started from this terminal"
     if not order:
-        errors.print(f"note: {words}", highlight=False, markup=False, soft_wrap=True)
+        tell(f"note: {words}")
     elif not (sys.stdin.isatty() and sys.stderr.isatty()):
         raise UserError(f"{words}; if it is the one that you mean, say so with --run {found.name}")
     elif not typer.confirm(f"{words}; {order}?", err=True):

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import typer
 
-from zenoh_cbef.cli.choosing import LOSSY, selection_of, tell_damage
+from zenoh_cbef.cli.choosing import LOSSY, selection_of
+from zenoh_cbef.cli.console import warn
 from zenoh_cbef.cli.offer import verb
 from zenoh_cbef.cli.options import End, Exclude, Include, LogFile, Start
 from zenoh_cbef.log.read.parts import open_log
@@ -25,7 +26,7 @@ def _cat(
     opened = open_log(log)
     for line in lines(opened, selection_of(opened, include, exclude, start, end)):
         sys.stdout.write(line + "\n")
-    tell_damage(opened.damage)
+    warn(opened.damage)
     raise typer.Exit(LOSSY if opened.damage else 0)
 
 

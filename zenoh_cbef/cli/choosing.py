@@ -1,10 +1,9 @@
-"""What the log tools share: the choice of messages, and warnings of what could not be read."""
+"""What the log tools share: the choice of messages, and the exit status where some could not be read."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
-from zenoh_cbef.cli.console import errors
 from zenoh_cbef.log.read.parts import Log
 from zenoh_cbef.log.tools.selection import Selection, select, time_of
 
@@ -24,9 +23,3 @@ def selection_of(
         name: time_of(text, first, f"--{name}") for name, text in (("start", start), ("end", end)) if text is not None
     }
     return select(include or (), exclude or (), **times)
-
-
-def tell_damage(sentences: Sequence[str]) -> None:
-    """Name what could not be read, on standard error."""
-    for sentence in sentences:
-        errors.print(f"warning: {sentence}", highlight=False, markup=False, soft_wrap=True)

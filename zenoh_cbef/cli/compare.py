@@ -16,7 +16,7 @@ from rich.table import Table
 from zenoh_cbef.analysis.compare import SMOOTHED, Row, differences, filled, names_of, row, write_comparison
 from zenoh_cbef.analysis.metrics import analyze, notes
 from zenoh_cbef.cli.completing import logs
-from zenoh_cbef.cli.console import console, errors, number, tell, tell_what_lacks
+from zenoh_cbef.cli.console import console, number, tell, tell_what_lacks, warn
 from zenoh_cbef.cli.fitting import Fitting
 from zenoh_cbef.cli.offer import verb
 from zenoh_cbef.cli.options import AsJson, Force, Skip, Smooth
@@ -68,8 +68,7 @@ def _compare(
     rows = [row(one, name) for one, name in zip(analyses, names, strict=True)]
     for one, name in zip(analyses, names, strict=True):
         tell_what_lacks(notes(one.metrics), name)
-    for warning in differences(traces, names):
-        errors.print(f"warning: {warning}", highlight=False, soft_wrap=True)
+    warn(differences(traces, names))
     if as_json:
         print(json.dumps([one.as_json() for one in rows]))
     elif as_csv:

@@ -8,7 +8,7 @@ from rich.console import Console
 
 from zenoh_cbef.numbers import number
 
-__all__ = ["console", "errors", "number", "tell", "tell_what_lacks"]
+__all__ = ["console", "errors", "number", "tell", "tell_what_lacks", "warn"]
 
 console = Console()
 errors = Console(stderr=True)
@@ -17,6 +17,12 @@ errors = Console(stderr=True)
 def tell(sentence: str) -> None:
     """Print a sentence on standard error, as it is."""
     errors.print(sentence, highlight=False, soft_wrap=True, markup=False)
+
+
+def warn(sentences: Iterable[str]) -> None:
+    """Print warnings, each a sentence."""
+    for sentence in sentences:
+        tell(f"warning: {sentence}")
 
 
 def tell_what_lacks(sentences: Iterable[str], run: str = "") -> None:

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from zenoh_cbef.analysis.design import design
-from zenoh_cbef.cli.console import console, errors
+from zenoh_cbef.cli.console import console, warn
 from zenoh_cbef.cli.design_tables import design_lines
 from zenoh_cbef.cli.offer import verb
 from zenoh_cbef.cli.options import AsJson, Overrides, ScenarioName, Skip
@@ -32,8 +32,7 @@ def _design(
     """Predict errors, bytes and the rounds that are needed, without a run, from the scenario's geometry and graph."""
     wanted = _share(within)
     plan = load(scenario, overrides or ()).plan
-    for warning in check(plan):
-        errors.print(f"warning: {warning}", highlight=False, soft_wrap=True)
+    warn(check(plan))
     refuse_a_trace_beyond_memory(plan)
     told = design(plan, within=wanted, skip=skip)
     if as_json:

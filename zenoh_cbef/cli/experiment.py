@@ -116,7 +116,7 @@ def _sweep(written: Written, sweep: Sweep, folder: Path, *, as_json: bool) -> No
             outcomes = sweep.run(folder, lambda done, total: bar.update(task, completed=done, total=total))
     except KeyboardInterrupt:
         said = f"interrupted; what is finished is in {folder}, and the same command goes on from there"
-        errors.print(said, highlight=False, soft_wrap=True, markup=False)
+        tell(said)
         raise typer.Exit(INTERRUPTED) from None
     summary = summarize(written, sweep.cells, outcomes)
     for sentence in write_outputs(summary, rows_of(sweep.cells, outcomes), written.source, folder):
@@ -143,7 +143,7 @@ def _tell(summary: Summary, folder: Path) -> None:
         if cell.failed:
             why = cell.failures[0].error
             said = f"failed: {cell.failed} of {counted(cell.runs, 'run')} with {values_of(cell)}: {why}"
-            errors.print(said, highlight=False, soft_wrap=True, markup=False)
+            tell(said)
         _tell_losses(cell)
     for one in summary.expect:
         for judged in one.cells:
@@ -151,7 +151,7 @@ def _tell(summary: Summary, folder: Path) -> None:
             said = f"{judged.verdict}: {one.metric} {limits_of(one)} with {values_of(judged)}: {median}"
             console.print(said, highlight=False, soft_wrap=True, markup=False)
         if one.why:
-            errors.print(f"{one.metric}: {one.why}", highlight=False, soft_wrap=True, markup=False)
+            tell(f"{one.metric}: {one.why}")
     console.print(f"verdict {summary.verdict}", highlight=False)
     console.print(f"page    {folder / 'index.html'}", highlight=False, soft_wrap=True)
 

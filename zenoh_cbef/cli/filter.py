@@ -6,7 +6,8 @@ from typing import Annotated
 
 import typer
 
-from zenoh_cbef.cli.choosing import LOSSY, selection_of, tell_damage
+from zenoh_cbef.cli.choosing import LOSSY, selection_of
+from zenoh_cbef.cli.console import warn
 from zenoh_cbef.cli.offer import verb
 from zenoh_cbef.cli.options import Compress, End, Exclude, Include, LogFile, NewLog, Start
 from zenoh_cbef.log.read.parts import open_log
@@ -29,7 +30,7 @@ def _filter(
     opened = open_log(log)
     selection = selection_of(opened, include, exclude, start, end)
     count = filter_log(opened, output, selection, attachments=attachments, metadata=metadata, compression=compression)
-    tell_damage(opened.damage)
+    warn(opened.damage)
     typer.echo(f"{counted(count, 'message')} in {output}")
     raise typer.Exit(LOSSY if opened.damage else 0)
 

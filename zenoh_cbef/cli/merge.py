@@ -7,8 +7,9 @@ from typing import Annotated
 
 import typer
 
-from zenoh_cbef.cli.choosing import LOSSY, tell_damage
+from zenoh_cbef.cli.choosing import LOSSY
 from zenoh_cbef.cli.completing import logs
+from zenoh_cbef.cli.console import warn
 from zenoh_cbef.cli.offer import verb
 from zenoh_cbef.cli.options import Compress, NewLog
 from zenoh_cbef.errors import UserError
@@ -33,7 +34,7 @@ def _merge(
     opened = [open_log(path) for path in logs]
     found = merge(opened, output, compression)
     damage = [f"{log.path}: {sentence}" for log in opened for sentence in log.damage]
-    tell_damage(damage)
+    warn(damage)
     typer.echo(f"{counted(found.messages, 'message')} in {output}, {counted(found.duplicates, 'duplicate')} left out")
     for clock in found.clocks:
         typer.echo(_words(clock, opened[0].path))

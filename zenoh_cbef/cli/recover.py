@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
-from zenoh_cbef.cli.choosing import tell_damage
 from zenoh_cbef.cli.completing import logs
+from zenoh_cbef.cli.console import warn
 from zenoh_cbef.cli.offer import verb
 from zenoh_cbef.cli.options import Compress, NewLog
 from zenoh_cbef.log.read.parts import find_log
@@ -26,7 +26,7 @@ def _recover(log: Damaged, output: NewLog, compression: Compress = "zstd") -> No
     Exit status: 0 nothing was lost, 3 something was lost, 1 nothing could be recovered.
     """
     found = recover(find_log(log), output, compression)
-    tell_damage(found.lost)
+    warn(found.lost)
     if found.exit_status == 1:
         typer.echo("nothing could be recovered")
     else:

@@ -6,18 +6,17 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.progress import Progress
 
-from zenoh_cbef.cli.console import console, errors, number, tell_what_lacks
+from zenoh_cbef.cli.beforehand import tell_beforehand
+from zenoh_cbef.cli.console import console, number, tell_what_lacks
 from zenoh_cbef.cli.names import check_run
 from zenoh_cbef.cli.offer import verb
 from zenoh_cbef.cli.options import LogFile, Overrides, Smooth
 from zenoh_cbef.cli.places import place_of_log
-from zenoh_cbef.cli.tables import scheme_line
+from zenoh_cbef.cli.progress import bar
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.prove.reestimate import Reestimated, reestimate
 from zenoh_cbef.log.read.measurements import read_measurements
-from zenoh_cbef.scenario.checks import check
 from zenoh_cbef.scenario.load import Loaded
 from zenoh_cbef.words import counted
 
@@ -44,17 +43,10 @@ def _reestimate(
     if smooth:
         loaded = found.loaded([*(overrides or ()), f"filter.lag_seconds={_whole(loaded)}"])
     tell_what_lacks(found.lacks())
-    for warning in check(loaded.plan):
-        errors.print(f"warning: {warning}", highlight=False, soft_wrap=True)
-    if line := scheme_line(loaded.plan):
-        errors.print(line, highlight=False, soft_wrap=True)
+    tell_beforehand(loaded.plan)
     name = run or f"{found.header.run}-{loaded.scenario.filter.kind}"
-    with (
-        place_of_log(name, output) as path,
-        Progress(console=errors, transient=True, disable=not errors.is_terminal) as progress,
-    ):
-        task = progress.add_task("estimating", total=loaded.scenario.length)
-        done = reestimate(found, loaded, name, path, lambda step: progress.update(task, completed=step))
+    with place_of_log(name, output) as path, bar("estimating", loaded.scenario.length) as estimated:
+        done = reestimate(found, loaded, name, path, estimated)
     console.print(_figures(done), highlight=False, soft_wrap=True)
     console.print(f"log     {path}", highlight=False, soft_wrap=True)
     console.print(f"errors  zenoh-cbef analyze {path}", highlight=False, soft_wrap=True)

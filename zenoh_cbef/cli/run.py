@@ -16,6 +16,7 @@ from rich.progress import BarColumn, Progress, ProgressColumn, TextColumn, TimeR
 
 from zenoh_cbef.analysis.metrics import analyze, notes
 from zenoh_cbef.analysis.outputs import REPORT, write_outputs
+from zenoh_cbef.cli.beforehand import tell_beforehand
 from zenoh_cbef.cli.console import console, errors, number, tell, tell_what_lacks
 from zenoh_cbef.cli.interrupts import INTERRUPTED
 from zenoh_cbef.cli.joining import warn_of_exposure
@@ -23,7 +24,7 @@ from zenoh_cbef.cli.names import check_run
 from zenoh_cbef.cli.offer import verb
 from zenoh_cbef.cli.options import Overrides, ScenarioName
 from zenoh_cbef.cli.places import beside, place_of_log
-from zenoh_cbef.cli.tables import metrics_table, scheme_line
+from zenoh_cbef.cli.tables import metrics_table
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.extras import MissingExtra
 from zenoh_cbef.log.read.parts import find_log
@@ -33,7 +34,6 @@ from zenoh_cbef.nodes.common.recording import Status
 from zenoh_cbef.nodes.launch.attempts import launch
 from zenoh_cbef.protocol.session import Connection
 from zenoh_cbef.protocol.slow import REMEDY
-from zenoh_cbef.scenario.checks import check
 from zenoh_cbef.scenario.load import Loaded, load, to_toml
 from zenoh_cbef.scenario.size import refuse_a_trace_beyond_memory
 from zenoh_cbef.words import counted
@@ -136,10 +136,7 @@ def run_processes(
 
     arguments: what tells the target the scenario that `loaded` is. log: None for a folder of its own in logs/.
     """
-    for warning in check(loaded.plan):
-        errors.print(f"warning: {warning}", highlight=False, soft_wrap=True)
-    if line := scheme_line(loaded.plan):
-        errors.print(line, highlight=False, soft_wrap=True)
+    tell_beforehand(loaded.plan)
     refuse_a_trace_beyond_memory(loaded.plan)
     warn_of_exposure(Connection(listen=loaded.scenario.zenoh.listen))
     require(links=loaded.scenario.count + 1, processes=loaded.scenario.count + 2)
@@ -166,7 +163,7 @@ def _execute(
     arguments: list[str], loaded: Loaded, run: str, path: Path, sync: bool, stops: _StopRequests
 ) -> tuple[bool, list[str]]:
     display = _Display(loaded.scenario.length)
-    errors.print(f"run {run}: {counted(loaded.scenario.count, 'agent')}, log {path}", highlight=False, soft_wrap=True)
+    tell(f"run {run}: {counted(loaded.scenario.count, 'agent')}, log {path}")
     with display.live:
         launcher = launch(arguments, loaded, run, path, sync=sync, on_status=display.show, asked_to_stop=stops)
     started, deaths = launcher.started, launcher.deaths

@@ -8,19 +8,19 @@ from typing import Annotated
 
 import numpy as np
 import typer
-from rich.progress import Progress
 
 from zenoh_cbef.analysis.divergence import refuse_divergence
 from zenoh_cbef.analysis.metrics import analyze, notes
 from zenoh_cbef.analysis.summary import summarize
+from zenoh_cbef.cli.beforehand import tell_beforehand
 from zenoh_cbef.cli.console import console, errors, tell_what_lacks
 from zenoh_cbef.cli.offer import verb
 from zenoh_cbef.cli.options import AsJson, Force, Overrides, ScenarioName, Skip
 from zenoh_cbef.cli.places import new_file
-from zenoh_cbef.cli.tables import metrics_table, scheme_line, summary_table
+from zenoh_cbef.cli.progress import bar
+from zenoh_cbef.cli.tables import metrics_table, summary_table
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.quantities import SEEDS
-from zenoh_cbef.scenario.checks import check
 from zenoh_cbef.scenario.load import load
 from zenoh_cbef.simulator import simulate
 from zenoh_cbef.viewers.arrays import export
@@ -43,16 +43,11 @@ def _sim(
         if seeds > 1:
             raise UserError("--output writes the arrays of one run; leave out --seeds")
     plan = load(scenario, overrides or ()).plan
-    for warning in check(plan):
-        errors.print(f"warning: {warning}", highlight=False, soft_wrap=True)
-    if line := scheme_line(plan):
-        errors.print(line, highlight=False, soft_wrap=True)
+    tell_beforehand(plan)
     loaded = plan.scenario
     scenarios = [loaded.model_copy(update={"seed": (loaded.seed + more) % SEEDS}) for more in range(seeds)]
-    with Progress(console=errors, transient=True, disable=not errors.is_terminal) as progress:
-        task = progress.add_task("simulating", total=loaded.length)
-        with np.errstate(all="ignore"):  # What diverges is told in a sentence.
-            traces = simulate(scenarios, progress=lambda step: progress.update(task, completed=step))
+    with bar("simulating", loaded.length) as done, np.errstate(all="ignore"):  # What diverges is told in a sentence.
+        traces = simulate(scenarios, progress=done)
     for trace in traces:
         refuse_divergence(trace)
     with errors.status("analysing"), np.errstate(over="raise", divide="raise", invalid="raise"):

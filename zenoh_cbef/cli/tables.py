@@ -10,19 +10,10 @@ from zenoh_cbef.analysis.results import Bias, Distrust, Honesty, Metrics, Slowne
 from zenoh_cbef.analysis.summary import SUMMARIZED, Summary
 from zenoh_cbef.cli.console import number
 from zenoh_cbef.cli.fitting import Fitting, Told
-from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.words import counted
 
 _FEW_SEEDS = 22
 """From so many seeds on, one of them is above what 90 % are below, with a probability of 90 %: 0.9^22 < 0.1."""
-
-
-def scheme_line(plan: Plan) -> str:
-    """What consensus.scheme = "auto" picked, and why; empty where nothing was picked."""
-    if plan.scenario.consensus.scheme != "auto" or plan.rounds == 0:
-        return ""
-    scheme, reason = plan.scheme
-    return f"consensus.scheme = {scheme}: {reason[0].lower()}{reason[1:]}"
 
 
 def metrics_table(metrics: Metrics) -> Fitting:
