@@ -8,6 +8,7 @@ OOPSLA 2014), applied once per coordinate of the name and of the index.
 
 from __future__ import annotations
 
+from functools import cache
 from hashlib import blake2b
 
 import numpy as np
@@ -17,8 +18,8 @@ from zenoh_cbef.arrays import Bools, Floats
 
 Keys = NDArray[np.uint64]
 
-_STEP = np.uint64(0x9E3779B97F4A7C15)
-_LANE = np.uint64(0xD1B54A32D192ED03)
+_STEP = 0x9E3779B97F4A7C15
+_LANE = 0xD1B54A32D192ED03
 _MASK = (1 << 64) - 1
 
 
@@ -43,18 +44,37 @@ def _words(values: ArrayLike) -> Keys:
     return array.astype(np.uint64)
 
 
+def _times(factor: int, values: ArrayLike) -> Keys:
+    """The product modulo 2^64. Most values are one number, which Python multiplies faster than NumPy."""
+    if isinstance(values, int):
+        return np.array([factor * values & _MASK], dtype=np.uint64)
+    return np.uint64(factor) * _words(values)
+
+
+@cache
+def _code(purpose: str) -> np.uint64:
+    return np.uint64(int.from_bytes(blake2b(purpose.encode(), digest_size=8).digest(), "little"))
+
+
 def stream(seed: ArrayLike, purpose: str, source: ArrayLike = 0, destination: ArrayLike = 0) -> Keys:
     """The key of one stream, or of an array of streams (at least 1-D; the arguments broadcast)."""
-    code = np.uint64(int.from_bytes(blake2b(purpose.encode(), digest_size=8).digest(), "little"))
-    key = _mix(_words(seed) + _STEP)
-    key = _mix(key ^ code)
-    key = _mix(key + _STEP * _words(source))
-    return _mix(key + _LANE * (_words(destination) + np.uint64(1)))
+    key = _mix(_words(seed) + np.uint64(_STEP))
+    key = _mix(key ^ _code(purpose))
+    key = _mix(key + _times(_STEP, source))
+    return _mix(key + _times(_LANE, destination) + np.uint64(_LANE))
 
 
 def bits(key: Keys, step: ArrayLike, lane: ArrayLike = 0) -> Keys:
     """64 random bits at index (step, lane) of each stream; the arguments broadcast."""
-    return _mix(_mix(key + _STEP * _words(step)) + _LANE * _words(lane))
+    return _lane(_at(key, step), lane)
+
+
+def _at(key: Keys, step: ArrayLike) -> Keys:
+    return _mix(key + _times(_STEP, step))
+
+
+def _lane(at: Keys, lane: ArrayLike) -> Keys:
+    return _mix(at + _times(_LANE, lane))
 
 
 def _unit(words: Keys) -> Floats:
@@ -97,9 +117,9 @@ def uniform(key: Keys, step: ArrayLike, lane: ArrayLike = 0) -> Floats:
 
 def normal(key: Keys, step: ArrayLike, lane: ArrayLike = 0) -> Floats:
     """Standard normal draws (Box and Muller 1958); uses lanes 2*lane and 2*lane + 1."""
-    even = 2 * np.asarray(lane)
-    radius = np.sqrt(-2.0 * np.log(1.0 - uniform(key, step, even)))
-    return np.asarray(radius * np.cos(2.0 * np.pi * uniform(key, step, even + 1)))
+    at, even = _at(key, step), 2 * (lane if isinstance(lane, int) else np.asarray(lane))
+    radius = np.sqrt(-2.0 * np.log(1.0 - _unit(_lane(at, even))))
+    return np.asarray(radius * np.cos(2.0 * np.pi * _unit(_lane(at, even + 1))))
 
 
 def exponential(key: Keys, step: ArrayLike, lane: ArrayLike = 0) -> Floats:
