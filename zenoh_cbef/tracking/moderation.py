@@ -42,15 +42,15 @@ def immoderate(values: Floats) -> Bools:
 
 def is_moderate(belief: Belief) -> bool:
     """Whether all numbers of a belief and of its parts are finite and within the limit."""
-    if not is_within(belief.state, LARGEST):
-        return False
-    if belief.covariance is not None and not is_within(belief.covariance, LARGEST):
-        return False
-    for part in belief.parts:
-        # A filter around another one often hands on that one's very arrays.
-        other = part.parts or part.state is not belief.state or part.covariance is not belief.covariance
-        if other and not is_moderate(part):
-            return False
+    # A filter around another one often hands on that one's very arrays: each is looked at once.
+    parts, looked_at = [belief], set[int]()
+    for part in parts:
+        parts += part.parts
+        for values in (part.state, part.covariance):
+            if values is not None and id(values) not in looked_at:
+                looked_at.add(id(values))
+                if not is_within(values, LARGEST):
+                    return False
     return True
 
 

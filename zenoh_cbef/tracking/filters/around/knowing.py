@@ -49,14 +49,17 @@ class Knowing(Wrapping):
 
     def _status(self, belief: Belief, payload: Floats, update: Update) -> Status:
         count, axes = self.settings.network_size, self.settings.space.axes
-        mean = np.clip(np.nan_to_num(payload[:, -self.more :]), 0.0, CUT)
+        mean = np.fmin(np.fmax(payload[:, -self.more :], 0.0), CUT)  # 0 for what is not a number
         if count > 1:
             mean = np.where(unchanged(payload, update.payload)[:, None], 0.0, mean)
-        spread = np.sqrt(sum(belief.known_covariance[:, axis, axis] for axis in range(axes)))
+        covariance = belief.known_covariance
+        variance = covariance[:, 0, 0]
+        for axis in range(1, axes):
+            variance = variance + covariance[:, axis, axis]
         return Status(*update.kept).after(
             heard=count * np.minimum(mean[:, 0], 1.0),
             misfit=count * mean[:, 1],
-            spread=spread,
+            spread=np.sqrt(variance),
             axes=axes,
             fix=self.settings.first_fix,
             dt=self.settings.motion.dt,
