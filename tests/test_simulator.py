@@ -290,7 +290,7 @@ def test_agents_that_hear_no_neighbour_still_track():
 def test_acceleration_keeps_estimates_finite_in_few_rounds_and_under_loss(rounds, probability):
     overrides = [f"consensus.rounds={rounds}", "consensus.acceleration=chebyshev", "steps=100"]
     overrides.append(f"fault=[{{kind='loss', probability={probability}}}]")
-    traces = simulate([load("tracking", [f"seed={seed}", *overrides]).scenario for seed in range(6)])
+    traces = simulate([load("tracking", [f"seed={seed}", *overrides]).scenario for seed in range(10)])
     for trace in traces:
         assert np.isfinite(trace.estimates).all()
         assert (np.linalg.eigvalsh(trace.covariances) > 0.0).all()
