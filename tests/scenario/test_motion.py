@@ -81,6 +81,12 @@ def test_where_several_do_not_fit_the_motion_is_one(alone):
     assert not plan().models
 
 
+def test_the_most_agile_motion_jumps_and_in_older_logs_it_does_not():
+    assert isinstance(plan(*CIRCLE).models[-1], MOTIONS["jump"])
+    older = Plan(parse(as_meant({"filter": {"defaults": 2}, "target": {"motion": "circle"}}), "a log")).models
+    assert [type(one) for one in older] == [MOTIONS[kind] for kind in ("ncv", "turn", "ncv", "ncv")]
+
+
 def test_the_velocity_of_a_real_target_decays():
     assert isinstance(plan("sensor.real=true").motion, MOTIONS["decay"])
     for kept in ("filter.kind=cbef", "filter.defaults=1", "filter.motion=ncv"):

@@ -222,6 +222,18 @@ def test_a_circle_is_tracked_with_the_defaults_as_well_as_by_the_centralised_fil
     assert np.median(ratios) < 1.02
 
 
+def test_at_sharp_corners_it_knows_how_unsure_it_is():
+    corners = "target.waypoints=[[0,0,0],[80,0,0],[80,80,0],[-20,80,40]]"
+    fast = ("target.motion=waypoints", "target.speed=30", corners, "agents.low=-100", "agents.high=100", "steps=80")
+    nees = {}
+    for agile in ("jump", "ncv"):
+        (trace,) = simulate([load("tracking", (*fast, f"filter.agile={agile}", "seed=1001")).scenario])
+        error, spread = (trace.estimates - trace.truth)[:, 24:], trace.covariances[:, 24:]
+        nees[agile] = np.mean(error[..., None, :] @ np.linalg.solve(spread, error[..., None]))
+    assert nees["jump"] < 6.0
+    assert nees["ncv"] > 2.0 * nees["jump"]
+
+
 @pytest.mark.parametrize("more", [{}, {"learns_noise": True}, {"distrusts": True}])
 def test_what_stands_around_it_sees_what_is_said_of_the_likeliest_motion(more):
     filter_, belief = make_filter("icf", settings((CALM, WILD), **more)), Belief(*map(everyone, BEGIN))

@@ -38,9 +38,10 @@ class Filter(Table):
     measurement: the agent's own range, or differences with its neighbours', as cbef and cbef-scaled always have.
     motion: a model of tracking/motion; auto: it follows from the target. velocity_time: time constant of decay, s.
     turn_rate_std: rad/s, of turn. models: those of imm, the most agile one last; none: straight on, a turn, and two
-    that are agile. switching: the probability that the target leaves its model in a step. acceleration_interval: how
-    long a random acceleration lasts, s; None: one step, or for recorded ranges their own interval. bias_common_std,
-    bias_own_std: prior of the network's and of the agents' own part of the bias, m; None: 1.5 and 0.15 of range_std.
+    that are agile, of which agile is the last. switching: the probability that the target leaves its model in a step.
+    acceleration_interval: how long a random acceleration lasts, s; None: one step, or for recorded ranges their own
+    interval. bias_common_std, bias_own_std: prior of the network's and of the agents' own part of the bias, m; None:
+    1.5 and 0.15 of range_std.
     lag_seconds: agents also publish smoothed estimates of so long ago; 0: they do not.
     start auto: with a first fix, for filters that can. given: at the initial estimate.
     status: agents of filters that average information say whether they acquire, track, coast, or have lost the target.
@@ -62,7 +63,8 @@ class Filter(Table):
     velocity_time: Duration = 10.0
     turn_rate_std: Rate = 1.0
     models: tuple[Model, ...] = ()
-    switching: Chance = 0.05
+    agile: Literal["jump", "ncv"] = "jump"
+    switching: Chance = 0.03
     range_std: Annotated[Length | Literal["auto"] | None, Field(description="a number from 1e-9 to 1e7, or 'auto'")] = (
         None
     )

@@ -8,6 +8,7 @@ MEANT: dict[tuple[str, str], object] = {
     ("filter", "defaults"): 1,
     ("filter", "start"): "given",
     ("filter", "status"): False,
+    ("filter", "agile"): "ncv",
     ("filter", "linearise"): "before",
     ("consensus", "isolate"): False,
 }

@@ -18,7 +18,8 @@ _INDEX, _CALM, _AGILE = 0.5, 0.01, 10.0
 
 Below the first a filter averages over many steps, and lags where the target turns; above it the filter hardly averages.
 The others are of a target that goes straight on, or round, as long as it does, and of one that changes its velocity as
-it likes: in one step it goes astray by several standard deviations of a range. Between these two a covariance would be
+it likes: in one step it goes astray by several standard deviations of a range, and its velocity jumps at any moment of
+that step. Between these two a covariance would be
 far too small or too large for a turn that is not quite round, so the first is one of several motions, too.
 """
 
@@ -41,7 +42,7 @@ def assumed_models(scenario: Scenario, range_std: float, axes: int) -> tuple[Mot
         return tuple(make_motion(name, replace(settings, **keys)) for name, keys in zip(names, told, strict=True))
     calm = _noise(scenario, range_std, _CALM) if chosen.acceleration_std is None else chosen.acceleration_std
     middle, agile = (one / _CALM * calm for one in (_INDEX, _AGILE))
-    each = ("ncv", calm), ("turn", calm), ("ncv", middle), ("ncv", agile)
+    each = ("ncv", calm), ("turn", calm), ("ncv", middle), (chosen.agile, agile)
     return tuple(make_motion(name, replace(settings, acceleration_std=std)) for name, std in each)
 
 

@@ -101,6 +101,14 @@ def test_a_stationary_target_does_not_go_on():
     np.testing.assert_array_equal(motion.process_noise, ncv.process_noise)
 
 
+def test_a_jump_has_the_moments_of_jumps_at_any_moment_of_a_step():
+    motion, random, count = linear(make_motion("jump", SETTINGS)), np.random.default_rng(5), 400_000
+    jump = 0.8 * 0.3 * random.normal(size=(count, 3))
+    moved = np.concatenate([(0.3 - random.uniform(0.0, 0.3, (count, 1))) * jump, jump], axis=1)
+    scale = np.sqrt(np.diagonal(motion.process_noise))
+    np.testing.assert_allclose(np.cov((moved / scale).T), motion.process_noise / np.outer(scale, scale), atol=0.01)
+
+
 def test_a_constant_acceleration_is_the_parabola():
     motion = make_motion("acceleration", SETTINGS)
     place, speed, push = np.array([1.0, 2, 3]), np.array([4.0, 5, 6]), np.array([-1.0, 0.5, 2])

@@ -5,6 +5,7 @@ from __future__ import annotations
 from zenoh_cbef.tracking.motion.acceleration import NearlyConstantAcceleration
 from zenoh_cbef.tracking.motion.base import LinearMotion, Motion, MotionSettings, begun, linear
 from zenoh_cbef.tracking.motion.decay import DecayingVelocity
+from zenoh_cbef.tracking.motion.jump import Jump
 from zenoh_cbef.tracking.motion.ncv import NearlyConstantVelocity
 from zenoh_cbef.tracking.motion.stationary import Stationary
 from zenoh_cbef.tracking.motion.turn import CoordinatedTurn
@@ -26,6 +27,7 @@ MOTIONS: dict[str, type[Motion]] = {
     "stationary": Stationary,
     "acceleration": NearlyConstantAcceleration,
     "turn": CoordinatedTurn,
+    "jump": Jump,
 }
 
 
