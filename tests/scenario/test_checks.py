@@ -77,6 +77,12 @@ def test_a_graph_too_sparse_for_trimming_is_warned_of():
     assert check(Plan(parse({**ring, "network": {"graph": "complete"}}, "test"))) == []
 
 
+def test_a_liar_that_is_the_only_link_between_others_is_warned_of():
+    path = {"network": {"graph": "path"}, "fault": [{"kind": "byzantine", "agents": [0, 2]}]}
+    [warning] = check(Plan(parse(path, "test")))
+    assert "agent 2, which sends wrong values, is the only link between agents [0, 1] and [3, 4, 5]" in warning
+
+
 def test_a_fault_on_agents_that_are_no_neighbours_is_warned_of():
     overrides = ["network.graph=path", "fault=[{kind='loss', probability=0.5, links=[[1, 0], [0, 3]]}]"]
     [warning] = check(load("tracking", overrides).plan)

@@ -11,6 +11,7 @@ from zenoh_cbef.tracking.consensus import Average
 from zenoh_cbef.tracking.filters import Belief
 from zenoh_cbef.tracking.filters.information_form import pack
 from zenoh_cbef.tracking.isolating import ENOUGH, Isolating
+from zenoh_cbef.tracking.knowable import most_information
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
 from zenoh_cbef.tracking.payloads import InformationPayloads
 from zenoh_cbef.tracking.reference import centralized_beliefs, each_step
@@ -202,3 +203,33 @@ def test_it_is_refused_where_messages_cannot_be_judged(keys):
     consensus = {**keys.get("consensus", {}), "isolate": True}
     with pytest.raises(UserError, match=r"consensus\.isolate = true"):
         parse({**keys, "consensus": consensus}, "test")
+
+
+def test_no_honest_network_knows_more_than_the_most_that_its_ranges_can_tell():
+    """A filter with all ranges, of agents around the target and at rest, for as long as anything changes."""
+    start, count, variance = np.diag([1.0] * 3 + [4.0] * 3), 6, 0.09
+    most = most_information(MOTION, start, count / variance, 3)
+    rows = np.concatenate([np.eye(3), -np.eye(3)])
+    information = np.asarray(np.linalg.inv(start), dtype=np.float64)
+    for _ in range(500):
+        covariance = MOTION.transition @ np.linalg.inv(information) @ MOTION.transition.T + MOTION.process_noise
+        information = np.asarray(np.linalg.inv(covariance), dtype=np.float64)
+        information[:3, :3] += rows.T @ rows / variance
+        assert np.linalg.eigvalsh(most - information)[0] > 0.0
+    # The most is not far off, or it would tell nothing.
+    assert np.trace(np.linalg.solve(most, information)) / SIZE > 0.4
+
+
+def test_a_neighbour_that_exaggerates_its_certainty_is_named():
+    traces = simulate(
+        [
+            load(
+                "tracking", [LIAR.replace("[3]", '[3], mode="scale", magnitude=10'), f"seed={seed}", "steps=40"]
+            ).scenario
+            for seed in range(1, 9)
+        ]
+    )
+    for trace in traces:
+        named, neighbours = trace.diagnostics.isolated[:, -1], trace.plan.neighbours.ids
+        assert all(named[agent] == 3.0 for agent in range(6) if 3 in neighbours[agent])
+        assert all(np.isnan(named[agent]) for agent in range(6) if 3 not in neighbours[agent] and agent != 3)

@@ -17,6 +17,8 @@ from zenoh_cbef.tracking.backwards import Backwards, OneMotion, SeveralMotions
 from zenoh_cbef.tracking.consensus import Average, Chebyshev, Consensus, RunningSums
 from zenoh_cbef.tracking.filters import Belief
 from zenoh_cbef.tracking.isolating import Isolating
+from zenoh_cbef.tracking.knowable import most_information
+from zenoh_cbef.tracking.motion import LinearMotion
 from zenoh_cbef.tracking.payloads import InformationPayloads
 from zenoh_cbef.tracking.smoothing import FixedLag
 from zenoh_cbef.tracking.stale import StaleAverage
@@ -46,7 +48,19 @@ def _guarded(stage: Consensus, plan: Plan, present: Bools, names: Ids) -> Consen
     """The averaging, without the neighbours that agents isolate; names: (n, m), the neighbours'."""
     if not plan.isolates or not isinstance(plan.payloads, InformationPayloads):
         return stage
-    return Isolating(stage, plan.motion, plan.payloads.claims, present, names)
+    return Isolating(stage, plan.motion, plan.payloads.claims, present, names, most=_knowable(plan))
+
+
+def _knowable(plan: Plan) -> Floats | None:
+    """The most certain that an honest message can be, (s, s); None where that cannot be said."""
+    scenario, motion = plan.scenario, plan.motion
+    untold = plan.settings.learns_noise or plan.sums or scenario.filter.defaults < 3
+    if untold or not isinstance(motion, LinearMotion):
+        return None
+    precision = scenario.count / plan.range_std**2
+    most = most_information(motion, plan.initial_belief.known_covariance[0], precision, plan.space.axes)
+    # Filters that begin with a first fix share the network's information in equal parts, others all of it.
+    return most / plan.settings.network_size if plan.abilities.biases else most
 
 
 def agent_tracker(plan: Plan, agent: int) -> tuple[Tracker, list[int]]:

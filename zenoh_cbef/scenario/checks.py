@@ -28,7 +28,7 @@ def check(plan: Plan) -> list[str]:
     _check_signal(scenario)
     _check_proportion(plan)
     warnings = _literal_gain(plan) if scenario.filter.kind == "cbef" else []
-    warnings += _trimming(scenario, plan.neighbours) + _chebyshev(scenario)
+    warnings += _trimming(scenario, plan.neighbours) + _only_links(scenario, plan.edges) + _chebyshev(scenario)
     warnings += _faults_of_no_link(scenario, plan.edges) + _recorded_truth(scenario)
     return warnings + sight.warnings(plan) + proportions.warnings(plan)
 
@@ -168,6 +168,20 @@ def _trimming(scenario: Scenario, neighbours: graph.Neighbours) -> list[str]:
         f"agent {least} has {neighbours.degree[least]}; add edges, or lower consensus.trim"
     )
     return [warning]
+
+
+def _only_links(scenario: Scenario, edges: graph.Edges) -> list[str]:
+    liars = {agent for fault in scenario.fault if isinstance(fault, SenderFault) for agent in fault.agents}
+    warnings = []
+    for liar in sorted(liars):
+        left = edges[(edges != liar).all(axis=1)]
+        others = [each for each in graph.components(scenario.count, left) if each != [liar]]
+        if len(others) > 1:
+            warnings.append(
+                f"agent {liar}, which sends wrong values, is the only link between agents {others[0]} and {others[1]}: "
+                "whatever these find out, they cannot help each other; add edges between them"
+            )
+    return warnings
 
 
 def _chebyshev(scenario: Scenario) -> list[str]:

@@ -19,6 +19,9 @@ Claims = Callable[[Floats], tuple[Floats, Floats]]
 IMPLAUSIBLE = 15.0
 """Test statistic from which on a message is left out; honest ones have about half the number of states."""
 
+EXAGGERATED = 2.0
+"""How many times the most that honest agents can know, on average over the states, a message may claim to know."""
+
 ENOUGH = 5.0
 """Score at which a neighbour is isolated: after as many implausible steps in a row."""
 
@@ -35,20 +38,36 @@ class Isolating:
 
         T = (O^-1 V - x)^T P^-1 (O^-1 V - x)/2
 
-    The two are honest guesses of one state, each no worse than P, so T is about half a chi-squared number. A message
-    with T above 15 is taken as lost, and so are its sender's other ones of the same step. A step with one adds 1 to the
-    sender's score, another one takes 1/2 from it; a neighbour that reaches 5 is isolated for good. All this an agent
-    decides by itself, from what it received alone.
+    The two are honest guesses of one state, each no worse than P, so T is about half a chi-squared number. That says
+    nothing of how certain the message is of it. So an agent also compares O with the most that all agents' ranges can
+    tell, B (knowable.py), of which a message is the n-th part, or the whole, depending on the filter:
+
+        tr(O most^-1)/s,  most = B/n or B,  for s states
+
+    A message with T above 15, or of more than twice that certainty, is taken as lost, and so are its sender's other
+    ones of the same step. A step with one adds 1 to the sender's score, another one takes 1/2 from it; a neighbour that
+    reaches 5 is isolated for good. All this an agent decides by itself, from what it received alone.
 
     An agent whose own prediction is wrong finds all its neighbours implausible. So it isolates no more than half of
     them, and while it leaves out others, it goes on by prediction, until that is uncertain enough to fit again.
 
     inner: the averaging, whose missing messages return their weight to the own value. motion: the filter's. claims:
-    what messages say, see InformationPayloads. present: (n, m), False where padded. names: (n, m), the neighbours'.
+    what messages say, see InformationPayloads. most: (s, s); None: any certainty is believed. present: (n, m), False
+    where padded. names: (n, m), the neighbours'.
     """
 
-    def __init__(self, inner: Consensus, motion: Motion, claims: Claims, present: Bools, names: Ids) -> None:
+    def __init__(
+        self,
+        inner: Consensus,
+        motion: Motion,
+        claims: Claims,
+        present: Bools,
+        names: Ids,
+        *,
+        most: Floats | None = None,
+    ) -> None:
         self.inner, self.motion, self.claims, self.names = inner, motion, claims, names
+        self._limit = None if most is None else np.linalg.inv(most).ravel() / (EXAGGERATED * len(most))
         self._most = present.sum(axis=1) // 2
         self._score = np.zeros(present.shape)
         self._isolated, self._out = np.zeros_like(present), np.zeros_like(present)
@@ -92,6 +111,9 @@ class Isolating:
         with np.errstate(all="ignore"):  # messages can be forged
             vector, matrix = self.claims(received.reshape(-1, length))
             sound = np.linalg.det(matrix) > 0.0
+            if self._limit is not None:
+                # The trace of a product is the sum of its factors' products, as both are symmetric.
+                sound &= np.sum(matrix.reshape(len(matrix), -1) * self._limit, axis=1) <= 1.0
             matrix = np.where(sound[:, None, None], matrix, np.eye(matrix.shape[1]))
             apart = matvec(inverse(matrix), vector) - np.repeat(self._state, width, axis=0)
             told = np.sum(apart * matvec(np.repeat(self._information, width, axis=0), apart), axis=1)
