@@ -36,7 +36,7 @@ TESTS = {
     "zenoh_cbef/faults": ("tests/faults",),
     "zenoh_cbef/log/mcap": ("tests/log/mcap",),
     "zenoh_cbef/protocol": ("tests/protocol", "tests/log/write/test_run_log.py"),
-    "zenoh_cbef/tracking": ("tests/tracking", "tests/scenario/test_build.py"),
+    "zenoh_cbef/tracking": ("tests/tracking", "tests/scenario/test_build.py", "tests/test_golden.py"),
 }
 """The tests that a package's mutants meet."""
 
@@ -44,7 +44,6 @@ SLOW = (
     "test_access.py",
     "test_random_scenarios.py",
     "random_bit_flips",
-    "test_a_large_chunk",
     "test_shares_bursts_and_memory",
     "test_losses_in_good_and_bad_times",
     "test_trimming_holds_off",

@@ -26,6 +26,7 @@ def delays(links=COUNT, step=1, round_=1, rounds=4, dt=0.1, **keys):
         ({"distribution": "constant", "jitter_ms": 6.0}, 3.0, 11.0),
         ({"distribution": "uniform"}, 64.0 / 3.0, 8.0),
         ({"distribution": "normal", "std_ms": 1.5}, 2.25, 8.0),
+        ({"distribution": "normal", "std_ms": 0.0}, 0.0, 8.0),
         ({"distribution": "exponential"}, 64.0, 8.0 * np.log(2.0)),
         # A Pareto variable of shape a and least value x: mean a x/(a-1), variance a x^2/((a-1)^2 (a-2)).
         ({"distribution": "pareto", "shape": 5.0}, 5 * 6.4**2 / (16 * 3), 6.4 * 2 ** (1 / 5.0)),

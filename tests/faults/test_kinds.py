@@ -7,6 +7,7 @@ import pytest
 from pydantic import TypeAdapter
 
 from zenoh_cbef.faults import AnyFault, Fates
+from zenoh_cbef.streams import stream, uniform
 
 ANY = TypeAdapter(AnyFault)
 PAIRS = np.array([(source, destination) for source in range(6) for destination in range(6) if source != destination])
@@ -70,6 +71,15 @@ def test_a_limited_link_carries_its_rate_evenly(rate, ranges):
     for begin, end in ((3, 17), (40, 200), (100, 101)):
         share = min(rate / per_second, 1.0) * (end - begin)
         assert (np.abs(passed[begin:end].sum(axis=0) - share) <= 1.0 + 1e-9).all()
+
+
+def test_where_in_its_interval_the_first_token_comes_is_the_first_draw_of_the_links_stream():
+    phase = uniform(stream(11, "rate-limit/0", PAIRS[:, 0], PAIRS[:, 1]), 0)
+    faulty = fates({"kind": "rate-limit", "messages_per_second": 20.0}, ranges=False)
+    # Four messages in 0.1 s: with each comes half a token.
+    passed = np.array([faulty.of(1, round_).due for round_ in range(1, 5)])
+    tokens = np.floor(phase + 0.5 * np.arange(5)[:, None])
+    np.testing.assert_array_equal(passed, np.diff(tokens, axis=0) > 0)
 
 
 def test_a_partition_cuts_groups_apart_both_ways_and_heals():

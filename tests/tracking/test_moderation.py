@@ -15,6 +15,7 @@ from zenoh_cbef.simulator import heard_in, measured
 from zenoh_cbef.tracking.consensus import Average
 from zenoh_cbef.tracking.filters import KINDS, Belief
 from zenoh_cbef.tracking.filters.information_form import pack
+from zenoh_cbef.tracking.moderation import is_moderate
 from zenoh_cbef.tracking.ranging import Measurement
 from zenoh_cbef.tracking.tracker import Tracker
 
@@ -83,6 +84,14 @@ def test_an_agent_that_becomes_sure_or_far_beyond_measure_takes_back_what_it_hea
         expected = 0.25 * transition @ transition.T + plan.motion.process_noise
         np.testing.assert_allclose(estimate.covariance[0], expected, rtol=1e-9, atol=1e-12)
         assert estimate.refused[0]
+
+
+def test_a_belief_is_moderate_where_all_its_numbers_are() -> None:
+    near, far = np.ones((1, 6)), np.full((1, 6, 6), 1e200)
+    assert is_moderate(Belief(near, np.eye(6)[None])) is True
+    assert is_moderate(Belief(far[0, :1], np.eye(6)[None])) is False
+    assert is_moderate(Belief(near, far)) is False
+    assert is_moderate(Belief(near, None, parts=(Belief(near, far),))) is False
 
 
 def test_a_step_cannot_end_before_it_began() -> None:

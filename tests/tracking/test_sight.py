@@ -22,6 +22,11 @@ def left_open(places, axes=3):
     return found
 
 
+def test_where_no_agent_ranges_all_axes_are_open_in_every_window():
+    found = open_axes(np.zeros((2, STEPS, 3)), np.zeros((2, STEPS), dtype=bool), 5, RESOLUTION)
+    assert found.tolist() == [3] * (STEPS - 4)
+
+
 @pytest.mark.parametrize(
     ("places", "in_space", "in_a_plane"),
     [

@@ -67,8 +67,7 @@ class Absences:
     @property
     def empty(self) -> int | None:
         """The first step in which no agent is there; None where there is none."""
-        step = int(self._gone.all(axis=0).argmax()) if self._any else 0
-        return step if step and self._gone[:, step].all() else None
+        return int(self._gone.all(axis=0).argmax()) or None  # in step 0 all are there
 
     def stretches(self) -> list[tuple[int, int]]:
         """First and last step of each stretch in which the same agents are not there; all are there in the others."""
