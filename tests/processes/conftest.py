@@ -29,13 +29,22 @@ def settings(*overrides: str) -> list[str]:
     return [part for one in (*SMALL, *overrides) for part in ("--set", one)]
 
 
+def outsider(endpoint: str) -> zenoh.Session:
+    """A foreign session behind an endpoint: as its client it is heard by all that are linked there, and hears them."""
+    return _foreign("client", endpoint, {"timeout_ms": 30_000})
+
+
 def peer(endpoint: str) -> zenoh.Session:
-    """A foreign session that is linked to an endpoint."""
+    """A foreign session that is linked to an endpoint alone, also to one where a process listens only later."""
+    return _foreign("peer", endpoint, {})
+
+
+def _foreign(mode: str, endpoint: str, how: dict[str, int]) -> zenoh.Session:
     config = zenoh.Config()
-    config.insert_json5("connect/endpoints", json.dumps([endpoint]))
-    config.insert_json5("listen/endpoints", '["tcp/127.0.0.1:0"]')
-    config.insert_json5("scouting/multicast/enabled", "false")
-    config.insert_json5("connect/retry", '{"period_init_ms": 50, "period_max_ms": 100, "period_increase_factor": 1}')
+    retry = {"period_init_ms": 50, "period_max_ms": 100, "period_increase_factor": 1}
+    connect = {"endpoints": [endpoint], "retry": retry, **how}
+    for key, value in {"mode": mode, "connect": connect, "scouting/multicast/enabled": False}.items():
+        config.insert_json5(key, json.dumps(value))
     return zenoh.open(config)
 
 

@@ -9,7 +9,7 @@ import msgpack
 import pytest
 import zenoh
 
-from tests.processes.conftest import peer, settings
+from tests.processes.conftest import outsider, settings
 
 
 def forged(run: str, sender: str, **body) -> bytes:
@@ -63,7 +63,7 @@ def test_hostile_messages_change_no_bit_and_are_counted(world, free_port, kind):
     overrides = settings("steps=150", f"filter.kind={kind}")
     join = ["--run", world.run, "--connect", endpoint, "--patience", "20"]
     target = world.start("target", "tracking", *overrides, "--run", world.run, "--listen", endpoint)
-    with peer(endpoint) as session:
+    with outsider(endpoint) as session:
         wait_for(session, f"cbef/{world.run}/live/target/target")
 
         def attack(_number: int) -> None:
@@ -88,7 +88,7 @@ def test_a_flood_on_one_key_does_not_stop_the_consensus(world, free_port, mode):
     endpoint = f"tcp/127.0.0.1:{free_port}"
     join = ["--run", world.run, "--connect", endpoint, "--patience", "20"]
     target = world.start("target", "tracking", *settings(*overrides), "--run", world.run, "--listen", endpoint)
-    with peer(endpoint) as session:
+    with outsider(endpoint) as session:
         wait_for(session, f"cbef/{world.run}/live/target/target")
         flood = session.declare_publisher(f"cbef/{world.run}/agent/1/round")
 

@@ -8,7 +8,7 @@ import struct
 
 import pytest
 
-from zenoh_cbef.protocol.linger import _unset_one
+from zenoh_cbef.protocol.linger import unset_all
 
 WAITS = struct.pack("ii", 1, 7)
 
@@ -24,13 +24,13 @@ WAITS = struct.pack("ii", 1, 7)
 def test_only_streams_of_the_network_are_closed_at_once(family: int, kind: int, left: int) -> None:
     with socket.socket(family, kind) as one:
         one.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, WAITS)
-        _unset_one(one.fileno())
+        unset_all()
         assert struct.unpack("ii", one.getsockopt(socket.SOL_SOCKET, socket.SO_LINGER, 8))[0] == left
         assert one.fileno() >= 0
 
 
 def test_a_file_is_no_socket_and_stays_open() -> None:
     ends = os.pipe()
+    unset_all()
     for end in ends:
-        _unset_one(end)
         os.close(end)

@@ -42,12 +42,12 @@ MAY: dict[str, dict[tuple[str, ...], list[str]]] = {
     "agent-7": {
         PUTS: AGENT,
         HEARS: [*OTHERS, "beacon/7", "beacon/7/signal", "faults"],
-        ASKS: ["scenario", "claims", "live/**", *OTHERS, "beacon/7", "beacon/7/signal", "faults"],
+        ASKS: ["scenario", "claims", "links/agent/7", "live/**", *OTHERS, "beacon/7", "beacon/7/signal", "faults"],
         LIVES: ["live/agent/7", "live/over/agent/7", "live/ready/7", "live/life/agent/7/1", "live/claim/agent/7/1"],
     },
     "target": {
         PUTS: TARGET,
-        PUTS[1:]: ["scenario", "claims", "control"],
+        PUTS[1:]: ["scenario", "claims", "links/agent/7", "links/agent/8", "links/record/a", "control"],
         HEARS: ["**"],
         ASKS: ["scenario", "live/**", *OTHERS, "event/**", *TARGET],
         LIVES: ["live/target/target", "live/over/target/target", "live/life/target/target/1"],
@@ -55,7 +55,7 @@ MAY: dict[str, dict[tuple[str, ...], list[str]]] = {
     "record": {
         PUTS: ["event/record", "event/record/a"],
         HEARS: ["**"],
-        ASKS: ["scenario", "claims", "live/**", *OTHERS, "event/**", *TARGET],
+        ASKS: ["scenario", "claims", "links/record/a", "live/**", *OTHERS, "event/**", *TARGET],
         LIVES: ["live/record/a", "live/claim/record/a/1", "live/heard/target/1"],
     },
     "receiver": {

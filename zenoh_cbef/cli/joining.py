@@ -35,7 +35,7 @@ _Listen = Annotated[
         help="Accept links there; default: a loopback port, 7447 for target, router and replay, else a free one.",
     ),
 ]
-_Gossip = Annotated[bool, typer.Option(help="Let linked processes tell each other of further ones.")]
+_Gossip = Annotated[bool, typer.Option(help="Let the target tell which other processes to link to.")]
 _Client = Annotated[bool, typer.Option("--client", help="Join through a router instead of peer to peer.")]
 _Config = Annotated[str | None, typer.Option("--config", metavar="FILE", help="A Zenoh configuration file.")]
 _Lease = Annotated[

@@ -47,7 +47,7 @@ def _agent(agent: int) -> list[Rule]:
         (_PUT + _ANSWER, own),
         (_ANSWER, [_ANY.of_agent(agent)]),
         (_HEAR, heard),
-        (_ASK, [_ANY.scenario, _ANY.claims, _ANY.all_live, *heard]),
+        (_ASK, [_ANY.scenario, _ANY.claims, _ANY.links(name), _ANY.all_live, *heard]),
         (_LIVE, [_token(name), _token(f"over/{name}"), _token(f"ready/{agent}")]),
         (_LIVE, [_token(f"{which}/{name}/*") for which in ("life", "claim")]),
     ]
@@ -57,14 +57,14 @@ _ROLES: dict[str, list[Rule]] = {
     "target": [
         *_READERS,
         (_PUT + _ANSWER, _OF_TARGET),
-        (_ANSWER, [_ANY.scenario, _ANY.claims, _ANY.control]),
+        (_ANSWER, [_ANY.scenario, _ANY.claims, _ANY.all_links, _ANY.control]),
         (_LIVE, [_token(f"{part}target/target") for part in ("", "over/")]),
         (_LIVE, [_token("life/target/target/*")]),
     ],
     "record": [
         *_READERS,
         (_PUT + _ANSWER, [_ANY.event("record/**")]),
-        (_ASK, [_ANY.claims]),
+        (_ASK, [_ANY.claims, _ANY.links("record/*")]),
         (_LIVE, [_token("record/*"), _token("claim/record/*/*"), _token("heard/**")]),
     ],
     # Each publishes what it measures, and hears when the run starts and ends.

@@ -33,6 +33,10 @@ class Claims:
         """The `life` of the process that has a name by our word, if one has: others are of an earlier run."""
         return {self._holders[name]} if name in self._holders else set()
 
+    def holds(self, name: str, life: str) -> bool:
+        """Whether a process that is there has a name by our word."""
+        return life in self.given(name) and _token(name, life) in self._presence
+
     def holder(self, name: str, life: str) -> str:
         """The `life` of the process that has a name; "" where none has it and the claim of `life` is not seen."""
         with self._lock:

@@ -58,6 +58,15 @@ class Keys:
         """Queryable: which process has a name that several claim."""
         return f"{self.root}/claims"
 
+    def links(self, process: str) -> str:
+        """Queryable: a process, as in "agent/3", says where it listens, and is told which others to link to."""
+        return f"{self.root}/links/{process}"
+
+    @property
+    def all_links(self) -> str:
+        """What all processes ask of their links."""
+        return self.links("**")
+
     @property
     def faults(self) -> str:
         """The faults that were injected while the run goes on."""

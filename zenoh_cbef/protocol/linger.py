@@ -7,16 +7,13 @@ setting for that, so this module removes the option from every link when it is m
 
 from __future__ import annotations
 
-import os
 import socket
-import stat
 import struct
-from contextlib import suppress
-from pathlib import Path
 
 import zenoh
 
-_OPEN_FILES = Path("/dev/fd")
+from zenoh_cbef.protocol.sockets import stream_sockets
+
 _OFF = struct.pack("ii", 0, 0)
 
 
@@ -27,16 +24,10 @@ def let_go_at_once(session: zenoh.Session) -> None:
 
 def _unset(event: zenoh.LinkEvent) -> None:
     if event.kind == zenoh.SampleKind.PUT:
-        for file in _OPEN_FILES.iterdir():
-            # Others open and close files meanwhile.
-            with suppress(OSError):
-                _unset_one(int(file.name))
+        unset_all()
 
 
-def _unset_one(number: int) -> None:
-    if not stat.S_ISSOCK(os.fstat(number).st_mode):
-        return
-    # A copy of the descriptor stands for the same socket, and may be closed.
-    with socket.socket(fileno=os.dup(number)) as copy:
-        if copy.family in {socket.AF_INET, socket.AF_INET6} and copy.type == socket.SOCK_STREAM:
-            copy.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _OFF)
+def unset_all() -> None:
+    """Have every TCP socket of this process closed without waiting."""
+    for copy in stream_sockets():
+        copy.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _OFF)

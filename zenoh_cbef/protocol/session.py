@@ -27,6 +27,8 @@ _MEET_SECONDS = 1.0
 _ROUTER_RETRY_SECONDS = 0.2
 _OPEN_MS = 1500
 """How long a link may take to open before it is tried again; a session that closes waits for as long."""
+_MOST_SESSIONS = 10_000
+"""Links that a process accepts: ten for each agent that a scenario can have."""
 _SIZE_LIMIT: Json = {
     "id": "size",
     "flows": ["ingress"],
@@ -46,8 +48,9 @@ Not for sessions with gossip, whose churn can stall a single worker.
 class Connection:
     """How a process joins the network.
 
-    connect, listen: endpoints such as tcp/127.0.0.1:7447. mode: peer, client of a router, or router. gossip: peers
-    tell each other about third ones and link to them. lease_ms: how long a silent link is taken to be alive.
+    connect, listen: endpoints such as tcp/127.0.0.1:7447. mode: peer, client of a router, or router. gossip: the target
+    tells a process which others to link to. life: its id (lives.py), None: any. unasked: the program chose what to
+    listen on, not its user. lease_ms: how long a silent link is taken to be alive.
     config: a Zenoh configuration file that these settings are laid over. tls: links with certificates only, and
     access control by them.
     """
@@ -60,6 +63,8 @@ class Connection:
     lease_ms: int = 5000
     config: str | None = None
     tls: Tls | None = None
+    unasked: bool = False
+    life: str | None = None
 
     @property
     def exposed(self) -> list[str]:
@@ -82,11 +87,17 @@ class PortInUseError(UserError):
 
 
 def open_session(connection: Connection, patience: float = 0.0) -> zenoh.Session:
+    """As open_joined, of which it returns the first."""
+    return open_joined(connection, patience)[0]
+
+
+def open_joined(connection: Connection, patience: float = 0.0) -> tuple[zenoh.Session, Connection]:
     """Open a session. Links to endpoints that do not answer yet are made as soon as they do.
 
-    A process that connects to a router and listens nowhere joins as its client: no other host could reach it. A client
-    tries for `patience` s to reach its router. Raises PortInUseError, and UserError for an endpoint
-    that is none, a router that does not answer, or a configuration file that Zenoh refuses.
+    A process that connects to a router and was not told to listen joins as its client: no other host could reach it.
+    The connection that is returned says so. A client tries for `patience` s to reach its router. Raises
+    PortInUseError, and UserError for an endpoint that is none, a router that does not answer, or a configuration file
+    that Zenoh refuses.
     """
     for endpoint in (*connection.connect, *connection.listen):
         if not _ENDPOINT.match(endpoint):
@@ -106,18 +117,19 @@ def open_session(connection: Connection, patience: float = 0.0) -> zenoh.Session
         else:
             if _met_a_router(session, connection):
                 session.close()
-                connection = replace(connection, mode="client")
+                connection = replace(connection, mode="client", listen=())
                 config = _config(connection)
                 continue
             let_go_at_once(session)
-            return session
+            return session, connection
         # We wait ourselves, as no signal ends Zenoh's own waiting.
         time.sleep(_ROUTER_RETRY_SECONDS)
 
 
 def _met_a_router(session: zenoh.Session, connection: Connection) -> bool:
     """Whether a peer that listens nowhere has linked to a router."""
-    if connection.mode != "peer" or not connection.connect or connection.listen or connection.config:
+    told = connection.listen and not connection.unasked
+    if connection.mode != "peer" or not connection.connect or told or connection.config:
         return False
     until = time.monotonic() + _MEET_SECONDS
     while time.monotonic() < until and not list(session.info.peers_zid()):
@@ -125,6 +137,16 @@ def _met_a_router(session: zenoh.Session, connection: Connection) -> bool:
             return True
         time.sleep(0.01)
     return False
+
+
+def configured_listen(connection: Connection) -> list[str]:
+    """The endpoints that the connection's Zenoh configuration file names for a peer to listen on, if any."""
+    text = _base(connection.config).get_json("listen/endpoints")
+    if text == zenoh.Config().get_json("listen/endpoints"):
+        return []
+    told = json.loads(text)
+    found = told.get("peer", []) if isinstance(told, dict) else told
+    return [one for one in (found if isinstance(found, list) else [found]) if isinstance(one, str)]
 
 
 def configuration(connection: Connection) -> str:
@@ -138,15 +160,23 @@ def _config(connection: Connection) -> zenoh.Config:
         "mode": connection.mode,
         "scouting/multicast/enabled": connection.multicast,
         "scouting/gossip/enabled": connection.gossip,
+        # No process tells a peer of third ones, but a router that a process opens for that (introducing.py).
+        "scouting/gossip/target": {"router": ["router"], "peer": ["router"]},
+        "scouting/gossip/autoconnect": {"router": [], "peer": ["peer"]},
+        "scouting/gossip/autoconnect_strategy": {"peer": {"to_router": "always", "to_peer": "greater-zid"}},
         "connect/timeout_ms": 0 if connection.mode == "client" else -1,
         "connect/exit_on_failure": False,
         "connect/retry": {"period_init_ms": 50, "period_max_ms": 400, "period_increase_factor": 1.5},
         "listen/exit_on_failure": True,
         "transport/link/tx/lease": connection.lease_ms,
         "transport/unicast/open_timeout": _OPEN_MS,
+        "transport/unicast/max_sessions": _MOST_SESSIONS,
+        "transport/unicast/accept_pending": _MOST_SESSIONS,
         "transport/shared_memory/enabled": False,
         "low_pass_filter": [_SIZE_LIMIT],
     }
+    if connection.life is not None:
+        settings["id"] = connection.life
     if connection.connect:
         settings["connect/endpoints"] = list(connection.connect)
     listens = config.get_json("listen/endpoints") != zenoh.Config().get_json("listen/endpoints")

@@ -2,7 +2,7 @@
 
 import json
 
-from tests.processes.conftest import peer, settings
+from tests.processes.conftest import outsider, settings
 
 
 def test_a_mute_agent_holds_the_others_up_only_as_long_as_their_patience(world, free_port):
@@ -13,7 +13,7 @@ def test_a_mute_agent_holds_the_others_up_only_as_long_as_their_patience(world, 
     others = [world.start("agent", str(agent), *join) for agent in range(2)]
     others.append(world.start("record", *join, "--output", str(world.log)))
     live = f"cbef/{world.run}/live"
-    with peer(endpoint) as session:
+    with outsider(endpoint) as session:
         tokens = [session.liveliness().declare_token(f"{live}/{name}") for name in ("agent/2", "ready/2")]
         _, err = target.communicate(timeout=100)
         assert target.returncode == 0, err

@@ -11,7 +11,7 @@ from contextlib import contextmanager
 
 import pytest
 
-from tests.processes.conftest import peer, settings, unused_port
+from tests.processes.conftest import outsider, settings, unused_port
 from tests.processes.target.test_live_faults import wait_until_known
 from tests.processes.test_hostile import wait_for
 
@@ -109,7 +109,7 @@ def test_two_recorders_with_one_name(world, target):
 
 def test_an_agent_does_not_wait_for_ever_for_a_target_that_died_before_the_start(world, target):
     agent = world.start("agent", "1", "--run", world.run, "--connect", target, "--patience", "20")
-    with peer(target) as session:
+    with outsider(target) as session:
         wait_for(session, f"cbef/{world.run}/live/agent/1")
     os.kill(world.pid_of("target"), signal.SIGKILL)
     out, err = agent.communicate(timeout=60)

@@ -18,6 +18,7 @@ from zenoh_cbef.nodes.agent.signals import Signals
 from zenoh_cbef.nodes.common.alarm import Alarm
 from zenoh_cbef.nodes.common.briefing import brief
 from zenoh_cbef.nodes.common.inbox import Stopped
+from zenoh_cbef.nodes.common.links import Links
 from zenoh_cbef.nodes.common.node import Identity, Node
 from zenoh_cbef.nodes.common.pace import Pace
 from zenoh_cbef.nodes.common.readers import beacon_inbox
@@ -267,12 +268,11 @@ def run_agent(identity: Identity) -> int:
         node.claim_name()
         succession = Succession(node.presence, node.stop)
         process = Agent(node, briefing.plan, agent)
-        # Peers that tell each other of third ones link to all of them.
-        others = scenario.count - 1 if identity.connection.gossip else len(process.neighbourhood.ids)
-        require(links=others + 1 + scenario.record.awaited)
+        require(links=len(process.neighbourhood.ids) + 1 + scenario.record.awaited)
         if text.faults:
             process.inject(text.faults)
         node.presence.enter(f"agent/{identity.name}")
+        Links(node).keep()
         entry = Entrance(process, None if text.step is None else text.agents, briefing.clock).wait()
         last = 0 if entry is None else process.run(entry)
         if succession.replaced:

@@ -8,25 +8,28 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import FrameType, TracebackType
 from typing import Self
 
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.machine import require
 from zenoh_cbef.nodes.common.ending import Ending
+from zenoh_cbef.protocol.addresses import reached_at, with_ports
 from zenoh_cbef.protocol.claims import claim
 from zenoh_cbef.protocol.keys import Keys
+from zenoh_cbef.protocol.lives import new_life
 from zenoh_cbef.protocol.mailbox import Mailbox
 from zenoh_cbef.protocol.memory import KEPT_BYTES, Archive
 from zenoh_cbef.protocol.outbox import Outbox
 from zenoh_cbef.protocol.presence import Presence
-from zenoh_cbef.protocol.session import Connection, PortInUseError, open_session, yield_to_others
+from zenoh_cbef.protocol.session import Connection, PortInUseError, open_joined, yield_to_others
 
 LEASH = "ZENOH_CBEF_LEASH"
 _FAREWELLS = 10
 _JOIN_SECONDS = 5.0
 _TOLD = 50
+_PORT_ATTEMPTS = 4
 _PATIENCE_WITHOUT_LAUNCHER = {"target": 0.0, "agent": 4.0, "record": 6.0}
 
 
@@ -46,6 +49,14 @@ class Identity:
         return self.role if self.name == self.role else f"{self.role}/{self.name}"
 
 
+def _settled(connection: Connection) -> Connection:
+    """The connection with what others have to know of it before they link to it."""
+    if not connection.gossip or connection.mode != "peer":
+        return connection
+    listening = with_ports(connection)
+    return replace(listening, life=new_life(reached_at(listening.listen)))
+
+
 def heard_token(sender: str, word: int) -> str:
     """The liveliness name with which a recorder says that it has heard a process's last words."""
     return f"heard/{sender}/{word}"
@@ -55,7 +66,7 @@ class Node:
     """A process on the network. Use as a context manager: leaving it closes the session whatever happened."""
 
     def __init__(self, identity: Identity) -> None:
-        self.identity = identity
+        self.identity, self.connection = identity, identity.connection
         self.keys = Keys(identity.run)
         self.clock: Callable[[], int] = time.time_ns
         self.stopping = False
@@ -69,11 +80,7 @@ class Node:
         require(links=1)
         if self.launched:
             yield_to_others()
-        try:
-            self.session = open_session(self.identity.connection, self.identity.patience)
-        except PortInUseError:
-            Ending("port").tell()
-            raise
+        self._open()
         try:
             self.presence = Presence(self.session, self.keys.all_live)
             self.archive = Archive(self.session)
@@ -84,6 +91,19 @@ class Node:
             self.session.close()
             raise
         return self
+
+    def _open(self) -> None:
+        given = self.identity.connection
+        for left in reversed(range(_PORT_ATTEMPTS)):
+            wanted = _settled(given)
+            try:
+                self.session, self.connection = open_joined(wanted, self.identity.patience)
+            except PortInUseError:
+                if not left or list(wanted.listen) == list(given.listen):
+                    Ending("port").tell()
+                    raise
+            else:
+                return
 
     def __exit__(
         self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
@@ -97,8 +117,12 @@ class Node:
     def follow(self, mailbox: Mailbox, take: Callable[[bytes], None]) -> None:
         """Hand on every message of a mailbox as it comes, in a thread that ends with the session."""
         reader = threading.Thread(target=mailbox.follow, args=(take,), daemon=True)
-        self._readers.append(reader)
+        self.await_at_end(reader)
         reader.start()
+
+    def await_at_end(self, thread: threading.Thread) -> None:
+        """Wait at the end for a thread that uses the session."""
+        self._readers.append(thread)
 
     def outbox(self, key: str, *, may_drop: bool = True, keep: int = KEPT_BYTES) -> Outbox:
         """A publisher in this process's name. keep: bytes of its messages to keep for receivers that missed them."""

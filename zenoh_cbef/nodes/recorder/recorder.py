@@ -14,6 +14,7 @@ from zenoh_cbef import __version__
 from zenoh_cbef.log.write.run_log import RunLog
 from zenoh_cbef.machine import require
 from zenoh_cbef.nodes.common.briefing import brief, introduce
+from zenoh_cbef.nodes.common.links import Links
 from zenoh_cbef.nodes.common.node import Identity, Node
 from zenoh_cbef.nodes.common.recording import Status
 from zenoh_cbef.nodes.recorder.acknowledgements import Acknowledgements
@@ -219,6 +220,7 @@ def run_recorder(
         require(links=scenario.count + 1)
         if "target/target" in node.presence:  # a replay gives no names
             node.claim_name()
+            Links(node).keep()
         log = RunLog(path, settings)
         log.describe(source=text.source, resolved=text.resolved, run=_described(identity, scenario, expressions))
         overview = Overview(

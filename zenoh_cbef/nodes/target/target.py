@@ -17,12 +17,14 @@ from zenoh_cbef.nodes.common.pace import Pace
 from zenoh_cbef.nodes.common.readers import WINDOW
 from zenoh_cbef.nodes.target.control import answer
 from zenoh_cbef.nodes.target.injection import Injection
+from zenoh_cbef.nodes.target.linking import linked_by
 from zenoh_cbef.nodes.target.lookout import Lookout
 from zenoh_cbef.nodes.target.progress import Progress
 from zenoh_cbef.nodes.target.survey import Survey
 from zenoh_cbef.outside.registry import registered
 from zenoh_cbef.protocol.claims import Claims, serve_claims
 from zenoh_cbef.protocol.control import serve_control
+from zenoh_cbef.protocol.directory import Directory, serve_directory
 from zenoh_cbef.protocol.fields import END, START
 from zenoh_cbef.protocol.messages import nan_to_nil
 from zenoh_cbef.protocol.scenario_service import ScenarioText, serve_scenario
@@ -65,6 +67,7 @@ class Target:
         begun = self.scenario.length if realtime else 0
         self.claims = Claims(self.node.presence)
         self.progress = Progress(self.node, self.scenario.count, self._patience, grace, claims=self.claims, begun=begun)
+        self.directory = Directory(self.claims, linked_by(self.plan.edges))
         self.survey = Survey(self.node)
         self.lookout = Lookout(self.node)
         self._first_fix = self.plan.first_fix_steps
@@ -284,16 +287,18 @@ def run_target(
             members = () if target.step is None else tuple(target.members())
             return ScenarioText(loaded.source, resolved, __version__, step, members, injected)
 
-        service = serve_scenario(node.session, identity.run, text)
-        claims = serve_claims(node.session, node.keys.claims, target.claims)
-        control = serve_control(node.session, node.keys.control, lambda request: answer(target, request))
+        services = [
+            serve_control(node.session, node.keys.control, lambda request: answer(target, request)),
+            serve_scenario(node.session, identity.run, text),
+            serve_claims(node.session, node.keys.claims, target.claims),
+            serve_directory(node.session, node.keys, target.directory),
+        ]
         node.presence.enter(f"target/{identity.name}")
         reached = [*identity.connection.listen, *identity.connection.connect]
         with registered(identity.run, reached, launched=node.launched):
             target.wait_for_agents(identity.patience)
             last = 0 if node.stopping else target.run()
-        control.undeclare()
-        service.undeclare()
-        claims.undeclare()
+        for service in services:
+            service.undeclare()
         node.presence.leave(f"target/{identity.name}")
     return last

@@ -1,0 +1,44 @@
+"""Ids of sessions, and their order: of two processes that hear of each other, Zenoh has the greater one connect.
+
+So they have one link, and the ids are made so that it is the end that more likely reaches the other: one that only its
+own host can reach, then one with private addresses only, then the one that came later.
+"""
+
+from __future__ import annotations
+
+import secrets
+import time
+from collections.abc import Sequence
+from ipaddress import ip_address
+
+from zenoh_cbef.protocol.addresses import is_loopback, parts
+
+_HIDDEN, _PRIVATE, _PUBLIC = 3, 2, 1
+_RANDOM_BYTES, _TIME_BYTES = 8, 7
+
+
+def new_life(endpoints: Sequence[str]) -> str:
+    """An id for a session that is reached at these endpoints, as Zenoh writes it: the least significant byte first."""
+    # Zenoh refuses an id that begins with a zero digit.
+    chance = bytes([secrets.randbelow(240) + 16]) + secrets.token_bytes(_RANDOM_BYTES - 1)
+    arrival = time.time_ns() // 1000
+    return (chance + arrival.to_bytes(_TIME_BYTES, "little") + bytes([_rank(endpoints)])).hex()
+
+
+def connects(own: str, other: str) -> bool:
+    """Whether of two processes the first is the one that connects."""
+    first, second = (bytes.fromhex(one.zfill(len(one) + len(one) % 2)) for one in (own, other))
+    return int.from_bytes(first, "little") > int.from_bytes(second, "little")
+
+
+def _rank(endpoints: Sequence[str]) -> int:
+    if all(map(is_loopback, endpoints)):
+        return _HIDDEN
+    return _PRIVATE if all(map(_is_private, endpoints)) else _PUBLIC
+
+
+def _is_private(endpoint: str) -> bool:
+    try:
+        return ip_address(parts(endpoint)[1].strip("[]")).is_private
+    except ValueError:  # a name
+        return False
