@@ -12,6 +12,7 @@ import json
 import socket
 import time
 from collections.abc import Callable
+from contextlib import suppress
 
 import zenoh
 
@@ -47,10 +48,7 @@ def life_at(endpoint: str, connection: Connection) -> str:
 
 
 def introduce(own: str, other: str, connection: Connection, linked: Callable[[], bool]) -> bool:
-    """Have the process that listens at `own`, which is this one, and the one at `other` link. Returns `linked()`.
-
-    Raises zenoh.ZError where the session for it cannot be opened.
-    """
+    """Have the process that listens at `own`, which is this one, and the one at `other` link. Returns `linked()`."""
     gossip: dict[str, Json] = {
         "mode": "router",
         "connect/timeout_ms": -1,
@@ -59,7 +57,7 @@ def introduce(own: str, other: str, connection: Connection, linked: Callable[[],
         "scouting/gossip/target": {"router": ["peer"]},
         "scouting/gossip/autoconnect": {"router": []},
     }
-    with _open(gossip, [own, other], connection):
+    with suppress(zenoh.ZError), _open(gossip, [own, other], connection):
         until = time.monotonic() + _LINK_SECONDS
         while not linked() and time.monotonic() < until:
             time.sleep(_LOOK_SECONDS)

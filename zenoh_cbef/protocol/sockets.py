@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import socket
 import stat
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -31,6 +31,20 @@ def _copy(number: int) -> Iterator[socket.socket | None]:
     with socket.socket(fileno=os.dup(number)) as copy:
         is_stream = copy.family in {socket.AF_INET, socket.AF_INET6} and copy.type == socket.SOCK_STREAM
         yield copy if is_stream else None
+
+
+def links_of(session: zenoh.Session) -> dict[str, list[zenoh.Link]]:
+    """The links of a session by the ids of the sessions at their other ends; none where it is closed."""
+    found: dict[str, list[zenoh.Link]] = {}
+    with suppress(zenoh.ZError):
+        for link in session.info.links():
+            found.setdefault(str(link.zid), []).append(link)
+    return found
+
+
+def on_link_change(session: zenoh.Session, action: Callable[[], None]) -> None:
+    """Call an action, from a background thread, whenever a link is made or ends."""
+    session.info.declare_link_events_listener(lambda _event: action())
 
 
 def end_link(link: zenoh.Link) -> None:

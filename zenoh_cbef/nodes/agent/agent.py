@@ -272,7 +272,7 @@ def run_agent(identity: Identity) -> int:
         if text.faults:
             process.inject(text.faults)
         node.presence.enter(f"agent/{identity.name}")
-        Links(node).keep()
+        Links(node, process.neighbourhood.ids).keep()
         entry = Entrance(process, None if text.step is None else text.agents, briefing.clock).wait()
         last = 0 if entry is None else process.run(entry)
         if succession.replaced:

@@ -5,9 +5,8 @@ from __future__ import annotations
 import threading
 import time
 from collections import defaultdict
+from collections.abc import Collection
 from dataclasses import dataclass
-
-import zenoh
 
 from zenoh_cbef.nodes.common.node import Node
 from zenoh_cbef.protocol.addresses import is_loopback, own_host, reached_at
@@ -15,7 +14,7 @@ from zenoh_cbef.protocol.directory import MOST_ENDPOINTS, Place, ask_directory
 from zenoh_cbef.protocol.introducing import introduce, life_at
 from zenoh_cbef.protocol.keys import agent_named
 from zenoh_cbef.protocol.lives import connects
-from zenoh_cbef.protocol.sockets import end_link
+from zenoh_cbef.protocol.sockets import end_link, links_of, on_link_change
 
 _SOON, _LATER, _CALM = 0.25, 2.0, 5.0
 """How often the target is asked, s: at first, while links are missing, and when none is."""
@@ -38,10 +37,12 @@ class _Attempts:
 class Links:
     """Keeps the links of a process that has its name, in a thread that ends with the process.
 
-    Of two processes one makes their link (`lives.py`).
+    Of two processes one makes their link (`lives.py`). neighbours: the agents that an agent exchanges messages with;
+    None for a process that may link to all.
     """
 
-    def __init__(self, node: Node) -> None:
+    def __init__(self, node: Node, neighbours: Collection[int] | None = None) -> None:
+        self._neighbours = neighbours
         self._node, self._connection = node, node.connection
         self._name = f"{node.identity.role}/{node.identity.name}"
         self._life = str(node.session.zid())
@@ -54,14 +55,11 @@ class Links:
         """Make the links, and keep them from now on."""
         if not self._node.connection.gossip or self._node.connection.mode != "peer":
             return
-        self._node.session.info.declare_link_events_listener(self._note)
+        on_link_change(self._node.session, self._changed.set)
         self._node.on_stop(self._changed.set)
         thread = threading.Thread(target=self._run, daemon=True)
         self._node.await_at_end(thread)
         thread.start()
-
-    def _note(self, _event: zenoh.LinkEvent) -> None:
-        self._changed.set()
 
     def _run(self) -> None:
         pause, due = _SOON, 0.0
@@ -71,15 +69,12 @@ class Links:
                 self._ask()
                 due = time.monotonic() + pause
                 pause = min(2.0 * pause, _LATER if self._lacking() else _CALM)
-            try:
-                self._tend()
-            except zenoh.ZError:
-                return  # The session is closed.
-            self._changed.wait(_SOON)
+            self._tend()
+            self._changed.wait(_SOON if self._lacking() else max(0.0, due - time.monotonic()))
 
     def _own(self) -> Place:
         # Addresses change: a host moves to another network.
-        endpoints = reached_at(list(self._connection.listen))[:MOST_ENDPOINTS]
+        endpoints = reached_at(self._connection.listen)[:MOST_ENDPOINTS]
         return Place(self._name, self._life, own_host(), tuple(endpoints))
 
     def _ask(self) -> None:
@@ -89,17 +84,11 @@ class Links:
         if told is not None:
             self._wanted = {place.life: place for place in told}
 
-    def _links(self) -> defaultdict[str, list[zenoh.Link]]:
-        found: defaultdict[str, list[zenoh.Link]] = defaultdict(list)
-        for link in self._node.session.info.links():
-            found[str(link.zid)].append(link)
-        return found
-
     def _lacking(self) -> bool:
-        return bool(self._wanted.keys() - self._links().keys()) or not self._wanted
+        return bool(self._wanted.keys() - links_of(self._node.session).keys()) or not self._wanted
 
     def _tend(self) -> None:
-        links = self._links()
+        links = links_of(self._node.session)
         for life, place in self._wanted.items():
             if self._node.stopping:
                 return
@@ -107,18 +96,19 @@ class Links:
                 self._try(place)
             elif self._attempts.pop(life, _Attempts()).said:
                 self._node.event("linked", f"{_named(self._name)} has a link to {_named(place.name)} now")
-        self._cut(links)
+        self._cut()
 
-    def _cut(self, links: defaultdict[str, list[zenoh.Link]]) -> None:
+    def _cut(self) -> None:
         """End links to agents that are no neighbours."""
-        known = self._node.presence.lives(self._node.presence.names())
-        agents = {life for name, lives in known.items() if agent_named(name) is not None for life in lives}
-        strangers = agents - self._wanted.keys() - {self._life} if agent_named(self._name) is not None else set()
-        for life in strangers & links.keys():
-            self._cuts[life] += 1
-            if self._cuts[life] <= _MOST_CUTS:
-                for link in links[life]:
-                    end_link(link)
+        links, presence = links_of(self._node.session), self._node.presence
+        for name, lives in presence.lives(presence.names()).items():
+            agent = agent_named(name)
+            if agent is None or self._neighbours is None or agent in self._neighbours or name == self._name:
+                continue
+            for life in lives & links.keys():
+                self._cuts[life] += 1
+                if self._cuts[life] <= _MOST_CUTS:
+                    end_link(links[life][0])
 
     def _try(self, place: Place) -> None:
         attempts, now = self._attempts[place.life], time.monotonic()
@@ -146,13 +136,13 @@ class Links:
                 continue
             found = life_at(endpoint, self._connection)
             if found == place.life and ours:
-                if introduce(ours, endpoint, self._connection, lambda: place.life in self._links()):
+                if introduce(ours, endpoint, self._connection, lambda: place.life in links_of(self._node.session)):
                     return True
                 said.append(f"{endpoint} does not link")
             else:
                 said.append(f"at {endpoint} " + ("another process answers" if found else "no process answers"))
         attempts.why = ", ".join(said)
-        return place.life in self._links()
+        return place.life in links_of(self._node.session)
 
 
 def _named(process: str) -> str:

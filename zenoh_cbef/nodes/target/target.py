@@ -15,19 +15,18 @@ from zenoh_cbef.machine import require
 from zenoh_cbef.nodes.common.node import Identity, Node
 from zenoh_cbef.nodes.common.pace import Pace
 from zenoh_cbef.nodes.common.readers import WINDOW
-from zenoh_cbef.nodes.target.control import answer
 from zenoh_cbef.nodes.target.injection import Injection
 from zenoh_cbef.nodes.target.linking import linked_by
 from zenoh_cbef.nodes.target.lookout import Lookout
 from zenoh_cbef.nodes.target.progress import Progress
+from zenoh_cbef.nodes.target.services import served
 from zenoh_cbef.nodes.target.survey import Survey
 from zenoh_cbef.outside.registry import registered
-from zenoh_cbef.protocol.claims import Claims, serve_claims
-from zenoh_cbef.protocol.control import serve_control
-from zenoh_cbef.protocol.directory import Directory, serve_directory
+from zenoh_cbef.protocol.claims import Claims
+from zenoh_cbef.protocol.directory import Directory
 from zenoh_cbef.protocol.fields import END, START
 from zenoh_cbef.protocol.messages import nan_to_nil
-from zenoh_cbef.protocol.scenario_service import ScenarioText, serve_scenario
+from zenoh_cbef.protocol.scenario_service import ScenarioText
 from zenoh_cbef.protocol.slow import SLOW
 from zenoh_cbef.scenario import Scenario
 from zenoh_cbef.scenario.load import Loaded, to_toml
@@ -287,18 +286,11 @@ def run_target(
             members = () if target.step is None else tuple(target.members())
             return ScenarioText(loaded.source, resolved, __version__, step, members, injected)
 
-        services = [
-            serve_control(node.session, node.keys.control, lambda request: answer(target, request)),
-            serve_scenario(node.session, identity.run, text),
-            serve_claims(node.session, node.keys.claims, target.claims),
-            serve_directory(node.session, node.keys, target.directory),
-        ]
-        node.presence.enter(f"target/{identity.name}")
         reached = [*identity.connection.listen, *identity.connection.connect]
-        with registered(identity.run, reached, launched=node.launched):
-            target.wait_for_agents(identity.patience)
-            last = 0 if node.stopping else target.run()
-        for service in services:
-            service.undeclare()
+        with served(target, text):
+            node.presence.enter(f"target/{identity.name}")
+            with registered(identity.run, reached, launched=node.launched):
+                target.wait_for_agents(identity.patience)
+                last = 0 if node.stopping else target.run()
         node.presence.leave(f"target/{identity.name}")
     return last
