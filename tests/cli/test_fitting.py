@@ -28,14 +28,14 @@ LOSSY = ["steps=12", 'fault=[{kind="loss", probability=0.3}]']
 NOWHERE = Whereabouts()
 
 
-def status() -> RunStatus:
+def status(target: Whereabouts = NOWHERE) -> RunStatus:
     where = Whereabouts("a-host-with-a-long-name.example.org", 1234567, "0.1.0", "1.10.0", -0.001234567, 0.0002)
     agents = [AgentStatus(one, "paused", where, 299, 0.123456 * one, 0.2, 0.98, 1) for one in range(6)]
     links = [LinkStatus(one, (one + 1) % 6, 123456, 7891, 12, 0.0123) for one in range(6)]
     told: dict[str, Any] = {
         "error": 0.1,
         "disagreement": 0.002,
-        "target": where,
+        "target": target,
         "recorder": NOWHERE,
         "faults": [],
         "events": [],
@@ -91,6 +91,16 @@ def test_every_number_and_every_name_is_whole_at_any_width(name):
         for cell in names:
             assert any(" ".join(words(cell)) in " ".join(line.split()) for line in lines), (cell, width)
         assert not any("…" in line for line in lines)
+
+
+def test_what_the_headline_says_of_the_target_is_not_said_again_of_every_agent():
+    away = status()
+    at_home = status(away.agents[0].where)
+    heads = [[str(column.header) for column in agents_table(one).table.columns] for one in (away, at_home)]
+    assert [head for head in heads[0] if head not in heads[1]] == ["host", "version"]
+    lines = drawn(agents_table(at_home), 80)
+    assert len(lines) == 1 + len(at_home.agents), "a line each, at eighty columns"
+    assert "1234567" in lines[1]
 
 
 def test_what_fits_is_a_table_with_its_title_and_caption():

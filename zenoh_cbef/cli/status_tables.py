@@ -73,32 +73,41 @@ def _place(where: Whereabouts) -> str:
 
 
 def agents_table(status: RunStatus, *, brief: bool = False) -> Fitting:
-    """Where each agent is, and how well it tracks; brief: without the place."""
+    """Where each agent is, and how well it tracks; brief: without the place.
+
+    Host and version stand there only where an agent's are not the target's, which the headline has.
+    """
+    target = status.target
+    places = [] if brief else ["pid", "clock, ms"]
+    if any(one.where.version not in {None, target.version} for one in status.agents) and not brief:
+        places.insert(1, "version")
+    if any(one.where.host not in {None, target.host} for one in status.agents) and not brief:
+        places.insert(0, "host")
     table = Table(box=None, pad_edge=False)
-    places = () if brief else ("host", "pid", "version", "clock, ms")
-    for column in ("agent", "", *places, "step", "error, m", "claimed, m", "NIS"):
+    columns = ("agent", "", *places, "step", "error, m", "claimed, m", "NIS")
+    for column in columns:
         words = column in {"", "host", "version"}
         table.add_column(column, justify="left" if words else "right", no_wrap=True)
     for one in status.agents:
         cells = _agent_cells(one)
-        table.add_row(*cells[:2], *(cells[2:6] if places else ()), *cells[6:])
+        table.add_row(*map(cells.__getitem__, columns))
     return Fitting(table)
 
 
-def _agent_cells(one: AgentStatus) -> Sequence[str | Text]:
+def _agent_cells(one: AgentStatus) -> dict[str, str | Text]:
     where = one.where
-    return (
-        str(one.agent),
-        _state(one),
-        where.host or "-",
-        "-" if where.pid is None else str(where.pid),
-        where.version or "-",
-        "-" if where.clock is None else f"{1e3 * where.clock:+.2f}",
-        "-" if one.step is None else str(one.step),
-        number(one.error),
-        number(one.spread),
-        number(one.nis),
-    )
+    return {
+        "agent": str(one.agent),
+        "": _state(one),
+        "host": where.host or "-",
+        "pid": "-" if where.pid is None else str(where.pid),
+        "version": where.version or "-",
+        "clock, ms": "-" if where.clock is None else f"{1e3 * where.clock:+.2f}",
+        "step": "-" if one.step is None else str(one.step),
+        "error, m": number(one.error),
+        "claimed, m": number(one.spread),
+        "NIS": number(one.nis),
+    }
 
 
 def _state(one: AgentStatus) -> Text:
