@@ -148,6 +148,14 @@ def test_turns_are_predicted_as_samples_move():
     assert spread[0, 0, 6] == pytest.approx([0.0] * 6 + [rate_std**2])
 
 
+def test_of_the_largest_noise_the_velocity_jumps():
+    dt, noise = 0.5, Models.of(0.5, np.array([1.0, 2.0]), 3, 0, jumping=True).noise
+    jump, moment = np.random.default_rng(4).normal(size=200_000), np.random.default_rng(5).uniform(0.0, dt, 200_000)
+    moved = np.cov([2.0 * dt * jump * (dt - moment), 2.0 * dt * jump])
+    assert noise[1][::3, ::3] == pytest.approx(moved, rel=0.02)
+    assert np.linalg.matrix_rank(noise[0]) == 3
+
+
 def test_on_a_circle_it_is_better_than_any_acceleration_noise():
     circle = ["target.motion=circle", "target.radius=5", "target.period=8"]
     scenario = load("tracking", ["steps=120", *circle]).scenario

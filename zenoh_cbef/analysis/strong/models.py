@@ -42,8 +42,20 @@ class Models:
     turning: int
 
     @classmethod
-    def of(cls, dt: float, accelerations: Floats, axes: int, extra: int, turns: tuple[Turns, ...] = ()) -> Models:
-        """Straight models with these acceleration noises, m/s^2, and turns; extra: components that stay."""
+    def of(
+        cls,
+        dt: float,
+        accelerations: Floats,
+        axes: int,
+        extra: int,
+        turns: tuple[Turns, ...] = (),
+        *,
+        jumping: bool = False,
+    ) -> Models:
+        """Straight models with these acceleration noises, m/s^2, and turns; extra: components that stay.
+
+        jumping: the last noise is of a velocity that jumps, at any moment of a step, and not of one acceleration in it.
+        """
         straight, every = len(accelerations), [*accelerations, *(one.acceleration for one in turns)]
         size, many = 2 * axes + extra + bool(turns), len(every)
         transition = np.tile(np.eye(size), (many, 1, 1))
@@ -51,6 +63,9 @@ class Models:
         gain = np.zeros((size, axes))
         gain[:axes], gain[axes : 2 * axes] = 0.5 * dt**2 * np.eye(axes), dt * np.eye(axes)
         noise = np.square(every)[:, None, None] * (gain @ gain.T)
+        if jumping:
+            # The mean over that moment t of what a jump does to the position, ((dt - t) jump)^2.
+            noise[straight - 1, :axes, :axes] *= 4.0 / 3.0
         if turns:
             transition[:straight, -1, -1] = 0.0
             noise[:straight, -1, -1] = max(one.rate_std for one in turns) ** 2

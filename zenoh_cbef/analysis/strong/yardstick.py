@@ -16,7 +16,10 @@ Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 _INDICES = (1e-3, 3e-2, 1.0, 30.0)
-"""Tracking indices, acceleration noise in units of range noise per step squared, of models that are always tried."""
+"""Tracking indices, acceleration noise in units of range noise per step squared, of models that are always tried.
+
+Of the largest acceleration that is tried the velocity jumps.
+"""
 
 _TURNS = ((1e-3, 0.1), (3e-2, 1.0))
 """Tracking indices of turns, and by what share of its standard deviation their rate changes in a second."""
@@ -86,7 +89,7 @@ class _Search:
         noises = np.array(sorted({*known.accelerations, *(unit * index for index in _INDICES)}))
         turns = () if rate is None else tuple(Turns(unit * index, rate, share * rate) for index, share in _TURNS)
         extra = 0 if known.bias is None else agents
-        self._models = Models.of(known.dt, noises, self._axes, extra, turns)
+        self._models = Models.of(known.dt, noises, self._axes, extra, turns, jumping=True)
         spread = self._spread(known.covariance)
         mean = np.concatenate([known.mean, np.zeros((runs, len(spread) - known.mean.shape[1]))], axis=1)
         spread = np.broadcast_to(spread, (runs, *spread.shape))
