@@ -123,7 +123,7 @@ class Simulation:
         )
         if not self.plan.sharing.uses_neighbour_ranges:
             none = len(position), 0
-            return Measurement(position, range_, age, np.empty((*none, 3)), np.empty(none))
+            return Measurement(position, range_, age, np.empty((*none, 3)), np.empty(none), step=step)
         delivered = self._delivered(step, 0)
         index = self.neighbours.index
         return Measurement(
@@ -132,6 +132,7 @@ class Simulation:
             age,
             np.where(delivered[:, :, None], position[index], 0.0),
             np.where(delivered, told[index], np.nan),
+            step=step,
         )
 
     def _welcome(self, step: int) -> None:

@@ -19,8 +19,8 @@ def forged(run: str, sender: str, **body) -> bytes:
 
 def attacks(run: str) -> list[tuple[str, bytes]]:
     """Keys and bytes that no process of the run would send."""
-    nan = struct.pack("<29d", *[math.nan] * 29)
-    good = {"k": 1, "l": 1, "payload": b"\0" * 232}
+    nan = struct.pack("<30d", *[math.nan] * 30)
+    good = {"k": 1, "l": 1, "payload": b"\0" * 240}
     bodies = [
         b"",
         b"\xc1",
@@ -30,7 +30,7 @@ def attacks(run: str) -> list[tuple[str, bytes]]:
         forged("another", "agent/1", **good),
         forged(run, "agent/0", **good),
         forged(run, "agent/1", **(good | {"payload": nan})),
-        forged(run, "agent/1", **(good | {"payload": struct.pack("<29d", *[1e200] * 29)})),
+        forged(run, "agent/1", **(good | {"payload": struct.pack("<30d", *[1e200] * 30)})),
         forged(run, "agent/1", **(good | {"payload": b"\0" * 24})),
         forged(run, "agent/1", **(good | {"k": 10**12})),
         forged(run, "agent/1", **(good | {"l": 999})),

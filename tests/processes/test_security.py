@@ -47,7 +47,7 @@ def test_who_has_an_agents_certificate_cannot_change_a_bit_of_another(world, cer
 
         def attack(sequence: int) -> None:
             step, round_ = divmod(sequence, 3)
-            body = {"k": 1 + step % 100, "l": 1 + round_, "payload": bytes(232)}
+            body = {"k": 1 + step % 100, "l": 1 + round_, "payload": bytes(240)}
             intruder.put(f"cbef/{world.run}/agent/1/round", forged(world.run, "agent/1", **body))
             intruder.put(f"cbef/{world.run}/beacon/1", forged(world.run, "target", k=1, emitted=0.0, arrived=1.0))
             # A flood of last words, too: in its own name, and in another's.

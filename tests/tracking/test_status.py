@@ -11,11 +11,12 @@ from zenoh_cbef.simulator import simulate
 from zenoh_cbef.tracking.ranging import Measurement
 from zenoh_cbef.tracking.status import ACQUIRING, COASTING, LOST, STATUSES, TRACKING, Status, status_name
 
+HERE = "filter.reacquire=false"
 SILENT = 'fault=[{kind="sensor-dropout",probability=1.0,from=5.0,until=9.0}]'
 
 
 def runs(*keys: str, seeds: int = 5):
-    one = load("tracking", ["steps=150", *keys]).scenario
+    one = load("tracking", ["steps=150", HERE, *keys]).scenario
     return simulate([one.model_copy(update={"seed": 1 + more}) for more in range(seeds)])
 
 
@@ -121,7 +122,7 @@ def test_the_ways_from_status_to_status():
 
 @pytest.mark.parametrize("forged", [np.inf, -np.inf, np.nan, 1e60, -1e60])
 def test_forged_numbers_make_no_number_that_is_none(forged):
-    plan = load("tracking", ["filter.start=given"]).plan
+    plan = load("tracking", ["filter.start=given", HERE]).plan
     made, belief, none = plan.filter, plan.initial_belief, (np.empty((6, 0, 3)), np.empty((6, 0)))
     for _ in range(10):
         update = made.update(belief, Measurement(np.zeros((6, 3)), np.full(6, 2.0), np.zeros(6), *none))

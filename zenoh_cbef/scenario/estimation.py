@@ -47,6 +47,7 @@ class Filter(Table):
     status: agents of filters that average information say whether they acquire, track, coast, or have lost the target.
     linearise: ranges before they are averaged, each agent its own at its own prior, or their average, of squares, after
     that; auto: after, for filters that can, where priors may be wide.
+    reacquire: a network that was silent for long, or has lost its target, looks for it by another fix.
     """
 
     kind: str = "sicf"
@@ -74,6 +75,7 @@ class Filter(Table):
     start: Literal["auto", "given"] = "auto"
     status: bool = True
     linearise: Literal["auto", "before", "after"] = "auto"
+    reacquire: bool = True
     planar_height: Metres | None = None
     lag_seconds: Seconds = 0.0
     initial_position: EachPosition = None

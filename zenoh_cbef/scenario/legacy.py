@@ -10,6 +10,7 @@ MEANT: dict[tuple[str, str], object] = {
     ("filter", "status"): False,
     ("filter", "agile"): "ncv",
     ("filter", "linearise"): "before",
+    ("filter", "reacquire"): False,
     ("consensus", "isolate"): False,
 }
 """What an absent key of a table stood for when it did not exist yet: so an older log is computed as it was."""

@@ -158,6 +158,9 @@ class Plan:
             recovers=chosen.recovery,
             distrusts=self.distrusts_own,
             says_status=chosen.status and self.abilities.information,
+            reacquires=(window := start.window(scenario, self.settling_steps)),
+            spreading=start.spreading(scenario, window),
+            anywhere=start.anywhere(scenario, self.motion, self.space),
             bias=self.bias,
             likelihoods=trust.rules(scenario) > 1,
             common_bias_std=1.5 * range_std if chosen.bias_common_std is None else chosen.bias_common_std,
@@ -265,16 +268,13 @@ class Plan:
     @cached_property
     def first_fix_steps(self) -> int:
         """How many steps the first fix takes, 0 for none: agents must add up what they know, and not lie."""
-        able = self.abilities.biases and not self.distrusts_others
-        return start.fix_steps(self.scenario, self.settling_steps, self.absences) if able else 0
+        return start.fix_steps(self.scenario, self.settling_steps, self.absences)
 
     @cached_property
     def search(self) -> tuple[Floats, Floats] | None:
         """Where a first fix looks for the target, (1, s) and (1, s, s); None: around the initial estimate."""
-        if start.unknown(self.scenario) or not self.first_fix_steps:
-            return None
-        state, std = (each[self.space.kept] for each in start.search(self.scenario))
-        return begun(self.motion, state[None], np.diag(std**2)[None])
+        told = start.unknown(self.scenario) or not self.first_fix_steps
+        return None if told else start.anywhere(self.scenario, self.motion, self.space)
 
     @cached_property
     def initial_states(self) -> Floats:

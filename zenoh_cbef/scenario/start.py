@@ -7,9 +7,12 @@ import numpy as np
 from zenoh_cbef import streams
 from zenoh_cbef.arrays import Floats
 from zenoh_cbef.faults import Absences
-from zenoh_cbef.scenario import paths
+from zenoh_cbef.scenario import paths, trust
 from zenoh_cbef.scenario.model import Scenario
 from zenoh_cbef.scenario.world import target_start
+from zenoh_cbef.tracking.filters import abilities_of
+from zenoh_cbef.tracking.motion import Motion, begun
+from zenoh_cbef.tracking.ranging import Space
 
 _FARTHEST = 10.0
 """Where a first fix looks for the target: least standard deviation in half diagonals of the box around the agents."""
@@ -37,9 +40,16 @@ def unknown(scenario: Scenario) -> bool:
     return scenario.target.motion == "dataset" and scenario.filter.initial_position is None
 
 
+def _adds_up(scenario: Scenario) -> bool:
+    """Whether what agents know of the target can be added up for a fix, and none of them lies."""
+    return abilities_of(scenario.filter.kind).biases and not trust.suspects(scenario)
+
+
 def fix_steps(scenario: Scenario, settling: int, absences: Absences) -> int:
     """How many steps a first fix takes that needs `settling` of them; 0 where the network begins without one."""
     chosen = scenario.filter
+    if not _adds_up(scenario):
+        return 0
     if unknown(scenario):
         return settling
     alone = scenario.count == 1 or scenario.consensus.rounds == 0
@@ -48,6 +58,20 @@ def fix_steps(scenario: Scenario, settling: int, absences: Absences) -> int:
     # An agent that has lost its memory cannot join a fix that is under way.
     back = any(absences.reborn(step).any() for step in range(1, min(settling, scenario.length) + 1))
     return 0 if back else settling
+
+
+def window(scenario: Scenario, settling: int) -> int:
+    """How many steps a later fix takes where the first one takes `settling`; 0 where there is none."""
+    chosen = scenario.filter
+    alone = scenario.count == 1 or scenario.consensus.rounds == 0
+    asked = chosen.status and chosen.reacquire and _adds_up(scenario)
+    return settling // 2 if asked and not alone else 0
+
+
+def spreading(scenario: Scenario, window: int) -> int:
+    """In how many steps all agents know a decision, whatever the graph, at most half of a window of steps."""
+    steps = 1 + np.ceil((scenario.count - 1) / max(1, scenario.consensus.rounds))
+    return int(min(steps, window // 2))
 
 
 def squared_steps(scenario: Scenario, steps: int) -> int:
@@ -73,9 +97,17 @@ def search(scenario: Scenario) -> tuple[Floats, Floats]:
     same for all agents and for all seeds, as these are one batch.
     """
     low, high = box(scenario)
+    if unknown(scenario):
+        return initial_states(scenario)[0], widened_std(scenario)
     given = initial_std(scenario)
     far = np.full(3, _FARTHEST * max(half_box(scenario), 1e-3))
     return np.concatenate([0.5 * (low + high), np.zeros(3)]), np.concatenate([np.maximum(far, given[0]), given[3:]])
+
+
+def anywhere(scenario: Scenario, motion: Motion, space: Space) -> tuple[Floats, Floats]:
+    """Where a fix looks for the target, as a state of the filter (1, s) with its covariance (1, s, s)."""
+    state, std = (each[space.kept] for each in search(scenario))
+    return begun(motion, state[None], np.diag(std**2)[None])
 
 
 def middle(scenario: Scenario) -> tuple[float, ...]:

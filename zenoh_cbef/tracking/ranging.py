@@ -18,7 +18,8 @@ class Measurement:
     position: (n, 3), the agents, m. range: (n,), m. age: (n,), s, how long before the step's time the beacon was
     emitted (0 for a synchronous target). neighbour_position: (n, m, 3) and neighbour_range: (n, m), as delivered
     by the neighbours this step; filters that use only their own range get them empty (m = 0). range_std: (n,), m,
-    the noise of the own range, where it differs from the filter's setting.
+    the noise of the own range, where it differs from the filter's setting. step: its number, None where that is no
+    matter.
     """
 
     position: Floats
@@ -27,6 +28,7 @@ class Measurement:
     neighbour_position: Floats
     neighbour_range: Floats
     range_std: Floats | None = None
+    step: int | None = None
 
 
 @dataclass(frozen=True)

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
+from zenoh_cbef.arrays import Bools, Floats
 
 STATUSES = ("acquiring", "tracking", "coasting", "lost")
 """What a status is called, by the number that travels and that logs hold."""
@@ -31,6 +29,9 @@ _IMPLAUSIBLE = 0.5 * CUT
 _COASTS = 2.0
 """By what factor the claimed error has grown, for want of ranges, when the network only coasts."""
 
+_ADRIFT = 20.0
+"""By what factor it has grown when a filter may no longer linearise at its estimate."""
+
 _LEARNED = 0.1
 """By how much the claimed error may grow with as many ranges as there are axes: then geometry grows it, not silence."""
 
@@ -44,7 +45,7 @@ class Status:
 
     which: a number as in STATUSES. seconds: how long it has been so, s. steps: since the start. heard: the network's
     ranges since the end of the first fix. misfit, weight: fading sums of the ranges' cut NIS and of their number.
-    reference: the claimed position error, m, when ranges were last enough.
+    spread: the claimed position error, m. reference: what that was when ranges were last enough.
 
         A <- fading mean of min(NIS, 9) over the network's last 120 ranges or so
         r <- min(s, r exp(0.1 (ranges of this step)/axes))       s: root of the trace of the position's covariance
@@ -60,13 +61,35 @@ class Status:
     misfit: Floats
     weight: Floats
     reference: Floats
+    spread: Floats
 
     @classmethod
     def first(cls, count: int) -> Self:
         """Before the first step of so many agents."""
         none = np.zeros(count)
         begun = np.full(count, _BEGUN)
-        return cls(none, none, none, none, begun, begun, np.full(count, np.inf))
+        return cls(none, none, none, none, begun, begun, np.full(count, np.inf), none)
+
+    @property
+    def coasts(self) -> Bools:
+        """Whether ranges that would explain the claimed error are missing, (n,)."""
+        return np.asarray(self.spread > _COASTS * self.reference)
+
+    @property
+    def adrift(self) -> Bools:
+        """Whether the claimed error has grown so far that a filter may no longer linearise at its estimate, (n,)."""
+        return np.asarray(self.spread > _ADRIFT * self.reference)
+
+    def anew(self, rows: Bools) -> Self:
+        """The same, but that some agents (n,) acquire their target again."""
+        begun = vars(type(self).first(len(rows)))
+        kept = {name: getattr(self, name) for name in ("seconds", "steps", "spread")}
+        return type(self)(**{name: np.where(rows, (begun | kept)[name], values) for name, values in vars(self).items()})
+
+    def told(self, rows: Bools, which: float, former: Self, dt: float) -> Self:
+        """The same, but that some agents (n,) say something else. former: the status a step of dt (s) ago."""
+        said = np.where(rows, which, self.which)
+        return replace(self, which=said, seconds=np.where(said == former.which, former.seconds + dt, 0.0))
 
     def after(self, *, heard: Floats, misfit: Floats, spread: Floats, axes: int, fix: int, dt: float) -> Self:
         """A step of dt (s) later.
@@ -78,15 +101,19 @@ class Status:
         fixed = steps > fix
         heard = np.where(fixed, heard, 0.0)
         fades = np.exp(-heard / _MEMORY)
-        total = fades * self.misfit + np.minimum(misfit, CUT * heard)
-        weight = fades * self.weight + heard
-        count, reference = self.heard + heard, np.minimum(spread, reference)
-        settled = fixed & ((self.which != ACQUIRING) | (count >= _FIRST * axes))
-        which = np.where(spread > _COASTS * reference, COASTING, TRACKING)
-        which = np.where(total > _IMPLAUSIBLE * weight, LOST, which)
-        which = np.where(settled, which, ACQUIRING)
-        seconds = np.where(which == self.which, self.seconds + dt, 0.0)
-        return type(self)(which, seconds, steps, count, total, weight, reference)
+        after = replace(
+            self,
+            steps=steps,
+            heard=self.heard + heard,
+            misfit=fades * self.misfit + np.minimum(misfit, CUT * heard),
+            weight=fades * self.weight + heard,
+            reference=np.minimum(spread, reference),
+            spread=spread,
+        )
+        which = np.where(after.coasts, COASTING, TRACKING)
+        which = np.where(after.misfit > _IMPLAUSIBLE * after.weight, LOST, which)
+        settled = fixed & ((self.which != ACQUIRING) | (after.heard >= _FIRST * axes))
+        return replace(after, which=which).told(~settled, ACQUIRING, self, dt)
 
 
 def status_name(number: float | None) -> str | None:

@@ -11,10 +11,10 @@ from zenoh_cbef.tracking.consensus import Consensus
 from zenoh_cbef.tracking.diagnostics import Diagnostics
 from zenoh_cbef.tracking.filters.around.wrapping import resumed
 from zenoh_cbef.tracking.filters.base import Belief, Filter, Update
+from zenoh_cbef.tracking.filters.rows import chosen
 from zenoh_cbef.tracking.isolating import Isolating
 from zenoh_cbef.tracking.moderation import (
     LARGEST,
-    chosen,
     immoderate,
     immoderate_belief,
     is_moderate,

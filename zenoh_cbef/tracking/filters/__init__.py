@@ -13,6 +13,7 @@ from zenoh_cbef.tracking.filters.around.evidence import Evidence
 from zenoh_cbef.tracking.filters.around.imm import InteractingModels
 from zenoh_cbef.tracking.filters.around.knowing import Knowing
 from zenoh_cbef.tracking.filters.around.learned_noise import LearnedNoise
+from zenoh_cbef.tracking.filters.around.reacquiring import Reacquiring
 from zenoh_cbef.tracking.filters.around.recovering import Recovering
 from zenoh_cbef.tracking.filters.around.squared_information import SquaredInformation
 from zenoh_cbef.tracking.filters.around.tried_guess import first_fix
@@ -73,7 +74,8 @@ def sharing_of(kind: str, settings: FilterSettings) -> Sharing:
         biased = BiasedInformation.sharing(settings)
         shared = biased if settings.bias == "estimate" else shared.longer(biased.payload_size + AutoBias.more)
     more = settings.recovers * Recovering.more + settings.distrusts * Distrusting.more
-    return shared.longer(more + settings.says_status * Knowing.more)
+    more += settings.says_status * Knowing.more + (settings.reacquires > 0) * Reacquiring.more
+    return shared.longer(more)
 
 
 def make_filter(kind: str, settings: FilterSettings) -> Filter:
@@ -92,8 +94,12 @@ def make_filter(kind: str, settings: FilterSettings) -> Filter:
     if settings.distrusts:
         chosen = Distrusting(chosen, settings.range_std)
     if settings.first_fix:
-        alone = replace(settings, says_status=False)
+        alone = replace(settings, says_status=False, reacquires=0)
         chosen = first_fix(settings, chosen, xi, sharing_of(kind, alone).payload_size)
     if settings.learns_noise:
         chosen = LearnedNoise(chosen, settings.range_std)
-    return Knowing(chosen, settings) if settings.says_status else chosen
+    if not settings.says_status:
+        return chosen
+    size = sharing_of(kind, replace(settings, reacquires=0)).payload_size
+    known = Knowing(chosen, settings)
+    return Reacquiring.of(settings, known, xi, size) if settings.reacquires else known

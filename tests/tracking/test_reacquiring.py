@@ -1,0 +1,116 @@
+"""A network that was silent, or holds on to a wrong place, finds its target again within seconds of ranges."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from zenoh_cbef.scenario.load import load
+from zenoh_cbef.scenario.plan import Plan
+from zenoh_cbef.scenario.world import make_world
+from zenoh_cbef.simulator import Heard, heard_in, simulate
+from zenoh_cbef.tracking.status import ACQUIRING, COASTING, LOST, TRACKING
+
+
+def runs(*keys: str, seeds: int = 6, steps: int = 400):
+    one = load("tracking", [f"steps={steps}", *keys]).scenario
+    return simulate([one.model_copy(update={"seed": 1001 + more}) for more in range(seeds)])
+
+
+def errors(trace):
+    """Root mean square of the agents' position errors by step, (K,)."""
+    return np.sqrt(np.mean(np.sum((trace.estimates - trace.truth)[:, :, :3] ** 2, axis=2), axis=0))
+
+
+def silence(since: float, until: float) -> str:
+    return f'fault=[{{kind="sensor-dropout",probability=1.0,from={since},until={until}}}]'
+
+
+def test_after_a_long_silence_the_target_is_tracked_within_seconds_of_ranges():
+    found, before = runs(silence(4.0, 34.0)), runs(silence(4.0, 34.0), "filter.reacquire=false")
+    for trace in found:
+        status = trace.diagnostics.status
+        assert (status[:, 100:339] == COASTING).all()
+        assert (status[:, 370:] == TRACKING).all(), "within 3 s"
+        assert errors(trace)[370:].max() < 1.0
+    # The filter alone takes its first ranges at a wrong place.
+    late = [np.max([errors(trace)[370:].max() for trace in traces]) for traces in (found, before)]
+    assert late[0] < 0.5 * late[1]
+
+
+def test_a_network_that_holds_on_to_a_wrong_place_begins_again():
+    wrong = "filter.start=given", "filter.initial_position=[30,-30,10]", "filter.acceleration_std=0.01"
+    held, found = runs(*wrong, "filter.reacquire=false", steps=150), runs(*wrong, steps=150)
+    # They are the same until there is another fix.
+    assert any((trace.diagnostics.status[:, :30] == LOST).any() for trace in found)
+    assert np.median([errors(trace)[100] for trace in held]) > 1.0
+    for trace in found:
+        assert trace.diagnostics.status[0, 100] == TRACKING
+        assert errors(trace)[85:100].max() < 1.0
+
+
+def test_a_silence_that_the_filter_bridges_is_no_reason_for_another_fix():
+    brief = silence(5.0, 7.0)
+    for one, other in zip(runs(brief, steps=100), runs(brief, "filter.reacquire=false", steps=100), strict=True):
+        assert (one.diagnostics.status[:, 50:] != ACQUIRING).all()
+        np.testing.assert_allclose(one.estimates, other.estimates, atol=1e-9)
+
+
+def test_an_agent_that_was_cut_off_does_not_make_the_others_begin_again():
+    [trace] = runs('fault=[{kind="partition",links="agent:0",from=5.0,until=25.0}]', seeds=1, steps=300)
+    status = trace.diagnostics.status
+    assert (status[1:, 30:] == TRACKING).all()
+    assert (status[0, 100:249] == COASTING).all()
+    assert (status[0, 280:] == TRACKING).all()
+
+
+BIASED = ("sensor.bias=0.3", "filter.bias=estimate")
+
+
+def test_biases_are_still_known_after_another_fix():
+    for trace in runs(silence(20.0, 40.0), *BIASED, steps=440, seeds=3):
+        bias = trace.diagnostics.bias
+        assert (trace.diagnostics.status[:, 410] == ACQUIRING).any()
+        np.testing.assert_allclose(bias[:, 425], bias[:, 195], atol=0.1)
+
+
+@pytest.mark.parametrize(
+    "keys",
+    [
+        (),
+        BIASED,
+        ("sensor.bias=0.3", "filter.bias=auto", "filter.recovery=true", "filter.distrust=true"),
+        ("filter.motion=imm", "filter.range_std=auto"),
+        ("filter.planar_height=0.0", "target.velocity=[0.5,0.3,0.0]", "filter.start=given"),
+        ("consensus.acceleration=chebyshev", "consensus.rounds=4"),
+        ("consensus.scheme=running-sums",),
+    ],
+)
+def test_whatever_stands_around_the_filter_a_batch_and_each_run_alone_give_the_same_bits(keys):
+    """Runs of one batch search at different times: one is lost from the start, both are silent later."""
+    both = silence(4.0, 16.0), *keys
+    wide = ["steps=195", "filter.initial_position_std=3.0", *both]
+    scenarios = [load("tracking", [*wide, f"seed={seed}"]).scenario for seed in (1001, 1007)]
+    heard = []
+    for number, one in enumerate(scenarios):
+        plan = Plan(one)
+        told = heard_in(plan, make_world(one))
+        ranges = told.ranges.copy()
+        ranges[:, 120 : 150 + 10 * number] = np.nan if number else ranges[:, 120:150]
+        heard.append(Heard(told.positions, ranges, told.age))
+    together = simulate(scenarios, heard=heard, keep_payloads=True)
+    for one, told, expected in zip(scenarios, heard, together, strict=True):
+        [alone] = simulate([one], heard=[told], keep_payloads=True)
+        assert alone.estimates.tobytes() == expected.estimates.tobytes()
+        assert alone.payloads.tobytes() == expected.payloads.tobytes()
+        assert alone.diagnostics.status.tobytes() == expected.diagnostics.status.tobytes()
+        assert (expected.diagnostics.status[:, 160:] == ACQUIRING).any(axis=1).all()
+        assert np.isfinite(expected.estimates).all()
+
+
+def test_where_agents_lie_or_keep_to_themselves_there_is_no_other_fix():
+    lying = 'fault=[{kind="byzantine",mode="constant",magnitude=5.0,agents=[3]}]'
+    for keys in ([lying], ["consensus.rounds=0"], ["agents.count=1"], ["filter.kind=ci"], ["filter.status=false"]):
+        assert load("tracking", keys).plan.settings.reacquires == 0
+    assert load("tracking").plan.settings.reacquires == 10
+    assert load("tracking", ["consensus.rounds=1", "agents.count=5"]).plan.settings.spreading == 5

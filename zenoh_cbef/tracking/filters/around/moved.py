@@ -1,0 +1,39 @@
+"""A filter's belief moved to another place, with what it has learned of receivers."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from zenoh_cbef.tracking.filters.around.auto_bias import AutoBias
+from zenoh_cbef.tracking.filters.around.biased_information import BiasedInformation
+from zenoh_cbef.tracking.filters.around.imm import InteractingModels
+from zenoh_cbef.tracking.filters.around.recovering import Recovering
+from zenoh_cbef.tracking.filters.around.wrapping import Wrapping
+from zenoh_cbef.tracking.filters.base import Belief, Filter
+
+
+def moved(chosen: Filter, belief: Belief, place: Belief) -> Belief:
+    """A belief of `chosen` with the state and covariance of another one.
+
+    Biases, learned noise, distrust, and how far biases are relied on stay; motions are as likely as at the start.
+    """
+    there = replace(belief, state=place.state, covariance=place.covariance)
+    if isinstance(chosen, Recovering):
+        return moved(chosen.filter, belief, place)
+    if isinstance(chosen, Wrapping):
+        return replace(there, parts=(moved(chosen.filter, belief.parts[0], place),))
+    if isinstance(chosen, AutoBias):
+        plain, biased = belief.parts
+        return replace(there, parts=(moved(chosen.plain, plain, place), moved(chosen.biased, biased, place)))
+    if isinstance(chosen, BiasedInformation):
+        state, covariance, own, own_variance, cross = (np.array(each) for each in belief.memory)
+        state[:, :-1], cross[:, :-1] = place.state, 0.0
+        covariance[:, :-1] = covariance[:, :, :-1] = 0.0
+        covariance[:, :-1, :-1] = place.known_covariance
+        return replace(there, memory=(state, covariance, own, own_variance, cross))
+    if isinstance(chosen, InteractingModels):
+        chance, parts = chosen.switching.begun(place.state, place.known_covariance)
+        return replace(there, memory=(chance,), parts=tuple(Belief(*one) for one in parts))
+    return there

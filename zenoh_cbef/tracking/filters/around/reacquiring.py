@@ -1,0 +1,272 @@
+"""A network that was silent for long, or has lost its target, looks for it again: with another fix."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from zenoh_cbef.tracking.diagnostics import Bools
+from zenoh_cbef.tracking.filters.around.first_fix import FirstFix
+from zenoh_cbef.tracking.filters.around.knowing import Knowing
+from zenoh_cbef.tracking.filters.around.moved import moved
+from zenoh_cbef.tracking.filters.around.wrapping import Wrapping
+from zenoh_cbef.tracking.filters.base import Belief, Floats, Update
+from zenoh_cbef.tracking.filters.information_form import packed_size, predict
+from zenoh_cbef.tracking.filters.rows import chosen
+from zenoh_cbef.tracking.filters.settings import FilterSettings
+from zenoh_cbef.tracking.linalg import pack_upper
+from zenoh_cbef.tracking.ranging import Measurement
+from zenoh_cbef.tracking.status import ACQUIRING, COASTING, LOST, Status
+
+_SQUARED, _REFINED = 1e6, 2e6
+"""What agents in the two parts of a fix put where others vote with 0 or 1: an average tells a mixture."""
+
+_PATIENCE = 3.0
+"""For how many windows the target is lost before the network begins again: outliers come in bursts."""
+
+_SQUARED_SHARE = 5
+"""What part of a fix is on squared ranges."""
+
+_MOST = 0.5
+"""Which share of the agents has to want a fix."""
+
+_WINDOWS = 2.0
+"""At the end of how many windows an agent may no longer coast until it is not adrift any more."""
+
+_ANY = 1e-9
+"""More than rounding leaves of an average of zeros."""
+
+
+@dataclass(frozen=True)
+class Search:
+    """How far an agent is with looking for its target again, arrays (n, ...).
+
+    step: the step. doing: 0 the filter, otherwise a part of a fix. vote: whether the network wants a fix. adrift: above
+    0 where the agent has coasted too far to go on. place: its estimate without the ranges since then, prior: what a fix
+    starts from, fix: the latest iteration; state and covariance each. correction: what that one changed. positions,
+    ages, ranges: of the last steps.
+    """
+
+    step: Floats
+    doing: Floats
+    vote: Floats
+    adrift: Floats
+    place: Floats
+    place_covariance: Floats
+    prior: Floats
+    prior_covariance: Floats
+    fix: Floats
+    fix_covariance: Floats
+    correction: Floats
+    positions: Floats
+    ages: Floats
+    ranges: Floats
+
+    @property
+    def fixing(self) -> Bools:
+        """Which agents are in a fix, (n,)."""
+        return np.asarray(self.doing > 0.0)
+
+
+@dataclass(frozen=True)
+class Reacquiring(Wrapping):
+    """Any filter that knows what its estimate is, and least squares on the latest ranges where that is too little.
+
+    A filter linearises at its estimate. After a long silence that is far off, as it is when the target is lost; the
+    covariance then gets too small at a wrong place, and the filter stays there. So agents keep the ranges of the last
+    2 W steps, and look for the target as in a first fix, on squared ranges for W/5 steps and by Gauss-Newton for the
+    rest of W, if more than half of them want to: those that have coasted until the claimed error was twenty times the
+    usual one and hear ranges again, and those that have lost the target for 3 W steps. The former start from where they
+    have coasted to, with the covariance that they have then, the latter from anywhere.
+
+    All have to begin in the same step, or payloads of two kinds would be averaged. So a fix begins after a step that W
+    divides. One number more in a payload agrees upon that: at first in every W steps the agents' wishes, of which more
+    than half decide; in the last of them whether the decision is known, so that it spreads to all; in a fix a number
+    that marks its part. An agent whose average shows that others do something else goes on
+    by prediction in this step.
+
+    window: W. anywhere: where the target may be if nothing is known, state (1, s) and covariance (1, s, s), the same
+    for all agents.
+    """
+
+    settings: FilterSettings
+    squares: FirstFix
+    refines: FirstFix
+    window: int
+    anywhere: tuple[Floats, Floats]
+
+    more = 1
+
+    @classmethod
+    def of(cls, settings: FilterSettings, around: Knowing, xi: float, payload_size: int) -> Reacquiring:
+        """Around a filter that says its status. payload_size: of that filter."""
+        fix = replace(
+            FirstFix.of(settings, around, xi, payload_size), steps=np.iinfo(np.int64).max, search=settings.anywhere
+        )
+        squares, refines = replace(fix, squared=np.iinfo(np.int64).max), replace(fix, squared=0)
+        if settings.anywhere is None:
+            raise ValueError("a filter that looks for its target again has to know where that may be")
+        return cls(around, settings, squares, refines, settings.reacquires, settings.anywhere)
+
+    def update(self, belief: Belief, measurement: Measurement) -> Update:
+        """The filter's update, or that of a fix, and the vote."""
+        inner = belief.parts[0] if belief.parts else belief
+        search = Search(*belief.memory) if belief.memory else self._begun(inner)
+        step = search.step + 1.0 if measurement.step is None else np.full(len(search.step), float(measurement.step))
+        search, heard = replace(search, step=step), self._unbiased(belief, measurement)
+        update, known = self.filter.update(inner, measurement), inner.status or Status.first(len(step))
+        wants = self._wants(search, known, np.isfinite(heard.range))
+        vote = np.where(self._decides(step), wants, search.vote)
+        payload, search = self._fixing(update.payload, search, heard)
+        tag = np.where(search.fixing, search.doing, np.where(known.which == ACQUIRING, 0.0, vote))
+        payload = np.concatenate([payload, tag[:, None]], axis=1)
+        return Update(payload, update.diagnostics, tuple(vars(search).values()), (update,))
+
+    def conclude(self, payload: Floats, update: Update) -> Belief:
+        """The filter's belief, or the fix so far."""
+        search, before = Search(*update.kept), update.parts[0]
+        tag, average = update.payload[:, -1], np.nan_to_num(payload[:, -1])
+        apart = np.where(search.fixing, np.abs(average - tag) > _ANY * tag, np.abs(average) > 2.0)
+        # Where others do something else nothing that was averaged is of use: as if nothing had been heard.
+        alone = search.fixing | apart
+        mixed = np.where(alone[:, None], before.payload, payload[:, : -self.more])
+        inner = self.filter.conclude(np.ascontiguousarray(mixed), before)
+        if search.fixing.any():
+            search = self._concluded(search, payload, update, apart)
+        return self._turned(inner, search, before, average, apart)
+
+    def _decides(self, step: Floats) -> Bools:
+        """Whether this is a step in which agents tell their wishes; in the others the decision spreads."""
+        place = step % self.window
+        return np.asarray((place > 0.0) & (place <= self.window - self.settings.spreading))
+
+    def _begun(self, belief: Belief) -> Search:
+        (count, size), kept = belief.state.shape, 2 * self.window
+        none, nowhere = np.zeros(count), (np.zeros((count, size)), np.zeros((count, size, size)))
+        return Search(
+            *(none, none, none, none),
+            *(belief.state, belief.known_covariance),
+            *(*nowhere, *nowhere, nowhere[0]),
+            np.zeros((count, kept, 3)),
+            np.zeros((count, kept)),
+            np.full((count, kept), np.nan),
+        )
+
+    def _unbiased(self, belief: Belief, measurement: Measurement) -> Measurement:
+        """Without the bias of the ranges, as far as it is relied on."""
+        if belief.bias is None:
+            return measurement
+        return replace(measurement, range=measurement.range - belief.bias.weight * belief.bias.value)
+
+    def _wants(self, search: Search, known: Status, heard: Bools) -> Floats:
+        lately = heard | np.isfinite(search.ranges[:, -self.window :]).any(axis=1)
+        lost = (known.which == LOST) & (known.seconds >= _PATIENCE * self.window * self.settings.motion.dt)
+        return np.where((search.adrift > 0.0) & lately | lost, 1.0, 0.0)
+
+    def _fixing(self, payload: Floats, search: Search, heard: Measurement) -> tuple[Floats, Search]:
+        """The payload of those in a fix, and what that leaves; for all others the ranges of this step."""
+        if not search.fixing.any():
+            seen = (
+                np.concatenate([search.positions, heard.position[:, None]], axis=1),
+                np.concatenate([search.ages + self.settings.motion.dt, heard.age[:, None]], axis=1),
+                np.concatenate([search.ranges, heard.range[:, None]], axis=1),
+            )
+        else:
+            belief = self._iterate(search)
+            squared, refined = self.squares.update(belief, heard), self.refines.update(belief, heard)
+            payload = _pick(search.doing == _SQUARED, squared.payload, payload)
+            payload = _pick(search.doing == _REFINED, refined.payload, payload)
+            prior, prior_covariance, *found, predicted = refined.kept
+            search = replace(search, prior=prior, prior_covariance=prior_covariance, correction=predicted)
+            seen = found[0], found[1], found[2]
+        return payload, replace(search, positions=seen[0], ages=seen[1], ranges=seen[2])
+
+    def _iterate(self, search: Search) -> Belief:
+        """The fix so far; for agents that are in none, whose result is not used, their estimate."""
+        place = search.place, search.place_covariance
+        prior, fix = (search.prior, search.prior_covariance), (search.fix, search.fix_covariance)
+        (prior_state, prior_covariance), (state, covariance) = (
+            tuple(_pick(search.fixing, *pair) for pair in zip(one, place, strict=True)) for one in (prior, fix)
+        )
+        seen = search.positions, search.ages, search.ranges
+        return Belief(state, covariance, memory=(prior_state, prior_covariance, *seen, search.correction))
+
+    def _concluded(self, search: Search, payload: Floats, update: Update, apart: Bools) -> Search:
+        """The fix after this step; `correction` comes as what was predicted."""
+        kept = search.prior, search.prior_covariance, search.positions, search.ages, search.ranges, search.correction
+        square = search.doing == _SQUARED
+
+        def concluded(fix: FirstFix, rows: Bools, size: int) -> Belief:
+            # Of agents that do something else a sound payload, whose result is not used.
+            sound = np.zeros(fix.payload_size)
+            sound[size : packed_size(size)] = pack_upper(np.eye(size)[None])[0]
+            own, mixed = (_pick(rows, one[:, : len(sound)], sound[None]) for one in (update.payload, payload))
+            return fix.conclude(mixed, Update(own, update.diagnostics, kept))
+
+        squared = concluded(self.squares, square, self.settings.space.axes + 2)
+        refined = concluded(self.refines, search.doing == _REFINED, self.settings.motion.size)
+        state = _pick(square, squared.state, refined.state)
+        covariance = _pick(square, squared.known_covariance, refined.known_covariance)
+        ahead = predict(self.settings.motion, Belief(search.fix, search.fix_covariance))
+        state, covariance = _pick(apart, ahead[0], state), _pick(apart, ahead[1], covariance)
+        return replace(search, fix=state, fix_covariance=covariance, correction=state - search.correction)
+
+    def _turned(self, inner: Belief, search: Search, before: Update, average: Floats, apart: Bools) -> Belief:
+        """What agents say in this step, and do from the next one on."""
+        former, fixing = Status(*before.kept), search.fixing
+        status = inner.status or former
+        settled = ~fixing & (status.which != ACQUIRING)
+        wanted = np.abs(average) > np.where(self._decides(search.step), _MOST, _ANY)
+        search = self._left_behind(search, inner)
+        place = search.step % self.window
+        ends = place == 0.0
+        vote = ~fixing & (settled & ~apart & wanted | (search.vote > 0.0))
+        begins, done = ends & vote, ends & fixing
+        search = self._started(search, begins)
+        adrift = np.where(settled, np.where(status.adrift, _WINDOWS, search.adrift), 0.0)
+        # An agent that was alone in its wish has its neighbours' estimate by now.
+        adrift = np.where(begins, 0.0, adrift - (ends & ~status.coasts & (adrift > 0.0)))
+        halfway = fixing & (place == self.window // _SQUARED_SHARE)
+        doing = np.where(begins, _SQUARED, np.where(halfway, _REFINED, np.where(done, 0.0, search.doing)))
+        search = replace(search, doing=doing, vote=np.where(vote & ~ends, 1.0, 0.0), adrift=adrift)
+        if done.any():
+            inner = chosen(inner, moved(self.filter, inner, Belief(search.fix, search.fix_covariance)), done)
+        # Adrift: what the filter makes of the first ranges after a long silence is not to be trusted.
+        status = status.anew(begins | fixing).told(adrift > 0.0, COASTING, former, self.settings.motion.dt)
+        inner = replace(inner, status=status)
+        state = _pick(fixing, search.fix, inner.state)
+        covariance = _pick(fixing, search.fix_covariance, inner.known_covariance)
+        return Belief(state, covariance, inner.bias, tuple(vars(search).values()), (inner,), status)
+
+    def _left_behind(self, search: Search, inner: Belief) -> Search:
+        """Where agents that are adrift have coasted to without the ranges since, and the ranges without the oldest."""
+        ahead = predict(self.settings.motion, Belief(search.place, search.place_covariance))
+        adrift = search.adrift > 0.0
+        return replace(
+            search,
+            place=_pick(adrift, ahead[0], inner.state),
+            place_covariance=_pick(adrift, ahead[1], inner.known_covariance),
+            positions=search.positions[:, 1:],
+            ages=search.ages[:, 1:],
+            ranges=search.ranges[:, 1:],
+        )
+
+    def _started(self, search: Search, begins: Bools) -> Search:
+        """A fix from where agents have coasted to, or from anywhere, for those that begin one."""
+        adrift = search.adrift > 0.0
+        anywhere = (np.broadcast_to(each, (len(begins), *each.shape[1:])) for each in self.anywhere)
+        pairs = zip((search.place, search.place_covariance), anywhere, strict=True)
+        state, covariance = (_pick(begins & adrift, *pair) for pair in pairs)
+        return replace(
+            search,
+            prior=_pick(begins, state, search.prior),
+            prior_covariance=_pick(begins, covariance, search.prior_covariance),
+            fix=_pick(begins, state, search.fix),
+            fix_covariance=_pick(begins, covariance, search.fix_covariance),
+            correction=_pick(begins, np.zeros_like(state), search.correction),
+        )
+
+
+def _pick(rows: Bools, first: Floats, second: Floats) -> Floats:
+    return np.where(rows.reshape(-1, *(1,) * (second.ndim - 1)), first, second)
