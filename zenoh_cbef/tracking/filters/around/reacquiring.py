@@ -12,7 +12,7 @@ from zenoh_cbef.tracking.filters.around.knowing import Knowing
 from zenoh_cbef.tracking.filters.around.moved import moved
 from zenoh_cbef.tracking.filters.around.wrapping import Wrapping
 from zenoh_cbef.tracking.filters.base import Belief, Floats, Update
-from zenoh_cbef.tracking.filters.information_form import packed_size, predict
+from zenoh_cbef.tracking.filters.information_form import packed_size, predict, unchanged
 from zenoh_cbef.tracking.filters.rows import chosen
 from zenoh_cbef.tracking.filters.settings import FilterSettings
 from zenoh_cbef.tracking.linalg import pack_upper
@@ -128,7 +128,8 @@ class Reacquiring(Wrapping):
         search, before = Search(*update.kept), update.parts[0]
         tag, average = update.payload[:, -1], np.nan_to_num(payload[:, -1])
         apart = np.where(search.fixing, np.abs(average - tag) > _ANY * tag, np.abs(average) > 2.0)
-        # Where others do something else nothing that was averaged is of use: as if nothing had been heard.
+        apart |= unchanged(payload[:, : -self.more], update.payload[:, : -self.more])
+        # Where others do something else nothing that was averaged is of use: as if no neighbour had been heard.
         alone = search.fixing | apart
         mixed = np.where(alone[:, None], before.payload, payload[:, : -self.more])
         inner = self.filter.conclude(np.ascontiguousarray(mixed), before)
