@@ -102,6 +102,8 @@ def test_whatever_stands_around_the_filter_a_batch_and_each_run_alone_give_the_s
     for one, told, expected in zip(scenarios, heard, together, strict=True):
         [alone] = simulate([one], heard=[told], keep_payloads=True)
         assert alone.estimates.tobytes() == expected.estimates.tobytes()
+        assert alone.payloads is not None
+        assert expected.payloads is not None
         assert alone.payloads.tobytes() == expected.payloads.tobytes()
         assert alone.diagnostics.status.tobytes() == expected.diagnostics.status.tobytes()
         assert (expected.diagnostics.status[:, 160:] == ACQUIRING).any(axis=1).all()
