@@ -55,7 +55,6 @@ def joint_centralized(
     return states, covariances
 
 
-@np.errstate(invalid="ignore")  # a first fix looks whether what it averaged is an information matrix
 def _first_fix(settings: FilterSettings, xi: float, fix: Belief, step: Ranges) -> tuple[Belief, Update]:
     runs, agents = step.range.shape
     rows = runs * agents

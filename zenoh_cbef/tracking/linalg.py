@@ -3,19 +3,11 @@
 from __future__ import annotations
 
 from functools import cache
-from math import isnan
 
 import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
-
-# What NumPy's functions call after a dozen checks, which take longer than matrices of six by six; the bits are the
-# same. NumPy promises the functions alone, so they stand in where it keeps its kernels elsewhere.
-_KERNELS = getattr(np.linalg, "_umath_linalg", None)
-_inv = getattr(_KERNELS, "inv", np.linalg.inv)
-_cholesky = getattr(_KERNELS, "cholesky_lo", np.linalg.cholesky)
 
 
 def matvec(matrix: Floats, vector: Floats) -> Floats:
@@ -33,15 +25,8 @@ def inverse(matrices: Floats) -> Floats:
 
     Raises LinAlgError where one is singular.
     """
-    inverted = _inv(matrices)
-    if isnan(np.add.reduce(inverted, axis=None)):
-        np.linalg.inv(matrices)  # raises, unless NaN was in them
+    inverted = np.linalg.inv(matrices)
     return np.asarray(0.5 * (inverted + inverted.swapaxes(-1, -2)))
-
-
-def positive_definite(matrices: Floats) -> Bools:
-    """Which symmetric matrices (n, s, s) have a Cholesky factor: (n,). May raise LinAlgError where one has none."""
-    return np.asarray(_cholesky(matrices)[:, 0, 0] > 0.0)
 
 
 def neighbour_sum(terms: Floats) -> Floats:
