@@ -1,6 +1,7 @@
 """Runs are found as long as their targets live, however these end."""
 
 import json
+import os
 import shutil
 import signal
 import subprocess
@@ -154,3 +155,20 @@ def test_several_runs_are_named():
         with pytest.raises(UserError, match="there is elsewhere, one"):
             find_run(None)
         process.stdin.close()
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root can act as another user")
+def test_the_run_of_another_user_is_named_and_not_taken(monkeypatch, tmp_path):
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    monkeypatch.delenv("XDG_RUNTIME_DIR")
+    with registered("theirs", ["tcp/127.0.0.1:1"]):
+        (place,) = tmp_path.glob("zenoh-cbef-*/theirs.json")
+        os.chown(place, 65534, -1)
+        assert known_runs() == {}
+        for name in (None, "theirs"):
+            with pytest.raises(UserError, match="'theirs' of user nobody, not yours"):
+                find_run(name)
+        with pytest.raises(UserError, match="no run 'mine' goes on"):
+            find_run("mine")
+        with registered("mine", []):
+            assert find_run(None).name == "mine"

@@ -12,6 +12,7 @@ from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from pwd import getpwuid
 from typing import IO
 
 from zenoh_cbef.errors import UserError
@@ -20,6 +21,7 @@ from zenoh_cbef.plain import read_json
 
 _LONGEST = 1 << 16
 """Characters of a file here: endpoints, sessions and a folder."""
+_OTHERS = "zenoh-cbef-*/*.json"
 
 
 @dataclass(frozen=True)
@@ -67,7 +69,7 @@ def registered(run: str, endpoints: Sequence[str], *, launched: bool = False) ->
     path = _folder() / f"{run}.json"
     with ExitStack() as held:
         with suppress(OSError):
-            path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+            path.parent.mkdir(mode=0o755, parents=True, exist_ok=True)  # others may know which runs are on
             unseen = path.with_suffix(f".{os.getpid()}")
             file = held.enter_context(unseen.open("w"))
             # However the process ends, the lock ends with it. No program sees the file without.
@@ -85,10 +87,24 @@ def known_runs() -> dict[str, KnownRun]:
     found: dict[str, KnownRun] = {}
     for path in sorted(_folder().glob("*.json")):
         with suppress(OSError, ValueError, TypeError, KeyError), path.open() as file:
-            if _held(file):
+            if os.fstat(file.fileno()).st_uid != os.getuid():
+                continue
+            if _locked(file):
                 found[path.stem] = _read(path.stem, file)
             else:
                 path.unlink()  # Its target was killed.
+    return found
+
+
+def others_runs() -> dict[str, str]:
+    """The runs of other users of this host, as far as this one may see them: the user of each, by the run's name."""
+    found: dict[str, str] = {}
+    places = [*Path(tempfile.gettempdir()).glob(_OTHERS), *Path("/run/user").glob(f"*/{_OTHERS}")]
+    for place in places:
+        with suppress(OSError, KeyError), place.open() as file:
+            owner = os.fstat(file.fileno()).st_uid
+            if owner != os.getuid() and _locked(file):
+                found[place.stem] = getpwuid(owner).pw_name
     return found
 
 
@@ -108,10 +124,8 @@ def _read(name: str, file: IO[str]) -> KnownRun:
     )
 
 
-def _held(file: IO[str]) -> bool:
-    """Whether the process of this user that wrote a file still lives."""
-    if os.fstat(file.fileno()).st_uid != os.getuid():
-        return False
+def _locked(file: IO[str]) -> bool:
+    """Whether the process that wrote a file still lives."""
     try:
         fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
     except BlockingIOError:
@@ -125,6 +139,11 @@ def find_run(run: str | None) -> KnownRun:
     if run is None and len(runs) == 1:
         return next(iter(runs.values()))
     there = f"there is {', '.join(runs)}" if runs else "there is none"
+    lacking = not runs if run is None else run not in runs
+    others = {name: user for name, user in others_runs().items() if run in {None, name}} if lacking else {}
+    if others:
+        named = ", ".join(f"{name!r} of user {user}" for name, user in others.items())
+        raise UserError(f"on this host there is run {named}, not yours; ask its user for the --connect of it")
     if run is None and runs:
         raise UserError(f"on this host {there}; say which run with --run")
     if run is None:
