@@ -1,0 +1,42 @@
+"""Agents that know the target's endpoint alone link along the graph, and to no other process: counted from sockets."""
+
+import subprocess
+import time
+
+import numpy as np
+
+from tests.netlab.conftest import AGENTS
+from zenoh_cbef.scenario.load import load
+
+REALTIME = ["timing.mode=realtime", "dt=0.1"]
+
+
+def counted(lab) -> list[int]:
+    """The links of each agent's host, on which there is no other process."""
+    words = ["ss", "-tnH", "state", "established"]
+    hosts = [lab.command(f"a{agent}", words) for agent in range(AGENTS)]
+    return [len(subprocess.run(one, capture_output=True, text=True, check=True).stdout.splitlines()) for one in hosts]
+
+
+def settled(lab, wanted: list[int]) -> list[int]:
+    until = time.monotonic() + 30
+    while (found := counted(lab)) != wanted and time.monotonic() < until:
+        time.sleep(0.2)
+    return found
+
+
+def test_links_are_those_of_the_graph_also_when_agents_leave_and_come_back(site, lab):
+    run = site("peers")
+    everywhere = f"{run.scheme}/0.0.0.0:0"
+    own = run.endpoint
+    run.endpoint = lambda host: own(host) if host in {"target", "record"} else everywhere
+    run.start(*REALTIME, steps=250)
+    degrees = np.bincount(load("tracking", []).plan.edges.ravel(), minlength=AGENTS)
+    wanted = [int(degree) + 2 for degree in degrees]
+    run.wait_until_recorded()
+    assert settled(lab, wanted) == wanted
+    for agent in (2, 5):
+        lab.kill(f"a{agent}")
+        run.start_agent(agent)
+    assert settled(lab, wanted) == wanted
+    run.finish()
