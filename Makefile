@@ -17,7 +17,9 @@ help:  ## what can be made
 demo: install  ## run the default scenario, and say where log and report are
 	$(BIN)/zenoh-cbef run tracking
 
-test: install lint types unit  ## lint, types, tests
+# Types are checked while tests run, many of which wait.
+test: install lint  ## lint, types, tests
+	@$(MAKE) --no-print-directory -j 2 types unit
 
 install: $(READY)  ## .venv with the project, its report and its tools, at the versions of constraints.txt
 
@@ -38,7 +40,7 @@ types: install  ## mypy, strict
 
 # A file's tests stay with one worker, as they share runs.
 unit: install  ## all tests; one worker more than there are cores, as many tests wait
-	$(BIN)/pytest -n $(WORKERS) --dist loadfile
+	$(BIN)/pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder
 
 fast: install  ## the tests that start no process
 	$(BIN)/pytest -n $(CORES) --dist loadfile -m "not processes"

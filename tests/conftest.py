@@ -1,6 +1,7 @@
 """Which tests start processes or open sessions: `make fast` leaves these out."""
 
 import signal
+from collections import Counter
 from functools import cache
 from pathlib import Path
 
@@ -33,7 +34,11 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
     return True if config.option.markexpr == "not processes" and has_processes(collection_path) else None
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     for item in items:
         if has_processes(item.path):
             item.add_marker(pytest.mark.processes)
+    if hasattr(config, "workerinput"):
+        # Files that wait long come first, and those that end a worker's work are short.
+        many = Counter(item.path for item in items)
+        items.sort(key=lambda item: (not has_processes(item.path), -many[item.path]))
