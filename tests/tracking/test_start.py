@@ -53,6 +53,28 @@ def test_all_agents_look_for_the_target_in_the_same_place_whatever_the_seed():
         np.testing.assert_array_equal(first, second)
 
 
+@pytest.mark.parametrize("guess", [(), WRONG])
+def test_a_first_fix_among_outliers_tells_them_from_ranges(guess):
+    """Each third range is too long by metres. With fewer squared steps (the second rules) these seeds keep to them."""
+    worst = []
+    for rules in (3, 2):
+        keys = ["sensor.outlier_probability=0.3", "steps=20", f"filter.defaults={rules}", *guess]
+        traces = simulate([load("outliers", [*keys, f"seed={seed}"]).scenario for seed in (19, 23, 100, 108, 123)])
+        worst.append(max(np.linalg.norm((one.estimates[:, -1] - one.truth[-1])[:, :3], axis=1).max() for one in traces))
+    assert worst[0] < 1.0 < worst[1]
+
+
+def test_the_first_fix_ends_as_the_filter_goes_on():
+    """Pulls that fall again make the fix among outliers twice as good as bounded ones, and sure of the right thing."""
+    found = {}
+    for saturation in ("bounded", "redescending"):
+        keys = ["sensor.outlier_probability=0.3", "steps=20", f"filter.saturation={saturation}"]
+        traces = simulate([load("outliers", [*keys, f"seed={seed}"]).scenario for seed in range(1, 21)])
+        off = np.stack([(one.estimates[:, -1] - one.truth[-1])[:, :3] for one in traces])
+        found[saturation] = np.median(np.linalg.norm(off, axis=2))
+    assert found["redescending"] < 0.7 * found["bounded"]
+
+
 @pytest.mark.parametrize(
     "kept",
     [

@@ -167,6 +167,7 @@ class Plan:
             own_bias_std=0.15 * range_std if chosen.bias_own_std is None else chosen.bias_own_std,
             learns_noise=chosen.range_std == "auto",
             first_fix=self.first_fix_steps,
+            ending=self.power if start.among_outliers(scenario) else 1,
             squared_fix=start.squared_steps(scenario, self.first_fix_steps),
             tries_guess=self.search is not None and start.tries_guess(scenario),
             search=self.search,
@@ -262,8 +263,7 @@ class Plan:
     @cached_property
     def settling_steps(self) -> int:
         """After how many steps a network has found its target: at least 20, and about five ranges of every agent."""
-        interval = self.scenario.filter.acceleration_interval or self.scenario.dt
-        return max(20, int(np.ceil(5.0 * interval / self.scenario.dt)))
+        return start.settling_steps(self.scenario)
 
     @cached_property
     def first_fix_steps(self) -> int:

@@ -45,6 +45,12 @@ def _adds_up(scenario: Scenario) -> bool:
     return abilities_of(scenario.filter.kind).biases and not trust.suspects(scenario)
 
 
+def settling_steps(scenario: Scenario) -> int:
+    """After how many steps a network has found its target: at least 20, and about five ranges of every agent."""
+    interval = scenario.filter.acceleration_interval or scenario.dt
+    return max(20, int(np.ceil(5.0 * interval / scenario.dt)))
+
+
 def fix_steps(scenario: Scenario, settling: int, absences: Absences) -> int:
     """How many steps a first fix takes that needs `settling` of them; 0 where the network begins without one."""
     chosen = scenario.filter
@@ -77,17 +83,22 @@ def spreading(scenario: Scenario, window: int) -> int:
 def squared_steps(scenario: Scenario, steps: int) -> int:
     """How many steps of a first fix are on squared ranges: half, or as few as give every unknown a range."""
     half = steps // 2
-    if scenario.target.motion == "dataset":
+    if scenario.target.motion == "dataset" or among_outliers(scenario):
         return half
     unknowns = 4 if scenario.filter.planar_height is None else 3
     heard = scenario.count * (1.0 - scenario.sensor.dropout_probability)
     return int(min(half, np.ceil(unknowns / max(heard, 1.0))))
 
 
+def among_outliers(scenario: Scenario) -> bool:
+    """Whether the scenario tells of outliers: few squared steps, or a guess, cannot tell them from ranges."""
+    return scenario.filter.defaults > 2 and scenario.sensor.outlier_probability > 0.0
+
+
 def tries_guess(scenario: Scenario) -> bool:
     """Whether a first fix tries the guess: where ranges are straight lines over how far that may be off."""
     sag = initial_std(scenario)[0] ** 2 / (2.0 * max(half_box(scenario), 1e-3))
-    return scenario.filter.defaults > 2 and bool(sag < scenario.sensor.range_std)
+    return scenario.filter.defaults > 2 and not among_outliers(scenario) and bool(sag < scenario.sensor.range_std)
 
 
 def search(scenario: Scenario) -> tuple[Floats, Floats]:

@@ -25,7 +25,7 @@ class FilterSettings:
     the target, state (1, s) and covariance (1, s, s); None: around the guess. models: the motions between which the
     target switches, the most agile one last; none: it moves by `motion` alone. leaving: the probability that it leaves
     its motion in a step. middle: a point near all agents, the same for all, m. squares: whether agents share squared
-    ranges, and linearise what averaging leaves.
+    ranges, and linearise what averaging leaves. ending: the power of the saturation in a first fix's second half.
     """
 
     motion: Motion
@@ -55,3 +55,4 @@ class FilterSettings:
     leaving: float = 0.0
     middle: tuple[float, ...] = (0.0, 0.0, 0.0)
     squares: bool = False
+    ending: int = 1

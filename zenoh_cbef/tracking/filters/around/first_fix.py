@@ -45,9 +45,10 @@ class FirstFix(Wrapping):
     out over the m ranges that an agent has. After the last of these steps `filter` starts from the fix.
 
     range_std: sigma (m). bias_std: beta (m). network_size: n. steps: how many it takes. payload_size: the filter's, to
-    which messages are filled up. xi: saturation level in standard deviations. squared: how many steps are on squared
-    ranges; None: half of them. search: where these look for the target, state (1, s) and covariance (1, s, s), the same
-    for all agents; None: around the initial estimate, which has to be the same for all of them then.
+    which messages are filled up. xi: saturation level in standard deviations. ending: the power of the saturation in
+    the second half of the steps, if it is more than `power`. squared: how many steps are on squared ranges; None: half
+    of them. search: where these look for the target, state (1, s) and covariance (1, s, s), the same for all agents;
+    None: around the initial estimate, which has to be the same for all of them then.
     """
 
     power: ClassVar[int] = 1
@@ -61,6 +62,7 @@ class FirstFix(Wrapping):
     steps: int
     payload_size: int
     xi: float = np.inf
+    ending: int = 1
     squared: int | None = None
     search: tuple[Floats, Floats] | None = None
 
@@ -78,6 +80,7 @@ class FirstFix(Wrapping):
             steps=settings.first_fix,
             payload_size=payload_size,
             xi=xi,
+            ending=settings.ending,
             squared=settings.squared_fix,
             search=settings.search,
         )
@@ -208,7 +211,9 @@ class FirstFix(Wrapping):
         expected = np.sum(rows * matvec(covariance[:, None], rows), axis=2) + variance
         moved = np.sum(rows * correction[:, None], axis=2) ** 2
         spread = np.sqrt(expected + self._excused(moved, expected))
-        weight = saturation(innovation, self.xi * spread, self.power)
+        weight = saturation(
+            innovation, self.xi * spread, self.power if 2 * kept <= self.steps else max(self.power, self.ending)
+        )
         precision = np.where(measured, weight, 0.0) / variance
         equivalent = innovation + np.sum(rows * state[:, None], axis=2)
         squares = outer(rows, rows).reshape(count, kept, -1)
