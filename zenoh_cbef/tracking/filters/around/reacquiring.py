@@ -68,6 +68,11 @@ class Search:
         """Which agents are in a fix, (n,)."""
         return np.asarray(self.doing > 0.0)
 
+    @property
+    def idle(self) -> bool:
+        """Whether no agent is in a fix, wants one, or is adrift."""
+        return not np.logical_or.reduce(self.doing + self.vote + self.adrift)
+
 
 @dataclass(frozen=True)
 class Reacquiring(Wrapping):
@@ -116,24 +121,24 @@ class Reacquiring(Wrapping):
         step = search.step + 1.0 if measurement.step is None else np.full(len(search.step), float(measurement.step))
         search, heard = replace(search, step=step), self._unbiased(belief, measurement)
         update, known = self.filter.update(inner, measurement), inner.status or Status.first(len(step))
-        wants = self._wants(search, known, np.isfinite(heard.range))
-        vote = np.where(self._decides(step), wants, search.vote)
+        tag = self._tag(search, known, np.isfinite(heard.range))
         payload, search = self._fixing(update.payload, search, heard)
-        tag = np.where(search.fixing, search.doing, np.where(known.which == ACQUIRING, 0.0, vote))
         payload = np.concatenate([payload, tag[:, None]], axis=1)
         return Update(payload, update.diagnostics, tuple(vars(search).values()), (update,))
 
     def conclude(self, payload: Floats, update: Update) -> Belief:
         """The filter's belief, or the fix so far."""
         search, before = Search(*update.kept), update.parts[0]
-        tag, average = update.payload[:, -1], np.nan_to_num(payload[:, -1])
+        tag, average = update.payload[:, -1], np.where(np.isnan(payload[:, -1]), 0.0, payload[:, -1])
         apart = np.where(search.fixing, np.abs(average - tag) > _ANY * tag, np.abs(average) > 2.0)
         apart |= unchanged(payload[:, : -self.more], update.payload[:, : -self.more])
+        own = payload[:, : -self.more]
         # Where others do something else nothing that was averaged is of use: as if no neighbour had been heard.
         alone = search.fixing | apart
-        mixed = np.where(alone[:, None], before.payload, payload[:, : -self.more])
-        inner = self.filter.conclude(np.ascontiguousarray(mixed), before)
-        if search.fixing.any():
+        if np.logical_or.reduce(alone):
+            own = np.where(alone[:, None], before.payload, own)
+        inner = self.filter.conclude(np.ascontiguousarray(own), before)
+        if np.logical_or.reduce(search.fixing):
             search = self._concluded(search, payload, update, apart)
         return self._turned(inner, search, before, average, apart)
 
@@ -160,6 +165,13 @@ class Reacquiring(Wrapping):
             return measurement
         return replace(measurement, range=measurement.range - belief.bias.weight * belief.bias.value)
 
+    def _tag(self, search: Search, known: Status, heard: Bools) -> Floats:
+        """What agents put into their payloads beside those of the filter or the fix, (n,)."""
+        if search.idle and not np.logical_or.reduce(known.which == LOST):
+            return np.zeros(len(heard))
+        vote = np.where(self._decides(search.step), self._wants(search, known, heard), search.vote)
+        return np.where(search.fixing, search.doing, np.where(known.which == ACQUIRING, 0.0, vote))
+
     def _wants(self, search: Search, known: Status, heard: Bools) -> Floats:
         lately = heard | np.isfinite(search.ranges[:, -self.window :]).any(axis=1)
         lost = (known.which == LOST) & (known.seconds >= _PATIENCE * self.window * self.settings.motion.dt)
@@ -167,7 +179,7 @@ class Reacquiring(Wrapping):
 
     def _fixing(self, payload: Floats, search: Search, heard: Measurement) -> tuple[Floats, Search]:
         """The payload of those in a fix, and what that leaves; for all others the ranges of this step."""
-        if not search.fixing.any():
+        if not np.logical_or.reduce(search.fixing):
             seen = (
                 np.concatenate([search.positions, heard.position[:, None]], axis=1),
                 np.concatenate([search.ages + self.settings.motion.dt, heard.age[:, None]], axis=1),
@@ -220,6 +232,8 @@ class Reacquiring(Wrapping):
         settled = ~fixing & (status.which != ACQUIRING)
         wanted = np.abs(average) > np.where(self._decides(search.step), _MOST, _ANY)
         search = self._left_behind(search, inner)
+        if search.idle and inner.status and not np.logical_or.reduce(settled & (wanted | status.adrift)):
+            return replace(inner, memory=tuple(vars(search).values()), parts=(inner,))
         place = search.step % self.window
         ends = place == 0.0
         vote = ~fixing & (settled & ~apart & wanted | (search.vote > 0.0))
@@ -242,12 +256,14 @@ class Reacquiring(Wrapping):
 
     def _left_behind(self, search: Search, inner: Belief) -> Search:
         """Where agents that are adrift have coasted to without the ranges since, and the ranges without the oldest."""
-        ahead = predict(self.settings.motion, Belief(search.place, search.place_covariance))
-        adrift = search.adrift > 0.0
+        adrift, place = search.adrift > 0.0, (inner.state, inner.known_covariance)
+        if np.logical_or.reduce(adrift):
+            ahead = predict(self.settings.motion, Belief(search.place, search.place_covariance))
+            place = _pick(adrift, ahead[0], place[0]), _pick(adrift, ahead[1], place[1])
         return replace(
             search,
-            place=_pick(adrift, ahead[0], inner.state),
-            place_covariance=_pick(adrift, ahead[1], inner.known_covariance),
+            place=place[0],
+            place_covariance=place[1],
             positions=search.positions[:, 1:],
             ages=search.ages[:, 1:],
             ranges=search.ranges[:, 1:],
