@@ -47,7 +47,7 @@ BENCHMARKS = {
     "method": ("method_figures", "the figures of docs/method.md, written to docs/figures, and their numbers"),
 }
 
-_OPTIONS = {"filters": ("data", "write"), "soak": ("minutes",), "stress": ("case", "seeds", "search")}
+_OPTIONS = {"filters": ("data", "write"), "soak": ("minutes",), "stress": ("case", "seeds", "search", "first")}
 
 
 def main() -> None:
@@ -59,6 +59,7 @@ def main() -> None:
     parser.add_argument("--minutes", type=float, default=10.0, help="soak: how long the run is")
     parser.add_argument("--case", help="stress: the one case to run; default: all")
     parser.add_argument("--seeds", type=int, default=50, help="stress: how many seeds of each case")
+    parser.add_argument("--first", type=int, default=1001, help="stress: the first seed")
     parser.add_argument("--search", type=int, default=0, help="stress: try so many random cases, keep what it finds")
     parser.add_argument("--write", type=Path, help="filters: the page to bring up to date")
     arguments = parser.parse_args()

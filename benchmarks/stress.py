@@ -24,6 +24,7 @@ from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.scenario.world import make_world
 from zenoh_cbef.simulator import Heard, heard_in, simulate
 from zenoh_cbef.trace import Trace
+from zenoh_cbef.tracking.status import TRACKING
 
 CASES = Path(__file__).with_name("stress.toml")
 SEEDS, FIRST = 50, 1001
@@ -31,18 +32,23 @@ LOST = 3.0
 """A run is lost whose position RMSE is more than so many times that of the best centralised filter."""
 
 COLUMNS = (
-    "case", "median (m)", "p90", "max", "lost", "twin lost", "strong lost", "ratio to strong", "worst", "NEES/d",
+    "case", "median (m)", "p90", "max", "lost", "unaware", "twin lost", "strong lost", "ratio to strong", "worst",
+    "NEES/d",
 )  # fmt: skip
 
 
 @dataclass(frozen=True)
 class Scores:
-    """Of s runs of a case: position RMSE of the network and of two centralised filters, m; NEES over its ideal."""
+    """Of s runs of a case: position RMSE of the network and of two centralised filters, m; NEES over its ideal.
+
+    NEES: while agents say `tracking`, where they say what their estimates are. tracking: how often they say so.
+    """
 
     network: Floats
     twin: Floats
     strong: Floats
     nees: Floats
+    tracking: Floats
 
     @property
     def best(self) -> Floats:
@@ -53,6 +59,11 @@ class Scores:
         """How many runs these RMSEs (s,) lose."""
         return int((~(errors <= LOST * self.best)).sum())
 
+    @property
+    def unaware(self) -> int:
+        """How many runs the network loses though its agents say `tracking` in more than half of the steps."""
+        return int((~(self.network <= LOST * self.best) & (self.tracking > 0.5)).sum())
+
     def row(self, name: str) -> list[object]:
         """The case as a row of the table."""
         network = np.nan_to_num(self.network, nan=np.inf)
@@ -60,10 +71,12 @@ class Scores:
         return [
             name,
             *(float(np.quantile(network, share, method="higher")) for share in (0.5, 0.9, 1.0)),
-            *(self.lost(errors) for errors in (self.network, self.twin, self.strong)),
+            self.lost(self.network),
+            self.unaware,
+            *(self.lost(errors) for errors in (self.twin, self.strong)),
             float(np.median(ratio)),
             float(ratio.max()),
-            float(np.mean(self.nees)),
+            float(np.nanmean(self.nees)) if np.isfinite(self.nees).any() else None,
         ]
 
 
@@ -80,9 +93,9 @@ def scenario_of(case: Mapping[str, object]) -> Scenario:
     return load("tracking", overrides).scenario
 
 
-def scores(scenario: Scenario, wrong: str = "", seeds: int = SEEDS) -> Scores:
-    """Simulate and score the seeds of a case as one batch."""
-    scenarios = [scenario.model_copy(update={"seed": FIRST + more}) for more in range(seeds)]
+def scores(scenario: Scenario, wrong: str = "", seeds: int = SEEDS, first: int = FIRST) -> Scores:
+    """Simulate and score the seeds of a case, from the first one on, as one batch."""
+    scenarios = [scenario.model_copy(update={"seed": first + more}) for more in range(seeds)]
     heard = [_heard(Plan(one), wrong) for one in scenarios]
     with np.errstate(all="ignore"):
         traces = simulate(scenarios, heard=heard)
@@ -93,6 +106,7 @@ def scores(scenario: Scenario, wrong: str = "", seeds: int = SEEDS) -> Scores:
         np.array([pick(run.metrics, "centralized.position_rmse") for run in runs]),
         _errors(traces, states, runs[0].first),
         np.array([_nees(run) for run in runs]),
+        np.array([_tracking(run) for run in runs]),
     )
 
 
@@ -123,18 +137,32 @@ def _errors(traces: Sequence[Trace], states: Floats, first: int) -> Floats:
 
 
 def _nees(run: Analysis) -> float:
-    """Mean NEES over its ideal value, of agents that count in the scored window; infinite where an estimate is not."""
+    """Mean NEES over its ideal value, of agents that count in the scored window while they track.
+
+    NaN where they never do, infinite where an estimate is not finite.
+    """
+    if run.metrics.status is not None:
+        average = run.metrics.status["tracking"].nees
+        return float("nan") if average is None else average / len(run.trace.plan.space.kept)
     found = run.metrics.nees
     average = None if found is None else found.average
     return float("inf") if average is None else average / len(run.trace.plan.space.kept)
 
 
-def run(repeats: int, case: str | None = None, seeds: int = SEEDS, search: int = 0) -> Iterator[Table]:
+def _tracking(run: Analysis) -> float:
+    """In what share of the scored steps agents say that they track; all where they do not say."""
+    said = run.trace.diagnostics.status[:, run.first :]
+    return float((said == TRACKING).mean()) if np.isfinite(said).any() else 1.0
+
+
+def run(
+    repeats: int, case: str | None = None, seeds: int = SEEDS, search: int = 0, first: int = FIRST
+) -> Iterator[Table]:
     """One row per case; nothing is timed. search: try so many random cases instead, and keep what loses the network."""
     del repeats
     if search:
         finder = importlib.import_module("benchmarks.stress_search")
-        for found in finder.search(search, seed=FIRST):
+        for found in finder.search(search, seed=first):
             name = finder.keep(found) or "known"
             yield plain_table(f"found: {found.case}", COLUMNS, [found.scores.row(name)])
         return
@@ -142,5 +170,5 @@ def run(repeats: int, case: str | None = None, seeds: int = SEEDS, search: int =
     if case is not None and case not in known:
         raise UserError(f"there is no case {case!r} in {CASES.name}; there are {', '.join(known)}")
     for name in known if case is None else [case]:
-        found = scores(scenario_of(known[name]), str(known[name].get("wrong", "")), seeds)
-        yield plain_table(f"stress: {name}, {len(found.network)} seeds from {FIRST}", COLUMNS, [found.row(name)])
+        found = scores(scenario_of(known[name]), str(known[name].get("wrong", "")), seeds, first)
+        yield plain_table(f"stress: {name}, {len(found.network)} seeds from {first}", COLUMNS, [found.row(name)])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -216,6 +217,7 @@ def test_every_case_of_stress_is_a_scenario_and_a_lost_network_is_counted():
     scenario = stress.scenario_of({"set": ["steps=60", "consensus.rounds=0"]})
     found = stress.scores(scenario, seeds=2)
     assert (found.lost(found.network), found.lost(found.twin), found.lost(found.strong)) == (2, 0, 0)
+    assert (replace(found, tracking=np.array([0.4, 0.6])).unaware, replace(found, network=found.twin).unaware) == (1, 0)
     bounded = {"set": ["steps=60", "filter.saturation=bounded", "filter.defaults=2"]}
     liar = stress.scores(stress.scenario_of(bounded), "liar", seeds=2)
     assert (liar.twin > 2.0 * liar.strong).all()
@@ -242,7 +244,7 @@ def test_what_a_search_finds_is_kept_once_as_a_case(tmp_path, monkeypatch):
     (tmp_path / "stress.toml").write_text("")
     case = {"set": ["dt=0.5", 'fault=[{kind="loss",probability=0.6}]'], "wrong": "liar"}
     nothing = np.ones(2)
-    found = stress_search.Found(case, stress.Scores(4.0 * nothing, nothing, nothing, nothing))
+    found = stress_search.Found(case, stress.Scores(4.0 * nothing, nothing, nothing, nothing, nothing))
     assert found.excess == 2
     name = stress_search.keep(found)
     assert stress.cases() == {name: case}

@@ -23,8 +23,11 @@ _MEMORY = 120.0
 _BEGUN = 30.0
 """As if so many ranges had fitted before the first one, so that the first few do not decide."""
 
-_IMPLAUSIBLE = 0.5 * CUT
-"""The mean cut NIS of a lost target: as if half of all ranges were outliers."""
+_IMPLAUSIBLE = 0.6 * CUT
+"""The mean cut NIS of a lost target: as if six of ten ranges were outliers.
+
+Four of ten make it 4.2, give or take 0.3, of a network that tracks well and must not begin again.
+"""
 
 _COASTS = 2.0
 """By what factor the claimed error has grown, for want of ranges, when the network only coasts."""
@@ -50,7 +53,7 @@ class Status:
         A <- fading mean of min(NIS, 9) over the network's last 120 ranges or so
         r <- min(s, r exp(0.1 (ranges of this step)/axes))       s: root of the trace of the position's covariance
 
-    lost: A > 4.5. coasting: s > 2 r: the covariance has grown, and ranges that would explain it are missing. Both r and
+    lost: A > 5.4. coasting: s > 2 r: the covariance has grown, and ranges that would explain it are missing. Both r and
     A have no unit of time, so neither dt nor how often agents range matters.
     """
 
