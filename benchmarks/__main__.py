@@ -64,7 +64,7 @@ def main() -> None:
     parser.add_argument("--write", type=Path, help="filters: the page to bring up to date")
     arguments = parser.parse_args()
     # Tables that are piped into a file keep their columns.
-    console = Console(highlight=False, width=None if Console().is_terminal else 110)
+    console = Console(highlight=False, width=None if Console().is_terminal else 150)
     if arguments.list:
         for name, (_, description) in BENCHMARKS.items():
             print(f"{name:<10} {description}")
