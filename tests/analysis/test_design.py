@@ -168,7 +168,7 @@ def test_disagreement_shrinks_by_the_contraction(scheme):
 
 
 def test_the_smallest_number_of_rounds_is_the_smallest():
-    told = design(Plan(tracking("network.graph=path")), within=0.01)
+    told = design(Plan(tracking("network.graph=path", "steps=120")), within=0.01)
     rows = {(scheme, row.rounds): found for row in told.rounds for scheme, found in row.schemes.items()}
     smallest = {scheme: rounds for scheme, rounds in told.smallest.items() if rounds is not None}
     for scheme in SCHEMES:

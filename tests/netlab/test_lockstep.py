@@ -28,7 +28,7 @@ def test_a_run_over_nine_hosts_equals_the_simulator(site, lab, world, way):
 @pytest.mark.parametrize("directions", ["one", "both"])
 def test_a_broken_link_costs_time_and_no_bit(site, lab, world, directions):
     run = site("peers")
-    run.start(steps=200)
+    run.start(steps=120)
     run.wait_until_recorded()
 
     def cut(*, on: bool) -> None:
@@ -44,7 +44,7 @@ def test_a_broken_link_costs_time_and_no_bit(site, lab, world, directions):
     verdict = world.call("verify", str(world.log))
     assert verdict.stdout.startswith("equal bit for bit"), verdict.stdout
     metrics = json.loads(world.call("analyze", str(world.log), "--json").stdout)
-    assert (metrics["steps"], metrics["messages"]["rejected"]) == (200, 0)
+    assert (metrics["steps"], metrics["messages"]["rejected"]) == (120, 0)
     assert all(link["lost"] == 0 for link in metrics["links"])
     checked = world.call("check", str(world.log))
     assert checked.returncode == 0, checked.stdout
@@ -52,7 +52,7 @@ def test_a_broken_link_costs_time_and_no_bit(site, lab, world, directions):
 
 def test_who_does_without_a_message_in_lockstep_says_so(site, lab, world):
     run = site("peers")
-    run.start("timing.patience=1", steps=200)
+    run.start("timing.patience=1", steps=120)
     run.wait_until_recorded()
     lab.kill("a2")
     run.finish(["target", "record", "a0", "a1", "a3", "a4", "a5"])

@@ -88,6 +88,13 @@ class World:
     def start_run(self, *overrides: str, options: tuple[str, ...] = ("--no-report",)) -> subprocess.Popen[str]:
         return self.start("run", "tracking", *settings(*overrides), "--run", self.run, "--log", str(self.log), *options)
 
+    def complete(self, *overrides: str) -> subprocess.CompletedProcess[str]:
+        """A run to its end, which must be a good one; its launcher is in this process."""
+        words = ("run", "tracking", *settings(*overrides), "--run", self.run, "--log", str(self.log), "--no-report")
+        done = self.call(*words)
+        assert done.returncode == 0, done.stderr
+        return done
+
     def call(
         self, *arguments: str, timeout: float = 120, prefix: Sequence[str] = ()
     ) -> subprocess.CompletedProcess[str]:

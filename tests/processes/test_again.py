@@ -8,8 +8,8 @@ from tests.processes.conftest import settings
 def test_processes_of_a_targets_earlier_run_end_and_leave_the_next_one_alone(world, free_port):
     endpoint = f"tcp/127.0.0.1:{free_port}"
     join = ["--run", world.run, "--connect", endpoint, "--patience", "30"]
-    target = ["target", "tracking", *settings("steps=300"), "--run", world.run, "--listen", endpoint]
-    first = world.start(*target)
+    place = ["--run", world.run, "--listen", endpoint]
+    first = world.start("target", "tracking", *settings("steps=300"), *place)
 
     def others(log: str) -> list:
         agents = [world.start("agent", str(agent), *join) for agent in range(4)]
@@ -19,7 +19,7 @@ def test_processes_of_a_targets_earlier_run_end_and_leave_the_next_one_alone(wor
     world.wait_for_messages()
     first.send_signal(signal.SIGKILL)
     first.wait()
-    again = [world.start(*target)]
+    again = [world.start("target", "tracking", *settings("steps=60"), *place)]
     told = [process.communicate(timeout=60)[1] for process in before]
     assert before[-1].returncode == 0
     # An agent may have come to its own end a moment before.
@@ -33,4 +33,4 @@ def test_processes_of_a_targets_earlier_run_end_and_leave_the_next_one_alone(wor
     for verb in ("check", "verify"):
         verdict = world.call(verb, "again.mcap")
         assert verdict.returncode == 0, verdict.stdout
-    assert "300 steps" in verdict.stdout
+    assert "60 steps" in verdict.stdout

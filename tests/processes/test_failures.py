@@ -47,23 +47,23 @@ def test_ctrl_c_twice_stops_now_and_leaves_a_readable_log(world):
 
 
 def test_a_killed_agent_is_named_and_the_others_finish(world):
-    run = world.start_run("steps=600")
+    run = world.start_run("steps=300")
     world.wait_for_messages()
     os.kill(world.pid_of("agent 2"), signal.SIGKILL)
     out, err = run.communicate(timeout=120)
     assert run.returncode == 1
     assert "agent 2 was killed by signal 9" in err
-    assert "600 steps (incomplete)" not in out
+    assert "300 steps (incomplete)" not in out
     metrics = json.loads(world.call("analyze", str(world.log), "--json").stdout)
     into_two = [link for link in metrics["links"] if link["source"] == 2]
-    assert all(link["sent"] < 3 * 600 and link["lost"] <= 3 for link in into_two), "the dead send nothing"
+    assert all(link["sent"] < 3 * 300 and link["lost"] <= 3 for link in into_two), "the dead send nothing"
     verdict = world.call("verify", str(world.log))
     assert verdict.returncode == 2
     assert "agent 2 left" in verdict.stdout
 
 
 def test_a_killed_recorder_loses_little_and_the_log_so_far_is_analysed(world):
-    run = world.start_run("steps=600")
+    run = world.start_run("steps=300")
     world.wait_for_messages(100_000)
     os.kill(world.pid_of("record"), signal.SIGKILL)
     out, err = run.communicate(timeout=120)
@@ -76,13 +76,13 @@ def test_a_killed_recorder_loses_little_and_the_log_so_far_is_analysed(world):
 
 
 def test_a_killed_target_leaves_the_agents_predicting_to_the_end(world):
-    run = world.start_run("steps=400")
+    run = world.start_run("steps=250")
     world.wait_for_messages()
     os.kill(world.pid_of("target"), signal.SIGKILL)
     out, err = run.communicate(timeout=120)
     assert run.returncode == 1
     assert "target was killed by signal 9" in err
-    assert "400 steps (incomplete)" in out
+    assert "250 steps (incomplete)" in out
     analysed = world.call("analyze", str(world.log), "--json")
     assert "NaN" not in analysed.stdout
     assert json.loads(analysed.stdout)["complete"] is False

@@ -1,12 +1,8 @@
 """Faulty runs as processes: the bits and the fates of the simulator, stated in the log and proved by verify."""
 
-from collections import Counter
 from dataclasses import replace
 from typing import Any
 
-import msgpack
-import numpy as np
-import pytest
 import tomli_w
 from hypothesis import HealthCheck, given
 
@@ -14,18 +10,11 @@ from tests.examples import examples
 from tests.faults.strategies import scenarios
 from tests.processes.again import again, said
 from tests.processes.conftest import World
-from tests.processes.recorder.test_log import copy_with
 from zenoh_cbef.analysis.metrics import analyze
 from zenoh_cbef.analysis.results import Metrics
-from zenoh_cbef.analysis.traffic import other_bytes, round_bytes
-from zenoh_cbef.faults import Fates
-from zenoh_cbef.log.prove.verify import Verdict, verify
-from zenoh_cbef.log.read.parts import open_log
-from zenoh_cbef.log.read.recording import read_recording
+from zenoh_cbef.log.prove.verify import verify
 from zenoh_cbef.log.read.trace import read_trace
-from zenoh_cbef.scenario.build import fates_into
-from zenoh_cbef.scenario.load import load, parse
-from zenoh_cbef.scenario.plan import Plan
+from zenoh_cbef.scenario.load import load
 from zenoh_cbef.simulator import simulate
 
 EVERY_KIND = {
@@ -77,79 +66,6 @@ FLOOD_OF_LIES = {
 
 def test_what_liars_lead_an_honest_agent_to_send_is_bounded_as_in_the_simulator(world):
     assert run(world, FLOOD_OF_LIES).messages.rejected == 0
-
-
-@pytest.mark.parametrize("kind", ["sicf", "ci"])
-def test_every_kind_of_fault_gives_the_simulators_bits_and_is_counted_and_marked_in_the_log(world, kind):
-    measurement = {"measurement": "difference"} if kind == "ci" else {}
-    scenario = EVERY_KIND | {"filter": {"kind": kind, **measurement}}
-    metrics = run(world, scenario)
-    told = load(str(world.folder / "scenario.toml")).scenario.model_copy(update={"name": world.run})
-    foretold = other_bytes(Plan(told)) + 3 * round_bytes(Plan(told))
-    assert foretold == pytest.approx(metrics.bytes_per_step, rel=0.02)
-    totals: Counter[str] = Counter()
-    for link in metrics.links:
-        totals.update(vars(replace(link, latency=0)))
-    for name in ("injected_lost", "injected_late", "corrupted", "duplicated"):
-        assert totals[name] > 20, name
-    assert totals["real_lost"] == totals["deadline_missed"] == 0
-
-    assert said(again(world, world.log)) == said(world.log)
-
-    recording = read_recording(open_log(world.log))
-    assert recording.estimates.seen(30).all()
-    for agent, receipts in enumerate(recording.receipts):
-        for step in range(1, 31):
-            receipt = receipts.told(step)
-            assert receipt is not None
-            expected = marks(parse(scenario, "test"), agent, step, receipt.neighbours, kind)
-            assert (receipt.marks or ["...", "..."]) == expected
-
-    tampered = {
-        "injected_lost": lambda counts: [counts[0] + 1, *counts[1:]],
-        "duplicated": lambda counts: [0 for _ in counts],
-        "fates": lambda fates: [one.replace("x", ">") for one in fates],
-    }
-    for name, change in tampered.items():
-        verdict = verify_changed(world, name, change)
-        assert verdict.result == "different", name
-        assert f": {name} is" in verdict.text
-    # A log from before agents told what faults did.
-    verdict = verify_changed(world, None, None)
-    assert verdict.result == "equal", verdict.text
-
-
-def verify_changed(world: World, name: str | None, change) -> Verdict:
-    """Verify a copy of the log in which one field of agent 1's estimates is changed; None: it lacks all of them."""
-
-    def told(topic: str, data: bytes) -> bytes:
-        if not topic.endswith("/estimate"):
-            return data
-        message = msgpack.unpackb(data)
-        if name is None:
-            for field in ("injected_lost", "injected_late", "corrupted", "duplicated", "fates"):
-                message.pop(field, None)
-        elif topic.endswith("agent/1/estimate") and message["k"] == 20 and name in message:
-            message[name] = change(message[name])
-        return msgpack.packb(message)
-
-    copy = world.folder / f"{name}.mcap"
-    copy_with(world.log, copy, told)
-    return verify(copy)
-
-
-def marks(scenario, agent: int, step: int, neighbours: list[int], kind: str) -> list[str]:
-    """What the log should say of a step, from the scenario alone."""
-    fates: Fates = fates_into(Plan(scenario), agent, neighbours)
-    told = [fates.of(step, round_) for round_ in range(kind != "ci", 4)]
-    signs = {"lost": "x", "late": ">", "corrupted": "!", "duplicated": "+"}
-    expected = np.full((len(neighbours), len(told)), ".")
-    for round_, fate in enumerate(told):
-        for name, sign in signs.items():
-            expected[getattr(fate, name), round_] = sign
-    if (expected == ".").all():
-        return ["...", "..."]
-    return ["".join(row) for row in expected.tolist()]
 
 
 @examples(2, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture])

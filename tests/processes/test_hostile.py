@@ -60,7 +60,7 @@ def wait_for(session: zenoh.Session, token: str) -> None:
 @pytest.mark.parametrize("kind", ["sicf", "cbef"])
 def test_hostile_messages_change_no_bit_and_are_counted(world, free_port, kind):
     endpoint = f"tcp/127.0.0.1:{free_port}"
-    overrides = settings("steps=150", f"filter.kind={kind}")
+    overrides = settings("steps=60", f"filter.kind={kind}")
     join = ["--run", world.run, "--connect", endpoint, "--patience", "20"]
     target = world.start("target", "tracking", *overrides, "--run", world.run, "--listen", endpoint)
     with outsider(endpoint) as session:
@@ -77,7 +77,7 @@ def test_hostile_messages_change_no_bit_and_are_counted(world, free_port, kind):
     metrics = json.loads(world.call("analyze", str(world.log), "--json").stdout)
     assert metrics["messages"]["rejected"] > 0
     assert metrics["messages"]["missing"] == 0
-    assert metrics["steps"] == 150
+    assert metrics["steps"] == 60
     assert all(link["lost"] == 0 for link in metrics["links"])
 
 

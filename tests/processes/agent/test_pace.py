@@ -8,9 +8,8 @@ from zenoh_cbef.protocol.slow import REMEDY
 def test_an_overloaded_run_says_so_while_it_runs_in_its_table_and_in_its_log(world):
     # A fifth of a millisecond for ten rounds of six processes: no host keeps up with that.
     overload = ("timing.mode=realtime", "dt=0.0002", "agents.count=6", "consensus.rounds=10", "steps=100")
-    run = world.start_run(*overload)
-    out, err = run.communicate(timeout=120)
-    assert run.returncode == 0, err
+    done = world.complete(*overload)
+    out, err = done.stdout, done.stderr
     assert "not keep up with real time" in err
     assert REMEDY in err
     assert "late by own slowness" in out
@@ -23,11 +22,9 @@ def test_an_overloaded_run_says_so_while_it_runs_in_its_table_and_in_its_log(wor
 
 
 def test_a_lockstep_run_is_never_too_slow(world):
-    run = world.start_run("dt=0.0002", "steps=10")
-    out, err = run.communicate(timeout=120)
-    assert run.returncode == 0, err
-    assert "keep up" not in out + err
-    assert "slowness" not in out
+    done = world.complete("dt=0.0002", "steps=10")
+    assert "keep up" not in done.stdout + done.stderr
+    assert "slowness" not in done.stdout
     assert json.loads(world.call("analyze", str(world.log), "--json").stdout)["slow"] is None
     listed = world.call("cat", str(world.log), "-y", ".*event.*").stdout
     assert '"kind":"finished"' in listed

@@ -1,6 +1,6 @@
 """The measurements of a log through the same filter give the same messages; through another one, a log to compare.
 
-test_faults.py estimates again what its runs with every kind of fault have recorded.
+test_every_fault.py estimates again what runs with every kind of fault have recorded.
 """
 
 import json
@@ -21,9 +21,7 @@ from zenoh_cbef.log.read.trace import read_trace
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory) -> Iterator[World]:
     world = World(tmp_path_factory.mktemp("recorded"))
-    run = world.start_run("sensor.dropout_probability=0.1", 'fault=[{kind="loss", probability=0.2}]')
-    _, err = run.communicate(timeout=120)
-    assert run.returncode == 0, err
+    world.complete("sensor.dropout_probability=0.1", 'fault=[{kind="loss", probability=0.2}]')
     yield world
     world.end()
 
@@ -125,9 +123,7 @@ def test_new_agents_run_on_recorded_data_without_their_folder(world, tmp_path):
 
 def test_a_realtime_run_is_estimated_as_in_lockstep(world):
     realtime = ("timing.mode=realtime", "dt=0.05", "steps=15", "sensor.dropout_probability=0.2")
-    run = world.start_run(*realtime)
-    _, err = run.communicate(timeout=120)
-    assert run.returncode == 0, err
+    world.complete(*realtime)
     assert world.call("verify", str(world.log)).returncode == 2, "the log does not say what came when"
     first, second = read_trace(world.log), read_trace(again(world, world.log))
     assert np.array_equal(first.ranges, second.ranges, equal_nan=True)

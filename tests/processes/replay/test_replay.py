@@ -20,9 +20,7 @@ from zenoh_cbef.log.mcap.reader import McapFile
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory) -> Iterator[World]:
     world = World(tmp_path_factory.mktemp("recorded"))
-    run = world.start_run()
-    _, err = run.communicate(timeout=120)
-    assert run.returncode == 0, err
+    world.complete()
     yield world
     world.end()
 
