@@ -26,13 +26,21 @@ def recorded(tmp_path_factory) -> Iterator[World]:
     world.end()
 
 
-def test_recorded_data_in_a_plane_give_the_same_messages_and_need_no_folder(world, tmp_path):
-    folder = small_set(tmp_path / "set")
+@pytest.fixture(scope="module")
+def tracked(tmp_path_factory) -> Iterator[World]:
+    """The run of a data set in a plane whose folder is gone."""
+    world = World(tmp_path_factory.mktemp("tracked"))
+    folder = small_set(world.folder / "set")
     track(world, folder, ("0.1", "0.05", "1.0"), steps=40)
     shutil.rmtree(folder)
-    assert said(again(world, world.log)) == said(world.log)
-    free = again(world, world.log, "filter.kind=ci", "filter.initial_position=[5.0, 5.0, 1.0]")
-    assert not np.array_equal(read_trace(free).estimates, read_trace(world.log).estimates)
+    yield world
+    world.end()
+
+
+def test_recorded_data_in_a_plane_give_the_same_messages_and_need_no_folder(tracked):
+    assert said(again(tracked, tracked.log)) == said(tracked.log)
+    free = again(tracked, tracked.log, "filter.kind=ci", "filter.initial_position=[5.0, 5.0, 1.0]")
+    assert not np.array_equal(read_trace(free).estimates, read_trace(tracked.log).estimates)
 
 
 def test_another_filter_is_set_beside_the_original(recorded):
@@ -111,14 +119,11 @@ def test_new_agents_on_recorded_beacons_send_what_is_computed_from_them(recorded
     assert said(ran) == said(computed)
 
 
-def test_new_agents_run_on_recorded_data_without_their_folder(world, tmp_path):
-    folder = small_set(tmp_path / "set")
-    track(world, folder, ("0.1", "0.05", "1.0"), steps=20)
-    shutil.rmtree(folder)
+def test_new_agents_run_on_recorded_data_without_their_folder(tracked, tmp_path):
     ran = tmp_path / "ran.mcap"
-    done = world.call("replay", str(world.log), "--to", "agents", "--output", str(ran))
+    done = tracked.call("replay", str(tracked.log), "--to", "agents", "--output", str(ran))
     assert done.returncode == 0, done.stderr
-    assert said(ran) == said(world.log)
+    assert said(ran) == said(tracked.log)
 
 
 def test_a_realtime_run_is_estimated_as_in_lockstep(world):
