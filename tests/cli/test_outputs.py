@@ -178,3 +178,11 @@ def test_compare_leaves_out_what_is_no_log_and_names_it(monkeypatch, capsys, pla
     status, out, err = call(monkeypatch, capsys, "compare", str(logs / "README"), str(logs / "empty"))
     assert (status, out) == (2, "")
     assert "none of these is a log of a run" in err
+
+
+def test_analyze_says_where_its_report_is(monkeypatch, capsys, place):
+    status, out, _ = call(monkeypatch, capsys, "analyze", "../other/est.mcap", "--report")
+    said = next(line for line in out.splitlines() if line.startswith("report"))
+    assert status == 0
+    assert (place / "other" / Path(said.split()[-1]).name).is_file()
+    assert "report" not in call(monkeypatch, capsys, "analyze", "../other/est.mcap")[1]

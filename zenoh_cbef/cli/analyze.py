@@ -45,14 +45,17 @@ def _analyze(
     trace = read_trace(*paths)
     analysis = analyze([smoothed(trace, *paths) if smooth else trace], skip)[0]
     failed: list[UserError] = []
+    default = beside(log, METRICS)
+    prefix = default.name.removesuffix(METRICS) if own else ""
     if not as_json or output or report:
-        default = beside(log, METRICS)
-        prefix = default.name.removesuffix(METRICS) if own else ""
         failed = write_outputs(analysis, output or default.parent, prefix, report=report)
     if as_json:
         print(json.dumps(analysis.metrics.as_json()))
     else:
         console.print(metrics_table(analysis.metrics))
+        page = (output or default.parent) / f"{prefix}{REPORT}"
+        if report and page.exists():
+            console.print(f"report  {page}", highlight=False, soft_wrap=True)
     tell_what_lacks(notes(analysis.metrics))
     # An output that the user asked for and that cannot be written is a mistake; of the others a note is enough.
     if failed and (output or report):
