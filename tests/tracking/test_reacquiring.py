@@ -116,3 +116,14 @@ def test_where_agents_lie_or_keep_to_themselves_there_is_no_other_fix():
         assert load("tracking", keys).plan.settings.reacquires == 0
     assert load("tracking").plan.settings.reacquires == 10
     assert load("tracking", ["consensus.rounds=1", "agents.count=5"]).plan.settings.spreading == 5
+
+
+def test_a_network_that_tracks_among_forty_percent_of_wrong_ranges_does_not_begin_again():
+    scenarios = [load("tracking", ["steps=250", f"seed={seed}"]).scenario for seed in (5001, 5011, 5012, 5019)]
+    heard = []
+    for one in scenarios:
+        told, chance = heard_in(Plan(one), make_world(one)), np.random.default_rng(one.seed)
+        heard.append(Heard(told.positions, told.ranges + 30.0 * (chance.random(told.ranges.shape) < 0.4), told.age))
+    for trace in simulate(scenarios, heard=heard):
+        assert (trace.diagnostics.status[:, 30:] == TRACKING).all()
+        assert errors(trace)[30:].max() < 1.0
