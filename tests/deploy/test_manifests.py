@@ -177,3 +177,15 @@ def test_the_image_is_made_of_files_that_there_are():
         for name in words.split()[:-1]:
             assert (ROOT / name).exists(), name
             assert f"!{name}" in ignored, name
+
+
+def test_what_slurm_reads_of_its_script_stands_before_the_first_command_and_is_known_to_it():
+    lines = (DEPLOY / "slurm" / "experiment.sh").read_text().splitlines()
+    assert lines[0] == "#!/bin/bash"
+    first = next(place for place, line in enumerate(lines) if line and not line.startswith("#"))
+    told = [line.split(maxsplit=1)[1] for line in lines if line.startswith("#SBATCH")]
+    assert told == [line.split(maxsplit=1)[1] for line in lines[:first] if line.startswith("#SBATCH")]
+    known = {"--job-name", "--nodes", "--ntasks", "--cpus-per-task", "--mem-per-cpu", "--time", "--requeue"}
+    assert {option.split("=")[0] for option in told} <= known
+    usage = [line.lstrip("# ") for line in lines if "sbatch" in line]
+    assert all(line in (DEPLOY / "README.md").read_text() for line in usage)

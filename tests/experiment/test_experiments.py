@@ -196,6 +196,45 @@ def test_an_interrupted_experiment_goes_on(tmp_path, how):
     assert len(rows_of(tmp_path)) == 40
 
 
+def test_four_shards_as_an_array_job_joined_are_the_undivided_sweep_to_the_byte(monkeypatch, capsys, tmp_path):
+    text = SMALL + expect("ratio_to_centralized", "at_most = 0.5")
+    assert run(monkeypatch, capsys, tmp_path, text)[0] == 1
+    (tmp_path / "out").rename(tmp_path / "whole")
+    script = ["bash", str(Path(__file__).parents[2] / "deploy" / "slurm" / "experiment.sh"), "mine.toml"]
+    path = f"{Path(sys.executable).parent}:{os.environ['PATH']}"
+    environment = os.environ | {"PATH": path, "SLURM_CPUS_PER_TASK": "1"}
+    tasks = [
+        subprocess.Popen([*script, "4", "-o", "out"], env=environment | {"SLURM_ARRAY_TASK_ID": str(task)}, text=True,
+                         stdout=subprocess.PIPE)
+        for task in (1, 2, 3, 4)
+    ]  # fmt: skip
+    for number, task in enumerate(tasks, 1):
+        out, _ = task.communicate(timeout=60)
+        assert task.returncode == 0
+        assert f"shard {number}/4 has finished its 3 runs" in out
+    joined = subprocess.run([*script, "-o", "out"], env=environment, check=False, capture_output=True, text=True)
+    assert (joined.returncode, joined.stderr) == (1, "")
+    files = [path.relative_to(tmp_path / "whole") for path in (tmp_path / "whole").rglob("*") if path.is_file()]
+    assert len(files) > 5
+    for name in files:
+        ours, theirs = ((tmp_path / place / name).read_bytes() for place in ("out", "whole"))
+        if name.name == "finished.jsonl":
+            ours, theirs = sorted(ours.splitlines()), sorted(theirs.splitlines())
+        assert ours == theirs, name
+
+
+def test_a_dask_cluster_finds_what_one_core_finds_to_the_byte(monkeypatch, capsys, tmp_path):
+    distributed = pytest.importorskip("distributed", reason="Dask is not installed: pip install 'zenoh-cbef[dask]'")
+    assert run(monkeypatch, capsys, tmp_path, SMALL)[0] == 0
+    (tmp_path / "out").rename(tmp_path / "alone")
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
+        status, _, err = run(monkeypatch, capsys, tmp_path, SMALL, "--dask", cluster.scheduler_address)
+        assert len(cluster.scheduler.computations) > 0, "the workers had nothing to do"
+    assert (status, err) == (0, "")
+    for name in ("results.csv", "summary.json", "index.html"):
+        assert (tmp_path / "out" / name).read_bytes() == (tmp_path / "alone" / name).read_bytes()
+
+
 def test_seeds_can_be_given_and_json_is_the_summary(monkeypatch, capsys, tmp_path):
     status, out, _ = run(monkeypatch, capsys, tmp_path, SMALL, "--seeds", "[5, 9]", "--json", "--jobs", "1")
     assert status == 0

@@ -1,4 +1,4 @@
-"""experiment: sweeps of scenarios with a verdict; run, list, show."""
+"""experiment: sweeps of scenarios with a verdict; run, join, list, show."""
 
 from __future__ import annotations
 
@@ -24,7 +24,8 @@ from zenoh_cbef.experiment.figures import short_names, written_value
 from zenoh_cbef.experiment.file import Written, purposes, read_experiment, read_source
 from zenoh_cbef.experiment.journal import JOURNAL
 from zenoh_cbef.experiment.page import RESULTS, limits_of, values_of, write_outputs
-from zenoh_cbef.experiment.results import CellSummary, Summary
+from zenoh_cbef.experiment.results import CellSummary, Outcome, Summary
+from zenoh_cbef.experiment.shards import WHOLE, read_shard, shards_in
 from zenoh_cbef.experiment.summary import EXIT_STATUS, check_expectations, summarize
 from zenoh_cbef.experiment.sweep import Sweep
 from zenoh_cbef.experiment.table import rows_of
@@ -42,6 +43,14 @@ _COLUMNS = {
 
 What = Annotated[
     str, typer.Argument(metavar="FILE", autocompletion=experiments, help="A built-in experiment or a TOML file.")
+]
+
+
+Folder = Annotated[
+    Path | None, typer.Option("--output", "-o", metavar="DIR", help="Where results go; default: experiments/NAME.")
+]
+Seeds = Annotated[
+    str | None, typer.Option(metavar="N", help="Other seeds than the file's: a number, or a list as [1, 5].")
 ]
 
 
@@ -72,17 +81,16 @@ def _show(what: What) -> None:
 
 def _run(
     what: What,
-    output: Annotated[
-        Path | None, typer.Option("--output", "-o", metavar="DIR", help="Where results go; default: experiments/NAME.")
-    ] = None,
-    seeds: Annotated[
-        str | None, typer.Option(metavar="N", help="Other seeds than the file's: a number, or a list as [1, 5].")
-    ] = None,
+    output: Folder = None,
+    seeds: Seeds = None,
     jobs: Annotated[
         int, typer.Option(min=0, max=10_000, help="Processes that simulate at a time; 0: one per core.")
     ] = 0,
     dask: Annotated[
         str | None, typer.Option(metavar="ADDRESS", help="Simulate on the workers of this Dask scheduler.")
+    ] = None,
+    shard: Annotated[
+        str | None, typer.Option(metavar="I/N", help="Only the I-th of N parts of all runs; 'join' joins them.")
     ] = None,
     skip: Skip = 0.25,
     as_json: AsJson = False,
@@ -92,11 +100,33 @@ def _run(
     written = read_experiment(what, _changes(seeds))
     cells = cells_of(written)
     check_expectations(written, cells)
-    sweep = Sweep(written.experiment, cells, skip, jobs, dask, tell)
+    part = WHOLE if shard is None else read_shard(shard)
+    sweep = Sweep(written.experiment, cells, skip, jobs, dask, tell, part)
     folder = output or Path("experiments") / written.name
+    if shard is not None:
+        _tell_shard(sweep, _swept(sweep, folder), folder)
+        return
     # A sweep goes on in its own folder, and takes no other's.
     own = force or (folder / JOURNAL).exists()
-    _sweep(written, sweep, new_folder_of(folder, RESULTS, force=own), as_json=as_json)
+    folder = new_folder_of(folder, RESULTS, force=own)
+    _conclude(written, sweep, _swept(sweep, folder), folder, as_json=as_json)
+
+
+def _join(
+    what: What,
+    output: Folder = None,
+    seeds: Seeds = None,
+    skip: Skip = 0.25,
+    as_json: AsJson = False,
+    force: Force = False,
+) -> None:
+    """Join the shards of a sweep, with the results and the exit status of one that was not divided."""
+    written = read_experiment(what, _changes(seeds))
+    sweep = Sweep(written.experiment, cells_of(written), skip)
+    check_expectations(written, sweep.cells)
+    folder = output or Path("experiments") / written.name
+    folder = new_folder_of(folder, RESULTS, force=force or bool(shards_in(folder)))
+    _conclude(written, sweep, sweep.joined(folder), folder, as_json=as_json)
 
 
 def _changes(seeds: str | None) -> dict[str, object]:
@@ -108,16 +138,28 @@ def _changes(seeds: str | None) -> dict[str, object]:
         raise UserError(f"--seeds {seeds} is neither a number nor a list as [1, 2, 3]; give one of these") from None
 
 
-def _sweep(written: Written, sweep: Sweep, folder: Path, *, as_json: bool) -> None:
+def _swept(sweep: Sweep, folder: Path) -> list[list[Outcome]]:
     columns = (TextColumn("runs"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     try:
         with Progress(*columns, console=errors, transient=True, disable=not errors.is_terminal) as bar:
             task = bar.add_task("", total=None)
-            outcomes = sweep.run(folder, lambda done, total: bar.update(task, completed=done, total=total))
+            return sweep.run(folder, lambda done, total: bar.update(task, completed=done, total=total))
     except KeyboardInterrupt:
-        said = f"interrupted; what is finished is in {folder}, and the same command goes on from there"
-        tell(said)
+        place = sweep.shard.folder(folder)
+        tell(f"interrupted; what is finished is in {place}, and the same command goes on from there")
         raise typer.Exit(INTERRUPTED) from None
+
+
+def _tell_shard(sweep: Sweep, outcomes: list[list[Outcome]], folder: Path) -> None:
+    runs = [one for cell in outcomes for one in cell]
+    failures = [one.error for one in runs if one.error is not None]
+    console.print(f"shard {sweep.shard} has finished its {counted(len(runs), 'run')}", highlight=False)
+    console.print(f"in    {sweep.shard.folder(folder)}", highlight=False, soft_wrap=True)
+    if failures:
+        tell(f"failed: {len(failures)} of {counted(len(runs), 'run')}: {failures[0]}")
+
+
+def _conclude(written: Written, sweep: Sweep, outcomes: list[list[Outcome]], folder: Path, *, as_json: bool) -> None:
     summary = summarize(written, sweep.cells, outcomes)
     for sentence in write_outputs(summary, rows_of(sweep.cells, outcomes), written.source, folder):
         tell(sentence)
@@ -167,6 +209,7 @@ VERB = group(
     "Run sweeps of scenarios, which end with a verdict. 'experiment FILE' is short for 'experiment run FILE'.",
     {
         "experiment run loss --seeds 5 --jobs 2": _run,
+        "experiment join loss": _join,
         "experiment list": _list,
         "experiment show loss": _show,
     },

@@ -42,7 +42,7 @@ def simulated(scenario: Scenario, seeds: Sequence[int], skip: float) -> list[Out
     try:
         with np.errstate(all="ignore"):
             analyses = analyze(simulate([one.scenario for one in plans]), skip)
-        sent = _bytes(plans[0])
+        sent = _bytes(Plan(scenario))  # not of a run: which runs are in a batch would decide
         return outcomes + [outcome_of(one, sent) for one in analyses]
     except Exception as error:  # noqa: BLE001 - one run's failure is reported, and the others go on
         if len(plans) == 1:

@@ -26,13 +26,16 @@ def key_of(scenario: Scenario, engine: str, skip: float) -> str:
 
 
 class Journal:
-    """Outcomes by cell key and seed, in `finished.jsonl`; failures are not kept, so that they are tried again."""
+    """Outcomes by cell key and seed, in `finished.jsonl`.
+
+    A run that failed counts as not finished, so that the same command tries it again; its error is kept for `take_in`.
+    """
 
     def __init__(self, folder: Path) -> None:
         self._path = folder / JOURNAL
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            self._found = dict(_read(self._path))
+            self._found = {run: one for run, one in _read(self._path) if one.error is None}
             self._stream = self._path.open("a", encoding="utf-8")
         except OSError as error:
             raise UserError(f"cannot write into {folder}: {error.strerror}; choose another --output") from None
@@ -53,10 +56,15 @@ class Journal:
         """Keep the outcomes of some runs of one cell."""
         for one in outcomes:
             self._found[key, one.seed] = one
-            if one.error is None:
-                kept = {name: value for name, value in asdict(one).items() if name != "error"}
-                self._stream.write(json.dumps({"key": key, **kept}, separators=(",", ":")) + "\n")
+            kept = {name: value for name, value in asdict(one).items() if value is not None}
+            self._stream.write(json.dumps({"key": key, **kept}, separators=(",", ":")) + "\n")
         self._stream.flush()
+
+    def take_in(self, folder: Path) -> None:
+        """Keep what another journal found, too; a run that finished anywhere counts as finished."""
+        for (key, seed), one in dict(_read(folder / JOURNAL)).items():
+            if (known := self.outcome(key, seed)) is None or (known.error is not None and known != one):
+                self.add(key, [one])
 
 
 def _read(path: Path) -> Iterable[tuple[tuple[str, int], Outcome]]:
@@ -66,7 +74,8 @@ def _read(path: Path) -> Iterable[tuple[tuple[str, int], Outcome]]:
         for line in lines:
             try:
                 one = json.loads(line)
-                yield (one["key"], one["seed"]), Outcome(one["seed"], one["metrics"], Curve(**one["curve"]))
+                curve = None if "error" in one else Curve(**one["curve"])
+                yield (one["key"], one["seed"]), Outcome(one["seed"], one["metrics"], curve, one.get("error"))
             except (ValueError, KeyError, TypeError, AttributeError):
                 continue  # cut off, so it has to be done again
 
