@@ -35,7 +35,8 @@ def test_every_run_is_in_one_shard_and_shards_are_equally_long(cells, of):
         [(cell.index, seed) for cell in cells for seed in Shard(number, of).seeds_of(cell, [5, 3, 9, 1, 7])]
         for number in range(1, of + 1)
     ]
-    assert sorted(run for shard in runs for run in shard) == [(cell, seed) for cell in range(3) for seed in (1, 3, 5, 7, 9)]
+    every = [(cell, seed) for cell in range(3) for seed in (1, 3, 5, 7, 9)]
+    assert sorted(run for shard in runs for run in shard) == every
     assert max(map(len, runs)) - min(map(len, runs)) <= 1
 
 
