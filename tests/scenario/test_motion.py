@@ -87,6 +87,19 @@ def test_the_most_agile_motion_jumps_and_in_older_logs_it_does_not():
     assert [type(one) for one in older] == [MOTIONS[kind] for kind in ("ncv", "turn", "ncv", "ncv")]
 
 
+def test_the_rate_of_a_turn_hardly_changes_and_in_older_logs_it_did():
+    now, older = (
+        plan(*CIRCLE).models[1],
+        Plan(parse(as_meant({"target": {"motion": "circle"}, "filter": {"defaults": 2}}), "a log")),
+    )
+    assert now.process_noise[-1, -1] == pytest.approx(0.01**2)
+    assert older.models[1].process_noise[-1, -1] == 1.0 * older.scenario.dt
+    told = 'filter.models=[{motion="turn", turn_rate_std=0.5, turn_rate_change=0.2}, {motion="turn"}]'
+    first, second = plan("filter.motion=imm", told).models
+    assert first.process_noise[-1, -1] == pytest.approx(0.1**2)
+    assert second.process_noise[-1, -1] == pytest.approx(0.01**2)
+
+
 def test_the_velocity_of_a_real_target_decays():
     assert isinstance(plan("sensor.real=true").motion, MOTIONS["decay"])
     for kept in ("filter.kind=cbef", "filter.defaults=1", "filter.motion=ncv"):

@@ -94,7 +94,7 @@ def network(chosen, spoiled=()):
             mean = update.payload
         belief = filter_.conclude(mean, update)
         states.append(belief.state[0])
-        chances.append(belief.memory[0][0])
+        chances.append(belief.known_chance[0])
     return np.array(states), np.array(chances)
 
 
@@ -132,7 +132,7 @@ def test_a_network_of_different_states_is_the_centralised_one():
         seen = Ranges(PLACES[None], RANGES[None, :, k], np.zeros((1, AGENTS)), np.full((1, AGENTS), STD))
         belief, _ = models.step(belief, seen)
         np.testing.assert_allclose(states[k], belief.state[0], atol=1e-8)
-        np.testing.assert_allclose(chances[k], belief.memory[0][0], atol=1e-6)
+        np.testing.assert_allclose(chances[k], belief.known_chance[0], atol=1e-6)
 
 
 def test_models_that_are_all_the_same_are_the_single_filter():
@@ -156,7 +156,7 @@ def test_agents_of_different_noise_count_by_their_own():
         update = filter_.update(mine, Measurement(PLACES, RANGES[:, k], np.zeros(AGENTS), *none, noise))
         mine = filter_.conclude(everyone(update.payload.mean(axis=0)), update)
         np.testing.assert_allclose(mine.state[0], belief.state[0], atol=1e-8)
-        np.testing.assert_allclose(mine.memory[0][0], belief.memory[0][0], atol=1e-6)
+        np.testing.assert_allclose(mine.known_chance[0], belief.known_chance[0], atol=1e-6)
 
 
 def test_an_agent_alone_is_the_centralised_filter_of_its_own_ranges():
@@ -170,7 +170,7 @@ def test_an_agent_alone_is_the_centralised_filter_of_its_own_ranges():
         update = filter_.update(mine, Measurement(PLACES[:1], RANGES[:1, k], np.zeros(1), *none))
         mine = filter_.conclude(update.payload, update)
         np.testing.assert_allclose(mine.state, belief.state, atol=1e-7)
-        np.testing.assert_allclose(mine.memory[0], belief.memory[0], atol=1e-6)
+        np.testing.assert_allclose(mine.known_chance, belief.known_chance, atol=1e-6)
         np.testing.assert_allclose(update.diagnostics.innovation, told.innovation[:, 0], atol=1e-6)
         np.testing.assert_allclose(update.diagnostics.nis, told.nis[:, 0], rtol=1e-5)
     assert not sharing_of("sicf", alone).cooperates

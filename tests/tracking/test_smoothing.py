@@ -234,16 +234,16 @@ def test_several_motions_are_smoothed_by_what_the_filter_keeps_of_each_wherever_
         beliefs.append(Belief(random.normal(size=(2, motion.size)), root @ root.swapaxes(1, 2)))
     chance = np.array([[0.2, 0.5, 0.3], [0.6, 0.3, 0.1]])
     mixture = SWITCHING.combined(chance, [(one.state, one.known_covariance) for one in beliefs])
-    inner = Belief(*mixture, memory=(chance,), parts=tuple(beliefs))
+    inner = Belief(*mixture, chance=chance, parts=tuple(beliefs))
     ways = SeveralMotions(SWITCHING)
     assert ways.kept(inner) is inner
     assert ways.kept(Belief(*mixture, memory=(np.ones(2),), parts=(Belief(*mixture), inner))) is inner
     # During a first fix there is one belief for all models, and all are alike.
     alike = ways.kept(Belief(*mixture))
     assert (alike.state is mixture[0], alike.covariance is mixture[1]) == (True, True)
-    np.testing.assert_array_equal(alike.memory[0], 1.0 / 3.0)
+    np.testing.assert_array_equal(alike.known_chance, 1.0 / 3.0)
     assert [one.state.shape[1] for one in alike.parts] == [6, 7, 6]
-    later = Belief(*mixture, memory=(chance[:, ::-1],), parts=tuple(beliefs))
+    later = Belief(*mixture, chance=chance[:, ::-1], parts=tuple(beliefs))
     way = ways.between(inner, later)
     expected = Backward.within(
         SWITCHING.pairs(chance, chance[:, ::-1], [(one.state, one.known_covariance) for one in beliefs])

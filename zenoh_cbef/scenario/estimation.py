@@ -9,7 +9,7 @@ from pydantic import AfterValidator, Field, field_validator, model_validator
 from zenoh_cbef.quantities import Acceleration, Chance, Duration, Factor, Length, Metres, Rate, Seconds, Speed, Spread
 from zenoh_cbef.scenario.table import EachPosition, EachVelocity, Table, one_of
 from zenoh_cbef.tracking.filters import KINDS, Abilities, abilities_of
-from zenoh_cbef.tracking.motion import MOTIONS
+from zenoh_cbef.tracking.motion import MOTIONS, is_linear
 
 
 def _motion(value: str) -> str:
@@ -23,6 +23,7 @@ class Model(Table):
     acceleration_std: Acceleration | None = None
     velocity_time: Duration | None = None
     turn_rate_std: Rate | None = None
+    turn_rate_change: Factor | None = None
 
 
 class Filter(Table):
@@ -37,8 +38,10 @@ class Filter(Table):
     omega: hcmci multiplies averaged measurements by it; None: the number of agents.
     measurement: the agent's own range, or differences with its neighbours', as cbef and cbef-scaled always have.
     motion: a model of tracking/motion; auto: it follows from the target. velocity_time: time constant of decay, s.
-    turn_rate_std: rad/s, of turn. models: those of imm, the most agile one last; none: straight on, a turn, and two
-    that are agile, of which agile is the last. switching: the probability that the target leaves its model in a step.
+    turn_rate_std: of a turn's rate at first, rad/s; turn_rate_change: the share of it by which the rate changes in a
+    step, None: by turn_rate_std in a second. models: those of imm, the most agile one last; none: straight on, a turn,
+    and two that are agile, of which agile is the last. switching: the probability that the target leaves its model in a
+    step.
     acceleration_interval: how long a random acceleration lasts, s; None: one step, or for recorded ranges their own
     interval. bias_common_std, bias_own_std: prior of the network's and of the agents' own part of the bias, m; None:
     1.5 and 0.15 of range_std.
@@ -63,6 +66,7 @@ class Filter(Table):
     acceleration_interval: Duration | None = None
     velocity_time: Duration = 10.0
     turn_rate_std: Rate = 1.0
+    turn_rate_change: Factor | None = 0.01
     models: tuple[Model, ...] = ()
     agile: Literal["jump", "ncv"] = "jump"
     switching: Chance = 0.03
@@ -104,7 +108,7 @@ class Filter(Table):
                 f"filter.motion = {self.motion!r} is not for {self.kind!r}, which has no covariance; set filter.motion "
                 "= 'ncv', or filter.kind = 'sicf'"
             )
-        if self.motion in ("turn", "imm") and self.bias == "estimate":
+        if self.bias == "estimate" and not (self.motion == "auto" or is_linear(self.motion)):
             raise ValueError(
                 f"filter.bias = 'estimate' needs one linear motion, which {self.motion!r} is not; choose another "
                 "filter.motion, or set filter.bias = 'auto', which leaves biases alone then"

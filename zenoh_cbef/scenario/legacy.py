@@ -9,6 +9,7 @@ MEANT: dict[tuple[str, str], object] = {
     ("filter", "start"): "given",
     ("filter", "status"): False,
     ("filter", "agile"): "ncv",
+    ("filter", "turn_rate_change"): None,
     ("filter", "linearise"): "before",
     ("filter", "reacquire"): False,
     ("consensus", "isolate"): False,

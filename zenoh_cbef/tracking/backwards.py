@@ -105,18 +105,19 @@ class SeveralMotions:
 
     def kept(self, belief: Belief) -> Belief:
         """Probabilities and beliefs of all models, wherever they stand in it; during a first fix, all models alike."""
-        found = self._found(belief)
-        if found is not None:
+        if (found := _motions(belief)) is not None:
             return found
         chance, beliefs = self.switching.begun(belief.state, belief.known_covariance)
-        return Belief(belief.state, belief.covariance, memory=(chance,), parts=tuple(Belief(*one) for one in beliefs))
+        return Belief(belief.state, belief.covariance, chance=chance, parts=tuple(Belief(*one) for one in beliefs))
 
     def between(self, before: Belief, after: Belief) -> Backward:
         """By all pairs of models."""
         beliefs = [(one.state, one.known_covariance) for one in before.parts]
-        return Backward.within(self.switching.pairs(before.memory[0], after.memory[0], beliefs))
+        return Backward.within(self.switching.pairs(before.known_chance, after.known_chance, beliefs))
 
-    def _found(self, belief: Belief) -> Belief | None:
-        if len(belief.parts) == len(self.switching.motions):
-            return belief
-        return next((found for part in belief.parts if (found := self._found(part))), None)
+
+def _motions(belief: Belief) -> Belief | None:
+    """The belief of several motions in another one, wherever it stands in that; None where there is none."""
+    if belief.chance is not None:
+        return belief
+    return next((found for part in belief.parts if (found := _motions(part))), None)

@@ -33,10 +33,10 @@ class CentralModels:
 
         belief: the initial one, (r, s), or what the last step returned.
         """
-        if belief.parts:
-            chance, beliefs = belief.memory[0], [(one.state, one.known_covariance) for one in belief.parts]
-        else:
+        if belief.chance is None:
             chance, beliefs = self.switching.begun(belief.state, belief.known_covariance)
+        else:
+            chance, beliefs = belief.chance, [(one.state, one.known_covariance) for one in belief.parts]
         ahead, mixtures = self.switching.mixed(chance, beliefs)
         taken = [
             taken_in(Belief(*mixture), motion, self.space, seen, xi=self.xi, power=self.power)
@@ -46,7 +46,7 @@ class CentralModels:
         chance = self.switching.weighed(ahead, np.stack(misfits, axis=1))
         parts = [one.posterior for one in taken]
         mixture = self.switching.combined(chance, parts)
-        joined = Belief(*mixture, memory=(chance,), parts=tuple(Belief(*one) for one in parts))
+        joined = Belief(*mixture, chance=chance, parts=tuple(Belief(*one) for one in parts))
         return joined, _likeliest(taken, ahead)
 
 

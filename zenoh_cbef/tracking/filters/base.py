@@ -34,7 +34,8 @@ class Belief:
 
     bias: of the agent's ranges, None for a filter that does not estimate it. memory: arrays (n, ...), and parts:
     beliefs, that a filter carries to the next step beyond its state; a belief without them is an initial one. status:
-    None where agents do not say what their estimate is.
+    None where agents do not say what their estimate is. chance: (n, M), where the parts are of M motions, how likely
+    each is.
     """
 
     state: Floats
@@ -43,6 +44,7 @@ class Belief:
     memory: tuple[Floats, ...] = ()
     parts: tuple[Belief, ...] = ()
     status: Status | None = None
+    chance: Floats | None = None
 
     @property
     def known_covariance(self) -> Floats:
@@ -50,6 +52,13 @@ class Belief:
         if self.covariance is None:
             raise ValueError("a belief without a covariance")
         return self.covariance
+
+    @property
+    def known_chance(self) -> Floats:
+        """How likely each motion is, (n, M). Raises ValueError where the belief is not of several."""
+        if self.chance is None:
+            raise ValueError("a belief without several motions")
+        return self.chance
 
 
 @dataclass(frozen=True)

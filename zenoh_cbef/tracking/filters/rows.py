@@ -34,4 +34,5 @@ def chosen(old: Belief, new: Belief, rows: Bools) -> Belief:
         tuple(pick(*pair) for pair in zip(old.memory, new.memory, strict=True)),
         tuple(chosen(*pair, rows) for pair in zip(old.parts, new.parts, strict=True)),
         pick_all(old.status, new.status),
+        pick_any(old.chance, new.chance),
     )

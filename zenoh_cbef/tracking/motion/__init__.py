@@ -17,6 +17,7 @@ __all__ = [
     "MotionSettings",
     "NearlyConstantVelocity",
     "begun",
+    "is_linear",
     "linear",
     "make_motion",
 ]
@@ -29,6 +30,11 @@ MOTIONS: dict[str, type[Motion]] = {
     "turn": CoordinatedTurn,
     "jump": Jump,
 }
+
+
+def is_linear(kind: str) -> bool:
+    """Whether `filter.motion` names one linear model: its class is a LinearMotion."""
+    return kind in MOTIONS and issubclass(MOTIONS[kind], LinearMotion)
 
 
 def make_motion(kind: str, settings: MotionSettings) -> Motion:

@@ -19,7 +19,8 @@ class MotionSettings:
     """What any model may need to know.
 
     dt: of a step, s. acceleration_std: q, m/s^2. axes: 3, or 2 in a plane. interval: how long a random acceleration
-    lasts, s; None: one step. velocity_time: time constant of a velocity that decays, s. turn_rate_std: rad/s.
+    lasts, s; None: one step. velocity_time: time constant of a velocity that decays, s. turn_rate_std: of a
+    turn's rate before the first step, rad/s; turn_rate_change: by what share of it the rate changes in a step.
     """
 
     dt: float
@@ -28,6 +29,7 @@ class MotionSettings:
     interval: float | None = None
     velocity_time: float = 10.0
     turn_rate_std: float = 1.0
+    turn_rate_change: float | None = None
 
     @property
     def stepwise_std(self) -> float:

@@ -20,21 +20,24 @@ _STRAIGHT = 1e-3
 class CoordinatedTurn:
     """State (p, v, w): the horizontal velocity turns by w D in a step (Bar-Shalom et al., 2001, section 11.7).
 
-        p' = p + R1(w) v,  v' = R2(w) v,  w' = w + noise of turn_rate_std sqrt(D)
+        p' = p + R1(w) v,  v' = R2(w) v,  w' = w + noise of c turn_rate_std
 
     Speed and height change as in the nearly-constant-velocity model of the same q. dt: D (s). acceleration_std: q
-    (m/s^2). turn_rate_std: of w before the first step, and by how much it changes in a second (rad/s).
+    (m/s^2). turn_rate_std: of w before the first step (rad/s). turn_rate_change: c, None: sqrt(D), so that w changes by
+    turn_rate_std in a second.
     """
 
     dt: float
     acceleration_std: float
     axes: int = 3
     turn_rate_std: float = 1.0
+    turn_rate_change: float | None = None
 
     @classmethod
     def of(cls, settings: MotionSettings) -> Self:
         """The model of these settings."""
-        return cls(settings.dt, settings.stepwise_std, settings.axes, settings.turn_rate_std)
+        told = settings.turn_rate_std, settings.turn_rate_change
+        return cls(settings.dt, settings.stepwise_std, settings.axes, *told)
 
     @property
     def size(self) -> int:
@@ -51,7 +54,8 @@ class CoordinatedTurn:
         """Q, (s, s)."""
         straight = NearlyConstantVelocity(self.dt, self.acceleration_std, self.axes).process_noise
         noise = np.pad(straight, ((0, 1), (0, 1)))
-        noise[-1, -1] = self.turn_rate_std**2 * self.dt
+        share = self.dt if self.turn_rate_change is None else self.turn_rate_change**2
+        noise[-1, -1] = self.turn_rate_std**2 * share
         return noise
 
     def predict_state(self, state: Floats) -> Floats:

@@ -71,7 +71,7 @@ class Distrusting(Wrapping):
         """The filter's belief."""
         inner = self.filter.conclude(np.ascontiguousarray(payload[:, :-1]), update.parts[0])
         (mean,) = update.kept
-        return replace(inner, memory=(mean, payload[:, -1].copy()), parts=(inner,))
+        return replace(inner, memory=(mean, payload[:, -1].copy()), parts=(inner,), chance=None)
 
 
 def trusted_nis(told: Diagnostics, added: Floats) -> Floats:

@@ -88,7 +88,7 @@ class InteractingModels:
         heard = self.switching.weighed(np.ones_like(ahead), np.where(usable[:, None], measured, 0.0))
         chance = np.where(usable[:, None], heard, ahead)
         mixture = self.switching.combined(chance, [_gaussian(one) for one in beliefs])
-        return Belief(*mixture, memory=(chance,), parts=tuple(beliefs))
+        return Belief(*mixture, chance=chance, parts=tuple(beliefs))
 
     def _own_cost(self, part: Update, ahead: Floats, variance: Floats) -> Floats:
         """c_i, (n,), of one model's update. ahead: (n,), its probability before the step."""
@@ -108,9 +108,9 @@ class InteractingModels:
         return np.asarray(np.add.reduce(away * (2.0 * vector - matvec(matrix, away)), axis=1))
 
     def _carried(self, belief: Belief) -> tuple[Floats, list[Gaussian]]:
-        if not belief.parts:
+        if belief.chance is None:
             return self.switching.begun(belief.state, belief.known_covariance)
-        return belief.memory[0], [_gaussian(one) for one in belief.parts]
+        return belief.chance, [_gaussian(one) for one in belief.parts]
 
 
 def _gaussian(belief: Belief) -> Gaussian:

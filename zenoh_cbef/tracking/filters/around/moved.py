@@ -35,5 +35,5 @@ def moved(chosen: Filter, belief: Belief, place: Belief) -> Belief:
         return replace(there, memory=(state, covariance, own, own_variance, cross))
     if isinstance(chosen, InteractingModels):
         chance, parts = chosen.switching.begun(place.state, place.known_covariance)
-        return replace(there, memory=(chance,), parts=tuple(Belief(*one) for one in parts))
+        return replace(there, chance=chance, parts=tuple(Belief(*one) for one in parts))
     return there
