@@ -7,7 +7,7 @@ import sys
 import pytest
 
 from tests.terminal import Terminal
-from zenoh_cbef.cli import run
+from zenoh_cbef.cli.stops import StopRequests
 
 SHOWN = """
 from zenoh_cbef.cli.run import _Display
@@ -32,7 +32,7 @@ def test_a_run_is_told_whole_at_any_width(monkeypatch, width):
 
 def test_every_ctrl_c_of_a_run_is_counted_and_ends_nothing():
     before = signal.getsignal(signal.SIGINT)
-    with run._StopRequests() as stops:  # noqa: SLF001
+    with StopRequests() as stops:
         assert stops() == 0
         os.kill(os.getpid(), signal.SIGINT)
         assert stops() == 1

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from typing import Annotated
 
 import typer
@@ -20,11 +21,19 @@ def _agent(
     run: Run,
     ctx: JoiningContext,
     patience: Patience = 3.0,
+    status_json: Annotated[bool, typer.Option("--status-json", hidden=True)] = False,
 ) -> None:
     """Run one agent process; it fetches the scenario from the run's target."""
+
+    def report(stage: str, step: int = 0) -> None:
+        if status_json:
+            typer.echo(json.dumps({"agent": agent, "stage": stage, "step": step}))
+
     connection = ctx.joining.connection(common_name("agent", str(agent)))
-    last = run_agent(identity_of("agent", str(agent), run, connection, patience))
-    typer.echo(f"agent {agent} ended " + (f"after step {last}" if last else f"before run {run} had begun"))
+    last = run_agent(identity_of("agent", str(agent), run, connection, patience), report)
+    report("ended", last)
+    if not status_json:
+        typer.echo(f"agent {agent} ended " + (f"after step {last}" if last else f"before run {run} had begun"))
 
 
 VERB = verb(_agent, "agent 3 --run mine --connect tcp/192.0.2.1:7447", JoiningCommand)

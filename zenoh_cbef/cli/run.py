@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import os
-import signal
 import time
 from datetime import datetime
 from pathlib import Path
-from types import FrameType
-from typing import Annotated, Self
+from typing import Annotated
 
 import typer
 from rich.live import Live
@@ -24,6 +22,7 @@ from zenoh_cbef.cli.names import check_run
 from zenoh_cbef.cli.offer import verb
 from zenoh_cbef.cli.options import Overrides, ScenarioName
 from zenoh_cbef.cli.places import beside, place_of_log
+from zenoh_cbef.cli.stops import StopRequests
 from zenoh_cbef.cli.tables import metrics_table
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.extras import MissingExtra
@@ -88,27 +87,6 @@ class _Display:
             errors.print(f"step {status.step} of {status.steps}, error {error}, {status.messages} messages")
 
 
-class _StopRequests:
-    """Counts Ctrl-C and other signals that ask for an end, while it is entered; they do not end this process."""
-
-    def __init__(self) -> None:
-        self.count = 0
-
-    def __call__(self) -> int:
-        return self.count
-
-    def __enter__(self) -> Self:
-        self._before = {one: signal.signal(one, self._note) for one in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        for one, handler in self._before.items():
-            signal.signal(one, handler)
-
-    def _note(self, _signum: int, _frame: FrameType | None) -> None:
-        self.count += 1
-
-
 def _run(
     scenario: ScenarioName = "tracking",
     overrides: Overrides = None,
@@ -140,7 +118,7 @@ def run_processes(
     refuse_a_trace_beyond_memory(loaded.plan)
     warn_of_exposure(Connection(listen=loaded.scenario.zenoh.listen))
     require(links=loaded.scenario.count + 1, processes=loaded.scenario.count + 2)
-    with place_of_log(run, log) as path, _StopRequests() as stops:
+    with place_of_log(run, log) as path, StopRequests() as stops:
         if path.exists():
             raise UserError(f"{path} exists and logs are never overwritten; choose another --log, or move it away")
         started, deaths = _execute(arguments, loaded, run, path, sync, stops)
@@ -160,7 +138,7 @@ def run_processes(
 
 
 def _execute(
-    arguments: list[str], loaded: Loaded, run: str, path: Path, sync: bool, stops: _StopRequests
+    arguments: list[str], loaded: Loaded, run: str, path: Path, sync: bool, stops: StopRequests
 ) -> tuple[bool, list[str]]:
     display = _Display(loaded.scenario.length)
     tell(f"run {run}: {counted(loaded.scenario.count, 'agent')}, log {path}")

@@ -26,6 +26,7 @@ GROUPS = {
     "Join a run, also from other hosts": {
         "target": "Be the target of a run",
         "agent": "Be an agent of a run",
+        "fleet": "Be many agents, each a process; restart them",
         "record": "Be the recorder of a run",
         "router": "Be a router for runs",
         "certs": "Make certificates for runs over networks",

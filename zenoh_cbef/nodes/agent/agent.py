@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from functools import partial
 from math import nan
 
@@ -17,6 +18,7 @@ from zenoh_cbef.nodes.agent.neighbour import Neighbourhood
 from zenoh_cbef.nodes.agent.signals import Signals
 from zenoh_cbef.nodes.common.alarm import Alarm
 from zenoh_cbef.nodes.common.briefing import brief
+from zenoh_cbef.nodes.common.ending import Ending
 from zenoh_cbef.nodes.common.inbox import Stopped
 from zenoh_cbef.nodes.common.links import Links
 from zenoh_cbef.nodes.common.node import Identity, Node
@@ -152,7 +154,7 @@ class Agent:
                 self.node.last_words(
                     "killed", f"agent {self.agent} is killed at step {step}", agent=self.agent, step=step
                 )
-                die(step, absences.return_of(self.agent, step))
+                die(step, absences.return_of(self.agent, step), self.scenario.dt if self._realtime else 0.0)
             self._pause(step)
         self.neighbourhood.expect(absences.ended(step))
         return not absences.at(step)[self.agent]
@@ -258,14 +260,15 @@ class Agent:
         )
 
 
-def run_agent(identity: Identity) -> int:
-    """Run one agent process to the end of its run; returns the last step."""
+def run_agent(identity: Identity, report: Callable[[str], None] = lambda _: None) -> int:
+    """Run one agent process to the end of its run; returns the last step. report: gets "joined", then "began"."""
     with Node(identity) as node:
         briefing = brief(node)
         text, scenario, agent = briefing.text, briefing.scenario, int(identity.name)
         if agent >= scenario.count:
             raise UserError(f"run {identity.run!r} has agents 0 to {scenario.count - 1}, no agent {agent}")
         node.claim_name()
+        report("joined")
         succession = Succession(node.presence, node.stop)
         process = Agent(node, briefing.plan, agent)
         require(links=len(process.neighbourhood.ids) + 1 + scenario.record.awaited)
@@ -274,10 +277,13 @@ def run_agent(identity: Identity) -> int:
         node.presence.enter(f"agent/{identity.name}")
         Links(node, process.neighbourhood.ids).keep()
         entry = Entrance(process, None if text.step is None else text.agents, briefing.clock).wait()
+        if entry is not None:
+            report("began")
         last = 0 if entry is None else process.run(entry)
         if succession.replaced:
             # Another process may have this agent's name by now: no more words in it.
             node.presence.withdraw()
+            Ending("again").tell()
             raise UserError(
                 f"the target of run {identity.run!r} was started again, so the run of agent {agent} is over after step "
                 f"{last}; start the agent again, too"

@@ -15,13 +15,16 @@ PLACE = "ZENOH_CBEF_ENDING"
 
 @dataclass(frozen=True)
 class Ending:
-    """Why a process ends: its scenario kills it ("crash"), or another program holds its port ("port").
+    """Why a process ends.
 
-    steps_away: after how many steps a killed process is to be there again; None: never.
+    cause: its scenario kills it ("crash"), another program holds its port ("port"), or the target was started again
+    and waits for a new process ("again"). steps_away: after how many steps a killed process is to be there again;
+    None: never. seconds_away: how long that is; 0 in lockstep, where the others wait for it.
     """
 
-    cause: Literal["crash", "port"]
+    cause: Literal["crash", "port", "again"]
     steps_away: int | None = None
+    seconds_away: float = 0.0
 
     def tell(self) -> None:
         """Leave this for the launcher, if one has started this process."""

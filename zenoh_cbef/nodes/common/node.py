@@ -26,6 +26,9 @@ from zenoh_cbef.protocol.presence import Presence
 from zenoh_cbef.protocol.session import Connection, PortInUseError, open_joined, yield_to_others
 
 LEASH = "ZENOH_CBEF_LEASH"
+"""The environment variable of a process whose standard input ends with its launcher, with what that launches."""
+RUN, FLEET = "run", "fleet"
+"""A whole run on this host, or some agents of one."""
 _FAREWELLS = 10
 _JOIN_SECONDS = 5.0
 _TOLD = 50
@@ -70,7 +73,7 @@ class Node:
         self.keys = Keys(identity.run)
         self.clock: Callable[[], int] = time.time_ns
         self.stopping = False
-        self.launched = LEASH in os.environ
+        self.leashed, self.launched = LEASH in os.environ, os.environ.get(LEASH, FLEET) != FLEET
         self.born = time.monotonic()
         self.told: deque[bytes] = deque(maxlen=_TOLD)
         self._on_stop: list[Callable[[], None]] = []
@@ -78,7 +81,7 @@ class Node:
 
     def __enter__(self) -> Self:
         require(links=1)
-        if self.launched:
+        if self.leashed:
             yield_to_others()
         self._open()
         try:
@@ -176,7 +179,7 @@ class Node:
     def grace(self) -> float:
         """The share, 0 or 1, of its patience that this process waits for one out of sight, whose link may come back.
 
-        All processes of a launcher are on one host: there a link ends only with its process.
+        Where all processes of a run are on one host, a link ends only with its process.
         """
         return 0.0 if self.launched else 1.0
 
@@ -225,7 +228,7 @@ class Node:
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, ask)
         threading.Thread(target=obey, daemon=True).start()
-        if self.launched:
+        if self.leashed:
             threading.Thread(target=self._follow_leash, args=(asked,), daemon=True).start()
 
     def _follow_leash(self, asked: threading.Event) -> None:
@@ -234,7 +237,8 @@ class Node:
         # Read past sys.stdin, whose lock a thread that still holds it at exit would turn into an abort.
         while os.read(0, 4096):
             pass
-        time.sleep(_PATIENCE_WITHOUT_LAUNCHER.get(self.identity.role, 4.0))
+        if self.launched:
+            time.sleep(_PATIENCE_WITHOUT_LAUNCHER.get(self.identity.role, 4.0))
         asked.set()
         time.sleep(6.0)
         os._exit(1)

@@ -19,12 +19,13 @@ if os.getppid() == parent:
 """
 
 
-def die(step: int, back: int | None) -> None:
+def die(step: int, back: int | None, pace: float = 0.0) -> None:
     """Be killed, after telling the launcher why, and the reader of standard error.
 
-    back: the step at which this process is to be there again, if it is.
+    back: the step at which this process is to be there again, if it is. pace: how long a step takes, s; 0 in lockstep.
     """
-    Ending("crash", None if back is None else back - step).tell()
+    away = None if back is None else back - step
+    Ending("crash", away, pace * (away or 0)).tell()
     until = "" if back is None else f", until step {back}"
     sys.stderr.write(f"the scenario's crash kills this process at step {step}{until}\n")
     sys.stderr.flush()

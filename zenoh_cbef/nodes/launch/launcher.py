@@ -19,7 +19,7 @@ from types import TracebackType
 from typing import IO, Self
 
 from zenoh_cbef.nodes.common.ending import PLACE, Ending, ending_at
-from zenoh_cbef.nodes.common.node import LEASH
+from zenoh_cbef.nodes.common.node import LEASH, RUN
 from zenoh_cbef.nodes.common.recording import Status
 from zenoh_cbef.nodes.launch.ports import free_ports
 from zenoh_cbef.protocol.session import ONE_RUNTIME
@@ -133,7 +133,7 @@ class Launcher:
         place = self._ending(name)
         place.unlink(missing_ok=True)
         environment = os.environ | {
-            LEASH: "1",
+            LEASH: RUN,
             PLACE: str(place),
             "OPENBLAS_NUM_THREADS": "1",
             "ZENOH_RUNTIME": ONE_RUNTIME,

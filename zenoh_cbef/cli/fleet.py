@@ -1,0 +1,159 @@
+"""fleet: many agents of a run as processes of one host."""
+
+from __future__ import annotations
+
+import re
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from zenoh_cbef.cli.console import errors, tell
+from zenoh_cbef.cli.interrupts import INTERRUPTED
+from zenoh_cbef.cli.joining import Joining, JoiningCommand, JoiningContext, Patience, warn_of_exposure
+from zenoh_cbef.cli.offer import verb
+from zenoh_cbef.cli.options import MOST_AGENTS, Run
+from zenoh_cbef.cli.stops import StopRequests
+from zenoh_cbef.errors import UserError
+from zenoh_cbef.machine import require
+from zenoh_cbef.nodes.launch.fleet import Fleet, Member, missing
+from zenoh_cbef.protocol.addresses import parts
+from zenoh_cbef.words import counted
+
+_IDS = re.compile(r"(\d+)(?:-(\d+))?")
+_TELL_SECONDS = 5.0
+
+
+def ids_of(text: str, option: str = "IDS") -> list[int]:
+    """The agents of a list such as "0-49" or "0,3,5-9", in ascending order. Raises UserError."""
+    found: set[int] = set()
+    for part in text.split(","):
+        match = _IDS.fullmatch(part.strip())
+        first, last = (int(match[1]), int(match[2] or match[1])) if match else (1, 0)
+        if first > last or last >= MOST_AGENTS:
+            raise UserError(
+                f"{option} {text!r:.60} is no list of agents; write it as in 0-49, or 0,3,5-9, with ids from 0 to "
+                f"{MOST_AGENTS - 1}"
+            )
+        found.update(range(first, last + 1))
+    return sorted(found)
+
+
+def shortened(ids: Sequence[int]) -> str:
+    """A list of agents in ascending order as `ids_of` reads it."""
+    runs: list[list[int]] = []
+    for one in ids:
+        if runs and one == runs[-1][-1] + 1:
+            runs[-1].append(one)
+        else:
+            runs.append([one])
+    return ",".join(str(run[0]) if len(run) == 1 else f"{run[0]}-{run[-1]}" for run in runs)
+
+
+class _Display:
+    """One line on a terminal, else a line every few seconds in which something changed."""
+
+    def __init__(self, members: Sequence[Member]) -> None:
+        self._members = members
+        self._said, self._due = "", 0.0
+
+    def show(self) -> None:
+        """Show how many of the processes are where."""
+        counts = dict.fromkeys(("joined", "began", "ended"), 0)
+        for member in self._members:
+            if member.stage in counts:
+                counts[member.stage] += 1
+        here = f"{counts['joined'] + counts['began']} in the run, {counts['began']} under way, {counts['ended']} ended"
+        again = sum(max(0, member.starts - 1) for member in self._members)
+        lost = sum(bool(member.why) for member in self._members)
+        words = f"{here}, {again} restarted" * bool(again) or here
+        words += f", {lost} missing" if lost else ""
+        if words == self._said or time.monotonic() < self._due:
+            return
+        self._said = words
+        if errors.is_terminal:
+            errors.file.write(f"\r{words}\033[K")
+            errors.file.flush()
+        else:
+            tell(words)
+            self._due = time.monotonic() + _TELL_SECONDS
+
+    def close(self) -> None:
+        """Leave the line."""
+        if errors.is_terminal and self._said:
+            errors.file.write("\r\033[K")
+
+
+def _fleet(
+    ids: Annotated[str, typer.Argument(metavar="IDS", help="Which agents, as in 0-49 or 0,3,5-9.")],
+    run: Run,
+    ctx: JoiningContext,
+    patience: Patience = 60.0,
+    restart: Annotated[bool, typer.Option("--restart/--no-restart", help="Start agents that die again.")] = True,
+) -> None:
+    """Run many agents of this host, each a process: start, watch and restart them. Ctrl-C ends them all."""
+    agents = ids_of(ids)
+    joining = ctx.joining
+    if joining.cert is not None or joining.key is not None:
+        raise UserError("--cert and --key are of one agent; give --tls with the folder that has those of all")
+    connection = joining.connection(f"agent-{agents[0]}")
+    warn_of_exposure(connection)
+    require(links=1, processes=len(agents))
+    shared = ["--run", run, "--patience", str(patience), "--status-json", *_options(joining)]
+    commands = {agent: ["agent", str(agent), *shared, *_listen(joining, place)] for place, agent in enumerate(agents)}
+    with StopRequests() as stops, Fleet(commands, restart=restart) as fleet:
+        display = _Display(fleet.members)
+        tell(f"run {run}: {counted(len(agents), 'agent')} on this host")
+        try:
+            fleet.watch(display.show, stops)
+        finally:
+            display.close()
+    _conclude(run, fleet.members, interrupted=stops.count > 0)
+
+
+def _options(joining: Joining) -> list[str]:
+    found = [] if joining.gossip else ["--no-gossip"]
+    found += ["--client"] if joining.client else []
+    found += ["--lease-ms", str(joining.lease_ms)]
+    for name, value in (("--config", joining.config), ("--tls", joining.tls)):
+        found += [] if value is None else [name, str(Path(value).absolute())]
+    return [*found, *(part for one in joining.connect or () for part in ("--connect", one))]
+
+
+def _listen(joining: Joining, place: int) -> list[str]:
+    """Where the agent at this place of the list listens: where a port is named, each takes the next one."""
+    found = []
+    for endpoint in joining.listen or ():
+        port = parts(endpoint)[2]
+        own = endpoint if port < 1 else f"{endpoint.rpartition(':')[0]}:{port + place}"
+        found += ["--listen", own]
+    return found
+
+
+def _conclude(run: str, members: Sequence[Member], *, interrupted: bool) -> None:
+    """Say what became of them, and exit with 1 where some are missing, with 2 where the run refused them all."""
+    ended: dict[int, list[int]] = {}
+    for member in members:
+        if not member.why and member.stage == "ended":
+            ended.setdefault(member.step, []).append(member.agent)
+    for step, ids in sorted(ended.items()):
+        typer.echo(f"{_named(ids)} ended " + (f"after step {step}" if step else f"before run {run} had begun"))
+    if again := [member.agent for member in members if member.starts > 1]:
+        times = sum(member.starts - 1 for member in members if member.starts)
+        typer.echo(f"{_named(again)} had to be started again, {counted(times, 'time')} in all")
+    reasons = missing(members)
+    for why, ids in reasons.items():
+        tell(f"{_named(ids)}: {why}")
+    if interrupted:
+        raise typer.Exit(INTERRUPTED)
+    if reasons:
+        raise typer.Exit(2 if all(member.refused for member in members) else 1)
+
+
+def _named(ids: Sequence[int]) -> str:
+    return f"agent {ids[0]}" if len(ids) == 1 else f"agents {shortened(ids)}"
+
+
+VERB = verb(_fleet, "fleet 0-49 --run mine --connect tcp/192.0.2.1:7447", JoiningCommand)

@@ -1,0 +1,126 @@
+"""Processes of this program that the nursery forks, to be waited for and ended as those of `subprocess` are."""
+
+from __future__ import annotations
+
+import json
+import os
+import select
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from zenoh_cbef.errors import UserError
+from zenoh_cbef.nodes.launch.nursery import LENGTH, NAME, PAIR, ROOM, STARTED
+
+_LOOK_SECONDS = 0.01
+
+
+class Child:
+    """A process that the nursery started."""
+
+    def __init__(self, nursery: Nursery, pid: int) -> None:
+        self._nursery, self.pid = nursery, pid
+
+    def poll(self) -> int | None:
+        """Its exit status, negative for a signal; None while it runs."""
+        return self._nursery.status(self.pid)
+
+    def wait(self, seconds: float) -> int | None:
+        """Its exit status; None where it does not end within so many seconds."""
+        until = time.monotonic() + seconds
+        while (status := self.poll()) is None and time.monotonic() < until:
+            time.sleep(_LOOK_SECONDS)
+        return status
+
+    def send(self, number: int) -> None:
+        """Send it a signal, if it still runs."""
+        if self.poll() is None:
+            with suppress(ProcessLookupError):
+                os.kill(self.pid, number)
+
+    def keep_to_core(self, place: int) -> None:
+        """Bind it to a core: where cores are few, moving between them costs more than waiting."""
+        if hasattr(os, "sched_setaffinity"):
+            cores = sorted(os.sched_getaffinity(0))
+            with suppress(OSError):  # it has ended already, which the caller will notice
+                os.sched_setaffinity(self.pid, {cores[place % len(cores)]})
+
+
+class Nursery:
+    """Starts processes. Use as a context manager: leaving it ends the nursery, not the processes.
+
+    All of them have one standard input, which ends with this process: their leash.
+    """
+
+    def __enter__(self) -> Self:
+        self._statuses: dict[int, int | None] = {}
+        self._orders, theirs = socket.socketpair()
+        self._leash, self._hold = os.pipe()
+        with theirs:
+            self._process = subprocess.Popen(
+                [sys.executable, "-m", NAME, ROOM],
+                stdin=theirs.fileno(),
+                stdout=subprocess.DEVNULL,
+                # One thread per process: the matrices are six by six, and cores are few.
+                env=os.environ | {"OPENBLAS_NUM_THREADS": "1"},
+                process_group=0,  # Ctrl-C is for the caller, who ends the others
+            )
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._orders.close()
+        for end in (self._leash, self._hold):
+            os.close(end)
+        self._process.wait()
+
+    @property
+    def pid(self) -> int:
+        """Of the nursery itself."""
+        return self._process.pid
+
+    def start(
+        self, command: list[str], environment: Mapping[str, str], words: Path, output: int | None = None
+    ) -> Child:
+        """Start the process of a command line. words: the file that its standard error is appended to.
+
+        output: the file that it prints to, None: it prints nowhere. Raises UserError where the nursery has ended.
+        """
+        order = {"command": command, "environment": os.environ | environment, "folder": str(Path.cwd())}
+        text = json.dumps(order).encode()
+        try:
+            with words.open("ab") as file, Path(os.devnull).open("ab") as nowhere:
+                streams = [self._leash, nowhere.fileno() if output is None else output, file.fileno()]
+                socket.send_fds(self._orders, [LENGTH.pack(len(text))], streams)
+            self._orders.sendall(text)
+            while (told := self._next())[1] != STARTED:
+                self._statuses[told[0]] = told[1]
+        except OSError:
+            raise UserError("the process that starts all others has ended; start the run again") from None
+        self._statuses[told[0]] = None
+        return Child(self, told[0])
+
+    def status(self, pid: int) -> int | None:
+        """The exit status of a process that was started here; None while it runs."""
+        while select.select([self._orders], [], [], 0)[0]:
+            try:
+                ended, status = self._next()
+            except OSError:  # it cannot tell any more
+                self._statuses |= {one: -9 for one, known in self._statuses.items() if known is None}
+                break
+            self._statuses[ended] = status
+        return self._statuses[pid]
+
+    def _next(self) -> tuple[int, int]:
+        pair = self._orders.recv(PAIR.size, socket.MSG_WAITALL)
+        if len(pair) < PAIR.size:
+            raise ConnectionResetError
+        pid, status = PAIR.unpack(pair)
+        return pid, status
