@@ -18,6 +18,9 @@ EXTRA_OF = {
     "mcap_protobuf": "viz",
     "google": "viz",
     "rerun": "rerun",
+    "starlette": "lab",
+    "uvicorn": "lab",
+    "websockets": "lab",
 }
 
 

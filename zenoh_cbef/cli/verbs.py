@@ -34,6 +34,7 @@ GROUPS = {
     "Look at a run": {
         "status": "Show agents, links and errors as a table",
         "watch": "Show them with curves, on the whole terminal",
+        "lab": "Show a run or a log in a browser, and touch it",
         "health": "Ask whether a process is there",
         "doctor": "Find what is wrong with this host or network",
     },

@@ -160,15 +160,13 @@ def _delivered(recording: Recording, links: Ints, steps: int) -> Floats:
     share = np.full((len(links), steps), np.nan)
     place = {(source, destination): row for row, (source, destination) in enumerate(links.tolist())}
     for agent, receipts in enumerate(recording.receipts):
-        counts = np.stack([receipts.counts(name, steps) for name in COUNTS])
-        new, begun = np.diff(counts, axis=1, prepend=0.0), receipts.begun(steps)
-        new[:, begun] = counts[:, begun]
+        known, new = receipts.fresh(COUNTS, 0, steps)
         total = new.sum(axis=0)
         with np.errstate(divide="ignore", invalid="ignore"):
             part = np.where(total > 0, new[0] / total, np.nan)
         for at, source in enumerate(receipts.neighbours):
             if (source, agent) in place:
-                share[place[source, agent], receipts.steps(steps) - 1] = part[:, at]
+                share[place[source, agent], known - 1] = part[:, at]
     return share
 
 

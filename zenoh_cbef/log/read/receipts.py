@@ -87,6 +87,23 @@ class Receipts:
         """In which of these steps the agent counts anew, (m,): it was started again, and numbers from 0."""
         return np.asarray(np.diff(self.counts("seq", until)[:, 0], prepend=-1.0) <= 0.0)
 
+    def fresh(self, names: Sequence[str], since: int, until: int) -> tuple[Ints, Floats]:
+        """What the agent counted in steps since+1 to until, each by itself: those steps (m,), (names, m, d).
+
+        Counts are those of the step alone; a latency, s, is that of the step. A step without an estimate is left out.
+        """
+        there = np.flatnonzero(self._table.seen(until)[0])
+        first = int(np.searchsorted(there, since))
+        chosen = there[max(first - 1, 0) :]
+        told = np.stack([self._table.numbers(name, until)[0, chosen] for name in names])
+        seq = self._table.numbers("seq", until)[0, chosen, 0]
+        begun = np.diff(seq, prepend=-1.0) <= 0.0
+        for name, values in zip(names, told, strict=True):
+            if name != _LATENCY:
+                values[1:] -= np.where(begun[1:, None], 0.0, values[:-1])
+        kept = chosen >= since
+        return np.asarray(chosen[kept] + 1), told[:, kept]
+
     def known(self, step: int) -> bool:
         """Whether the agent said something of a step that fits."""
         return step >= 1 and bool(self._table.seen(step)[0, step - 1])

@@ -1,0 +1,74 @@
+"""lab: a run in a browser."""
+
+from __future__ import annotations
+
+import webbrowser
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from zenoh_cbef.cli.asking import locate
+from zenoh_cbef.cli.console import tell
+from zenoh_cbef.cli.joining import JoiningCommand, JoiningContext
+from zenoh_cbef.cli.offer import verb
+from zenoh_cbef.errors import UserError
+from zenoh_cbef.lab.bench import Bench
+from zenoh_cbef.lab.guard import LOOPBACK, Guard
+from zenoh_cbef.lab.server import address, bound, serve
+from zenoh_cbef.outside.registry import known_runs
+from zenoh_cbef.protocol.session import Connection
+from zenoh_cbef.scenario.load import builtin_names, purposes
+
+_WHAT = "A scenario to start, a run to look at, or a log; default: choose on the page."
+
+
+def _lab(
+    ctx: JoiningContext,
+    what: Annotated[str | None, typer.Argument(metavar="[SCENARIO|RUN|LOG]", help=_WHAT)] = None,
+    browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page in a browser.")] = True,
+    host: Annotated[str, typer.Option(help="Where the page is served; others than this host should not see it.")] = (
+        "127.0.0.1"
+    ),
+    port: Annotated[int, typer.Option(min=0, max=65535, help="Its port; default: a free one.")] = 0,
+) -> None:
+    """See a run in a browser while it goes on, or its log: map, errors, links. Cut links and wind back by mouse."""
+
+    def reach(run: str) -> tuple[str, Connection]:
+        name, connection = locate(run, ctx.joining)
+        return name, replace(connection, mode="client")
+
+    bench = Bench(purposes(), reach)
+    guard = Guard(hosts=(*LOOPBACK, f"[{host}]" if ":" in host else host))
+    listening = bound(host, port)
+    try:
+        if what is not None:
+            _open(bench, what)
+        url = address(listening, host, guard)
+
+        def ready() -> None:
+            tell(f"the lab is at {url}  (Ctrl-C ends it)")
+            if browser:
+                webbrowser.open(url)
+
+        serve(bench, guard, listening, ready)
+    finally:
+        bench.close()
+        listening.close()
+
+
+def _open(bench: Bench, what: str) -> None:
+    """Open what the command line names: a run that goes on, else a log, else a scenario."""
+    if what in known_runs():
+        bench.join(what)
+    elif what in builtin_names() or what.endswith(".toml"):
+        tell(f"starting {what}")
+        bench.start(what, [])
+    elif Path(what).exists() or (Path("logs") / what).is_dir():
+        bench.open_log(what)
+    else:
+        raise UserError(f"{what!r} is no run on this host, no log and no scenario; see 'scenario list' and 'status'")
+
+
+VERB = verb(_lab, "lab tracking", JoiningCommand)

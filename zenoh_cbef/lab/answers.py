@@ -1,0 +1,154 @@
+"""What the server answers to one page: frames as fast as the page asks, orders, and what there is to open."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from zenoh_cbef.errors import UserError
+from zenoh_cbef.lab.bench import Bench
+from zenoh_cbef.lab.faulted import fault_words
+from zenoh_cbef.lab.scene import packed
+from zenoh_cbef.lab.sources import Source
+from zenoh_cbef.lab.verdict import verdict
+from zenoh_cbef.log.read.recording import Event
+from zenoh_cbef.plain import Json
+
+_TRAIL_POINTS = 32
+_MOST_TRAIL = 2000
+_MOST_EVENTS = 500
+
+Asked = Mapping[str, Json]
+
+
+class Page:
+    """One open page. What it asks is a JSON table with `ask`; what it is answered is bytes: see `framed`."""
+
+    def __init__(self, bench: Bench) -> None:
+        self._bench = bench
+        self._orders: dict[str, Callable[[Asked], dict[str, object]]] = {
+            "what": lambda _: bench.offered(),
+            "open": lambda asked: bench.open_log(_text(asked, "log")),
+            "join": lambda asked: bench.join(_text(asked, "run")),
+            "start": lambda asked: bench.start(_text(asked, "scenario"), _texts(asked, "set")),
+            "fault": self._fault,
+            "undo": lambda _: bench.undo(),
+            "clear": lambda asked: bench.clear(_number(asked, "number")),
+            "stop": lambda _: bench.stop(),
+        }
+
+    def answer(self, asked: Asked) -> bytes:
+        """Answer one question. A mistake of the user is answered with its sentence as `error`."""
+        what = asked.get("ask")
+        try:
+            if what == "frame":
+                return self._frame(asked)
+            if what == "scene":
+                return self._scene()
+            order = self._orders.get(what if isinstance(what, str) else "")
+            if order is None:
+                raise UserError(f"the lab does not know what {what!r:.40} is; load the page again")
+            return framed({"answer": what, **order(asked)})
+        except UserError as error:
+            return framed({"answer": what, "error": str(error)})
+
+    def waits(self, asked: Asked) -> bool:
+        """Whether a page asks for a frame newer than there is."""
+        source = self._bench.source
+        newer = asked.get("after")
+        if asked.get("ask") != "frame" or source is None or not isinstance(newer, int) or source.state != "goes on":
+            return False
+        with source.lock:
+            return source.scene.newest <= newer
+
+    def _fault(self, asked: Asked) -> dict[str, object]:
+        table, seconds = asked.get("table"), asked.get("seconds")
+        if not isinstance(table, dict):
+            raise UserError("the fault is no table; load the page again")
+        return self._bench.inject(table, float(seconds) if isinstance(seconds, int | float) else None)
+
+    def _source(self) -> Source:
+        source = self._bench.source
+        if source is None:
+            raise UserError("nothing is open; choose a scenario, a run or a log")
+        return source
+
+    def _scene(self) -> bytes:
+        source = self._source()
+        with source.lock:
+            scene = source.scene
+            told = {"answer": "scene", **scene.described(), "live": source.live, "number": self._bench.number}
+            return framed(told | {"newest": scene.newest, "state": source.state})
+
+    def _frame(self, asked: Asked) -> bytes:
+        """A step's frame, with the curves that the page lacks, and with trails where it asks for them."""
+        source = self._source()
+        with source.lock:
+            scene = source.scene
+            newest = scene.newest
+            step = asked.get("step")
+            step = min(max(step, 1), newest) if isinstance(step, int) else newest
+            arrays = scene.frame(step)
+            if isinstance(trail := asked.get("trail"), int):
+                found = scene.trail(step, min(trail, _MOST_TRAIL), _TRAIL_POINTS)
+                arrays |= {f"trail {name}": values for name, values in found.items()}
+            known = asked.get("curves")
+            known = min(max(known, 0), newest) if isinstance(known, int) else newest
+            arrays |= {f"curve {name}": values for name, values in scene.curves(known, newest).items()}
+            level, words = verdict(scene, step)
+            told: dict[str, object] = {
+                "answer": "frame",
+                "number": self._bench.number,
+                "step": step,
+                "newest": newest,
+                "state": source.state,
+                "verdict": [level, words],
+                "faults": [fault_words(fault) for fault in scene.plan.scenario.fault],
+                "curves": [known, newest],
+                "events": _events(scene.recording.events, asked.get("events"), scene.plan.scenario.dt),
+            }
+        return framed(told, arrays)
+
+
+def framed(told: Mapping[str, object], arrays: Mapping[str, Any] | None = None) -> bytes:
+    """A message to the page: length of the JSON (uint32, little-endian), the JSON, numbers as float32.
+
+    The JSON has, as `arrays`, names and shapes of what follows; it ends on a multiple of four bytes.
+    """
+    layout, numbers = packed(arrays or {})
+    text = json.dumps({**told, "arrays": layout}, separators=(",", ":")).encode()
+    text += b" " * (-len(text) % 4)
+    return len(text).to_bytes(4, "little") + text + numbers
+
+
+def _events(events: list[Event], known: object, dt: float) -> list[dict[str, object]]:
+    """The events that the page lacks, with their step where they say one."""
+    fresh = events[known if isinstance(known, int) and known >= 0 else 0 :][:_MOST_EVENTS]
+    told: list[dict[str, object]] = []
+    for one in fresh:
+        step = one.message.get("data", {}).get("step")
+        time = step * dt if isinstance(step, int) else None
+        told.append(
+            {"from": one.message["from"], "kind": one.message["kind"], "text": one.message["text"], "time": time}
+        )
+    return told
+
+
+def _text(asked: Asked, name: str) -> str:
+    value = asked.get(name)
+    if not isinstance(value, str) or not value:
+        raise UserError(f"the order lacks {name}; load the page again")
+    return value
+
+
+def _texts(asked: Asked, name: str) -> list[str]:
+    value = asked.get(name)
+    return [one for one in value if isinstance(one, str)] if isinstance(value, list) else []
+
+
+def _number(asked: Asked, name: str) -> int:
+    value = asked.get(name)
+    if not isinstance(value, int) or isinstance(value, bool):
+        raise UserError(f"the order lacks {name}; load the page again")
+    return value

@@ -1,0 +1,44 @@
+"""Faults as the page shows them: a span of time, a place, and words."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from zenoh_cbef.faults import Absence, Fault, LinkFault, SenderFault, SensorFault
+from zenoh_cbef.faults.base import Between
+
+
+def fault_words(fault: Fault) -> dict[str, object]:
+    """One fault: kind, words, from and until (s; until null for good), the agents that it names, and what it touches.
+
+    touches: agents that are away, "lies" or "receiver"; or links.
+    """
+    touched: dict[type[Fault], str] = {Absence: "away", SenderFault: "lies", SensorFault: "receiver"}
+    touches = next((word for kind, word in touched.items() if isinstance(fault, kind)), "links")
+    words = f"{fault.kind.replace('-', ' ')}{_amount(fault)}{_where(fault)}"
+    span = {"from": fault.since, "until": fault.until}
+    return {"kind": fault.kind, "words": words, **span, "agents": sorted(fault.named()), "touches": touches}
+
+
+def _amount(fault: Fault) -> str:
+    for name, factor, unit in (("probability", 100.0, "%"), ("milliseconds", 1.0, "ms"), ("bias", 1.0, "m")):
+        if isinstance(value := getattr(fault, name, None), int | float):
+            return f" {factor * value:.3g} {unit}"
+    return ""
+
+
+def _where(fault: Fault) -> str:
+    if not isinstance(fault, LinkFault):
+        agents = sorted(fault.named())
+        return f" of agent {_listed(agents)}" if agents else ""
+    links = fault.links
+    if isinstance(links, str):
+        return "" if links == "all" else f" at agent {links.removeprefix('agent:')}"
+    if isinstance(links, Between):
+        return " between " + " and ".join(map(_listed, links.between))
+    pairs = sorted({(min(pair), max(pair)) for pair in links})
+    return " of " + ", ".join(f"{first}\u2013{second}" for first, second in pairs)
+
+
+def _listed(agents: Sequence[int]) -> str:
+    return ", ".join(map(str, agents))

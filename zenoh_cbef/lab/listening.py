@@ -1,0 +1,97 @@
+"""What a run says while it goes on, taken into a recording as if it were read from a log."""
+
+from __future__ import annotations
+
+import threading
+import time
+from contextlib import suppress
+from types import TracebackType
+from typing import Any, Self
+
+import zenoh_cbef.protocol.keys as run_keys
+from zenoh_cbef.log.read.header import Header
+from zenoh_cbef.log.read.recording import Recording
+from zenoh_cbef.outside.operator import Operator
+from zenoh_cbef.plain import read_toml
+from zenoh_cbef.protocol.kinds import ESTIMATE, EVENT, FAULTS, TRUTH, Kind
+from zenoh_cbef.protocol.mailbox import Mailbox
+from zenoh_cbef.protocol.memory import ask_latest
+from zenoh_cbef.protocol.messages import BadMessage, decode
+from zenoh_cbef.protocol.scenario_service import fetch_scenario
+from zenoh_cbef.protocol.session import Connection
+from zenoh_cbef.scenario.legacy import as_meant
+from zenoh_cbef.scenario.load import parse
+from zenoh_cbef.scenario.plan import Plan
+
+_CAPACITY = 1 << 15
+"""Messages that wait while the page is served: some seconds of three hundred agents."""
+
+
+class Listener:
+    """A client of a run's target that hears truth, estimates, events and injected faults. Use as a context manager.
+
+    lock: held while the recording changes. refused: how many messages were not as their keys promise. Raises UserError
+    where the run does not answer.
+    """
+
+    def __init__(self, run: str, connection: Connection, patience: float) -> None:
+        self.run = run
+        self.operator = Operator(run, connection, patience)
+        self._connection, self._patience = connection, patience
+        self.lock, self.refused = threading.Lock(), 0
+        self._over = threading.Event()
+
+    def __enter__(self) -> Self:
+        self.operator.__enter__()
+        try:
+            session, keys = self.operator.session, run_keys.Keys(self.run)
+            told = fetch_scenario(session, self.run, self._connection, patience=self._patience)
+            scenario = parse(as_meant(read_toml(told.resolved)), f"the scenario of run {self.run!r}")
+            self.recording = Recording(Header(self.run, Plan(scenario), None))
+            taken: tuple[tuple[str, Kind[Any], Any], ...] = (
+                (keys.truth, TRUTH, self.recording.take_truth),
+                (keys.all_estimates, ESTIMATE, self.recording.take_estimates),
+                (keys.all_events, EVENT, self.recording.take_events),
+                (keys.faults, FAULTS, self.recording.take_faults),
+            )
+            self._boxes = [(Mailbox(session, key, _CAPACITY), kind, take) for key, kind, take in taken]
+            for data in ask_latest(session, keys.faults):
+                self._take(keys.faults, data, FAULTS, self.recording.take_faults)
+        except BaseException:
+            self.operator.__exit__(None, None, None)
+            raise
+        self._threads = [threading.Thread(target=self._follow, args=box, daemon=True) for box in self._boxes]
+        for thread in self._threads:
+            thread.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._over.set()
+        self.operator.__exit__(kind, value, trace)
+
+    @property
+    def ended(self) -> bool:
+        """Whether the target has said that the run is over."""
+        events = self.recording.events
+        return any(one.message["from"] == "target" and one.message["kind"] == "finished" for one in events)
+
+    def _follow(self, box: Mailbox, kind: Kind[Any], take: Any) -> None:
+        with suppress(Exception):  # the session was closed
+            while not self._over.is_set():
+                found = box.receive_from()
+                if found is not None:
+                    self._take(*found, kind, take)
+
+    def _take(self, key: str, data: bytes, kind: Kind[Any], take: Any) -> None:
+        at = run_keys.address(key)
+        try:
+            if at is None or at.agent >= self.recording.header.scenario.count:
+                raise BadMessage("a key that the run does not have")
+            message = decode(kind, data, run=self.run, sender=at.owner)
+        except BadMessage:
+            self.refused += 1
+            return
+        with self.lock:
+            take(at, [time.time_ns()], [message])

@@ -1,0 +1,277 @@
+// The page: asks for steps as fast as it draws them, never faster.
+
+import { Curves } from "./curves.js";
+import { MapView } from "./map.js";
+import { Menu } from "./menu.js";
+import { Opening } from "./opening.js";
+import { Panels } from "./panels.js";
+import { Wire, exported } from "./wire.js";
+
+const TRAIL = 40;
+const SPEEDS = [0.02, 0.05, 0.1, 0.25, 0.5, 1, 2, 5, 10, 50];
+const SLOW_STEPS = 3; // steps a second below which passing messages are drawn
+const CURVES_MS = 150;
+
+const $ = (id) => document.getElementById(id);
+const state = { scene: null, frame: null, step: 1, newest: 0, follows: true, plays: true, speed: 1, known: 0, events: 0, whole: 0 };
+const trails = { truth: [], agents: [], step: 0 };
+
+const map = new MapView($("canvas"));
+const curves = new Curves($("curves"), (time) => seek(Math.round(time / state.scene.dt)));
+const panels = new Panels($("agents"), document.querySelector("#faults ul"), document.querySelector("#events ol"), pick);
+const menu = new Menu($("menu"), inject);
+
+function tell(words, level = "bad") {
+  $("notice").textContent = words;
+  $("notice").dataset.level = level;
+  $("notice").hidden = !words;
+}
+
+const orders = new Wire(() => {});
+const frames = new Wire((there, opened) => {
+  if (there) start();
+  else tell(opened || state.scene ? "the lab's server is gone; trying again" :
+    "the lab refuses this address; open the one that 'zenoh-cbef lab' printed");
+});
+const opening = new Opening($("opening"), orders, () => start(), tell);
+
+async function start() {
+  const scene = await frames.ask({ ask: "scene" }).catch(() => null);
+  if (!scene) return;
+  if (scene.error) {
+    $("verdict").textContent = "nothing is open";
+    opening.show().catch(() => {});
+    return;
+  }
+  tell("");
+  Object.assign(state, { scene, frame: null, known: 0, events: 0, newest: scene.newest, whole: 0, step: 1 });
+  Object.assign(state, { follows: scene.live, plays: scene.live });
+  Object.assign(trails, { truth: [], agents: [], step: 0 });
+  if (!scene.live) state.step = scene.newest;
+  document.title = `${scene.run} · zenoh-cbef lab`;
+  $("run").textContent = scene.run;
+  $("about").textContent = `${scene.scenario}, ${scene.filter}, ${scene.agents} agents, dt ${scene.dt} s, ${scene.mode}`;
+  for (const id of ["stop", "cut", "undo", "live"]) $(id).hidden = !scene.live;
+  $("export").hidden = false;
+  $("export").href = exported();
+  map.show(scene);
+  curves.show(scene.dt);
+  panels.show(scene);
+  controls();
+}
+
+function controls() {
+  $("play").textContent = state.plays ? "Pause" : "Play";
+  $("play").setAttribute("aria-pressed", String(state.plays));
+  $("live").setAttribute("aria-pressed", String(state.follows));
+}
+
+function seek(step) {
+  Object.assign(state, { follows: false, plays: false, step: Math.min(Math.max(step, 1), state.newest), whole: 0 });
+  controls();
+}
+
+function follow() {
+  Object.assign(state, { follows: state.scene.live, plays: state.scene.live, step: state.newest });
+  controls();
+}
+
+function play() {
+  state.plays = !state.plays;
+  if (!state.plays) state.follows = false;
+  else if (state.step >= state.newest && !state.scene.live) state.step = 1;
+  controls();
+}
+
+async function inject(table, seconds) {
+  const answer = await orders.ask({ ask: "fault", table, seconds }).catch(() => ({ error: "the server is gone" }));
+  tell(answer.error ?? "");
+}
+
+async function order(ask) {
+  const answer = await orders.ask({ ask }).catch(() => ({ error: "the server is gone" }));
+  tell(answer.error ?? "");
+}
+
+function pick(picked, x, y) {
+  map.chosen = picked?.agent ?? null;
+  state.redraw = true;
+  if (picked) menu.open(picked, x, y, state.scene.live && state.state === "goes on");
+}
+
+/** The next question, or null where nothing has changed that the page shows. */
+function question(elapsed) {
+  const { scene, plays, follows } = state;
+  if (plays && !follows) {
+    state.whole += (elapsed * state.speed) / scene.dt;
+    const steps = Math.floor(state.whole);
+    state.whole -= steps;
+    state.step = Math.min(state.step + steps, state.newest);
+    if (state.step >= state.newest && !(scene.live && state.state === "goes on")) { state.plays = false; controls(); }
+  }
+  const fresh = follows || state.frame === null || state.step !== state.frame.step;
+  const idle = scene.live && state.state === "goes on" && performance.now() - state.asked > 400;
+  if (!fresh && !idle) return null;
+  state.asked = performance.now();
+  const table = { ask: "frame", curves: state.known, events: state.events };
+  if (follows) table.after = state.newest;
+  else table.step = state.step;
+  const next = follows ? state.newest + 1 : state.step;
+  if (next !== trails.step && (next < trails.step || next > trails.step + 12)) table.trail = TRAIL;
+  return table;
+}
+
+function take(frame) {
+  if (frame.error) { tell(frame.error); return; }
+  if (frame.number !== state.scene.number) { start(); return; }
+  Object.assign(state, { frame, newest: frame.newest, state: frame.state });
+  if (state.follows) state.step = frame.step;
+  curves.take(frame.arrays, frame.curves[0], frame.newest);
+  state.known = frame.newest;
+  panels.takeEvents(frame.events);
+  state.events += frame.events.length;
+  if (frame.state === "ended" && state.follows) { state.follows = false; state.plays = false; controls(); }
+  trace(frame);
+}
+
+/** Lengthen the trails by a frame, or take whole ones in. */
+function trace({ arrays, step }) {
+  const agents = state.scene.agents;
+  const point = (values, at) => [values[at], values[at + 1], values[at + 2]];
+  if (arrays["trail steps"]) {
+    const [truth, estimates, count] = [arrays["trail truth"], arrays["trail estimates"], arrays["trail steps"].length];
+    const times = Array.from({ length: count }, (_, at) => at);
+    trails.truth = times.map((at) => point(truth, 3 * at));
+    trails.agents = Array.from({ length: agents }, (_, agent) => times.map((at) => point(estimates, 3 * (at * agents + agent))));
+  }
+  if (step !== trails.step) {
+    trails.truth = [...trails.truth, point(arrays.truth, 0)].slice(-TRAIL);
+    trails.agents = Array.from({ length: agents }, (_, agent) =>
+      [...(trails.agents[agent] ?? []), point(arrays.estimate, 6 * agent)].slice(-TRAIL));
+  }
+  trails.step = step;
+}
+
+let drawnCurves = 0;
+
+function draw() {
+  const { frame, scene } = state;
+  const time = frame.step * scene.dt;
+  const marks = panels.drawFaults(frame.faults, time, scene.steps);
+  const slow = state.plays && !state.follows && state.speed / scene.dt < SLOW_STEPS;
+  map.draw(frame.arrays, trails, marks, slow ? state.whole : null);
+  panels.draw(frame.arrays);
+  panels.drawEvents(time);
+  const [level, words] = frame.verdict;
+  if ($("verdict").textContent !== words) $("verdict").textContent = words;
+  $("verdict").dataset.level = level;
+  $("step").max = String(Math.max(frame.newest, 1));
+  if (document.activeElement !== $("step") || state.follows) $("step").value = String(frame.step);
+  $("clock").textContent = `${time.toFixed(2)} s, step ${frame.step} of ${scene.live ? scene.steps : frame.newest}`
+    + (scene.live && frame.state === "ended" ? ", ended" : "");
+  if (performance.now() - drawnCurves > CURVES_MS) {
+    drawnCurves = performance.now();
+    Object.assign(curves, { time, spans: frame.faults });
+    curves.refresh();
+    state.late = false;
+  } else state.late = true;
+}
+
+/** How many frames were drawn: tests and benchmarks look at it. */
+export const counts = { frames: 0 };
+globalThis.lab = { state, counts, map, trails };
+
+async function cycle() {
+  let before = performance.now();
+  for (;;) {
+    await new Promise(requestAnimationFrame);
+    const now = performance.now();
+    const elapsed = Math.min((now - before) / 1000, 0.25);
+    before = now;
+    if (!state.scene || !frames.socket) continue;
+    const table = question(elapsed);
+    const answer = table && (await frames.ask(table).catch(() => null));
+    if (answer && answer.answer === "frame") { take(answer); counts.frames += 1; }
+    const moving = state.plays && !state.follows && state.speed / state.scene.dt < SLOW_STEPS;
+    if (state.frame && (answer || moving || state.redraw || state.late)) { state.redraw = false; draw(); }
+  }
+}
+
+// Mouse and touch on the map.
+{
+  const canvas = $("canvas");
+  let down = null;
+  const at = (event) => { const box = canvas.getBoundingClientRect(); return [event.clientX - box.left, event.clientY - box.top]; };
+  canvas.addEventListener("pointerdown", (event) => {
+    down = { at: at(event), last: at(event), moved: false };
+    canvas.setPointerCapture(event.pointerId);
+    if (state.parts) map.line = { from: down.at, to: down.at };
+  });
+  canvas.addEventListener("pointermove", (event) => {
+    const now = at(event);
+    if (!down) { canvas.style.cursor = state.parts ? "crosshair" : map.pick(...now) ? "pointer" : "grab"; return; }
+    const [dx, dy] = [now[0] - down.last[0], now[1] - down.last[1]];
+    down.moved ||= Math.hypot(now[0] - down.at[0], now[1] - down.at[1]) > 4;
+    if (state.parts) map.line.to = now;
+    else if (down.moved) (state.solid && !event.shiftKey ? map.turn : map.move).call(map, dx, dy);
+    down.last = now;
+    state.redraw = true;
+  });
+  canvas.addEventListener("pointerup", (event) => {
+    const now = at(event);
+    if (down && state.parts) part(down.at, now);
+    else if (down && !down.moved) pick(map.pick(...now), event.clientX, event.clientY);
+    down = null;
+  });
+  canvas.addEventListener("wheel", (event) => {
+    event.preventDefault();
+    map.zoom(Math.exp(-event.deltaY * 0.0015), ...at(event));
+    state.redraw = true;
+  }, { passive: false });
+}
+
+function part(from, to) {
+  map.line = null;
+  parting(false);
+  const groups = map.sides(from, to);
+  if (groups.some((one) => !one.length)) tell("all agents are on one side of that line");
+  else inject({ kind: "partition", links: { between: groups } }, null);
+}
+
+function parting(on) {
+  state.parts = on;
+  $("cut").setAttribute("aria-pressed", String(on));
+}
+
+function solid() {
+  state.solid = !state.solid;
+  map.yaw = state.solid ? -0.6 : 0;
+  map.pitch = state.solid ? 0.6 : Math.PI / 2;
+  $("view").setAttribute("aria-pressed", String(state.solid));
+  state.redraw = true;
+}
+
+const acts = {
+  play, view: solid, back: () => seek(state.step - 1), on: () => seek(state.step + 1), live: follow,
+  fit: () => { map.fitted = true; state.redraw = true; }, cut: () => parting(!state.parts),
+  undo: () => order("undo"), stop: () => order("stop"), choose: () => opening.show().catch(() => {}),
+};
+for (const [id, act] of Object.entries(acts)) $(id).addEventListener("click", () => (state.scene || id === "choose") && act());
+
+const keys = {
+  " ": play, ArrowLeft: () => seek(state.step - 1), ArrowRight: () => seek(state.step + 1), Home: () => seek(1), End: follow,
+  f: acts.fit, t: solid, p: () => !$("cut").hidden && acts.cut(), u: () => !$("undo").hidden && acts.undo(), l: follow,
+};
+addEventListener("keydown", (event) => {
+  const field = event.target.closest("input:not([type=range]), select, button, dialog, #menu");
+  const act = keys[event.key.length === 1 ? event.key.toLowerCase() : event.key];
+  if (!act || !state.scene || event.ctrlKey || event.metaKey || (field && (event.key === " " || !field.matches("button")))) return;
+  event.preventDefault();
+  act();
+});
+
+for (const one of SPEEDS) $("speed").add(new Option(`${one}×`, String(one), one === 1, one === 1));
+$("speed").addEventListener("change", () => { state.speed = Number($("speed").value); if (state.follows) seek(state.step); });
+$("step").addEventListener("input", () => seek(Number($("step").value)));
+new ResizeObserver(() => { state.redraw = true; }).observe($("canvas"));
+cycle();

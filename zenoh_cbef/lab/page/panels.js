@@ -1,0 +1,88 @@
+// Lists beside the map: agents, faults, events. All can be reached by keyboard.
+
+import { hue } from "./map.js";
+
+const MOST_EVENTS = 300;
+
+const short = (value, unit = "") => (Number.isFinite(value) ? `${Number(value.toPrecision(3))}${unit}` : "–");
+
+export class Panels {
+  constructor(agents, faults, events, picked) {
+    this.agents = agents;
+    this.faults = faults;
+    this.events = events;
+    this.picked = picked;
+  }
+
+  show(scene) {
+    this.scene = scene;
+    this.told = [];
+    this.events.replaceChildren();
+    this.agents.replaceChildren(...Array.from({ length: scene.agents }, (_, agent) => {
+      const button = document.createElement("button");
+      button.type = "button";
+      button.style.setProperty("--hue", hue(agent));
+      button.addEventListener("click", () => {
+        const box = button.getBoundingClientRect();
+        this.picked({ agent }, box.left, box.bottom);
+      });
+      return button;
+    }));
+  }
+
+  /** Say of each agent what its estimate is, and how far off. */
+  draw(arrays) {
+    const { truth, estimate, said } = arrays;
+    [...this.agents.children].forEach((button, agent) => {
+      const there = Number.isFinite(estimate[6 * agent]);
+      const off = Math.hypot(...[0, 1, 2].map((axis) => estimate[6 * agent + axis] - truth[axis]));
+      const status = this.scene.statuses[said[3 * agent]] ?? "";
+      const words = there ? `${agent} ${status} ${short(off, " m")}`.replace("  ", " ") : `${agent} away`;
+      if (button.textContent !== words) button.textContent = words;
+      button.dataset.status = there ? status : "away";
+    });
+  }
+
+  /** The faults, those that are on first; returns what to write beside agents on the map. */
+  drawFaults(faults, time, steps) {
+    const on = (one) => time >= one.from && (one.until === null || time < one.until);
+    const shown = JSON.stringify([faults, faults.map(on)]);
+    if (shown !== this.shown) {
+      this.shown = shown;
+      this.faults.replaceChildren(...faults.map((one) => {
+        const item = document.createElement("li");
+        item.dataset.on = on(one);
+        item.textContent = `${one.words}, ${short(one.from, " s")} to ${one.until === null ? "the end" : short(one.until, " s")}`;
+        return item;
+      }));
+      if (!faults.length) this.faults.textContent = "none";
+    }
+    const marks = new Map();
+    const words = { lies: "lies", receiver: "receiver", away: "away" };
+    for (const one of faults.filter(on)) {
+      if (words[one.touches]) for (const agent of one.agents) marks.set(agent, words[one.touches]);
+    }
+    return marks;
+  }
+
+  /** New events, the latest on top; those without a step came before the first one, or belong to none. */
+  takeEvents(events) {
+    let time = this.told.at(-1)?.time ?? 0;
+    for (const one of events) {
+      time = one.time ?? time;
+      const item = document.createElement("li");
+      const when = document.createElement("time");
+      when.textContent = one.time === null ? "" : `${one.time.toFixed(1)} s`;
+      item.append(when, ` ${one.text}`);
+      item.title = one.from;
+      this.events.prepend(item);
+      this.told.push({ item, time });
+    }
+    while (this.told.length > MOST_EVENTS) this.told.shift().item.remove();
+  }
+
+  /** Show the events up to a time, s. */
+  drawEvents(time) {
+    for (const one of this.told) one.item.hidden = one.time > time + 1e-9;
+  }
+}

@@ -1,0 +1,163 @@
+"""A run as the page draws it: numbers of one step, and curves over all of them. The same for a log and a live run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cached_property
+
+import numpy as np
+
+from zenoh_cbef.arrays import Floats, Ints
+from zenoh_cbef.lab.faulted import fault_words
+from zenoh_cbef.log.read.receipts import COUNTS
+from zenoh_cbef.log.read.recording import Recording
+from zenoh_cbef.scenario.injected import read_tables, with_faults
+from zenoh_cbef.scenario.paths import places_at
+from zenoh_cbef.scenario.plan import Plan
+from zenoh_cbef.tracking.diagnostics import NAMES
+from zenoh_cbef.tracking.status import STATUSES
+
+CURVES = ("error", "disagreement", "claimed", "nis", "lost", "late", "latency")
+"""The curves of the whole network: root mean square position error (m), disagreement (m) and claimed position error
+(m), mean NIS, shares of messages lost and late, mean latency (s)."""
+
+_UPPER = np.triu_indices(3)
+_RECENT = 8
+"""Steps by which the agents of one run may be apart: an agent that is further behind is away."""
+
+Arrays = dict[str, Floats]
+
+
+class Scene:
+    """A recording that may still grow, seen step by step; n agents, e directed links.
+
+    The caller keeps other threads from putting messages into the recording while a method runs.
+    """
+
+    def __init__(self, recording: Recording) -> None:
+        self.recording = recording
+        self._plan, self._injected = recording.header.plan, ""
+
+    @property
+    def plan(self) -> Plan:
+        """The plan of the run, with the faults that were injected so far."""
+        told = self.recording.faults
+        if told != self._injected:
+            self._plan, self._injected = with_faults(self.recording.header.plan, read_tables(told)), told
+        return self._plan
+
+    @cached_property
+    def links(self) -> Ints:
+        """The directed links, (e, 2): source and destination, by destination."""
+        pairs = self.recording.header.plan.edges.tolist()
+        both = sorted((destination, source) for pair in pairs for destination, source in (pair, pair[::-1]))
+        return np.array([(source, destination) for destination, source in both], dtype=np.int64).reshape(-1, 2)
+
+    def described(self) -> dict[str, object]:
+        """What does not change from step to step, for the page."""
+        scenario = self.plan.scenario
+        return {
+            "run": self.recording.header.run,
+            "scenario": scenario.name,
+            "filter": scenario.filter.kind,
+            "mode": scenario.timing.mode,
+            "agents": scenario.count,
+            "steps": scenario.length,
+            "dt": scenario.dt,
+            "rounds": self.recording.rounds_per_step,
+            "links": self.links.tolist(),
+            "statuses": STATUSES,
+            "faults": [fault_words(fault) for fault in scenario.fault],
+        }
+
+    @property
+    def newest(self) -> int:
+        """The last step that all agents that take part have concluded, 0 before any."""
+        estimates = self.recording.estimates
+        seen = estimates.seen(estimates.last)[:, -_RECENT:]
+        if not seen.size:
+            return 0
+        behind = np.argmax(seen[seen.any(axis=1)][:, ::-1], axis=1)
+        return int(estimates.last - behind.max())
+
+    def frame(self, step: int) -> Arrays:
+        """The numbers of one step, NaN where there is nothing.
+
+        truth: (6). place: (n, 3), m, of the agents. estimate: (n, 6). spread: (n, 6), m^2, the upper triangle of the
+        position's covariance, row by row. said: (n, 3): status, s that it has lasted, NIS. links: (e, 4): how many
+        messages came in time, were lost and came late in this step, and their mean latency, s.
+        """
+        recording, dt = self.recording, self.plan.scenario.dt
+        row = max(step, 1) - 1
+        covariance = recording.estimates.numbers("covariance", row + 1)[:, row].reshape(-1, 6, 6)
+        said = recording.estimates.numbers("said", row + 1)[:, row]
+        told = [NAMES.index(name) for name in ("status", "status_seconds", "nis")]
+        return {
+            "truth": recording.truth.numbers("state", row + 1)[0, row],
+            "place": places_at(self.plan.scenario, np.array([step * dt]))[:, 0],
+            "estimate": recording.estimates.numbers("state", row + 1)[:, row],
+            "spread": covariance[:, _UPPER[0], _UPPER[1]],
+            "said": said[:, told],
+            "links": self.fresh(row, row + 1)[:, 0],
+        }
+
+    def trail(self, step: int, length: int, most: int) -> Arrays:
+        """Where target and agents' estimates were in the steps before one, oldest first.
+
+        length: how many steps back. most: how many points. steps: (t). truth: (t, 3), m. estimates: (t, n, 3), m.
+        """
+        first = max(step - length, 0)
+        steps = np.unique(np.linspace(first, max(step - 1, first), most).astype(np.int64))
+        estimates = self.recording.estimates.numbers("state", step)[:, steps, :3] if step else np.empty((0, 0, 3))
+        truth = self.recording.truth.numbers("state", step)[0, steps, :3] if step else np.empty((0, 3))
+        return {"steps": (steps + 1).astype(np.float64), "truth": truth, "estimates": np.moveaxis(estimates, 0, 1)}
+
+    def curves(self, since: int, until: int) -> Arrays:
+        """The curves over steps since+1 to until, each (until - since,)."""
+        recording = self.recording
+        states = recording.estimates.numbers("state", until)[:, since:, :3]
+        truth = recording.truth.numbers("state", until)[0, since:, :3]
+        covariance = recording.estimates.numbers("covariance", until)[:, since:].reshape(*states.shape[:2], 6, 6)
+        apart = np.sum((states - _mean(states)) ** 2, axis=2)
+        came, lost, late, latency = np.moveaxis(self.fresh(since, until), 2, 0)
+        sent = _sum(came) + _sum(lost) + _sum(late)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            shares = {"lost": _sum(lost) / sent, "late": _sum(late) / sent}
+        found = {
+            "error": np.sqrt(_mean(np.asarray(np.sum((states - truth) ** 2, axis=2)))),
+            "disagreement": np.sqrt(_mean(apart)),
+            "claimed": np.sqrt(_mean(np.einsum("nkii->nk", covariance[:, :, :3, :3]))),
+            "nis": _mean(recording.estimates.numbers("said", until)[:, since:, NAMES.index("nis")]),
+            **shares,
+            "latency": _mean(latency),
+        }
+        return {name: found[name] for name in CURVES}
+
+    def fresh(self, since: int, until: int) -> Floats:
+        """Messages that came, were lost and late, and their latency, of each link in each step: (e, steps, 4)."""
+        found = np.full((len(self.links), until - since, 4), np.nan)
+        place = {pair: row for row, pair in enumerate(map(tuple, self.links.tolist()))}
+        for agent, receipts in enumerate(self.recording.receipts):
+            rows = [place.get((source, agent), -1) for source in receipts.neighbours]
+            known = [at for at, row in enumerate(rows) if row >= 0]
+            steps, fresh = receipts.fresh((*COUNTS, "latency"), since, until)
+            for at in known:
+                found[rows[at], steps - since - 1] = fresh[:, :, at].T
+        return found
+
+
+def _mean(values: Floats) -> Floats:
+    """The mean of what is known over the first axis, NaN where nothing is."""
+    known = np.isfinite(values)
+    total = np.where(known, values, 0.0).sum(axis=0)
+    return np.where(known.any(axis=0), total / np.maximum(known.sum(axis=0), 1), np.nan)
+
+
+def _sum(values: Floats) -> Floats:
+    return np.asarray(np.nansum(values, axis=0))
+
+
+def packed(arrays: Mapping[str, Floats]) -> tuple[list[tuple[str, list[int]]], bytes]:
+    """Arrays as the page reads them: names and shapes, and all numbers as little-endian float32."""
+    layout = [(name, list(values.shape)) for name, values in arrays.items()]
+    return layout, b"".join(np.ascontiguousarray(values, dtype="<f4").tobytes() for values in arrays.values())

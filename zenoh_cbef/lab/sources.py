@@ -1,0 +1,109 @@
+"""Where a scene comes from: a log, or a run that goes on. The page does not know which."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Mapping
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Protocol
+
+from zenoh_cbef.errors import UserError
+from zenoh_cbef.lab.listening import Listener
+from zenoh_cbef.lab.scene import Scene
+from zenoh_cbef.log.read.parts import open_log
+from zenoh_cbef.log.read.recording import read_recording
+from zenoh_cbef.protocol.session import Connection
+
+_KINDS = ("truth", "estimate", "event", "faults")
+"""What a scene shows of a log; the messages of consensus, most of a log, are passed over."""
+
+
+class Source(Protocol):
+    """A scene, and what can be done to it. lock: held while the scene is read."""
+
+    scene: Scene
+    lock: threading.Lock
+    live: bool
+
+    @property
+    def state(self) -> str:
+        """What the page calls it: "log", "goes on" or "ended"."""
+        ...
+
+    def inject(self, fault: Mapping[str, object], seconds: float | None) -> tuple[int, float]:
+        """Inject a fault; returns its number and from when it is on (run time, s). Raises UserError."""
+        ...
+
+    def clear(self, numbers: list[int]) -> list[int]:
+        """End injected faults; returns which. Raises UserError."""
+        ...
+
+    def stop(self) -> None:
+        """End the run. Raises UserError."""
+        ...
+
+    def close(self) -> None:
+        """Let go of it."""
+        ...
+
+
+class LogSource:
+    """A log. Raises UserError where it is none."""
+
+    live, state = False, "log"
+
+    def __init__(self, path: Path) -> None:
+        self.lock = threading.Lock()
+        recording = read_recording(open_log(path), kinds=_KINDS)
+        if not recording.estimates.last:
+            raise UserError(f"{path} holds no estimate: the run ended before its first step")
+        self.scene = Scene(recording)
+
+    def inject(self, fault: Mapping[str, object], seconds: float | None) -> tuple[int, float]:  # noqa: ARG002
+        """Refuse."""
+        raise UserError("this is a log; start a run to inject faults into it")
+
+    def clear(self, numbers: list[int]) -> list[int]:  # noqa: ARG002
+        """Refuse."""
+        raise UserError("this is a log; its faults are what they were")
+
+    def stop(self) -> None:
+        """Refuse."""
+        raise UserError("this is a log; its run has ended")
+
+    def close(self) -> None:
+        """Nothing is held."""
+
+
+class RunSource:
+    """A run that goes on. Raises UserError where it does not answer."""
+
+    live = True
+
+    def __init__(self, run: str, connection: Connection, patience: float) -> None:
+        self._held = ExitStack()
+        self._listener = self._held.enter_context(Listener(run, connection, patience))
+        self.lock = self._listener.lock
+        self.scene = Scene(self._listener.recording)
+
+    @property
+    def state(self) -> str:
+        """Whether the run goes on."""
+        return "ended" if self._listener.ended else "goes on"
+
+    def inject(self, fault: Mapping[str, object], seconds: float | None) -> tuple[int, float]:
+        """Inject a fault; returns its number and from when it is on (run time, s). Raises UserError."""
+        return self._listener.operator.inject(fault, seconds)
+
+    def clear(self, numbers: list[int]) -> list[int]:
+        """End injected faults; returns which. Raises UserError."""
+        return self._listener.operator.clear(numbers)
+
+    def stop(self) -> None:
+        """End the run. Raises UserError."""
+        self._listener.operator.stop()
+
+    def close(self) -> None:
+        """Leave the run, which goes on."""
+        self._held.close()
