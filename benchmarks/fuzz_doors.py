@@ -22,7 +22,7 @@ from zenoh_cbef.log.write.run_log import UNKNOWN, RunLog
 from zenoh_cbef.nodes.common.recording import Status
 from zenoh_cbef.nodes.recorder.overview import Overview
 from zenoh_cbef.nodes.target.control import answer
-from zenoh_cbef.nodes.target.injection import Injection
+from zenoh_cbef.nodes.target.injection import Injection, RealTime
 from zenoh_cbef.outside.status import read_status
 from zenoh_cbef.plain import read_json, read_toml
 from zenoh_cbef.protocol.control import read_answer, read_request
@@ -62,7 +62,7 @@ class Doors:
         self._target: Any = SimpleNamespace(
             node=SimpleNamespace(stop=lambda: None),
             survey=SimpleNamespace(of=lambda _: {}),
-            injection=Injection(self._plan, time.time()),
+            injection=Injection(self._plan, RealTime(time.time())),
             step=3,
         )
         self._toml = to_toml(self.scenario)
@@ -188,7 +188,7 @@ class Doors:
         order = {"ask": "fault add", "fault": fault, "seconds": 5.0, "numbers": [0]}
         request = read_request(_mutated(material, {"v": 1, **order}))
         if material.random.random() < 0.02:
-            self._target.injection = Injection(self._plan, time.time())
+            self._target.injection = Injection(self._plan, RealTime(time.time()))
         answer(self._target, request)
         return "accepted"
 

@@ -16,7 +16,7 @@ FILES = sorted(ROOT.rglob("*.py"))
 LEVELS = (
     ("cli",),
     ("experiment",),
-    ("nodes", "viewers"),
+    ("nodes", "viewers", "lab"),
     ("log",),
     ("simulator", "analysis"),
     ("trace", "outside", "pages"),
@@ -37,6 +37,8 @@ OWNERS = {
     "msgpack": "protocol",
     "cryptography": "protocol",
     "jinja2": "pages",
+    "starlette": "lab",
+    "uvicorn": "lab",
 }
 
 

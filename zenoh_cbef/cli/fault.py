@@ -84,7 +84,7 @@ def _clear(
 
 
 VERB = group(
-    "Inject faults into a realtime run that goes on.",
+    "Inject faults into a run that goes on.",
     {
         "fault add loss probability=0.3 links=agent:3 --for 5": _add,
         "fault list --json": _list,

@@ -13,10 +13,11 @@ from zenoh_cbef.cli.asking import locate
 from zenoh_cbef.cli.console import tell
 from zenoh_cbef.cli.joining import JoiningCommand, JoiningContext
 from zenoh_cbef.cli.offer import verb
+from zenoh_cbef.cli.options import Overrides
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.lab.bench import Bench
 from zenoh_cbef.lab.guard import LOOPBACK, Guard
-from zenoh_cbef.lab.server import address, bound, serve
+from zenoh_cbef.lab.server import Serving, address, bound
 from zenoh_cbef.outside.registry import known_runs
 from zenoh_cbef.protocol.session import Connection
 from zenoh_cbef.scenario.load import builtin_names, purposes
@@ -31,6 +32,7 @@ def _lab(
     host: Annotated[str, typer.Option(help="Where the page is served; others than this host should not see it.")] = (
         "127.0.0.1"
     ),
+    overrides: Overrides = None,
     port: Annotated[int, typer.Option(min=0, max=65535, help="Its port; default: a free one.")] = 0,
 ) -> None:
     """See a run in a browser while it goes on, or its log: map, errors, links. Cut links and wind back by mouse."""
@@ -44,7 +46,7 @@ def _lab(
     listening = bound(host, port)
     try:
         if what is not None:
-            _open(bench, what)
+            _open(bench, what, overrides or [])
         url = address(listening, host, guard)
 
         def ready() -> None:
@@ -52,19 +54,19 @@ def _lab(
             if browser:
                 webbrowser.open(url)
 
-        serve(bench, guard, listening, ready)
+        Serving(bench, guard, ready).run(listening)
     finally:
         bench.close()
         listening.close()
 
 
-def _open(bench: Bench, what: str) -> None:
+def _open(bench: Bench, what: str, overrides: list[str]) -> None:
     """Open what the command line names: a run that goes on, else a log, else a scenario."""
     if what in known_runs():
         bench.join(what)
     elif what in builtin_names() or what.endswith(".toml"):
         tell(f"starting {what}")
-        bench.start(what, [])
+        bench.start(what, overrides)
     elif Path(what).exists() or (Path("logs") / what).is_dir():
         bench.open_log(what)
     else:

@@ -91,7 +91,7 @@ class Page:
             step = min(max(step, 1), newest) if isinstance(step, int) else newest
             arrays = scene.frame(step)
             if isinstance(trail := asked.get("trail"), int):
-                found = scene.trail(step, min(trail, _MOST_TRAIL), _TRAIL_POINTS)
+                found = scene.trail(step, min(max(trail, 1), _MOST_TRAIL), _TRAIL_POINTS)
                 arrays |= {f"trail {name}": values for name, values in found.items()}
             known = asked.get("curves")
             known = min(max(known, 0), newest) if isinstance(known, int) else newest

@@ -1,4 +1,4 @@
-"""Who may load the page and speak to the server: this browser's page alone, with the token of its address."""
+"""Which requests the lab answers: those of its own page, with the token of its address."""
 
 from __future__ import annotations
 

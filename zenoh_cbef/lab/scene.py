@@ -11,7 +11,6 @@ from zenoh_cbef.arrays import Floats, Ints
 from zenoh_cbef.lab.faulted import fault_words
 from zenoh_cbef.log.read.receipts import COUNTS
 from zenoh_cbef.log.read.recording import Recording
-from zenoh_cbef.scenario.injected import read_tables, with_faults
 from zenoh_cbef.scenario.paths import places_at
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.tracking.diagnostics import NAMES
@@ -36,15 +35,11 @@ class Scene:
 
     def __init__(self, recording: Recording) -> None:
         self.recording = recording
-        self._plan, self._injected = recording.header.plan, ""
 
     @property
     def plan(self) -> Plan:
         """The plan of the run, with the faults that were injected so far."""
-        told = self.recording.faults
-        if told != self._injected:
-            self._plan, self._injected = with_faults(self.recording.header.plan, read_tables(told)), told
-        return self._plan
+        return self.recording.plan
 
     @cached_property
     def links(self) -> Ints:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import socket
-from collections.abc import Callable
+from collections.abc import AsyncIterator, Callable
 from importlib import resources
 from typing import TYPE_CHECKING, Any
 
@@ -28,7 +29,7 @@ _REFUSED = 4403
 _TYPES = {".html": "text/html", ".js": "text/javascript", ".css": "text/css"}
 
 
-def application(bench: Bench, guard: Guard) -> Starlette:
+def application(bench: Bench, guard: Guard, lifespan: Any = None) -> Starlette:
     """The lab as an ASGI application."""
     starlette = from_extra("starlette.applications", "the lab")
     from starlette.responses import PlainTextResponse, Response  # noqa: PLC0415 - time that only the lab should cost
@@ -72,7 +73,7 @@ def application(bench: Bench, guard: Guard) -> Starlette:
         Route("/{name}", page),
         WebSocketRoute("/talk", talk),
     ]
-    app: Starlette = starlette.Starlette(routes=routes)
+    app: Starlette = starlette.Starlette(routes=routes, lifespan=lifespan)
     return app
 
 
@@ -108,25 +109,36 @@ def bound(host: str, port: int) -> socket.socket:
     try:
         listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         listening.bind((host, port))
+        listening.listen()
     except OSError as error:
         listening.close()
         raise UserError(f"cannot listen on {host} port {port}: {error.strerror}; choose another with --port") from None
     return listening
 
 
-def serve(bench: Bench, guard: Guard, listening: socket.socket, ready: Callable[[], None]) -> None:
-    """Serve until Ctrl-C. ready: called when pages can be loaded."""
-    uvicorn = from_extra("uvicorn", "the lab")
-    from_extra("websockets", "the lab")
+class Serving:
+    """The server of one lab. ready: called when pages can be loaded. Raises MissingExtra without the extra `lab`."""
 
-    class _Server(uvicorn.Server):  # type: ignore[misc, name-defined]
-        async def startup(self, *args: Any, **more: Any) -> None:
-            await super().startup(*args, **more)
+    def __init__(self, bench: Bench, guard: Guard, ready: Callable[[], None]) -> None:
+        uvicorn = from_extra("uvicorn", "the lab")
+        from_extra("websockets", "the lab")
+        limits = {"ws": "websockets-sansio", "ws_max_size": 1 << 16, "timeout_graceful_shutdown": 1}
+
+        @contextlib.asynccontextmanager
+        async def lifespan(_: object) -> AsyncIterator[None]:
             ready()
+            yield
 
-    limits = {"ws": "websockets-sansio", "ws_max_size": 1 << 16, "timeout_graceful_shutdown": 1}
-    config = uvicorn.Config(application(bench, guard), log_level="error", **limits)
-    _Server(config).run(sockets=[listening])
+        app = application(bench, guard, lifespan)
+        self._server: Any = uvicorn.Server(uvicorn.Config(app, log_level="error", **limits))
+
+    def run(self, listening: socket.socket) -> None:
+        """Serve until Ctrl-C, or `stop`."""
+        self._server.run(sockets=[listening])
+
+    def stop(self) -> None:
+        """Make `run` return, from another thread."""
+        self._server.should_exit = True
 
 
 def address(listening: socket.socket, host: str, guard: Guard) -> str:

@@ -48,11 +48,13 @@ class TruthMessage(StepMessage):
 class BeaconMessage(StepMessage):
     """When a beacon was emitted and heard, s; nil where it was not.
 
-    signal, at: in older logs, which have no key for signals.
+    lists: how many lists of injected faults the target had published before, where there are any: in lockstep the agent
+    takes them in before it begins the step. signal, at: in older logs, which have no key for signals.
     """
 
     emitted: NumberOrNil
     arrived: NumberOrNil
+    lists: NotRequired[Count]
     signal: NotRequired[Signal]
     at: NotRequired[Moment]
 

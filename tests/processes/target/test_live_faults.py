@@ -4,9 +4,12 @@ import json
 import time
 from typing import Any
 
+import numpy as np
+
 from zenoh_cbef.analysis.metrics import analyze
 from zenoh_cbef.log.read.trace import read_trace
 from zenoh_cbef.outside.registry import known_runs
+from zenoh_cbef.simulator import simulate
 
 
 def wait_until_known(run: str) -> None:
@@ -71,15 +74,37 @@ def test_faults_are_added_listed_and_cleared_while_the_run_goes_on(world):
     assert analysis.metrics.position_rmse is not None
 
 
-def test_a_run_in_lockstep_keeps_to_its_scenario(world):
+def test_in_lockstep_injected_faults_begin_with_a_step_for_all_and_the_log_is_proved_with_them(world):
     run = world.start_run("steps=100000")
     world.wait_for_messages()
-    done = world.call("fault", "add", "loss", "probability=0.5", "--run", world.run)
-    assert done.returncode == 2
-    assert "in lockstep they are part of the scenario" in done.stderr
+
+    def fault(*arguments: str) -> str:
+        done = world.call("fault", *arguments, "--run", world.run)
+        assert done.returncode == 0, done.stderr
+        return done.stdout
+
+    fault("add", "loss", "probability=0.5", "links=agent:1")
+    fault("add", "sensor-bias", "agents=[2]", "bias=3.0")
+    fault("add", "crash", "agents=[0]", "--for", "2")
+    fault("clear", "0")
+    listed = json.loads(fault("list", "--json"))
+    assert listed[0]["until"] > listed[0]["from"]
     unknown = world.call("fault", "list", "--run", "nobody")
     assert unknown.returncode == 2
     assert "no run 'nobody' goes on on this host (there is" in unknown.stderr
+    until = time.monotonic() + 60
+    while json.loads(world.call("status", "--run", world.run, "--json").stdout)["time"] < listed[2]["until"] + 2.0:
+        assert time.monotonic() < until, "the run stands still"
+
     run.terminate()
-    run.communicate(timeout=60)
+    run.communicate(timeout=120)
     assert run.returncode == 130
+    proof = world.call("verify", str(world.log))
+    assert proof.returncode == 0, proof.stdout + proof.stderr
+    trace = read_trace(world.log)
+    assert [fault.kind for fault in trace.scenario.fault] == ["loss", "sensor-bias", "crash"]
+    assert np.isnan(trace.estimates[0]).any()
+    assert (trace.links.injected_lost[trace.links.source == 1] > 0).all()
+    # As a scenario it is the same run.
+    again = simulate([trace.scenario.model_copy(update={"steps": len(trace.time)})])[0]
+    assert np.array_equal(again.estimates, trace.estimates, equal_nan=True)

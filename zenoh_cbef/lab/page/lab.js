@@ -177,9 +177,9 @@ function draw() {
   } else state.late = true;
 }
 
-/** How many frames were drawn: tests and benchmarks look at it. */
-export const counts = { frames: 0 };
-globalThis.lab = { state, counts, map, trails };
+/** What tests and benchmarks look at. */
+const counts = { frames: 0 };
+globalThis.lab = { state, counts, map, curves, colour: (source, destination) => map.shown.get(`${source} ${destination}`) };
 
 async function cycle() {
   let before = performance.now();

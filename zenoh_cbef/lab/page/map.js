@@ -20,6 +20,7 @@ export class MapView {
     this.scale = 1;
     this.line = null;
     this.chosen = null;
+    this.shown = new Map(); // the colour of each link, as drawn last
     this.recolour();
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.recolour());
   }
@@ -160,7 +161,9 @@ export class MapView {
       const bad = total > 0 ? lost / total : 0;
       const slow = total > 0 ? late / total : 0;
       const silent = !(total > 0);
-      c.strokeStyle = silent ? colours.rule : bad > 0 ? colours.lost : slow > 0 ? colours.late : colours.good;
+      const colour = silent ? colours.rule : bad > 0 ? colours.lost : slow > 0 ? colours.late : colours.good;
+      this.shown.set(`${source} ${destination}`, colour);
+      c.strokeStyle = colour;
       c.globalAlpha = silent ? 0.5 : bad > 0 || slow > 0 ? 0.35 + 0.65 * Math.max(bad, slow) : 0.4;
       c.lineWidth = bad > 0 || slow > 0 ? 1.4 + 1.8 * Math.max(bad, slow) : 1.2;
       if (bad >= 1 || silent) c.setLineDash([5, 5]);

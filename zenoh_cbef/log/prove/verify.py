@@ -108,7 +108,7 @@ def _judgeable(recording: Recording) -> tuple[int, str]:
     if highest == 0:
         return 0, "the log holds no estimate to compare"
     last = np.where(recording.estimates.seen(highest), np.arange(1, highest + 1), 0).max(axis=1)
-    last[recording.header.plan.absences.at(highest)] = highest
+    last[recording.plan.absences.at(highest)] = highest
     left = int(last.max() - last.min()) > _SKEW
     surprises = [event.message["text"] for event in recording.events if _surprising(event.message, left=left)]
     if surprises:
@@ -134,9 +134,9 @@ def _surprising(event: EventMessage, *, left: bool) -> bool:
     return bool(event["kind"] == "silent" or (event["kind"] == "missed" and not left) or unasked)
 
 
-def _simulation(recording: Recording, trace: Trace, steps: int) -> Simulation:
+def _simulation(trace: Trace, steps: int) -> Simulation:
     """The run of a log, to be executed again on what the log says was measured."""
-    scenario = recording.header.scenario.model_copy(update={"steps": steps})
+    scenario = trace.scenario.model_copy(update={"steps": steps})
     # What is plausible depends on how long the run was to be, not on where it was stopped.
     return Simulation(
         [Plan(scenario)], [Heard(trace.positions[:, :steps], trace.ranges[:, :steps], trace.age[:, :steps])]
@@ -145,13 +145,13 @@ def _simulation(recording: Recording, trace: Trace, steps: int) -> Simulation:
 
 def _execute(recording: Recording, steps: int, tolerance: float, cut: str) -> Verdict:
     trace = trace_of(recording)
-    simulation = _simulation(recording, trace, steps)
+    simulation = _simulation(trace, steps)
     comparison = Comparison(recording, trace, simulation, tolerance)
     try:
         for number, step in enumerate(simulation, 1):
             comparison.step(number, step)
     except Different as difference:
-        if doubt := _doubt(recording, _simulation(recording, trace, steps)):
+        if doubt := _doubt(recording, _simulation(trace, steps)):
             return Verdict("unknown", doubt, comparison.compared)
         return Verdict("different", f"different: {difference}", comparison.compared)
     if comparison.unlogged:

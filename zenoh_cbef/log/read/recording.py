@@ -27,6 +27,8 @@ from zenoh_cbef.protocol.kinds import (
     TruthMessage,
 )
 from zenoh_cbef.protocol.round_codec import Rounds
+from zenoh_cbef.scenario.injected import read_tables, with_faults
+from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.tracking.diagnostics import NAMES
 
 _MATRIX = 8 * 36
@@ -84,6 +86,14 @@ class Recording(Sink):
         self.faults = ""
         self.first: int | None = None
         self._kept = rounds
+        self._plan, self._injected = plan, ""
+
+    @property
+    def plan(self) -> Plan:
+        """The plan of the run, with the faults that were injected so far."""
+        if self.faults != self._injected:
+            self._plan, self._injected = with_faults(self.header.plan, read_tables(self.faults)), self.faults
+        return self._plan
 
     def take_events(self, at: Address, logged: Logged, messages: Sequence[EventMessage]) -> None:  # noqa: ARG002
         """Keep events."""

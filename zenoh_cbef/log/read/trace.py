@@ -16,7 +16,6 @@ from zenoh_cbef.log.read.recording import Recording, read_recording
 from zenoh_cbef.plain import count_in
 from zenoh_cbef.protocol.keys import Keys, agent_named
 from zenoh_cbef.protocol.kinds import EventMessage
-from zenoh_cbef.scenario.injected import read_tables, with_faults
 from zenoh_cbef.scenario.paths import agent_positions, step_times
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.simulator import measured
@@ -36,15 +35,13 @@ def read_trace(*paths: Path) -> Trace:
 
 def trace_of(recording: Recording) -> Trace:
     """The arrays of a run, as far as any agent got. Raises UserError where the log holds no estimate."""
-    header, estimates = recording.header, recording.estimates
-    plan, steps = header.plan, estimates.last
-    if recording.faults:
-        plan = with_faults(plan, read_tables(recording.faults))
+    header, estimates, steps = recording.header, recording.estimates, recording.estimates.last
     if steps == 0:
         raise UserError(
             f"the log of run {header.run!r} holds no estimate: the run ended before its first step, or this is a part "
             "of its log without them"
         )
+    plan = recording.plan
     ranges, age = _measured(plan, *np.moveaxis(recording.beacons.numbers("heard", steps), 2, 0)[:2])
     diagnostics = Diagnostics.read(estimates.numbers("said", steps))
     unlogged, traffic = _unlogged(recording, diagnostics.innovation), _traffic(recording)

@@ -15,6 +15,7 @@ from zenoh_cbef.machine import require
 from zenoh_cbef.nodes.agent.afterwards import Afterwards
 from zenoh_cbef.nodes.agent.entrance import Entrance, Entry
 from zenoh_cbef.nodes.agent.neighbour import Neighbourhood
+from zenoh_cbef.nodes.agent.news import News
 from zenoh_cbef.nodes.agent.signals import Signals
 from zenoh_cbef.nodes.common.alarm import Alarm
 from zenoh_cbef.nodes.common.briefing import brief
@@ -28,10 +29,6 @@ from zenoh_cbef.nodes.common.rejections import Rejections
 from zenoh_cbef.nodes.common.standstill import die, stand_still
 from zenoh_cbef.nodes.common.succession import Succession
 from zenoh_cbef.protocol.bodies import estimate_body, range_body
-from zenoh_cbef.protocol.kinds import FAULTS
-from zenoh_cbef.protocol.mailbox import Mailbox
-from zenoh_cbef.protocol.memory import ask_latest
-from zenoh_cbef.protocol.messages import BadMessage, decode
 from zenoh_cbef.protocol.round_codec import RoundCodec
 from zenoh_cbef.protocol.slow import SLOW
 from zenoh_cbef.scenario.build import agent_tracker, fates_into, outgoing_of, smoother_of
@@ -43,6 +40,8 @@ from zenoh_cbef.tracking.ranging import Measurement
 
 _LEASE_SHARE = 0.4
 _PORTION_SECONDS = 0.1
+_LONGER = 4.0
+"""How long an agent waits for injected faults that a beacon tells of, as a multiple of its patience."""
 _KEPT_BYTES = 1 << 20
 
 _UNHEARD = nan, 0.0
@@ -60,7 +59,8 @@ class Agent:
         self.outgoing = outgoing_of([plan], [agent])
         self.path = agent_positions(scenario, agent)[0]
         self.rejections = Rejections(node)
-        self._faults_in = Mailbox(node.session, node.keys.faults)
+        self._news = News(node, self.rejections, self.inject, _LONGER * scenario.timing.patience)
+        self._lists = 0
         self._wrong_clocks = clocks_of(scenario.fault, agent)
         self._ahead_ns, self._isolated = 0, nan
         if self._wrong_clocks or realtime:
@@ -92,17 +92,12 @@ class Agent:
         measurable = realtime and self.plan.slot * (self.plan.rounds + 1) <= scenario.dt * (1.0 + 1e-9)
         self._pace = Pace(f"agent {agent}", "rounds", partial(node.event, SLOW)) if measurable else None
         self._epoch = 0.0
-        self._uninformed = False
-        node.presence.on_change(self._note_target)
-
-    def _note_target(self, name: str, joined: bool) -> None:
-        # What the target told while it was out of sight did not come.
-        self._uninformed |= joined and name == "target/target"
 
     @np.errstate(all="ignore")  # messages can be forged, and the tracker looks at its results
     def run(self, entry: Entry) -> int:
         """All steps until the target ends the run; returns the last one."""
-        self._epoch, self._uninformed = entry.epoch, False
+        self._epoch = entry.epoch
+        self._news.begin()
         last, length = entry.before, self.scenario.length
         # One more than there are steps: leaving before all are done would look like a death to the others.
         for step in range(entry.before + 1, length + 2):
@@ -113,25 +108,14 @@ class Agent:
                 if beacon is None or self.node.stopping or step > length:
                     break
                 if self._realtime:
-                    self._heed_news()
+                    self._news.heed()
+                elif self._news.lacks(self._lists):
+                    self._news.await_(self._lists, step)
                 self._step(step, beacon, there=not self.plan.absences or self._heed_absences(step))
             except Stopped:
                 break
             last = step
         return last
-
-    def _heed_news(self) -> None:
-        """Take in faults that were injected since."""
-        told = ask_latest(self.node.session, self._faults_in.key) if self._uninformed else []
-        self._uninformed = False
-        while (data := self._faults_in.poll()) is not None:
-            told.append(data)
-        for data in told:
-            try:
-                message = decode(FAULTS, data, run=self.node.identity.run, sender="target")
-                self.inject(message["tables"])
-            except (BadMessage, UserError) as error:
-                self.rejections.add(self._faults_in.key, str(error))
 
     def inject(self, tables: str) -> None:
         """Live with these faults besides the scenario's, a JSON list of all. Raises UserError where they are none."""
@@ -194,6 +178,7 @@ class Agent:
         if self._realtime:
             self._await(step)
         message = self.beacons.take(step, self._arrive(step, 0) if self._realtime else None)
+        self._lists = 0 if message is None else message.get("lists", 0)
         # Alone behind a broken link it would run to the last step at once.
         if message is None and (self.signals.over(step) or (self.node.grace and not self._realtime)):
             return None

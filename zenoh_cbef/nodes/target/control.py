@@ -34,8 +34,8 @@ def answer(target: Asked, request: Request) -> Mapping[str, object]:
     injection = target.injection
     if injection is None:
         raise UserError(
-            "faults are injected into runs in realtime that have started; in lockstep they are part of the scenario, "
-            "so that the run can be repeated: write them there, or set timing.mode = 'realtime'"
+            "faults are injected into runs that have started; in lockstep only where the target sends the beacons, as "
+            "these tell agents with which step a fault begins: write it into the scenario"
         )
     if asked == "fault list":
         return Listed(faults=json.dumps(injection.listed()))

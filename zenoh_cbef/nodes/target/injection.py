@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from zenoh_cbef.errors import UserError
@@ -17,16 +17,45 @@ _LEAD_SECONDS = 0.3
 """How long before its beginning the target makes a fault known: all agents must begin with the same message."""
 
 _MOMENT = 1e-7
+_LEAD_STEPS = 2
+"""In lockstep a fault begins with a step whose beacon tells of it: the one after the next, as that may be under way."""
+
+
+class RealTime:
+    """The run time of a run in realtime. epoch: when it starts, s on the monotonic clock."""
+
+    def __init__(self, epoch: float) -> None:
+        self._epoch = epoch
+
+    def now(self) -> float:
+        """The run time, s."""
+        return time.monotonic() - self._epoch
+
+    def soon(self) -> float:
+        """When a fault can begin of which no process knows yet, s."""
+        return round(max(self.now(), 0.0) + _LEAD_SECONDS, 3)
+
+
+class StepTime:
+    """The run time of a run in lockstep, which stands still with the run. step: the last one that the target began."""
+
+    def __init__(self, dt: float, step: Callable[[], int]) -> None:
+        self._dt, self._step = dt, step
+
+    def now(self) -> float:
+        """The run time of the last step that the target began, s."""
+        return self._dt * self._step()
+
+    def soon(self) -> float:
+        """The run time of the first step of which no agent can know yet, s."""
+        return self._dt * (self._step() + _LEAD_STEPS)
 
 
 class Injection:
-    """The list of injected faults, which the target keeps: it only grows, and a cleared one ends.
+    """The list of injected faults, which the target keeps: it only grows, and a cleared one ends."""
 
-    epoch: when the run starts, s on the monotonic clock; the times of faults are counted from it.
-    """
-
-    def __init__(self, plan: Plan, epoch: float) -> None:
-        self._given, self._epoch = plan, epoch
+    def __init__(self, plan: Plan, clock: RealTime | StepTime) -> None:
+        self._given, self._clock = plan, clock
         self.plan = plan
         self._tables: list[dict[str, Any]] = []
         self._lock = threading.Lock()
@@ -35,10 +64,12 @@ class Injection:
     def add(self, table: dict[str, Any], seconds: float | None) -> int:
         """Add a fault that begins at its `from`, or now, and lasts so long; returns its number."""
         with self._lock:
-            soon = self._soon()
+            soon = self._clock.soon()
             since = table.setdefault("from", soon)
             if not isinstance(since, int | float) or since < soon:
-                raise UserError(f"from = {since} is over: the run is at {self._now():.1f} s; leave it out for now")
+                raise UserError(
+                    f"from = {since} is over: the run is at {self._clock.now():.1f} s; leave it out for now"
+                )
             if seconds is not None:
                 table["until"] = round(since + seconds, 3)
             self._accept([*self._tables, table])
@@ -47,7 +78,7 @@ class Injection:
     def clear(self, numbers: Sequence[int] | None) -> list[int]:
         """End faults now, None: all; returns which were still to end."""
         with self._lock:
-            soon = self._soon()
+            soon = self._clock.soon()
             known = range(len(self._tables))
             unknown = sorted(set(numbers or ()) - set(known))
             if unknown:
@@ -63,7 +94,7 @@ class Injection:
 
     def listed(self) -> list[dict[str, Any]]:
         """All injected faults, each with its number and whether it is on."""
-        now = self._now()
+        now = self._clock.now()
         faults = self.plan.scenario.fault[len(self._given.scenario.fault) :]
         return [
             {"number": number, "active": fault.active(now), **table}
@@ -85,9 +116,3 @@ class Injection:
             raise UserError(f"{len(self._tables)} faults were injected, and no more fit a message; start another run")
         self.plan = with_faults(self._given, tables)
         self._tables, self._fresh = tables, True
-
-    def _now(self) -> float:
-        return time.monotonic() - self._epoch
-
-    def _soon(self) -> float:
-        return round(max(self._now(), 0.0) + _LEAD_SECONDS, 3)

@@ -15,7 +15,7 @@ from zenoh_cbef.machine import require
 from zenoh_cbef.nodes.common.node import Identity, Node
 from zenoh_cbef.nodes.common.pace import Pace
 from zenoh_cbef.nodes.common.readers import WINDOW
-from zenoh_cbef.nodes.target.injection import Injection
+from zenoh_cbef.nodes.target.injection import Injection, RealTime, StepTime
 from zenoh_cbef.nodes.target.linking import linked_by
 from zenoh_cbef.nodes.target.lookout import Lookout
 from zenoh_cbef.nodes.target.progress import Progress
@@ -124,9 +124,10 @@ class Target:
         self.node.event("started", f"run {self.node.identity.run} started", at=self.start)
         self.progress.rejections.start()
         self.progress.begin(ready := self.progress.ready(self.node.presence.names()))
-        if realtime:
-            self.injection = Injection(self.plan, epoch)
         self.step = 0
+        if realtime or not self.receivers:
+            clock = RealTime(epoch) if realtime else StepTime(self.scenario.dt, lambda: self.step or 0)
+            self.injection = Injection(self.plan, clock)
         for agent in sorted(ready):
             self._signal_start(agent, 0)
         for step in range(1, self.scenario.length + 1):
@@ -236,9 +237,10 @@ class Target:
         truth = self.world.truth[step - 1]
         if np.isfinite(truth).all():  # the truth of a real target is unknown
             self._truth.send(k=step, state=truth.tolist())
+        lists = {"lists": self._faults_out.sent} if self._faults_out.sent else {}
         for agent, beacon in enumerate(self._beacons):
             emitted, arrived = self.world.emitted[agent, step - 1], self.world.arrived[agent, step - 1]
-            beacon.send(k=step, emitted=nan_to_nil(emitted), arrived=nan_to_nil(arrived))
+            beacon.send(k=step, emitted=nan_to_nil(emitted), arrived=nan_to_nil(arrived), **lists)
 
     def _end(self, last: int) -> None:
         """No more beacons: agents finish the step they are in, so that a stopped run, too, can be verified."""

@@ -1,0 +1,136 @@
+"""The lab in a real browser: a run is started, touched by mouse, ended, exported and proved; a log is wound back."""
+
+import re
+import shutil
+import time
+
+import numpy as np
+import pytest
+
+from zenoh_cbef.log.read.trace import read_trace
+from zenoh_cbef.plain import read_toml
+from zenoh_cbef.scenario.load import parse
+from zenoh_cbef.simulator import simulate
+
+BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+if BROWSER is None:
+    pytest.skip("no Chromium on this host; install the package chromium", allow_module_level=True)
+playwright = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
+pytest.importorskip("uvicorn", reason="the extra 'lab' is not installed")
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with playwright.sync_playwright() as driver:
+        browser = driver.chromium.launch(executable_path=BROWSER, args=["--no-sandbox", "--disable-dev-shm-usage"])
+        yield browser
+        browser.close()
+
+
+class Opened:
+    """A page of the lab, what it complained of, and what it loaded."""
+
+    def __init__(self, world, browser, *words: str) -> None:
+        self.lab = world.start("lab", *words, "--no-browser")
+        self.url = self._url()
+        self.page = browser.new_page(viewport={"width": 1280, "height": 800})
+        self.page.set_default_timeout(30_000)
+        self.complaints: list[str] = []
+        self.loaded: list[str] = []
+        self.page.on("console", lambda one: self.complaints.append(one.text))
+        self.page.on("pageerror", lambda one: self.complaints.append(str(one)))
+        self.page.on("request", lambda one: self.loaded.append(one.url))
+        self.page.goto(self.url)
+        self.until("lab.state.frame !== null")
+
+    def _url(self) -> str:
+        assert self.lab.stderr is not None
+        for line in self.lab.stderr:
+            if found := re.search(r"http://\S+", line):
+                return found[0]
+        raise AssertionError("the lab did not start")
+
+    def until(self, what: str, seconds: float = 60.0) -> None:
+        # The page's own policy forbids what Playwright's waiting does.
+        until = time.monotonic() + seconds
+        while not self.page.evaluate(what):
+            assert time.monotonic() < until, (what, self.page.inner_text("#verdict"), self.complaints)
+            self.page.wait_for_timeout(50)
+
+    def middle(self, first: int, second: int) -> tuple[float, float]:
+        """The place of the middle of a link in the window."""
+        x, y = self.page.evaluate(
+            f"""(() => {{ const box = lab.map.canvas.getBoundingClientRect();
+            const [a, b] = [{first}, {second}].map((one) => lab.map.pixel(lab.map.arrays.place, 3 * one));
+            return [box.left + (a[0] + b[0]) / 2, box.top + (a[1] + b[1]) / 2]; }})()"""
+        )
+        return x, y
+
+    def link(self, source: int, destination: int) -> str:
+        """An expression for what came and was lost on a link in the step that is shown."""
+        row = f"lab.state.scene.links.findIndex(([s, d]) => s === {source} && d === {destination})"
+        return f"(([c, l]) => ({{came: c, lost: l}}))(lab.state.frame.arrays.links.subarray(4 * {row}, 4 * {row} + 2))"
+
+    def close(self) -> None:
+        self.page.close()
+        self.lab.terminate()
+        self.lab.communicate(timeout=60)
+
+
+def test_a_run_is_started_cut_by_mouse_healed_ended_exported_and_proved(world, browser):
+    opened = Opened(world, browser, "tracking", "--set", "steps=100000", "--set", "consensus.rounds=3")
+    page = opened.page
+    first, second = page.evaluate("lab.state.scene.links[0]")
+    page.mouse.click(*opened.middle(first, second))
+    page.get_by_role("menuitem", name="cut", exact=True).click()
+    opened.until(f"{opened.link(first, second)}.came === 0 && {opened.link(first, second)}.lost === 3")
+    assert page.evaluate("document.querySelector('#faults li').textContent").startswith("partition of")
+    assert page.evaluate(f"lab.colour({first}, {second})") == page.evaluate("lab.map.colours.lost")
+    opened.until("lab.curves.values.lost.at(-1) > 0")
+    page.click("#undo")
+    opened.until(f"{opened.link(first, second)}.came === 3")
+    opened.until("lab.curves.values.lost.at(-1) === 0")
+    assert page.evaluate(f"lab.colour({first}, {second})") == page.evaluate("lab.map.colours.good")
+    page.click("#stop")
+    opened.until("lab.state.state === 'ended'")
+    with page.expect_download() as download:
+        page.click("#export")
+    session = parse(read_toml(download.value.path().read_text()), "the session")
+    assert [one.kind for one in session.fault] == ["partition"]
+    [log] = (world.folder / "logs").glob("lab-*/run.mcap")
+    proof = world.call("verify", str(log))
+    assert proof.returncode == 0, proof.stdout + proof.stderr
+    trace = read_trace(log)
+    steps = len(trace.time)
+    again = simulate([session.model_copy(update={"steps": steps})])[0]
+    assert np.array_equal(again.estimates, trace.estimates, equal_nan=True)
+    assert opened.complaints == []
+    assert {url.split("/")[2] for url in opened.loaded if not url.startswith("data:")} == {opened.url.split("/")[2]}
+    opened.close()
+
+
+def test_a_log_is_wound_back_and_a_lost_server_is_said(world, browser):
+    world.complete("steps=60", 'fault=[{kind="outage", agents=[2], from=3.0, until=4.0}]')
+    opened = Opened(world, browser, str(world.log))
+    page = opened.page
+    opened.until("lab.state.frame.step === 60")
+    page.keyboard.press("ArrowLeft")
+    opened.until("lab.state.frame.step === 59")
+    page.fill("#step", "35")
+    opened.until("lab.state.frame.step === 35 && document.querySelector('#verdict').textContent.includes('2 parts')")
+    assert page.evaluate("document.querySelector('#faults li').dataset.on") == "true"
+    assert "step 35 of 60" in page.inner_text("#clock")
+    page.keyboard.press("Home")
+    opened.until("lab.state.frame.step === 1")
+    assert page.evaluate("document.documentElement.scrollHeight <= innerHeight")
+    page.set_viewport_size({"width": 390, "height": 844})
+    opened.until("document.documentElement.scrollWidth <= innerWidth")
+    # Playing ends at the last step.
+    page.select_option("#speed", "50")
+    page.keyboard.press(" ")
+    opened.until("lab.state.frame.step === 60 && !lab.state.plays")
+    assert opened.complaints == []
+    opened.lab.terminate()
+    opened.lab.communicate(timeout=60)
+    opened.until("document.querySelector('#notice').textContent.includes('server is gone')")
+    opened.close()
