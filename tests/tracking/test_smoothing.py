@@ -173,7 +173,7 @@ def test_the_backward_step_of_any_motion_is_the_regression_on_sampled_next_state
     root = 0.1 * random.normal(size=(size, size))
     state = random.normal(size=size)
     backward = Backward.of(Belief(state[None], (root @ root.T)[None]), motion)
-    before = state + random.normal(size=(200_000, size)) @ root.T
+    before = state + random.normal(size=(40_000, size)) @ root.T
     noise = random.multivariate_normal(np.zeros(size), motion.process_noise, size=len(before), method="svd")
     after = motion.predict_state(before) + noise
     told = backward.offset + after @ backward.gain[0].T

@@ -36,13 +36,12 @@ def design(plan: Plan, *, within: float = 0.01, skip: float = 0.25, search: bool
     first = min(int(skip * scenario.length), scenario.length - 1)
     sight = sight_of(plan)
     cost = Bytes({each: round_bytes(with_scheme(plan, each)) for each in SCHEMES}, other_bytes(plan))
-    predictor = _Predictor(plan, sight, first) if _predictable(plan) else None
+    predictor = _Predictor(plan, sight, first, (scheme, rounds)) if _predictable(plan) else None
     smallest: dict[Scheme, int | None] = dict.fromkeys(SCHEMES)
     expected: Compared | None = None
     if predictor is not None:
         if search and rounds:
             smallest = _search(predictor, within)
-        predictor.predict([(scheme, rounds)])
         expected = predictor.compared(scheme, rounds)
     return Design(
         name=scenario.name,
@@ -156,22 +155,21 @@ def _search(predictor: _Predictor, within: float) -> dict[Scheme, int | None]:
         return next((one for one in tried if predictor.found[scheme, one].position_rmse <= limit), None)
 
     predictor.predict([(scheme, rounds) for scheme in SCHEMES for rounds in LADDER[:_AT_FIRST]])
-    late = [scheme for scheme in SCHEMES if enough(scheme) is None]
+    late = [scheme for scheme in SCHEMES if (enough(scheme) or LADDER[-1]) > LADDER[_AT_FIRST - 1]]
     # One probe far out tells whether more rounds help at all.
     predictor.predict([(scheme, LADDER[-1]) for scheme in late])
     predictor.predict([(each, rounds) for each in late if enough(each) for rounds in LADDER[_AT_FIRST:-1]])
     for scheme in SCHEMES:
-        reached = enough(scheme)
-        if reached in LADDER and reached != LADDER[0]:
-            below = LADDER[LADDER.index(reached) - 1]
+        if (reached := enough(scheme)) is not None:
+            below = max((rounds for each, rounds in predictor.found if each == scheme and rounds < reached), default=0)
             predictor.predict([(scheme, rounds) for rounds in range(below + 1, reached)])
     return {scheme: enough(scheme) for scheme in SCHEMES}
 
 
 class _Predictor:
-    """Expected errors of a scenario, by scheme and number of rounds."""
+    """Expected errors of a scenario, by scheme and number of rounds: of the configured ones from the start."""
 
-    def __init__(self, plan: Plan, sight: Sight, first: int) -> None:
+    def __init__(self, plan: Plan, sight: Sight, first: int, configured: tuple[Scheme, int]) -> None:
         scenario = plan.scenario
         self._plan, self._sight, self._first = plan, sight, first
         kind, count = scenario.filter.kind, float(scenario.count)
@@ -180,9 +178,10 @@ class _Predictor:
         self._clipping = Clipping.at(level_of(kind, plan.xi))
         self._mixing: dict[Scheme, Floats] = {}
         self._plain_sight = determined(plan)
-        exact = np.full((1, 1, scenario.count, scenario.count), 1.0 / scenario.count)
-        [self.centralized] = self._errors(exact, count)
-        self.found: dict[tuple[Scheme, int], Expected] = {}
+        shared = self._rounds(*configured)
+        both = np.stack([np.full_like(shared, 1.0 / count), shared])
+        self.centralized, expected = self._errors(both, np.array([count, self._weight]))
+        self.found = {configured: expected}
 
     def predict(self, wanted: Sequence[tuple[Scheme, int]]) -> None:
         """Add predictions for these schemes and numbers of rounds."""
@@ -192,7 +191,7 @@ class _Predictor:
         # The most rounds first: fewer are contained in them.
         new.sort(key=lambda one: -one[1])
         matrices = np.stack([self._rounds(scheme, rounds) for scheme, rounds in new])
-        self.found.update(zip(new, self._errors(matrices, self._weight), strict=True))
+        self.found.update(zip(new, self._errors(matrices, np.full(len(new), self._weight)), strict=True))
 
     def compared(self, scheme: Scheme, rounds: int) -> Compared:
         """What was predicted, beside the centralised filter."""
@@ -208,13 +207,13 @@ class _Predictor:
         matrices: Floats = self._mixing[scheme][rounds - 1]
         return matrices
 
-    def _errors(self, matrices: Floats, weight: float) -> list[Expected]:
+    def _errors(self, matrices: Floats, weight: Floats) -> list[Expected]:
         expected = propagate(
             self._plan.initial_covariance,
             self._plan.plain_motion,
             self._sight,
             matrices,
-            weight=np.full(len(matrices), weight),
+            weight=weight,
             clipping=self._clipping,
         )
         position, velocity, nees = (

@@ -140,6 +140,7 @@ def write_figures(analysis: Analysis, folder: Path) -> list[Path]:
             for suffix, metadata in ((".png", {}), (".svg", {"Date": None})):
                 path = folder / f"{chart.name}{suffix}"
                 figure.savefig(path, dpi=_DPI, metadata=metadata)
+                figure.set_layout_engine("none")  # The layout is that of the first file, and takes half of the time.
                 written.append(path)
     return written
 

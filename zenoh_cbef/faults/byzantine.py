@@ -46,6 +46,6 @@ class Byzantine(SenderFault):
         if self.mode == "drift":
             return size * honest.elapsed
         if self.mode == "random":
-            key = stream(honest.seed, f"byzantine/{index}", honest.agent, honest.round)
-            return size * np.stack([normal(key, honest.step, axis) for axis in range(3)], axis=1)
+            key = stream(honest.seed, f"byzantine/{index}", honest.agent, honest.round)[:, None]
+            return size * normal(key, honest.step, np.arange(3))
         return size

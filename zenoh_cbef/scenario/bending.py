@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import sqrt
+
 import numpy as np
 
 from zenoh_cbef.scenario import paths, start
@@ -11,8 +13,6 @@ from zenoh_cbef.tracking.sight import MIRRORED, open_axes
 
 MOST = 1.0
 """Curvature of ranges over a step's uncertainty, in units of their noise, from which on they are not linear there."""
-
-_ITERATIONS = 100
 
 
 def after(scenario: Scenario, motion: LinearMotion, range_std: float) -> bool:
@@ -39,16 +39,14 @@ def mirrored(scenario: Scenario, range_std: float, axes: int) -> bool:
 def bending(scenario: Scenario, motion: LinearMotion, range_std: float, dt: float) -> tuple[float, float]:
     """How uncertain the position gets in a step of dt (s), m, and how much ranges bend there, in units of their noise.
 
-    The uncertainty is that of a Kalman filter of one axis that has its share of all ranges, in its steady state. A
-    range over a distance d, here half of the box around the agents, bends by the square of it over 2 d.
+    The uncertainty is that of a Kalman filter of one axis that has its share of all ranges, in its steady state, which
+    the tracking index tells (Kalata 1984, The tracking index: a generalized parameter for alpha-beta and
+    alpha-beta-gamma target trackers, IEEE Trans. AES 20). A range over a distance d, here half of the box around the
+    agents, bends by the square of it over 2 d.
     """
     share = range_std**2 * motion.axes / scenario.count
-    transition, gain = np.array([[1.0, dt], [0.0, 1.0]]), np.array([0.5 * dt**2, dt])
-    covariance = np.diag([share, share / dt**2])
-    predicted = covariance
-    for _ in range(_ITERATIONS):
-        predicted = transition @ covariance @ transition.T + motion.acceleration_std**2 * np.outer(gain, gain)
-        covariance = predicted - np.outer(predicted[0], predicted[0]) / (predicted[0, 0] + share)
-    uncertain = float(np.sqrt(predicted[0, 0]))
+    index = motion.acceleration_std * dt**2 / sqrt(share)
+    kept = 4.0 / (4.0 + index + sqrt(8.0 * index + index**2))  # Its square: what a range leaves of the variance.
+    uncertain = sqrt(share * (kept**-2 - 1.0))
     half = start.half_box(scenario)
     return uncertain, uncertain**2 / (2.0 * half) / range_std if half else 0.0

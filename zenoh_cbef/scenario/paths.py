@@ -14,15 +14,15 @@ def step_times(scenario: Scenario, steps: int) -> Floats:
     return scenario.dt * np.arange(1, steps + 1, dtype=np.float64)
 
 
-def placement(scenario: Scenario) -> Floats:
-    """The agents' positions at step 0, (n, 3), m."""
+def placement(scenario: Scenario, seed: int | None = None) -> Floats:
+    """The agents' positions at step 0, (n, 3), m: with the scenario's seed, or as another seed places them."""
     agents, count = scenario.agents, scenario.count
     if agents.motion == "waypoints":
         return np.array([points[0] for points in agents.waypoints])
     if agents.positions is not None:
         return np.array(agents.positions[:count])
     low, high = np.broadcast_to(agents.low, 3), np.broadcast_to(agents.high, 3)
-    key = streams.stream(scenario.seed, "placement", np.arange(count))[:, None]
+    key = streams.stream(scenario.seed if seed is None else seed, "placement", np.arange(count))[:, None]
     return np.asarray(low + (high - low) * streams.uniform(key, 0, np.arange(3)))
 
 

@@ -123,7 +123,7 @@ def anywhere(scenario: Scenario, motion: Motion, space: Space) -> tuple[Floats, 
 
 def middle(scenario: Scenario) -> tuple[float, ...]:
     """A point near all agents, (3,), m: the same for all seeds, as these are one batch."""
-    return tuple(paths.placement(scenario.model_copy(update={"seed": 0})).mean(axis=0).tolist())
+    return tuple(paths.placement(scenario, seed=0).mean(axis=0).tolist())
 
 
 def box(scenario: Scenario) -> tuple[Floats, Floats]:
@@ -157,7 +157,7 @@ def initial_states(scenario: Scenario) -> Floats:
         derived[:, :3] = paths.placement(scenario).mean(axis=0)
     else:
         key = streams.stream(scenario.seed, "initial estimate", np.arange(count))[:, None]
-        noise = np.concatenate([streams.normal(key, axis) for axis in range(6)], axis=1)
+        noise = streams.normal(key, np.arange(6))
         derived = target_start(scenario) + initial_std(scenario) * noise
     if chosen.initial_position is not None:
         derived[:, :3] = np.array(chosen.initial_position)
