@@ -5,6 +5,7 @@
     netlab.py exec h3 ping -c1 10.77.0.10
     netlab.py link h3 down               pull the cable; "up" puts it back
     netlab.py mute h3 on                 h3 receives, but what it sends is lost; "off" ends that
+    netlab.py part h3 h4 on              h3 and h4 do not reach each other, but all others; "off" ends that
     netlab.py partition h0,h1,h2         these on a switch of their own; "heal" joins all again
     netlab.py delay h3 20 --loss 5       20 ms and 5 % on what h3 sends, where the kernel has netem
     netlab.py down                       end every process and remove everything
@@ -117,9 +118,17 @@ class Lab:
         for other in self.hosts:
             if other == host:
                 continue
-            neighbour = ["neigh", "replace" if on else "del", self.address(other), "dev", _DEVICE]
-            # Frames for a hardware address that no host has.
-            _ip("-n", self.space(host), *neighbour, *(["lladdr", _NO_HOST, "nud", "permanent"] if on else []))
+            self._lose(host, other, on=on)
+
+    def part(self, first: str, second: str, *, on: bool = True) -> None:
+        """Lose all that two hosts send each other, and nothing else: neither reaches the other. Or end that."""
+        self._lose(first, second, on=on)
+        self._lose(second, first, on=on)
+
+    def _lose(self, host: str, other: str, *, on: bool) -> None:
+        neighbour = ["neigh", "replace" if on else "del", self.address(other), "dev", _DEVICE]
+        # Frames for a hardware address that no host has.
+        _ip("-n", self.space(host), *neighbour, *(["lladdr", _NO_HOST, "nud", "permanent"] if on else []))
 
     def partition(self, apart: Iterable[str]) -> None:
         """Put these hosts on a switch of their own, and all others on the first one; no hosts: join all again."""
@@ -201,6 +210,10 @@ def _arguments() -> argparse.Namespace:
     mute = verbs.add_parser("mute")
     mute.add_argument("host")
     mute.add_argument("state", choices=("on", "off"))
+    part = verbs.add_parser("part")
+    part.add_argument("host")
+    part.add_argument("other")
+    part.add_argument("state", choices=("on", "off"))
     verbs.add_parser("partition").add_argument("apart", metavar="HOST,HOST,...")
     delay = verbs.add_parser("delay")
     delay.add_argument("host")
@@ -224,6 +237,8 @@ def _obey(wanted: argparse.Namespace) -> int:
             lab.link(wanted.host, up=wanted.state == "up")
         case "mute":
             lab.mute(wanted.host, on=wanted.state == "on")
+        case "part":
+            lab.part(wanted.host, wanted.other, on=wanted.state == "on")
         case "partition" | "heal":
             lab.partition(wanted.apart.split(",") if wanted.verb == "partition" else ())
         case "delay":

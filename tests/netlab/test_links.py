@@ -1,9 +1,11 @@
 """Agents that know the target's endpoint alone link along the graph, and to no other process: counted from sockets."""
 
+import json
 import subprocess
 import time
 
 import numpy as np
+import pytest
 
 from tests.netlab.conftest import AGENTS
 from zenoh_cbef.scenario.load import load
@@ -25,8 +27,22 @@ def settled(lab, wanted: list[int]) -> list[int]:
     return found
 
 
-def test_links_are_those_of_the_graph_also_when_agents_leave_and_come_back(site, lab):
+def told(run, lab, *, carried: bool) -> dict:
+    """The run's status, once it says so of the two agents that do not reach each other."""
+    words = ["status", "--run", run.world.run, "--connect", run.endpoint("target"), "--json"]
+    until = time.monotonic() + 30
+    while time.monotonic() < until:
+        found = json.loads(run.world.call(*words, prefix=lab.command("record", [])).stdout)
+        if found["apart"] == [{"first": "agent/0", "second": "agent/1", "carried": True}] * carried:
+            return found
+        time.sleep(0.2)
+    pytest.fail(f"status says {found['apart']}")
+
+
+def test_links_are_those_of_the_graph_also_when_agents_leave_and_come_back_or_do_not_reach_each_other(site, lab):
     run = site("peers")
+    # Neighbours. What one tells the other goes by way of the target, over a second link of each to it.
+    lab.part("a0", "a1")
     everywhere = f"{run.scheme}/0.0.0.0:0"
     own = run.endpoint
     run.endpoint = lambda host: own(host) if host in {"target", "record"} else everywhere
@@ -34,6 +50,11 @@ def test_links_are_those_of_the_graph_also_when_agents_leave_and_come_back(site,
     degrees = np.bincount(load("tracking", []).plan.edges.ravel(), minlength=AGENTS)
     wanted = [int(degree) + 2 for degree in degrees]
     run.wait_until_recorded()
+    assert settled(lab, wanted) == wanted
+    links = {(one["source"], one["destination"]): one for one in told(run, lab, carried=True)["links"]}
+    assert min(links[0, 1]["received"], links[1, 0]["received"]) > 0
+    lab.part("a0", "a1", on=False)
+    told(run, lab, carried=False)
     assert settled(lab, wanted) == wanted
     for agent in (2, 5):
         lab.kill(f"a{agent}")

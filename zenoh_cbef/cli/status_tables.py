@@ -30,6 +30,11 @@ _SERIOUS = {
 }
 
 
+_CARRIED = "neither reaches the other; the target carries their messages"
+_APART = "neither reaches the other, and the target carries nothing; check --listen and --connect"
+_MOST_PAIRS = 5
+
+
 def status_view(status: RunStatus) -> RenderableType:
     """Everything, from the whole to the parts."""
     parts: list[RenderableType] = [headline(status), Text(), agents_table(status)]
@@ -51,6 +56,9 @@ def headline(status: RunStatus) -> Text:
     text = Text("\n".join(lines))
     if status.unobservable:
         text.append(f"\nthe position cannot be determined: {status.unobservable}", style="red")
+    for carried, style in ((True, "yellow"), (False, "red")):
+        if pairs := [f"{_named(one.first)} and {_named(one.second)}" for one in status.apart if one.carried is carried]:
+            text.append(f"\n{_and_more(pairs)}: {_CARRIED if carried else _APART}", style=style)
     missing = [str(one.agent) for one in status.agents if one.state in {"missing", "gone"}]
     if missing:
         text.append(f"\nnot here: agent {', '.join(missing)}", style="red")
@@ -61,6 +69,15 @@ def headline(status: RunStatus) -> Text:
     if len(versions) > 1:
         text.append(f"\nversions differ: {', '.join(sorted(map(str, versions)))}", style="red")
     return text
+
+
+def _named(process: str) -> str:
+    return process.replace("/", " ")
+
+
+def _and_more(names: list[str]) -> str:
+    more = len(names) - _MOST_PAIRS
+    return "; ".join([*names[:_MOST_PAIRS], *([f"{more} more pairs"] if more > 0 else [])])
 
 
 def _keys_of(fault: dict[str, object]) -> str:

@@ -82,12 +82,25 @@ class LinkStatus:
 
 
 @dataclass(frozen=True)
+class ApartStatus:
+    """Two processes, as in "agent/3", neither of which reaches the other.
+
+    carried: whether the target carries what they tell each other; otherwise neither hears the other.
+    """
+
+    first: str
+    second: str
+    carried: bool
+
+
+@dataclass(frozen=True)
 class RunStatus:
     """A run. error, disagreement: root mean squares over the agents that take part, m, in the step that all have done.
 
     step: the last one that has begun, None before the start. time: s since the start. now: the target's clock, s since
     the Unix epoch. slow: processes that have lately said that they do not keep up with real time. unobservable: in
-    words why the agents that take part cannot determine the position; empty where they can.
+    words why the agents that take part cannot determine the position; empty where they can. apart: the processes
+    between which no link can be made.
     """
 
     run: str
@@ -109,6 +122,7 @@ class RunStatus:
     events: list[SaidEvent]
     slow: list[str] = field(default_factory=list)
     unobservable: str = ""
+    apart: list[ApartStatus] = field(default_factory=list)
 
 
 def read_status(told: StatusAnswer) -> RunStatus:
@@ -147,6 +161,7 @@ def read_status(told: StatusAnswer) -> RunStatus:
         events=[_said(one) for one in events],
         slow=_slow(events, told["time"]),
         unobservable=told.get("unobservable", ""),
+        apart=[ApartStatus(*one) for one in told.get("apart", [])],
     )
 
 

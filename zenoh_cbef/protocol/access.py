@@ -80,9 +80,11 @@ _ROLES: dict[str, list[Rule]] = {
 }
 
 
-def access_control() -> dict[str, Json]:
-    """Zenoh's access_control section."""
+def access_control(*, detour: bool = False) -> dict[str, Json]:
+    """Zenoh's access_control section. detour: for a client of the target, to which it passes on what others say."""
     roles = _ROLES | {common_name("agent", str(agent)): _agent(agent) for agent in range(AGENTS)}
+    if detour:
+        roles["target"] = _ROLES["router"]
     rules = [_rule("out", "egress", [one for one in _ALL if one not in _PUT], [_ANY.everything])]
     policies = []
     for name, allowed in roles.items():

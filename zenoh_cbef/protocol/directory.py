@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 
@@ -36,6 +36,26 @@ class Place:
     endpoints: tuple[str, ...]
 
 
+@dataclass(frozen=True)
+class Told:
+    """What the target tells a process: where those are that it links to, and which of them it hears on a detour.
+
+    detours: by their names, with whether they hear it on theirs.
+    """
+
+    places: list[Place]
+    detours: dict[str, bool]
+
+
+@dataclass(frozen=True)
+class Apart:
+    """Two processes that have found no way to each other. carried: the target carries what they tell each other."""
+
+    first: str
+    second: str
+    carried: bool
+
+
 class Directory:
     """The places of the processes of a run that have a name by the target's word.
 
@@ -46,10 +66,11 @@ class Directory:
         self._claims, self._linked = claims, linked
         self._places: dict[str, Place] = {}
         self._unlinked: dict[str, tuple[str, ...]] = {}
+        self._heard: dict[str, tuple[str, ...]] = {}
         self._lock = threading.Lock()
 
-    def tell(self, place: Place, unlinked: tuple[str, ...] = ()) -> list[Place] | None:
-        """Take in where a process is, and which others it cannot link to. Returns where those are that it links to.
+    def tell(self, place: Place, unlinked: tuple[str, ...] = (), heard: tuple[str, ...] = ()) -> Told | None:
+        """Take in where a process is, which others it cannot link to, and which it hears on a detour.
 
         None where it does not have its name.
         """
@@ -57,16 +78,19 @@ class Directory:
         if not self._claims.holds(name, place.life):
             return None
         with self._lock:
-            self._places[name], self._unlinked[name] = place, unlinked
+            self._places[name], self._unlinked[name], self._heard[name] = place, unlinked, heard
             others = [one for one in self._places.values() if one.name != name and self._linked(name, one.name)]
-        return [one for one in others if self._claims.holds(one.name, one.life)]
+            far = [one.name for one in others if one.name in unlinked or name in self._unlinked[one.name]]
+            detours = {one: name in self._heard[one] for one in far}
+        return Told([one for one in others if self._claims.holds(one.name, one.life)], detours)
 
-    def unlinked(self) -> list[tuple[str, str]]:
-        """The pairs of processes that are here and have not found a way to each other."""
+    def apart(self) -> list[Apart]:
+        """The pairs of processes that are here and have found no way to each other."""
         with self._lock:
             here = {name for name, place in self._places.items() if self._claims.holds(name, place.life)}
-            pairs = {tuple(sorted((name, one))) for name in here for one in self._unlinked[name] if one in here}
-        return sorted((first, second) for first, second in pairs)
+            pairs = {(min(name, one), max(name, one)) for name in here for one in self._unlinked[name] if one in here}
+            heard = self._heard
+            return [Apart(one, two, two in heard[one] and one in heard[two]) for one, two in sorted(pairs)]
 
 
 def serve_directory(session: zenoh.Session, keys: Keys, directory: Directory) -> zenoh.Queryable[None]:
@@ -77,18 +101,21 @@ def serve_directory(session: zenoh.Session, keys: Keys, directory: Directory) ->
             key = str(query.key_expr)
             name = key.removeprefix(keys.links(""))
             try:
-                place, unlinked = _read_question(name, b"" if query.payload is None else query.payload.to_bytes())
+                asked = _read_question(name, b"" if query.payload is None else query.payload.to_bytes())
             except BadMessage:
                 return
-            if (told := directory.tell(place, unlinked)) is not None:
-                query.reply(key, msgpack.packb({"v": VERSION, "places": [_packed(one) for one in told]}))
+            if (told := directory.tell(*asked)) is not None:
+                places = [_packed(one) for one in told.places]
+                query.reply(key, msgpack.packb({"v": VERSION, "places": places, "detours": told.detours}))
 
     return session.declare_queryable(keys.all_links, reply)
 
 
-def ask_directory(session: zenoh.Session, key: str, own: Place, unlinked: tuple[str, ...] = ()) -> list[Place] | None:
-    """Tell the target where we are. Returns where those are that we link to; None where it does not tell."""
-    question = {"v": VERSION, "place": _packed(own), "unlinked": list(unlinked)}
+def ask_directory(
+    session: zenoh.Session, key: str, own: Place, unlinked: Sequence[str] = (), heard: Sequence[str] = ()
+) -> Told | None:
+    """Tell the target where we are, and so on as `Directory.tell`. Returns what it tells; None where it does not."""
+    question = {"v": VERSION, "place": _packed(own), "unlinked": [*unlinked], "heard": [*heard]}
     for reply in session.get(key, payload=msgpack.packb(question), timeout=_ANSWER_SECONDS):
         if reply.ok is not None:
             with suppress(BadMessage):
@@ -100,19 +127,20 @@ def _packed(place: Place) -> list[object]:
     return [place.name, place.life, place.host, list(place.endpoints)]
 
 
-def _read_question(name: str, data: bytes) -> tuple[Place, tuple[str, ...]]:
+def _read_question(name: str, data: bytes) -> tuple[Place, tuple[str, ...], tuple[str, ...]]:
     asked = _unpack(data)
-    place, unlinked = _place(asked.get("place")), asked.get("unlinked")
+    place = _place(asked.get("place"))
     if place.name != name:
         raise BadMessage("it speaks for another process")
-    return place, _texts(unlinked)
+    return place, _texts(asked.get("unlinked")), _texts(asked.get("heard"))
 
 
-def _read_answer(data: bytes) -> list[Place]:
-    places = _unpack(data).get("places")
-    if not isinstance(places, list):
+def _read_answer(data: bytes) -> Told:
+    told = _unpack(data)
+    places, detours = told.get("places"), told.get("detours")
+    if not isinstance(places, list) or not isinstance(detours, dict):
         raise BadMessage("it tells no places")
-    return [_place(one) for one in places]
+    return Told([_place(one) for one in places], {one: detours[one] is True for one in _texts([*detours])})
 
 
 def _unpack(data: bytes) -> dict[str, object]:

@@ -34,7 +34,11 @@ class Presence:
         self._over: set[str] = set()
         self._changed = threading.Condition()
         self._listeners: list[Callable[[str, bool], None]] = []
-        self._subscriber = session.liveliness().declare_subscriber(expression, self._notice, history=True)
+        self._subscriber = self.follow(session, "**")
+
+    def follow(self, session: zenoh.Session, names: str) -> zenoh.Subscriber[None]:
+        """Take in what a session, ours or another one, sees of these names, until the subscriber is undeclared."""
+        return session.liveliness().declare_subscriber(self._prefix + names, self._notice, history=True)
 
     def _notice(self, sample: zenoh.Sample) -> None:
         name = str(sample.key_expr).removeprefix(self._prefix)

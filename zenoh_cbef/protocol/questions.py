@@ -52,6 +52,18 @@ def _states(values: Values) -> bool:
     )
 
 
+def _pairs(values: Values) -> bool:
+    """Names of two processes, and whether the target carries what they tell each other."""
+    return all(
+        isinstance(value, list)
+        and len(value) == 3
+        and _TEXT.hold(value[:1])
+        and _TEXT.hold(value[1:2])
+        and isinstance(value[2], bool)
+        for value in values
+    )
+
+
 def _tables_of(fields: Mapping[str, Field]) -> Field:
     """JSON of a list of tables that have these fields."""
 
@@ -75,6 +87,7 @@ _StepOrNil = Annotated[int | None, Field(or_nil(_COUNT.hold), {"type": ["integer
 _Agents = Annotated[int, Field(_few, {"type": "integer", "maximum": LONGEST})]
 _Flag = Annotated[bool, Field(lambda values: are(values, bool), {"type": "boolean"})]
 _Messages = Annotated[list[bytes], Field(lists_of(lambda values: are(values, bytes)), {"type": "array"})]
+_Apart = Annotated[list[tuple[str, str, bool]], Field(lists_of(_pairs), {"type": "array"})]
 _States = Annotated[list[tuple[int, list[float]]], Field(lists_of(_states), {"type": "array"})]
 
 InjectedTable = TypedDict(
@@ -111,8 +124,9 @@ class Listed(TypedDict):
 class StatusAnswer(TypedDict):
     """All from which a status is made: messages as they came, and what the target knows besides.
 
-    start: of step 0; time: now; both s since the Unix epoch. live: names of processes that are there. truth: states by
-    step. earlier: estimates of some seconds ago. cards: events with which processes introduced themselves.
+    start: of step 0; time: now; both s since the Unix epoch. live: names of processes that are there. apart: processes
+    that have found no way to each other. truth: states by step. earlier: estimates of some seconds ago. cards: events
+    with which processes introduced themselves.
     """
 
     run: Text
@@ -133,6 +147,7 @@ class StatusAnswer(TypedDict):
     silent: Counts
     away: Counts
     unobservable: NotRequired[Text]
+    apart: NotRequired[_Apart]
     faults: _Faults
     truth: _States
     estimates: _Messages

@@ -50,9 +50,9 @@ class Connection:
 
     connect, listen: endpoints such as tcp/127.0.0.1:7447. mode: peer, client of a router, or router. gossip: the target
     tells a process which others to link to. life: its id (lives.py), None: any. unasked: the program chose what to
-    listen on, not its user. lease_ms: how long a silent link is taken to be alive.
-    config: a Zenoh configuration file that these settings are laid over. tls: links with certificates only, and
-    access control by them.
+    listen on, not its user. detour: a client of the target, which passes on what others say. lease_ms: how long a
+    silent link is taken to be alive. config: a Zenoh configuration file that these settings are laid over. tls: links
+    with certificates only, and access control by them.
     """
 
     connect: Sequence[str] = ()
@@ -64,7 +64,17 @@ class Connection:
     config: str | None = None
     tls: Tls | None = None
     unasked: bool = False
+    detour: bool = False
     life: str | None = None
+
+    @property
+    def told(self) -> bool:
+        """Whether the target tells this process which others to link to."""
+        return self.gossip and self.mode == "peer"
+
+    def detour_by(self, endpoint: str) -> Connection:
+        """A second connection of the same process, as a client of the target at this endpoint."""
+        return replace(self, connect=[endpoint], listen=(), mode="client", gossip=False, life=None, detour=True)
 
     @property
     def exposed(self) -> list[str]:
@@ -186,13 +196,13 @@ def _config(connection: Connection) -> zenoh.Config:
         settings["transport/link/tls"] = connection.tls.settings()
     for key, value in settings.items():
         config.insert_json5(key, json.dumps(value))
-    return config if connection.tls is None else _with_rules(config)
+    return config if connection.tls is None else _with_rules(config, access_control(detour=connection.detour))
 
 
-def _with_rules(config: zenoh.Config) -> zenoh.Config:
+def _with_rules(config: zenoh.Config, rules: dict[str, Json]) -> zenoh.Config:
     """With access control. Zenoh reads YAML, of which JSON is a part, five times as fast as JSON5."""
     with tempfile.NamedTemporaryFile("w", suffix=".yaml", encoding="utf-8") as file:
-        file.write(json.dumps(json.loads(str(config)) | {"access_control": access_control()}))
+        file.write(json.dumps(json.loads(str(config)) | {"access_control": rules}))
         file.flush()
         return zenoh.Config.from_file(file.name)
 

@@ -35,8 +35,18 @@ def by_radio(scenario: Scenario) -> bool:
 def in_range(scenario: Scenario) -> Bools:
     """Which agents are within `network.radius` of each other in steps 1 to K, (n, n, K)."""
     positions = agent_positions(scenario)
-    near = [np.linalg.norm(positions - own, axis=2) <= scenario.network.radius for own in positions]
-    return np.stack(near)
+    return np.stack([_near(positions, own, scenario.network.radius) for own in positions])
+
+
+def in_range_of(scenario: Scenario, agent: int) -> Bools:
+    """As in_range, for one agent, (n, K)."""
+    positions = agent_positions(scenario)
+    return _near(positions, positions[agent], scenario.network.radius)
+
+
+def _near(positions: Floats, own: Floats, radius: float) -> Bools:
+    """Which of the positions (n, K, 3) are within a radius (m) of our own (K, 3), (n, K)."""
+    return np.asarray(np.linalg.norm(positions - own, axis=2) <= radius)
 
 
 def epsilon(scenario: Scenario, neighbours: graph.Neighbours) -> float:

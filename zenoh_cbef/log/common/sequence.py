@@ -109,7 +109,7 @@ class Sequence:
                 self._cut = False
             self._skip_to(number)
             self.next = number + 1
-        elif number == 0 and self.next > 1:
+        elif number == 0 and self.next > 1 and not self.lacks(0):
             self._skip_to(self._life.told or 0)
             self._before = replace(self._life, next=self.next)
             self._life = _Life(earlier=self.sent, gaps=len(self._gaps))

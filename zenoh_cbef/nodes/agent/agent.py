@@ -17,6 +17,7 @@ from zenoh_cbef.nodes.agent.entrance import Entrance, Entry
 from zenoh_cbef.nodes.agent.neighbour import Neighbourhood
 from zenoh_cbef.nodes.agent.news import News
 from zenoh_cbef.nodes.agent.signals import Signals
+from zenoh_cbef.nodes.agent.vicinity import Vicinity
 from zenoh_cbef.nodes.common.alarm import Alarm
 from zenoh_cbef.nodes.common.briefing import brief
 from zenoh_cbef.nodes.common.ending import Ending
@@ -77,6 +78,7 @@ class Agent:
             alarm=alarm,
             grace=grace,
         )
+        self.vicinity = Vicinity(plan, agent, neighbours, follows=node.connection.told)
         self._range_out, self._round_out, self._estimate_out = (
             node.outbox(key, may_drop=realtime, keep=_KEPT_BYTES)
             for key in (node.keys.range(agent), node.keys.round(agent), node.keys.estimate(agent))
@@ -101,6 +103,7 @@ class Agent:
         last, length = entry.before, self.scenario.length
         # One more than there are steps: leaving before all are done would look like a death to the others.
         for step in range(entry.before + 1, length + 2):
+            self.vicinity.come(step)
             if self._wrong_clocks:
                 self._ahead_ns = round(1e9 * ahead(self._wrong_clocks, step * self.scenario.dt))
             try:
@@ -201,6 +204,8 @@ class Agent:
 
     def _step(self, step: int, beacon: tuple[float, float], *, there: bool) -> None:
         """One step: measure, exchange messages with the neighbours round by round, conclude, and say what came out."""
+        if not self._realtime and (arriving := self.vicinity.arriving(step)) is not None:
+            self.neighbourhood.expect(arriving)
         outgoing, deadline = self.outgoing, None
         message = self.tracker.measure(self._measure(step, beacon, there=there))
         for round_ in range(1, self.plan.rounds + 1):
@@ -260,7 +265,8 @@ def run_agent(identity: Identity, report: Callable[[str], None] = lambda _: None
         if text.faults:
             process.inject(text.faults)
         node.presence.enter(f"agent/{identity.name}")
-        Links(node, process.neighbourhood.ids).keep()
+        process.vicinity.step = text.step or 0
+        Links(node, process.vicinity).keep()
         entry = Entrance(process, None if text.step is None else text.agents, briefing.clock).wait()
         if entry is not None:
             report("began")

@@ -12,6 +12,7 @@ import numpy as np
 
 from zenoh_cbef.nodes.agent.neighbour import Neighbourhood
 from zenoh_cbef.nodes.agent.signals import Signals
+from zenoh_cbef.nodes.agent.vicinity import Vicinity
 from zenoh_cbef.nodes.common.briefing import introduce
 from zenoh_cbef.nodes.common.inbox import MISSED, Inbox
 from zenoh_cbef.nodes.common.node import Node
@@ -52,6 +53,7 @@ class Entrant(Protocol):
     beacons: Inbox[BeaconMessage]
     signals: Signals
     neighbourhood: Neighbourhood
+    vicinity: Vicinity
     rejections: Rejections
 
 
@@ -103,7 +105,8 @@ class Entrance:
         return time.monotonic() + left
 
     def _meet(self) -> bool:
-        others = [one for one in self._neighbourhood.ids if self._members is None or one in self._members]
+        linked = self._of.vicinity.wanted()
+        others = [one for one in linked if self._members is None or one in self._members]
         needed = {"target/target"} | {f"agent/{other}" for other in others}
         recorders = self._of.plan.scenario.record.awaited
 

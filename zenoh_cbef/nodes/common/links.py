@@ -1,19 +1,26 @@
-"""The links of a process of a run: exactly those that the target names, made and closed while the run goes on."""
+"""The links of a process of a run: exactly those that the graph asks for, made and closed while the run goes on."""
 
 from __future__ import annotations
 
 import threading
 import time
 from collections import defaultdict
-from collections.abc import Collection
+from collections.abc import Callable, Collection
+from contextlib import suppress
 from dataclasses import dataclass
+from typing import Protocol
 
+import zenoh
+
+from zenoh_cbef.errors import UserError
 from zenoh_cbef.nodes.common.node import Node
 from zenoh_cbef.protocol.addresses import is_loopback, own_host, reached_at
+from zenoh_cbef.protocol.detour import Detour
 from zenoh_cbef.protocol.directory import MOST_ENDPOINTS, Place, ask_directory
 from zenoh_cbef.protocol.introducing import introduce, life_at
 from zenoh_cbef.protocol.keys import agent_named
 from zenoh_cbef.protocol.lives import connects
+from zenoh_cbef.protocol.session import open_session
 from zenoh_cbef.protocol.sockets import end_link, links_of, on_link_change
 
 _SOON, _LATER, _CALM = 0.25, 2.0, 5.0
@@ -22,6 +29,20 @@ _TRIES = 3
 """After how many tries a process says that it cannot link to another."""
 _MOST_CUTS = 3
 """How often a link to the same process is ended: one that its user names with --connect comes back each time."""
+
+
+class Near(Protocol):
+    """Which agents an agent links to, which can change; on_change is called then."""
+
+    on_change: Callable[[], None]
+
+    def wanted(self) -> Collection[int]:
+        """The agents to link to."""
+        ...
+
+    def kept(self) -> Collection[int]:
+        """The agents to which a link need not be ended."""
+        ...
 
 
 @dataclass
@@ -37,26 +58,31 @@ class _Attempts:
 class Links:
     """Keeps the links of a process that has its name, in a thread that ends with the process.
 
-    Of two processes one makes their link (`lives.py`). neighbours: the agents that an agent exchanges messages with;
-    None for a process that may link to all.
+    Of two processes one makes their link (`lives.py`). near: which agents an agent links to; None for a process that
+    may link to all. Where no link can be made, both ends hear each other through the target (`detour.py`).
     """
 
-    def __init__(self, node: Node, neighbours: Collection[int] | None = None) -> None:
-        self._neighbours = neighbours
+    def __init__(self, node: Node, near: Near | None = None) -> None:
+        self._near = near
         self._node, self._connection = node, node.connection
         self._name = f"{node.identity.role}/{node.identity.name}"
         self._life = str(node.session.zid())
-        self._wanted: dict[str, Place] = {}
+        self._places: dict[str, Place] = {}
+        self._detours: dict[str, bool] = {}
+        self._detour = Detour(node.session, node.presence, node.keys, self._name, self._open_client)
         self._attempts: defaultdict[str, _Attempts] = defaultdict(_Attempts)
         self._cuts: defaultdict[str, int] = defaultdict(int)
         self._changed = threading.Event()
 
     def keep(self) -> None:
         """Make the links, and keep them from now on."""
-        if not self._node.connection.gossip or self._node.connection.mode != "peer":
+        if not self._connection.told:
             return
         on_link_change(self._node.session, self._changed.set)
         self._node.on_stop(self._changed.set)
+        if self._near is not None:
+            self._near.on_change = self._changed.set
+        self._node.on_close(self._detour.close)
         thread = threading.Thread(target=self._run, daemon=True)
         self._node.await_at_end(thread)
         thread.start()
@@ -66,9 +92,9 @@ class Links:
         while not self._node.stopping:
             self._changed.clear()
             if time.monotonic() >= due:
-                self._ask()
+                news = self._ask()
+                pause = _SOON if news else min(2.0 * pause, _LATER if self._lacking() else _CALM)
                 due = time.monotonic() + pause
-                pause = min(2.0 * pause, _LATER if self._lacking() else _CALM)
             self._tend()
             self._changed.wait(_SOON if self._lacking() else max(0.0, due - time.monotonic()))
 
@@ -77,38 +103,60 @@ class Links:
         endpoints = reached_at(self._connection.listen)[:MOST_ENDPOINTS]
         return Place(self._name, self._life, own_host(), tuple(endpoints))
 
-    def _ask(self) -> None:
-        unlinked = [place.name for life, place in self._wanted.items() if self._attempts[life].said]
-        key = self._node.keys.links(self._name)
-        told = ask_directory(self._node.session, key, self._own(), tuple(unlinked))
+    def _ask(self) -> bool:
+        """Ask the target which others are where; whether it tells anything new."""
+        unlinked = [place.name for life, place in self._places.items() if self._attempts[life].said]
+        key, former = self._node.keys.links(self._name), (self._places, self._detours)
+        told = ask_directory(self._node.session, key, self._own(), unlinked, self._detour.heard())
         if told is not None:
-            self._wanted = {place.life: place for place in told}
+            self._places, self._detours = {place.life: place for place in told.places}, told.detours
+        return former != (self._places, self._detours)
+
+    def _wanted(self) -> dict[str, Place]:
+        """The processes to link to, of those that are here."""
+        if self._near is None:
+            return self._places
+        near = {None, *self._near.wanted()}
+        return {life: place for life, place in self._places.items() if agent_named(place.name) in near}
 
     def _lacking(self) -> bool:
-        return bool(self._wanted.keys() - links_of(self._node.session).keys()) or not self._wanted
+        return bool(self._wanted().keys() - links_of(self._node.session).keys()) or not self._places
 
     def _tend(self) -> None:
-        links = links_of(self._node.session)
-        for life, place in self._wanted.items():
+        for life, place in self._wanted().items():
             if self._node.stopping:
                 return
-            if life not in links:
+            if life not in links_of(self._node.session):
                 self._try(place)
             elif self._attempts.pop(life, _Attempts()).said:
                 self._node.event("linked", f"{_named(self._name)} has a link to {_named(place.name)} now")
-        self._cut()
+        links = links_of(self._node.session)
+        far = {place.name for life, place in self._places.items() if life not in links}
+        self._detour.lead({name: mutual for name, mutual in self._detours.items() if name in far})
+        self._cut(links)
 
-    def _cut(self) -> None:
-        """End links to agents that are no neighbours."""
-        links, presence = links_of(self._node.session), self._node.presence
+    def _cut(self, links: dict[str, list[zenoh.Link]]) -> None:
+        """End links to agents that are no neighbours, or not near any more."""
+        if self._near is None:
+            return
+        presence, wanted, kept = self._node.presence, self._near.wanted(), self._near.kept()
         for name, lives in presence.lives(presence.names()).items():
             agent = agent_named(name)
-            if agent is None or self._neighbours is None or agent in self._neighbours or name == self._name:
-                continue
             for life in lives & links.keys():
-                self._cuts[life] += 1
-                if self._cuts[life] <= _MOST_CUTS:
-                    end_link(links[life][0])
+                if agent in wanted:
+                    self._cuts.pop(life, None)
+                elif agent is not None and agent not in kept and name != self._name:
+                    self._cuts[life] += 1
+                    if self._cuts[life] <= _MOST_CUTS:
+                        end_link(links[life][0])
+
+    def _open_client(self) -> zenoh.Session | None:
+        target = self._node.presence.life("target/target")
+        for endpoint in self._connection.connect:
+            if life_at(endpoint, self._connection) == target:
+                with suppress(UserError):
+                    return open_session(self._connection.detour_by(endpoint))
+        return None
 
     def _try(self, place: Place) -> None:
         attempts, now = self._attempts[place.life], time.monotonic()
@@ -122,7 +170,8 @@ class Links:
             attempts.said = True
             text = (
                 f"{_named(self._name)} has no link to {_named(place.name)}: {attempts.why or 'it listens nowhere'}; "
-                "let one of them listen where the other reaches it (--listen), or use a router"
+                "the target carries what they tell each other; to link them, let one listen where the other reaches it "
+                "(--listen)"
             )
             self._node.event("unlinked", text, other=place.name)
 

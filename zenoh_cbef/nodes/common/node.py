@@ -54,7 +54,7 @@ class Identity:
 
 def _settled(connection: Connection) -> Connection:
     """The connection with what others have to know of it before they link to it."""
-    if not connection.gossip or connection.mode != "peer":
+    if not connection.told:
         return connection
     listening = with_ports(connection)
     return replace(listening, life=new_life(reached_at(listening.listen)))
@@ -77,6 +77,7 @@ class Node:
         self.born = time.monotonic()
         self.told: deque[bytes] = deque(maxlen=_TOLD)
         self._on_stop: list[Callable[[], None]] = []
+        self._on_close: list[Callable[[], None]] = []
         self._readers: list[threading.Thread] = []
 
     def __enter__(self) -> Self:
@@ -112,6 +113,8 @@ class Node:
         self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.stop()
+        for action in self._on_close:
+            action()
         self.session.close()
         # Python ends threads at its exit by unwinding them, which aborts the process inside a call of Zenoh.
         for reader in self._readers:
@@ -186,6 +189,10 @@ class Node:
     def on_stop(self, action: Callable[[], None]) -> None:
         """Call an action, from another thread, when the process is told to stop."""
         self._on_stop.append(action)
+
+    def on_close(self, action: Callable[[], None]) -> None:
+        """Call an action just before the session is closed."""
+        self._on_close.append(action)
 
     def stop(self) -> None:
         """Tell the process to stop."""

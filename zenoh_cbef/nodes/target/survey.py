@@ -18,6 +18,7 @@ from zenoh_cbef.nodes.common.node import Node
 from zenoh_cbef.nodes.target.lookout import Lookout
 from zenoh_cbef.nodes.target.progress import Progress
 from zenoh_cbef.plain import Json
+from zenoh_cbef.protocol.directory import Directory
 from zenoh_cbef.protocol.fair_mailbox import FairMailbox
 from zenoh_cbef.protocol.keys import Address, address, agent_named
 from zenoh_cbef.protocol.kinds import EVENT
@@ -41,6 +42,7 @@ class Surveyed(Protocol):
     world: World
     progress: Progress
     lookout: Lookout
+    directory: Directory
     step: int | None
 
     @property
@@ -122,6 +124,7 @@ class Survey:
             "silent": target.progress.silent(),
             "away": away,
             "unobservable": target.lookout.problem,
+            "apart": [(one.first, one.second, one.carried) for one in target.directory.apart()],
             "faults": json.dumps(_faults_on(target)),
             "truth": [(k, state.tolist()) for k, state in truth.items() if np.isfinite(state).all()],
             "estimates": [data for _, data in estimates],
