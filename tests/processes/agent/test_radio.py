@@ -6,15 +6,22 @@ import numpy as np
 import pytest
 
 from tests.processes.conftest import World
-from tests.scenario.test_radio import PASSING
 from zenoh_cbef.nodes.agent.vicinity import Vicinity
 from zenoh_cbef.scenario.load import parse, to_toml
 from zenoh_cbef.scenario.network import in_range
 from zenoh_cbef.scenario.plan import Plan
 
 # The third agent is far from both others for longer than links are made beforehand, and are kept.
-AWAY = PASSING | {"steps": 250, "agents": PASSING["agents"] | {"waypoints": [[[0.0, 0.0, 0.0]], [[10.0, 0.0, 0.0]]]}}
-AWAY["agents"]["waypoints"].append([[-50.0, 2.0, 0.0], [60.0, 2.0, 0.0]])
+AWAY = {
+    "steps": 250,
+    "agents": {
+        "motion": "waypoints",
+        "speed": 5.0,
+        "waypoints": [[[0.0, 0.0, 0.0]], [[10.0, 0.0, 0.0]], [[-50.0, 2.0, 0.0], [60.0, 2.0, 0.0]]],
+        "count": 3,
+    },
+    "network": {"graph": "radio", "radius": 10.5},
+}
 
 
 @pytest.mark.parametrize("agent", range(3))
