@@ -7,14 +7,17 @@ client of the target, and hands what that one hears to its first one: the reader
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from typing import Protocol
 
 import zenoh
 
+from zenoh_cbef.errors import UserError
+from zenoh_cbef.protocol.introducing import life_at
 from zenoh_cbef.protocol.keys import Keys, agent_named
 from zenoh_cbef.protocol.presence import Presence
+from zenoh_cbef.protocol.session import Connection, open_session
 
 _ASK_SECONDS = 1.0
 
@@ -24,9 +27,9 @@ class _Declared(Protocol):
 
 
 class Detour:
-    """Hears processes through the target. own: the name of this process, as in "agent/3".
+    """Hears processes through the target. own: the name of this process, as in "agent/3". connection: its own.
 
-    open_client: opens the second session, when it is first needed; returns None where that fails.
+    The second session is open while there are any.
     """
 
     def __init__(
@@ -35,10 +38,10 @@ class Detour:
         presence: Presence,
         keys: Keys,
         own: str,
-        open_client: Callable[[], zenoh.Session | None],
+        connection: Connection,
     ) -> None:
         self._session, self._presence, self._keys, self._own = session, presence, keys, own
-        self._open_client = open_client
+        self._connection = connection
         self._client: zenoh.Session | None = None
         self._closed = False
         self._lock = threading.Lock()
@@ -63,6 +66,14 @@ class Detour:
             if not self._messages:
                 self._client.close()
                 self._client = None
+
+    def _open_client(self) -> zenoh.Session | None:
+        target = self._presence.life("target/target")
+        for endpoint in self._connection.connect:
+            if life_at(endpoint, self._connection) == target:
+                with suppress(UserError):
+                    return open_session(self._connection.detour_by(endpoint))
+        return None
 
     def _follow(self, client: zenoh.Session, name: str, *, mutual: bool) -> None:
         if name not in self._messages:

@@ -6,13 +6,9 @@ import threading
 import time
 from collections import defaultdict
 from collections.abc import Callable, Collection
-from contextlib import suppress
 from dataclasses import dataclass
 from typing import Protocol
 
-import zenoh
-
-from zenoh_cbef.errors import UserError
 from zenoh_cbef.nodes.common.node import Node
 from zenoh_cbef.protocol.addresses import is_loopback, own_host, reached_at
 from zenoh_cbef.protocol.detour import Detour
@@ -20,7 +16,6 @@ from zenoh_cbef.protocol.directory import MOST_ENDPOINTS, Place, ask_directory
 from zenoh_cbef.protocol.introducing import introduce, life_at
 from zenoh_cbef.protocol.keys import agent_named
 from zenoh_cbef.protocol.lives import connects
-from zenoh_cbef.protocol.session import open_session
 from zenoh_cbef.protocol.sockets import end_link, links_of, on_link_change
 
 _SOON, _LATER, _CALM = 0.25, 2.0, 5.0
@@ -69,7 +64,7 @@ class Links:
         self._life = str(node.session.zid())
         self._places: dict[str, Place] = {}
         self._detours: dict[str, bool] = {}
-        self._detour = Detour(node.session, node.presence, node.keys, self._name, self._open_client)
+        self._detour = Detour(node.session, node.presence, node.keys, self._name, self._connection)
         self._attempts: defaultdict[str, _Attempts] = defaultdict(_Attempts)
         self._cuts: defaultdict[str, int] = defaultdict(int)
         self._changed = threading.Event()
@@ -130,15 +125,16 @@ class Links:
                 self._try(place)
             elif self._attempts.pop(life, _Attempts()).said:
                 self._node.event("linked", f"{_named(self._name)} has a link to {_named(place.name)} now")
-        links = links_of(self._node.session)
-        far = {place.name for life, place in self._places.items() if life not in links}
+        linked = links_of(self._node.session).keys()
+        far = {place.name for life, place in self._places.items() if life not in linked}
         self._detour.lead({name: mutual for name, mutual in self._detours.items() if name in far})
-        self._cut(links)
+        self._cut()
 
-    def _cut(self, links: dict[str, list[zenoh.Link]]) -> None:
+    def _cut(self) -> None:
         """End links to agents that are no neighbours, or not near any more."""
         if self._near is None:
             return
+        links = links_of(self._node.session)
         presence, wanted, kept = self._node.presence, self._near.wanted(), self._near.kept()
         for name, lives in presence.lives(presence.names()).items():
             agent = agent_named(name)
@@ -149,14 +145,6 @@ class Links:
                     self._cuts[life] += 1
                     if self._cuts[life] <= _MOST_CUTS:
                         end_link(links[life][0])
-
-    def _open_client(self) -> zenoh.Session | None:
-        target = self._node.presence.life("target/target")
-        for endpoint in self._connection.connect:
-            if life_at(endpoint, self._connection) == target:
-                with suppress(UserError):
-                    return open_session(self._connection.detour_by(endpoint))
-        return None
 
     def _try(self, place: Place) -> None:
         attempts, now = self._attempts[place.life], time.monotonic()
