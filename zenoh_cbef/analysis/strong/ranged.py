@@ -75,7 +75,7 @@ def _dot(one: Floats, other: Floats) -> Floats:
 
 def solved_below(root: Floats, right: Floats) -> Floats:
     """Solutions y of R y = b for lower triangles R (..., e, e) and right-hand sides b (..., e, k)."""
-    found = np.empty(right.shape)
+    found = np.empty((*root.shape[:-1], right.shape[-1]))
     for row in range(root.shape[-1]):
         done = np.einsum("...j,...jk->...k", root[..., row, :row], found[..., :row, :])
         found[..., row, :] = (right[..., row, :] - done) / root[..., row, row, None]
@@ -83,30 +83,35 @@ def solved_below(root: Floats, right: Floats) -> Floats:
 
 
 def update(mean: Floats, covariance: Floats, heard: Heard, passes: int) -> Updated:
-    """Take in the ranges of a step. mean: (r, b, d), position, velocity, the n biases if any, and what moves it."""
+    """Take in the ranges of a step. mean: (r, b, d), position, velocity, the n biases if any, and what moves it.
+
+    In information form: no matrix has a row and a column for each range, so a thousand agents are not beyond reach.
+    """
     gaussian = bool(np.isinf(heard.heavy))
     found, spread, surprise = mean, covariance, np.zeros(mean.shape[:2])
+    prior, size = square_root(covariance), mean.shape[2]
     odd: Floats | None = None
     for _ in range(passes):
         step = _Linear.of(found, spread, heard)
         innovation = np.where(step.known, heard.range[:, None] - step.at(mean, found), 0.0)
-        cross = covariance @ np.swapaxes(step.rows, 2, 3)
-        seen = step.rows @ cross + step.rest
+        seen = np.concatenate([step.rows @ prior, step.rest], axis=3)
         if odd is None:
-            odd = innovation**2 / (np.diagonal(seen, axis1=2, axis2=3) + heard.variance)
+            odd = innovation**2 / (_dot(seen, seen) + heard.variance)
             surprise = np.minimum(odd, _CLIPPED).sum(axis=2)
         noise = heard.variance if gaussian else heard.variance * (heard.heavy + odd) / (heard.heavy + 1.0)
-        total = seen + np.where(step.known, noise, 1.0)[..., None] * np.eye(heard.range.shape[1])
-        root = square_root(total)
-        scaled = solved_below(root, np.concatenate([innovation[..., None], np.swapaxes(cross, 2, 3)], axis=3))
-        fit, gain = scaled[..., :1], np.swapaxes(scaled[..., 1:], 2, 3)
+        noise = np.where(step.known, noise, 1.0)
+        weighed = np.swapaxes(seen / noise[..., None], 2, 3)
+        # Precision of what is unknown, in its own prior standard deviations: the state, and what is not linear.
+        root = square_root(weighed @ seen + np.eye(seen.shape[3]))
+        fit = solved_below(root, weighed @ innovation[..., None])
+        gain = prior @ np.swapaxes(solved_below(root, np.eye(seen.shape[3])[:, :size]), 2, 3)
         found = mean + (gain @ fit)[..., 0]
-        spread = covariance - gain @ scaled[..., 1:]
-        spread = 0.5 * (spread + np.swapaxes(spread, 2, 3))
+        spread = gain @ np.swapaxes(gain, 2, 3)
         if not gaussian:
             odd = _oddness(found, spread, heard)
     pivots = np.diagonal(root, axis1=2, axis2=3)
-    cost = np.sum(fit[..., 0] ** 2 + 2.0 * np.log(pivots), axis=2)
+    cost = np.sum(innovation**2 / noise + np.log(noise), axis=2)
+    cost += np.sum(2.0 * np.log(pivots) - fit[..., 0] ** 2, axis=2)
     evidence = -0.5 * (cost + step.known.sum(axis=2) * np.log(2.0 * np.pi))
     sound = np.isfinite(evidence) & np.isfinite(found).all(axis=2) & np.isfinite(spread).all(axis=(2, 3))
     return Updated(
@@ -120,7 +125,7 @@ def update(mean: Floats, covariance: Floats, heard: Heard, passes: int) -> Updat
 def _oddness(mean: Floats, covariance: Floats, heard: Heard) -> Floats:
     """Expected squared errors of the ranges under posteriors, in units of their noise, (r, b, n)."""
     step = _Linear.of(mean, covariance, heard)
-    left = np.diagonal(step.rows @ covariance @ np.swapaxes(step.rows, 2, 3) + step.rest, axis1=2, axis2=3)
+    left = _dot(step.rows @ covariance, step.rows) + _dot(step.rest, step.rest)
     return np.asarray(np.where(step.known, (heard.range[:, None] - step.centre) ** 2 + left, 0.0) / heard.variance)
 
 
@@ -128,8 +133,8 @@ def _oddness(mean: Floats, covariance: Floats, heard: Heard) -> Floats:
 class _Linear:
     """Ranges by statistical linear regression over b hypotheses of each run; rows and rest are zero where none is.
 
-    known: (r, 1, n). centre: (r, b, n), expected ranges. rows: (r, b, n, d). rest: (r, b, n, n), covariance of what is
-    not linear.
+    known: (r, 1, n). centre: (r, b, n), expected ranges. rows: (r, b, n, d). rest: (r, b, n, a), a root of the
+    covariance of what is not linear: its product with its own transpose.
     """
 
     known: NDArray[np.bool_]
@@ -153,8 +158,9 @@ class _Linear:
         distance = np.sqrt(_dot(offset, offset) + heard.off[:, None, None])
         slope = (distance[:, :, :axes] - distance[:, :, axes:]) / (2.0 * np.sqrt(axes))
         centre = distance.mean(axis=2)
-        apart = distance - centre[:, :, None]
-        rest = np.swapaxes(apart, 2, 3) @ apart / (2.0 * axes) - np.swapaxes(slope, 2, 3) @ slope
+        # Opposite points leave what is linear in their difference, and all the rest in their mean.
+        apart = 0.5 * (distance[:, :, :axes] + distance[:, :, axes:]) - centre[:, :, None]
+        rest = np.swapaxes(apart, 2, 3) / np.sqrt(axes)
         agents, known = heard.range.shape[1], np.isfinite(heard.range)[:, None]
         rows = np.zeros((runs, many, agents, size))
         rows[..., :axes] = np.swapaxes(slope, 2, 3) @ solved_below(root, np.broadcast_to(np.eye(axes), root.shape))
@@ -162,5 +168,4 @@ class _Linear:
         if heard.biased:
             rows[..., 2 * axes : 2 * axes + agents] = np.eye(agents)
             centre = centre + mean[..., 2 * axes : 2 * axes + agents]
-        pairs = known[..., None] & known[..., None, :]
-        return cls(known, centre, np.where(known[..., None], rows, 0.0), np.where(pairs, rest, 0.0))
+        return cls(known, centre, *(np.where(known[..., None], each, 0.0) for each in (rows, rest)))
