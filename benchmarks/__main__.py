@@ -42,12 +42,18 @@ BENCHMARKS = {
     "faults": ("random_faults", "200 random fault scenarios as processes, each proved by verify"),
     "fault-cost": ("fault_cost", "what faults cost a round of a scenario that has none"),
     "stress": ("stress", "scenarios that lose trackers; --case NAME, --seeds 50"),
+    "scale": ("scale", "links, messages, bytes and memory of n agents: formulas, counted runs; --agents 24,100"),
     "seeds": ("seeds", "1000 seeds of a lossy run: CPU of simulation and analysis; the bits of single runs"),
     "soak": ("soak", "memory of every process of a realtime run over time; --minutes 60"),
     "method": ("method_figures", "the figures of docs/method.md, written to docs/figures, and their numbers"),
 }
 
-_OPTIONS = {"filters": ("data", "write"), "soak": ("minutes",), "stress": ("case", "seeds", "search", "first")}
+_OPTIONS = {
+    "filters": ("data", "write"),
+    "scale": ("agents",),
+    "soak": ("minutes",),
+    "stress": ("case", "seeds", "search", "first"),
+}
 
 
 def main() -> None:
@@ -59,6 +65,7 @@ def main() -> None:
     parser.add_argument("--minutes", type=float, default=10.0, help="soak: how long the run is")
     parser.add_argument("--case", help="stress: the one case to run; default: all")
     parser.add_argument("--seeds", type=int, default=50, help="stress: how many seeds of each case")
+    parser.add_argument("--agents", help="scale: how many agents the counted runs have; default: 24,100")
     parser.add_argument("--first", type=int, default=1001, help="stress: the first seed")
     parser.add_argument("--search", type=int, default=0, help="stress: try so many random cases, keep what it finds")
     parser.add_argument("--write", type=Path, help="filters: the page to bring up to date")

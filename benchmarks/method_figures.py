@@ -22,7 +22,7 @@ from zenoh_cbef.arrays import Floats
 FOLDER = ROOT / "docs" / "figures"
 _FLOOR = 1e-5
 _BLUE, _ORANGE, _GREEN = COLOURS[:3]
-_STYLE: dict[Any, Any] = {
+STYLE: dict[Any, Any] = {
     "font.size": 8,
     "legend.fontsize": 7,
     "axes.linewidth": 0.6,
@@ -38,12 +38,12 @@ _STYLE: dict[Any, Any] = {
 }
 
 
-def _canvas(panels: int = 1) -> tuple[Figure, list[Axes]]:
+def canvas(panels: int = 1) -> tuple[Figure, list[Axes]]:
     figure = Figure(figsize=(3.4 * panels if panels > 1 else 4.6, 2.7), layout="constrained")
     return figure, list(np.atleast_1d(np.asarray(figure.subplots(1, panels))))
 
 
-def _save(figure: Figure, folder: Path, name: str) -> None:
+def save(figure: Figure, folder: Path, name: str) -> None:
     figure.savefig(folder / f"{name}.svg", metadata={"Date": None})
 
 
@@ -62,13 +62,13 @@ def paper(folder: Path) -> Table:
     """Average MSEE of the literal filter in the paper's regime."""
     runs = studies.paper()
     time, msee = runs[0].trace.time, np.stack([run.msee_average for run in runs])
-    figure, (axes,) = _canvas()
+    figure, (axes,) = canvas()
     for row in msee:
         axes.plot(time, row, color=_BLUE, linewidth=0.5, alpha=0.45)
     axes.plot(time, np.median(msee, axis=0), color=INK, label=f"median of {len(runs)} seeds")
     axes.set(xlabel="time (s)", ylabel="average MSEE (m² + m²/s²)", yscale="log", xlim=(0.0, time[-1]))
     axes.legend(frameon=False)
-    _save(figure, folder, "paper-msee")
+    save(figure, folder, "paper-msee")
     steps = [step for step in (1, 10, 30, 100, 300) if step <= len(time)]
     rows: list[list[object]] = [
         [step, _median(msee[:, step - 1]), float(msee[:, step - 1].min()), float(msee[:, step - 1].max())]
@@ -84,7 +84,7 @@ def scale(folder: Path) -> Table:
     """Position MSE against the size of the cube."""
     found = [studies.scale(side) for side in studies.SIDES]
     sides = np.array([one.side for one in found])
-    figure, (left, right) = _canvas(2)
+    figure, (left, right) = canvas(2)
     arms = (
         ("cbef", _BLUE, "cbef", "-"),
         ("sicf", _ORANGE, "sicf, same start", "-"),
@@ -113,7 +113,7 @@ def scale(folder: Path) -> Table:
         fontsize=7,
         xycoords=("data", "axes fraction"),
     )
-    _save(figure, folder, "scale")
+    save(figure, folder, "scale")
     rows = [
         [
             f"{one.side:g}",
@@ -147,7 +147,7 @@ def velocity(folder: Path) -> Table:
     """Velocity error over time, and what it does to the position."""
     runs = studies.velocity()
     time = runs["cbef"][0].trace.time
-    figure, panels = _canvas(2)
+    figure, panels = canvas(2)
     rows: list[list[object]] = []
     for axes, part, unit in zip(panels, ("velocity_error", "position_error"), ("m/s", "m"), strict=True):
         for (kind, many), colour in zip(runs.items(), (_BLUE, _ORANGE), strict=True):
@@ -160,7 +160,7 @@ def velocity(folder: Path) -> Table:
     carried = np.stack([studies.carried_velocity(run) for run in runs["cbef"]])
     panels[0].plot(time[::10], np.median(carried, axis=0)[::10], ":", color=INK, label="|mean initial guess - truth|")
     panels[0].legend(frameon=False)
-    _save(figure, folder, "velocity")
+    save(figure, folder, "velocity")
     rows.append(["predicted, cbef velocity", *(_median(carried[:, k - 1]) for k in steps)])
     mean = [run.trace.estimates[:, :, 3:].mean(axis=0) - run.trace.truth[:, 3:] for run in runs["cbef"]]
     gap = np.abs(np.linalg.norm(np.stack(mean), axis=2) - carried).max()
@@ -171,7 +171,7 @@ def velocity(folder: Path) -> Table:
 def saturation(folder: Path) -> Table:
     """What the bound xi on the innovation does, without and with outliers."""
     found = studies.saturation()
-    figure, panels = _canvas(2)
+    figure, panels = canvas(2)
     rows: list[list[object]] = []
     for (name, arms), colour, dash in zip(found.items(), (_BLUE, _ORANGE), ("-", "--"), strict=True):
         for axes, runs, data in zip(panels, arms, ("clean", "10 % outliers"), strict=True):
@@ -185,13 +185,13 @@ def saturation(folder: Path) -> Table:
             rows.append([f"{name}, {data}", *values, _median(weight), _median(position_mse(runs))])
     panels[0].set(ylabel="mean innovation norm (m²)")
     panels[0].legend(frameon=False)
-    _save(figure, folder, "saturation")
+    save(figure, folder, "saturation")
     columns = ["innovation at step", *map(str, steps), "gain at step 1", "position MSE"]
     return plain_table("(d) saturation: medians", columns, rows)
 
 
 def _spreads(folder: Path, name: str, axis: str, many: dict[str, list[studies.Spread]], title: str) -> Table:
-    figure, (axes,) = _canvas()
+    figure, (axes,) = canvas()
     rows: list[list[object]] = []
     for (arm, found), colour, marker in zip(many.items(), (_BLUE, _ORANGE, _GREEN), ("o", "s", "^"), strict=False):
         whole = [one for one in found if one.broken == 0]
@@ -207,7 +207,7 @@ def _spreads(folder: Path, name: str, axis: str, many: dict[str, list[studies.Sp
     axes.axhline(0.01, color=MUTED, linewidth=0.8, linestyle=":")
     axes.set(xlabel=axis, ylabel="position RMSE / centralised - 1", yscale="log", ylim=(_FLOOR / 1.5, 300.0))
     axes.legend(frameon=False, ncols=2)
-    _save(figure, folder, name)
+    save(figure, folder, name)
     return plain_table(title, [axis, "median ratio", "worst", "seeds broken", "mean NEES"], rows)
 
 
@@ -247,7 +247,7 @@ def run(repeats: int, folder: Path = FOLDER) -> Iterator[Table]:
     """Draw everything; nothing is timed, so nothing is repeated."""
     del repeats
     folder.mkdir(parents=True, exist_ok=True)
-    with mpl.rc_context(_STYLE):
+    with mpl.rc_context(STYLE):
         for draw in (paper, scale, velocity, saturation, rounds, losses):
             yield draw(folder)
     yield from filters()

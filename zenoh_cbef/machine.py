@@ -11,8 +11,8 @@ from zenoh_cbef.errors import UserError
 _FILES_OF_A_PROCESS, _FILES_OF_A_LINK = 24, 2
 _ADDRESS_SPACE = 1 << 30
 """Mapped by a process with its threads' stacks and heaps, bytes; most of it is never used."""
-_MEMORY = 50e6
-"""Memory that a process shares with no other, bytes."""
+_MEMORY, _MEMORY_OF_A_LINK = 50e6, 600e3
+"""Memory that a process shares with no other, and what each link adds, bytes."""
 _UNLIMITED = resource.RLIM_INFINITY
 _MEMORY_INFO = Path("/proc/meminfo")
 
@@ -49,6 +49,11 @@ def address_space_short() -> str:
         f"a process needs {_ADDRESS_SPACE >> 20} MiB of address space, and may have {soft >> 20}; "
         "before the start: ulimit -v unlimited"
     )
+
+
+def memory_needed(links: float) -> float:
+    """Bytes that a process with so many links to others takes and shares with no other."""
+    return _MEMORY + _MEMORY_OF_A_LINK * links
 
 
 def memory_short(processes: int) -> str:

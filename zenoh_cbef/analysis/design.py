@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from zenoh_cbef.analysis.demand import demand
 from zenoh_cbef.analysis.designed import Bytes, Compared, Configured, Design, Expected, Tried, TriedRounds
 from zenoh_cbef.analysis.mixing import SCHEMES, Scheme, configured_scheme, contraction, mixing, with_scheme
 from zenoh_cbef.analysis.observability import observability
@@ -59,6 +60,7 @@ def design(plan: Plan, *, within: float = 0.01, skip: float = 0.25, search: bool
         centralized=None if predictor is None else predictor.centralized,
         rounds=[] if predictor is None else _tried(predictor, cost),
         smallest=smallest,
+        demand=demand(plan),
     )
 
 

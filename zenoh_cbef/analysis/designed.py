@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 
+from zenoh_cbef.analysis.demand import Demand
 from zenoh_cbef.analysis.mixing import Scheme
 from zenoh_cbef.analysis.results import Number
 from zenoh_cbef.plain import Json
@@ -100,6 +101,7 @@ class Design:
     skip: steps before the scored window. within: wanted excess of the position RMSE over the centralised filter's.
     spectral_gap: by scheme. cannot: what is left out of account, in sentences. centralized: None, and rounds empty,
     where errors cannot be predicted. smallest: sufficient number of rounds; None where none is found.
+    demand: what the configured run asks of its processes.
     """
 
     name: str
@@ -117,6 +119,7 @@ class Design:
     centralized: Expected | None
     rounds: Sequence[TriedRounds]
     smallest: Mapping[Scheme, int | None]
+    demand: Demand
 
     def as_json(self) -> dict[str, Json]:
         """The design as `design --json` prints it."""

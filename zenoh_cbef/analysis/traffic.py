@@ -17,12 +17,28 @@ from zenoh_cbef.tracking.tracker import Estimate
 _SENT = 1_700_000_000_000_000_000
 _AGENTS, _STEPS = 12, 4
 """How many agents and steps of a run are looked at."""
+_PLACE = np.full(3, 0.5)
 
 
 def round_bytes(plan: Plan) -> int:
     """Bytes of one consensus message."""
     width = plan.message_size
     return len(RoundCodec(plan.scenario.name, "agent/0", width).encode(0, _SENT, 1, 1, np.zeros(width)))
+
+
+def range_bytes(plan: Plan) -> int:
+    """Bytes of an agent's position and range."""
+    return len(encode(plan.scenario.name, "agent/0", 1, _SENT, range_body(1, _PLACE, 0.5)))
+
+
+def beacon_bytes(plan: Plan) -> int:
+    """Bytes of what a receiver measures in a step."""
+    return len(encode(plan.scenario.name, "target", 1, _SENT, {"k": 1, "emitted": 0.5, "arrived": 0.5}))
+
+
+def truth_bytes(plan: Plan) -> int:
+    """Bytes of the target's true state."""
+    return len(encode(plan.scenario.name, "target", 1, _SENT, {"k": 1, "state": [0.5] * 6}))
 
 
 def other_bytes(plan: Plan) -> float:
@@ -37,7 +53,7 @@ def other_bytes(plan: Plan) -> float:
 
     def published(agent: int, step: int) -> int:
         counts = _counts(plan, agent, lists.row(agent).index[0].tolist(), step)
-        bodies = range_body(step, np.full(3, 0.5), 0.5), estimate_body(step, estimate, 0, agent, counts)
+        bodies = range_body(step, _PLACE, 0.5), estimate_body(step, estimate, 0, agent, counts)
         return sum(len(encode(scenario.name, f"agent/{agent}", step, _SENT, body)) for body in bodies)
 
     return float(np.mean([published(agent, step) for agent in agents.tolist() for step in steps[1:-1].tolist() or [1]]))

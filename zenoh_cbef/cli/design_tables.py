@@ -36,6 +36,12 @@ def design_lines(told: Design) -> Iterator[Fitting | str]:
         line += f", expected position RMSE {number(found.position_rmse, 'm')}, "
         line += f"velocity RMSE {number(found.velocity_rmse, 'm/s')}"
     yield line
+    agent, recorder = told.demand.agent, told.demand.recorder
+    yield (
+        f"a step as configured: an agent has {number(agent.links)} links, sends {number(agent.sent)} messages and gets "
+        f"{number(agent.received)} (means); the recorder gets {recorder.received:g}, "
+        f"{number(1e-3 * recorder.bytes_received)} kB (docs/scale.md)"
+    )
     yield from (f"note: {sentence}" for sentence in told.cannot)
 
 
