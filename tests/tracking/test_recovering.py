@@ -12,6 +12,7 @@ from zenoh_cbef.scenario.load import load, parse
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.simulator import simulate
 from zenoh_cbef.tracking.filters import Belief
+from zenoh_cbef.tracking.filters.around.imm import InteractingModels
 from zenoh_cbef.tracking.filters.around.recovering import Recovering, widened
 from zenoh_cbef.tracking.ranging import Measurement
 
@@ -84,6 +85,24 @@ def test_widening_multiplies_the_state_and_leaves_the_biases():
     np.testing.assert_allclose(wide.memory[1][0], expected[:7, :7])
     np.testing.assert_allclose(wide.memory[3], expected[7:, 7])
     np.testing.assert_allclose(wide.memory[4][0], expected[7, :7])
+
+
+def test_widening_widens_all_motions_and_leaves_how_likely_they_are():
+    made = Plan(load("tracking", ["target.motion=circle", "filter.start=given", "filter.status=false"]).scenario).filter
+    assert isinstance(made, InteractingModels)
+    random, chance = np.random.default_rng(3), np.array([[0.1, 0.2, 0.3, 0.4]])
+    parts = tuple(
+        Belief(random.normal(size=(1, motion.size)), np.eye(motion.size)[None]) for motion in made.switching.motions
+    )
+    wide = widened(made, Belief(*made.mixture(chance, parts), chance=chance, parts=parts), np.array([4.0]))
+    for before, after in zip(parts, wide.parts, strict=True):
+        np.testing.assert_array_equal(after.state, before.state)
+        np.testing.assert_array_equal(after.known_covariance, 4.0 * before.known_covariance)
+    assert wide.known_chance is chance
+    np.testing.assert_array_equal(wide.state, made.mixture(chance, parts)[0])
+    np.testing.assert_allclose(
+        wide.known_covariance - made.mixture(chance, parts)[1], 3.0 * np.eye(6)[None], atol=1e-12
+    )
 
 
 def test_recovery_is_for_filters_that_average_information():

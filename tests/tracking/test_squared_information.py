@@ -189,6 +189,7 @@ def test_long_steps_are_tracked_as_well_as_by_a_centralised_filter():
 @pytest.mark.parametrize(
     "overrides",
     [
+        ("dt=0.5", "target.acceleration_std=10"),
         ("dt=5",),
         ("agents.count=3",),
         ("agents.low=[-10,-10,1]", "agents.high=[10,10,1]"),
@@ -212,6 +213,7 @@ def test_the_network_linearises_after_averaging_where_priors_may_be_wide(overrid
         ("agents.count=3", "sensor.bias=0.3"),
         ("agents.count=3", "filter.defaults=1"),
         ("agents.count=3", "filter.linearise=before"),
+        ("dt=0.5", "target.acceleration_std=10", "filter.defaults=3"),
         ("agents.count=3", "target.motion=circle"),
         ("dt=5", 'fault=[{kind="byzantine",mode="constant",magnitude=5.0,agents=[3]}]'),
     ],

@@ -14,6 +14,11 @@ from zenoh_cbef.tracking.sight import MIRRORED, open_axes
 MOST = 1.0
 """Curvature of ranges over a step's uncertainty, in units of their noise, from which on they are not linear there."""
 
+_STRAIGHT = 0.01
+"""Below this curvature it is no matter where ranges are linearised. Above it, a target that leaves the box is lost now
+and then, as ranges bend more where agents see it from one side.
+"""
+
 
 def after(scenario: Scenario, motion: LinearMotion, range_std: float) -> bool:
     """Whether agents linearise after averaging; auto: where priors may be too wide for ranges to be linear.
@@ -24,7 +29,8 @@ def after(scenario: Scenario, motion: LinearMotion, range_std: float) -> bool:
     chosen = scenario.filter
     if chosen.linearise != "auto" or chosen.defaults < 2:
         return chosen.linearise == "after"
-    return mirrored(scenario, range_std, motion.axes) or bending(scenario, motion, range_std, scenario.dt)[1] > MOST
+    most = MOST if chosen.defaults < 4 else _STRAIGHT
+    return mirrored(scenario, range_std, motion.axes) or bending(scenario, motion, range_std, scenario.dt)[1] > most
 
 
 def mirrored(scenario: Scenario, range_std: float, axes: int) -> bool:

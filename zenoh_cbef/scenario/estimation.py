@@ -29,7 +29,7 @@ class Model(Table):
 class Filter(Table):
     """The estimation filter and its settings. None: the value follows from target and sensor.
 
-    defaults: the rules by which 'auto' and None decide: 3 today's, 1 those of version 0.2.0 and before it. Logs hold
+    defaults: the rules by which 'auto' and None decide: 4 today's, 1 those of version 0.2.0 and before it. Logs hold
     'auto' as such, so a change of what it means is a new number here, and old logs keep theirs (see legacy.py).
     xi: cbef saturates at this size of the whole innovation (m^2), cbef-scaled likewise (m), the others at this many
     standard deviations; auto: 2 where saturation redescends, otherwise 1.5. saturation auto: redescending where ranges
@@ -54,7 +54,7 @@ class Filter(Table):
     """
 
     kind: str = "sicf"
-    defaults: Literal[1, 2, 3] = 3
+    defaults: Literal[1, 2, 3, 4] = 4
     xi: Annotated[Factor | Literal["auto"], Field(description="a number from 1e-06 to 1e+12, or 'auto'")] = "auto"
     saturation: Literal["auto", "bounded", "redescending"] = "auto"
     recovery: bool = False
@@ -116,11 +116,6 @@ class Filter(Table):
         if self.motion == "imm" and not self._abilities.models:
             raise ValueError(
                 f"filter.motion = 'imm' is not for {self.kind!r}; set filter.kind = 'sicf' or 'icf', or another motion"
-            )
-        if self.motion == "imm" and self.recovery:
-            raise ValueError(
-                "filter.recovery is not for filter.motion = 'imm', whose most agile model finds a target that jumps; "
-                "leave one of them out"
             )
         if len(self.models) == 1 or (self.models and self.motion != "imm"):
             raise ValueError(

@@ -68,8 +68,7 @@ class Plan:
     def models(self) -> tuple[Motion, ...]:
         """The motions between which the target switches; none where the filter assumes one."""
         biased = trust.may_be_biased(self.scenario) and self.scenario.filter.bias != "none"
-        # Recovery has to see all of an estimate, and trimming all of a payload.
-        single = self.scenario.filter.recovery or self.distrusts_others
+        single = self.distrusts_others or (self.scenario.filter.recovery and self.scenario.filter.defaults < 4)
         alone = biased or single or not self.abilities.models
         if not switches(self.scenario, alone=alone):
             return ()

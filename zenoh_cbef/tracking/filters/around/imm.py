@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Self
 
@@ -87,8 +87,11 @@ class InteractingModels:
             usable &= ~unchanged(payload, update.payload)
         heard = self.switching.weighed(np.ones_like(ahead), np.where(usable[:, None], measured, 0.0))
         chance = np.where(usable[:, None], heard, ahead)
-        mixture = self.switching.combined(chance, [_gaussian(one) for one in beliefs])
-        return Belief(*mixture, chance=chance, parts=tuple(beliefs))
+        return Belief(*self.mixture(chance, beliefs), chance=chance, parts=tuple(beliefs))
+
+    def mixture(self, chance: Floats, beliefs: Sequence[Belief]) -> Gaussian:
+        """The mean of all models' beliefs and its covariance; chance: (n, M)."""
+        return self.switching.combined(chance, [_gaussian(one) for one in beliefs])
 
     def _own_cost(self, part: Update, ahead: Floats, variance: Floats) -> Floats:
         """c_i, (n,), of one model's update. ahead: (n,), its probability before the step."""

@@ -8,6 +8,7 @@ import numpy as np
 
 from zenoh_cbef.tracking.filters.around.auto_bias import AutoBias
 from zenoh_cbef.tracking.filters.around.biased_information import BiasedInformation
+from zenoh_cbef.tracking.filters.around.imm import InteractingModels
 from zenoh_cbef.tracking.filters.around.wrapping import Wrapping, resumed
 from zenoh_cbef.tracking.filters.base import Belief, Filter, Floats, Update
 from zenoh_cbef.tracking.ranging import Measurement
@@ -67,4 +68,7 @@ def widened(chosen: Filter, belief: Belief, factor: Floats) -> Belief:
         scale[:, -1] = 1.0  # The common bias.
         covariance = covariance * (scale[:, :, None] * scale[:, None, :])
         return replace(wide, memory=(state, covariance, own, own_variance, cross * scale))
+    if isinstance(chosen, InteractingModels) and belief.chance is not None:
+        parts = tuple(widened(*each, factor) for each in zip(chosen.filters, belief.parts, strict=True))
+        return Belief(*chosen.mixture(belief.chance, parts), chance=belief.chance, parts=parts)
     return wide
