@@ -9,7 +9,7 @@ from zenoh_cbef.analysis.metrics import analyze
 from zenoh_cbef.scenario.load import load
 from zenoh_cbef.simulator import simulate
 from zenoh_cbef.tracking.ranging import Measurement
-from zenoh_cbef.tracking.status import ACQUIRING, COASTING, LOST, STATUSES, TRACKING, Status, status_name
+from zenoh_cbef.tracking.status import ACQUIRING, COASTING, LOST, STATUSES, TRACKING, Status, most_misfit, status_name
 
 HERE = "filter.reacquire=false"
 SILENT = 'fault=[{kind="sensor-dropout",probability=1.0,from=5.0,until=9.0}]'
@@ -62,6 +62,31 @@ def test_a_network_that_holds_on_to_a_wrong_place_says_that_it_is_lost():
         far_ones += int(far.sum())
         assert (trace.diagnostics.status[:, 20:][far] == LOST).all()
     assert far_ones > 100
+
+
+def test_where_too_few_agents_fit_to_prove_a_place_it_is_not_tracked():
+    """One receiver of five is 3 m too long: some networks follow it, so that two others do not fit."""
+    one_biased = 'fault=[{kind="sensor-bias",bias=3.0,agents=[1]}]', "agents.count=5"
+
+    def surely_wrong(rules: int) -> float:
+        wrong = []
+        for trace in runs(*one_biased, f"filter.status_rules={rules}", seeds=30):
+            errors = np.linalg.norm((trace.estimates - trace.truth)[:, 90:, :3], axis=2)
+            wrong.append((errors > 1.0) & (trace.diagnostics.status[:, 90:] == TRACKING))
+        return float(np.mean(wrong))
+
+    assert surely_wrong(1) > 0.15
+    assert surely_wrong(2) < 0.5 * surely_wrong(1)
+
+
+def test_how_many_agents_have_to_fit():
+    def lost(agents: int, wrong: int, unknowns: float = 3.0) -> bool:
+        return bool(9.0 * wrong / agents > most_misfit(np.array([unknowns]), agents)[0])
+
+    assert [lost(agents, 1) for agents in (3, 4, 5)] == [False, True, False], "three agents never prove a place"
+    assert [lost(agents, 2) for agents in (5, 6, 7)] == [True, False, False]
+    assert lost(5, 1, unknowns=4.0), "a bias in common is one unknown more"
+    assert [lost(20, wrong) for wrong in (11, 13)] == [False, True]
 
 
 def test_an_agent_that_hears_no_neighbour_coasts():

@@ -48,6 +48,8 @@ class Filter(Table):
     lag_seconds: agents also publish smoothed estimates of so long ago; 0: they do not.
     start auto: with a first fix, for filters that can. given: at the initial estimate.
     status: agents of filters that average information say whether they acquire, track, coast, or have lost the target.
+    status_rules: 1: lost where most ranges do not fit. 2: where agents whose ranges fit are too few to prove the place,
+    and only agents that hear ranges vote for another fix.
     linearise: ranges before they are averaged, each agent its own at its own prior, or their average, of squares, after
     that; auto: after, for filters that can, where priors may be wide.
     reacquire: a network that was silent for long, or has lost its target, looks for it by another fix.
@@ -78,6 +80,7 @@ class Filter(Table):
     bias_own_std: Spread | None = None
     start: Literal["auto", "given"] = "auto"
     status: bool = True
+    status_rules: Literal[1, 2] = 2
     linearise: Literal["auto", "before", "after"] = "auto"
     reacquire: bool = True
     planar_height: Metres | None = None

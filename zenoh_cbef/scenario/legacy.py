@@ -8,6 +8,7 @@ MEANT: dict[tuple[str, str], object] = {
     ("filter", "defaults"): 1,
     ("filter", "start"): "given",
     ("filter", "status"): False,
+    ("filter", "status_rules"): 1,
     ("filter", "agile"): "ncv",
     ("filter", "turn_rate_change"): None,
     ("filter", "linearise"): "before",

@@ -157,6 +157,7 @@ class Plan:
             recovers=chosen.recovery,
             distrusts=self.distrusts_own,
             says_status=chosen.status and self.abilities.information,
+            judges_agents=chosen.status_rules > 1,
             reacquires=(window := start.window(scenario, self.settling_steps)),
             spreading=start.spreading(scenario, window),
             anywhere=start.anywhere(scenario, self.motion, self.space),

@@ -23,10 +23,25 @@ _MEMORY = 120.0
 _BEGUN = 30.0
 """As if so many ranges had fitted before the first one, so that the first few do not decide."""
 
-_IMPLAUSIBLE = 0.6 * CUT
+_MOST = 0.6 * CUT
 """The mean cut NIS of a lost target: as if six of ten ranges were outliers.
 
 Four of ten make it 4.2, give or take 0.3, of a network that tracks well and must not begin again.
+"""
+
+_WRONG = 5.4
+"""The mean cut NIS of an agent whose ranges do not fit: as if six of ten were outliers."""
+
+_DOUBT = 3.0
+"""What that mean begins with: with some doubt, as a network that has found a wrong place has to notice soon."""
+
+_OWN_MEMORY = 15.0
+"""How many of its own ranges an agent remembers."""
+
+_SPARE = 0.6
+"""How much of an agent has to be left, on average, beyond as many agents as there are unknowns.
+
+Any place that is fitted to as few agents as there are unknowns fits: only one more proves it.
 """
 
 _COASTS = 2.0
@@ -47,14 +62,18 @@ class Status:
     """An agent's opinion of its estimate, arrays (n,), and what it rests on.
 
     which: a number as in STATUSES. seconds: how long it has been so, s. steps: since the start. heard: the network's
-    ranges since the end of the first fix. misfit, weight: fading sums of the ranges' cut NIS and of their number.
-    spread: the claimed position error, m. reference: what that was when ranges were last enough.
+    ranges that fitted since the end of the first fix, by the first rules all. misfit, weight: fading sums of how badly
+    ranges fit, and of their number. spread: the claimed position error, m. reference: what that was when ranges were
+    last enough. own: the agent's own fading mean of its ranges' cut NIS.
 
-        A <- fading mean of min(NIS, 9) over the network's last 120 ranges or so
+        e_i <- fading mean of min(NIS_i, 9) over the agent's last 15 ranges or so
+        A <- fading mean of 9 [e_i > 5.4] over the network's last 120 ranges or so
         r <- min(s, r exp(0.1 (ranges of this step)/axes))       s: root of the trace of the position's covariance
 
-    lost: A > 5.4. coasting: s > 2 r: the covariance has grown, and ranges that would explain it are missing. Both r and
-    A have no unit of time, so neither dt nor how often agents range matters.
+    lost: A > 9 min(0.6, 1 - (unknowns + 0.6)/n), where the agents whose ranges fit are so few that these would fit a
+    wrong place, too. coasting: s > 2 r: the covariance has grown, and ranges that would explain it are missing. Both r
+    and A have no unit of time, so neither dt nor how often agents range matters. By the first rules A was the fading
+    mean of min(NIS_i, 9) itself, and the limit always 5.4.
     """
 
     which: Floats
@@ -65,13 +84,14 @@ class Status:
     weight: Floats
     reference: Floats
     spread: Floats
+    own: Floats
 
     @classmethod
     def first(cls, count: int) -> Self:
         """Before the first step of so many agents."""
         none = np.zeros(count)
         begun = np.full(count, _BEGUN)
-        return cls(none, none, none, none, begun, begun, np.full(count, np.inf), none)
+        return cls(none, none, none, none, begun, begun, np.full(count, np.inf), none, np.full(count, _DOUBT))
 
     @property
     def coasts(self) -> Bools:
@@ -84,21 +104,41 @@ class Status:
         return np.asarray(self.spread > _ADRIFT * self.reference)
 
     def anew(self, rows: Bools) -> Self:
-        """The same, but that some agents (n,) acquire their target again."""
+        """The same, but that some agents (n,) acquire their target again. Ranges that did not fit have to fit first."""
         begun = vars(type(self).first(len(rows)))
-        kept = {name: getattr(self, name) for name in ("seconds", "steps", "spread")}
+        kept = {name: getattr(self, name) for name in ("seconds", "steps", "spread", "own")}
         return type(self)(**{name: np.where(rows, (begun | kept)[name], values) for name, values in vars(self).items()})
+
+    def judging(self, misfit: Floats, heard: Bools) -> Self:
+        """The same, with how badly the ranges of this step fit (n,), cut, where one was heard (n,)."""
+        return replace(self, own=np.where(heard, self.own + (misfit - self.own) / _OWN_MEMORY, self.own))
+
+    @property
+    def wrong(self) -> Bools:
+        """Whether an agent's own ranges do not fit, (n,)."""
+        return np.asarray(self.own > _WRONG)
 
     def told(self, rows: Bools, which: float, former: Self, dt: float) -> Self:
         """The same, but that some agents (n,) say something else. former: the status a step of dt (s) ago."""
         said = np.where(rows, which, self.which)
         return replace(self, which=said, seconds=np.where(said == former.which, former.seconds + dt, 0.0))
 
-    def after(self, *, heard: Floats, misfit: Floats, spread: Floats, axes: int, fix: int, dt: float) -> Self:
+    def after(
+        self,
+        *,
+        heard: Floats,
+        misfit: Floats,
+        spread: Floats,
+        axes: int,
+        fix: int,
+        dt: float,
+        most: Floats | None = None,
+    ) -> Self:
         """A step of dt (s) later.
 
-        heard, misfit: (n,), how many ranges the network had, and the sum of their cut NIS. spread: (n,), m, the claimed
-        position error. fix: how many steps the first fix takes.
+        heard, misfit: (n,), how many ranges the network had, and the sum of what tells how badly each fits. spread:
+        (n,), m, the claimed position error. fix: how many steps the first fix takes. most: the mean misfit, (n,), of a
+        network that has lost its target; None: by the first rules, where misfit is of ranges and not of agents.
         """
         steps, reference = self.steps + 1.0, self.reference * np.exp(_LEARNED * heard / axes)
         fixed = steps > fix
@@ -107,16 +147,27 @@ class Status:
         after = replace(
             self,
             steps=steps,
-            heard=self.heard + heard,
+            heard=self.heard + (heard if most is None else heard - np.minimum(misfit / CUT, heard)),
             misfit=fades * self.misfit + np.minimum(misfit, CUT * heard),
             weight=fades * self.weight + heard,
             reference=np.minimum(spread, reference),
             spread=spread,
         )
         which = np.where(after.coasts, COASTING, TRACKING)
-        which = np.where(after.misfit > _IMPLAUSIBLE * after.weight, LOST, which)
-        settled = fixed & ((self.which != ACQUIRING) | (after.heard >= _FIRST * axes))
+        lost = after.misfit > (_MOST if most is None else most) * after.weight
+        which = np.where(lost, LOST, which)
+        known = (after.heard >= _FIRST * axes) | (lost & (most is not None))
+        settled = fixed & ((self.which != ACQUIRING) | known)
         return replace(after, which=which).told(~settled, ACQUIRING, self, dt)
+
+
+def most_misfit(unknowns: Floats, agents: int) -> Floats:
+    """The mean misfit of a network that has lost its target, (n,), where agents tell whether their ranges fit.
+
+    unknowns: (n,), what is fitted to the ranges of a moment: coordinates, and a bias that all ranges share.
+    """
+    proved = np.minimum(_MOST, CUT * (1.0 - (unknowns + _SPARE) / agents))
+    return np.where(unknowns < agents, proved, _MOST)
 
 
 def status_name(number: float | None) -> str | None:

@@ -7,19 +7,26 @@ from dataclasses import dataclass
 import numpy as np
 
 from zenoh_cbef.tracking.filters.around.wrapping import Wrapping
-from zenoh_cbef.tracking.filters.base import Belief, Floats, Update
+from zenoh_cbef.tracking.filters.base import Belief, Bias, Floats, Update
 from zenoh_cbef.tracking.filters.information_form import unchanged
 from zenoh_cbef.tracking.filters.settings import FilterSettings
 from zenoh_cbef.tracking.ranging import Measurement
-from zenoh_cbef.tracking.status import CUT, Status
+from zenoh_cbef.tracking.status import CUT, Status, most_misfit
+
+_UNLIKELY = 4.0
+"""How many of its prior standard deviations a bias is off that explains nothing."""
 
 
 @dataclass(frozen=True)
 class Knowing(Wrapping):
-    """Any filter of information, with two numbers more in its payload: whether it had a range, and how that fitted.
+    """Any filter of information, with two numbers more in its payload: whether it had a range, and whether those fit.
 
-        y_i = ([r_i was measured], min(NIS_i, 9))               zeros without a range
-        n times the average of y: the network's ranges of this step, and their sum of cut NIS
+        y_i = ([r_i was measured], 9 [e_i > 5.4])                 zeros without a range
+        e_i <- e_i + (max(min(NIS_i, 9), 9 d_i, 9 [w_i b_i^2 > 16 var b]) - e_i)/15
+        n times the average of y: the network's ranges of this step, and nine times those of agents they do not fit
+
+    An agent that distrusts its receiver by d_i has a small NIS, as it expects large errors, and so has one that
+    explains its ranges by a bias b_i, relied on by w_i, of which its prior knows nothing: neither fits.
 
     From these sums and its covariance, which the network agrees on but for what consensus left, every agent decides
     what the estimate is (see Status). An agent that hears no neighbour goes on by prediction, so its ranges count as
@@ -38,6 +45,10 @@ class Knowing(Wrapping):
         degrees = update.diagnostics.nis_degrees
         heard = np.isfinite(update.diagnostics.nis) & (degrees > 0)
         fit = np.where(heard, np.minimum(update.diagnostics.nis / np.maximum(degrees, 1), CUT), 0.0)
+        if self.settings.judges_agents:
+            counts = heard & (status.steps >= self.settings.first_fix)
+            status = status.judging(self._misfit(fit, update.diagnostics.distrust, inner.bias), counts)
+            fit = np.where(counts & status.wrong, CUT, 0.0)
         payload = np.concatenate([update.payload, heard[:, None].astype(np.float64), fit[:, None]], axis=1)
         return Update(payload, update.diagnostics, tuple(vars(status).values()), (update,))
 
@@ -46,6 +57,22 @@ class Knowing(Wrapping):
         inner = self.filter.conclude(np.ascontiguousarray(payload[:, : -self.more]), update.parts[0])
         status = self._status(inner, payload, update)
         return Belief(inner.state, inner.covariance, inner.bias, parts=(inner,), status=status)
+
+    def _misfit(self, fit: Floats, distrust: Floats, bias: Bias | None) -> Floats:
+        """How badly ranges fit, (n,), also where the filter has come to terms with them."""
+        fit = np.fmax(fit, CUT * distrust)
+        if bias is None:
+            return fit
+        variance = self.settings.common_bias_std**2 + self.settings.own_bias_std**2
+        return np.where(bias.weight * bias.value**2 > _UNLIKELY**2 * variance, CUT, fit)
+
+    def _most(self, belief: Belief) -> Floats | None:
+        """The mean misfit of a network that has lost its target; None: by the first rules."""
+        if not self.settings.judges_agents:
+            return None
+        relied_on = np.zeros(len(belief.state)) if belief.bias is None else belief.bias.weight
+        unknowns = self.settings.space.axes + np.where(relied_on > 0.5, 1.0, 0.0)
+        return most_misfit(unknowns, self.settings.network_size)
 
     def _status(self, belief: Belief, payload: Floats, update: Update) -> Status:
         count, axes = self.settings.network_size, self.settings.space.axes
@@ -63,4 +90,5 @@ class Knowing(Wrapping):
             axes=axes,
             fix=self.settings.first_fix,
             dt=self.settings.motion.dt,
+            most=self._most(belief),
         )

@@ -20,7 +20,7 @@ from zenoh_cbef.tracking.ranging import Measurement
 from zenoh_cbef.tracking.status import ACQUIRING, COASTING, LOST, Status
 
 _SQUARED, _REFINED = 1e6, 2e6
-"""What agents in the two parts of a fix put where others vote with 0 or 1: an average tells a mixture."""
+"""What agents in the two parts of a fix put where others vote: an average tells a mixture."""
 
 _PATIENCE = 3.0
 """For how many windows the target is lost before the network begins again: outliers come in bursts."""
@@ -29,7 +29,7 @@ _SQUARED_SHARE = 5
 """What part of a fix is on squared ranges."""
 
 _MOST = 0.5
-"""Which share of the agents has to want a fix."""
+"""Which share of the agents has to want a fix, by the first rules."""
 
 _WINDOWS = 2.0
 """At the end of how many windows an agent may no longer coast until it is not adrift any more."""
@@ -86,10 +86,11 @@ class Reacquiring(Wrapping):
     have coasted to, with the covariance that they have then, the latter from anywhere.
 
     All have to begin in the same step, or payloads of two kinds would be averaged. So a fix begins after a step that W
-    divides. One number more in a payload agrees upon that: at first in every W steps the agents' wishes, of which more
-    than half decide; in the last of them whether the decision is known, so that it spreads to all; in a fix a number
-    that marks its part. An agent whose average shows that others do something else goes on
-    by prediction in this step.
+    divides. One number more in a payload agrees upon that: at first in every W steps the agents' wishes, 1 or -1, and 0
+    of those that hear no ranges, of which the greater part decides; in the last of them whether the decision is known,
+    so that it spreads to all; in a fix a number that marks its part. An agent whose average shows that others do
+    something else goes on by prediction in this step. By the first rules of the status agents vote with 1 or 0, and
+    more than half of all have to want a fix.
 
     window: W. anywhere: where the target may be if nothing is known, state (1, s) and covariance (1, s, s), the same
     for all agents.
@@ -167,13 +168,17 @@ class Reacquiring(Wrapping):
 
     def _tag(self, search: Search, known: Status, heard: Bools) -> Floats:
         """What agents put into their payloads beside those of the filter or the fix, (n,)."""
-        if search.idle and not np.logical_or.reduce(known.which == LOST):
+        counted = self.settings.judges_agents
+        if search.idle and not counted and not np.logical_or.reduce(known.which == LOST):
             return np.zeros(len(heard))
-        vote = np.where(self._decides(search.step), self._wants(search, known, heard), search.vote)
+        lately = heard | np.isfinite(search.ranges[:, -self.window :]).any(axis=1)
+        wish = self._wants(search, known, lately)
+        if counted:
+            wish = np.where(lately, 2.0 * wish - 1.0, 0.0)
+        vote = np.where(self._decides(search.step), wish, search.vote)
         return np.where(search.fixing, search.doing, np.where(known.which == ACQUIRING, 0.0, vote))
 
-    def _wants(self, search: Search, known: Status, heard: Bools) -> Floats:
-        lately = heard | np.isfinite(search.ranges[:, -self.window :]).any(axis=1)
+    def _wants(self, search: Search, known: Status, lately: Bools) -> Floats:
         lost = (known.which == LOST) & (known.seconds >= _PATIENCE * self.window * self.settings.motion.dt)
         return np.where((search.adrift > 0.0) & lately | lost, 1.0, 0.0)
 
@@ -230,7 +235,10 @@ class Reacquiring(Wrapping):
         former, fixing = Status(*before.kept), search.fixing
         status = inner.status or former
         settled = ~fixing & (status.which != ACQUIRING)
-        wanted = np.abs(average) > np.where(self._decides(search.step), _MOST, _ANY)
+        if self.settings.judges_agents:
+            wanted = average > _ANY
+        else:
+            wanted = np.abs(average) > np.where(self._decides(search.step), _MOST, _ANY)
         search = self._left_behind(search, inner)
         if search.idle and inner.status and not np.logical_or.reduce(settled & (wanted | status.adrift)):
             return replace(inner, memory=tuple(vars(search).values()), parts=(inner,))
