@@ -28,6 +28,7 @@ BENCHMARKS = {
     "step": ("step", "what a lockstep step and a round cost an agent: Python calls, CPU of its main thread"),
     "startup": ("startup", "seconds to the first step, CPU of a simulation and of idle agents"),
     "rejoin": ("rejoin", "how soon all is as before after a crash and after a cut"),
+    "joins": ("joins", "100 random joins, leaves, deaths and moves of agents by hand: links from sockets, tokens"),
     "recorder": ("recorder_cost", "what the recorder costs the agents"),
     "mcap": ("mcap_speed", "the log's writer and reader against the public library's"),
     "logs": ("log_speed", "a log of a million messages analysed and described; writing, 200-byte messages"),

@@ -116,10 +116,11 @@ def ask_directory(
 ) -> Told | None:
     """Tell the target where we are, and so on as `Directory.tell`. Returns what it tells; None where it does not."""
     question = {"v": VERSION, "place": _packed(own), "unlinked": [*unlinked], "heard": [*heard]}
-    for reply in session.get(key, payload=msgpack.packb(question), timeout=_ANSWER_SECONDS):
-        if reply.ok is not None:
-            with suppress(BadMessage):
-                return _read_answer(reply.ok.payload.to_bytes())
+    with suppress(zenoh.ZError):  # the process ends
+        for reply in session.get(key, payload=msgpack.packb(question), timeout=_ANSWER_SECONDS):
+            if reply.ok is not None:
+                with suppress(BadMessage):
+                    return _read_answer(reply.ok.payload.to_bytes())
     return None
 
 

@@ -1,0 +1,52 @@
+"""An agent and processes that are not what they say: one that gives another's address, and one that is no neighbour."""
+
+import time
+from collections.abc import Callable
+
+import zenoh
+
+from tests.processes.conftest import World, outsider, settings, unused_port
+from zenoh_cbef.protocol.addresses import own_host, with_ports
+from zenoh_cbef.protocol.claims import claim
+from zenoh_cbef.protocol.directory import Place, ask_directory
+from zenoh_cbef.protocol.introducing import introduce, life_at
+from zenoh_cbef.protocol.keys import Keys
+from zenoh_cbef.protocol.lives import new_life
+from zenoh_cbef.protocol.presence import Presence
+from zenoh_cbef.protocol.session import Connection, open_session
+
+
+def until(condition: Callable[[], bool], seconds: float = 30.0) -> bool:
+    end = time.monotonic() + seconds
+    while not condition() and time.monotonic() < end:
+        time.sleep(0.05)
+    return condition()
+
+
+def linked(session: zenoh.Session, life: str) -> bool:
+    return any(str(one.zid) == life for one in session.info.links())
+
+
+def test_a_wrong_address_is_told_and_a_stranger_is_cut_off(world: World) -> None:
+    target, agent = (f"tcp/127.0.0.1:{unused_port()}" for _ in range(2))
+    keys, join = Keys(world.run), ["--run", world.run, "--patience", "60"]
+    world.start("target", "tracking", *settings(), *join, "--listen", target)
+    world.start("agent", "0", *join, "--connect", target, "--listen", agent)
+    # Of two processes that are reached everywhere and on loopback alone, the second connects: the agent.
+    liar, stranger = (with_ports(Connection([target], life=new_life(["tcp/8.8.8.8:1"]))) for _ in range(2))
+    events: list[bytes] = []
+    with outsider(target) as listener, open_session(liar) as first, open_session(stranger) as second:
+        listener.declare_subscriber(keys.event("agent/0"), lambda sample: events.append(sample.payload.to_bytes()))
+        assert claim(first, keys.claims, Presence(first, keys.all_live), "agent/1", 30.0)
+        lie = Place("agent/1", str(first.zid()), own_host(), (target,))
+
+        def told() -> bool:
+            ask_directory(first, keys.links("agent/1"), lie)
+            return any(f"at {target} another process answers".encode() in one for one in events)
+
+        assert until(told), events
+        life = life_at(agent, stranger)
+        assert not linked(first, life)
+        assert introduce(stranger.listen[0], agent, stranger, lambda: linked(second, life))
+        Presence(second, keys.all_live).enter("agent/2")  # which is no neighbour of agent 0
+        assert until(lambda: not linked(second, life))
