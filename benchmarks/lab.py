@@ -1,0 +1,170 @@
+"""What the lab reaches in a real browser: frames per second, from click to log, what a page costs a run, long logs."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from rich.table import Table
+
+from benchmarks.common import ROOT, Row, at_least, below, results
+from benchmarks.made_logs import MadeLog
+from zenoh_cbef.analysis.slowness import slowness
+from zenoh_cbef.errors import UserError
+from zenoh_cbef.log.read.parts import find_log, open_log
+from zenoh_cbef.log.read.trace import read_trace
+from zenoh_cbef.outside.registry import known_runs
+from zenoh_cbef.scenario.load import load
+
+_BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+_DRAWN_SECONDS = 10.0
+_CLICKS = 20
+_LONG_STEPS = 12_700
+_RUN_STEPS = 200
+_DENSE = ("agents.count=100", "network.graph=geometric", "dt=0.05", "steps=1200", "consensus.rounds=2")
+
+
+def _command(*words: str) -> list[str]:
+    return [sys.executable, "-m", "zenoh_cbef", *words]
+
+
+@contextmanager
+def _lab(folder: Path, what: str) -> Iterator[str]:
+    """A lab of this log or run; gives its address."""
+    with subprocess.Popen(_command("lab", what, "--no-browser"), cwd=folder, stderr=subprocess.PIPE, text=True) as lab:
+        assert lab.stderr is not None
+        try:
+            yield next(found[0] for line in lab.stderr if (found := re.search(r"http://\S+", line)))
+        finally:
+            lab.terminate()
+
+
+@contextmanager
+def _run(folder: Path, name: str, *settings: str) -> Iterator[None]:
+    """A realtime run of six agents; ends by itself or with the block."""
+    words = [part for one in ("timing.mode=realtime", *settings) for part in ("--set", one)]
+    command = _command("run", "tracking", *words, "--run", name, "--no-report")
+    with subprocess.Popen(command, cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as run:
+        try:
+            while name not in known_runs():
+                assert run.poll() is None, f"run {name} did not start"
+                time.sleep(0.05)
+            yield
+            if run.poll() is None:
+                subprocess.run(_command("stop", "--run", name), stdout=subprocess.DEVNULL, check=False)
+            run.wait(60)
+        finally:
+            run.terminate()
+
+
+def _until(page: Any, what: str) -> None:
+    until = time.monotonic() + 120
+    while not page.evaluate(what):
+        assert time.monotonic() < until, what
+        page.wait_for_timeout(10)
+
+
+def _drawn(browser: Any, folder: Path) -> float:
+    """Frames per second of a log of a hundred agents, played as fast as it was."""
+    log = folder / "dense.mcap"
+    if not log.exists():
+        MadeLog(log, load("tracking", _DENSE).scenario).write()
+    with _lab(folder, str(log)) as url:
+        page = browser.new_page(viewport={"width": 1280, "height": 800})
+        page.goto(url)
+        _until(page, "lab.state.frame !== null")
+        page.keyboard.press("Home")
+        page.keyboard.press(" ")
+        page.wait_for_timeout(1000)
+        before, begun = page.evaluate("lab.counts.frames"), time.monotonic()
+        page.wait_for_timeout(1000 * _DRAWN_SECONDS)
+        drawn = page.evaluate("lab.counts.frames") - before
+        page.close()
+        return float(drawn / (time.monotonic() - begun))
+
+
+def _clicked(browser: Any, folder: Path) -> list[float]:
+    """Seconds from a click on "cut" to the list of faults in the log."""
+    clicked = []
+    with _run(folder, "clicked", "steps=100000"), _lab(folder, "clicked") as url:
+        page = browser.new_page(viewport={"width": 1280, "height": 800})
+        page.goto(url)
+        _until(page, "lab.state.frame !== null && lab.state.newest > 20")
+        for _ in range(_CLICKS):
+            page.click("#agents button")
+            page.wait_for_timeout(100)
+            clicked.append(time.time_ns())
+            page.get_by_role("menuitem", name="cut off").click()
+            page.wait_for_timeout(500)
+        page.close()
+    messages = open_log(find_log(folder / "logs" / "clicked")).messages()
+    logged = [one.log_time for one in messages if one.channel.topic.endswith("/faults")]
+    return [1e-9 * (min(one for one in logged if one > at) - at) for at in clicked]
+
+
+def _late(folder: Path, name: str, browser: Any | None) -> float:
+    """The share of rounds that agents came to too late, with a page open or without."""
+    with _run(folder, name, f"steps={_RUN_STEPS}"):
+        if browser is not None:
+            with _lab(folder, name) as url:
+                page = browser.new_page(viewport={"width": 1280, "height": 800})
+                page.goto(url)
+                _until(page, "lab.state.state === 'ended'")
+                page.close()
+        else:
+            while name in known_runs():
+                time.sleep(0.1)
+    found = slowness(read_trace(folder / "logs" / name))
+    shares = [share for share in (found.agents if found else []) if share is not None]
+    return statistics.mean(shares) if shares else 0.0
+
+
+def _opened(browser: Any, folder: Path) -> float:
+    """Seconds from the command to the map of a log of a million messages."""
+    log = folder / "long.mcap"
+    if not log.exists():
+        subprocess.run([sys.executable, "-m", "benchmarks.made_logs", str(log), str(_LONG_STEPS)], cwd=ROOT, check=True)
+    begun = time.monotonic()
+    with _lab(folder, str(log)) as url:
+        page = browser.new_page(viewport={"width": 1280, "height": 800})
+        page.goto(url)
+        _until(page, "lab.state.frame !== null")
+        taken = time.monotonic() - begun
+        page.close()
+    return taken
+
+
+def run(repeats: int) -> Iterator[Table]:
+    found = next(filter(None, map(shutil.which, _BROWSERS)), None)
+    if found is None:
+        raise UserError("no Chromium on this host; install the package chromium")
+    from playwright.sync_api import sync_playwright  # noqa: PLC0415 - needed by this benchmark alone
+
+    with tempfile.TemporaryDirectory() as name, sync_playwright() as driver:
+        folder, browser = Path(name), driver.chromium.launch(executable_path=found, args=["--no-sandbox"])
+        opened = [_opened(browser, folder) for _ in range(repeats)]
+        drawn = [_drawn(browser, folder) for _ in range(repeats)]
+        clicked = sorted(_clicked(browser, folder))
+        pairs = [(_late(folder, f"bare{one}", None), _late(folder, f"seen{one}", browser)) for one in range(repeats)]
+        more = 100.0 * statistics.median(seen - bare for bare, seen in pairs)
+        browser.close()
+        yield results(
+            f"The lab in headless Chromium, medians of {repeats}",
+            [
+                at_least("frames per second, 100 agents at 20 steps/s", statistics.median(drawn), 15.0),
+                below("click to the fault in the log, p95", 1e3 * clicked[round(0.95 * len(clicked)) - 1], 200.0, "ms"),
+                below("rounds late with a page open: more by, percentage points", more, 0.1),
+                below("a log of a million messages: from the command to the map", statistics.median(opened), 3.0, "s"),
+                Row("load average", f"{os.getloadavg()[0]:.1f}"),
+            ],
+        )
