@@ -9,7 +9,7 @@ import numpy as np
 
 from zenoh_cbef.arrays import Floats, Ints
 from zenoh_cbef.lab.faulted import fault_words
-from zenoh_cbef.log.read.receipts import COUNTS
+from zenoh_cbef.log.read.receipts import COUNTS, Receipts
 from zenoh_cbef.log.read.recording import Recording
 from zenoh_cbef.scenario.paths import places_at
 from zenoh_cbef.scenario.plan import Plan
@@ -35,6 +35,8 @@ class Scene:
 
     def __init__(self, recording: Recording) -> None:
         self.recording = recording
+        self._rows: dict[int, Ints] = {}
+        self._known = {name: np.empty(0) for name in CURVES}
 
     @property
     def plan(self) -> Plan:
@@ -108,7 +110,14 @@ class Scene:
         return {"steps": (steps + 1).astype(np.float64), "truth": truth, "estimates": np.moveaxis(estimates, 0, 1)}
 
     def curves(self, since: int, until: int) -> Arrays:
-        """The curves over steps since+1 to until, each (until - since,)."""
+        """The curves over steps since+1 to until, each (until - since,); those of a step are found once."""
+        known = len(self._known[CURVES[0]])
+        if until > known:
+            fresh = self._curves(known, until)
+            self._known = {name: np.concatenate([values, fresh[name]]) for name, values in self._known.items()}
+        return {name: values[since:until] for name, values in self._known.items()}
+
+    def _curves(self, since: int, until: int) -> Arrays:
         recording = self.recording
         states = recording.estimates.numbers("state", until)[:, since:, :3]
         truth = recording.truth.numbers("state", until)[0, since:, :3]
@@ -118,7 +127,7 @@ class Scene:
         sent = _sum(came) + _sum(lost) + _sum(late)
         with np.errstate(divide="ignore", invalid="ignore"):
             shares = {"lost": _sum(lost) / sent, "late": _sum(late) / sent}
-        found = {
+        return {
             "error": np.sqrt(_mean(np.asarray(np.sum((states - truth) ** 2, axis=2)))),
             "disagreement": np.sqrt(_mean(apart)),
             "claimed": np.sqrt(_mean(np.einsum("nkii->nk", covariance[:, :, :3, :3]))),
@@ -126,19 +135,29 @@ class Scene:
             **shares,
             "latency": _mean(latency),
         }
-        return {name: found[name] for name in CURVES}
 
     def fresh(self, since: int, until: int) -> Floats:
-        """Messages that came, were lost and late, and their latency, of each link in each step: (e, steps, 4)."""
+        """Messages that came, were lost and late, and their latency, of each link in each step: (e, steps, 4).
+
+        A message that is found to be late was counted as lost before: a step's losses can then be below zero, and are
+        shown as none.
+        """
         found = np.full((len(self.links), until - since, 4), np.nan)
-        place = {pair: row for row, pair in enumerate(map(tuple, self.links.tolist()))}
         for agent, receipts in enumerate(self.recording.receipts):
-            rows = [place.get((source, agent), -1) for source in receipts.neighbours]
-            known = [at for at, row in enumerate(rows) if row >= 0]
             steps, fresh = receipts.fresh((*COUNTS, "latency"), since, until)
-            for at in known:
-                found[rows[at], steps - since - 1] = fresh[:, :, at].T
-        return found
+            rows = self._rows_of(agent, receipts)
+            found[rows[:, None], steps - since - 1] = fresh.transpose(2, 1, 0)[: len(rows)]
+        return np.asarray(np.maximum(found, 0.0))
+
+    def _rows_of(self, agent: int, receipts: Receipts) -> Ints:
+        """The places in `links` of the links into an agent, in the order of its counts."""
+        rows = self._rows.get(agent)
+        if rows is None or len(rows) != len(receipts.neighbours):
+            into = self.links[:, 1] == agent
+            order = {source: place for place, source in zip(np.flatnonzero(into), self.links[into, 0], strict=True)}
+            rows = np.array([order[one] for one in receipts.neighbours if one in order], dtype=np.int64)
+            self._rows[agent] = rows
+        return rows
 
 
 def _mean(values: Floats) -> Floats:

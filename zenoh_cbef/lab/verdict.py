@@ -62,6 +62,8 @@ def verdict(scene: Scene, step: int) -> Verdict:
 def _parts(scene: Scene, step: int, there: Bools) -> int:
     """In how many parts the agents that are there are: no message came through between them in the last steps."""
     came = np.nansum(scene.fresh(max(step - _RECENT, 0), step)[:, :, 0], axis=1) > 0.0
+    if came.all():
+        return 1
     return sum(bool(there[part].any()) for part in components(len(there), scene.links[came]))
 
 

@@ -92,17 +92,20 @@ class Receipts:
 
         Counts are those of the step alone; a latency, s, is that of the step. A step without an estimate is left out.
         """
-        there = np.flatnonzero(self._table.seen(until)[0])
-        first = int(np.searchsorted(there, since))
-        chosen = there[max(first - 1, 0) :]
-        told = np.stack([self._table.numbers(name, until)[0, chosen] for name in names])
-        seq = self._table.numbers("seq", until)[0, chosen, 0]
-        begun = np.diff(seq, prepend=-1.0) <= 0.0
+        seen = self._table.seen(until)[0]
+        chosen = since + np.flatnonzero(seen[since:])
+        # Counts are since the start: a step's own are what they grew by since the one before.
+        former = (
+            np.flatnonzero(seen[:since])[-1:] if since and not seen[since - 1] else np.arange(max(since - 1, 0), since)
+        )
+        rows = np.concatenate([former, chosen])
+        told = np.stack([self._table.numbers(name, until)[0, rows] for name in names])
+        seq = self._table.numbers("seq", until)[0, rows, 0]
+        again = seq[1:] <= seq[:-1]
         for name, values in zip(names, told, strict=True):
             if name != _LATENCY:
-                values[1:] -= np.where(begun[1:, None], 0.0, values[:-1])
-        kept = chosen >= since
-        return np.asarray(chosen[kept] + 1), told[:, kept]
+                values[1:] -= np.where(again[:, None], 0.0, values[:-1])
+        return chosen + 1, told[:, len(former) :]
 
     def known(self, step: int) -> bool:
         """Whether the agent said something of a step that fits."""
