@@ -31,7 +31,14 @@ _DRAWN_SECONDS = 10.0
 _CLICKS = 20
 _LONG_STEPS = 12_700
 _RUN_STEPS = 200
-_DENSE = ("agents.count=100", "agents.high=40", "network.graph=geometric", "dt=0.05", "steps=1200", "consensus.rounds=2")
+_DENSE = (
+    "agents.count=100",
+    "agents.high=40",
+    "network.graph=geometric",
+    "dt=0.05",
+    "steps=1200",
+    "consensus.rounds=2",
+)
 
 
 def _command(*words: str) -> list[str]:

@@ -91,6 +91,16 @@ def test_a_run_is_started_cut_by_mouse_healed_ended_exported_and_proved(world, b
     opened.until(f"{opened.link(first, second)}.came === 3")
     opened.until("lab.curves.values.lost.at(-1) === 0")
     assert page.evaluate(f"lab.colour({first}, {second})") == page.evaluate("lab.map.colours.good")
+    page.click("#hold")
+    opened.until("lab.state.held && document.querySelector('#hold').textContent === 'Let run go on'")
+    page.wait_for_timeout(1000)
+    stood = page.evaluate("lab.state.newest")
+    page.keyboard.press("ArrowRight")
+    opened.until(f"lab.state.newest === {stood + 1}")
+    page.wait_for_timeout(500)
+    assert page.evaluate("lab.state.newest") == stood + 1
+    page.keyboard.press("h")
+    opened.until(f"lab.state.newest > {stood + 3}")
     page.click("#stop")
     opened.until("lab.state.state === 'ended'")
     with page.expect_download() as download:

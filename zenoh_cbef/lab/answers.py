@@ -36,6 +36,7 @@ class Page:
             "undo": lambda _: bench.undo(),
             "clear": lambda asked: bench.clear(_number(asked, "number")),
             "stop": lambda _: bench.stop(),
+            "hold": lambda asked: bench.hold(on=asked.get("on") is True, steps=_number(asked, "steps")),
         }
 
     def answer(self, asked: Asked) -> bytes:

@@ -43,6 +43,10 @@ class Source(Protocol):
         """End the run. Raises UserError."""
         ...
 
+    def hold(self, *, on: bool, steps: int) -> bool:
+        """Let the run stand still after so many more steps, or go on; returns which. Raises UserError."""
+        ...
+
     def close(self) -> None:
         """Let go of it."""
         ...
@@ -69,6 +73,10 @@ class LogSource:
         raise UserError("this is a log; its faults are what they were")
 
     def stop(self) -> None:
+        """Refuse."""
+        raise UserError("this is a log; its run has ended")
+
+    def hold(self, *, on: bool, steps: int) -> bool:  # noqa: ARG002
         """Refuse."""
         raise UserError("this is a log; its run has ended")
 
@@ -103,6 +111,10 @@ class RunSource:
     def stop(self) -> None:
         """End the run. Raises UserError."""
         self._listener.operator.stop()
+
+    def hold(self, *, on: bool, steps: int) -> bool:
+        """Let the run stand still after so many more steps, or go on; returns which. Raises UserError."""
+        return self._listener.operator.hold(on=on, steps=steps)
 
     def close(self) -> None:
         """Leave the run, which goes on."""

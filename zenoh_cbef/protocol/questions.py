@@ -105,6 +105,13 @@ class Stopped(TypedDict):
     step: _StepOrNil
 
 
+class Holding(TypedDict):
+    """Whether a run in lockstep stands still by order, and the last step that it began."""
+
+    held: _Flag
+    step: _StepOrNil
+
+
 Added = TypedDict("Added", {"number": Count, "from": _Time})
 """The number of an injected fault, and the run time at which it begins, s."""
 
@@ -178,6 +185,7 @@ class Question(Generic[Answer]):
 
 
 STOP = Question("stop", Stopped)
+HOLD = Question("hold", Holding)
 ADD = Question("fault add", Added)
 CLEAR = Question("fault clear", Cleared)
 LIST = Question("fault list", Listed)

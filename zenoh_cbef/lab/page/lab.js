@@ -44,7 +44,7 @@ async function start() {
     return;
   }
   tell("");
-  Object.assign(state, { scene, frame: null, known: 0, events: 0, newest: scene.newest, whole: 0, step: 1 });
+  Object.assign(state, { scene, frame: null, known: 0, events: 0, newest: scene.newest, whole: 0, step: 1, held: false });
   Object.assign(state, { follows: scene.live, plays: scene.live });
   Object.assign(trails, { truth: [], agents: [], step: 0 });
   if (!scene.live) state.step = scene.newest;
@@ -52,6 +52,7 @@ async function start() {
   $("run").textContent = scene.run;
   $("about").textContent = `${scene.scenario}, ${scene.filter}, ${scene.agents} agents, dt ${scene.dt} s, ${scene.mode}`;
   for (const id of ["stop", "cut", "undo", "live"]) $(id).hidden = !scene.live;
+  $("hold").hidden = !scene.live || scene.mode !== "lockstep";
   $("export").hidden = false;
   $("export").href = exported();
   map.show(scene);
@@ -97,6 +98,22 @@ function pick(picked, x, y) {
   map.chosen = picked?.agent ?? null;
   state.redraw = true;
   if (picked) menu.open(picked, x, y, state.scene.live && state.state === "goes on");
+}
+
+/** Let the run in lockstep stand still, or go on; held, it takes single steps. */
+async function hold(on, steps = 0) {
+  const answer = await orders.ask({ ask: "hold", on, steps }).catch(() => ({ error: "the server is gone" }));
+  tell(answer.error ?? "");
+  if (answer.error) return;
+  state.held = answer.held;
+  $("hold").setAttribute("aria-pressed", String(state.held));
+  $("hold").textContent = state.held ? "Let run go on" : "Hold run";
+  follow();
+}
+
+function forward() {
+  if (state.held && state.step >= state.newest) hold(true, 1);
+  else seek(state.step + 1);
 }
 
 /** The next question, or null where nothing has changed that the page shows. */
@@ -252,14 +269,14 @@ function solid() {
 }
 
 const acts = {
-  play, view: solid, back: () => seek(state.step - 1), on: () => seek(state.step + 1), live: follow,
+  play, view: solid, back: () => seek(state.step - 1), on: forward, live: follow, hold: () => hold(!state.held),
   fit: () => { map.fitted = true; state.redraw = true; }, cut: () => parting(!state.parts),
   undo: () => order("undo"), stop: () => order("stop"), choose: () => opening.show().catch(() => {}),
 };
 for (const [id, act] of Object.entries(acts)) $(id).addEventListener("click", () => (state.scene || id === "choose") && act());
 
 const keys = {
-  " ": play, ArrowLeft: () => seek(state.step - 1), ArrowRight: () => seek(state.step + 1), Home: () => seek(1), End: follow,
+  " ": play, ArrowLeft: () => seek(state.step - 1), ArrowRight: forward, h: () => !$("hold").hidden && hold(!state.held), Home: () => seek(1), End: follow,
   f: acts.fit, t: solid, p: () => !$("cut").hidden && acts.cut(), u: () => !$("undo").hidden && acts.undo(), l: follow,
 };
 addEventListener("keydown", (event) => {

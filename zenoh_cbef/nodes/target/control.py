@@ -7,11 +7,12 @@ from collections.abc import Mapping
 from typing import Protocol
 
 from zenoh_cbef.errors import UserError
+from zenoh_cbef.nodes.target.hold import Hold
 from zenoh_cbef.nodes.target.injection import Injection
 from zenoh_cbef.nodes.target.survey import Survey, Surveyed
 from zenoh_cbef.plain import Json, read_json
 from zenoh_cbef.protocol.control import Request
-from zenoh_cbef.protocol.questions import Cleared, Listed, Stopped
+from zenoh_cbef.protocol.questions import HOLD, Cleared, Holding, Listed, Stopped
 
 
 class Asked(Surveyed, Protocol):
@@ -19,6 +20,7 @@ class Asked(Surveyed, Protocol):
 
     survey: Survey
     injection: Injection | None
+    hold: Hold
 
 
 def answer(target: Asked, request: Request) -> Mapping[str, object]:
@@ -29,6 +31,8 @@ def answer(target: Asked, request: Request) -> Mapping[str, object]:
         return {"stopping": True, **Stopped(step=target.step)}
     if asked == "status":
         return target.survey.of(target)
+    if asked == HOLD.name:
+        return _held(target, request)
     if asked not in {"fault add", "fault list", "fault clear"}:
         raise UserError(f"a run does not know what {asked!r:.40} is; use the same zenoh-cbef on every host")
     injection = target.injection
@@ -43,6 +47,15 @@ def answer(target: Asked, request: Request) -> Mapping[str, object]:
         return Cleared(ended=injection.clear(_numbers(request.get("numbers"))))
     number = injection.add(_table(request.get("fault")), _seconds(request.get("seconds")))
     return {"number": number, "from": injection.listed()[number]["from"]}
+
+
+def _held(target: Asked, request: Request) -> Holding:
+    """Let the run stand still, or go on."""
+    if target.plan.realtime:
+        raise UserError("a run in realtime cannot stand still; set timing.mode = 'lockstep'")
+    on, steps = request.get("on"), request.get("steps")
+    target.hold.order(on=on is True, steps=steps if isinstance(steps, int) and not isinstance(steps, bool) else 0)
+    return Holding(held=target.hold.on, step=target.step)
 
 
 def _table(text: object) -> dict[str, Json]:

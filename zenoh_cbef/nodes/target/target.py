@@ -6,8 +6,6 @@ import time
 from dataclasses import dataclass
 from functools import partial
 
-import numpy as np
-
 from zenoh_cbef import __version__
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.faults import Absence, SensorFault
@@ -15,6 +13,8 @@ from zenoh_cbef.machine import require
 from zenoh_cbef.nodes.common.node import Identity, Node
 from zenoh_cbef.nodes.common.pace import Pace
 from zenoh_cbef.nodes.common.readers import WINDOW
+from zenoh_cbef.nodes.target.emission import Emission
+from zenoh_cbef.nodes.target.hold import Hold
 from zenoh_cbef.nodes.target.injection import Injection, RealTime, StepTime
 from zenoh_cbef.nodes.target.linking import linked_by
 from zenoh_cbef.nodes.target.lookout import Lookout
@@ -25,7 +25,6 @@ from zenoh_cbef.outside.registry import registered
 from zenoh_cbef.protocol.claims import Claims
 from zenoh_cbef.protocol.directory import Directory
 from zenoh_cbef.protocol.fields import END, START
-from zenoh_cbef.protocol.messages import nan_to_nil
 from zenoh_cbef.protocol.scenario_service import ScenarioText
 from zenoh_cbef.protocol.slow import SLOW
 from zenoh_cbef.scenario import Scenario
@@ -56,8 +55,7 @@ class Target:
     def __post_init__(self) -> None:
         agents = range(self.scenario.count)
         realtime = self.plan.realtime
-        self._truth = self.node.outbox(self.node.keys.truth, may_drop=realtime)
-        self._beacons = [self.node.outbox(self.node.keys.beacon(agent), may_drop=realtime) for agent in agents]
+        self._emission = Emission(self.node, self.scenario.count, may_drop=realtime)
         self._signals = [self.node.outbox(self.node.keys.signal(agent)) for agent in agents]
         keys = self.node.keys
         self.node.archive.serve(keys.truth, keys.faults, keys.all_beacons, keys.all_signals)
@@ -77,6 +75,7 @@ class Target:
         timed = realtime and not self.receivers
         self._pace = Pace("the target", "steps", partial(self.node.event, SLOW)) if timed else None
         self.injection: Injection | None = None
+        self.hold = Hold()
         self.step: int | None = None
 
     @property
@@ -136,6 +135,7 @@ class Target:
                 self._sleep_until(epoch + step * self.scenario.dt)
                 going_on = self._in_company()
             else:
+                self.hold.wait(self.survey.drain, lambda: self.node.stopping)
                 going_on = self.progress.wait(step - WINDOW) and self._await_return(step)
             if self.node.stopping or not (going_on or self._agent_returns(step)):
                 break
@@ -144,7 +144,8 @@ class Target:
             self._announce_faults(step)
             self._admit(step)
             self.lookout.look(self.plan, self._taking_part(step), step)
-            self._emit(step)
+            if not self.receivers:
+                self._emission.emit(self.world, step, self._faults_out.sent)
             if self._pace is not None:
                 self._pace.arrive(time.monotonic(), epoch + step * self.scenario.dt + self.plan.slot)
             self.progress.excuse(self.plan.absences.at(step), step)
@@ -231,23 +232,12 @@ class Target:
         while not self.node.stopping and (left := moment - time.monotonic()) > 0.0:
             time.sleep(min(left, 0.1))
 
-    def _emit(self, step: int) -> None:
-        if self.receivers:
-            return
-        truth = self.world.truth[step - 1]
-        if np.isfinite(truth).all():  # the truth of a real target is unknown
-            self._truth.send(k=step, state=truth.tolist())
-        lists = {"lists": self._faults_out.sent} if self._faults_out.sent else {}
-        for agent, beacon in enumerate(self._beacons):
-            emitted, arrived = self.world.emitted[agent, step - 1], self.world.arrived[agent, step - 1]
-            beacon.send(k=step, emitted=nan_to_nil(emitted), arrived=nan_to_nil(arrived), **lists)
-
     def _end(self, last: int) -> None:
         """No more beacons: agents finish the step they are in, so that a stopped run, too, can be verified."""
         self.progress.wait(last, even_stopping=True)
         for signal in self._signals:
             signal.send(k=last + 1, signal=END)
-        boxes = [self._truth, *self._beacons, *self._signals]
+        boxes = [*self._emission.boxes, *self._signals]
         self.progress.rejections.report()
         self.node.last_words(
             "finished",
