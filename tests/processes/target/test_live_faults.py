@@ -83,7 +83,7 @@ def test_in_lockstep_injected_faults_begin_with_a_step_for_all_and_the_log_is_pr
         assert done.returncode == 0, done.stderr
         return done.stdout
 
-    fault("add", "loss", "probability=0.5", "links=agent:1")
+    fault("add", "loss", "probability=1", "links=agent:1")
     fault("add", "sensor-bias", "agents=[2]", "bias=3.0")
     fault("add", "crash", "agents=[0]", "--for", "2")
     fault("clear", "0")
