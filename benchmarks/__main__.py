@@ -35,6 +35,7 @@ BENCHMARKS = {
     "fuzz": ("fuzz", "a million mutated messages, keys and texts through every decoder, 250 logs through every verb"),
     "kills": ("kills", "200 recorders killed at random moments: what their logs lack"),
     "smoothing": ("smoothing", "what smoothing gains, with which lag, against a centralised smoother, 50 seeds"),
+    "beginning": ("beginning", "how sure a network is of itself in its first steps, and how good, 200 seeds"),
     "robust": ("robust", "what sensors and agents that fail cost, 50 seeds"),
     "design": ("design", "errors that `zenoh-cbef design` predicts, against simulations"),
     "filters": ("filters", "every filter, 50 seeds and recorded data; --write docs/filters.md --data FOLDER"),

@@ -104,16 +104,39 @@ def test_a_solution_is_in_metres_around_the_middle_and_n_agents_are_no_surer_tha
     np.testing.assert_allclose(fix.known_covariance, [UNIT**2 * np.diag([1 / 3, 1 / 5, 1 / 7]) / 4])
 
 
+def test_an_unknown_square_is_that_of_the_unknown_position():
+    """Joined, moments of a position and its square that are told to be independent are those of a Gaussian update."""
+    q, spread, square, variance = np.array([0.3, -0.2, 0.5]), np.diag([0.04, 0.01, 0.09]) / 4, 0.6, 0.02 / 4
+    matrix = np.diag([*1.0 / (4 * np.diag(spread)), 1.0 / (4 * variance)])
+    payload = np.concatenate([matrix @ np.array([*q, square]), matrix[np.triu_indices(4)]])[None]
+    squared = SquaredRanges(Space(), 4, np.inf, rate=False)
+    fix = squared.solve(payload, payload, Frame(MIDDLE[None], np.array([UNIT])), joined=True)
+    # |q|^2 of q ~ N(m, C) has the mean |m|^2 + tr C, covariance 2 C m with q, and the variance 4 m^T C m + 2 tr C^2.
+    cross = 2.0 * spread @ q
+    total = 4.0 * q @ spread @ q + 2.0 * np.trace(spread @ spread) + variance
+    expected = q + cross / total * (square - q @ q - np.trace(spread))
+    np.testing.assert_allclose(fix.state[0], MIDDLE + UNIT * expected)
+    np.testing.assert_allclose(fix.known_covariance[0], UNIT**2 * (spread - np.outer(cross, cross) / total))
+
+
 def old_range(state, agent, age):
     return np.linalg.norm(state[:3] - age * state[3:] - agent)
 
 
+def way(q, dt, ages, steps=2000):
+    """Covariance (k, k) of how far a target is off its straight line, by a sum over short steps of its acceleration."""
+    instants = (np.arange(steps) + 0.5) * max(ages) / steps
+    lever = np.maximum(np.array(ages)[:, None] - instants, 0.0)
+    return q**2 * dt * max(ages) / steps * lever @ lever.T
+
+
+@pytest.mark.parametrize("guesses", [(1, 1), None])
 @pytest.mark.parametrize(("bias", "xi"), [(0.0, np.inf), (0.3, np.inf), (0.0, 0.2)])
-def test_the_second_half_is_gauss_newton_on_all_ranges_and_older_ones_count_less(bias, xi):
+def test_the_second_half_is_gauss_newton_on_all_ranges_and_older_ones_count_less(bias, xi, guesses):
     dt, acceleration, std, steps = 0.5, 2.0, 0.1, 6
     motion, space = NearlyConstantVelocity(dt, acceleration), Space()
     then = InformationWeighted(motion, space, std, 1)
-    filter_ = FirstFix(then, motion, space, std, bias, 1, steps, packed_size(6), xi)
+    filter_ = FirstFix(then, motion, space, std, bias, 1, steps, packed_size(6), xi, guesses=guesses)
     agents = np.random.default_rng(5).uniform(-10.0, 10.0, (steps, 3))
     ages = np.array([0.0, 0.1, 0.05, 0.2, 0.0, 0.1])
     ranges = 6.0 + np.arange(steps) * np.array([1.0, -1.0, 0.5, np.nan, 1.0, -0.5])
@@ -129,21 +152,32 @@ def test_the_second_half_is_gauss_newton_on_all_ranges_and_older_ones_count_less
         belief = filter_.conclude(update.payload, update)
         measured = [j for j in range(k + 1) if np.isfinite(ranges[j])]
         matrix, residuals = np.linalg.inv(covariance), np.zeros(6)
+        old = [ages[j] + (k - j) * dt for j in range(k + 1)]
+        wandered = way(acceleration, dt, old) if guesses else np.diag((0.5 * acceleration * np.array(old) ** 2) ** 2)
+        rows, equivalents, noise = [], [], []
         for j in measured:
-            age = ages[j] + (k - j) * dt
+            age = old[j]
             row = slopes(lambda x, j=j, age=age: old_range(x, agents[j], age), state)
-            variance = std**2 + len(measured) * bias**2 + (0.5 * acceleration * age**2) ** 2
+            alone = std**2 + len(measured) * bias**2
+            variance = alone + wandered[j, j]
             innovation = ranges[j] - old_range(state, agents[j], age)
             spread = np.sqrt(row @ known @ row + variance + (row @ correction) ** 2)
             weight = min(1.0, xi * spread / abs(innovation))
-            matrix = matrix + weight * np.outer(row, row) / variance
-            residuals += weight * row / variance * (innovation + row @ state)
+            rows.append(row)
+            equivalents.append(innovation + row @ state)
+            noise.append((alone if guesses else variance) / weight)
             if j == k:
                 assert update.diagnostics.weight[0] == pytest.approx(weight, rel=1e-6)
                 assert update.diagnostics.nis[0] == pytest.approx((innovation / spread) ** 2, rel=1e-6)
-        # Squared ranges have five unknowns; what is left of a message is empty.
-        assert update.payload[0, 20:].any() == (k + 1 > steps // 2)
+        # Squared ranges have five unknowns; what is left of a message has the velocity, by earlier rules nothing.
+        assert update.payload[0, 23 if guesses else 20 :].any() == (k + 1 > steps // 2)
         if k + 1 > steps // 2:
+            total = np.diag(noise)
+            if guesses:
+                places = np.array(rows)[:, :3]
+                total += places @ places.T * wandered[np.ix_(measured, measured)]
+            gain = np.array(rows).T @ np.linalg.inv(total)
+            matrix, residuals = matrix + gain @ np.array(rows), gain @ np.array(equivalents)
             expected = np.linalg.solve(matrix, np.linalg.inv(covariance) @ mean + residuals)
             np.testing.assert_allclose(belief.state[0], expected, rtol=1e-5, atol=1e-6)
             np.testing.assert_allclose(belief.known_covariance[0], np.linalg.inv(matrix), rtol=1e-5, atol=1e-6)

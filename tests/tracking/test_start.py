@@ -47,6 +47,45 @@ def test_the_first_step_is_better_with_guesses_that_are_not_linearised_at():
     assert np.sqrt(np.mean(fixed**2)) < 0.8 * np.sqrt(np.mean(given**2))
 
 
+def consistency(*overrides, base="tracking", seeds=60):
+    """NEES over its ideal in each of the first 24 steps, mean of all agents and runs."""
+    scenario = load(base, [*overrides, "steps=24"]).scenario
+    runs = [scenario.model_copy(update={"seed": 1 + k}) for k in range(seeds)]
+    found = []
+    for one in simulate(runs):
+        off = one.estimates - one.truth
+        found.append(np.sum(off * np.linalg.solve(one.covariances, off[..., None])[..., 0], axis=2) / 6.0)
+    return np.mean(found, axis=(0, 1))
+
+
+@pytest.mark.parametrize(("guess", "until"), [((), 24), (FAR, 24), (("agents.count=3",), 10)])
+def test_from_the_first_step_on_agents_know_how_far_off_they_are(guess, until):
+    """Of three agents until the first targets cross their plane."""
+    found = consistency(*guess)[:until]
+    assert found.min() > 0.8
+    assert found.max() < 1.35
+
+
+def test_among_outliers_the_first_step_claims_no_more_than_that_it_may_have_some():
+    found = consistency("sensor.outlier_probability=0.3", base="outliers")
+    assert 0.8 < found[0] < 1.3
+    assert consistency("sensor.outlier_probability=0.3", "filter.defaults=3", base="outliers")[0] > 50.0
+
+
+def test_earlier_rules_left_the_targets_own_motion_out_of_the_claimed_error():
+    assert consistency("filter.defaults=3").max() > 1.5
+
+
+def test_the_network_begins_as_well_as_one_that_knows_all():
+    """The paper's MSEE over the first 20 steps: that of a filter with all guesses and all ranges."""
+    runs = [load("tracking", ["steps=20"]).scenario.model_copy(update={"seed": 1 + k}) for k in range(60)]
+    off = np.array([np.sum((one.estimates - one.truth) ** 2, axis=2) for one in simulate(runs)])
+    assert np.mean(off[:, :, 0]) < 1.1 * (3.0 / 6.0 + 0.16**2)
+    earlier = [run.model_copy(update={"filter": run.filter.model_copy(update={"defaults": 3})}) for run in runs]
+    before = np.array([np.sum((one.estimates - one.truth) ** 2, axis=2) for one in simulate(earlier)])
+    assert np.mean(off) < 0.6 * np.mean(before)
+
+
 def test_all_agents_look_for_the_target_in_the_same_place_whatever_the_seed():
     searches = [Plan(load("tracking", [f"seed={seed}"]).scenario).search for seed in (1, 2)]
     for first, second in zip(*searches, strict=True):

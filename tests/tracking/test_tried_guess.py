@@ -78,9 +78,9 @@ def settings(**other):
     return FilterSettings(motion, Space(), 0.1, 2.0, 6, search=search, **found)
 
 
-def asked(ranges):
+def asked(ranges, **other):
     """What one of six agents at the origin says in step 4, of a target that its guess has 10 m away."""
-    filter_ = make_filter("sicf", settings())
+    filter_ = make_filter("sicf", settings(**other))
     belief = Belief(np.array([[10.0, 0, 0, 0, 0, 0]]), np.diag([1.0] * 3 + [1e-4] * 3)[None])
     for range_ in ranges:
         own = Measurement(np.zeros((1, 3)), np.array([range_]), np.zeros(1), np.empty((1, 0, 3)), np.empty((1, 0)))
@@ -89,12 +89,24 @@ def asked(ranges):
     return update.payload[0]
 
 
-def test_agents_say_whether_their_ranges_fit_and_nothing_else():
+def test_agents_say_whether_their_ranges_fit():
     enough = 0.5 * 3.5 / 6
     for ranges, share in (([10.0, 10.1, 9.9, 10.0], 1 - enough), ([90.0, 10, 90, 90], 1 - enough), ([np.nan] * 4, 0.0)):
-        payload = asked(ranges)
+        assert asked(ranges)[0] == pytest.approx(share)
+        # By earlier rules they said nothing else.
+        payload = asked(ranges, guesses=None)
         assert payload[0] == pytest.approx(share)
         assert not payload[1:].any()
+
+
+def test_while_agents_ask_the_newest_ranges_count():
+    payload = asked([10.0, 10.1, 9.9, 10.05])
+    # Along x, where the target is: the precision of a range, and that times how much farther off it is.
+    assert payload[4] == pytest.approx(1.0 / 0.1**2)
+    assert payload[1] > 0.0
+    assert not payload[[2, 3, 5, 6, 7, 8, 9]].any()
+    assert not payload[10:].any()
+    assert not asked([10.0, 10.1, 9.9, np.nan])[1:].any()
 
 
 @pytest.mark.parametrize(

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from zenoh_cbef.arrays import Floats
@@ -19,12 +17,5 @@ def known_together(plan: Plan) -> Floats:
     """
     if plan.recorded:
         return plan.initial_covariance
-    chosen, std = plan.scenario.filter, start.initial_std(plan.scenario)
-    number = np.repeat([_guesses(plan, chosen.initial_position), _guesses(plan, chosen.initial_velocity)], 3)
-    return np.asarray(np.diag((std**2 / number)[plan.space.kept]))
-
-
-def _guesses(plan: Plan, given: Sequence[float] | Sequence[Sequence[float]] | None) -> int:
-    """How many independent guesses there are."""
-    shared = given is not None and not isinstance(given[0], Sequence)
-    return 1 if shared else plan.scenario.count
+    std = start.initial_std(plan.scenario) / np.sqrt(np.repeat(start.guesses(plan.scenario), 3))
+    return np.asarray(np.diag((std**2)[plan.space.kept]))

@@ -70,9 +70,8 @@ class Plan:
         biased = trust.may_be_biased(self.scenario) and self.scenario.filter.bias != "none"
         single = self.distrusts_others or (self.scenario.filter.recovery and self.scenario.filter.defaults < 4)
         alone = biased or single or not self.abilities.models
-        if not switches(self.scenario, alone=alone):
-            return ()
-        return assumed_models(self.scenario, self.range_std, self.space.axes)
+        several = switches(self.scenario, alone=alone)
+        return assumed_models(self.scenario, self.range_std, self.space.axes) if several else ()
 
     @cached_property
     def plain_motion(self) -> LinearMotion:
@@ -167,10 +166,11 @@ class Plan:
             own_bias_std=0.15 * range_std if chosen.bias_own_std is None else chosen.bias_own_std,
             learns_noise=chosen.range_std == "auto",
             first_fix=self.first_fix_steps,
-            ending=self.power if start.among_outliers(scenario) else 1,
+            outliers=start.outliers(scenario),
             squared_fix=start.squared_steps(scenario, self.first_fix_steps),
             tries_guess=self.search is not None and start.tries_guess(scenario),
             search=self.search,
+            guesses=start.guesses(scenario) if chosen.defaults > 3 else None,
         )
 
     @cached_property

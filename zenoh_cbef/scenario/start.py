@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from zenoh_cbef import streams
@@ -95,6 +97,12 @@ def among_outliers(scenario: Scenario) -> bool:
     return scenario.filter.defaults > 2 and scenario.sensor.outlier_probability > 0.0
 
 
+def outliers(scenario: Scenario) -> tuple[float, float] | None:
+    """What share of the ranges are outliers, and their mean, m, where a first fix takes them into account."""
+    sensor = scenario.sensor
+    return (sensor.outlier_probability, sensor.outlier_scale) if among_outliers(scenario) else None
+
+
 def tries_guess(scenario: Scenario) -> bool:
     """Whether a first fix tries the guess: where ranges are straight lines over how far that may be off."""
     sag = initial_std(scenario)[0] ** 2 / (2.0 * max(half_box(scenario), 1e-3))
@@ -119,6 +127,18 @@ def anywhere(scenario: Scenario, motion: Motion, space: Space) -> tuple[Floats, 
     """Where a fix looks for the target, as a state of the filter (1, s) with its covariance (1, s, s)."""
     state, std = (each[space.kept] for each in search(scenario))
     return begun(motion, state[None], np.diag(std**2)[None])
+
+
+def guesses(scenario: Scenario) -> tuple[int, int]:
+    """How many guesses of position, and of velocity, agents make independently of one another: one if it is given."""
+    chosen = scenario.filter
+    if scenario.target.motion == "dataset":
+        return 1, 1
+    return _independent(chosen.initial_position, scenario.count), _independent(chosen.initial_velocity, scenario.count)
+
+
+def _independent(given: Sequence[float] | Sequence[Sequence[float]] | None, count: int) -> int:
+    return 1 if given is not None and not isinstance(given[0], Sequence) else count
 
 
 def middle(scenario: Scenario) -> tuple[float, ...]:

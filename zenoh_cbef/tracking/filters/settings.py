@@ -26,7 +26,10 @@ class FilterSettings:
     the target, state (1, s) and covariance (1, s, s); None: around the guess. models: the motions between which the
     target switches, the most agile one last; none: it moves by `motion` alone. leaving: the probability that it leaves
     its motion in a step. middle: a point near all agents, the same for all, m. squares: whether agents share squared
-    ranges, and linearise what averaging leaves. ending: the power of the saturation in a first fix's second half.
+    ranges, and linearise what averaging leaves. outliers: what share of the ranges are too long, and by how much (m) on
+    average, where the scenario tells so and a first fix takes it into account.
+    guesses: how many of the agents' guesses of position, and of velocity, are independent; None: a first fix by rules
+    before the fourth, see there.
     """
 
     motion: Motion
@@ -57,4 +60,5 @@ class FilterSettings:
     leaving: float = 0.0
     middle: tuple[float, ...] = (0.0, 0.0, 0.0)
     squares: bool = False
-    ending: int = 1
+    outliers: tuple[float, float] | None = None
+    guesses: tuple[int, int] | None = (1, 1)

@@ -8,6 +8,7 @@ from typing import ClassVar, Self
 import numpy as np
 
 from zenoh_cbef.tracking.diagnostics import Diagnostics
+from zenoh_cbef.tracking.filters.around.remembered_ranges import Remembered, Wandering
 from zenoh_cbef.tracking.filters.around.squared_ranges import Frame, Seen, SquaredRanges
 from zenoh_cbef.tracking.filters.around.wrapping import Wrapping
 from zenoh_cbef.tracking.filters.base import Belief, Filter, Floats, Update
@@ -23,7 +24,7 @@ from zenoh_cbef.tracking.filters.information_form import (
 from zenoh_cbef.tracking.filters.settings import FilterSettings
 from zenoh_cbef.tracking.linalg import inverse, matvec, neighbour_sum, outer
 from zenoh_cbef.tracking.motion import Motion
-from zenoh_cbef.tracking.ranging import Measurement, Space, own_range
+from zenoh_cbef.tracking.ranging import Measurement, Space
 
 
 @dataclass(frozen=True)
@@ -37,18 +38,23 @@ class FirstFix(Wrapping):
     ranges again in every step at the latest estimate, which the agents agree on, carried back along its velocity
     (Gauss-Newton); the prior is the initial estimate:
 
-        variance of a range that is t old:  sigma^2 + (q t^2/2)^2 + m beta^2
+        variance of a range that is t old:  sigma^2 + q^2 D t^3/3 + m beta^2
         saturation of innovation z:         w = min(1, xi s/|z|),  s^2 = H P H^T + variance + (H dx)^2
 
     dx is the latest iteration's correction: while it is large, no range counts as an outlier. The second term
-    of the variance stands for the target's motion since then; the third keeps a bias of variance beta^2 from averaging
-    out over the m ranges that an agent has. After the last of these steps `filter` starts from the fix.
+    of the variance stands for the target's motion since then, which all ranges have in common (Wandering); the third
+    keeps a bias of variance beta^2 from averaging out over the m ranges that an agent has. Where guesses of position
+    and velocity are independent of one another, their mean is the prior, and surer than each by their number. After the
+    last of these steps `filter` starts from the fix.
 
     range_std: sigma (m). bias_std: beta (m). network_size: n. steps: how many it takes. payload_size: the filter's, to
     which messages are filled up. xi: saturation level in standard deviations. ending: the power of the saturation in
     the second half of the steps, if it is more than `power`. squared: how many steps are on squared ranges; None: half
     of them. search: where these look for the target, state (1, s) and covariance (1, s, s), the same for all agents;
-    None: around the initial estimate, which has to be the same for all of them then.
+    None: around the initial estimate, which has to be the same for all of them then. guesses: how many of position and
+    of velocity are independent; None: one, and by rules before the fourth, which knew nothing of outliers, took the
+    motion for noise of every range by itself, (q t^2/2)^2, left velocities alone in squared steps, and |q|^2 an unknown
+    of its own. outliers: what share of the ranges are too long, and by how much on average, m (_contamination).
     """
 
     power: ClassVar[int] = 1
@@ -65,6 +71,8 @@ class FirstFix(Wrapping):
     ending: int = 1
     squared: int | None = None
     search: tuple[Floats, Floats] | None = None
+    guesses: tuple[int, int] | None = (1, 1)
+    outliers: tuple[float, float] | None = None
 
     @classmethod
     def of(cls, settings: FilterSettings, then: Filter, xi: float, payload_size: int) -> Self:
@@ -80,14 +88,20 @@ class FirstFix(Wrapping):
             steps=settings.first_fix,
             payload_size=payload_size,
             xi=xi,
-            ending=settings.ending,
+            ending=settings.power if settings.outliers else 1,
+            outliers=settings.outliers,
             squared=settings.squared_fix,
             search=settings.search,
+            guesses=settings.guesses,
         )
 
     @property
-    def _squared(self) -> SquaredRanges:
-        return SquaredRanges(self.space, self.network_size, self.xi)
+    def careful(self) -> bool:
+        """Whether the fix counts once what its ranges have in common, by the fourth rules."""
+        return self.guesses is not None
+
+    def _squared(self, step: int) -> SquaredRanges:
+        return SquaredRanges(self.space, self.network_size, self.xi, rate=step > 1 or not self.careful)
 
     def update(self, belief: Belief, measurement: Measurement) -> Update:
         """The agent's share of the information in all ranges so far."""
@@ -122,7 +136,8 @@ class FirstFix(Wrapping):
     def _at_rest(self, prior: Belief, latest: Belief, seen: Seen, variance: Floats) -> Floats:
         """The payload of squared ranges. latest: where their residuals are weighed; variance: of ranges, (n, k)."""
         axes, wide = self.space.axes, self._wide(prior, seen.steps)
-        payload = self._squared.payload(
+        squared = self._squared(seen.steps)
+        payload = squared.payload(
             self._frame(wide),
             Belief(latest.state[:, :axes], latest.known_covariance[:, :axes, :axes]),
             seen,
@@ -130,13 +145,13 @@ class FirstFix(Wrapping):
             speed=np.sqrt(wide.known_covariance[:, axes, axes]),
             guess=None if wide is prior else Belief(prior.state[:, :axes], prior.known_covariance[:, :axes, :axes]),
         )
-        return self._filled(payload)
+        rest = prior.state[:, self._others(seen.steps)]
+        return self._filled(np.concatenate([payload, rest], axis=1))
 
     def _moving(self, prior: Belief, rows: Rows) -> Floats:
         """The payload of linearised ranges."""
         information = inverse(prior.known_covariance) / self.network_size
-        matrix = information + neighbour_sum(rows.matrices).reshape(information.shape)
-        return self._filled(pack(matvec(information, prior.state) + neighbour_sum(rows.vectors), matrix))
+        return self._filled(pack(matvec(information, prior.state) + rows.vector, information + rows.matrix))
 
     def _filled(self, payload: Floats) -> Floats:
         return np.pad(payload, ((0, 0), (0, self.payload_size - payload.shape[1])))
@@ -148,12 +163,21 @@ class FirstFix(Wrapping):
         return Belief(averaged.state, averaged.known_covariance / self.network_size)
 
     def _fix_at_rest(self, payload: Floats, own: Floats, prior: Belief, step: int) -> Belief:
-        axes = self.space.axes
-        place = self._squared.solve(payload, own, self._frame(self._wide(prior, step)))
+        axes, squared, others = self.space.axes, self._squared(step), self._others(step)
+        frame = self._frame(self._wide(prior, step))
+        place = squared.solve(payload, own, frame, joined=self.careful)
         covariance = np.array(prior.known_covariance)
         covariance[:, :axes] = covariance[:, :, :axes] = 0.0
         covariance[:, :axes, :axes] = place.known_covariance
-        return Belief(np.concatenate([place.state, prior.state[:, axes:]], axis=1), covariance)
+        state = np.concatenate([place.state, prior.state[:, axes:]], axis=1)
+        state[:, others] = payload[:, squared.size :][:, : state[:, others].shape[1]]
+        return Belief(state, covariance)
+
+    def _others(self, step: int) -> slice:
+        """The components of a state that agents average beside squared ranges: all others, where there is room."""
+        axes, size = self.space.axes, self.motion.size
+        room = self.payload_size - self._squared(step).size
+        return slice(axes, size if self.careful and room >= size - axes else axes)
 
     def _squares(self, step: int) -> bool:
         return step <= self._squared_steps
@@ -181,7 +205,7 @@ class FirstFix(Wrapping):
         new = Seen(measurement.position[:, None], measurement.age[:, None], measurement.range[:, None])
         latest = Belief(*predict(self.motion, belief))
         if not belief.memory:
-            return latest, latest, new, np.zeros_like(belief.state)
+            return latest, self._together(belief), new, np.zeros_like(belief.state)
         state, covariance, positions, ages, ranges, correction = belief.memory[:6]
         seen = Seen(
             np.concatenate([positions, new.positions], axis=1),
@@ -190,39 +214,50 @@ class FirstFix(Wrapping):
         )
         return latest, Belief(*predict(self.motion, Belief(state, covariance))), seen, correction
 
+    def _together(self, belief: Belief) -> Belief:
+        """The initial estimates, carried to the first step, with what all of them together are worth."""
+        axes, scale = self.space.axes, np.ones(self.motion.size)
+        scale[:axes], scale[axes : 2 * axes] = (number**-0.5 for number in self.guesses or (1, 1))
+        known = belief.known_covariance * outer(scale, scale)
+        return Belief(*predict(self.motion, Belief(belief.state, known)))
+
     def _linearised(
         self, latest: Belief, seen: Seen, correction: Floats, measurement: Measurement
     ) -> tuple[Floats, Rows]:
-        """Variance of the ranges but for motion, (n, 1), m^2, and all ranges linearised at the latest fix."""
+        """Variance of the ranges but for motion, m^2, (n, 1) or (n, k), and all ranges linearised at the latest fix."""
         alike = self.bias_std**2 * neighbour_sum(np.isfinite(seen.ranges).astype(np.float64))
         variance = (variance_of(measurement, self.range_std) + alike)[:, None]
-        drift = 0.5 * self.motion.acceleration_std * seen.ages**2
-        return variance, self._rows(seen, latest.state, latest.known_covariance, correction, variance + drift**2)
+        ranges = Remembered.at(self.space, latest.state, seen)
+        if self.outliers and self.careful:
+            expected = ranges.expected(latest.known_covariance) + variance
+            # In the first step squared ranges are not weighed yet.
+            level = self.xi * np.sqrt(expected) if seen.steps > 1 else np.full_like(expected, np.inf)
+            variance = variance + _contamination(*self.outliers, level)
+        return variance, self._rows(ranges, latest, correction, variance)
 
-    def _rows(self, seen: Seen, state: Floats, covariance: Floats, correction: Floats, variance: Floats) -> Rows:
-        """All ranges linearised at a state."""
-        count, kept = seen.ranges.shape
-        predicted, rows = own_range(
-            self.space, np.repeat(state, kept, axis=0), seen.positions.reshape(-1, 3), seen.ages.ravel()
-        )
-        rows = rows.reshape(count, kept, -1)
-        measured = np.isfinite(seen.ranges)
-        innovation = np.where(measured, seen.ranges - predicted.reshape(count, kept), 0.0)
-        expected = np.sum(rows * matvec(covariance[:, None], rows), axis=2) + variance
-        moved = np.sum(rows * correction[:, None], axis=2) ** 2
+    def _rows(self, ranges: Remembered, latest: Belief, correction: Floats, variance: Floats) -> Rows:
+        """All ranges, weighed."""
+        steps = ranges.ages.shape[1]
+        drift = self._wandering.covariance(ranges.ages, ranges.ages)
+        if not self.careful:
+            drift = (0.5 * self.motion.acceleration_std * ranges.ages**2) ** 2
+        expected = ranges.expected(latest.known_covariance) + (variance + drift)
+        moved = np.sum(ranges.rows * correction[:, None], axis=2) ** 2
         spread = np.sqrt(expected + self._excused(moved, expected))
-        weight = saturation(
-            innovation, self.xi * spread, self.power if 2 * kept <= self.steps else max(self.power, self.ending)
-        )
-        precision = np.where(measured, weight, 0.0) / variance
-        equivalent = innovation + np.sum(rows * state[:, None], axis=2)
-        squares = outer(rows, rows).reshape(count, kept, -1)
-        return Rows(
-            (precision * equivalent)[:, :, None] * rows,
-            precision[:, :, None] * squares,
-            weight,
-            told(measured[:, -1], innovation[:, -1], weight[:, -1], spread[:, -1]),
-        )
+        power = self.power if 2 * steps <= self.steps else max(self.power, self.ending)
+        weight = saturation(ranges.innovation, self.xi * spread, power)
+        if self.careful:
+            vector, matrix = ranges.joint_information(weight, variance, self._wandering, self.space.axes)
+        else:
+            vector, matrix = ranges.information(weight, variance + drift)
+        newest = ranges.newest(weight, variance, self.space.axes)
+        last = told(ranges.measured[:, -1], ranges.innovation[:, -1], weight[:, -1], spread[:, -1])
+        return Rows(vector, matrix, newest, weight, last)
+
+    @property
+    def _wandering(self) -> Wandering:
+        share = max(1.0, self.network_size / self.space.axes)
+        return Wandering(self.motion.acceleration_std**2 * self.motion.dt, share)
 
     def _excused(self, moved: Floats, expected: Floats) -> Floats:
         """By how much a correction widens what ranges (n, k) may be off, m^2; moved: by how much it moved them."""
@@ -230,11 +265,25 @@ class FirstFix(Wrapping):
         return moved
 
 
+def _contamination(share: float, mean: float, level: Floats) -> Floats:
+    """What outliers that are not told from ranges add to a range's variance, m^2.
+
+    Those below the level, m, at which ranges saturate pass for ranges. Of exponential errors of this mean (m), for
+    short levels, share/(1 - share) * integral of z^2/mean up to the level; for long ones all of them, of variance
+    2 mean^2.
+    """
+    return np.asarray(share / (1.0 - share) * np.minimum(level**3 / (3.0 * mean), 2.0 * mean**2))
+
+
 @dataclass(frozen=True)
 class Rows:
-    """Information of ranges, (n, k, s) and (n, k, s^2), their weights (n, k), and what is said of the latest, (n,)."""
+    """Information of ranges, (n, s) and (n, s, s), their weights (n, k), and what is said of the latest, (n,).
 
-    vectors: Floats
-    matrices: Floats
+    newest: what the latest alone tells of the position, packed.
+    """
+
+    vector: Floats
+    matrix: Floats
+    newest: Floats
     weight: Floats
     latest: Diagnostics

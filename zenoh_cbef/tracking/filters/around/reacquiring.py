@@ -107,10 +107,10 @@ class Reacquiring(Wrapping):
     @classmethod
     def of(cls, settings: FilterSettings, around: Knowing, xi: float, payload_size: int) -> Reacquiring:
         """Around a filter that says its status. payload_size: of that filter."""
-        fix = replace(
-            FirstFix.of(settings, around, xi, payload_size), steps=np.iinfo(np.int64).max, search=settings.anywhere
-        )
-        squares, refines = replace(fix, squared=np.iinfo(np.int64).max), replace(fix, squared=0)
+        guesses, ever = settings.guesses and (1, 1), np.iinfo(np.int64).max
+        fix = FirstFix.of(settings, around, xi, payload_size)
+        fix = replace(fix, steps=ever, search=settings.anywhere, guesses=guesses)
+        squares, refines = replace(fix, squared=ever), replace(fix, squared=0)
         if settings.anywhere is None:
             raise ValueError("a filter that looks for its target again has to know where that may be")
         return cls(around, settings, squares, refines, settings.reacquires, settings.anywhere)

@@ -49,17 +49,24 @@ class SquaredRanges:
     changes all ranges alike; the rest of its motion, noise of 2 |a_i| |v| t/L, is small where the agents are close
     together. Where rows are too few, the prior q ~ N(0, I) decides.
 
-    network_size: n. xi: saturation of a row's residual in standard deviations, at the latest solution.
+    network_size: n. xi: saturation of a row's residual in standard deviations, at the latest solution. rate: whether
+    d|q|^2/dt is an unknown; ranges that are all new do without it.
     """
 
     space: Space
     network_size: int
     xi: float
+    rate: bool = True
+
+    @property
+    def unknowns(self) -> int:
+        """How many there are."""
+        return self.space.axes + 1 + self.rate
 
     @property
     def size(self) -> int:
         """Numbers in a payload."""
-        return packed_size(self.space.axes + 2)
+        return packed_size(self.unknowns)
 
     def payload(
         self, frame: Frame, fix: Belief, seen: Seen, *, variance: Floats, speed: Floats, guess: Belief | None = None
@@ -79,32 +86,51 @@ class SquaredRanges:
         if self.space.height is not None:
             square -= (self.space.height - seen.positions[:, :, 2]) ** 2 / unit**2
         rows = np.concatenate([-2.0 * at, np.ones_like(at[:, :, :1]), -seen.ages[:, :, None]], axis=2)
+        rows = rows[:, :, : self.unknowns]
         moved = speed[:, None] * seen.ages / unit
         noise = (2.0 * ranges / unit**2) ** 2 * variance + 2.0 * (variance / unit**2) ** 2
         noise = noise + 4.0 * reach * moved**2 + moved**4
+        receding = (2.0 * ranges / unit * moved) ** 2
+        if not self.rate:
+            noise, receding = noise + receding, np.zeros_like(receding)
         place = (fix.state - frame.middle) / unit
         residual = square + 2.0 * np.sum(at * place[:, None], axis=2) - np.sum(place * place, axis=1)[:, None]
         slope = 2.0 * (place[:, None] - at) / unit[:, :, None]
-        tolerance = noise + (2.0 * ranges / unit * moved) ** 2
+        tolerance = noise + receding
         spread = np.sqrt(tolerance + np.sum(slope * matvec(fix.known_covariance[:, None], slope), axis=2))
         precision = np.where(measured, saturation(residual, self.xi * spread), 0.0) / noise
         information = neighbour_sum(precision[:, :, None] * outer(rows, rows).reshape(*measured.shape, -1))
-        prior = np.zeros((len(unit), axes + 2, axes + 2))
+        prior = np.zeros((len(unit), self.unknowns, self.unknowns))
         prior[:, range(axes), range(axes)] = 1.0 / self.network_size
         prior[:, axes, axes] = _LOOSE**-2 / self.network_size
-        rate = np.full(len(unit), _LOOSE) if guess is None else _LOOSE * speed / frame.unit
-        prior[:, -1, -1] = rate**-2 / self.network_size
+        if self.rate:
+            loose = np.full(len(unit), _LOOSE) if guess is None else _LOOSE * speed / frame.unit
+            prior[:, -1, -1] = loose**-2 / self.network_size
         vector = neighbour_sum((precision * square)[:, :, None] * rows)
-        matrix = information.reshape(-1, axes + 2, axes + 2) + prior
+        matrix = information.reshape(prior.shape) + prior
         if guess is not None:
             known = inverse(guess.known_covariance / unit[:, :, None] ** 2) / self.network_size
             vector[:, :axes] += matvec(known, (guess.state - frame.middle) / unit)
             matrix[:, :axes, :axes] += known
         return pack(vector, matrix)
 
-    def solve(self, payload: Floats, own: Floats, frame: Frame) -> Belief:
-        """Position and its covariance from averaged payloads; own: the agent's, to fall back on."""
+    def solve(self, payload: Floats, own: Floats, frame: Frame, *, joined: bool = False) -> Belief:
+        """Position and its covariance from averaged payloads; own: the agent's, to fall back on.
+
+        joined: whether the unknown |q|^2 is the square of the unknown q. It is, to first order about the solution for
+        which it is none, q ~ N(m, C):  |q|^2 = 2 m^T q - |m|^2 + tr C + d,  d ~ N(0, 2 tr C^2).
+        """
         axes, unit = self.space.axes, frame.unit[:, None]
-        solved = belief_of(payload[:, : self.size], own[:, : self.size], axes + 2)
-        spread = solved.known_covariance[:, :axes, :axes] / self.network_size
-        return Belief(frame.middle + unit * solved.state[:, :axes], unit[:, :, None] ** 2 * spread)
+        solved = belief_of(payload[:, : self.size], own[:, : self.size], self.unknowns)
+        state, spread = solved.state, solved.known_covariance / self.network_size
+        if joined:
+            place, wide = state[:, :axes], spread[:, :axes, :axes]
+            row = np.zeros_like(state)
+            row[:, :axes], row[:, axes] = -2.0 * place, 1.0
+            flat, cross = wide.reshape(len(wide), -1), matvec(spread, row)
+            level = np.add.reduce(wide[:, range(axes), range(axes)], axis=1) - np.add.reduce(place * place, axis=1)
+            variance = np.add.reduce(row * cross, axis=1) + 2.0 * np.add.reduce(flat * flat, axis=1)
+            gain = cross / variance[:, None]
+            state = state + gain * (level - np.add.reduce(row * state, axis=1))[:, None]
+            spread = spread - outer(gain, cross)
+        return Belief(frame.middle + unit * state[:, :axes], unit[:, :, None] ** 2 * spread[:, :axes, :axes])

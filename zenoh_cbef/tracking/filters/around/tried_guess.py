@@ -10,8 +10,9 @@ import numpy as np
 from zenoh_cbef.tracking.filters.around.first_fix import FirstFix, Rows
 from zenoh_cbef.tracking.filters.around.squared_ranges import Seen
 from zenoh_cbef.tracking.filters.base import Belief, Filter, Floats, Update
-from zenoh_cbef.tracking.filters.information_form import pack
+from zenoh_cbef.tracking.filters.information_form import belief_of, pack, packed_size
 from zenoh_cbef.tracking.filters.settings import FilterSettings
+from zenoh_cbef.tracking.linalg import inverse, unpack_upper
 from zenoh_cbef.tracking.ranging import Bools, Measurement
 
 FITTING = 0.2
@@ -46,9 +47,10 @@ class TriedGuess(FirstFix):
     S is the innovation's variance, k the step: what a correction dx excuses halves from step to step, as in graduated
     non-convexity (Yang, Antonante, Tzoumas, Carlone, IEEE RA-L 5(2), 2020). With three axes any three ranges fit some
     place, so c is at least 3.5/n, and a half; at the first trial half of that. While the agents ask, a message says
-    nothing else, and the estimate is the prediction. An agent whose guess failed forgets it, takes `squared` steps
-    on squared ranges without weights, and goes on as the others. One that decides differently, as averaging has left
-    off before all agree, shares in these steps what others cannot use, and comes back to them afterwards.
+    besides only what the newest range tells of the position, and the prediction takes that in. An agent whose guess
+    failed forgets it, takes `squared` steps on squared ranges without weights, and goes on as the others. One that
+    decides differently, as averaging has left off before all agree, shares in these steps what others cannot use, and
+    comes back to them afterwards.
     """
 
     power: ClassVar[int] = 4
@@ -61,7 +63,8 @@ class TriedGuess(FirstFix):
         variance, rows = self._linearised(latest, seen, correction, measurement)
         left = belief.memory[-1] if belief.memory else np.ones(len(latest.state))
         if self._asks(seen.steps):
-            payload = self._filled(self._fitting(rows, seen)[:, None])
+            fits = self._fitting(rows, seen)[:, None]
+            payload = self._filled(np.concatenate([fits, rows.newest], axis=1) if self.careful else fits)
         else:
             wide = self._wide(prior, seen.steps)
             begins = left == self._squared_steps
@@ -83,9 +86,12 @@ class TriedGuess(FirstFix):
             prior = _either(failed, self._wide(prior, step), prior)
             left = np.where(failed, self._squared_steps, left)
             known = prior.state, prior.known_covariance
-            return Belief(predicted, covariance, memory=(*known, *history[2:], correction, left))
-        squares, axes = left > 0.0, self.space.axes
-        mixed, own = (_sound(part, squares, axes + 2) for part in (payload, update.payload))
+            fix = Belief(predicted, covariance)
+            if self.careful:
+                fix = self._ahead(fix, payload[:, 1:])
+            return replace(fix, memory=(*known, *history[2:], correction, left))
+        squares, squared = left > 0.0, self._squared(step)
+        mixed, own = (_sound(part, squares, squared.unknowns) for part in (payload, update.payload))
         resting = self._fix_at_rest(mixed, own, prior, step)
         mixed, own = (_sound(part, ~squares, self.motion.size) for part in (payload, update.payload))
         fix = _either(squares, resting, self._fix_moving(mixed, own))
@@ -95,6 +101,16 @@ class TriedGuess(FirstFix):
         left = np.where(squares, left - 1.0, left)
         left = np.where(squares & (left == 0.0) & (step > 1), -1.0, left)
         return replace(fix, memory=(*history, fix.state - predicted, left))
+
+    def _ahead(self, latest: Belief, payload: Floats) -> Belief:
+        """A fix that takes in the newest ranges only, from an average of what they tell of the position."""
+        axes, more = self.space.axes, self.network_size * payload
+        known = inverse(latest.known_covariance)
+        matrix, vector = known.copy(), np.zeros_like(latest.state)
+        matrix[:, :axes, :axes] += unpack_upper(more[:, axes : packed_size(axes)], axes)
+        vector[:, :axes] = more[:, :axes]
+        moved = belief_of(pack(vector, matrix), pack(np.zeros_like(vector), known), self.motion.size)
+        return Belief(latest.state + moved.state, moved.covariance)
 
     def _asks(self, step: int) -> bool:
         return step in {self.steps // 5, 2 * self.steps // 5}
@@ -125,5 +141,5 @@ def _either(rows: Bools, first: Belief, second: Belief) -> Belief:
 def _sound(payload: Floats, rows: Bools, size: int) -> Floats:
     """Payloads (n, d) of information on x (s,); those of other than some rows (n,) say nothing, soundly."""
     nothing = pack(np.zeros((1, size)), np.eye(size)[None])
-    short = payload[:, : nothing.shape[1]]
-    return np.ascontiguousarray(np.where(rows[:, None], short, nothing))
+    nothing = np.pad(nothing, ((0, 0), (0, payload.shape[1] - nothing.shape[1])))
+    return np.ascontiguousarray(np.where(rows[:, None], payload, nothing))

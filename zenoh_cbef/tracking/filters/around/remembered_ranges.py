@@ -1,0 +1,96 @@
+"""An agent's ranges of several steps, linearised at one state of the target: what they tell of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from zenoh_cbef.arrays import Bools, Floats
+from zenoh_cbef.tracking.filters.around.squared_ranges import Seen
+from zenoh_cbef.tracking.filters.information_form import pack
+from zenoh_cbef.tracking.linalg import inverse, matvec, neighbour_sum, outer
+from zenoh_cbef.tracking.ranging import Space, own_range
+
+
+@dataclass(frozen=True)
+class Wandering:
+    """How far a target is off a straight line, backwards from its latest state: white acceleration, twice integrated.
+
+        cov(a, b) = q^2 D a^2 (3 b - a)/6 on every axis,   a <= b, both s
+
+    power: q^2 D, m^2/s^3. share: how many times an agent counts it. One target wanders for all agents: if each of n
+    counted its way as noise of its own, their sum would claim n times too much. So each takes that noise for n times as
+    large (Carlson's federated filter, IEEE TAES 26(3), 1990), or for n over the number of axes: agents see one axis
+    each, and the trace of what all learn of the way is then as it should be.
+    """
+
+    power: float
+    share: float
+
+    def covariance(self, first: Floats, second: Floats) -> Floats:
+        """Of two times, s, elementwise: m^2."""
+        short, long = np.minimum(first, second), np.maximum(first, second)
+        return np.asarray(self.power / 6.0 * short * short * (3.0 * long - short))
+
+
+@dataclass(frozen=True)
+class Remembered:
+    """Ranges of k steps: rows (n, k, s), innovations and ages (n, k), whether measured (n, k). 0 where they were not.
+
+    state: (n, s), where they are linearised.
+    """
+
+    state: Floats
+    rows: Floats
+    innovation: Floats
+    ages: Floats
+    measured: Bools
+
+    @classmethod
+    def at(cls, space: Space, state: Floats, seen: Seen) -> Self:
+        """Ranges that were seen, at states (n, s)."""
+        count, kept = seen.ranges.shape
+        predicted, rows = own_range(
+            space, np.repeat(state, kept, axis=0), seen.positions.reshape(-1, 3), seen.ages.ravel()
+        )
+        measured = np.isfinite(seen.ranges)
+        innovation = np.where(measured, seen.ranges - predicted.reshape(count, kept), 0.0)
+        return cls(state, rows.reshape(count, kept, -1), innovation, seen.ages, measured)
+
+    def expected(self, covariance: Floats) -> Floats:
+        """H P H^T of covariances (n, s, s): (n, k), m^2."""
+        return np.asarray(np.sum(self.rows * matvec(covariance[:, None], self.rows), axis=2))
+
+    @property
+    def _equivalent(self) -> Floats:
+        """What linear ranges would have been."""
+        return np.asarray(self.innovation + np.sum(self.rows * self.state[:, None], axis=2))
+
+    def information(self, weight: Floats, variance: Floats) -> tuple[Floats, Floats]:
+        """Vector (n, s) and matrix (n, s, s) of ranges whose errors (n, k), m^2, are independent of one another."""
+        precision = np.where(self.measured, weight, 0.0) / variance
+        squares = outer(self.rows, self.rows)
+        matrix = neighbour_sum((precision[:, :, None, None] * squares).reshape(*precision.shape, -1))
+        vector = neighbour_sum((precision * self._equivalent)[:, :, None] * self.rows)
+        return vector, matrix.reshape(-1, *squares.shape[2:])
+
+    def newest(self, weight: Floats, variance: Floats, axes: int) -> Floats:
+        """What the last range tells of the position, (n, axes), counted from where it is linearised; packed."""
+        row = self.rows[:, -1, :axes]
+        precision = np.where(self.measured[:, -1], weight[:, -1], 0.0) / variance[:, -1]
+        vector = (precision * self.innovation[:, -1])[:, None] * row
+        return pack(vector, precision[:, None, None] * outer(row, row))
+
+    def joint_information(
+        self, weight: Floats, variance: Floats, wandering: Wandering, axes: int
+    ) -> tuple[Floats, Floats]:
+        """The same of ranges that the target's way, besides, makes wrong together."""
+        rows = np.where(self.measured[:, :, None], self.rows, 0.0)
+        alike = rows[:, :, :axes] @ rows[:, :, :axes].swapaxes(1, 2)
+        noise = wandering.share * alike * wandering.covariance(self.ages[:, :, None], self.ages[:, None])
+        steps = range(self.ages.shape[1])
+        noise[:, steps, steps] += np.where(self.measured, variance / weight, 1.0)
+        gain = rows.swapaxes(1, 2) @ inverse(noise)
+        return matvec(gain, self._equivalent), gain @ rows
