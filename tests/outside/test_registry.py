@@ -152,7 +152,7 @@ def test_several_runs_are_named():
         assert process.stdin is not None
         assert process.stdout is not None
         assert process.stdout.readline() == b"registered\n"
-        with pytest.raises(UserError, match="there is elsewhere, one"):
+        with pytest.raises(UserError, match="there are the runs elsewhere, one; say which"):
             find_run(None)
         process.stdin.close()
 

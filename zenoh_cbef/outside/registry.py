@@ -138,7 +138,8 @@ def find_run(run: str | None) -> KnownRun:
     runs = known_runs()
     if run is None and len(runs) == 1:
         return next(iter(runs.values()))
-    there = f"there is {', '.join(runs)}" if runs else "there is none"
+    several = "are the runs" if len(runs) > 1 else "is run"
+    there = f"there {several} {', '.join(runs)}" if runs else "there is none"
     lacking = not runs if run is None else run not in runs
     others = {name: user for name, user in others_runs().items() if run in {None, name}} if lacking else {}
     if others:

@@ -1,0 +1,132 @@
+"""Two processes that reach the target alone hear each other through it: real sessions in one process."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import pytest
+import zenoh
+
+from tests.processes.conftest import unused_port
+from zenoh_cbef.protocol.claims import Claims, claim, serve_claims
+from zenoh_cbef.protocol.detour import Detour
+from zenoh_cbef.protocol.directory import Apart, Directory, Place, Told
+from zenoh_cbef.protocol.keys import Keys
+from zenoh_cbef.protocol.mailbox import Mailbox
+from zenoh_cbef.protocol.memory import Archive, ask_latest
+from zenoh_cbef.protocol.presence import Presence
+from zenoh_cbef.protocol.session import Connection, open_session
+
+KEYS = Keys("test")
+
+
+def until(condition: Callable[[], bool], seconds: float = 20.0) -> bool:
+    end = time.monotonic() + seconds
+    while not condition() and time.monotonic() < end:
+        time.sleep(0.01)
+    return condition()
+
+
+@dataclass
+class End:
+    """A process that is linked to the target alone."""
+
+    session: zenoh.Session
+    presence: Presence
+    detour: Detour
+
+
+@pytest.fixture
+def ends() -> Iterator[dict[str, End]]:
+    place = f"tcp/127.0.0.1:{unused_port()}"
+    with open_session(Connection(listen=[place])) as target:
+        hub, made = Presence(target, KEYS.all_live), {}
+        hub.enter("target/target")
+        for name in ("agent/1", "agent/2", "record/record"):
+            connection = Connection([place])
+            session = open_session(connection)
+            presence = Presence(session, KEYS.all_live)
+            assert presence.wait(lambda live: "target/target" in live, 20.0)
+            presence.enter(name)
+            made[name] = End(session, presence, Detour(session, presence, KEYS, name, connection))
+        assert hub.wait(lambda live: live >= made.keys(), 20.0)
+        yield made
+        for end in made.values():
+            end.detour.close()
+            end.session.close()
+
+
+def test_messages_names_and_questions_go_through_the_target(ends: dict[str, End]) -> None:
+    first, second = ends["agent/1"], ends["agent/2"]
+    archive = Archive(second.session)
+    archive.open(KEYS.round(2)).keep(0, 1, b"kept")
+    archive.serve(KEYS.of_agent(2))
+    mailbox = Mailbox(first.session, KEYS.round(2))
+    publisher = second.session.declare_publisher(KEYS.round(2), allowed_destination=zenoh.Locality.REMOTE)
+    publisher.put(b"before")
+    assert "agent/2" not in first.presence
+    assert ask_latest(first.session, KEYS.round(2)) == []
+    assert not ends["record/record"].presence.names() & {"agent/1", "agent/2"}
+
+    first.detour.lead({"agent/2": False})
+    assert first.detour.heard() == ["agent/2"]
+    assert until(lambda: publisher.matching_status.matching)  # type: ignore[attr-defined]  # as in relay.py
+    publisher.put(b"after")
+    assert mailbox.receive() == b"after"
+    assert ask_latest(first.session, KEYS.round(2)) == [b"kept"]
+    assert "agent/2" not in first.presence  # which does not hear us yet
+
+    first.detour.lead({"agent/2": True})
+    assert first.presence.wait(lambda live: "agent/2" in live, 20.0)
+    assert first.presence.life("agent/2") == str(second.session.zid())
+    assert "record/record" not in first.presence
+    second.presence.leave("agent/2")
+    assert first.presence.wait(lambda live: "agent/2" not in live, 20.0)
+
+    first.detour.lead({})
+    assert first.detour.heard() == []
+    assert until(lambda: not publisher.matching_status.matching)  # type: ignore[attr-defined]
+
+
+def test_a_recorder_hears_events_and_an_agent_that_its_last_words_were_heard(ends: dict[str, End]) -> None:
+    agent, recorder = ends["agent/1"], ends["record/record"]
+    recorder.detour.lead({"agent/1": True})
+    agent.detour.lead({"record/record": True})
+    mailbox = Mailbox(recorder.session, KEYS.all_events)
+    publisher = agent.session.declare_publisher(KEYS.event("agent/1"), allowed_destination=zenoh.Locality.REMOTE)
+    assert until(lambda: publisher.matching_status.matching)  # type: ignore[attr-defined]
+    publisher.put(b"word")
+    assert mailbox.receive() == b"word"
+    assert recorder.presence.wait(lambda live: "agent/1" in live, 20.0)
+    recorder.presence.announce("heard/agent/1/7")
+    assert agent.presence.wait(lambda live: {"record/record", "heard/agent/1/7"} <= live, 20.0)
+
+
+def test_the_directory_tells_both_ends_of_a_detour_and_when_the_other_listens() -> None:
+    place = f"tcp/127.0.0.1:{unused_port()}"
+    with open_session(Connection(listen=[place])) as target:
+        claims = Claims(Presence(target, KEYS.all_live))
+        service = serve_claims(target, KEYS.claims, claims)
+        directory = Directory(claims, lambda one, other: {one, other} != {"agent/1", "agent/3"})
+        sessions = [open_session(Connection([place])) for _ in range(3)]
+        places = []
+        for number, session in enumerate(sessions, 1):
+            name = f"agent/{number}"
+            assert claim(session, KEYS.claims, Presence(session, KEYS.all_live), name, 20.0)
+            places.append(Place(name, str(session.zid()), "host", ()))
+        first, second, third = places
+        assert directory.tell(first) == Told([], {})
+        assert directory.tell(third) == Told([], {})
+        assert directory.tell(second, ("agent/1",)) == Told([first, third], {"agent/1": False})
+        assert directory.apart() == [Apart("agent/1", "agent/2", carried=False)]
+        assert directory.tell(first, (), ("agent/2",)) == Told([second], {"agent/2": False})
+        assert directory.tell(second, ("agent/1",), ("agent/1",)) == Told([first, third], {"agent/1": True})
+        assert directory.apart() == [Apart("agent/1", "agent/2", carried=True)]
+        assert directory.tell(second) == Told([first, third], {})
+        assert directory.apart() == []
+        assert directory.tell(Place("agent/1", second.life, "host", ())) is None  # which it is not
+        service.undeclare()
+        for session in sessions:
+            session.close()
