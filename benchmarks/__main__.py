@@ -47,6 +47,8 @@ BENCHMARKS = {
     "scale": ("scale", "links, messages, bytes and memory of n agents: formulas, counted runs; --agents 24,100"),
     "lab": ("lab", "the lab in headless Chromium: frames, from click to log, what a page costs a run, long logs"),
     "seeds": ("seeds", "1000 seeds of a lossy run: CPU of simulation and analysis; the bits of single runs"),
+    "sessions": ("sessions", "1200 sessions at one target"),
+    "hosts": ("hosts", "agents on ten virtual hosts: start, links, memory, traffic, rate; --agents 100, as root"),
     "soak": ("soak", "memory of every process of a realtime run over time; --minutes 60"),
     "method": ("method_figures", "the figures of docs/method.md, written to docs/figures, and their numbers"),
 }
@@ -54,6 +56,7 @@ BENCHMARKS = {
 _OPTIONS = {
     "filters": ("data", "write"),
     "scale": ("agents",),
+    "hosts": ("agents",),
     "soak": ("minutes",),
     "stress": ("case", "seeds", "search", "first"),
 }
@@ -65,6 +68,7 @@ def main() -> None:
     parser.add_argument("--list", action="store_true", help="name them and stop")
     parser.add_argument("--repeats", type=int, default=5, help="how often what is timed is repeated")
     parser.add_argument("--data", type=Path, help="filters: the folder that holds the recorded sets")
+    parser.add_argument("--agents", type=int, default=100, help="hosts: how many agents")
     parser.add_argument("--minutes", type=float, default=10.0, help="soak: how long the run is")
     parser.add_argument("--case", help="stress: the one case to run; default: all")
     parser.add_argument("--seeds", type=int, default=50, help="stress: how many seeds of each case")

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-import os
 import resource
 import statistics
 import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 from rich.table import Table
 
 from benchmarks.by_hand import by_hand
 from benchmarks.common import ROOT, Row, below, results
+from benchmarks.processes import cpu_seconds
 from zenoh_cbef.cli.console import number
 from zenoh_cbef.log.read.parts import open_log
 from zenoh_cbef.protocol.keys import Keys
@@ -71,21 +71,10 @@ def idle_shares() -> dict[str, float]:
             if not presence.wait(lambda live: needed <= live, _LINK_SECONDS):
                 raise RuntimeError(f"after {_LINK_SECONDS:g} s only {sorted(presence.names())} are there")
         time.sleep(_SETTLE_SECONDS)
-        before, began = _cpu_seconds(hand.pids.values()), time.monotonic()
+        before, began = {pid: cpu_seconds(pid) for pid in hand.pids.values()}, time.monotonic()
         time.sleep(_IDLE_SECONDS)
-        after, seconds = _cpu_seconds(hand.pids.values()), time.monotonic() - began
+        after, seconds = {pid: cpu_seconds(pid) for pid in hand.pids.values()}, time.monotonic() - began
     return {name: (after[pid] - before[pid]) / seconds for name, pid in hand.pids.items()}
-
-
-def _cpu_seconds(pids: Iterable[int]) -> dict[int, float]:
-    """User and system time that processes have used; /proc, so Linux only."""
-    tick = os.sysconf("SC_CLK_TCK")
-    used = {}
-    for pid in pids:
-        # The name, in brackets, may hold anything; what follows it is numbers.
-        fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-        used[pid] = (int(fields[11]) + int(fields[12])) / tick
-    return used
 
 
 def run(repeats: int) -> Iterator[Table]:

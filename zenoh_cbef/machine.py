@@ -1,7 +1,8 @@
-"""Whether this host has enough open files, address space and memory left."""
+"""Whether this host has enough open files, threads, ports, address space and memory left."""
 
 from __future__ import annotations
 
+import os
 import resource
 from contextlib import suppress
 from pathlib import Path
@@ -13,8 +14,14 @@ _ADDRESS_SPACE = 1 << 30
 """Mapped by a process with its threads' stacks and heaps, bytes; most of it is never used."""
 _MEMORY, _MEMORY_OF_A_LINK = 50e6, 600e3
 """Memory that a process shares with no other, and what each link adds, bytes."""
+_FORKED_MEMORY = 25e6
+"""The same of a process of a fleet, bytes."""
+_THREADS = 12
+"""Threads of a process: Zenoh's, and a few that keep its links."""
 _UNLIMITED = resource.RLIM_INFINITY
 _MEMORY_INFO = Path("/proc/meminfo")
+_GROUPS = Path("/sys/fs/cgroup")
+_PORTS = Path("/proc/sys/net/ipv4/ip_local_port_range")
 
 
 def files_needed(links: int) -> int:
@@ -56,23 +63,59 @@ def memory_needed(links: float) -> float:
     return _MEMORY + _MEMORY_OF_A_LINK * links
 
 
-def memory_short(processes: int) -> str:
+def memory_short(processes: int, *, forked: bool = False) -> str:
     """Why this host has too little memory for so many processes; empty where it has enough, or does not tell."""
-    free = available_bytes()
-    if free is None or free >= processes * _MEMORY:
+    free, needed = available_bytes(), processes * (_FORKED_MEMORY if forked else _MEMORY)
+    if free is None or free >= needed:
         return ""
     return (
-        f"{processes} processes need about {1e-9 * processes * _MEMORY:.2g} GB of memory, and {1e-9 * free:.2g} GB are "
+        f"{processes} processes need about {1e-9 * needed:.2g} GB of memory, and {1e-9 * free:.2g} GB are "
         "free; end other programs, take fewer agents (agents.count), or use several hosts"
     )
 
 
-def require(*, links: int, processes: int = 1) -> None:
+def threads_short(processes: int) -> str:
+    """Why this user may not have the threads of so many processes; empty where that is allowed."""
+    needed, allowed = _THREADS * processes, _threads_allowed()
+    if allowed is None or allowed >= needed:
+        return ""
+    return (
+        f"{processes} processes need about {needed} threads, and this user may have {allowed}; take fewer agents, or "
+        f"raise the limit: ulimit -u {needed}, TasksMax of systemd, or pids_limit of the container"
+    )
+
+
+def _threads_allowed() -> int | None:
+    """The lowest limit of threads: of this user, and of the control groups that this process is in."""
+    soft, _ = resource.getrlimit(resource.RLIMIT_NPROC)
+    found = [] if soft == _UNLIMITED or os.geteuid() == 0 else [soft]
+    own = next((line.removeprefix("0::/") for line in _lines(Path("/proc/self/cgroup")) if line.startswith("0::")), "")
+    for group in (_GROUPS / own, *(_GROUPS / own).parents):
+        most = "".join(_lines(group / "pids.max"))
+        found += [int(most)] if most.isdecimal() else []
+    return min(found, default=None)
+
+
+def ports_short(processes: int) -> str:
+    """Why the system may have too few TCP ports for processes that listen on any that is free; empty where not."""
+    told = " ".join(_lines(_PORTS)).split()
+    room = int(told[1]) - int(told[0]) + 1 if len(told) == 2 else None
+    if room is None or room >= 2 * processes:
+        return ""
+    return (
+        f"{processes} processes listen on a TCP port each, and the system hands out {room}; widen the range: "
+        "sysctl -w net.ipv4.ip_local_port_range='10000 60999'"
+    )
+
+
+def require(*, links: int, processes: int = 1, forked: bool = False) -> None:
     """Make sure that this host can run `processes` with `links` each. Raises UserError that says what is missing.
 
-    The limit of open files is raised where that is allowed; processes that are started later inherit it.
+    The limit of open files is raised where that is allowed; processes that are started later inherit it. forked: they
+    share the memory that they do not change.
     """
-    for why in (address_space_short(), files_short(links), memory_short(processes)):
+    short = address_space_short(), files_short(links), memory_short(processes, forked=forked)
+    for why in (*short, threads_short(processes), ports_short(processes)):
         if why:
             raise UserError(why)
 
@@ -93,8 +136,7 @@ def _host() -> int | None:
 
 def _group() -> int | None:
     """What the control group, as of a container, leaves."""
-    folder = Path("/sys/fs/cgroup")
-    most, used = ("".join(_lines(folder / name)) for name in ("memory.max", "memory.current"))
+    most, used = ("".join(_lines(_GROUPS / name)) for name in ("memory.max", "memory.current"))
     return int(most) - int(used) if most.isdecimal() and used.isdecimal() else None
 
 

@@ -33,6 +33,7 @@ def levels(findings: list[dict]) -> list[str]:
 def test_a_host_by_itself(world):
     found = examine(world, status=0)
     assert {"Python", "Zenoh", "cores", "files", "disk", "loopback", "port", "multicast"} <= found.keys()
+    assert {"links", "memory", "threads", "ports"} <= found.keys()
     assert levels(found["loopback"]) == ["ok"]
     assert __version__ in found["Python"][0]["text"]
 
@@ -73,6 +74,7 @@ def test_a_run_its_versions_and_its_clocks(world):
     world.wait_for_messages()
     found = examine(world, "--run", world.run, status=0)
     assert "running, 4 agents, realtime" in found["run"][0]["text"]
+    assert "with 4 agents a process may need" in found["files"][0]["text"]
     assert levels(found["versions"]) == levels(found["clock"]) == levels(found["clocks"]) == ["ok"]
     endpoint = known_runs()[world.run].endpoints[0]
     assert world.run in examine(world, "--connect", endpoint, status=0)["link"][0]["text"]

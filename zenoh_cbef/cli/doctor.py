@@ -17,17 +17,25 @@ from zenoh_cbef.cli.joining import Joining, JoiningCommand, JoiningContext
 from zenoh_cbef.cli.offer import verb
 from zenoh_cbef.cli.options import MOST_AGENTS, AsJson
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.outside.doctor import OK, PROBLEM, WARNING, Finding, check_endpoints, check_host
+from zenoh_cbef.outside.doctor import OK, PROBLEM, WARNING, Finding, check_endpoints, check_host, check_size
 from zenoh_cbef.outside.doctor_run import check_run
 from zenoh_cbef.outside.registry import known_runs
 
+_AGENTS = 100
 _COLOURS = {OK: "green", WARNING: "yellow", PROBLEM: "red"}
 
 
 def _doctor(
     ctx: JoiningContext,
     run: RunName = None,
-    agents: Annotated[int, typer.Option(min=1, max=MOST_AGENTS, help="How many agents a run is to have.")] = 100,
+    agents: Annotated[
+        int | None,
+        typer.Option(
+            min=1,
+            max=MOST_AGENTS,
+            help=f"How many agents this host is to run; default: those of --run, else {_AGENTS}.",
+        ),
+    ] = None,
     output: Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="Where logs go.")] = Path("logs"),
     strict: Annotated[bool, typer.Option("--strict", help="Status 1 also for warnings.")] = False,
     as_json: AsJson = False,
@@ -50,23 +58,25 @@ def _doctor(
         raise typer.Exit(1)
 
 
-def _findings(joining: Joining, run: str | None, agents: int, output: Path) -> Iterator[Finding]:
+def _findings(joining: Joining, run: str | None, agents: int | None, output: Path) -> Iterator[Finding]:
     """One after the other, so that they are seen as they come."""
     try:
         connection = joining.connection("operator")
     except UserError as error:
         yield Finding("TLS", PROBLEM, str(error))
         return
-    yield from check_host(agents, output, tls=connection.tls)
+    yield from check_host(output, tls=connection.tls)
+    if run is None or agents is not None:
+        yield from check_size(agents or _AGENTS)
     troubles = list(check_endpoints(connection.connect))
     yield from troubles
     if any(one.level == PROBLEM for one in troubles):
         return
     try:
         if connection.connect or connection.config:
-            yield from check_run(run, joining.connection("operator"))
+            yield from check_run(run, joining.connection("operator"), sized=agents is None)
         elif run is not None:
-            yield from check_run(*locate(run, joining))
+            yield from check_run(*locate(run, joining), sized=agents is None)
         elif runs := known_runs():
             yield Finding("runs", OK, f"on this host: {', '.join(runs)}; --run looks at one")
     except UserError as error:

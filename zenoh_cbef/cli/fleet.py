@@ -100,7 +100,7 @@ def _fleet(
         raise UserError("--cert and --key are of one agent; give --tls with the folder that has those of all")
     connection = joining.connection(f"agent-{agents[0]}")
     warn_of_exposure(connection)
-    require(links=1, processes=len(agents))
+    require(links=1, processes=len(agents), forked=True)
     shared = ["--run", run, "--patience", str(patience), "--status-json", *_options(joining)]
     commands = {agent: ["agent", str(agent), *shared, *_listen(joining, place)] for place, agent in enumerate(agents)}
     with StopRequests() as stops, Fleet(commands, restart=restart) as fleet:

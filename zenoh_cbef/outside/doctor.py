@@ -14,9 +14,16 @@ from pathlib import Path
 
 from zenoh_cbef import __version__
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.machine import address_space_short, files_needed, files_short, memory_short
+from zenoh_cbef.machine import (
+    address_space_short,
+    files_needed,
+    files_short,
+    memory_short,
+    ports_short,
+    threads_short,
+)
 from zenoh_cbef.protocol.reach import unreachable, wait_for_link
-from zenoh_cbef.protocol.session import Connection, open_session
+from zenoh_cbef.protocol.session import MOST_LINKS, Connection, open_session
 from zenoh_cbef.protocol.tls import Tls
 
 OK, WARNING, PROBLEM = "ok", "warning", "problem"
@@ -37,20 +44,28 @@ class Finding:
     text: str
 
 
-def check_host(agents: int, output: Path, *, tls: Tls | None = None) -> Iterator[Finding]:
-    """The host by itself, for a run of so many agents with logs in a folder."""
+def check_host(output: Path, *, tls: Tls | None = None) -> Iterator[Finding]:
+    """The host by itself, with logs in a folder."""
     yield _python()
     yield _zenoh()
     yield _cores()
-    yield _room("files", files_short(agents + 1), f"with {agents} agents a process may need {files_needed(agents + 1)}")
     yield _room("memory", address_space_short(), "a process may map what it needs")
-    yield _room("memory", memory_short(agents + 2), f"enough for {agents + 2} processes on this host", WARNING)
     yield _disk(output)
     if tls is not None:
         yield _certificates(tls)
     yield _loopback(tls)
     yield _port()
     yield _multicast()
+
+
+def check_size(agents: int) -> Iterator[Finding]:
+    """Whether this host has room for all processes of a run of so many agents: more than it needs, if it has some."""
+    links, processes = agents + 1, agents + 2
+    yield _room("files", files_short(links), f"with {agents} agents a process may need {files_needed(links)}")
+    yield Finding("links", OK, f"a process takes {MOST_LINKS}, and with {agents} agents may need {links}")
+    yield _room("memory", memory_short(processes), f"enough for {processes} processes on this host", WARNING)
+    yield _room("threads", threads_short(processes), f"this user may have those of {processes} processes", WARNING)
+    yield _room("ports", ports_short(processes), f"enough for {processes} processes that take any", WARNING)
 
 
 def check_endpoints(endpoints: Sequence[str]) -> Iterator[Finding]:

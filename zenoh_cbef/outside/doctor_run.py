@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from zenoh_cbef import __version__
-from zenoh_cbef.outside.doctor import OK, PROBLEM, WARNING, Finding
+from zenoh_cbef.outside.doctor import OK, PROBLEM, WARNING, Finding, check_size
 from zenoh_cbef.outside.operator import Operator
 from zenoh_cbef.outside.status import RunStatus
 from zenoh_cbef.protocol.reach import runs_on, wait_for_link, why_no_answer
@@ -20,8 +20,11 @@ _SHARE = 0.1
 """Share of a step by which a clock may be wrong in realtime, as rounds have deadlines."""
 
 
-def check_run(run: str | None, connection: Connection) -> Iterator[Finding]:
-    """Findings about a run; where no run is named, about the runs that answer."""
+def check_run(run: str | None, connection: Connection, *, sized: bool = False) -> Iterator[Finding]:
+    """Findings about a run; where no run is named, about the runs that answer.
+
+    sized: also whether this host has room for all its agents.
+    """
     with Operator(run or "*", connection) as operator:
         if not wait_for_link(operator.session, operator.patience):
             yield Finding("link", PROBLEM, why_no_answer(operator.session, connection, str(run)))
@@ -35,6 +38,8 @@ def check_run(run: str | None, connection: Connection) -> Iterator[Finding]:
             yield Finding("run", PROBLEM, why_no_answer(operator.session, connection, run))
             return
         yield Finding("run", OK, f"{run} is {status.state}, {counted(len(status.agents), 'agent')}, {status.mode}")
+        if sized:
+            yield from check_size(len(status.agents))
         yield _versions(status)
         yield _own_clock(operator, status)
         yield from _their_clocks(status)

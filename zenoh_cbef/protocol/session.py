@@ -27,7 +27,7 @@ _MEET_SECONDS = 1.0
 _ROUTER_RETRY_SECONDS = 0.2
 _OPEN_MS = 1500
 """How long a link may take to open before it is tried again; a session that closes waits for as long."""
-_MOST_SESSIONS = 10_000
+MOST_LINKS = 10_000
 """Links that a process accepts: ten for each agent that a scenario can have."""
 _SIZE_LIMIT: Json = {
     "id": "size",
@@ -180,8 +180,8 @@ def _config(connection: Connection) -> zenoh.Config:
         "listen/exit_on_failure": True,
         "transport/link/tx/lease": connection.lease_ms,
         "transport/unicast/open_timeout": _OPEN_MS,
-        "transport/unicast/max_sessions": _MOST_SESSIONS,
-        "transport/unicast/accept_pending": _MOST_SESSIONS,
+        "transport/unicast/max_sessions": MOST_LINKS,
+        "transport/unicast/accept_pending": MOST_LINKS,
         "transport/shared_memory/enabled": False,
         "low_pass_filter": [_SIZE_LIMIT],
     }

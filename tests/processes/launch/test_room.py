@@ -63,3 +63,18 @@ def test_memory_for_all_processes_is_asked_for(tmp_path, monkeypatch):
     assert "21 processes need about 1.1 GB of memory, and 1 GB are free" in machine.memory_short(21)
     monkeypatch.setattr(machine, "_MEMORY_INFO", tmp_path / "none")
     assert machine.memory_short(10**6) == ""
+
+
+def test_threads_and_ports_for_all_processes_are_asked_for(tmp_path, monkeypatch):
+    monkeypatch.setattr(machine, "_GROUPS", tmp_path)
+    (tmp_path / "pids.max").write_text("max\n")
+    monkeypatch.setattr(resource, "getrlimit", lambda _: (resource.RLIM_INFINITY, resource.RLIM_INFINITY))
+    assert machine.threads_short(10**6) == ""
+    (tmp_path / "pids.max").write_text("600\n")
+    assert machine.threads_short(50) == ""
+    assert "51 processes need about 612 threads, and this user may have 600" in machine.threads_short(51)
+    monkeypatch.setattr(machine, "_PORTS", tmp_path / "ports")
+    assert machine.ports_short(10**6) == ""
+    (tmp_path / "ports").write_text("32768\t32867\n")
+    assert machine.ports_short(50) == ""
+    assert "51 processes listen on a TCP port each, and the system hands out 100" in machine.ports_short(51)
