@@ -55,12 +55,15 @@ def shortened(ids: Sequence[int]) -> str:
 class _Display:
     """One line on a terminal, else a line every few seconds in which something changed."""
 
-    def __init__(self, members: Sequence[Member]) -> None:
-        self._members = members
+    def __init__(self, fleet: Fleet) -> None:
+        self._fleet, self._members = fleet, fleet.members
         self._said, self._due = "", 0.0
 
     def show(self) -> None:
-        """Show how many of the processes are where."""
+        """Show how many of the processes are where, and what happened to some."""
+        while self._fleet.news:
+            self.close()
+            tell(self._fleet.news.pop(0))
         counts = dict.fromkeys(("joined", "began", "ended"), 0)
         for member in self._members:
             if member.stage in counts:
@@ -84,6 +87,7 @@ class _Display:
         """Leave the line."""
         if errors.is_terminal and self._said:
             errors.file.write("\r\033[K")
+        self._said = ""
 
 
 def _fleet(
@@ -104,7 +108,7 @@ def _fleet(
     shared = ["--run", run, "--patience", str(patience), "--status-json", *_options(joining)]
     commands = {agent: ["agent", str(agent), *shared, *_listen(joining, place)] for place, agent in enumerate(agents)}
     with StopRequests() as stops, Fleet(commands, restart=restart) as fleet:
-        display = _Display(fleet.members)
+        display = _Display(fleet)
         tell(f"run {run}: {counted(len(agents), 'agent')} on this host")
         try:
             fleet.watch(display.show, stops)

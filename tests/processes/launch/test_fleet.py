@@ -57,6 +57,7 @@ def test_a_fleet_starts_again_what_dies_and_not_what_is_refused(world: World):
     assert (target.wait(20), record.wait(20)) == (0, 0), target.stderr
     assert out.splitlines() == ["agents 0-3 ended after step 400", "agent 2 had to be started again, 1 time in all"]
     assert f"agent 4: run '{world.run}' has agents 0 to 3, no agent 4" in err
+    assert "agent 2 was killed by signal 9; it is started again" in err
     assert fleet.returncode == 1
     assert "agent/2 was started again" in world.call("verify", str(world.log)).stdout
 

@@ -65,6 +65,8 @@ class Fleet:
     def __init__(self, commands: Mapping[int, Sequence[str]], *, restart: bool = True) -> None:
         self.members = [Member(agent, command) for agent, command in commands.items()]
         self._by_id = {member.agent: member for member in self.members}
+        self.news: list[str] = []
+        """What happened lately, in sentences; the reader takes them out."""
         self._restart, self._asked = restart, 0
         self._killed_at = 0.0
 
@@ -166,6 +168,8 @@ class Fleet:
         member.due = now + min(_AGAIN_SECONDS * 2.0**member.in_a_row, _MOST_SECONDS)
         if not self._restart or member.in_a_row > _MOST_IN_A_ROW:
             member.over, member.why = True, why
+        else:
+            self.news.append(f"agent {member.agent} {why}; it is started again")
 
     def _last_words(self, member: Member) -> str:
         text = self._place(member).read_bytes()[-_TAIL:].decode(errors="replace").strip()

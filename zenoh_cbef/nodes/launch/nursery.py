@@ -31,7 +31,7 @@ LENGTH, PAIR = struct.Struct("!I"), struct.Struct("!qi")
 ROOM = "-" * 1000
 """An argument that is there for its length: the words of a forked process take its place in the list of processes."""
 _STREAMS = 3
-_VERBS = ("agent", "record", "target")
+_VERBS = ("agent",)
 _ARGUMENTS_BEGIN, _ARGUMENTS_END = 48, 49
 
 
