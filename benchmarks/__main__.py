@@ -48,7 +48,7 @@ BENCHMARKS = {
     "lab": ("lab", "the lab in headless Chromium: frames, from click to log, what a page costs a run, long logs"),
     "seeds": ("seeds", "1000 seeds of a lossy run: CPU of simulation and analysis; the bits of single runs"),
     "sessions": ("sessions", "1200 sessions at one target"),
-    "hosts": ("hosts", "agents on ten virtual hosts: start, links, memory, traffic, rate; --agents 100, as root"),
+    "hosts": ("hosts", "agents on ten virtual hosts: start, links, memory, traffic, rate; --agents 100,300, as root"),
     "soak": ("soak", "memory of every process of a realtime run over time; --minutes 60"),
     "method": ("method_figures", "the figures of docs/method.md, written to docs/figures, and their numbers"),
 }
@@ -68,11 +68,10 @@ def main() -> None:
     parser.add_argument("--list", action="store_true", help="name them and stop")
     parser.add_argument("--repeats", type=int, default=5, help="how often what is timed is repeated")
     parser.add_argument("--data", type=Path, help="filters: the folder that holds the recorded sets")
-    parser.add_argument("--agents", type=int, default=100, help="hosts: how many agents")
     parser.add_argument("--minutes", type=float, default=10.0, help="soak: how long the run is")
     parser.add_argument("--case", help="stress: the one case to run; default: all")
     parser.add_argument("--seeds", type=int, default=50, help="stress: how many seeds of each case")
-    parser.add_argument("--agents", help="scale: how many agents the counted runs have; default: 24,100")
+    parser.add_argument("--agents", help="scale, hosts: how many agents runs have; default: 24,100 and 100")
     parser.add_argument("--first", type=int, default=1001, help="stress: the first seed")
     parser.add_argument("--search", type=int, default=0, help="stress: try so many random cases, keep what it finds")
     parser.add_argument("--write", type=Path, help="filters: the page to bring up to date")

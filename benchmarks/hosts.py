@@ -234,6 +234,7 @@ def measured(agents: int, hosts: int = HOSTS) -> list[Row]:
     ]
 
 
-def run(repeats: int, agents: int = AGENTS) -> Iterator[Table]:
+def run(repeats: int, agents: str | None = None) -> Iterator[Table]:
     del repeats
-    yield results(f"{agents} agents on {HOSTS} virtual hosts, lockstep", measured(agents))
+    for one in map(int, (agents or str(AGENTS)).split(",")):
+        yield results(f"{one} agents on {HOSTS} virtual hosts, lockstep", measured(one))
