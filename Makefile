@@ -43,10 +43,10 @@ unit: install  ## all tests; one worker more than there are cores, as many tests
 	$(BIN)/pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder
 
 fast: install  ## the tests that start no process
-	$(BIN)/pytest -n $(CORES) --dist loadfile -m "not processes"
+	$(BIN)/pytest -n $(WORKERS) --dist worksteal -m "not processes"
 
 thorough: install  ## the same, with ten times as many random examples (minutes)
-	EXAMPLES=10 $(BIN)/pytest -n $(CORES) --dist loadfile -m "not processes"
+	EXAMPLES=10 $(BIN)/pytest -n $(WORKERS) --dist worksteal -m "not processes"
 
 coverage: install  ## which lines the fast tests run; processes are not counted
 	$(BIN)/pytest -n $(CORES) --dist loadfile -m "not processes" --cov --cov-report=term

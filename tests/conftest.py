@@ -1,11 +1,14 @@
 """Which tests start processes or open sessions: `make fast` leaves these out."""
 
+import gc
 import signal
 from collections import Counter
 from functools import cache
 from pathlib import Path
 
 import pytest
+
+import tests.examples  # noqa: F401 - sets how many random examples there are
 
 # A shell starts what runs in its background with Ctrl-C ignored, and processes hand that on: tests of Ctrl-C need it.
 if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
@@ -42,3 +45,8 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         # Files that wait long come first, and those that end a worker's work are short.
         many = Counter(item.path for item in items)
         items.sort(key=lambda item: (not has_processes(item.path), -many[item.path]))
+
+
+def pytest_collection_finish() -> None:
+    """Thousands of collected tests live to the end: the collector of garbage need not look through them."""
+    gc.freeze()

@@ -8,6 +8,8 @@ from typing import Any
 from hypothesis import settings
 
 TIMES = int(os.environ.get("EXAMPLES", "1"))
+settings.register_profile("project", max_examples=50 * TIMES, deadline=None)
+settings.load_profile("project")  # for tests that do not say how many; conftest.py imports this file first
 
 
 def examples(count: int, **how: Any) -> settings:

@@ -9,7 +9,7 @@ from hypothesis import HealthCheck, assume, given
 
 from tests.examples import examples
 from tests.faults.strategies import scenarios
-from tests.test_simulator import assert_same
+from tests.simulator.made import assert_same
 from zenoh_cbef.analysis.metrics import analyze
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.scenario.checks import check
@@ -27,7 +27,8 @@ def test_a_faulty_run_is_finite_and_the_same_alone_and_in_a_batch(given):
     except UserError as error:
         assume(not re.search("is there to track|remembers nothing", str(error)))
         raise
-    there = ~np.stack([Plan(one).absences.at(step) for step in range(1, one.length + 1)], axis=1)
+    absences = Plan(one).absences
+    there = ~np.stack([absences.at(step) for step in range(1, one.length + 1)], axis=1)
     other = one.model_copy(update={"seed": one.seed + 1})
     together = simulate([one, other], keep_payloads=True)
     for expected in together:

@@ -4,70 +4,17 @@ import json
 import ssl
 import stat
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 import zenoh
 
-from tests.processes.conftest import unused_port
+from tests.protocol.certified import NAMES, RUN, Ear, Net, within
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.protocol import access
-from zenoh_cbef.protocol.access import access_control
 from zenoh_cbef.protocol.certificates import make_certificates
 from zenoh_cbef.protocol.session import Connection, open_session
 from zenoh_cbef.protocol.tls import Tls
-
-RUN = "cbef/secret"
-NAMES = ("target", "record", "router", "receiver", "operator", "agent-0", "agent-1")
-
-
-def within(seconds: float, condition: Callable[[], bool]) -> bool:
-    until = time.monotonic() + seconds
-    while not condition():
-        if time.monotonic() > until:
-            return False
-        time.sleep(0.02)
-    return True
-
-
-class Ear:
-    """What a session hears on a key."""
-
-    def __init__(self, session: zenoh.Session, key: str) -> None:
-        self._subscriber = session.declare_subscriber(key, zenoh.handlers.FifoChannel(1000))
-        self._heard: list[tuple[str, str]] = []
-
-    def heard(self) -> list[tuple[str, str]]:
-        while (sample := self._subscriber.handler.try_recv()) is not None:
-            self._heard.append((str(sample.key_expr).removeprefix(f"{RUN}/"), sample.payload.to_string()))
-        return sorted(self._heard)
-
-
-class Net:
-    """Sessions with certificates: peers that are linked to one another, or clients of one router."""
-
-    def __init__(self, certificates: Path, way: str) -> None:
-        self._certificates, self._way = certificates, way
-        self.endpoints: list[str] = []
-        self.sessions: list[zenoh.Session] = []
-        if way == "router":
-            self._open("router", mode="router")
-
-    def join(self, name: str) -> zenoh.Session:
-        return self._open(name, mode="client" if self._way == "router" else "peer")
-
-    def _open(self, name: str, mode: str) -> zenoh.Session:
-        listen = [] if mode == "client" else [f"tls/127.0.0.1:{unused_port()}"]
-        tls = Tls.of_folder(self._certificates, name)
-        session = open_session(Connection(list(self.endpoints), listen, mode, gossip=False, tls=tls), patience=5.0)
-        self.endpoints += listen
-        self.sessions.append(session)
-        return session
-
-    def close(self) -> None:
-        for session in reversed(self.sessions):
-            session.close()
 
 
 @pytest.fixture(autouse=True)
@@ -91,10 +38,20 @@ def net(request, certificates):
 
 
 OF_AGENT_0 = {"agent/0/range", "agent/0/round", "agent/0/estimate", "event/agent/0"}
+
+
 OF_TARGET = {"target/truth", "faults", "event/target", "beacon/0/signal", "beacon/1/signal", "beacon/*/signal"}
+
+
 BEACONS = {"beacon/0", "beacon/1", "beacon/*"}
+
+
 OF_RECORDERS = {"event/record", "event/record/b"}
+
+
 NOBODYS = {"event", "event/*", "event/**", "event/agent/*", "agent/*/round", "agent/0/*", "agent/0/more", "scenario"}
+
+
 NOBODYS |= {
     "agent/1/round",
     "agent/1/estimate",
@@ -105,6 +62,8 @@ NOBODYS |= {
     "target/more",
     "**",
 }
+
+
 MAY_PUT = {
     "agent-0": OF_AGENT_0,
     "target": OF_TARGET | BEACONS,
@@ -112,6 +71,8 @@ MAY_PUT = {
     "receiver": BEACONS | {"event/receiver/0"},
     "operator": set(),
 }
+
+
 ALL_KEYS = sorted(OF_AGENT_0 | OF_TARGET | BEACONS | OF_RECORDERS | NOBODYS | {"event/receiver/0", "beacon/0/more"})
 
 
@@ -326,21 +287,6 @@ def test_missing_certificates_are_added_by_the_same_authority_and_the_others_sta
         net.close()
 
 
-def test_without_the_authoritys_key_nothing_is_signed(certificates, tmp_path):
-    (tmp_path / "ca.pem").write_bytes((certificates / "ca.pem").read_bytes())
-    with pytest.raises(UserError, match="nothing can be signed"):
-        make_certificates(tmp_path, ["target"], hosts=[], days=1)
-
-
-def test_what_no_rule_allows_is_denied():
-    assert access_control()["default_permission"] == "deny"
-
-
 def test_with_certificates_a_plain_endpoint_is_refused(certificates):
     with pytest.raises(UserError, match=r"tls/127\.0\.0\.1:7447"):
         open_session(Connection(["tcp/127.0.0.1:7447"], tls=Tls.of_folder(certificates, "agent-0")))
-
-
-def test_a_missing_certificate_is_named(certificates):
-    with pytest.raises(UserError, match=r"agent-77\.pem"):
-        Tls.of_folder(certificates, "agent-77")

@@ -84,3 +84,10 @@ def test_a_folder_that_cannot_be_made_is_told(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     with pytest.raises(UserError, match=r"cannot write .*file.*; choose another folder"):
         make_certificates(tmp_path / "file", ["a"], hosts=["localhost"], days=1)
+
+
+def test_without_the_authoritys_key_nothing_is_signed(tmp_path: Path) -> None:
+    make_certificates(tmp_path, ["agent-0"], hosts=[], days=1)
+    (tmp_path / "ca.key").unlink()
+    with pytest.raises(UserError, match="nothing can be signed"):
+        make_certificates(tmp_path, ["target"], hosts=[], days=1)

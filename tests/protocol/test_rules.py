@@ -112,3 +112,7 @@ def test_every_agent_of_the_largest_scenario_has_rules_and_a_subject_of_its_name
     assert {one["id"] for one in RULES["policies"]} == names
     assert allowed("agent-999", "put", f"{RUN}/agent/999/round")
     assert not allowed("agent-999", "put", f"{RUN}/agent/998/round")
+
+
+def test_what_no_rule_allows_is_denied() -> None:
+    assert access_control()["default_permission"] == "deny"

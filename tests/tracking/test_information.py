@@ -20,9 +20,7 @@ from zenoh_cbef.tracking.ranging import Measurement, Space
 from zenoh_cbef.tracking.tracker import Tracker
 from zenoh_cbef.tracking.weights import metropolis_weights
 
-STD = 0.3
-SEEDS = st.integers(0, 2**32 - 1)
-SPACES = st.sampled_from([Space(), Space(0.7)])
+STD, SEEDS, SPACES = 0.3, st.integers(0, 2**32 - 1), st.sampled_from([Space(), Space(0.7)])
 
 
 def settings_for(space, count, xi=1.5, dt=0.2, std=STD):

@@ -1,0 +1,171 @@
+"""The simulator is the same tracker as the processes', in any batch and for agents on their own."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+
+from tests.simulator.made import FAULTS, FILTERS, LOSS, assert_same, scenario
+from zenoh_cbef.scenario import network
+from zenoh_cbef.scenario.build import agent_tracker, fates_into, outgoing_of
+from zenoh_cbef.scenario.plan import Plan
+from zenoh_cbef.scenario.world import make_world
+from zenoh_cbef.simulator import heard_in, simulate
+from zenoh_cbef.tracking.motion import MOTIONS
+from zenoh_cbef.tracking.ranging import Measurement
+
+STAGES = {
+    f"{weights} {acceleration}": {"weights": weights, "acceleration": acceleration, "scheme": "average"}
+    for weights, acceleration in itertools.product(["uniform", "metropolis"], ["none", "chebyshev"])
+} | {"running sums": {"scheme": "running-sums"}, "trimmed": {"trim": 1}}
+
+
+def met(stages):
+    """Every filter in every stage, under two of the four faults: all pairs meet, and each trio of kinds half."""
+    pairs = itertools.product(enumerate(FILTERS), enumerate(stages))
+    return [
+        (kind, stage, list(FAULTS)[(row + column + far) % 4])
+        for ((row, kind), (column, stage)) in pairs
+        for far in (0, 2)
+    ]
+
+
+@pytest.mark.parametrize(("kind", "stage", "fault"), met(STAGES))
+def test_a_run_is_the_same_alone_and_in_a_batch(kind, stage, fault):
+    planar = fault in {"loss", "delay"}
+    keys = {
+        "filter": {**FILTERS[kind], **({"planar_height": 0.4} if planar else {})},
+        "consensus": STAGES[stage],
+        "fault": FAULTS[fault],
+    }
+    runs = [scenario(seed, **keys) for seed in (1, 2**64 - 1)]
+    together = simulate(runs, keep_payloads=True)
+    for one, expected in zip(runs, together, strict=True):
+        [alone] = simulate([one], keep_payloads=True)
+        assert_same(alone, expected)
+        if expected.payloads is not None:
+            assert alone.payloads is not None
+            assert alone.payloads.tobytes() == expected.payloads.tobytes()
+
+
+class Agent:
+    """What an agent process does, without the process: its own tracker, fates and neighbours."""
+
+    def __init__(self, plan, number):
+        self.plan = plan
+        self.tracker, self.others = agent_tracker(self.plan, number)
+        self.fates = fates_into(self.plan, number, self.others)
+        self.outgoing = outgoing_of([self.plan], [number])
+        self.number = number
+
+    def told_range(self, heard, step):
+        return self.outgoing.ranges(step, heard.ranges[[self.number], step - 1])[0]
+
+    def measure(self, heard, step, told):
+        own = self.number, step - 1
+        positions, ranges = np.empty((1, 0, 3)), np.empty((1, 0))
+        if self.plan.sharing.uses_neighbour_ranges:
+            due = self.fates.of(step, 0).due
+            positions = np.where(due[:, None], heard.positions[self.others, step - 1], 0.0)[None]
+            ranges = np.where(due, told[self.others], np.nan)[None]
+        return self.tracker.measure(
+            Measurement(heard.positions[own][None], heard.ranges[own][None], heard.age[own][None], positions, ranges)
+        )
+
+    def exchange(self, sent, step, round_):
+        due = self.fates.of(step, round_).due
+        received = np.zeros((1, len(self.others), sent[self.number].shape[1]))
+        for place, other in enumerate(self.others):
+            if due[place]:
+                received[0, place] = sent[other][0]
+        return self.tracker.exchange(received, due[None] if not due.all() else None)
+
+
+def assert_agents_on_their_own_compute(one):
+    [trace] = simulate([one], keep_payloads=True)
+    plan = Plan(one)
+    agents = [Agent(plan, number) for number in range(5)]
+    heard = heard_in(plan, make_world(one))
+    for step in range(1, one.steps + 1):
+        told = np.array([agent.told_range(heard, step) for agent in agents])
+        sent = [agent.measure(heard, step, told) for agent in agents]
+        for round_ in range(1, plan.rounds + 1):
+            sent = [agent.outgoing.message(step, round_, own) for agent, own in zip(agents, sent, strict=True)]
+            assert sent[0].shape == (1, plan.message_size)
+            assert trace.payloads is not None
+            assert np.concatenate(sent).tobytes() == trace.payloads[:, step - 1, round_ - 1].tobytes()
+            sent = [agent.exchange(sent, step, round_) for agent in agents]
+        for agent in agents:
+            estimate = agent.tracker.conclude()
+            assert estimate.state[0].tobytes() == trace.estimates[agent.number, step - 1].tobytes()
+            for name, values in estimate.diagnostics.named().items():
+                assert values[0].tobytes() == getattr(trace.diagnostics, name)[agent.number, step - 1].tobytes(), name
+            if estimate.covariance is not None:
+                assert estimate.covariance[0].tobytes() == trace.covariances[agent.number, step - 1].tobytes()
+
+
+@pytest.mark.parametrize(
+    ("kind", "stage", "fault"), met(["metropolis none", "metropolis chebyshev", "running sums", "trimmed"])
+)
+def test_agents_on_their_own_compute_the_bits_of_the_simulator(kind, stage, fault):
+    assert_agents_on_their_own_compute(
+        scenario(3, filter=FILTERS[kind], consensus=STAGES[stage], fault=FAULTS[fault], steps=6)
+    )
+
+
+@pytest.mark.parametrize(
+    ("kind", "motion"),
+    [
+        *itertools.product(["sicf", "hcmci", "kcf", "local"], sorted(set(MOTIONS) - {"ncv"})),
+        *itertools.product(["sicf", "icf"], ["imm"]),
+    ],
+)
+@pytest.mark.parametrize("planar", [False, True])
+def test_every_motion_is_the_same_for_agents_on_their_own_and_in_a_batch(motion, kind, planar):
+    filter_ = {"kind": kind, "motion": motion, **({"planar_height": 0.4} if planar else {})}
+    assert_agents_on_their_own_compute(scenario(3, filter=filter_, fault=FAULTS["liar"], steps=6))
+    away = {"kind": "crash", "agents": [1], "from": 0.35, "until": 0.65}
+    runs = [scenario(seed, filter=filter_, fault=[away], steps=8) for seed in (1, 2)]
+    for one, expected in zip(runs, simulate(runs), strict=True):
+        assert_same(simulate([one])[0], expected)
+
+
+SAYING: dict[str, dict] = {
+    "bias": {"filter": {"kind": "sicf", "bias": "estimate"}},
+    "bias_weight": {"filter": {"kind": "sicf", "bias": "auto"}, "sensor": {"bias": 0.3}},
+    "distrust": {"filter": {"kind": "sicf", "distrust": True}},
+    "maneuver": {"filter": {"kind": "icf", "motion": "imm", "distrust": True, "range_std": "auto"}},
+    "status": {"filter": {"kind": "hcmci"}},
+    "status_seconds": {"filter": {"kind": "sicf", "bias": "auto", "range_std": "auto", "recovery": True}},
+}
+
+
+@pytest.mark.parametrize("name", SAYING)
+def test_what_only_some_filters_say_is_the_same_alone_and_in_a_batch_and_absent_agents_say_nothing(name):
+    away = {"kind": "crash", "agents": [1], "from": 0.35, "until": 0.65}
+    assert_agents_on_their_own_compute(scenario(3, steps=6, **SAYING[name]))
+    runs = [scenario(seed, steps=10, fault=[away], **SAYING[name]) for seed in (1, 2)]
+    for one, expected in zip(runs, simulate(runs), strict=True):
+        [alone] = simulate([one])
+        assert_same(alone, expected)
+        said = expected.diagnostics.named()
+        # The crash begins before step 4, at 0.4 s, and is over before step 7.
+        there = np.ones((5, 10), dtype=bool)
+        there[1, 3:6] = False
+        assert np.isfinite(said[name][there]).all()
+        np.testing.assert_array_equal(said["nis_degrees"], there & np.isfinite(expected.ranges))
+        for what, values in said.items():
+            assert (values[~there] == 0).all() if what == "nis_degrees" else np.isnan(values[~there]).all(), what
+
+
+def test_more_runs_than_a_batch_holds_are_the_same_runs():
+    scenarios = [scenario(seed, fault=[LOSS]) for seed in range(1, 151)]
+    told: list[int] = []
+    together = simulate(scenarios, progress=told.append)
+    for place in (0, 71, 72, 149):
+        assert_same(simulate([scenarios[place]])[0], together[place])
+        assert (together[place].edges == network.edges(scenarios[place])).all()
+    assert told == sorted(told)
+    assert told[-1] == 5
