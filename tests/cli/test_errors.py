@@ -21,6 +21,9 @@ def call(monkeypatch, capsys, *arguments: str) -> tuple[int, str, str]:
 
 MISTAKES = {
     "unknown scenario": (["sim", "trakcing"], "did you mean 'tracking'"),
+    "unknown fault": (["fault", "add", "dropout"], "did you mean 'sensor-dropout'"),
+    "no fault at all": (["fault", "add", "nonsense"], "see 'zenoh-cbef fault kinds'"),
+    "a verb of others": (["report", "x.mcap"], "Did you mean 'analyze --report'?"),
     "number in words": (["sim", "--seeds", "x"], "--seeds must be a whole number; see 'zenoh-cbef sim -h'"),
     "too few": (["sim", "--seeds", "0"], "--seeds must be greater than or equal to 1; see"),
     "half a number": (["sim", "--skip", "y"], "--skip must be a number; see"),

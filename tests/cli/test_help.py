@@ -8,7 +8,7 @@ import shlex
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import pytest
 
@@ -16,6 +16,7 @@ from tests.cli.command_line import leaves, names, parse
 from tests.cli.test_errors import call
 from zenoh_cbef.cli import verbs
 from zenoh_cbef.cli.joining import JoiningCommand
+from zenoh_cbef.faults import AnyFault
 from zenoh_cbef.outside.registry import registered
 
 LEAVES = dict(leaves())
@@ -36,6 +37,13 @@ def test_every_file_with_a_verb_has_its_line():
     folder = Path(verbs.__file__).parent
     files = {path.stem for path in folder.glob("*.py") if "\nVERB = " in path.read_text(encoding="utf-8")}
     assert sorted(names()) == sorted(files)
+
+
+def test_the_kinds_of_faults_are_those_of_scenarios(monkeypatch, capsys):
+    status, out, _ = call(monkeypatch, capsys, "fault", "kinds")
+    kinds = [get_args(one.model_fields["kind"].annotation)[0] for one in get_args(get_args(AnyFault)[0])]
+    assert status == 0
+    assert re.findall(r"^kind ([\w-]+)$", re.sub(r" +$", "", out, flags=re.M), flags=re.M) == kinds
 
 
 @pytest.mark.parametrize("words", ["", *LEAVES, "fault", "experiment"])

@@ -80,3 +80,10 @@ def test_what_cat_prints_is_one_object_a_line(folder: Path) -> None:
     shown = [json.loads(line) for line in done.stdout.splitlines()]
     assert {line["topic"].rsplit("/", 1)[1] for line in shown} == {"estimate", "range", "round"}
     assert all(line["data"]["from"] == "agent/1" for line in shown)
+
+
+def test_cat_says_where_nothing_matches(folder: Path) -> None:
+    nothing = within(folder, "cat", "whole.mcap", "-y", "no/such/topic")
+    assert (nothing.returncode, nothing.stdout) == (0, "")
+    assert "'zenoh-cbef info whole.mcap' has its topics" in nothing.stderr
+    assert within(folder, "cat", "whole.mcap", "-y", "cbef/made/agent/1/.*").stderr == ""

@@ -8,7 +8,7 @@ from pathlib import Path
 import typer
 
 from zenoh_cbef.cli.choosing import LOSSY, selection_of
-from zenoh_cbef.cli.console import warn
+from zenoh_cbef.cli.console import tell, warn
 from zenoh_cbef.cli.offer import verb
 from zenoh_cbef.cli.options import End, Exclude, Include, LogFile, Start
 from zenoh_cbef.log.read.parts import open_log
@@ -24,8 +24,11 @@ def _cat(
 ) -> None:
     """Print messages by log time, decoded, one JSON object a line. Exit status 3 where not all could be read."""
     opened = open_log(log)
-    for line in lines(opened, selection_of(opened, include, exclude, start, end)):
+    shown = 0
+    for shown, line in enumerate(lines(opened, selection_of(opened, include, exclude, start, end)), 1):
         sys.stdout.write(line + "\n")
+    if not shown:
+        tell(f"note: no message of the log matches; 'zenoh-cbef info {log}' has its topics and times")
     warn(opened.damage)
     raise typer.Exit(LOSSY if opened.damage else 0)
 

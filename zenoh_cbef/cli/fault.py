@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
+from difflib import get_close_matches
 from typing import Annotated
 
 import typer
 from rich.table import Table
 
 from zenoh_cbef.cli.asking import RunName, locate
-from zenoh_cbef.cli.completing import faults
+from zenoh_cbef.cli.completing import faults as kinds_that_begin
 from zenoh_cbef.cli.console import console
 from zenoh_cbef.cli.fitting import Fitting
 from zenoh_cbef.cli.joining import JoiningCommand, JoiningContext
@@ -22,7 +23,7 @@ from zenoh_cbef.scenario.load import value_of
 
 def _add(
     kind: Annotated[
-        str, typer.Argument(metavar="KIND", autocompletion=faults, help="As in a scenario: loss, delay, crash, ...")
+        str, typer.Argument(metavar="KIND", autocompletion=kinds_that_begin, help="As in a scenario: loss, delay, crash, ...")
     ],
     ctx: JoiningContext,
     keys: Annotated[list[str] | None, typer.Argument(metavar="KEY=VALUE", help="Its keys, as links=agent:3")] = None,
@@ -32,6 +33,11 @@ def _add(
     ] = None,
 ) -> None:
     """Inject a fault, from now on or from the run time `from=`."""
+    known = dict(kinds_that_begin(""))
+    if kind not in known:
+        near = get_close_matches(kind, known, 1)
+        hint = f"did you mean {near[0]!r}?" if near else "see 'zenoh-cbef fault kinds'"
+        raise UserError(f"there is no fault of the kind {kind!r}; {hint}")
     table: dict[str, object] = {"kind": kind}
     for one in keys or ():
         key, separator, text = one.partition("=")
@@ -83,6 +89,14 @@ def _clear(
     typer.echo(f"run {name}: ended {', '.join(f'fault {one}' for one in ended) or 'nothing'}")
 
 
+def _kinds() -> None:
+    """List the kinds of faults, and what they do. docs/scenario.md has their keys."""
+    table = Table("kind", "what it does")
+    for kind, words in kinds_that_begin(""):
+        table.add_row(kind, words)
+    console.print(Fitting(table))
+
+
 VERB = group(
     "Inject faults into a run that goes on.",
     {
@@ -92,3 +106,4 @@ VERB = group(
     },
     JoiningCommand,
 )
+VERB.command("kinds", epilog="Example: zenoh-cbef fault kinds")(_kinds)  # It joins no run.

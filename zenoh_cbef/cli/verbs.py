@@ -130,7 +130,14 @@ _PLAIN = {
 """What the library says of the value of an option, and how this program says it."""
 
 
+_ELSEWHERE = {"report": "analyze --report", "plot": "analyze --report", "list": "scenario list", "kill": "stop"}
+"""Verbs that some look for, by what does it here."""
+
+
 def _plain(said: str) -> str:
+    sought = re.match(r"No such command '(\w+)'", said)
+    if sought and sought[1] in _ELSEWHERE:
+        return f"No such command '{sought[1]}'. Did you mean '{_ELSEWHERE[sought[1]]}'?"
     for library, ours in _PLAIN.items():
         said = re.sub(library, ours, said)
     return said
