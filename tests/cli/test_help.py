@@ -43,7 +43,7 @@ def test_the_kinds_of_faults_are_those_of_scenarios(monkeypatch, capsys):
     status, out, _ = call(monkeypatch, capsys, "fault", "kinds")
     kinds = [get_args(one.model_fields["kind"].annotation)[0] for one in get_args(get_args(AnyFault)[0])]
     assert status == 0
-    assert re.findall(r"^kind ([\w-]+)$", re.sub(r" +$", "", out, flags=re.M), flags=re.M) == kinds
+    assert re.findall(r"^kind ([\w-]+)$", re.sub(r" +$", "", out, flags=re.MULTILINE), flags=re.MULTILINE) == kinds
 
 
 @pytest.mark.parametrize("words", ["", *LEAVES, "fault", "experiment"])

@@ -24,10 +24,11 @@ def _cat(
 ) -> None:
     """Print messages by log time, decoded, one JSON object a line. Exit status 3 where not all could be read."""
     opened = open_log(log)
-    shown = 0
-    for shown, line in enumerate(lines(opened, selection_of(opened, include, exclude, start, end)), 1):
+    nothing = True
+    for line in lines(opened, selection_of(opened, include, exclude, start, end)):
         sys.stdout.write(line + "\n")
-    if not shown:
+        nothing = False
+    if nothing:
         tell(f"note: no message of the log matches; 'zenoh-cbef info {log}' has its topics and times")
     warn(opened.damage)
     raise typer.Exit(LOSSY if opened.damage else 0)

@@ -10,7 +10,7 @@ import typer
 from rich.table import Table
 
 from zenoh_cbef.cli.asking import RunName, locate
-from zenoh_cbef.cli.completing import faults as kinds_that_begin
+from zenoh_cbef.cli.completing import faults as kinds_begun
 from zenoh_cbef.cli.console import console
 from zenoh_cbef.cli.fitting import Fitting
 from zenoh_cbef.cli.joining import JoiningCommand, JoiningContext
@@ -23,7 +23,8 @@ from zenoh_cbef.scenario.load import value_of
 
 def _add(
     kind: Annotated[
-        str, typer.Argument(metavar="KIND", autocompletion=kinds_that_begin, help="As in a scenario: loss, delay, crash, ...")
+        str,
+        typer.Argument(metavar="KIND", autocompletion=kinds_begun, help="As in a scenario: loss, delay, crash, ..."),
     ],
     ctx: JoiningContext,
     keys: Annotated[list[str] | None, typer.Argument(metavar="KEY=VALUE", help="Its keys, as links=agent:3")] = None,
@@ -33,7 +34,7 @@ def _add(
     ] = None,
 ) -> None:
     """Inject a fault, from now on or from the run time `from=`."""
-    known = dict(kinds_that_begin(""))
+    known = dict(kinds_begun(""))
     if kind not in known:
         near = get_close_matches(kind, known, 1)
         hint = f"did you mean {near[0]!r}?" if near else "see 'zenoh-cbef fault kinds'"
@@ -92,7 +93,7 @@ def _clear(
 def _kinds() -> None:
     """List the kinds of faults, and what they do. docs/scenario.md has their keys."""
     table = Table("kind", "what it does")
-    for kind, words in kinds_that_begin(""):
+    for kind, words in kinds_begun(""):
         table.add_row(kind, words)
     console.print(Fitting(table))
 
