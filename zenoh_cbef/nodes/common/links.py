@@ -115,7 +115,8 @@ class Links:
         return {life: place for life, place in self._places.items() if agent_named(place.name) in near}
 
     def _lacking(self) -> bool:
-        return bool(self._wanted().keys() - links_of(self._node.session).keys()) or not self._places
+        unlinked = self._wanted().keys() - links_of(self._node.session).keys()
+        return not self._places or not all(self._detours.get(self._places[life].name) for life in unlinked)
 
     def _tend(self) -> None:
         for life, place in self._wanted().items():
