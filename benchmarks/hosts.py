@@ -34,7 +34,8 @@ from zenoh_cbef.scenario.load import load
 
 HOSTS, AGENTS = 10, 100
 _DEGREE = 6.0
-_STEPS = 40
+_STEPS, _AGENT_STEPS = 30, 4000
+"""Steps of a run, at least, and steps of all its agents together."""
 _LEASE_MS = 30_000
 """Long, as all hosts share the cores of one machine: a process that gets none for seconds is not dead."""
 _RATE = 10.0
@@ -138,21 +139,24 @@ class _Site:
     def watch(self) -> None:
         """Look at the run until it has ended. Raises RuntimeError where a process fails, or it takes too long."""
         until = time.monotonic() + _LIMIT_SECONDS
-        growing = self.seen.log.with_name("run.mcap.active")
         target = self._running["target"].pid
         while any(one.poll() is None for one in self._running.values()):
             with suppress(OSError):  # one of them has just ended
                 agents = sum(map(cpu_seconds, self._pids))
                 received, sent = bytes_on(target, _DEVICE)
                 self.seen.samples.append(Sample(time.time_ns(), received, sent, cpu_seconds(target), agents))
-            # Every event of the start is in the log before the first step.
-            if not self.seen.links and growing.exists() and growing.stat().st_size > 1000 * self._agents + 20_000:
+            if not self.seen.links and self._under_way() == self._agents:
                 self._count()
             failed = [host for host, one in self._running.items() if one.poll()]
             if failed or time.monotonic() > until:
                 words = (self._folder / f"{failed[0]}.err").read_text() if failed else "it takes too long"
                 raise RuntimeError(f"the run did not end well: {failed} {words}")
             time.sleep(0.1)
+
+    def _under_way(self) -> int:
+        """How many agents the fleets say to be under way."""
+        said = [(self._folder / f"{host}.err").read_text() for host in self._hosts]
+        return sum(int(([0, *re.findall(r"(\d+) under way", one)])[-1]) for one in said)
 
     def _count(self) -> None:
         links: Counter[int] = sum((_established(self._lab, host) for host in self._hosts), Counter())
@@ -211,7 +215,7 @@ def _per_step(seen: Seen, steps: dict[int, int]) -> tuple[float, float, float, f
 
 def measured(agents: int, hosts: int = HOSTS) -> list[Row]:
     """The rows of one run in lockstep."""
-    overrides = settings_of(agents, f"steps={_STEPS}")
+    overrides = settings_of(agents, f"steps={max(_STEPS, _AGENT_STEPS // agents)}")
     with tempfile.TemporaryDirectory() as folder:
         seen = observe(agents, overrides, Path(folder), hosts)
         verdict, (steps, begun) = verify(seen.log), _times(seen)

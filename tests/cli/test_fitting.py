@@ -3,6 +3,7 @@
 import functools
 import io
 import re
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -18,7 +19,7 @@ from zenoh_cbef.analysis.summary import summarize
 from zenoh_cbef.cli import compare
 from zenoh_cbef.cli.design_tables import design_lines
 from zenoh_cbef.cli.fitting import Fitting, Told
-from zenoh_cbef.cli.status_tables import agents_table, links_table
+from zenoh_cbef.cli.status_tables import agents_table, headline, links_table
 from zenoh_cbef.cli.tables import metrics_table, summary_table
 from zenoh_cbef.outside.status import AgentStatus, LinkStatus, RunStatus, Whereabouts
 from zenoh_cbef.scenario.load import load
@@ -101,6 +102,23 @@ def test_what_the_headline_says_of_the_target_is_not_said_again_of_every_agent()
     lines = drawn(agents_table(at_home), 80)
     assert len(lines) == 1 + len(at_home.agents), "a line each, at eighty columns"
     assert "1234567" in lines[1]
+
+
+def test_of_many_agents_the_worst_are_shown_and_others_are_found():
+    one = status()
+    states = {17: "gone", 250: "silent", 90: "on"}
+    agents = [
+        replace(one.agents[0], agent=agent, state=states.get(agent, "ready"), error=float(agent == 90), estimate=None)
+        for agent in range(300)
+    ]
+    many = replace(one, agents=agents)
+    lines = drawn(agents_table(many), 200)
+    assert len(lines) == 1 + 10 + 1
+    assert [line.split()[0] for line in lines[1:4]] == ["17", "250", "90"]
+    assert "the worst of 300 agents" in lines[-1]
+    for find, ids in (("3-5,200", ["3", "4", "5", "200"]), ("silent", ["250"])):
+        assert [line.split()[0] for line in drawn(agents_table(many, find=find), 200)[1:]] == ids
+    assert "not here: agent 17" in headline(many).plain
 
 
 def test_what_fits_is_a_table_with_its_title_and_caption():

@@ -26,6 +26,9 @@ def _status(
     ctx: JoiningContext,
     run: RunName = None,
     once: Annotated[bool, typer.Option("--once", help="Show it once, also on a terminal.")] = False,
+    find: Annotated[
+        str, typer.Option("--find", metavar="TEXT", help="Only these agents: ids as in 0-9,17, or a host, or a state.")
+    ] = "",
     as_json: AsJson = False,
 ) -> None:
     """Show a run that goes on: agents, hosts, errors, loss and latency, clocks. On a terminal, once a second."""
@@ -35,17 +38,17 @@ def _status(
         if as_json:
             typer.echo(json.dumps(asdict(first), indent=2))
         elif once or not console.is_terminal:
-            console.print(status_view(first))
+            console.print(status_view(first, find))
         else:
-            _follow(operator, first)
+            _follow(operator, first, find)
 
 
-def _follow(operator: Operator, status: RunStatus) -> None:
+def _follow(operator: Operator, status: RunStatus, find: str) -> None:
     """Show the status until the run is gone, or Ctrl-C."""
     try:
-        with Live(status_view(status), console=console, auto_refresh=False) as live:
+        with Live(status_view(status, find), console=console, auto_refresh=False) as live:
             while (now := operator.status_if_on()) is not None:
-                live.update(status_view(now), refresh=True)
+                live.update(status_view(now, find), refresh=True)
                 time.sleep(_EVERY_SECONDS)
     except KeyboardInterrupt:
         return

@@ -12,11 +12,14 @@ from rich.text import Text
 
 from zenoh_cbef.cli.console import number
 from zenoh_cbef.cli.fitting import Fitting
+from zenoh_cbef.cli.ids import ids_of, shortened
 from zenoh_cbef.outside.status import AgentStatus, LinkStatus, RunStatus, Whereabouts
 from zenoh_cbef.protocol.slow import REMEDY, SLOW
 from zenoh_cbef.words import counted
 
 _MOST_LINKS = 12
+_FEW_AGENTS, _WORST_AGENTS = 24, 10
+_WORST = ("gone", "missing", "silent", "killed", "paused", "lost", "coasting", "acquiring")
 _COLOURS = {"on": "green", "ready": "green", "silent": "red", "gone": "red", "killed": "yellow", "paused": "yellow"}
 _COLOURS |= {"tracking": "green", "coasting": "yellow", "lost": "red"}
 _SERIOUS = {
@@ -35,9 +38,9 @@ _APART = "neither reaches the other, and the target carries nothing; check --lis
 _MOST_PAIRS = 5
 
 
-def status_view(status: RunStatus) -> RenderableType:
-    """Everything, from the whole to the parts."""
-    parts: list[RenderableType] = [headline(status), Text(), agents_table(status)]
+def status_view(status: RunStatus, find: str = "") -> RenderableType:
+    """Everything, from the whole to the parts. find: which agents alone, as for `agents_table`."""
+    parts: list[RenderableType] = [headline(status), Text(), agents_table(status, find=find)]
     if status.links:
         parts += [Text(), links_table(status)]
     return Group(*parts)
@@ -59,9 +62,9 @@ def headline(status: RunStatus) -> Text:
     for carried, style in ((True, "yellow"), (False, "red")):
         if pairs := [f"{_named(one.first)} and {_named(one.second)}" for one in status.apart if one.carried is carried]:
             text.append(f"\n{_and_more(pairs)}: {_CARRIED if carried else _APART}", style=style)
-    missing = [str(one.agent) for one in status.agents if one.state in {"missing", "gone"}]
+    missing = [one.agent for one in status.agents if one.state in {"missing", "gone"}]
     if missing:
-        text.append(f"\nnot here: agent {', '.join(missing)}", style="red")
+        text.append(f"\nnot here: agent {shortened(missing).replace(',', ', ')}", style="red")
     if status.slow:
         names = ", ".join(name.replace("/", " ") for name in status.slow)
         text.append(f"\ndo not keep up with real time: {names}; {REMEDY}", style="red")
@@ -89,10 +92,11 @@ def _place(where: Whereabouts) -> str:
     return "here" if where.host is None else f"{where.host}:{where.pid} {where.version}"
 
 
-def agents_table(status: RunStatus, *, brief: bool = False) -> Fitting:
-    """Where each agent is, and how well it tracks; brief: without the place.
+def agents_table(status: RunStatus, *, brief: bool = False, find: str = "") -> Fitting:
+    """Where each agent is, and how well it tracks; brief: without the place. Of many agents only the worst.
 
-    Host and version stand there only where an agent's are not the target's, which the headline has.
+    find: only those of a list of ids, as in "0-9,17", or of a host or a state with these letters, all of them. Host
+    and version stand there only where an agent's are not the target's, which the headline has.
     """
     target = status.target
     places = [] if brief else ["pid", "clock, ms"]
@@ -100,15 +104,33 @@ def agents_table(status: RunStatus, *, brief: bool = False) -> Fitting:
         places.insert(1, "version")
     if any(one.where.host not in {None, target.host} for one in status.agents) and not brief:
         places.insert(0, "host")
-    table = Table(box=None, pad_edge=False)
+    chosen = _found(status.agents, find) if find else status.agents
+    few = len(chosen) <= _FEW_AGENTS or bool(find)
+    shown = chosen if few else sorted(chosen, key=_badness, reverse=True)[:_WORST_AGENTS]
+    caption = None if few else f"the worst of {len(chosen)} agents; 'status --find 0-9' shows others, --json all"
+    table = Table(box=None, pad_edge=False, caption=caption, caption_justify="left")
     columns = ("agent", "", *places, "step", "error, m", "claimed, m", "NIS")
     for column in columns:
         words = column in {"", "host", "version"}
         table.add_column(column, justify="left" if words else "right", no_wrap=True)
-    for one in status.agents:
+    for one in shown:
         cells = _agent_cells(one)
         table.add_row(*map(cells.__getitem__, columns))
     return Fitting(table)
+
+
+def _found(agents: Sequence[AgentStatus], find: str) -> list[AgentStatus]:
+    if find[0].isdecimal():
+        ids = set(ids_of(find, "--find"))
+        return [one for one in agents if one.agent in ids]
+    return [one for one in agents if any(find in (word or "") for word in (one.where.host, one.state, one.estimate))]
+
+
+def _badness(one: AgentStatus) -> tuple[int, float]:
+    """The order of agents: those that are not there, then by what they say of their estimates, then by their errors."""
+    words = [one.state, one.estimate or ""]
+    rank = max(len(_WORST) - _WORST.index(word) if word in _WORST else 0 for word in words)
+    return rank, one.error or 0.0
 
 
 def _agent_cells(one: AgentStatus) -> dict[str, str | Text]:
