@@ -1,4 +1,7 @@
-"""Recorded ranges with one and the same filter setting, and what becomes of the errors when one thing is varied."""
+"""Recorded ranges with one and the same filter setting, and what becomes of the errors when one thing is varied.
+
+Then the same with silences cut into them.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +11,7 @@ from pathlib import Path
 import numpy as np
 from rich.table import Table
 
+from benchmarks import silences
 from benchmarks.common import plain_table
 from zenoh_cbef.analysis.metrics import analyze
 from zenoh_cbef.analysis.summary import pick
@@ -38,9 +42,9 @@ VARIED: dict[str, tuple[object, ...]] = {
 
 
 def run(repeats: int) -> Iterator[Table]:
-    """One row per set and setting that is varied, from the usual one; nothing is timed."""
+    """One row per set and setting that is varied, from the usual one, then one per silence; nothing is timed."""
     del repeats
-    rows = []
+    rows, silent = [], []
     for name, (steps, range_std, height, wanted) in SETTINGS.items():
         if not (SETS / name).is_dir():
             rows.append([name, "not beside the repository, in ../shared/data", "", "", "", ""])
@@ -53,6 +57,7 @@ def run(repeats: int) -> Iterator[Table]:
             "filter.planar_height": height,
             "filter.acceleration_std": 1.0,
         }
+        silent += silences.rows(name, usual)
         for key, values in VARIED.items():
             for value in values or steps[1:]:
                 near, far, ratio = errors(usual | {key: value})
@@ -61,6 +66,7 @@ def run(repeats: int) -> Iterator[Table]:
                 rows.append([name, f"{key} = {value}", f"{near:.4f}", limit, number(far), f"{ratio:.3f}"])
     columns = ["set", "setting", "RMSE in the plane (m)", "at most", "in silence (m)", "ratio to centralised"]
     yield plain_table("recorded ranges, last 75 %", columns, rows)
+    yield plain_table("silences cut into them, error in the plane (m)", silences.COLUMNS, silent)
 
 
 def errors(settings: Mapping[str, object]) -> tuple[float, float, float]:

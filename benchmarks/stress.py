@@ -28,12 +28,14 @@ from zenoh_cbef.tracking.status import TRACKING
 
 CASES = Path(__file__).with_name("stress.toml")
 SEEDS, FIRST = 50, 1001
+SURE = 5.0
+"""An agent is falsely sure that tracks, is further off than LOST allows, and than so many times what it claims."""
 LOST = 3.0
 """A run is lost whose position RMSE is more than so many times that of the best centralised filter."""
 
 COLUMNS = (
     "case", "median (m)", "p90", "max", "lost", "unaware", "twin lost", "strong lost", "ratio to strong", "worst",
-    "NEES/d",
+    "NEES/d", "falsely sure (%)",
 )  # fmt: skip
 
 
@@ -42,6 +44,7 @@ class Scores:
     """Of s runs of a case: position RMSE of the network and of two centralised filters, m; NEES over its ideal.
 
     NEES: while agents say `tracking`, where they say what their estimates are. tracking: how often they say so.
+    wrongly: in what share of the scored steps they say so and are falsely sure.
     """
 
     network: Floats
@@ -49,6 +52,7 @@ class Scores:
     strong: Floats
     nees: Floats
     tracking: Floats
+    wrongly: Floats
 
     @property
     def best(self) -> Floats:
@@ -77,6 +81,7 @@ class Scores:
             float(np.median(ratio)),
             float(ratio.max()),
             float(np.nanmean(self.nees)) if np.isfinite(self.nees).any() else None,
+            100.0 * float(self.wrongly.mean()),
         ]
 
 
@@ -101,12 +106,15 @@ def scores(scenario: Scenario, wrong: str = "", seeds: int = SEEDS, first: int =
         traces = simulate(scenarios, heard=heard)
         runs = analyze(traces)
         states, _ = strong(*told(traces, len(traces[0].time)))
+    twin = np.array([pick(run.metrics, "centralized.position_rmse") for run in runs])
+    best_one = _errors(traces, states, runs[0].first)
     return Scores(
         np.array([pick(run.metrics, "position_rmse") for run in runs]),
-        np.array([pick(run.metrics, "centralized.position_rmse") for run in runs]),
-        _errors(traces, states, runs[0].first),
+        twin,
+        best_one,
         np.array([_nees(run) for run in runs]),
         np.array([_tracking(run) for run in runs]),
+        np.array([_wrongly(*each) for each in zip(runs, np.fmin(twin, best_one), strict=True)]),
     )
 
 
@@ -153,6 +161,16 @@ def _tracking(run: Analysis) -> float:
     """In what share of the scored steps agents say that they track; all where they do not say."""
     said = run.trace.diagnostics.status[:, run.first :]
     return float((said == TRACKING).mean()) if np.isfinite(said).any() else 1.0
+
+
+def _wrongly(run: Analysis, best: float) -> float:
+    """In what share of the scored steps agents say that they track, or do not say, and are falsely sure."""
+    axes = len(run.trace.plan.space.kept) // 2
+    kept = list(run.trace.plan.space.kept[:axes])
+    variance = run.trace.covariances[:, run.first :, kept, kept].sum(axis=2)
+    error, said = run.position_error[:, run.first :], run.trace.diagnostics.status[:, run.first :]
+    off = (error > LOST * best) & (error > SURE * np.sqrt(variance))
+    return float((off & (np.isnan(said) | (said == TRACKING))).mean())
 
 
 def run(

@@ -154,7 +154,8 @@ class Trace:
     smoothed: None where the agents did not smooth.
     events: what nodes reported, in order. unlogged: (n, K), measurements that were made, or may have been, and are not
     in `ranges`; None where there are none. told: whether the nodes' reports are there. complete: the log was closed,
-    the run ended as planned, and nothing of it is missing.
+    the run ended as planned, and nothing of it is missing. stopped: it was closed, nothing is missing, but the run was
+    stopped before its planned end.
     """
 
     name: str
@@ -177,6 +178,7 @@ class Trace:
     unlogged: Bools | None = None
     told: bool = True
     complete: bool = True
+    stopped: bool = False
 
     @property
     def scenario(self) -> Scenario:

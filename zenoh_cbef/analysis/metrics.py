@@ -179,6 +179,7 @@ def _metrics(errors: Errors) -> Metrics:
         seed=trace.scenario.seed,
         timing=trace.scenario.timing.mode,
         complete=trace.complete,
+        stopped=trace.stopped,
         skip=errors.first,
         planar=trace.scenario.filter.planar_height is not None,
         msee=Msee([last(row) for row in errors.msee], last(errors.msee_average)),

@@ -173,6 +173,7 @@ class Metrics:
     seed: int
     timing: str
     complete: bool
+    stopped: bool
     skip: int
     planar: bool
     msee: Msee

@@ -21,7 +21,8 @@ def metrics_table(metrics: Metrics) -> Fitting:
     central, bound, messages = metrics.centralized, metrics.bound, metrics.messages
     title = f"{metrics.run}: {metrics.filter}, {counted(metrics.agents, 'agent')}, {counted(metrics.steps, 'step')}"
     title += ", errors of x and y alone" if metrics.planar else ""
-    table = Table(title=title if metrics.complete else title + " (incomplete)", title_justify="left")
+    title += "" if metrics.complete else " (stopped early)" if metrics.stopped else " (incomplete)"
+    table = Table(title=title, title_justify="left")
     for column in ("", "network", "centralised", "bound"):
         table.add_column(column, justify="left" if not column else "right")
     sources = metrics, central, bound

@@ -66,13 +66,17 @@ def trace_of(recording: Recording) -> Trace:
         events=[_event(event.message) for event in recording.events],
         unlogged=unlogged if unlogged.any() else None,
         told=(said := _told(recording, traffic.recorded)),
-        complete=_complete(recording, missing=traffic.missing) and said,
+        complete=(whole := _whole(recording, missing=traffic.missing) and said) and _ended(recording) == "finished",
+        stopped=whole and _ended(recording) == "stopped",
     )
 
 
-def _complete(recording: Recording, *, missing: int) -> bool:
-    ended = (recording.header.end or {}).get("status") == "finished"
-    return recording.complete and ended and missing == 0
+def _whole(recording: Recording, *, missing: int) -> bool:
+    return recording.complete and missing == 0
+
+
+def _ended(recording: Recording) -> str:
+    return (recording.header.end or {}).get("status", "")
 
 
 def _told(recording: Recording, recorded: int) -> bool:
