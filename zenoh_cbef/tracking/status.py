@@ -29,10 +29,10 @@ _MOST = 0.6 * CUT
 Four of ten make it 4.2, give or take 0.3, of a network that tracks well and must not begin again.
 """
 
-_WRONG = 5.4
-"""The mean cut NIS of an agent whose ranges do not fit: as if six of ten were outliers."""
+_WRONG = 3.6
+"""The mean of the smaller of two cut NIS of an agent whose ranges do not fit: as if six of ten were outliers."""
 
-_DOUBT = 3.0
+_DOUBT = 2.0
 """What that mean begins with: with some doubt, as a network that has found a wrong place has to notice soon."""
 
 _OWN_MEMORY = 15.0
@@ -64,10 +64,10 @@ class Status:
     which: a number as in STATUSES. seconds: how long it has been so, s. steps: since the start. heard: the network's
     ranges that fitted since the end of the first fix, by the first rules all. misfit, weight: fading sums of how badly
     ranges fit, and of their number. spread: the claimed position error, m. reference: what that was when ranges were
-    last enough. own: the agent's own fading mean of its ranges' cut NIS.
+    last enough. own: the agent's own fading mean, and latest: its latest range's cut NIS.
 
-        e_i <- fading mean of min(NIS_i, 9) over the agent's last 15 ranges or so
-        A <- fading mean of 9 [e_i > 5.4] over the network's last 120 ranges or so
+        e_i <- fading mean of min(NIS_i, NIS_i of its range before, 9) over the agent's last 15 ranges or so
+        A <- fading mean of 9 [e_i > 3.6] over the network's last 120 ranges or so
         r <- min(s, r exp(0.1 (ranges of this step)/axes))       s: root of the trace of the position's covariance
 
     lost: A > 9 min(0.6, 1 - (unknowns + 0.6)/n), where the agents whose ranges fit are so few that these would fit a
@@ -85,13 +85,14 @@ class Status:
     reference: Floats
     spread: Floats
     own: Floats
+    latest: Floats
 
     @classmethod
     def first(cls, count: int) -> Self:
         """Before the first step of so many agents."""
         none = np.zeros(count)
         begun = np.full(count, _BEGUN)
-        return cls(none, none, none, none, begun, begun, np.full(count, np.inf), none, np.full(count, _DOUBT))
+        return cls(none, none, none, none, begun, begun, np.full(count, np.inf), none, np.full(count, _DOUBT), none)
 
     @property
     def coasts(self) -> Bools:
@@ -106,12 +107,16 @@ class Status:
     def anew(self, rows: Bools) -> Self:
         """The same, but that some agents (n,) acquire their target again. Ranges that did not fit have to fit first."""
         begun = vars(type(self).first(len(rows)))
-        kept = {name: getattr(self, name) for name in ("seconds", "steps", "spread", "own")}
+        kept = {name: getattr(self, name) for name in ("seconds", "steps", "spread", "own", "latest")}
         return type(self)(**{name: np.where(rows, (begun | kept)[name], values) for name, values in vars(self).items()})
 
     def judging(self, misfit: Floats, heard: Bools) -> Self:
-        """The same, with how badly the ranges of this step fit (n,), cut, where one was heard (n,)."""
-        return replace(self, own=np.where(heard, self.own + (misfit - self.own) / _OWN_MEMORY, self.own))
+        """The same, with how badly the ranges of this step fit (n,), cut, where one was heard (n,).
+
+        Of two ranges in a row the one that fits better counts: outliers come singly, a wrong receiver stays wrong.
+        """
+        own = self.own + (np.minimum(misfit, self.latest) - self.own) / _OWN_MEMORY
+        return replace(self, own=np.where(heard, own, self.own), latest=np.where(heard, misfit, self.latest))
 
     @property
     def wrong(self) -> Bools:
