@@ -105,9 +105,9 @@ class Status:
         return np.asarray(self.spread > _ADRIFT * self.reference)
 
     def anew(self, rows: Bools) -> Self:
-        """The same, but that some agents (n,) acquire their target again. Ranges that did not fit have to fit first."""
-        begun = vars(type(self).first(len(rows)))
-        kept = {name: getattr(self, name) for name in ("seconds", "steps", "spread", "own", "latest")}
+        """The same, but that some agents (n,) acquire their target again; ranges that did not fit have to fit first."""
+        begun = vars(type(self).first(len(rows))) | {"own": np.minimum(self.own, _WRONG)}
+        kept = {name: getattr(self, name) for name in ("seconds", "steps", "spread", "latest")}
         return type(self)(**{name: np.where(rows, (begun | kept)[name], values) for name, values in vars(self).items()})
 
     def judging(self, misfit: Floats, heard: Bools) -> Self:

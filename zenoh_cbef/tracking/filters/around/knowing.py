@@ -21,8 +21,9 @@ _UNLIKELY = 4.0
 class Knowing(Wrapping):
     """Any filter of information, with two numbers more in its payload: whether it had a range, and whether those fit.
 
-        y_i = ([r_i was measured], 9 [e_i > 5.4])                 zeros without a range
-        e_i <- e_i + (max(min(NIS_i, 9), 9 d_i, 9 [w_i b_i^2 > 16 var b]) - e_i)/15
+        y_i = ([r_i was measured], 9 [e_i > 3.6])                 zeros without a range
+        c_i = max(min(NIS_i, 9), 9 d_i, 9 [w_i b_i^2 > 16 var b])
+        e_i <- e_i + (min(c_i, c_i of the range before) - e_i)/15
         n times the average of y: the network's ranges of this step, and nine times those of agents they do not fit
 
     An agent that distrusts its receiver by d_i has a small NIS, as it expects large errors, and so has one that
