@@ -55,6 +55,7 @@ BENCHMARKS = {
 
 _OPTIONS = {
     "filters": ("data", "write"),
+    "lab": ("write",),
     "scale": ("agents",),
     "hosts": ("agents",),
     "soak": ("minutes",),
@@ -74,7 +75,7 @@ def main() -> None:
     parser.add_argument("--agents", help="scale, hosts: how many agents runs have; default: 24,100 and 100")
     parser.add_argument("--first", type=int, default=1001, help="stress: the first seed")
     parser.add_argument("--search", type=int, default=0, help="stress: try so many random cases, keep what it finds")
-    parser.add_argument("--write", type=Path, help="filters: the page to bring up to date")
+    parser.add_argument("--write", type=Path, help="filters: the page to bring up to date; lab: the picture to make")
     arguments = parser.parse_args()
     # Tables that are piped into a file keep their columns.
     console = Console(highlight=False, width=None if Console().is_terminal else 150)

@@ -40,6 +40,12 @@ _DENSE = (
     "consensus.rounds=2",
 )
 
+_PARTED = (
+    'fault=[{kind="loss", probability=0.3, from=3.0, until=8.0},'
+    '{kind="partition", links={between=[[0, 1, 2], [3, 4, 5]]}, from=12.0, until=18.0}]'
+)
+_PICTURED_STEP = "168"
+
 
 def _command(*words: str) -> list[str]:
     return [sys.executable, "-m", "zenoh_cbef", *words]
@@ -151,7 +157,22 @@ def _opened(browser: Any, folder: Path) -> float:
     return taken
 
 
-def run(repeats: int) -> Iterator[Table]:
+def _pictured(browser: Any, folder: Path, picture: Path) -> None:
+    """The page in the middle of a partition, as a picture for the README."""
+    log = folder / "parted.mcap"
+    MadeLog(log, load("tracking", [_PARTED]).scenario, "my-run").write()
+    with _lab(folder, str(log)) as url:
+        page = browser.new_page(viewport={"width": 1280, "height": 800}, device_scale_factor=1.5)
+        page.goto(url)
+        _until(page, "lab.state.frame !== null")
+        page.fill("#step", _PICTURED_STEP)
+        _until(page, f"lab.state.frame.step === {_PICTURED_STEP}")
+        page.wait_for_timeout(500)
+        page.screenshot(path=picture)
+        page.close()
+
+
+def run(repeats: int, write: Path | None = None) -> Iterator[Table]:
     found = next(filter(None, map(shutil.which, _BROWSERS)), None)
     if found is None:
         raise UserError("no Chromium on this host; install the package chromium")
@@ -159,6 +180,8 @@ def run(repeats: int) -> Iterator[Table]:
 
     with tempfile.TemporaryDirectory() as name, sync_playwright() as driver:
         folder, browser = Path(name), driver.chromium.launch(executable_path=found, args=["--no-sandbox"])
+        if write is not None:
+            _pictured(browser, folder, write)
         opened = [_opened(browser, folder) for _ in range(repeats)]
         drawn = [_drawn(browser, folder) for _ in range(repeats)]
         clicked = sorted(_clicked(browser, folder))
