@@ -120,8 +120,10 @@ def test_what_is_assumed_of_recorded_ranges(tmp_path):
     folder = write(tmp_path)
     assert Plan(scenario_of(folder)).settings.power == 2
     for unknown in ("filter.range_std=auto", "filter.bias=none", "filter.kind=ci"):
-        wary = unknown != "filter.range_std=auto"
         settings = Plan(scenario_of(folder, unknown)).settings
+        assert (settings.power, settings.distrusts) == (2, True)
+        wary = unknown != "filter.range_std=auto"
+        settings = Plan(scenario_of(folder, unknown, "filter.defaults=3")).settings
         assert (settings.power, settings.distrusts) == ((2, True) if wary else (1, False))
         assert Plan(scenario_of(folder, unknown, "filter.defaults=1")).settings.power == 1
     assert Plan(scenario_of(folder, "dt=0.2")).motion.acceleration_std == pytest.approx(1.0)

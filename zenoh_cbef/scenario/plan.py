@@ -148,8 +148,7 @@ class Plan:
             space=self.space,
             range_std=range_std,
             xi=self.xi,
-            # Without rounds each agent is a network of one.
-            network_size=scenario.count if scenario.consensus.rounds else 1,
+            network_size=scenario.count if scenario.consensus.rounds else 1,  # Without rounds agents are alone.
             omega=chosen.omega,
             differenced=chosen.measurement == "difference",
             power=self.power,
@@ -165,6 +164,7 @@ class Plan:
             common_bias_std=1.5 * range_std if chosen.bias_common_std is None else chosen.bias_common_std,
             own_bias_std=0.15 * range_std if chosen.bias_own_std is None else chosen.bias_own_std,
             learns_noise=chosen.range_std == "auto",
+            lasting=trust.lasts(scenario) and not self.models and not self.squares,
             first_fix=self.first_fix_steps,
             outliers=start.outliers(scenario),
             squared_fix=start.squared_steps(scenario, self.first_fix_steps),

@@ -21,12 +21,19 @@ def real(scenario: Scenario) -> bool:
 
 
 def rules(scenario: Scenario) -> int:
-    """By which rules (filter.defaults) 'auto' decides on real ranges: the first ones where their noise is learned.
+    """By which rules (filter.defaults) 'auto' decides on real ranges: the first where agents learn noise alone.
 
-    The later ones judge ranges by a noise that is known; with a learned one they lose a target that the first keep.
+    The later ones judge ranges by a noise that is known, or that the network learns as errors that last ask for.
     """
     chosen = scenario.filter
-    return 1 if real(scenario) and chosen.range_std == "auto" else chosen.defaults
+    return 1 if real(scenario) and chosen.range_std == "auto" and not lasts(scenario) else chosen.defaults
+
+
+def lasts(scenario: Scenario) -> bool:
+    """Whether errors of successive ranges may be alike, and agents learn how much: where ranges are real."""
+    chosen = scenario.filter
+    known = abilities_of(chosen.kind).noise and chosen.measurement == "range"
+    return real(scenario) and chosen.defaults > 3 and known
 
 
 def may_be_biased(scenario: Scenario) -> bool:

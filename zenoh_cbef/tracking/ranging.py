@@ -19,7 +19,7 @@ class Measurement:
     emitted (0 for a synchronous target). neighbour_position: (n, m, 3) and neighbour_range: (n, m), as delivered
     by the neighbours this step; filters that use only their own range get them empty (m = 0). range_std: (n,), m,
     the noise of the own range, where it differs from the filter's setting. step: its number, None where that is no
-    matter.
+    matter. lasting: (n,), how many own ranges say as much as one whose error is independent; None: each does.
     """
 
     position: Floats
@@ -29,6 +29,7 @@ class Measurement:
     neighbour_range: Floats
     range_std: Floats | None = None
     step: int | None = None
+    lasting: Floats | None = None
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ from zenoh_cbef.tracking.filters.around.distrusting import Distrusting
 from zenoh_cbef.tracking.filters.around.evidence import Evidence
 from zenoh_cbef.tracking.filters.around.imm import InteractingModels
 from zenoh_cbef.tracking.filters.around.knowing import Knowing
+from zenoh_cbef.tracking.filters.around.lasting_errors import LastingErrors
 from zenoh_cbef.tracking.filters.around.learned_noise import LearnedNoise
 from zenoh_cbef.tracking.filters.around.reacquiring import Reacquiring
 from zenoh_cbef.tracking.filters.around.recovering import Recovering
@@ -74,7 +75,11 @@ def sharing_of(kind: str, settings: FilterSettings) -> Sharing:
         biased = BiasedInformation.sharing(settings)
         shared = biased if settings.bias == "estimate" else shared.longer(biased.payload_size + AutoBias.more)
     more = settings.recovers * Recovering.more + settings.distrusts * Distrusting.more
-    more += settings.says_status * Knowing.more + (settings.reacquires > 0) * Reacquiring.more
+    more += (
+        (settings.lasting and settings.learns_noise)
+        + settings.says_status * Knowing.more
+        + (settings.reacquires > 0) * Reacquiring.more
+    )
     return shared.longer(more)
 
 
@@ -96,7 +101,9 @@ def make_filter(kind: str, settings: FilterSettings) -> Filter:
     if settings.first_fix:
         alone = replace(settings, says_status=False, reacquires=0)
         chosen = first_fix(settings, chosen, xi, sharing_of(kind, alone).payload_size)
-    if settings.learns_noise:
+    if settings.lasting:
+        chosen = LastingErrors.of(settings, chosen)
+    elif settings.learns_noise:
         chosen = LearnedNoise(chosen, settings.range_std)
     if not settings.says_status:
         return chosen

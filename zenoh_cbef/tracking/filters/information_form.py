@@ -82,7 +82,7 @@ def own_information(
     variance = variance_of(measurement, range_std)
     spread = _spread(row, covariance, variance)
     weight = saturation(innovation, xi * spread, power)
-    precision = np.where(measured, weight, 0.0) / variance
+    precision = np.where(measured, weight, 0.0) / informing(measurement, variance)
     return RangeInformation(
         (precision * (innovation + np.add.reduce(row * state, axis=1)))[:, None] * row,
         precision[:, None, None] * outer(row, row),
@@ -94,6 +94,11 @@ def variance_of(measurement: Measurement, range_std: float) -> Floats:
     """Variance of the own range's noise, (n,), m^2: the measurement's where it has one, otherwise the filter's."""
     known = measurement.range_std
     return np.array([range_std**2]).repeat(len(measurement.range)) if known is None else known**2
+
+
+def informing(measurement: Measurement, variance: Floats) -> Floats:
+    """The variance (n,), m^2, with which the own range informs: larger than its noise's where errors last."""
+    return variance if measurement.lasting is None else variance * measurement.lasting
 
 
 def _spread(row: Floats, covariance: Floats, variance: float | Floats) -> Floats:

@@ -12,8 +12,9 @@ from zenoh_cbef.tracking.ranging import Floats, Space
 class FilterSettings:
     """What any filter may need to know.
 
-    range_std: m; learns_noise: it is where learning it begins. xi, omega: see the filter; omega None: network_size.
-    network_size: number of agents. differenced: whether ci and local take in differences of ranges in place of the
+    range_std: m; learns_noise: it is where learning it begins. lasting: whether errors of
+    successive ranges may be alike. xi, omega: see the filter; omega None: network_size. network_size: number of agents.
+    differenced: whether ci and local take in differences of ranges in place of the
     agent's own range. power: of the saturation. recovers: whether the network widens its covariances where most
     innovations are implausible. distrusts: whether agents give their own implausible ranges less weight. says_status:
     whether they say if they acquire, track, coast, or have lost the target; judges_agents: whether that counts agents
@@ -52,6 +53,7 @@ class FilterSettings:
     common_bias_std: float = 0.0
     own_bias_std: float = 0.0
     learns_noise: bool = False
+    lasting: bool = False
     first_fix: int = 0
     squared_fix: int = 0
     tries_guess: bool = False

@@ -11,6 +11,7 @@ import numpy as np
 from zenoh_cbef.tracking.filters.base import Belief, Bias, Floats, Sharing, Update
 from zenoh_cbef.tracking.filters.information_form import (
     belief_of,
+    informing,
     pack,
     packed_size,
     saturation,
@@ -107,7 +108,7 @@ class BiasedInformation:
         innovation = np.where(measured, measurement.range - predicted - state[:, -1] - own, 0.0)
         spread = np.sqrt(np.sum(row * matvec(covariance, row), axis=1) + given + variance)
         weight = saturation(innovation, self.xi * spread, self.power)
-        noise = given + variance / weight
+        noise = given + informing(measurement, variance) / weight
         precision = np.where(measured, 1.0 / noise, 0.0)
         equivalent = innovation + np.sum(row * state, axis=1)
         share = information / self.network_size

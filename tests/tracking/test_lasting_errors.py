@@ -1,0 +1,131 @@
+"""Errors of ranges that last, against independent derivations."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from zenoh_cbef.scenario.load import load
+from zenoh_cbef.scenario.plan import Plan
+from zenoh_cbef.tracking.filters.around.lasting_errors import LastingErrors, Receiver
+from zenoh_cbef.tracking.filters.base import Belief
+from zenoh_cbef.tracking.filters.kinds.sicf import SaturatedInformation
+from zenoh_cbef.tracking.motion import NearlyConstantVelocity
+from zenoh_cbef.tracking.ranging import Measurement, Space
+
+STD, AGENTS, STEPS = 0.1, 8, 300
+
+
+def lasting(rng, shape, correlation, std=STD):
+    """Errors (..., K) of which successive ones are so correlated."""
+    errors = rng.normal(0.0, std, shape)
+    for k in range(1, shape[-1]):
+        errors[..., k] = correlation * errors[..., k - 1] + np.sqrt(1.0 - correlation**2) * errors[..., k]
+    return errors
+
+
+def taught(residuals):
+    """What receivers know after residuals (n, K)."""
+    known = Receiver.first(len(residuals))
+    one = np.ones(len(residuals))
+    for residual in residuals.T:
+        known = known.after(residual, one, 0.0 * one, one, np.isfinite(residual))
+    return known
+
+
+@pytest.mark.parametrize("correlation", [0.0, 0.6, 0.9])
+def test_the_signs_of_residuals_tell_how_alike_they_are_in_spite_of_outliers(correlation):
+    rng = np.random.default_rng(1)
+    residuals = lasting(rng, (2000, 600), correlation)
+    clean = np.mean(taught(residuals).agreed / taught(residuals).pairs)
+    # Van Vleck: the mean product of the signs of two Gaussian numbers.
+    assert clean == pytest.approx(2.0 / np.pi * np.arcsin(correlation), abs=0.02)
+    spoilt = np.where(rng.random(residuals.shape) < 0.05, 50.0, residuals)
+    assert np.mean(taught(spoilt).alike) == pytest.approx(np.mean(taught(residuals).alike), abs=0.12)
+
+
+def test_a_range_that_was_not_measured_teaches_nothing():
+    known = taught(lasting(np.random.default_rng(2), (3, 50), 0.8))
+    nothing, one = np.full(3, np.nan), np.ones(3)
+    after = known.after(nothing, one, 0.0 * one, 0.5 * one, np.isfinite(nothing))
+    assert (after.left == 0.5 * known.left).all()
+    kept = {**vars(known), "left": after.left, "large": 0.0 * one, "steps": known.steps + 1.0}
+    for name, values in vars(after).items():
+        np.testing.assert_array_equal(values, kept[name])
+
+
+def test_the_factor_is_that_of_an_exponential_average_of_lasting_errors():
+    correlation, kept = 0.8, 0.7
+    weights = (1.0 - kept) * kept ** np.arange(200)
+    apart = np.abs(np.subtract.outer(np.arange(200), np.arange(200)))
+    exact = weights @ correlation**apart @ weights / (weights @ weights)
+    known = replace(Receiver.first(1), agreed=np.array([2.0 / np.pi * np.arcsin(correlation)]), pairs=np.ones(1))
+    known = replace(known, left=np.array([kept]))
+    asked = []
+
+    class Inner:
+        def update(self, _, measurement):
+            asked.append(measurement.lasting[0])
+            raise StopIteration
+
+    filter_ = LastingErrors(Inner(), MOTION, Space(), STD, learns=False, fix=0)
+    belief = Belief(np.zeros((1, 6)), np.eye(6)[None], memory=tuple(vars(known).values()))
+    with pytest.raises(StopIteration):
+        filter_.update(belief, heard(np.ones((1, 3)), np.ones(1)))
+    assert asked[0] == pytest.approx(exact, rel=1e-9)
+
+
+MOTION = NearlyConstantVelocity(0.1, 0.5)
+
+
+def heard(position, ranges):
+    count = len(position)
+    return Measurement(position, ranges, np.zeros(count), np.empty((count, 0, 3)), np.empty((count, 0)))
+
+
+def tracked(correlation, *, wrapped=True, learns=False, begin=STD, seed=3):
+    """Mean NEES over its ideal in the second half of a run, and what sigma is in the end; the average is exact."""
+    rng = np.random.default_rng(seed)
+    agents = rng.uniform(-10.0, 10.0, (AGENTS, 3))
+    inner = SaturatedInformation(MOTION, Space(), begin, AGENTS, 3.0)
+    filter_ = LastingErrors(inner, MOTION, Space(), begin, learns=learns, fix=0) if wrapped else inner
+    truth, errors = np.zeros(6), lasting(rng, (AGENTS, STEPS), correlation)
+    belief = Belief(np.zeros((AGENTS, 6)), np.repeat(0.1 * np.eye(6)[None], AGENTS, axis=0))
+    nees = []
+    for k in range(STEPS):
+        truth = MOTION.transition @ truth
+        truth[3:] += 0.5 * 0.1 * rng.normal(size=3)
+        update = filter_.update(belief, heard(agents, np.linalg.norm(agents - truth[:3], axis=1) + errors[:, k]))
+        belief = filter_.conclude(np.repeat(update.payload.mean(axis=0)[None], AGENTS, axis=0), update)
+        error = belief.state[0, :3] - truth[:3]
+        nees.append(error @ np.linalg.solve(belief.known_covariance[0, :3, :3], error) / 3.0)
+    known = Receiver(*belief.memory) if wrapped else Receiver.first(1)
+    return np.mean(nees[STEPS // 2 :]), np.median(begin * np.exp(known.scale))
+
+
+def test_a_network_with_lasting_errors_knows_how_far_it_may_be_off():
+    seeds = (3, 4)
+    sure = np.mean([tracked(0.9, wrapped=False, seed=seed)[0] for seed in seeds])
+    honest = np.mean([tracked(0.9, seed=seed)[0] for seed in seeds])
+    assert sure > 2.5
+    assert 1.0 / 1.5 < honest < 1.8 < sure
+    assert np.mean([tracked(0.0, seed=seed)[0] for seed in seeds]) == pytest.approx(1.0, abs=0.3)
+
+
+@pytest.mark.parametrize("correlation", [0.0, 0.8])
+@pytest.mark.parametrize("begin", [0.5 * STD, 2.0 * STD])
+def test_sigma_is_learned_from_half_and_from_twice_of_it_also_where_errors_last(correlation, begin):
+    assert tracked(correlation, learns=True, begin=begin)[1] == pytest.approx(STD, rel=0.25)
+
+
+def test_errors_may_last_where_ranges_are_real_and_learning_costs_one_number():
+    def plan(*more):
+        return Plan(load("tracking", ["sensor.real=true", "timing.mode=realtime", *more]).scenario)
+
+    assert plan().settings.lasting
+    assert not plan("filter.defaults=3").settings.lasting
+    assert not plan("filter.kind=kcf").settings.lasting
+    assert not Plan(load("tracking").scenario).settings.lasting
+    assert plan("filter.range_std=auto").sharing.payload_size == plan().sharing.payload_size + 1

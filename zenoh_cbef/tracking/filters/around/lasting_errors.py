@@ -1,0 +1,167 @@
+"""Errors of ranges that last: agents learn from their residuals how alike successive ones are, and how large."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+
+from zenoh_cbef.arrays import Bools
+from zenoh_cbef.tracking.filters.around.wrapping import Wrapping
+from zenoh_cbef.tracking.filters.base import Belief, Filter, Floats, Update
+from zenoh_cbef.tracking.filters.information_form import variance_of
+from zenoh_cbef.tracking.filters.settings import FilterSettings
+from zenoh_cbef.tracking.linalg import matvec
+from zenoh_cbef.tracking.motion import Motion
+from zenoh_cbef.tracking.ranging import Measurement, Space, own_range
+
+_MEDIAN = 0.67448975
+"""Median of |v| for v ~ N(0, 1)."""
+
+_MEMORY, _BEGIN = 100.0, 20.0
+"""How many pairs of its own ranges an agent remembers, and how many independent ones it begins with."""
+
+_MOST = 0.98
+"""The largest correlation of successive errors that counts: further ranges then still tell a hundredth."""
+
+_SLOWEST = 0.02
+"""Least step of the logarithm of sigma."""
+
+_WIDEST = 30.0
+"""By what factor sigma may leave where it began."""
+
+
+@dataclass(frozen=True)
+class Receiver:
+    """What an agent knows of its receiver, arrays (n,).
+
+    agreed, pairs: fading sums of the product of two successive residuals' signs, and of their number. last: the sign of
+    the last residual. left: the share of what the estimate knew at the last own range that it still rests on. scale:
+    log sigma over where that began. seen: own ranges so far. large: what the last residual says of sigma. steps: since
+    the start.
+    """
+
+    agreed: Floats
+    pairs: Floats
+    last: Floats
+    left: Floats
+    scale: Floats
+    seen: Floats
+    large: Floats
+    steps: Floats
+
+    @classmethod
+    def first(cls, count: int) -> Self:
+        """Of so many agents before the first step."""
+        none, one = np.zeros(count), np.ones(count)
+        return cls(none, _BEGIN * one, none, one, none, none, none, none)
+
+    @property
+    def alike(self) -> Floats:
+        """The correlation of successive errors, (n,), from 0 on."""
+        return np.clip(np.sin(0.5 * np.pi * self.agreed / self.pairs), 0.0, _MOST)
+
+    def after(self, residual: Floats, variance: Floats, network: Floats, forgotten: Floats, measured: Bools) -> Self:
+        """A step later.
+
+        residual: of the own range, m, NaN where it teaches nothing, and the variance that it should have, m^2. network:
+        the average of what all agents' last residuals said. forgotten: what share of the past this step has left.
+        measured: whether there was an own range.
+        """
+        heard = np.isfinite(residual)
+        sign = np.sign(np.where(heard, residual, 0.0))
+        kept = np.where(heard, 1.0 - 1.0 / _MEMORY, 1.0)
+        gain = np.maximum(1.0 / (1.0 + self.seen / 5.0), _SLOWEST)
+        limit = np.log(_WIDEST)
+        return replace(
+            self,
+            agreed=kept * self.agreed + sign * self.last,
+            pairs=kept * self.pairs + np.abs(sign * self.last),
+            last=np.where(heard, sign, self.last),
+            left=np.where(measured, 1.0, self.left) * forgotten,
+            scale=np.clip(self.scale + gain * network, -limit, limit),
+            seen=self.seen + heard,
+            large=np.where(heard, np.where(residual**2 > _MEDIAN**2 * variance, 1.0, -1.0), 0.0),
+            steps=self.steps + 1.0,
+        )
+
+
+@dataclass(frozen=True)
+class LastingErrors(Wrapping):
+    """Any filter of information on own ranges, of which successive ones may have alike errors.
+
+    Reflections, and what they add to a range, change with the place, so real errors last for seconds. A filter that
+    takes them for independent counts each of them again and again, and is too sure by far. An estimate that forgets a
+    share 1 - k of its past from one own range to the next has, of errors with a correlation c from range to range, the
+    variance that it would have of independent ones, times (a sum over exponential weights)
+
+        F = (1 + c k)/(1 - c k),    k = product of H P+ H^T/(H P- H^T) over the steps since the last own range
+
+    So the information in a range is divided by F; its innovation is judged as before. c follows from the signs of
+    residuals e = r - h(x+) - bias, which outliers hardly disturb (Van Vleck's arcsine law, for Gaussian errors):
+
+        c = sin(pi/2 mean[sign(e) sign(former e)]),    over the last 100 own ranges, at first 0
+
+    With `learns` the network also learns sigma, by stochastic approximation (Robbins and Monro, 1951) of the value at
+    which half of the residuals are small. As P+ holds the range itself, a residual has the variance f sigma^2:
+
+        f = 1 - H P+ H^T/(F sigma^2),   y_i = f sign(e^2 - 0.6745^2 f sigma^2), 0 without a range
+        log sigma <- log sigma + max(1/(1 + m/5), 0.02) (average of y over the network)
+
+    Innovations would not do: a filter that follows lasting errors has small ones, and the smaller sigma, the more it
+    follows. Nor would agents that learn alone: one that is trusted has small residuals, and is trusted more. y of the
+    step before is the number that a message has more. m: own ranges so far.
+
+    range_std: sigma (m), or where learning it begins. fix: steps of the first fix, in which nothing is learned.
+    """
+
+    motion: Motion
+    space: Space
+    range_std: float
+    learns: bool
+    fix: int
+
+    @classmethod
+    def of(cls, settings: FilterSettings, inner: Filter) -> Self:
+        """Around a filter with these settings."""
+        std, learns = settings.range_std, settings.learns_noise
+        return cls(inner, settings.motion, settings.space, std, learns=learns, fix=settings.first_fix)
+
+    def update(self, belief: Belief, measurement: Measurement) -> Update:
+        """The filter's update; kept: what the agent knew of its receiver, and what the residual needs."""
+        inner = belief.parts[0] if belief.parts else belief
+        known = Receiver(*belief.memory) if belief.memory else Receiver.first(len(belief.state))
+        correlation = known.alike * known.left
+        factor = (1.0 + correlation) / (1.0 - correlation)
+        if self.learns:
+            measurement = replace(measurement, range_std=self.range_std * np.exp(known.scale))
+        update = self.filter.update(inner, replace(measurement, lasting=factor))
+        payload = np.concatenate([update.payload, known.large[:, None]], axis=1) if self.learns else update.payload
+        state = self.motion.predict_state(belief.state)
+        covariance = self.motion.predict_covariance(belief.known_covariance, belief.state)
+        _, before = self._predicted(state, covariance, measurement.position, measurement.age)
+        heard = measurement.position, measurement.range, measurement.age, variance_of(measurement, self.range_std)
+        return Update(payload, update.diagnostics, (*vars(known).values(), *heard, factor, before), (update,))
+
+    def conclude(self, payload: Floats, update: Update) -> Belief:
+        """The filter's belief, and what the residual of the own range teaches."""
+        *former, position, range_, age, variance, factor, before = update.kept
+        known, network = Receiver(*former), np.zeros(len(payload))
+        if self.learns:
+            network = np.fmin(np.fmax(payload[:, -1], -1.0), 1.0)
+            payload = np.ascontiguousarray(payload[:, :-1])
+        inner = self.filter.conclude(payload, update.parts[0])
+        predicted, after = self._predicted(inner.state, inner.known_covariance, position, age)
+        bias = 0.0 if inner.bias is None else inner.bias.weight * inner.bias.value
+        residual = np.where(known.steps < self.fix, np.nan, range_ - predicted - bias)
+        free = 1.0 - np.minimum(after / (factor * variance), 1.0)
+        forgotten = np.clip(after / np.where(before > 0.0, before, 1.0), 0.0, 1.0)
+        known = known.after(residual, free * variance, network, forgotten, np.isfinite(range_))
+        known = replace(known, large=known.large * free)
+        return replace(inner, memory=tuple(vars(known).values()), parts=(inner,))
+
+    def _predicted(self, state: Floats, covariance: Floats, position: Floats, age: Floats) -> tuple[Floats, Floats]:
+        """The own range as an estimate has it, m, and its variance, m^2, (n,) each."""
+        distance, row = own_range(self.space, state, position, age)
+        return distance, np.asarray(np.add.reduce(row * matvec(covariance, row), axis=1))
