@@ -144,7 +144,7 @@ def run(repeats: int) -> Iterator[Table]:
                 write(kind, seed, folder)
             for bias in ("none", "estimate", "auto"):
                 scored = [errors(settings(kind, folder) | {"filter.bias": bias}) for folder in folders]
-                found = [(near, ratio) for near, _, ratio in scored]
+                found = [(near, ratio) for near, _, ratio, _ in scored]
                 each = [
                     f"{middle(column):.4f}" for column in zip(*found, strict=True) for middle in (np.median, np.max)
                 ]

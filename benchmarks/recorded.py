@@ -47,7 +47,7 @@ def run(repeats: int) -> Iterator[Table]:
     rows, silent = [], []
     for name, (steps, range_std, height, wanted) in SETTINGS.items():
         if not (SETS / name).is_dir():
-            rows.append([name, "not beside the repository, in ../shared/data", "", "", "", ""])
+            rows.append([name, "not beside the repository, in ../shared/data", "", "", "", "", ""])
             continue
         usual = {
             "target.motion": "dataset",
@@ -60,19 +60,21 @@ def run(repeats: int) -> Iterator[Table]:
         silent += silences.rows(name, usual)
         for key, values in VARIED.items():
             for value in values or steps[1:]:
-                near, far, ratio = errors(usual | {key: value})
+                near, far, ratio, nees = errors(usual | {key: value})
                 # What is wanted is wanted of biases as they are by default.
                 limit = "" if key == "filter.bias" and value != "auto" else f"{wanted}"
-                rows.append([name, f"{key} = {value}", f"{near:.4f}", limit, number(far), f"{ratio:.3f}"])
-    columns = ["set", "setting", "RMSE in the plane (m)", "at most", "in silence (m)", "ratio to centralised"]
+                rows.append(
+                    [name, f"{key} = {value}", f"{near:.4f}", limit, number(far), f"{ratio:.3f}", f"{nees:.2f}"]
+                )
+    columns = ["set", "setting", "RMSE in the plane (m)", "at most", "in silence (m)", "ratio to centralised", "NEES/d"]
     yield plain_table("recorded ranges, last 75 %", columns, rows)
     yield plain_table("silences cut into them, error in the plane (m)", silences.COLUMNS, silent)
 
 
-def errors(settings: Mapping[str, object]) -> tuple[float, float, float]:
-    """Position RMSE (m) of `tracking` with other keys within SILENT of a range, after that, and the ratio of all.
+def errors(settings: Mapping[str, object]) -> tuple[float, float, float, float]:
+    """Position RMSE (m) of `tracking` with other keys within SILENT of a range, after that, the ratio of all, and NEES.
 
-    The ratio is to the centralised filter.
+    The ratio is to the centralised filter. NEES: within SILENT of a range, over its ideal.
     """
     scenario = load("tracking", [f"{key}={value}" for key, value in settings.items()]).scenario
     found = analyze(simulate([scenario]))[0]
@@ -81,7 +83,8 @@ def errors(settings: Mapping[str, object]) -> tuple[float, float, float]:
     near, far = (
         float(np.sqrt(np.nanmean(squares[:, chosen]))) if chosen.any() else np.nan for chosen in (~silent, silent)
     )
-    return near, far, pick(found.metrics, "ratio_to_centralized")
+    nees = float(np.nanmean(found.nees[:, found.first :][:, ~silent])) / len(found.trace.plan.space.kept)
+    return near, far, pick(found.metrics, "ratio_to_centralized"), nees
 
 
 def silent_steps(trace: Trace) -> Bools:
