@@ -65,12 +65,13 @@ def test_the_factor_is_that_of_an_exponential_average_of_lasting_errors():
     known = replace(known, left=np.array([kept]))
     asked = []
 
-    class Inner:
-        def update(self, _, measurement):
+    class Inner(SaturatedInformation):
+        def update(self, belief, measurement):
+            del belief
             asked.append(measurement.lasting[0])
             raise StopIteration
 
-    filter_ = LastingErrors(Inner(), MOTION, Space(), STD, learns=False, fix=0)
+    filter_ = LastingErrors(Inner(MOTION, Space(), STD, 1), MOTION, Space(), STD, learns=False, fix=0)
     belief = Belief(np.zeros((1, 6)), np.eye(6)[None], memory=tuple(vars(known).values()))
     with pytest.raises(StopIteration):
         filter_.update(belief, heard(np.ones((1, 3)), np.ones(1)))

@@ -99,7 +99,7 @@ def make_filter(kind: str, settings: FilterSettings) -> Filter:
     if settings.distrusts:
         chosen = Distrusting(chosen, settings.range_std)
     if settings.first_fix:
-        alone = replace(settings, says_status=False, reacquires=0)
+        alone = replace(settings, says_status=False, reacquires=0, learns_noise=False)
         chosen = first_fix(settings, chosen, xi, sharing_of(kind, alone).payload_size)
     if settings.lasting:
         chosen = LastingErrors.of(settings, chosen)
