@@ -9,7 +9,6 @@ exit status, negative for a signal. It ends when the socket is closed.
 
 from __future__ import annotations
 
-import ctypes
 import gc
 import json
 import os
@@ -116,7 +115,9 @@ def _forks() -> bool:
 
 def _show(words: list[str]) -> None:
     """Let the list of processes show these words, where they have room."""
-    with suppress(OSError, IndexError, ValueError):
+    with suppress(OSError, IndexError, ValueError, ImportError, MemoryError):
+        import ctypes  # noqa: PLC0415 - where memory may not be written and executed it can fail
+
         fields = Path("/proc/self/stat").read_text(encoding="utf-8").rpartition(")")[2].split()
         # The fields after the name, of which the first is the third.
         begin, end = (int(fields[one - 3]) for one in (_ARGUMENTS_BEGIN, _ARGUMENTS_END))
