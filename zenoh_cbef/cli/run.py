@@ -143,7 +143,16 @@ def _execute(
     display = _Display(loaded.scenario.length)
     tell(f"run {run}: {counted(loaded.scenario.count, 'agent')}, log {path}")
     with display.live:
-        launcher = launch(arguments, loaded, run, path, sync=sync, on_status=display.show, asked_to_stop=stops)
+        launcher = launch(
+            arguments,
+            loaded,
+            run,
+            path,
+            sync=sync,
+            on_start=lambda endpoint: tell(f"target at {endpoint}; other programs join there as clients"),
+            on_status=display.show,
+            asked_to_stop=stops,
+        )
     started, deaths = launcher.started, launcher.deaths
     if started or stops.count:
         return started, [str(death) for death in deaths]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import TracebackType
 from typing import Self
 
@@ -13,6 +13,7 @@ from zenoh_cbef.errors import UserError
 from zenoh_cbef.outside.status import RunStatus, read_status
 from zenoh_cbef.protocol.control import ask_control
 from zenoh_cbef.protocol.keys import Keys
+from zenoh_cbef.protocol.lives import new_life
 from zenoh_cbef.protocol.presence import live_now
 from zenoh_cbef.protocol.questions import ADD, CLEAR, HOLD, LIST, STATUS, STOP, Answer, InjectedTable, Question
 from zenoh_cbef.protocol.reach import wait_for_link, why_no_answer
@@ -58,7 +59,8 @@ class Operator:
     """
 
     def __init__(self, run: str, connection: Connection, patience: float = _PATIENCE_SECONDS) -> None:
-        self.run, self._connection, self.patience = run, connection, patience
+        # A life, by which the target knows that it is no stranger.
+        self.run, self._connection, self.patience = run, replace(connection, life=new_life(())), patience
         self._keys = Keys(run)
 
     def __enter__(self) -> Self:

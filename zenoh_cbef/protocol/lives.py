@@ -15,6 +15,8 @@ from zenoh_cbef.protocol.addresses import is_loopback, parts
 
 _HIDDEN, _PRIVATE, _PUBLIC = 3, 2, 1
 _RANDOM_BYTES, _TIME_BYTES = 8, 7
+_LATEST = 12
+"""What the first byte of a time stays below until 2077."""
 
 
 def new_life(endpoints: Sequence[str]) -> str:
@@ -23,6 +25,13 @@ def new_life(endpoints: Sequence[str]) -> str:
     chance = bytes([secrets.randbelow(240) + 16]) + secrets.token_bytes(_RANDOM_BYTES - 1)
     arrival = time.time_ns() // 1000
     return (chance + arrival.to_bytes(_TIME_BYTES, "little") + bytes([_rank(endpoints)])).hex()
+
+
+def is_life(found: str) -> bool:
+    """Whether an id was made here: it ends with a time and a rank. Of two thousand others one passes, too."""
+    whole = bytes.fromhex(found.zfill(len(found) + len(found) % 2))
+    size = _RANDOM_BYTES + _TIME_BYTES + 1
+    return len(whole) == size and whole[-1] in {_HIDDEN, _PRIVATE, _PUBLIC} and whole[-2] < _LATEST
 
 
 def connects(own: str, other: str) -> bool:

@@ -7,7 +7,7 @@ import os
 import re
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -101,11 +101,14 @@ def open_session(connection: Connection, patience: float = 0.0) -> zenoh.Session
     return open_joined(connection, patience)[0]
 
 
-def open_joined(connection: Connection, patience: float = 0.0) -> tuple[zenoh.Session, Connection]:
+def open_joined(
+    connection: Connection, patience: float = 0.0, waiting: Callable[[], object] = lambda: None
+) -> tuple[zenoh.Session, Connection]:
     """Open a session. Links to endpoints that do not answer yet are made as soon as they do.
 
     A process that connects to a router and was not told to listen joins as its client: no other host could reach it.
-    The connection that is returned says so. A client tries for `patience` s to reach its router. Raises
+    The connection that is returned says so. A client tries for `patience` s to reach its router, and
+    calls `waiting` meanwhile. Raises
     PortInUseError, and UserError for an endpoint that is none, a router that does not answer, or a configuration file
     that Zenoh refuses.
     """
@@ -132,6 +135,7 @@ def open_joined(connection: Connection, patience: float = 0.0) -> tuple[zenoh.Se
                 continue
             let_go_at_once(session)
             return session, connection
+        waiting()
         # We wait ourselves, as no signal ends Zenoh's own waiting.
         time.sleep(_ROUTER_RETRY_SECONDS)
 

@@ -43,7 +43,7 @@ def brief(node: Node) -> Briefing:
     """
     run = node.identity.run
     left = max(0.0, node.born + node.identity.patience - time.monotonic())
-    text = fetch_scenario(node.session, run, node.identity.connection, patience=left, stopped=lambda: node.stopping)
+    text = fetch_scenario(node.session, run, node.identity.connection, patience=left, stopped=node.waits)
     if text.program != __version__:
         raise UserError(
             f"run {run!r} is of zenoh-cbef {text.program}, this is {__version__}; "

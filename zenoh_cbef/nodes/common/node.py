@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 import threading
 import time
 from collections import deque
@@ -33,6 +34,7 @@ _FAREWELLS = 10
 _JOIN_SECONDS = 5.0
 _TOLD = 50
 _PORT_ATTEMPTS = 4
+_QUIET_SECONDS = 3.0
 _PATIENCE_WITHOUT_LAUNCHER = {"target": 0.0, "agent": 4.0, "record": 6.0}
 
 
@@ -74,7 +76,7 @@ class Node:
         self.clock: Callable[[], int] = time.time_ns
         self.stopping = False
         self.leashed, self.launched = LEASH in os.environ, os.environ.get(LEASH, FLEET) != FLEET
-        self.born = time.monotonic()
+        self.born, self._said_waiting = time.monotonic(), False
         self.told: deque[bytes] = deque(maxlen=_TOLD)
         self._on_stop: list[Callable[[], None]] = []
         self._on_close: list[Callable[[], None]] = []
@@ -96,12 +98,21 @@ class Node:
             raise
         return self
 
+    def waits(self) -> bool:
+        """Say once that this process waits, where a user started it; whether it is to stop, as those ask who wait."""
+        if not self._said_waiting and not self.leashed and time.monotonic() - self.born > _QUIET_SECONDS:
+            self._said_waiting = True
+            who, run, links = self.identity.sender, self.identity.run, ", ".join(self.identity.connection.connect)
+            where = f" at {links}" if links else ""
+            sys.stderr.write(f"{who} waits for run {run}{where}, {self.identity.patience:g} s at most\n")
+        return self.stopping
+
     def _open(self) -> None:
         given = self.identity.connection
         for left in reversed(range(_PORT_ATTEMPTS)):
             wanted = _settled(given)
             try:
-                self.session, self.connection = open_joined(wanted, self.identity.patience)
+                self.session, self.connection = open_joined(wanted, self.identity.patience, self.waits)
             except PortInUseError:
                 if not left or list(wanted.listen) == list(given.listen):
                     Ending("port").tell()

@@ -19,12 +19,17 @@ def launch(
     log: Path,
     *,
     sync: bool = False,
+    on_start: Callable[[str], None] = lambda _: None,
     on_status: Callable[[Status], None] = lambda _: None,
     asked_to_stop: Callable[[], int] = lambda: 0,
 ) -> Launcher:
-    """Run all processes to their end, as Launcher and its `watch` describe. Returns the last attempt's launcher."""
+    """Run all processes to their end, as Launcher and its `watch` describe. Returns the last attempt's launcher.
+
+    on_start: gets the target's endpoint, again where another attempt has another.
+    """
     for _ in range(_ATTEMPTS):
         with Launcher(arguments, loaded, run, log, sync=sync) as launcher:
+            on_start(launcher.endpoint)
             launcher.watch(on_status, asked_to_stop)
         if not launcher.lost_a_port:
             break

@@ -76,6 +76,7 @@ class Launcher:
         self._arguments, self._loaded, self._run = list(arguments), loaded, run
         self._log, self._sync = log, sync
         self._processes: dict[str, subprocess.Popen[bytes]] = {}
+        self.endpoint = ""
         self._commands: dict[str, list[str]] = {}
         self._restarts: dict[str, float] = {}
         self._ended: set[str] = set()
@@ -106,6 +107,7 @@ class Launcher:
         scheme = "tls" if self._loaded.scenario.zenoh.tls else "tcp"
         endpoints = [f"{scheme}/127.0.0.1:{port}" for port in free_ports(count + 2)]
         target, recorder, agents = endpoints[0], endpoints[1], endpoints[2:]
+        self.endpoint = target
         extra = list(self._loaded.scenario.zenoh.listen)
         self._start("target", ["target", *self._arguments], listen=[target, *extra], connect=[])
         log = ["--output", str(self._log), "--status-json", *(["--sync"] if self._sync else [])]

@@ -20,6 +20,7 @@ from zenoh_cbef.nodes.target.linking import linked_by
 from zenoh_cbef.nodes.target.lookout import Lookout
 from zenoh_cbef.nodes.target.progress import Progress
 from zenoh_cbef.nodes.target.services import served
+from zenoh_cbef.nodes.target.strangers import Strangers
 from zenoh_cbef.nodes.target.survey import Survey
 from zenoh_cbef.outside.registry import registered
 from zenoh_cbef.protocol.claims import Claims
@@ -66,7 +67,7 @@ class Target:
         self.progress = Progress(self.node, self.scenario.count, self._patience, grace, claims=self.claims, begun=begun)
         self.directory = Directory(self.claims, linked_by(self.plan.edges))
         self.survey = Survey(self.node)
-        self.lookout = Lookout(self.node)
+        self.lookout, self._strangers = Lookout(self.node), Strangers(self.node)
         self._first_fix = self.plan.first_fix_steps
         self._epoch = 0.0
         self._alone_at = 0.0
@@ -108,7 +109,11 @@ class Target:
             others = absent or [f"agent {one} (here, but not linked to all it needs)" for one in unready]
             return others + ([] if recorded else ["the recorder"])
 
-        complete = self.node.wait_for(lambda live: not missing(live), patience, self.progress.drain)
+        def meanwhile() -> None:
+            self.progress.drain()
+            self._strangers.look()
+
+        complete = self.node.wait_for(lambda live: not missing(live), patience, meanwhile)
         if not complete and not self.node.stopping:
             names = ", ".join(missing(self.node.presence.names()))
             raise UserError(
@@ -140,6 +145,7 @@ class Target:
             if self.node.stopping or not (going_on or self._agent_returns(step)):
                 break
             self.survey.drain()
+            self._strangers.look()
             self._inject()
             self._announce_faults(step)
             self._admit(step)
