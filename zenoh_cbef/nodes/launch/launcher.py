@@ -106,17 +106,16 @@ class Launcher:
         count = self._loaded.scenario.count
         scheme = "tls" if self._loaded.scenario.zenoh.tls else "tcp"
         endpoints = [f"{scheme}/127.0.0.1:{port}" for port in free_ports(count + 2)]
-        target, recorder, agents = endpoints[0], endpoints[1], endpoints[2:]
-        self.endpoint = target
+        self.endpoint, recorder, agents = endpoints[0], endpoints[1], endpoints[2:]
         extra = list(self._loaded.scenario.zenoh.listen)
-        self._start("target", ["target", *self._arguments], listen=[target, *extra], connect=[])
+        self._start("target", ["target", *self._arguments], listen=[self.endpoint, *extra], connect=[])
         log = ["--output", str(self._log), "--status-json", *(["--sync"] if self._sync else [])]
-        self._start("recorder", ["record", *log], listen=[recorder], connect=[target])
+        self._start("recorder", ["record", *log], listen=[recorder], connect=[self.endpoint])
         lower: list[list[str]] = [[] for _ in range(count)]
         for first, second in self._loaded.plan.edges.tolist():
             lower[second].append(agents[first])
         for agent in range(count):
-            connect = [target, recorder, *lower[agent]]
+            connect = [self.endpoint, recorder, *lower[agent]]
             self._start(f"agent {agent}", ["agent", str(agent)], listen=[agents[agent]], connect=connect)
 
     def _start(self, name: str, command: list[str], *, listen: Sequence[str], connect: Sequence[str]) -> None:
