@@ -100,7 +100,8 @@ class Node:
 
     def waits(self) -> bool:
         """Say once that this process waits, where a user started it; whether it is to stop, as those ask who wait."""
-        if not self._said_waiting and not self.leashed and time.monotonic() - self.born > _QUIET_SECONDS:
+        patient = self.identity.patience > 2.0 * _QUIET_SECONDS and not self.leashed
+        if patient and not self._said_waiting and time.monotonic() - self.born > _QUIET_SECONDS:
             self._said_waiting = True
             who, run, links = self.identity.sender, self.identity.run, ", ".join(self.identity.connection.connect)
             where = f" at {links}" if links else ""
