@@ -34,7 +34,7 @@ from zenoh_cbef.scenario.load import load
 
 HOSTS, AGENTS = 10, 100
 _DEGREE = 6.0
-_STEPS, _AGENT_STEPS = 30, 4000
+_STEPS, _AGENT_STEPS = 30, 12_000
 """Steps of a run, at least, and steps of all its agents together."""
 _LEASE_MS = 30_000
 """Long, as all hosts share the cores of one machine: a process that gets none for seconds is not dead."""
@@ -232,7 +232,10 @@ def measured(agents: int, hosts: int = HOSTS) -> list[Row]:
         Row("the target sends in a step", number(1e-3 * sent, "kB")),
         Row("the target's processor time for a step", number(1e3 * cpu, "ms")),
         Row("an agent's processor time for a step", number(1e3 * all_agents / agents, "ms")),
-        Row(f"agents that these {cores} cores carry at {_RATE:g} Hz", f"{agents * cores / _RATE / all_agents:.0f}"),
+        Row(
+            f"agents that these {cores} cores carry at {_RATE:g} Hz",
+            number(agents * cores / _RATE / (all_agents or np.nan)),
+        ),
         Row("steps per second", number((len(times) - 1) / (1e-9 * (times[-1] - times[0])))),
         Row("verify", verdict.text, "equal", verdict.result == "equal"),
     ]
