@@ -29,6 +29,9 @@ _OPEN_MS = 1500
 """How long a link may take to open before it is tried again; a session that closes waits for as long."""
 MOST_LINKS = 10_000
 """Links that a process accepts: ten for each agent that a scenario can have."""
+_SCOUT_MS = 20
+"""How long Zenoh may hold up the opening of a session for its first link: by default half a second, at random, also
+where the link is there. Processes wait for the links that they need themselves."""
 _SIZE_LIMIT: Json = {
     "id": "size",
     "flows": ["ingress"],
@@ -173,6 +176,7 @@ def _config(connection: Connection) -> zenoh.Config:
     settings: dict[str, Json] = {
         "mode": connection.mode,
         "scouting/multicast/enabled": connection.multicast,
+        "scouting/delay": _SCOUT_MS,
         "scouting/gossip/enabled": connection.gossip,
         # No process tells a peer of third ones, but a router that a process opens for that (introducing.py).
         "scouting/gossip/target": {"router": ["router"], "peer": ["router"]},
