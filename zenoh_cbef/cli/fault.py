@@ -38,7 +38,7 @@ def _add(
     if kind not in known:
         near = get_close_matches(kind, known, 1)
         hint = f"did you mean {near[0]!r}?" if near else "see 'zenoh-cbef fault kinds'"
-        raise UserError(f"there is no fault of the kind {kind!r}; {hint}")
+        raise UserError(f"the kind must be one of {', '.join(known)}, not {kind!r}; {hint}")
     table: dict[str, object] = {"kind": kind}
     for one in keys or ():
         key, separator, text = one.partition("=")

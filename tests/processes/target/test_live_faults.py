@@ -91,7 +91,7 @@ def test_in_lockstep_injected_faults_begin_with_a_step_for_all_and_the_log_is_pr
     assert listed[0]["until"] > listed[0]["from"]
     unknown = world.call("fault", "list", "--run", "nobody")
     assert unknown.returncode == 2
-    assert "no run 'nobody' goes on on this host (there is" in unknown.stderr
+    assert "no run 'nobody' goes on on this host (there " in unknown.stderr
     until = time.monotonic() + 60
     while json.loads(world.call("status", "--run", world.run, "--json").stdout)["time"] < listed[2]["until"] + 2.0:
         assert time.monotonic() < until, "the run stands still"
