@@ -69,8 +69,7 @@ class Plan:
         """The motions between which the target switches; none where the filter assumes one."""
         biased = trust.may_be_biased(self.scenario) and self.scenario.filter.bias != "none"
         single = self.distrusts_others or (self.scenario.filter.recovery and self.scenario.filter.defaults < 4)
-        alone = biased or single or not self.abilities.models
-        several = switches(self.scenario, alone=alone)
+        several = switches(self.scenario, alone=biased or single or not self.abilities.models)
         return assumed_models(self.scenario, self.range_std, self.space.axes) if several else ()
 
     @cached_property
@@ -154,6 +153,7 @@ class Plan:
             power=self.power,
             recovers=chosen.recovery,
             distrusts=self.distrusts_own,
+            returns=chosen.defaults > 3,
             says_status=chosen.status and self.abilities.information,
             judges_agents=chosen.status_rules > 1,
             reacquires=(window := start.window(scenario, self.settling_steps)),

@@ -16,6 +16,7 @@ from zenoh_cbef.tracking.filters.around.lasting_errors import LastingErrors
 from zenoh_cbef.tracking.filters.around.learned_noise import LearnedNoise
 from zenoh_cbef.tracking.filters.around.reacquiring import Reacquiring
 from zenoh_cbef.tracking.filters.around.recovering import Recovering
+from zenoh_cbef.tracking.filters.around.returning import Returning
 from zenoh_cbef.tracking.filters.around.squared_information import SquaredInformation
 from zenoh_cbef.tracking.filters.around.tried_guess import first_fix
 from zenoh_cbef.tracking.filters.base import Abilities, Belief, Filter, Kind, Sharing, Update
@@ -98,6 +99,8 @@ def make_filter(kind: str, settings: FilterSettings) -> Filter:
         chosen = Recovering(chosen)
     if settings.distrusts:
         chosen = Distrusting(chosen, settings.range_std)
+    if settings.returns and settings.network_size > 1 and abilities_of(kind).biases and not settings.squares:
+        chosen = Returning(chosen, settings.space, settings.range_std)
     if settings.first_fix:
         alone = replace(settings, says_status=False, reacquires=0, learns_noise=False)
         chosen = first_fix(settings, chosen, xi, sharing_of(kind, alone).payload_size)

@@ -16,21 +16,22 @@ class FilterSettings:
     successive ranges may be alike. xi, omega: see the filter; omega None: network_size. network_size: number of agents.
     differenced: whether ci and local take in differences of ranges in place of the
     agent's own range. power: of the saturation. recovers: whether the network widens its covariances where most
-    innovations are implausible. distrusts: whether agents give their own implausible ranges less weight. says_status:
-    whether they say if they acquire, track, coast, or have lost the target; judges_agents: whether that counts agents
-    that do not fit, or ranges, and whether only those that hear ranges vote for another fix. reacquires: how many steps
-    another fix takes, 0 for none; spreading: in how many steps all agents know a decision; anywhere: where that fix
-    looks for the target, like search. bias: none, estimate or auto; likelihoods: whether auto weighs it by these, or by
-    the NIS; common_bias_std, own_bias_std: its prior, m. first_fix: over how many steps the initial estimate, a guess,
-    is improved by least squares on the first ranges; 0: it is none. squared_fix: how many of these steps are on squared
-    ranges. tries_guess: whether the guess is tried before the network searches. search: where squared ranges look for
-    the target, state (1, s) and covariance (1, s, s); None: around the guess. models: the motions between which the
-    target switches, the most agile one last; none: it moves by `motion` alone. leaving: the probability that it leaves
-    its motion in a step. middle: a point near all agents, the same for all, m. squares: whether agents share squared
-    ranges, and linearise what averaging leaves. outliers: what share of the ranges are too long, and by how much (m) on
-    average, where the scenario tells so and a first fix takes it into account.
-    guesses: how many of the agents' guesses of position, and of velocity, are independent; None: a first fix by rules
-    before the fourth, see there.
+    innovations are implausible. distrusts: whether agents give their own implausible ranges less weight. returns:
+    whether an agent's range counts less after a step in which it heard no neighbour. says_status: whether they say
+    if they acquire, track, coast, or have lost the target; judges_agents: whether that counts agents that do not
+    fit, or ranges, and whether only those that hear ranges vote for another fix. reacquires: how many steps another
+    fix takes, 0 for none; spreading: in how many steps all agents know a decision; anywhere: where that fix looks
+    for the target, like search. bias: none, estimate or auto; likelihoods: whether auto weighs it by these, or by
+    the NIS; common_bias_std, own_bias_std: its prior, m. first_fix: over how many steps the initial estimate, a
+    guess, is improved by least squares on the first ranges; 0: it is none. squared_fix: how many of these steps are
+    on squared ranges. tries_guess: whether the guess is tried before the network searches. search: where squared
+    ranges look for the target, state (1, s) and covariance (1, s, s); None: around the guess. models: the motions
+    between which the target switches, the most agile one last; none: it moves by `motion` alone. leaving: the
+    probability that it leaves its motion in a step. middle: a point near all agents, the same for all, m. squares:
+    whether agents share squared ranges, and linearise what averaging leaves. outliers: what share of the ranges are
+    too long, and by how much (m) on average, where the scenario tells so and a first fix takes it into account.
+    guesses: how many of the agents' guesses of position, and of velocity, are independent; None: a first fix by
+    rules before the fourth, see there.
     """
 
     motion: Motion
@@ -43,6 +44,7 @@ class FilterSettings:
     power: int = 1
     recovers: bool = False
     distrusts: bool = False
+    returns: bool = False
     says_status: bool = False
     judges_agents: bool = True
     reacquires: int = 0

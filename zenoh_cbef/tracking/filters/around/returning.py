@@ -1,0 +1,58 @@
+"""An agent that was alone for a while does not pull the network to where it has drifted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from zenoh_cbef.tracking.filters.around.wrapping import Wrapping
+from zenoh_cbef.tracking.filters.base import Belief, Floats, Update
+from zenoh_cbef.tracking.filters.information_form import unchanged, variance_of
+from zenoh_cbef.tracking.ranging import Measurement, Space, own_range
+
+
+@dataclass(frozen=True)
+class Returning(Wrapping):
+    """Any filter of the agent's own range, which counts less in the step after one in which no neighbour was heard.
+
+        sigma^2 <- sigma^2 + tr((G P)^2)/2,     G = (I - u u^T)/r, the range's second derivative at the estimate
+
+    An agent alone goes on by prediction, and is soon unsure by more than its range is straight. Linearised there, its
+    range says with the certainty of its noise what is wrong by metres, and all agents that it meets again believe it.
+    The added term is the variance of what linearising leaves out (Bar-Shalom, Li and Kirubarajan, 2001, section 10.3).
+    In the step after that the agent has its neighbours' estimate, and its range counts in full.
+
+    range_std: sigma (m), where a measurement does not say otherwise.
+    """
+
+    space: Space
+    range_std: float
+
+    def update(self, belief: Belief, measurement: Measurement) -> Update:
+        """The filter's update."""
+        inner = belief.parts[0] if belief.parts else belief
+        if belief.memory and belief.memory[0].any():
+            added = np.where(belief.memory[0] > 0.0, bend(self.space, inner, measurement), 0.0)
+            std = np.sqrt(variance_of(measurement, self.range_std) + added)
+            measurement = replace(measurement, range_std=std)
+        update = self.filter.update(inner, measurement)
+        return Update(update.payload, update.diagnostics, parts=(update,))
+
+    def conclude(self, payload: Floats, update: Update) -> Belief:
+        """The filter's belief, and whether no neighbour was heard."""
+        inner = self.filter.conclude(payload, update.parts[0])
+        alone = unchanged(payload, update.payload).astype(np.float64)
+        return replace(inner, memory=(alone,), parts=(inner,), chance=None)
+
+
+def bend(space: Space, belief: Belief, measurement: Measurement) -> Floats:
+    """Variance of a range over its linearisation at a belief, (n,), m^2."""
+    axes = space.axes
+    distance, row = own_range(space, belief.state, measurement.position, np.zeros(len(belief.state)))
+    direction = np.ascontiguousarray(row[:, :axes])
+    across = np.eye(axes) - direction[:, :, None] * direction[:, None, :]
+    place = np.ascontiguousarray(belief.known_covariance[:, :axes, :axes])
+    curved = across @ place / np.maximum(distance, np.finfo(np.float64).tiny)[:, None, None]
+    square = (curved * np.swapaxes(curved, 1, 2)).reshape(len(curved), -1)
+    return np.asarray(0.5 * np.add.reduce(square, axis=1))
