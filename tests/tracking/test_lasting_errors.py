@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from zenoh_cbef.scenario.load import load
+from zenoh_cbef.scenario.load import load, parse
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.tracking.filters.around.lasting_errors import LastingErrors, Receiver
 from zenoh_cbef.tracking.filters.base import Belief
@@ -121,12 +121,30 @@ def test_sigma_is_learned_from_half_and_from_twice_of_it_also_where_errors_last(
     assert tracked(correlation, learns=True, begin=begin)[1] == pytest.approx(STD, rel=0.25)
 
 
-def test_errors_may_last_where_ranges_are_real_and_learning_costs_one_number():
-    def plan(*more):
-        return Plan(load("tracking", ["sensor.real=true", "timing.mode=realtime", *more]).scenario)
+def test_errors_may_last_where_ranges_are_recorded_and_learning_costs_one_number():
+    def plan(target="dataset", **more):
+        return Plan(parse({"target": {"motion": target, "path": "set"}, "agents": PLACES, "filter": more}, "test"))
 
     assert plan().settings.lasting
-    assert not plan("filter.defaults=3").settings.lasting
-    assert not plan("filter.kind=kcf").settings.lasting
-    assert not Plan(load("tracking").scenario).settings.lasting
-    assert plan("filter.range_std=auto").sharing.payload_size == plan().sharing.payload_size + 1
+    assert not plan(defaults=3).settings.lasting
+    assert not plan(kind="kcf").settings.lasting
+    for emulated in ([], ["sensor.real=true", "timing.mode=realtime"]):
+        assert not Plan(load("tracking", emulated).scenario).settings.lasting
+    assert plan(range_std="auto").sharing.payload_size == plan().sharing.payload_size + 1
+
+
+PLACES = {"positions": [[0, 0, 0], [9, 0, 0], [0, 9, 0]]}
+
+
+def test_messages_of_a_first_fix_are_as_long_as_those_after_it():
+    """The simulator would not see that they are not, the agents' codec would."""
+    chosen = Plan(parse({"target": {"motion": "dataset", "path": "set"}, "agents": PLACES, "filter": LEARNS}, "test"))
+    belief = chosen.initial_belief
+    for step in range(chosen.first_fix_steps + 2):
+        ranges = np.linalg.norm(np.array(PLACES["positions"]) - [2.0, 3.0, 0.0], axis=1)
+        update = chosen.filter.update(belief, replace(heard(np.array(PLACES["positions"], float), ranges), step=step))
+        assert update.payload.shape[1] == chosen.sharing.payload_size
+        belief = chosen.filter.conclude(np.repeat(update.payload.mean(axis=0)[None], 3, axis=0), update)
+
+
+LEARNS = {"range_std": "auto", "planar_height": 0.0}

@@ -24,7 +24,7 @@ _WIDEST = 30.0
 class LearnedNoise(Wrapping):
     """Stochastic approximation (Robbins and Monro, 1951) of the noise at which half of the innovations are small.
 
-    For emulated ranges, whose errors do not last; for real ones see lasting_errors.py.
+    For emulated and live ranges; for recorded ones see lasting_errors.py.
 
         log sigma <- log sigma + g f (1[z^2/S > 0.6745^2] - 1/2) 2,   f = sigma^2/S,  g = max(1/(1 + m/5), 0.02)
 
