@@ -6,11 +6,11 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from zenoh_cbef.analysis.prior import known_together
 from zenoh_cbef.analysis.strong import strong
 from zenoh_cbef.analysis.strong.told import told
+from zenoh_cbef.arrays import Bools, Floats
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.trace import Trace
 from zenoh_cbef.tracking.central_models import CentralModels, centralized_models
@@ -19,9 +19,6 @@ from zenoh_cbef.tracking.joint import joint_centralized
 from zenoh_cbef.tracking.motion import begun
 from zenoh_cbef.tracking.reference import centralized_beliefs, each_step, posterior_bound, stacked
 from zenoh_cbef.tracking.switching import Switching
-
-Bools = NDArray[np.bool_]
-Floats = NDArray[np.float64]
 
 DOUBT = 1.5
 """From how many times the bound's error on the strong yardstick is computed, which takes long.

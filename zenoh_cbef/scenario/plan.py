@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zenoh_cbef.arrays import Floats
 from zenoh_cbef.faults import Absences
 from zenoh_cbef.scenario import bending, network, start, trust
 from zenoh_cbef.scenario.model import Scenario
@@ -29,8 +29,6 @@ from zenoh_cbef.tracking.motion import LinearMotion, Motion, begun
 from zenoh_cbef.tracking.payloads import InformationPayloads, Payloads, SeveralPayloads, StatePayloads
 from zenoh_cbef.tracking.ranging import Space
 from zenoh_cbef.tracking.weights import spectrum_bounds, weight_matrix
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

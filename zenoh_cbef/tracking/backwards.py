@@ -6,14 +6,12 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zenoh_cbef.arrays import Floats
 from zenoh_cbef.tracking.filters.base import Belief
 from zenoh_cbef.tracking.linalg import matvec
 from zenoh_cbef.tracking.motion import Motion
 from zenoh_cbef.tracking.switching import Gaussian, Switching
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

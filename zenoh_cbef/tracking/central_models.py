@@ -6,14 +6,12 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zenoh_cbef.arrays import Floats
 from zenoh_cbef.tracking.filters.base import Belief
 from zenoh_cbef.tracking.ranging import Space
 from zenoh_cbef.tracking.reference import Ranges, Taken, taken_in
 from zenoh_cbef.tracking.switching import Switching, misfit
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

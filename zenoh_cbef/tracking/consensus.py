@@ -6,12 +6,9 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zenoh_cbef.arrays import Bools, Floats
 from zenoh_cbef.tracking.linalg import neighbour_sum
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 
 class Consensus(Protocol):

@@ -13,14 +13,11 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
-FloatsIfAny = NDArray[np.float64]
+from zenoh_cbef.arrays import Bools, Floats, Ints
+
+FloatsIfAny = Floats
 """Floats that a message leaves out where there are none."""
 
-Ints = NDArray[np.int64]
-"""Whole numbers, 0 where there are none."""
-
-Bools = NDArray[np.bool_]
 Numbers = NDArray[Any]
 """Floats, or whole numbers."""
 

@@ -10,13 +10,11 @@ from math import isqrt
 import numpy as np
 from numpy.typing import NDArray
 
+from zenoh_cbef.arrays import Bools, Floats, Ids, Ints
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.streams import Keys, stream, uniform
 
-Edges = NDArray[np.int64]
-Ids = NDArray[np.int64]
-Bools = NDArray[np.bool_]
-Floats = NDArray[np.float64]
+Edges = Ints
 
 KINDS = ("erdos-renyi", "ring", "path", "star", "grid", "complete", "geometric")
 _MOST_DRAWS = 1000
@@ -34,7 +32,7 @@ class Neighbours:
     """
 
     index: NDArray[np.intp]
-    present: NDArray[np.bool_]
+    present: Bools
 
     @property
     def degree(self) -> NDArray[np.intp]:

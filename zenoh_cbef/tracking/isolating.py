@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
-from zenoh_cbef.tracking.consensus import Bools, Consensus, Floats
+from zenoh_cbef.arrays import Bools, Floats, Ids
+from zenoh_cbef.tracking.consensus import Consensus
 from zenoh_cbef.tracking.filters.base import Belief
 from zenoh_cbef.tracking.linalg import inverse, matvec
 from zenoh_cbef.tracking.motion import Motion
 
-Ids = NDArray[np.int64]
 Claims = Callable[[Floats], tuple[Floats, Floats]]
 """Information vectors and matrices of messages (n, d)."""
 

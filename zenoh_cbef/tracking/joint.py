@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zenoh_cbef.arrays import Floats
 from zenoh_cbef.tracking.central_models import CentralModels
 from zenoh_cbef.tracking.filters import FilterSettings, make_filter, sharing_of
 from zenoh_cbef.tracking.filters.around.auto_bias import mixed
@@ -19,8 +19,6 @@ from zenoh_cbef.tracking.motion import linear
 from zenoh_cbef.tracking.ranging import Measurement, own_range
 from zenoh_cbef.tracking.reference import Ranges
 from zenoh_cbef.tracking.switching import Switching
-
-Floats = NDArray[np.float64]
 
 
 def joint_centralized(

@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from zenoh_cbef.arrays import Floats
 
 
 def matvec(matrix: Floats, vector: Floats) -> Floats:

@@ -5,13 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zenoh_cbef.arrays import Bools, Floats
 from zenoh_cbef.tracking.filters.base import Belief
 from zenoh_cbef.tracking.ranging import Measurement
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 LARGEST = 1e100
 """Beyond it squares of squares are no longer finite; in no unit is a place or a speed that large."""

@@ -5,13 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from zenoh_cbef.tracking.filters.base import Belief, Floats, Update
+from zenoh_cbef.arrays import Bools, Floats
+from zenoh_cbef.tracking.filters.base import Belief, Update
 from zenoh_cbef.tracking.linalg import inverse, matvec, neighbour_sum
 from zenoh_cbef.tracking.ranging import Space
-
-Bools = NDArray[np.bool_]
 
 
 def belief_from(space: Space, states: Floats, covariances: Floats | None, told: Bools, initial: Belief) -> Belief:

@@ -6,11 +6,9 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zenoh_cbef.arrays import Floats
 from zenoh_cbef.tracking.linalg import inverse, matvec, unpack_upper
-
-Floats = NDArray[np.float64]
 
 
 class Payloads(Protocol):

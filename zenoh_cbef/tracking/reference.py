@@ -6,16 +6,14 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zenoh_cbef.arrays import Bools, Floats
 from zenoh_cbef.tracking.filters.base import Belief
 from zenoh_cbef.tracking.filters.information_form import predict, saturation
 from zenoh_cbef.tracking.linalg import inverse, matvec
 from zenoh_cbef.tracking.motion import LinearMotion, Motion
 from zenoh_cbef.tracking.ranging import Space, own_range
 from zenoh_cbef.tracking.switching import Gaussian
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -105,7 +103,7 @@ def posterior_bound(
     *,
     truth: Floats,
     positions: Floats,
-    measured: NDArray[np.bool_],
+    measured: Bools,
     age: Floats,
     range_std: float,
 ) -> Floats:

@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Bools = NDArray[np.bool_]
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from zenoh_cbef.arrays import Bools, Floats, Ints
 
 MIRRORED = 1
 """So many open axes leave a mirror image; more leave infinitely many positions."""

@@ -7,15 +7,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zenoh_cbef.arrays import Bools, Floats
 from zenoh_cbef.tracking.backwards import Backward, Backwards, OneMotion
 from zenoh_cbef.tracking.filters.base import Belief
 from zenoh_cbef.tracking.motion import LinearMotion
 from zenoh_cbef.tracking.ranging import Space
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)

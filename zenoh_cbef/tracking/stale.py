@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from zenoh_cbef.tracking.consensus import Average, Bools, Floats
+from zenoh_cbef.arrays import Bools, Floats
+from zenoh_cbef.tracking.consensus import Average
 from zenoh_cbef.tracking.filters.base import Belief
 from zenoh_cbef.tracking.filters.information_form import belief_of, pack, packed_size, predict
 from zenoh_cbef.tracking.linalg import inverse, matvec

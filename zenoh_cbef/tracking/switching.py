@@ -5,12 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zenoh_cbef.arrays import Floats
 from zenoh_cbef.tracking.linalg import outer
 from zenoh_cbef.tracking.motion import Motion, begun
-
-Floats = NDArray[np.float64]
 
 Gaussian = tuple[Floats, Floats]
 """Means (n, s) and covariances (n, s, s)."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zenoh_cbef.arrays import Bools, Floats
 from zenoh_cbef.tracking.consensus import Consensus
 from zenoh_cbef.tracking.diagnostics import Diagnostics
 from zenoh_cbef.tracking.filters.around.wrapping import resumed
@@ -23,9 +23,6 @@ from zenoh_cbef.tracking.moderation import (
 )
 from zenoh_cbef.tracking.newcomer import merged
 from zenoh_cbef.tracking.ranging import Measurement, Space
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)

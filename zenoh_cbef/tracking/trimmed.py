@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from zenoh_cbef.tracking.consensus import Average, Bools, Floats
+from zenoh_cbef.arrays import Bools, Floats
+from zenoh_cbef.tracking.consensus import Average
 
 
 @dataclass

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from zenoh_cbef.tracking.graph import Floats, Neighbours
+from zenoh_cbef.arrays import Floats
+from zenoh_cbef.tracking.graph import Neighbours
 
 
 def uniform_weights(neighbours: Neighbours, epsilon: float) -> Floats:

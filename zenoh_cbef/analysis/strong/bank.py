@@ -9,12 +9,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from zenoh_cbef.analysis.strong.models import Models
 from zenoh_cbef.analysis.strong.ranged import Heard, update
-
-Floats = NDArray[np.float64]
+from zenoh_cbef.arrays import Bools, Floats
 
 _LEAST = -600.0
 _CHALLENGE = 0.01
@@ -44,7 +42,7 @@ class Bank:
         weight = np.full(shape[:3], -np.log(2.0 * shape[1]))
         return cls(wide, spread, np.full(shape, -np.log(models)), weight, np.zeros(shape[0]))
 
-    def joined(self, other: Bank, among: NDArray[np.bool_]) -> Bank:
+    def joined(self, other: Bank, among: Bools) -> Bank:
         """With the starts of another, which get a small weight in these of the runs and none in the rest."""
         theirs = np.where(among, np.log(_CHALLENGE), _LEAST)[:, None, None] + other.weight
         ours = np.where(among, np.log(1.0 - _CHALLENGE), 0.0)[:, None, None] + self.weight

@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from zenoh_cbef.analysis.strong.ranged import square_root
-
-Floats = NDArray[np.float64]
+from zenoh_cbef.arrays import Floats
 
 _SWITCH = 0.02
 """Chance that a manoeuvring target changes its model in a step."""

@@ -11,9 +11,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from zenoh_cbef.arrays import Bools, Floats
 
 _LEAST = 1e-150
 _IMPOSSIBLE = -1e9
@@ -137,7 +136,7 @@ class _Linear:
     covariance of what is not linear: its product with its own transpose.
     """
 
-    known: NDArray[np.bool_]
+    known: Bools
     centre: Floats
     rows: Floats
     rest: Floats

@@ -5,16 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from zenoh_cbef.analysis.prior import known_together
 from zenoh_cbef.analysis.strong.yardstick import Known, Seen
+from zenoh_cbef.arrays import Bools
 from zenoh_cbef.faults import SensorFault
 from zenoh_cbef.scenario.world import make_world
 from zenoh_cbef.trace import Trace
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 _HEAVY = 4.0
 _WRONG = 0.1

@@ -5,15 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from zenoh_cbef.analysis.strong.bank import Bank
 from zenoh_cbef.analysis.strong.models import Models, Turns
 from zenoh_cbef.analysis.strong.ranged import Heard
 from zenoh_cbef.analysis.strong.starts import Circles, starts
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
+from zenoh_cbef.arrays import Bools, Floats
 
 _INDICES = (1e-3, 3e-2, 1.0, 30.0)
 """Tracking indices, acceleration noise in units of range noise per step squared, of models that are always tried.

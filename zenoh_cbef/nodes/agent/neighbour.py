@@ -6,8 +6,8 @@ import time
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zenoh_cbef.arrays import Bools, Floats
 from zenoh_cbef.faults import Fates, Injected
 from zenoh_cbef.nodes.common.alarm import Alarm
 from zenoh_cbef.nodes.common.inbox import Content, Decoder, Inbox
@@ -20,9 +20,6 @@ from zenoh_cbef.protocol.messages import nil_to_nan
 from zenoh_cbef.protocol.round_codec import RoundCodec
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.tracking.moderation import LARGEST_SENT, is_within
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 _OUTWAIT_SECONDS = 5.0
 

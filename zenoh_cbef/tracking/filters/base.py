@@ -5,15 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import ClassVar, Protocol, Self
 
-import numpy as np
-from numpy.typing import NDArray
-
+from zenoh_cbef.arrays import Floats
 from zenoh_cbef.tracking.diagnostics import Diagnostics
 from zenoh_cbef.tracking.filters.settings import FilterSettings
 from zenoh_cbef.tracking.ranging import Measurement
 from zenoh_cbef.tracking.status import Status
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

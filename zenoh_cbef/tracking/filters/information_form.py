@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from zenoh_cbef.tracking.diagnostics import Bools, Diagnostics
-from zenoh_cbef.tracking.filters.base import Belief, Floats, Update
+from zenoh_cbef.arrays import Bools, Floats
+from zenoh_cbef.tracking.diagnostics import Diagnostics
+from zenoh_cbef.tracking.filters.base import Belief, Update
 from zenoh_cbef.tracking.linalg import (
     inverse,
     matvec,

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from zenoh_cbef.arrays import Floats
 from zenoh_cbef.tracking.motion import Motion
-from zenoh_cbef.tracking.ranging import Floats, Space
+from zenoh_cbef.tracking.ranging import Space
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar, Self
 
-from zenoh_cbef.tracking.filters.base import Abilities, Belief, Floats, Sharing
+from zenoh_cbef.arrays import Floats
+from zenoh_cbef.tracking.filters.base import Abilities, Belief, Sharing
 from zenoh_cbef.tracking.filters.information_form import RangeInformation, neighbourhood_information, predict
 from zenoh_cbef.tracking.filters.settings import FilterSettings
 from zenoh_cbef.tracking.linalg import inverse

@@ -8,7 +8,8 @@ from typing import Self
 
 import numpy as np
 
-from zenoh_cbef.tracking.motion.base import Floats, LinearMotion, MotionSettings, along_axes
+from zenoh_cbef.arrays import Floats
+from zenoh_cbef.tracking.motion.base import LinearMotion, MotionSettings, along_axes
 
 
 @dataclass(frozen=True)

@@ -7,11 +7,9 @@ from dataclasses import dataclass
 from typing import Protocol, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zenoh_cbef.arrays import Floats
 from zenoh_cbef.tracking.linalg import matvec
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

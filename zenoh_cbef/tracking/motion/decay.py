@@ -9,7 +9,8 @@ from typing import Self
 
 import numpy as np
 
-from zenoh_cbef.tracking.motion.base import Floats, LinearMotion, MotionSettings, along_axes
+from zenoh_cbef.arrays import Floats
+from zenoh_cbef.tracking.motion.base import LinearMotion, MotionSettings, along_axes
 
 _SHORT = 1e-2
 """Below this share of the time constant a step's noise is computed by its series, as the closed form loses digits."""

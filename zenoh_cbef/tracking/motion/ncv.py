@@ -7,7 +7,8 @@ from functools import cached_property
 
 import numpy as np
 
-from zenoh_cbef.tracking.motion.base import Floats, LinearMotion, along_axes
+from zenoh_cbef.arrays import Floats
+from zenoh_cbef.tracking.motion.base import LinearMotion, along_axes
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,9 @@ from typing import Self
 
 import numpy as np
 
+from zenoh_cbef.arrays import Floats
 from zenoh_cbef.tracking.linalg import matvec
-from zenoh_cbef.tracking.motion.base import Floats, MotionSettings
+from zenoh_cbef.tracking.motion.base import MotionSettings
 from zenoh_cbef.tracking.motion.ncv import NearlyConstantVelocity
 
 _STRAIGHT = 1e-3

@@ -7,9 +7,10 @@ from typing import ClassVar
 
 import numpy as np
 
+from zenoh_cbef.arrays import Floats
 from zenoh_cbef.tracking.filters.around.biased_information import BiasedInformation
 from zenoh_cbef.tracking.filters.around.evidence import BEGIN, MEMORY, Evidence
-from zenoh_cbef.tracking.filters.base import Belief, Bias, Filter, Floats, Update
+from zenoh_cbef.tracking.filters.base import Belief, Bias, Filter, Update
 from zenoh_cbef.tracking.linalg import outer
 from zenoh_cbef.tracking.ranging import Measurement
 

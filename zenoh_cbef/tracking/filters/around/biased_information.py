@@ -8,7 +8,8 @@ from typing import Self
 
 import numpy as np
 
-from zenoh_cbef.tracking.filters.base import Belief, Bias, Floats, Sharing, Update
+from zenoh_cbef.arrays import Floats
+from zenoh_cbef.tracking.filters.base import Belief, Bias, Sharing, Update
 from zenoh_cbef.tracking.filters.information_form import (
     belief_of,
     informing,

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from zenoh_cbef.tracking.filters.base import Floats
+from zenoh_cbef.arrays import Floats
 
 Innovations = tuple[Floats, Floats]
 """Sizes of innovations, m, and their NIS, arrays of one shape; NaN where nothing was measured."""

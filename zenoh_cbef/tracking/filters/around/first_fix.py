@@ -7,11 +7,12 @@ from typing import ClassVar, Self
 
 import numpy as np
 
+from zenoh_cbef.arrays import Floats
 from zenoh_cbef.tracking.diagnostics import Diagnostics
 from zenoh_cbef.tracking.filters.around.remembered_ranges import Remembered, Wandering
 from zenoh_cbef.tracking.filters.around.squared_ranges import Frame, Seen, SquaredRanges
 from zenoh_cbef.tracking.filters.around.wrapping import Wrapping
-from zenoh_cbef.tracking.filters.base import Belief, Filter, Floats, Update
+from zenoh_cbef.tracking.filters.base import Belief, Filter, Update
 from zenoh_cbef.tracking.filters.information_form import (
     belief_of,
     pack,

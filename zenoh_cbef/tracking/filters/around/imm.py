@@ -8,7 +8,8 @@ from typing import Self
 
 import numpy as np
 
-from zenoh_cbef.tracking.filters.base import Belief, Filter, Floats, Sharing, Update
+from zenoh_cbef.arrays import Floats
+from zenoh_cbef.tracking.filters.base import Belief, Filter, Sharing, Update
 from zenoh_cbef.tracking.filters.information_form import unchanged, variance_of
 from zenoh_cbef.tracking.filters.settings import FilterSettings
 from zenoh_cbef.tracking.linalg import matvec, unpack_upper

@@ -7,9 +7,9 @@ from typing import Self
 
 import numpy as np
 
-from zenoh_cbef.arrays import Bools
+from zenoh_cbef.arrays import Bools, Floats
 from zenoh_cbef.tracking.filters.around.wrapping import Wrapping
-from zenoh_cbef.tracking.filters.base import Belief, Filter, Floats, Update
+from zenoh_cbef.tracking.filters.base import Belief, Filter, Update
 from zenoh_cbef.tracking.filters.information_form import variance_of
 from zenoh_cbef.tracking.filters.settings import FilterSettings
 from zenoh_cbef.tracking.linalg import matvec

@@ -6,8 +6,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from zenoh_cbef.arrays import Floats
 from zenoh_cbef.tracking.filters.around.wrapping import Wrapping
-from zenoh_cbef.tracking.filters.base import Belief, Floats, Update
+from zenoh_cbef.tracking.filters.base import Belief, Update
 from zenoh_cbef.tracking.filters.information_form import unchanged, variance_of
 from zenoh_cbef.tracking.ranging import Measurement, Space, own_range
 

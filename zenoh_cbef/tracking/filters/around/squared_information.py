@@ -7,8 +7,9 @@ from typing import Self
 
 import numpy as np
 
+from zenoh_cbef.arrays import Floats
 from zenoh_cbef.tracking.diagnostics import Diagnostics
-from zenoh_cbef.tracking.filters.base import Belief, Floats, Sharing, Update
+from zenoh_cbef.tracking.filters.base import Belief, Sharing, Update
 from zenoh_cbef.tracking.filters.information_form import (
     belief_of,
     pack,

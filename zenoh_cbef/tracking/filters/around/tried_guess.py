@@ -7,13 +7,14 @@ from typing import ClassVar
 
 import numpy as np
 
+from zenoh_cbef.arrays import Bools, Floats
 from zenoh_cbef.tracking.filters.around.first_fix import FirstFix, Rows
 from zenoh_cbef.tracking.filters.around.squared_ranges import Seen
-from zenoh_cbef.tracking.filters.base import Belief, Filter, Floats, Update
+from zenoh_cbef.tracking.filters.base import Belief, Filter, Update
 from zenoh_cbef.tracking.filters.information_form import belief_of, pack, packed_size
 from zenoh_cbef.tracking.filters.settings import FilterSettings
 from zenoh_cbef.tracking.linalg import inverse, unpack_upper
-from zenoh_cbef.tracking.ranging import Bools, Measurement
+from zenoh_cbef.tracking.ranging import Measurement
 
 FITTING = 0.2
 """Mean weight of an agent's ranges from which on they fit: one of five does."""

@@ -7,8 +7,9 @@ from typing import ClassVar, Self
 
 import numpy as np
 
+from zenoh_cbef.arrays import Floats
 from zenoh_cbef.tracking.diagnostics import Diagnostics
-from zenoh_cbef.tracking.filters.base import Abilities, Belief, Floats, Update
+from zenoh_cbef.tracking.filters.base import Abilities, Belief, Update
 from zenoh_cbef.tracking.filters.settings import FilterSettings
 from zenoh_cbef.tracking.filters.state_form import StateExchange
 from zenoh_cbef.tracking.linalg import neighbour_sum

@@ -7,7 +7,8 @@ from typing import ClassVar, Self
 
 import numpy as np
 
-from zenoh_cbef.tracking.filters.base import Abilities, Belief, Floats, Sharing, Update
+from zenoh_cbef.arrays import Floats
+from zenoh_cbef.tracking.filters.base import Abilities, Belief, Sharing, Update
 from zenoh_cbef.tracking.filters.information_form import (
     belief_of,
     differenced_information,

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from zenoh_cbef.tracking.filters.base import Belief, Floats, Update
+from zenoh_cbef.arrays import Floats
+from zenoh_cbef.tracking.filters.base import Belief, Update
 from zenoh_cbef.tracking.filters.state_form import LinearisedRanges
 from zenoh_cbef.tracking.linalg import matvec
 from zenoh_cbef.tracking.ranging import Measurement

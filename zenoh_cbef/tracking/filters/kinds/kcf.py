@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from zenoh_cbef.tracking.filters.base import Belief, Floats, Update
+from zenoh_cbef.arrays import Floats
+from zenoh_cbef.tracking.filters.base import Belief, Update
 from zenoh_cbef.tracking.filters.state_form import LinearisedRanges
 from zenoh_cbef.tracking.linalg import matvec, neighbour_sum
 from zenoh_cbef.tracking.ranging import Measurement
