@@ -24,6 +24,7 @@ from zenoh_cbef.protocol.tls import SCHEMES, Tls
 _ENDPOINT = re.compile(r"^(tcp|udp|tls|quic|ws|unixsock-stream)/[^\s]+$")
 _LOCAL = re.compile(r"^(unixsock-stream/|\w+/(127\.[\d.]+|localhost|\[::1\]):)")
 _MEET_SECONDS = 1.0
+_MEET_ALL_SECONDS = 0.5
 _ROUTER_RETRY_SECONDS = 0.2
 _OPEN_MS = 1500
 """How long a link may take to open before it is tried again; a session that closes waits for as long."""
@@ -137,10 +138,20 @@ def open_joined(
                 config = _config(connection)
                 continue
             let_go_at_once(session)
+            _meet_all(session, connection)
             return session, connection
         waiting()
         # We wait ourselves, as no signal ends Zenoh's own waiting.
         time.sleep(_ROUTER_RETRY_SECONDS)
+
+
+def _meet_all(session: zenoh.Session, connection: Connection) -> None:
+    """Wait a little for the links to several endpoints: who asks the first one alone does not hear what others say."""
+    until = time.monotonic() + _MEET_ALL_SECONDS
+    while len(connection.connect) > 1 and time.monotonic() < until:
+        if len([*session.info.peers_zid(), *session.info.routers_zid()]) >= len(connection.connect):
+            return
+        time.sleep(0.01)
 
 
 def _met_a_router(session: zenoh.Session, connection: Connection) -> bool:

@@ -22,7 +22,8 @@ class Strangers:
     def look(self) -> None:
         """Look at those that are linked; cheap enough to be called in every step."""
         now = time.monotonic()
-        if now < self._next:
+        # Only where the target tells processes of each other have these ids by which they are known.
+        if now < self._next or not self._node.connection.told:
             return
         self._next = now + _EVERY_SECONDS
         for peer in map(str, self._node.session.info.peers_zid()):
