@@ -45,7 +45,9 @@ def _lab(
     guard = Guard(hosts=(*LOOPBACK, f"[{host}]" if ":" in host else host))
     listening = bound(host, port)
     try:
-        if what is not None:
+        if what is not None and (ctx.joining.connect or ctx.joining.config):
+            bench.join(what)
+        elif what is not None:
             _open(bench, what, overrides or [])
         url = address(listening, host, guard)
 
@@ -61,7 +63,7 @@ def _lab(
 
 
 def _open(bench: Bench, what: str, overrides: list[str]) -> None:
-    """Open what the command line names: a run that goes on, else a log, else a scenario."""
+    """Open what the command line names on this host: a run that goes on, else a scenario, else a log."""
     if what in known_runs():
         bench.join(what)
     elif what in builtin_names() or what.endswith(".toml"):

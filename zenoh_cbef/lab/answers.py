@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping
-from typing import Any
 
+from zenoh_cbef.arrays import Floats
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.lab.bench import Bench
 from zenoh_cbef.lab.faulted import fault_words
@@ -112,7 +112,7 @@ class Page:
         return framed(told, arrays)
 
 
-def framed(told: Mapping[str, object], arrays: Mapping[str, Any] | None = None) -> bytes:
+def framed(told: Mapping[str, object], arrays: Mapping[str, Floats] | None = None) -> bytes:
     """A message to the page: length of the JSON (uint32, little-endian), the JSON, numbers as float32.
 
     The JSON has, as `arrays`, names and shapes of what follows; it ends on a multiple of four bytes.

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import threading
 import time
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from types import TracebackType
-from typing import Any, Self
+from typing import Self
 
 import zenoh_cbef.protocol.keys as run_keys
 from zenoh_cbef.log.read.header import Header
 from zenoh_cbef.log.read.recording import Recording
 from zenoh_cbef.outside.operator import Operator
 from zenoh_cbef.plain import read_toml
-from zenoh_cbef.protocol.kinds import ESTIMATE, EVENT, FAULTS, TRUTH, Kind
+from zenoh_cbef.protocol.kinds import ESTIMATE, EVENT, FAULTS, TRUTH, Kind, M
 from zenoh_cbef.protocol.mailbox import Mailbox
 from zenoh_cbef.protocol.memory import ask_latest
 from zenoh_cbef.protocol.messages import BadMessage, decode
@@ -48,19 +49,20 @@ class Listener:
             told = fetch_scenario(session, self.run, self._connection, patience=self._patience)
             scenario = parse(as_meant(read_toml(told.resolved)), f"the scenario of run {self.run!r}")
             self.recording = Recording(Header(self.run, Plan(scenario), None))
-            taken: tuple[tuple[str, Kind[Any], Any], ...] = (
-                (keys.truth, TRUTH, self.recording.take_truth),
-                (keys.all_estimates, ESTIMATE, self.recording.take_estimates),
-                (keys.all_events, EVENT, self.recording.take_events),
-                (keys.faults, FAULTS, self.recording.take_faults),
-            )
-            self._boxes = [(Mailbox(session, key, _CAPACITY), kind, take) for key, kind, take in taken]
+            hear_faults = self._hearing(FAULTS, self.recording.take_faults)
+            heard = {
+                keys.truth: self._hearing(TRUTH, self.recording.take_truth),
+                keys.all_estimates: self._hearing(ESTIMATE, self.recording.take_estimates),
+                keys.all_events: self._hearing(EVENT, self.recording.take_events),
+                keys.faults: hear_faults,
+            }
+            boxes = [(Mailbox(session, key, _CAPACITY), hear) for key, hear in heard.items()]
             for data in ask_latest(session, keys.faults):
-                self._take(keys.faults, data, FAULTS, self.recording.take_faults)
+                hear_faults(keys.faults, data)
         except BaseException:
             self.operator.__exit__(None, None, None)
             raise
-        self._threads = [threading.Thread(target=self._follow, args=box, daemon=True) for box in self._boxes]
+        self._threads = [threading.Thread(target=self._follow, args=box, daemon=True) for box in boxes]
         for thread in self._threads:
             thread.start()
         return self
@@ -77,21 +79,28 @@ class Listener:
         events = self.recording.events
         return any(one.message["from"] == "target" and one.message["kind"] == "finished" for one in events)
 
-    def _follow(self, box: Mailbox, kind: Kind[Any], take: Any) -> None:
+    def _follow(self, box: Mailbox, hear: Callable[[str, bytes], None]) -> None:
         with suppress(Exception):  # the session was closed
             while not self._over.is_set():
                 found = box.receive_from()
                 if found is not None:
-                    self._take(*found, kind, take)
+                    hear(*found)
 
-    def _take(self, key: str, data: bytes, kind: Kind[Any], take: Any) -> None:
-        at = run_keys.address(key)
-        try:
-            if at is None or at.agent >= self.recording.header.scenario.count:
-                raise BadMessage("a key that the run does not have")
-            message = decode(kind, data, run=self.run, sender=at.owner)
-        except BadMessage:
-            self.refused += 1
-            return
-        with self.lock:
-            take(at, [time.time_ns()], [message])
+    def _hearing(
+        self, kind: Kind[M], take: Callable[[run_keys.Address, Sequence[int], Sequence[M]], None]
+    ) -> Callable[[str, bytes], None]:
+        """How a message of a kind is checked, and taken into the recording."""
+
+        def hear(key: str, data: bytes) -> None:
+            at = run_keys.address(key)
+            try:
+                if at is None or at.agent >= self.recording.header.scenario.count:
+                    raise BadMessage("a key that the run does not have")
+                message = decode(kind, data, run=self.run, sender=at.owner)
+            except BadMessage:
+                self.refused += 1
+                return
+            with self.lock:
+                take(at, [time.time_ns()], [message])
+
+        return hear
