@@ -28,7 +28,7 @@ $(READY): pyproject.toml constraints.txt
 	$(PYTHON) -m venv .venv
 	$(PIP) --upgrade pip
 	$(PIP) hatchling editables
-	$(PIP) --no-build-isolation --editable '.[report,lz4,experiment,viz,lab]' --group dev
+	$(PIP) --no-build-isolation --editable '.[report,lz4,experiment,viz,lab,foxglove,ros,pandas,xarray,receive]' --group dev --group docs
 	touch $(READY)
 
 lint: install  ## ruff: lint and format
