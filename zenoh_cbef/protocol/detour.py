@@ -14,6 +14,7 @@ from typing import Protocol
 import zenoh
 
 from zenoh_cbef.errors import UserError
+from zenoh_cbef.protocol.asking import ask_all
 from zenoh_cbef.protocol.introducing import life_at
 from zenoh_cbef.protocol.keys import Keys, agent_named
 from zenoh_cbef.protocol.presence import Presence
@@ -121,7 +122,5 @@ class Detour:
         with query, suppress(zenoh.ZError):
             if client is None:
                 return
-            every, whole = zenoh.QueryTarget.ALL, zenoh.ConsolidationMode.NONE
-            for reply in client.get(query.selector, timeout=_ASK_SECONDS, target=every, consolidation=whole):
-                if reply.ok is not None:
-                    query.reply(reply.ok.key_expr, reply.ok.payload)
+            for sample in ask_all(client, str(query.selector), _ASK_SECONDS):
+                query.reply(sample.key_expr, sample.payload)

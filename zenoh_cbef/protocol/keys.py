@@ -67,6 +67,10 @@ class Keys:
         """What all processes ask of their links."""
         return self.links("**")
 
+    def reached(self, recorder: str) -> str:
+        """Queryable: how far a recorder, as in "record/host-b", has got with each agent."""
+        return f"{self.root}/reached/{recorder}"
+
     @property
     def faults(self) -> str:
         """The faults that were injected while the run goes on."""

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Iterable
 
 import zenoh
+
+from zenoh_cbef.protocol.asking import ask_all
 
 KEPT_SECONDS = 60.0
 KEPT_BYTES = 1 << 16
@@ -77,26 +78,20 @@ class Archive:
                 query.reply(key, data)
 
 
-def _ask(session: zenoh.Session, selector: str) -> Iterable[bytes]:
-    replies = session.get(
-        selector,
-        timeout=_ASK_SECONDS,
-        target=zenoh.QueryTarget.ALL,
-        consolidation=zenoh.ConsolidationMode.NONE,
-    )
-    return (reply.ok.payload.to_bytes() for reply in replies if reply.ok is not None)
+def _ask(session: zenoh.Session, selector: str) -> list[bytes]:
+    return [sample.payload.to_bytes() for sample in ask_all(session, selector, _ASK_SECONDS)]
 
 
 def ask_latest(session: zenoh.Session, key: str, step: int | None = None) -> list[bytes]:
     """The messages published last on a key, or in a step; empty where no process answers in time."""
-    return list(_ask(session, key if step is None else f"{key}?k={step}"))
+    return _ask(session, key if step is None else f"{key}?k={step}")
 
 
 def ask_since(session: zenoh.Session, key: str, step: int) -> list[bytes]:
     """The messages published on a key since a step, as far as their sender has kept them."""
-    return list(_ask(session, f"{key}?since={step}"))
+    return _ask(session, f"{key}?since={step}")
 
 
 def ask_numbers(session: zenoh.Session, key: str, first: int, last: int) -> list[bytes]:
     """The messages published on a key with these numbers, as far as their sender has kept them."""
-    return list(_ask(session, f"{key}?first={first};last={last}"))
+    return _ask(session, f"{key}?first={first};last={last}")

@@ -11,6 +11,7 @@ import zenoh
 
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.plain import count_in
+from zenoh_cbef.protocol.asking import ask_all
 from zenoh_cbef.protocol.fields import Counts, field_of
 from zenoh_cbef.protocol.keys import Keys
 from zenoh_cbef.protocol.messages import VERSION, BadMessage, unpack
@@ -18,7 +19,7 @@ from zenoh_cbef.protocol.reach import why_no_answer
 from zenoh_cbef.protocol.session import Connection
 
 _TIME_ONLY = "only=time"
-_APART_SECONDS = 1.0
+_APART_SECONDS, _ASK_SECONDS = 1.0, 1.0
 
 
 @dataclass(frozen=True)
@@ -97,10 +98,7 @@ def fetch_scenario(
 
 def _ask(session: zenoh.Session, selector: str) -> list[bytes]:
     """The answers of all targets of the run; there should be one."""
-    replies = session.get(
-        selector, timeout=1.0, target=zenoh.QueryTarget.ALL, consolidation=zenoh.ConsolidationMode.NONE
-    )
-    return [reply.ok.payload.to_bytes() for reply in replies if reply.ok is not None]
+    return [sample.payload.to_bytes() for sample in ask_all(session, selector, _ASK_SECONDS)]
 
 
 def measure_clock(session: zenoh.Session, run: str, tries: int = 4) -> Clock | None:

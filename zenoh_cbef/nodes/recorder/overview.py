@@ -17,13 +17,17 @@ _KEPT = 256
 
 
 class Overview:
-    """Keeps a Status up to date from the messages that go by. reached: the latest step of which an estimate came."""
+    """Keeps a Status up to date from the messages that go by.
+
+    reached: the latest step of which an estimate came. heard: the same for each agent.
+    """
 
     def __init__(self, status: Status, present: Callable[[], int]) -> None:
         self.status = status
         self._present = present
         self._expected = 1
         self.reached = 0
+        self.heard: dict[int, int] = {}
         self._truth: dict[int, list[float]] = {}
         self._errors: dict[int, list[float]] = {}
         self._links: dict[int, tuple[int, int]] = {}
@@ -55,6 +59,7 @@ class Overview:
         step = message["k"]
         self.status.began = True
         self.reached = max(self.reached, min(step, self.status.steps))
+        self.heard[agent] = max(self.heard.get(agent, 0), step)
         self._links[agent] = (sum(message["lost"]), sum(message["late"]))
         truth = self._truth.get(step)
         if truth is None:

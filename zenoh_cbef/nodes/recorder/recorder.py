@@ -26,6 +26,7 @@ from zenoh_cbef.protocol.fair_mailbox import FairMailbox
 from zenoh_cbef.protocol.keys import address
 from zenoh_cbef.protocol.kinds import EVENT
 from zenoh_cbef.protocol.messages import BadMessage, decode
+from zenoh_cbef.protocol.reached import serve_reached
 from zenoh_cbef.protocol.recorded import belongs, covering, recorded_keys
 from zenoh_cbef.protocol.slow import SLOW
 from zenoh_cbef.scenario import Scenario
@@ -228,7 +229,12 @@ def run_recorder(
             lambda: sum(name.startswith("agent/") for name in node.presence.names()),
         )
         recorder = Recorder(node, log, overview, mailboxes, scenario)
-        node.presence.announce(f"record/{identity.name}")
+        if text.step is None:
+            # Of one that comes later the target learns which agents it hears.
+            whole = covering(expressions)
+            overview.heard = dict.fromkeys((one for one in range(scenario.count) if whole(node.keys.estimate(one))), 0)
+        serve_reached(node.session, node.keys, name := f"record/{identity.name}", lambda: overview.heard)
+        node.presence.announce(name)
         if "target/target" in node.presence:  # a replay's subscribers get the recorded messages only
             introduce(identity, briefing.clock, recorder.say)
         try:

@@ -118,6 +118,10 @@ class Progress:
         """The agents that are here, but for which the target no longer waits."""
         return sorted(self._silent & set(self.members()))
 
+    def heard(self) -> dict[int, int]:
+        """The step of the last estimate that came from each agent that takes part."""
+        return {agent: recent[-1][0] for agent in self.members() if (recent := self._recent[agent])}
+
     def estimates(self) -> list[tuple[int, bytes]]:
         """Every agent's estimate as it came, and its step: that of the last step that all have done, or the last."""
         common = self._slowest() or 0

@@ -14,6 +14,7 @@ from zenoh_cbef.nodes.common.node import Identity, Node
 from zenoh_cbef.nodes.common.pace import Pace
 from zenoh_cbef.nodes.common.readers import WINDOW
 from zenoh_cbef.nodes.target.emission import Emission
+from zenoh_cbef.nodes.target.following import Following
 from zenoh_cbef.nodes.target.hold import Hold
 from zenoh_cbef.nodes.target.injection import Injection, RealTime, StepTime
 from zenoh_cbef.nodes.target.linking import linked_by
@@ -66,6 +67,7 @@ class Target:
         self.claims = Claims(self.node.presence)
         self.progress = Progress(self.node, self.scenario.count, self._patience, grace, claims=self.claims, begun=begun)
         self.directory = Directory(self.claims, linked_by(self.plan.edges))
+        self.following = Following(self.node, self.progress, self.scenario.count * (self.plan.rounds + 3))
         self.survey = Survey(self.node)
         self.lookout, self._strangers = Lookout(self.node), Strangers(self.node)
         self._first_fix = self.plan.first_fix_steps
@@ -142,6 +144,7 @@ class Target:
             else:
                 self.hold.wait(self.survey.drain, lambda: self.node.stopping)
                 going_on = self.progress.wait(step - WINDOW) and self._await_return(step)
+                self.following.wait(step, self.survey.drain)
             if self.node.stopping or not (going_on or self._agent_returns(step)):
                 break
             self.survey.drain()
@@ -241,6 +244,8 @@ class Target:
     def _end(self, last: int) -> None:
         """No more beacons: agents finish the step they are in, so that a stopped run, too, can be verified."""
         self.progress.wait(last, even_stopping=True)
+        if not self.plan.realtime:
+            self.following.finish(last)
         for signal in self._signals:
             signal.send(k=last + 1, signal=END)
         boxes = [*self._emission.boxes, *self._signals]
