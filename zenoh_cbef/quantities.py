@@ -37,6 +37,9 @@ Rate = Annotated[float, _within(1e-9, 1e3)]
 Seconds = Annotated[float, _within(0.0, 1e9)]
 """A run time."""
 
+Moment = Annotated[float, _within(-1e12, 1e12)]
+"""A time on a recording's own clock, as that since 1970, s."""
+
 Duration = Annotated[float, _within(1e-6, 1e6)]
 """A stretch of time that is not nothing, s."""
 

@@ -186,6 +186,12 @@ class Trace:
         return self.plan.scenario
 
     @property
+    def source_time(self) -> Floats | None:
+        """The steps' times on the clock of the recording that the ranges are of, (K,), s; None for other ranges."""
+        origin = self.scenario.target.origin
+        return None if origin is None else origin + self.time
+
+    @property
     def measured_steps(self) -> int:
         """How many steps there are before the first of which a measurement is unlogged."""
         if self.unlogged is None or not self.unlogged.any():

@@ -127,13 +127,15 @@ def test_a_folder_in_place_of_a_file_is_said_to_be_one(tmp_path):
     [
         ({"anchors": None}, "anchors.csv is missing; a dataset folder holds"),
         ({"ranges": None}, "ranges.csv is missing"),
-        ({"truth": None}, "truth.csv is missing"),
         ({"anchors": "id,x,y\n1,0,0\n"}, "anchors.csv does not begin with the header id,x,y,z"),
         ({"ranges": ""}, "ranges.csv does not begin with the header t,anchor_id,range"),
         ({"ranges": "t,anchor_id,range\n"}, "ranges.csv has no rows"),
         ({"ranges": "t,anchor_id,range\n\n  \n"}, "ranges.csv has no rows"),
         ({"ranges": "t,anchor_id,range\n1,3,-1\n"}, "ranges.csv has negative ranges only"),
-        ({"ranges": "t,anchor_id,range\n1,3\n"}, "ranges.csv has rows that are not t,anchor_id,range"),
+        (
+            {"ranges": "t,anchor_id,range\n1,3\n"},
+            "not t,anchor_id,range in numbers: line 2 has 2 values",
+        ),
         (
             {"ranges": "t,anchor_id,range\n1,3,x\n"},
             "ranges.csv has a line that is not t,anchor_id,range in numbers: line 2 has 'x'; correct it",

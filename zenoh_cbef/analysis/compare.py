@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from zenoh_cbef.analysis.claimed import claimed_position_error
 from zenoh_cbef.analysis.figures import agent_style, points_each
 from zenoh_cbef.analysis.metrics import Analysis
 from zenoh_cbef.analysis.mixing import configured_scheme
@@ -33,6 +34,7 @@ COLUMNS = {
     "msee.average": "average MSEE",
     "nees.average": "NEES",
     "nis.average": "NIS",
+    "claimed_position_error": "claimed position error (m)",
     "disagreement": "disagreement (m)",
     "bytes_per_step": "bytes per step",
     "missed": "missed",
@@ -81,9 +83,13 @@ def row(analysis: Analysis, name: str) -> Row:
 
 
 def filled(rows: Sequence[Row], columns: Mapping[str, str]) -> dict[str, str]:
-    """The columns, but for that of smoothed paths where no run has one."""
-    empty = all(one.metrics[SMOOTHED] is None for one in rows)
-    return {name: title for name, title in columns.items() if name != SMOOTHED or not empty}
+    """The columns that some run has, without that of claimed errors where all have a truth."""
+    truths = all(one.metrics["position_rmse"] is not None for one in rows)
+    return {
+        name: title
+        for name, title in columns.items()
+        if any(one.metrics[name] is not None for one in rows) and not (truths and name == "claimed_position_error")
+    }
 
 
 def names_of(traces: Sequence[Trace], paths: Sequence[Path]) -> list[str]:
@@ -144,16 +150,22 @@ def _table(rows: Sequence[Row]) -> Table:
     return Table(caption, ["run", "filter", "rounds", *shown.values()], told)
 
 
-def _figures(analyses: Sequence[Analysis], names: Sequence[str]) -> tuple[Figure, Figure]:
+def _figures(analyses: Sequence[Analysis], names: Sequence[str]) -> list[Figure]:
     caption = "A click on a name in the legend hides or shows its line."
+    if not any(one.metrics.scored.steps for one in analyses):
+        claimed = [_rms_of_agents(claimed_position_error(one.trace)) for one in analyses]
+        unit = "claimed position error, RMS (m)"
+        told = f"What covariances claim: no truth is known. {caption}"
+        plot = _curves([one.trace.time for one in analyses], claimed, names, unit)
+        return [Figure("position-error", "Position error as claimed", told, plot)]
     average = [one.msee_average for one in analyses]
     error = [_rms_of_agents(one.position_error) for one in analyses]
     times = [one.trace.time for one in analyses]
     unit = "average MSEE (m² + m²/s²)"
-    return (
+    return [
         Figure("msee-average", "Average MSEE", caption, _curves(times, average, names, unit)),
         Figure("position-error", "Position error", caption, _curves(times, error, names, "position error, RMS (m)")),
-    )
+    ]
 
 
 def _curves(times: Sequence[Floats], values: Sequence[Floats], names: Sequence[str], title: str) -> Plot:

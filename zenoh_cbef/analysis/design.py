@@ -13,6 +13,7 @@ from zenoh_cbef.analysis.observability import observability
 from zenoh_cbef.analysis.prediction import Clipping, Sight, propagate
 from zenoh_cbef.analysis.traffic import other_bytes, round_bytes
 from zenoh_cbef.arrays import Floats
+from zenoh_cbef.errors import UserError
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.scenario.sight import determined
 from zenoh_cbef.scenario.world import make_world
@@ -95,6 +96,11 @@ def _path(truth: Floats) -> Floats:
     known, steps = np.isfinite(truth).all(axis=1), np.arange(len(truth))
     if known.all():
         return truth
+    if not known.any():
+        raise UserError(
+            "design needs to know where the target goes, and the dataset has no truth.csv; run it instead: "
+            "zenoh-cbef sim tells NIS and what the covariances claim"
+        )
     return np.stack([np.interp(steps, steps[known], each) for each in truth[known].T], axis=1)
 
 

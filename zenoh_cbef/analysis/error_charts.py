@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from zenoh_cbef.analysis.claimed import claimed_position_error
 from zenoh_cbef.analysis.consistency import chi2_band, trailing_mean
+from zenoh_cbef.analysis.coverage import truth_steps
 from zenoh_cbef.analysis.figures import Chart, Reference
 from zenoh_cbef.analysis.metrics import Analysis
 
@@ -13,27 +15,9 @@ _NIS_STEPS = 20
 
 def error_charts(analysis: Analysis) -> tuple[Chart, Chart, Chart, Chart]:
     """Describe the position error, NEES, NIS and disagreement of each agent or of all."""
-    bound = np.sqrt(np.trace(analysis.bound[:, :3, :3], axis1=1, axis2=2))
-    references = [
-        Reference("centralised filter", "centralized", analysis.centralized_position_error),
-        Reference("posterior bound", "bound", bound),
-    ]
-    caption = "Distance of each agent's estimate from the truth. Bound: root of its position block's trace."
-    if analysis.smoothed is not None:
-        square = np.ma.masked_invalid(analysis.smoothed.position[analysis.counted] ** 2).mean(axis=0).filled(np.nan)
-        references.append(Reference("smoothed", "network", np.sqrt(square)))
-        caption += " Smoothed: root mean square of the agents' smoothed estimates."
     average = np.ma.masked_invalid(analysis.nees).mean(axis=0).filled(np.nan)
     return (
-        Chart(
-            "position-error",
-            "Position error of each agent",
-            caption,
-            "position error (m)",
-            analysis.position_error,
-            tuple(references),
-            scored=True,
-        ),
+        _position_chart(analysis),
         Chart(
             "nees",
             "Normalised estimation error squared (NEES)",
@@ -55,6 +39,38 @@ def error_charts(analysis: Analysis) -> tuple[Chart, Chart, Chart, Chart]:
             (Reference("network", "network", analysis.disagreement),),
             scored=True,
         ),
+    )
+
+
+def _position_chart(analysis: Analysis) -> Chart:
+    """The position errors, or, where the truth is not known, what the covariances say that they are."""
+    if not truth_steps(analysis.trace).any():
+        return Chart(
+            "position-error",
+            "Position error that each agent claims",
+            "Root of the trace of each covariance's position block: it needs no truth, and is as honest as the filter.",
+            "claimed position error (m)",
+            claimed_position_error(analysis.trace),
+            scored=True,
+        )
+    bound = np.sqrt(np.trace(analysis.bound[:, :3, :3], axis1=1, axis2=2))
+    references = [
+        Reference("centralised filter", "centralized", analysis.centralized_position_error),
+        Reference("posterior bound", "bound", bound),
+    ]
+    caption = "Distance of each agent's estimate from the truth. Bound: root of its position block's trace."
+    if analysis.smoothed is not None:
+        square = np.ma.masked_invalid(analysis.smoothed.position[analysis.counted] ** 2).mean(axis=0).filled(np.nan)
+        references.append(Reference("smoothed", "network", np.sqrt(square)))
+        caption += " Smoothed: root mean square of the agents' smoothed estimates."
+    return Chart(
+        "position-error",
+        "Position error of each agent",
+        caption,
+        "position error (m)",
+        analysis.position_error,
+        tuple(references),
+        scored=True,
     )
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from zenoh_cbef.analysis.averages import last, rms, running_mean
+from zenoh_cbef.analysis.claimed import claimed_position_error
 from zenoh_cbef.analysis.consistency import agents_bands, chi2_band, described, nees_of
 from zenoh_cbef.analysis.coverage import estimated_steps, lacks, stretches, unseen_note
 from zenoh_cbef.analysis.misfit import misfit_note
@@ -188,6 +189,7 @@ def _metrics(errors: Errors) -> Metrics:
         unobservable_steps=stretches(unseen_steps(trace)),
         position_rmse=(own := rms(errors.position_error[counted, window])),
         velocity_rmse=rms(errors.velocity_error[counted, window]),
+        claimed_position_error=rms(claimed_position_error(trace)[counted, window]),
         centralized=(twin := _yardstick(errors, errors.centralized_states, window)),
         ratio_to_centralized=ratio_to_centralized(errors, window),
         strong=(strong := _yardstick(errors, errors.strong_states, window)),

@@ -217,7 +217,8 @@ def _scene(analysis: Analysis, axes: int) -> list[Plot]:
         "opacity": 0.45,
     }
     central = _path(analysis.centralized_states[:, :axes], INK, "dash", 1.5)
-    plots += [truth, central | {"name": "centralised filter", "meta": "ink"}]
+    known = [truth] if np.isfinite(trace.truth).all(axis=1).any() else []
+    plots += [*known, central | {"name": "centralised filter", "meta": "ink"}]
     if analysis.smoothed is not None:
         best = _path(analysis.smoothed.path[:, :axes], INK, "solid", 1.5)
         plots.append(best | {"name": "smoothed, mean of the agents", "meta": "ink"})

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import tomli_w
@@ -31,8 +31,9 @@ def write_report(analysis: Analysis, path: Path) -> None:
     """Write a run's report, with plotly.js inside. Raises MissingExtra where plotly is not installed."""
     plotly = from_extra("plotly.offline", "the report")
     trace = analysis.trace
-    paper = [_timed(chart, analysis) for chart in paper_charts(analysis)]
-    position, *honest = (_timed(chart, analysis) for chart in error_charts(analysis))
+    paper = _shown(paper_charts(analysis), analysis)
+    first, *rest = error_charts(analysis)
+    position, honest = _timed(first, analysis), _shown(rest, analysis)
     maps, network = _maps(analysis), _network(analysis)
     text = render(
         "report.html",
@@ -60,6 +61,12 @@ def write_report(analysis: Analysis, path: Path) -> None:
     )
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(text, encoding="utf-8")
+
+
+def _shown(charts: Sequence[Chart], analysis: Analysis) -> list[Figure]:
+    """The figures of charts; without a truth those of errors are left out and not shown empty."""
+    figures = [_timed(chart, analysis) for chart in charts]
+    return [one for one in figures if one.plot is not None or analysis.metrics.scored.steps]
 
 
 def _timed(chart: Chart, analysis: Analysis) -> Figure:
@@ -167,6 +174,9 @@ def _errors(analysis: Analysis) -> Table:
         caption += " The centralised filter lost the target itself." if metrics.twin_lost else ""
         caption += f" The strong yardstick reaches {number(strong.position_rmse)} m, and the network's error is "
         caption += f"{number(metrics.ratio_to_strong)} times that."
+    if not metrics.scored.steps:
+        claimed = ["position error that the covariances claim (m)", number(metrics.claimed_position_error)]
+        return Table("Without a truth no error is known", ["", "network"], [claimed])
     return Table(caption, ["", "network", "centralised", "bound", "network / centralised"], rows)
 
 
@@ -190,8 +200,10 @@ def _honesty(analysis: Analysis) -> Table:
         rows.append([f"{name} inside {low:.3g} to {high:.3g}", f"{inside}, expected 95 %"])
     for name, stood in (metrics.status or {}).items():
         if stood.share:
-            said = f"{100.0 * stood.share:.1f} % of the run, RMSE {number(stood.position_rmse)} m"
-            rows.append([f"position, while {name}", f"{said}, NEES {number(stood.nees)}"])
+            said = f"{100.0 * stood.share:.1f} % of the run"
+            if metrics.scored.steps:
+                said += f", RMSE {number(stood.position_rmse)} m, NEES {number(stood.nees)}"
+            rows.append([f"position, while {name}" if metrics.scored.steps else name, said])
     return Table("Consistency and disagreement", [], rows)
 
 
@@ -203,7 +215,7 @@ def _traffic(analysis: Analysis) -> Table:
 
 def _each_agent(analysis: Analysis) -> Table:
     metrics = analysis.metrics
-    columns = {"MSEE at the end": metrics.msee.agents}
+    columns = {"MSEE at the end": metrics.msee.agents} if metrics.scored.steps else {}
     columns |= {name: found.agents for name, found in (("NEES", metrics.nees), ("NIS", metrics.nis)) if found}
     if bias := metrics.bias:
         columns |= {"bias of ranges (m)": bias.agents, "its std (m)": bias.std, "relied on": bias.weight}

@@ -156,13 +156,14 @@ class LinkMetrics:
 class Metrics:
     """What a run achieved. RMSE, NEES, NIS and disagreement are of the scored window, which `skip` steps precede.
 
-    left_out: agents that averages are not over. lacks: what the log does not hold, in sentences. position_rmse, m, and
-    velocity_rmse, m/s: of the network. strong: of a centralised filter that holds where the network's kind is lost;
-    where that one is near the bound, its own figures. lost, twin_lost: whether the network, and the centralised filter,
-    lost the target: more than three times as far off as the strong one. status: of the whole run, by
-    the name of what agents said their estimates were. smoothed, nees, nis, status, bias, distrust, slow: None where the
-    run has none. misfit: a sentence where recorded ranges do not fit the positions, else empty. gaps: by
-    key, the stretches of numbers that are missing. bytes_per_step: of each agent.
+    left_out: agents that averages are not over. lacks: what the log does not hold, in sentences. position_rmse, m,
+    and velocity_rmse, m/s: of the network. claimed_position_error, m: what its covariances say that error is.
+    strong: of a centralised filter that holds where the network's kind is lost; where that one is near the bound,
+    its own figures. lost, twin_lost: whether the network, and the centralised filter, lost the target: more than
+    three times as far off as the strong one. status: of the whole run, by the name of what agents said their
+    estimates were. smoothed, nees, nis, status, bias, distrust, slow: None where the run has none. misfit: a
+    sentence where recorded ranges do not fit the positions, else empty. gaps: by key, the stretches of numbers that
+    are missing. bytes_per_step: of each agent.
     """
 
     run: str
@@ -182,6 +183,7 @@ class Metrics:
     unobservable_steps: Stretches
     position_rmse: Number
     velocity_rmse: Number
+    claimed_position_error: Number
     centralized: Yardstick
     ratio_to_centralized: Number
     strong: Yardstick

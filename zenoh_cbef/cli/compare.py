@@ -42,6 +42,7 @@ _HEADS = {
     SMOOTHED: "smooth",
     "ratio_to_centralized": "ratio",
     "nees.average": "NEES",
+    "claimed_position_error": "claimed",
     "disagreement": "apart",
     "bytes_per_step": "B/step",
 }
@@ -121,12 +122,14 @@ def _write(path: Path, text: str) -> None:
 def runs_table(rows: list[Row]) -> Fitting:
     """A row for each run."""
     # Narrow enough for eighty columns where names are short; everything else is in --json and --csv.
-    caption = "pos, vel: RMSE in m and m/s; ratio: pos to centralised; apart: disagreement in m; missed: lost or late"
+    heads = filled(rows, _HEADS)
+    errors = "pos, vel: RMSE in m and m/s; ratio: pos to centralised; " if "position_rmse" in heads else ""
+    claimed = "claimed: the error as covariances say, in m; " if "claimed_position_error" in heads else ""
+    caption = f"{errors}{claimed}apart: disagreement in m; missed: lost or late"
     table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), show_edge=False, caption=caption, caption_justify="left")
     table.add_column("run", overflow="fold")
     for head in ("filter", "L"):
         table.add_column(head, no_wrap=True)
-    heads = filled(rows, _HEADS)
     for head in (*heads.values(), "missed"):
         table.add_column(head, justify="right", no_wrap=True)
     for one in rows:

@@ -18,24 +18,15 @@ _FEW_SEEDS = 22
 
 def metrics_table(metrics: Metrics) -> Fitting:
     """A run's result."""
-    central, bound, messages = metrics.centralized, metrics.bound, metrics.messages
+    messages, known = metrics.messages, bool(metrics.scored.steps)
     title = f"{metrics.run}: {metrics.filter}, {counted(metrics.agents, 'agent')}, {counted(metrics.steps, 'step')}"
     title += ", errors of x and y alone" if metrics.planar else ""
     title += "" if metrics.complete else " (stopped early)" if metrics.stopped else " (incomplete)"
     table = Table(title=title, title_justify="left")
-    for column in ("", "network", "centralised", "bound"):
+    for column in ("", "network", "centralised", "bound") if known else ("", "network", "", ""):
         table.add_column(column, justify="left" if not column else "right")
-    sources = metrics, central, bound
-    table.add_row("position RMSE", *(number(source.position_rmse, "m") for source in sources))
-    table.add_row("velocity RMSE", *(number(source.velocity_rmse, "m/s") for source in sources))
-    table.add_row("MSEE, average", number(metrics.msee.average), number(central.msee), number(bound.msee))
-    ratio = metrics.ratio_to_centralized
-    table.add_row("ratio to centralised", number(ratio), "1" if ratio else "-", "")
-    if metrics.strong != central:
-        reached = Told(f"reaches {number(metrics.strong.position_rmse, 'm')}")
-        lost = Told("centralised: lost" if metrics.twin_lost else "")
-        table.add_row("ratio to strong yardstick", number(metrics.ratio_to_strong), reached, lost)
-    table.add_row("ratio to bound", number(metrics.ratio_to_bound), "", "1" if metrics.ratio_to_bound else "-")
+    for error in _errors(metrics) if known else _claims(metrics):
+        table.add_row(*error)
     for name, found in (("NEES", metrics.nees), ("NIS", metrics.nis)):
         if found is not None:
             table.add_row(name, number(found.average), Told(f"ideal {found.dimension}"), _inside(found))
@@ -54,6 +45,27 @@ def metrics_table(metrics: Metrics) -> Fitting:
     for counts in _on_links(metrics):
         table.add_row(*counts)
     return Fitting(table)
+
+
+def _claims(metrics: Metrics) -> Iterator[tuple[str, ...]]:
+    """Rows, of four cells, in place of the errors where no step has a truth to compare with."""
+    if metrics.claimed_position_error is not None:
+        yield "position error, as claimed", number(metrics.claimed_position_error, "m"), "", ""
+
+
+def _errors(metrics: Metrics) -> Iterator[tuple[str | Told, ...]]:
+    """Rows, of four cells, of errors beside those of the yardsticks."""
+    central, bound, ratio = metrics.centralized, metrics.bound, metrics.ratio_to_centralized
+    sources = metrics, central, bound
+    yield "position RMSE", *(number(source.position_rmse, "m") for source in sources)
+    yield "velocity RMSE", *(number(source.velocity_rmse, "m/s") for source in sources)
+    yield "MSEE, average", number(metrics.msee.average), number(central.msee), number(bound.msee)
+    yield "ratio to centralised", number(ratio), "1" if ratio else "-", ""
+    if metrics.strong != central:
+        reached = Told(f"reaches {number(metrics.strong.position_rmse, 'm')}")
+        lost = Told("centralised: lost" if metrics.twin_lost else "")
+        yield "ratio to strong yardstick", number(metrics.ratio_to_strong), reached, lost
+    yield "ratio to bound", number(metrics.ratio_to_bound), "", "1" if metrics.ratio_to_bound else "-"
 
 
 def _inside(found: Honesty) -> Told:
@@ -80,8 +92,11 @@ def _where_told(metrics: Metrics) -> Iterator[tuple[str | Told, ...]]:
             yield "smoothed NEES", number(found.average), Told(f"ideal {found.dimension}"), _inside(found)
     for name, stood in (metrics.status or {}).items():
         if stood.share:
-            said = Told(f"{stood.share:.0%} of run"), Told(f"NEES {number(stood.nees)}")
-            yield f"while {name}", number(stood.position_rmse, "m"), *said
+            share = Told(f"{stood.share:.0%} of run")
+            if stood.nees is None and stood.position_rmse is None:
+                yield name, share, "", ""
+            else:
+                yield f"while {name}", number(stood.position_rmse, "m"), share, Told(f"NEES {number(stood.nees)}")
     if metrics.bias:
         yield "bias of ranges", *_bias_cells(metrics.bias)
     if metrics.distrust:

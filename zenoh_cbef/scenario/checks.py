@@ -39,11 +39,14 @@ def _recorded_truth(scenario: Scenario) -> list[str]:
     if scenario.target.motion != "dataset" or not folder.is_dir():
         return []
     dataset = read_dataset(folder)
+    if not dataset.has_truth:
+        return []  # A user who has none needs no warning of it: errors are then left out everywhere.
     times = dataset.origin(scenario.dt) + paths.step_times(scenario, scenario.length)
     known = int(np.isfinite(dataset.truth_at(times)).all(axis=1).sum())
     if known == len(times):
         return []
-    return [f"{folder / 'truth.csv'} covers {known} of {len(times)} steps: only these are scored"]
+    seconds = f"{known * scenario.dt:.3g} of {len(times) * scenario.dt:.3g} s"
+    return [f"{folder / 'truth.csv'} covers {known} of {len(times)} steps ({seconds}): only these are scored"]
 
 
 def _check_edges(scenario: Scenario, edges: graph.Edges) -> None:

@@ -162,7 +162,8 @@ def _lay_out(scenario: Scenario, folder: Path) -> Scenario:
         filled = f"{path} fills only {counted(most, 'step')} of {scenario.dt} s"
         raise UserError(f"steps = {scenario.steps}, but {filled}; lower it")
     data["steps"] = steps = scenario.steps or most
-    if not np.isfinite(dataset.truth_at(dataset.origin(scenario.dt) + step_times(scenario, steps))).any():
+    data["target"]["origin"] = origin = dataset.origin(scenario.dt)
+    if dataset.has_truth and not np.isfinite(dataset.truth_at(origin + step_times(scenario, steps))).any():
         raise UserError(
             f"{path / 'truth.csv'} has no position in the {steps} steps of the run: its t goes from "
             f"{dataset.truth_time[0]:.12g} to {dataset.truth_time[-1]:.12g} s, that of ranges.csv from "

@@ -16,6 +16,7 @@ from zenoh_cbef.quantities import (
     Length,
     Metres,
     Milliseconds,
+    Moment,
     Position,
     Probability,
     Seconds,
@@ -32,7 +33,10 @@ from zenoh_cbef.tracking.filters import abilities_of
 
 
 class Target(Table):
-    """The moving target. `position` is where ncv starts, and the centre of circle and lemniscate."""
+    """The moving target. `position` is where ncv starts, and the centre of circle and lemniscate.
+
+    origin: the time of step 0 on a recording's own clock, s; the dataset says it.
+    """
 
     motion: Literal["ncv", "waypoints", "circle", "lemniscate", "dataset"] = "ncv"
     position: Point = (0.0, 0.0, 0.0)
@@ -43,6 +47,7 @@ class Target(Table):
     radius: Length = 5.0
     period: Duration = 30.0
     path: str | None = None
+    origin: Moment | None = None
 
     @model_validator(mode="after")
     def _complete(self) -> Target:

@@ -22,6 +22,7 @@ def arrays_of(trace: Trace) -> dict[str, Array]:
     """The exported arrays, documented in docs/log-format.md; n agents, K steps, m edges, NaN where nothing is."""
     return {
         "time": trace.time,
+        **({} if trace.source_time is None else {"source_time": trace.source_time}),
         "truth": trace.truth,
         "positions": trace.positions,
         "ranges": trace.ranges,
@@ -87,17 +88,19 @@ def _tables(trace: Trace) -> dict[str, tuple[list[str], list[Array]]]:
     axes = ("x", "y", "z")
     state = [*axes, *(f"v{axis}" for axis in axes)]
     upper = [f"p{row}{column}" for row, column in zip(*np.triu_indices(6), strict=True)]
-    place: list[Array] = [agent, step, np.tile(trace.time, count)]
+    clock = {"time": trace.time} | ({} if trace.source_time is None else {"source_time": trace.source_time})
+    times = list(clock.values())
+    place: list[Array] = [agent, step, *(np.tile(one, count) for one in times)]
     tables: dict[str, tuple[list[str], list[Array]]] = {
-        "truth": (["k", "time", *state], [np.arange(1, steps + 1), trace.time, trace.truth]),
+        "truth": (["k", *clock, *state], [np.arange(1, steps + 1), *times, trace.truth]),
         "initial": (["agent", *state], [np.arange(count), trace.initial]),
         "edges": (["first", "second"], [trace.edges]),
         "agents": (
-            ["agent", "k", "time", *axes, "range"],
+            ["agent", "k", *clock, *axes, "range"],
             [*place, trace.positions.reshape(-1, 3), trace.ranges.ravel()],
         ),
         "estimates": (
-            ["agent", "k", "time", *state, *NAMES, *upper],
+            ["agent", "k", *clock, *state, *NAMES, *upper],
             [
                 *place,
                 trace.estimates.reshape(-1, 6),
@@ -108,7 +111,7 @@ def _tables(trace: Trace) -> dict[str, tuple[list[str], list[Array]]]:
     }
     if (path := trace.smoothed) is not None:
         numbers = [*place, path.states.reshape(-1, 6), _upper(path.covariances)]
-        tables["smoothed"] = (["agent", "k", "time", *state, *upper], numbers)
+        tables["smoothed"] = (["agent", "k", *clock, *state, *upper], numbers)
     return tables
 
 

@@ -20,6 +20,8 @@ from zenoh_cbef.trace import Trace
 
 _CONFIDENCE = 0.95
 _THINNEST = 1e-3
+_LATEST = 9e9
+"""The latest time that fits files in which times are ns of 64 bits, s since 1970."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +49,8 @@ class SceneEvent:
 class Scene:
     """One run; n agents, K steps, e directed links.
 
-    time: (K,), ns since the Unix epoch, k dt after the start of the run, however fast the processes were.
+    time: (K,), ns since the Unix epoch, k dt after the start of the run, however fast the processes were; of a
+    recording's ranges on that recording's clock.
     links: (e, 2), source and destination. delivered: (e, K), share of each step's messages that came in
     time, NaN where their receiver said nothing. estimate, smoothed: (K, 3), mean of the agents' positions of the
     target, m; smoothed: None where the run has none.
@@ -104,8 +107,7 @@ def read_scene(path: Path, smooth: Callable[[Trace], Trace] | None = None) -> Sc
 
 def _scene_of(recording: Recording, trace: Trace) -> Scene:
     logged = _logged(recording, len(trace.time))
-    first = min(logged, default=0)
-    start = logged.get(first, 0) - round(1e9 * trace.scenario.dt * first)
+    start = _start(logged, trace)
     time = start + np.round(1e9 * trace.time).astype(np.int64)
     pairs = trace.edges.tolist()
     links = np.array(sorted([*pairs, *([second, first] for first, second in pairs)]), dtype=np.int64).reshape(-1, 2)
@@ -120,6 +122,15 @@ def _scene_of(recording: Recording, trace: Trace) -> Scene:
         None if analysis.smoothed is None else analysis.smoothed.path,
         _events(recording, logged, start),
     )
+
+
+def _start(logged: dict[int, int], trace: Trace) -> int:
+    """When step 0 was, ns: on the clock of a recording that the run is of, otherwise when it was logged."""
+    origin = trace.scenario.target.origin
+    if origin is not None and 0.0 <= origin < _LATEST:
+        return round(1e9 * origin)
+    first = min(logged, default=0)
+    return logged.get(first, 0) - round(1e9 * trace.scenario.dt * first)
 
 
 def _logged(recording: Recording, steps: int) -> dict[int, int]:

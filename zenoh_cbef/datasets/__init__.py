@@ -1,0 +1,9 @@
+"""Recorded ranging data, in folders with anchors.csv, ranges.csv and, where the truth is known, truth.csv."""
+
+from __future__ import annotations
+
+from zenoh_cbef.datasets.dataset import Dataset
+from zenoh_cbef.datasets.reading import read_dataset
+from zenoh_cbef.datasets.writing import write_dataset
+
+__all__ = ["Dataset", "read_dataset", "write_dataset"]
