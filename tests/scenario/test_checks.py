@@ -71,6 +71,17 @@ def test_chebyshev_on_links_that_lose_messages_is_warned_of():
     assert check(Plan(parse({"fault": [{"kind": "byzantine", "agents": [0]}]}, "test"))) == []
 
 
+@pytest.mark.parametrize(
+    ("agents", "rounds", "warned"), [(100, 6, True), (100, 10, False), (24, 3, True), (2, 1, False)]
+)
+def test_chebyshev_in_too_few_rounds_for_the_graph_is_warned_of(agents, rounds, warned):
+    keys = {"agents": {"count": agents}, "network": {"graph": "grid"}}
+    stage = {"acceleration": "chebyshev", "rounds": rounds}
+    told = check(Plan(parse({**keys, "consensus": stage}, "test")))
+    assert any("of the disagreement here" in one for one in told) == warned
+    assert not any("of the disagreement" in one for one in check(Plan(parse({**keys, "consensus": {}}, "test"))))
+
+
 def test_a_graph_too_sparse_for_trimming_is_warned_of():
     ring = {"network": {"graph": "ring"}, "consensus": {"trim": 1}}
     assert "3 neighbours or more, but agent 0 has 2" in check(Plan(parse(ring, "test")))[0]

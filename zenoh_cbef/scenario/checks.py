@@ -16,6 +16,10 @@ from zenoh_cbef.tracking import graph
 from zenoh_cbef.tracking.linalg import neighbour_sum, outer
 
 _PROPORTION = 1e7
+_CHEBYSHEV_LEFT = 0.25
+"""The share of the disagreement, by the bound of its polynomial, that Chebyshev acceleration may leave: on grids and
+paths of 6 to 300 agents it was lost from 0.39 on, worse than plain averaging mostly from 0.23 on, and better below."""
+_NOTHING_LEFT = 50.0
 
 
 def check(plan: Plan) -> list[str]:
@@ -28,7 +32,7 @@ def check(plan: Plan) -> list[str]:
     _check_signal(scenario)
     _check_proportion(plan)
     warnings = _literal_gain(plan) if scenario.filter.kind == "cbef" else []
-    warnings += _trimming(scenario, plan.neighbours) + _only_links(scenario, plan.edges) + _chebyshev(scenario)
+    warnings += _trimming(scenario, plan.neighbours) + _only_links(scenario, plan.edges) + _chebyshev(plan)
     warnings += _faults_of_no_link(scenario, plan.edges) + _recorded_truth(scenario)
     return warnings + sight.warnings(plan) + proportions.warnings(plan)
 
@@ -187,9 +191,35 @@ def _only_links(scenario: Scenario, edges: graph.Edges) -> list[str]:
     return warnings
 
 
-def _chebyshev(scenario: Scenario) -> list[str]:
+def _chebyshev(plan: Plan) -> list[str]:
+    stage = plan.scenario.consensus
+    if stage.acceleration != "chebyshev":
+        return []
+    return _chebyshev_with_faults(plan.scenario) + _chebyshev_too_short(plan)
+
+
+def _chebyshev_too_short(plan: Plan) -> list[str]:
+    """A polynomial of too low a degree weighs messages negatively, and estimates are wrong, not only apart."""
+    low, high = plan.bounds[0]
+    ratio = 0.5 * (high - low) / (1.0 - 0.5 * (high + low))
+    if not 0.0 < ratio < 1.0:
+        return []
+    rounds, growth = plan.rounds, float(np.arccosh(1.0 / ratio))
+    left = float(1.0 / np.cosh(min(rounds * growth, _NOTHING_LEFT)))
+    if left <= _CHEBYSHEV_LEFT:
+        return []
+    needed = int(np.ceil(np.arccosh(1.0 / _CHEBYSHEV_LEFT) / growth))
+    warning = (
+        f"in {rounds} rounds Chebyshev acceleration leaves up to {100.0 * left:.0f} % of the disagreement here: "
+        f"with more than {100.0 * _CHEBYSHEV_LEFT:.0f} % estimates are often worse than with plain averaging, or lost; "
+        f"set consensus.rounds = {needed}, or consensus.acceleration = 'none'"
+    )
+    return [warning]
+
+
+def _chebyshev_with_faults(scenario: Scenario) -> list[str]:
     links = [fault.kind for fault in scenario.fault if isinstance(fault, MessageFault)]
-    if scenario.consensus.acceleration != "chebyshev" or not links:
+    if not links:
         return []
     warning = (
         f"Chebyshev acceleration presumes that no message is missing, and with {links[0]} it is worse than plain "
