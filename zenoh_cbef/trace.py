@@ -49,6 +49,18 @@ class Links:
         return self.late - self.injected_late
 
 
+@dataclass(frozen=True)
+class Passing:
+    """Messages on every directed link over time; e links in the order of `Links`, B stretches of steps.
+
+    until: (B,), the last step of each stretch. counts: (e, B, 4): messages that came in time, were lost and late, and
+    their mean latency, s; NaN where the receiver said nothing.
+    """
+
+    until: Ints
+    counts: Floats
+
+
 class LinkCounts:
     """Messages per directed link (e,), the present ones of (N, m) in order, as the receivers count them."""
 
@@ -151,7 +163,7 @@ class Trace:
     time: (K,), s. truth: (K, 6). positions: (n, K, 3). ranges: (n, K), m. age: (n, K), s, of each range at its
     step. initial: (n, 6), before step 1's update. estimates: (n, K, 6). covariances: (n, K, 6, 6).
     diagnostics: (n, K) each. edges: (m, 2). NaN where there is nothing. payloads, where kept: (n, K, L, d), as sent.
-    smoothed: None where the agents did not smooth.
+    smoothed: None where the agents did not smooth. passing: None where no log tells.
     events: what nodes reported, in order. unlogged: (n, K), measurements that were made, or may have been, and are not
     in `ranges`; None where there are none. told: whether the nodes' reports are there. complete: the log was closed,
     the run ended as planned, and nothing of it is missing. stopped: it was closed, nothing is missing, but the run was
@@ -179,6 +191,7 @@ class Trace:
     told: bool = True
     complete: bool = True
     stopped: bool = False
+    passing: Passing | None = None
 
     @property
     def scenario(self) -> Scenario:

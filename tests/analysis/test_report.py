@@ -186,7 +186,7 @@ def test_events_have_times_since_the_start_and_short_numbers(tmp_path: Path) -> 
     html = (tmp_path / "report.html").read_text(encoding="utf-8")
     times = re.findall(r"<tr><td>(-?[\d.]+)</td><td>(?:agent/1|target|x)</td>", html)
     assert times == ["-0.250", "0.000", "1.000"]
-    assert "clock = 0.3" in page.text
+    assert "clock = 300 ms" in page.text
     assert "0.30000000000000004" not in page.text
 
 

@@ -7,12 +7,13 @@ import pytest
 
 from tests.log.made import made_log
 from zenoh_cbef.analysis.metrics import analyze
-from zenoh_cbef.lab.answers import Page, framed
+from zenoh_cbef.lab.answers import Page
 from zenoh_cbef.lab.bench import Bench
+from zenoh_cbef.lab.judged import judged
 from zenoh_cbef.lab.scene import CURVES, Scene
 from zenoh_cbef.lab.sources import LogSource
-from zenoh_cbef.lab.verdict import verdict
 from zenoh_cbef.log.read.trace import read_trace
+from zenoh_cbef.pages.packing import framed
 from zenoh_cbef.plain import read_toml
 from zenoh_cbef.scenario.load import parse
 
@@ -91,19 +92,19 @@ def test_a_trail_ends_where_the_step_is(scene, trace):
 
 
 def test_the_verdict_names_what_is_wrong(scene):
-    assert verdict(scene, 0).level == "none"
-    assert "acquiring" in verdict(scene, 3).words
-    assert "the network is in 2 parts" in verdict(scene, 29).words
-    assert verdict(scene, 29).level == "bad"
-    assert "away: agent 1" in verdict(scene, 34).words
-    assert verdict(scene, 40).words.startswith("tracking: 3 of 4 agents, error 0.")
-    assert verdict(scene, 40).level == "good"
+    assert judged(scene, 0).level == "none"
+    assert "acquiring" in judged(scene, 3).words
+    assert "the network is in 2 parts" in judged(scene, 29).words
+    assert judged(scene, 29).level == "bad"
+    assert "away: agent 1" in judged(scene, 34).words
+    assert judged(scene, 40).words.startswith("tracking: 3 of 4 agents, error 0.")
+    assert judged(scene, 40).level == "good"
 
 
 def test_errors_beyond_what_is_claimed_are_called_overconfident(log):
     scene = LogSource(log).scene
     scene.recording.truth.numbers("state", 40)[:, :, :3] += 30.0
-    assert "overconfident: errors are" in verdict(scene, 31).words
+    assert "overconfident: errors are" in judged(scene, 31).words
 
 
 def read(data: bytes) -> tuple[dict, dict]:
@@ -180,3 +181,12 @@ def test_the_session_is_a_scenario_that_repeats_it(bench, log):
 def test_a_frame_begins_its_numbers_at_a_multiple_of_four():
     for words in ("", "a", "ab", "abc"):
         read(framed({"words": words}, {"one": np.arange(3.0)}))
+
+
+def test_stretches_of_steps_hold_the_messages_of_the_run(trace):
+    until, counts = trace.passing.until, trace.passing.counts
+    assert until[-1] == 40
+    for place, of in enumerate((trace.links.delivered, trace.links.lost, trace.links.late)):
+        np.testing.assert_array_equal(np.nansum(counts[:, :, place], axis=1), of)
+    cut = (trace.links.source == 3) | (trace.links.destination == 3)
+    assert not counts[cut][:, (until > 25) & (until < 30), 0].any()

@@ -7,6 +7,9 @@ import time
 import numpy as np
 import pytest
 
+from tests.log.made import made_log
+from zenoh_cbef.analysis.metrics import analyze
+from zenoh_cbef.analysis.report import write_report
 from zenoh_cbef.log.read.trace import read_trace
 from zenoh_cbef.plain import read_toml
 from zenoh_cbef.scenario.load import parse
@@ -34,7 +37,7 @@ class Opened:
         self.lab = world.start("lab", *words, "--no-browser")
         self.url = self._url()
         self.page = browser.new_page(viewport={"width": 1280, "height": 800})
-        self.page.set_default_timeout(30_000)
+        self.page.set_default_timeout(120_000)
         self.complaints: list[str] = []
         self.loaded: list[str] = []
         self.page.on("console", lambda one: self.complaints.append(one.text))
@@ -50,7 +53,7 @@ class Opened:
                 return found[0]
         raise AssertionError("the lab did not start")
 
-    def until(self, what: str, seconds: float = 60.0) -> None:
+    def until(self, what: str, seconds: float = 120.0) -> None:
         # The page's own policy forbids what Playwright's waiting does.
         until = time.monotonic() + seconds
         while not self.page.evaluate(what):
@@ -144,3 +147,31 @@ def test_a_log_is_wound_back_and_a_lost_server_is_said(world, browser):
     opened.lab.communicate(timeout=60)
     opened.until("document.querySelector('#notice').textContent.includes('server is gone')")
     opened.close()
+
+
+def test_a_report_plays_its_run_on_a_map_with_a_verdict_and_shows_each_link_over_time(tmp_path, browser):
+    fault = 'fault=[{kind="partition", links={between=[[0, 1], [2, 3]]}, from=2.0, until=3.0}]'
+    log = made_log(tmp_path / "run.mcap", "steps=40", "agents.count=4", "network.graph=complete", fault)
+    write_report(analyze([read_trace(log)])[0], tmp_path / "report.html")
+    page = browser.new_page(viewport={"width": 390, "height": 844}, color_scheme="dark")
+    page.set_default_timeout(120_000)
+    complaints: list[str] = []
+    page.on("pageerror", lambda one: complaints.append(str(one)))
+    page.goto(f"file://{tmp_path / 'report.html'}")
+    page.wait_for_function("globalThis.replay && document.querySelector('.js-plotly-plot')")
+    assert page.evaluate("replay.count") == 40
+    page.fill("#moment", "26")
+    assert page.inner_text("#verdict").startswith("the network is in 2 parts")
+    assert page.inner_text("#clock") == "2.7 s, step 27"
+    assert page.evaluate("replay.map.shown.get('0 2') === replay.map.colours.lost")
+    assert page.evaluate("replay.map.shown.get('0 1') === replay.map.colours.good")
+    page.keyboard.press("Tab")
+    page.locator("#map").press("ArrowLeft")
+    assert page.inner_text("#clock") == "2.6 s, step 26"
+    box = page.locator("canvas[data-what=lost]").bounding_box()
+    assert box is not None
+    page.locator("canvas[data-what=lost]").click(position={"x": 0.1 * box["width"], "y": 2})
+    assert page.inner_text("#clock") == "0.5 s, step 5"
+    assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+    assert complaints == []
+    page.close()

@@ -157,9 +157,9 @@ def agent_style(agent: int) -> tuple[str, Dash]:
     return COLOURS[agent % len(COLOURS)], DASHES[agent // len(COLOURS) % len(DASHES)]
 
 
-def points_each(lines: int) -> int:
-    """How many points a line may have where so many share a figure."""
-    return max(60, min(_POINTS, _POINTS_OF_ALL // max(lines, 1)))
+def points_each(lines: int, of_all: int = _POINTS_OF_ALL) -> int:
+    """How many points a line may have where so many share a figure. of_all: how many they may have together."""
+    return max(60, min(_POINTS, of_all // max(lines, 1)))
 
 
 def positive(values: Floats) -> Floats:

@@ -31,13 +31,15 @@ from zenoh_cbef.pages.parts import Plot
 from zenoh_cbef.trace import Links
 
 _LARGEST = float(np.finfo(np.float32).max)
+_POINTS_OF_ALL = 3000
+"""In a plot: with it a report of 24 agents is below three megabytes, most of them plotly.js."""
 _LOSS_COLOURS = ("#8b96a1", "#b99a58", "#e0a030", "#d97a2c", "#cc4a2c", "#9c1c3c")
 
 
 def time_plot(chart: Chart, analysis: Analysis) -> Plot:
     """Draw a chart over time, with its band, the periods of faults, and where the scored window starts."""
     time, names = analysis.trace.time, agent_names(analysis)
-    width, points, data = 1.0 if len(names) > 12 else 1.4, points_each(len(names)), []
+    width, points, data = 1.0 if len(names) > 12 else 1.4, points_each(len(names), _POINTS_OF_ALL), []
     for agent, values in enumerate([] if chart.agents is None else chart.agents):
         data.append(series(time, values, points, agent_style(agent), width) | _owned(agent, names[agent]))
     for reference in chart.references:
@@ -193,7 +195,7 @@ def _xy(points: Floats) -> Plot:
 
 
 def _path(points: Floats, colour: str, dash: Dash, width: float) -> Plot:
-    each = points_each(1) // 3
+    each = points_each(8, _POINTS_OF_ALL) // 3
     kept = np.unique(np.concatenate([thinned(column, each) for column in points.T]))
     digits = ", ".join(f"%{{{axis}:.2f}}" for axis in "xyz"[: points.shape[1]])
     line = {"color": colour, "dash": dash, "width": width * (1.5 if points.shape[1] == 3 else 1.0)}

@@ -1,29 +1,27 @@
-"""One run as one HTML file that opens anywhere, offline: tables, the paper's figures, maps, the scenario."""
+"""One run as one HTML file that opens anywhere, offline: the map, errors, the paper's figures, links, the scenario."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import tomli_w
 
 from zenoh_cbef.analysis.coverage import spelt, why_no_nees, why_no_nis
 from zenoh_cbef.analysis.error_charts import error_charts
+from zenoh_cbef.analysis.events_table import events_table
 from zenoh_cbef.analysis.figures import Chart, agent_names, agent_style, paper_charts
 from zenoh_cbef.analysis.links_table import is_wide, links_table
 from zenoh_cbef.analysis.metrics import Analysis
 from zenoh_cbef.analysis.metrics import notes as noted
 from zenoh_cbef.analysis.plots import network_plot, space_plot, time_plot, top_plot
+from zenoh_cbef.analysis.replayed import replayed
 from zenoh_cbef.extras import from_extra
 from zenoh_cbef.faults import Fault
-from zenoh_cbef.numbers import written
-from zenoh_cbef.pages.parts import NOTHING, Figure, Table, number, plots_of
+from zenoh_cbef.pages.parts import Figure, Table, number, plots_of
 from zenoh_cbef.pages.render import render
-from zenoh_cbef.trace import began
 from zenoh_cbef.words import counted
 
-_MOST_ROWS = 200
-_ENVELOPE = ("v", "run", "seq", "sent", "from", "kind", "text", "data")
 _SVG_DASH = {"solid": "", "dash": "6 3", "dot": "2 2", "dashdot": "6 2 1.5 2"}
 
 
@@ -54,10 +52,11 @@ def write_report(analysis: Analysis, path: Path) -> None:
         network=network,
         links=links_table(trace.links, agent_names(analysis)) if network.plot else None,
         links_are_wide=is_wide(trace.links),
-        events=_events(analysis),
+        events=events_table(trace),
         scenario=tomli_w.dumps(trace.scenario.model_dump(mode="json", by_alias=True, exclude_none=True)),
         plots=plots_of([*paper, position, *maps, *honest, network]),
         plotly=plotly.get_plotlyjs(),
+        scene=replayed(analysis),
     )
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(text, encoding="utf-8")
@@ -87,30 +86,6 @@ def _network(analysis: Analysis) -> Figure:
     plot = network_plot(analysis) if len(analysis.trace.links.source) else None
     caption = "Wider and redder: more messages lost or late. Point at an arrow for its counts."
     return Figure("network", "Links", caption, plot)
-
-
-def _events(analysis: Analysis) -> Table | None:
-    events = analysis.trace.events
-    if not events:
-        return None
-    rows = []
-    start = began(events)
-    for event in events[:_MOST_ROWS]:
-        data = event.get("data")
-        rest = {key: value for key, value in event.items() if key not in _ENVELOPE}
-        rest |= data if isinstance(data, dict) else {}
-        details = ", ".join(f"{key} = {written(value)}" for key, value in rest.items())
-        words = [str(event.get(key, NOTHING)) for key in ("from", "kind", "text")]
-        rows.append([_when(event, start), *words, details[:400]])
-    caption = "What the processes reported, in order, s after the start by their clocks"
-    if len(events) > _MOST_ROWS:
-        caption += f"; the first {_MOST_ROWS} of {len(events)}"
-    return Table(caption, ["time (s)", "from", "kind", "text", "data"], rows)
-
-
-def _when(event: Mapping[str, object], start: float | None) -> str:
-    sent = event.get("sent")
-    return f"{1e-9 * sent - start:.3f}" if isinstance(sent, int) and start is not None else NOTHING
 
 
 def _lead(analysis: Analysis) -> str:

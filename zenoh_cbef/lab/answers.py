@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping
 
-from zenoh_cbef.arrays import Floats
+from zenoh_cbef.analysis.faulted import fault_words
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.lab.bench import Bench
-from zenoh_cbef.lab.faulted import fault_words
-from zenoh_cbef.lab.scene import packed
+from zenoh_cbef.lab.judged import judged
 from zenoh_cbef.lab.sources import Source
-from zenoh_cbef.lab.verdict import verdict
 from zenoh_cbef.log.read.recording import Event
+from zenoh_cbef.pages.packing import framed
 from zenoh_cbef.plain import Json
 
 _TRAIL_POINTS = 32
@@ -97,7 +95,7 @@ class Page:
             known = asked.get("curves")
             known = min(max(known, 0), newest) if isinstance(known, int) else newest
             arrays |= {f"curve {name}": values for name, values in scene.curves(known, newest).items()}
-            level, words = verdict(scene, step)
+            level, words = judged(scene, step)
             told: dict[str, object] = {
                 "answer": "frame",
                 "number": self._bench.number,
@@ -110,17 +108,6 @@ class Page:
                 "events": _events(scene.recording.events, asked.get("events"), scene.plan.scenario.dt),
             }
         return framed(told, arrays)
-
-
-def framed(told: Mapping[str, object], arrays: Mapping[str, Floats] | None = None) -> bytes:
-    """A message to the page: length of the JSON (uint32, little-endian), the JSON, numbers as float32.
-
-    The JSON has, as `arrays`, names and shapes of what follows; it ends on a multiple of four bytes.
-    """
-    layout, numbers = packed(arrays or {})
-    text = json.dumps({**told, "arrays": layout}, separators=(",", ":")).encode()
-    text += b" " * (-len(text) % 4)
-    return len(text).to_bytes(4, "little") + text + numbers
 
 
 def _events(events: list[Event], known: object, dt: float) -> list[dict[str, object]]:

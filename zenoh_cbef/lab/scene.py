@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from functools import cached_property
 
 import numpy as np
 
+from zenoh_cbef.analysis.faulted import fault_words
 from zenoh_cbef.arrays import Floats, Ints
-from zenoh_cbef.lab.faulted import fault_words
 from zenoh_cbef.log.read.receipts import COUNTS, Receipts
 from zenoh_cbef.log.read.recording import Recording
 from zenoh_cbef.scenario.paths import places_at
@@ -169,9 +168,3 @@ def _mean(values: Floats) -> Floats:
 
 def _sum(values: Floats) -> Floats:
     return np.asarray(np.nansum(values, axis=0))
-
-
-def packed(arrays: Mapping[str, Floats]) -> tuple[list[tuple[str, list[int]]], bytes]:
-    """Arrays as the page reads them: names and shapes, and all numbers as little-endian float32."""
-    layout = [(name, list(values.shape)) for name, values in arrays.items()]
-    return layout, b"".join(np.ascontiguousarray(values, dtype="<f4").tobytes() for values in arrays.values())

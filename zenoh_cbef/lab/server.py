@@ -35,8 +35,10 @@ def application(bench: Bench, guard: Guard, lifespan: Any = None) -> Starlette:
     from starlette.responses import PlainTextResponse, Response  # noqa: PLC0415 - time that only the lab should cost
     from starlette.routing import Route, WebSocketRoute  # noqa: PLC0415
 
-    folder, style = resources.files("zenoh_cbef.lab") / "page", resources.files("zenoh_cbef.pages") / "style.css"
-    files = {one.name: one.read_bytes() for one in (*folder.iterdir(), style) if one.is_file()}
+    pages = resources.files("zenoh_cbef.pages")
+    shared = (*(pages / "scene").iterdir(), pages / "style.css")
+    served = (*(resources.files("zenoh_cbef.lab") / "page").iterdir(), *shared)
+    files = {one.name: one.read_bytes() for one in served if one.is_file()}
 
     async def page(request: Request) -> Response:
         name = request.path_params.get("name", "")

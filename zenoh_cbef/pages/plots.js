@@ -93,7 +93,18 @@ function printing(on) {
   for (const place of document.querySelectorAll(".js-plotly-plot")) Plotly.Plots.resize(place);
 }
 
-window.addEventListener("beforeprint", () => printing(true));
-window.addEventListener("afterprint", () => printing(false));
-matchMedia("(prefers-color-scheme: dark)").addEventListener("change", draw);
-draw();
+async function start() {
+  if (document.getElementById("plotly")) {
+    const script = document.createElement("script");
+    script.textContent = new TextDecoder().decode(await enclosed("plotly"));
+    document.head.append(script);
+  }
+  window.addEventListener("beforeprint", () => printing(true));
+  window.addEventListener("afterprint", () => printing(false));
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", draw);
+  draw();
+}
+
+start().catch(() => {
+  for (const place of document.querySelectorAll(".plot")) place.textContent = "This browser cannot unpack the plots; one of 2023 or later can.";
+});

@@ -5,6 +5,9 @@ from __future__ import annotations
 from functools import cache
 from typing import TYPE_CHECKING
 
+from zenoh_cbef.pages.bundle import bundled
+from zenoh_cbef.pages.packing import enclosed
+
 if TYPE_CHECKING:
     from jinja2 import Environment
 
@@ -21,5 +24,7 @@ def _environment() -> Environment:
     loader = PackageLoader("zenoh_cbef", "pages")
     found = Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     found.filters["at"] = "{:.1f}".format
+    found.filters["enclosed"] = lambda given: enclosed(given.encode() if isinstance(given, str) else given)
+    found.globals["bundled"] = bundled
     found.policies["json.dumps_kwargs"] = {"separators": (",", ":")}
     return found

@@ -1,8 +1,7 @@
 // Curves over time, all with one time axis; a click winds to that time, faults are shaded.
 
+import { css } from "./colours.js";
 import uPlot from "./uplot.js";
-
-const css = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 
 const CHARTS = [
   { title: "position error, m", lines: [["error", "--accent"], ["claimed", "--muted"]] },

@@ -1,10 +1,13 @@
 // The page: asks for steps as fast as it draws them, never faster.
 
 import { Curves } from "./curves.js";
+import { hands } from "./hands.js";
 import { MapView } from "./map.js";
 import { Menu } from "./menu.js";
 import { Opening } from "./opening.js";
 import { Panels } from "./panels.js";
+import { sides } from "./picking.js";
+import { standing } from "./standing.js";
 import { Wire, exported } from "./wire.js";
 
 const TRAIL = 40;
@@ -174,9 +177,9 @@ let drawnCurves = 0;
 function draw() {
   const { frame, scene } = state;
   const time = frame.step * scene.dt;
-  const marks = panels.drawFaults(frame.faults, time, scene.steps);
+  panels.drawFaults(frame.faults, time);
   const slow = state.plays && !state.follows && state.speed / scene.dt < SLOW_STEPS;
-  map.draw(frame.arrays, trails, marks, slow ? state.whole : null);
+  map.draw(frame.arrays, trails, standing(scene, frame.arrays, frame.faults, time), slow ? state.whole : null);
   panels.draw(frame.arrays);
   panels.drawEvents(time);
   const [level, words] = frame.verdict;
@@ -214,43 +217,16 @@ async function cycle() {
   }
 }
 
-// Mouse and touch on the map.
-{
-  const canvas = $("canvas");
-  let down = null;
-  const at = (event) => { const box = canvas.getBoundingClientRect(); return [event.clientX - box.left, event.clientY - box.top]; };
-  canvas.addEventListener("pointerdown", (event) => {
-    down = { at: at(event), last: at(event), moved: false };
-    canvas.setPointerCapture(event.pointerId);
-    if (state.parts) map.line = { from: down.at, to: down.at };
-  });
-  canvas.addEventListener("pointermove", (event) => {
-    const now = at(event);
-    if (!down) { canvas.style.cursor = state.parts ? "crosshair" : map.pick(...now) ? "pointer" : "grab"; return; }
-    const [dx, dy] = [now[0] - down.last[0], now[1] - down.last[1]];
-    down.moved ||= Math.hypot(now[0] - down.at[0], now[1] - down.at[1]) > 4;
-    if (state.parts) map.line.to = now;
-    else if (down.moved) (state.solid && !event.shiftKey ? map.turn : map.move).call(map, dx, dy);
-    down.last = now;
-    state.redraw = true;
-  });
-  canvas.addEventListener("pointerup", (event) => {
-    const now = at(event);
-    if (down && state.parts) part(down.at, now);
-    else if (down && !down.moved) pick(map.pick(...now), event.clientX, event.clientY);
-    down = null;
-  });
-  canvas.addEventListener("wheel", (event) => {
-    event.preventDefault();
-    map.zoom(Math.exp(-event.deltaY * 0.0015), ...at(event));
-    state.redraw = true;
-  }, { passive: false });
-}
+hands(map, {
+  redraw: () => { state.redraw = true; },
+  clicked: (picked, event) => pick(picked, event.clientX, event.clientY),
+  draws: () => state.parts,
+  drawn: part,
+});
 
 function part(from, to) {
-  map.line = null;
   parting(false);
-  const groups = map.sides(from, to);
+  const groups = sides(map, from, to);
   if (groups.some((one) => !one.length)) tell("all agents are on one side of that line");
   else inject({ kind: "partition", links: { between: groups } }, null);
 }
@@ -261,10 +237,7 @@ function parting(on) {
 }
 
 function solid() {
-  state.solid = !state.solid;
-  map.yaw = state.solid ? -0.6 : 0;
-  map.pitch = state.solid ? 0.6 : Math.PI / 2;
-  $("view").setAttribute("aria-pressed", String(state.solid));
+  $("view").setAttribute("aria-pressed", String(map.solid()));
   state.redraw = true;
 }
 

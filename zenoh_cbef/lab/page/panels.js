@@ -1,6 +1,6 @@
 // Lists beside the map: agents, faults, events. All can be reached by keyboard.
 
-import { hue } from "./map.js";
+import { hue } from "./colours.js";
 
 const MOST_EVENTS = 300;
 
@@ -43,8 +43,8 @@ export class Panels {
     });
   }
 
-  /** The faults, those that are on first; returns what to write beside agents on the map. */
-  drawFaults(faults, time, steps) {
+  /** The faults, those that are on first. */
+  drawFaults(faults, time) {
     const on = (one) => time >= one.from && (one.until === null || time < one.until);
     const shown = JSON.stringify([faults, faults.map(on)]);
     if (shown !== this.shown) {
@@ -57,12 +57,6 @@ export class Panels {
       }));
       if (!faults.length) this.faults.textContent = "none";
     }
-    const marks = new Map();
-    const words = { lies: "lies", receiver: "receiver", away: "away" };
-    for (const one of faults.filter(on)) {
-      if (words[one.touches]) for (const agent of one.agents) marks.set(agent, words[one.touches]);
-    }
-    return marks;
   }
 
   /** New events, the latest on top; those without a step came before the first one, or belong to none. */

@@ -1,21 +1,10 @@
 // Questions to the server, and what it answers: JSON and arrays of numbers.
 
+import { unpacked } from "./packed.js";
+
 const token = new URLSearchParams(location.search).get("token") ?? "";
 
 export const exported = () => `scenario.toml?token=${encodeURIComponent(token)}`;
-
-function read(buffer) {
-  const length = new DataView(buffer).getUint32(0, true);
-  const told = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, length)));
-  let at = 4 + length;
-  const arrays = {};
-  for (const [name, shape] of told.arrays) {
-    const size = shape.reduce((product, one) => product * one, 1);
-    arrays[name] = new Float32Array(buffer, at, size);
-    at += 4 * size;
-  }
-  return { ...told, arrays };
-}
 
 /** One socket: answers come in the order of the questions. A lost socket is opened again, once a second. */
 export class Wire {
@@ -32,7 +21,7 @@ export class Wire {
     socket.binaryType = "arraybuffer";
     let opened = false;
     socket.onopen = () => { opened = true; this.socket = socket; this.changed(true); };
-    socket.onmessage = (event) => this.waiting.shift()?.resolve(read(event.data));
+    socket.onmessage = (event) => this.waiting.shift()?.resolve(unpacked(event.data));
     socket.onclose = () => {
       this.socket = undefined;
       for (const one of this.waiting.splice(0)) one.reject(new Error("gone"));

@@ -11,6 +11,7 @@ from zenoh_cbef.arrays import Bools, Floats
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.read.decoding import Tally
 from zenoh_cbef.log.read.parts import open_logs
+from zenoh_cbef.log.read.passing import passing_of
 from zenoh_cbef.log.read.receipts import COUNTS, INJECTED, Receipts
 from zenoh_cbef.log.read.recording import Recording, read_recording
 from zenoh_cbef.plain import count_in
@@ -60,7 +61,8 @@ def trace_of(recording: Recording) -> Trace:
         covariances=estimates.numbers("covariance", steps).reshape(plan.scenario.count, steps, 6, 6),
         diagnostics=diagnostics,
         edges=plan.edges,
-        links=_links(plan, recording.receipts, steps),
+        links=(links := _links(plan, recording.receipts, steps)),
+        passing=passing_of(recording.receipts, links.source, links.destination, steps),
         traffic=traffic,
         smoothed=_smoothed(recording, plan, steps),
         events=[_event(event.message) for event in recording.events],

@@ -1,26 +1,24 @@
-"""What a step looks like, in one line of words."""
+"""What a run looks like at a moment, in one line of words."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
-from zenoh_cbef.arrays import Bools, Floats
-from zenoh_cbef.lab.scene import Scene
-from zenoh_cbef.log.read.recording import Event
+from zenoh_cbef.arrays import Bools, Floats, Ints
 from zenoh_cbef.numbers import number
-from zenoh_cbef.protocol.slow import AGAIN_SECONDS, REMEDY, SLOW
-from zenoh_cbef.tracking.diagnostics import NAMES
+from zenoh_cbef.protocol.slow import REMEDY
 from zenoh_cbef.tracking.graph import components
 from zenoh_cbef.tracking.status import STATUSES
 from zenoh_cbef.words import counted
 
-_WINDOW = 40
+WINDOW = 40
 """Steps that overconfidence is judged by: one step's NEES scatters."""
 _OVERCONFIDENT = 2.0
 """By what factor errors exceed what the agents claim, before that is said."""
-_RECENT = 3
+RECENT = 3
 """Steps without any message after which a link counts as cut."""
 _APART = 3.0
 """By what factor the agents' estimates are farther apart than they claim to be wrong, before that is said."""
@@ -33,38 +31,49 @@ class Verdict(NamedTuple):
     words: str
 
 
-def verdict(scene: Scene, step: int) -> Verdict:
-    """The verdict of a step, of the last steps where one does not tell."""
-    if step < 1:
-        return Verdict("none", "no estimate yet")
-    slow = _slow(scene.recording.events)
-    if slow:
-        return Verdict("bad", f"{slow} does not keep up: this host is too slow for dt; {REMEDY}")
-    said = scene.recording.estimates.numbers("said", step)[:, step - 1]
-    states = said[:, NAMES.index("status")]
-    there = scene.recording.estimates.seen(step)[:, step - 1]
-    away = _away(there)
+@dataclass(frozen=True)
+class Moment:
+    """What a verdict is about; n agents, the last w steps.
+
+    states, seconds: (n,), status and for how long, s. there: (n,). error, claimed: (w,), of the network, m. apart: m.
+    parts: in how many parts the network is. slow: the process that lately said that it does not keep up, or empty.
+    """
+
+    states: Floats
+    seconds: Floats
+    there: Bools
+    error: Floats
+    claimed: Floats
+    apart: float
+    parts: int
+    slow: str
+
+
+def verdict(moment: Moment) -> Verdict:
+    """The verdict of a moment."""
+    if moment.slow:
+        return Verdict("bad", f"{moment.slow} does not keep up: this host is too slow for dt; {REMEDY}")
+    there, apart = moment.there, moment.apart
     if not there.any():
         return Verdict("bad", "no agent is there")
-    level, words = _standing(states[there], said[there, NAMES.index("status_seconds")])
-    errors = scene.curves(max(step - _WINDOW, 0), step)
-    now, claimed, apart = (float(errors[name][-1]) for name in ("error", "claimed", "disagreement"))
+    level, words = _standing(moment.states[there], moment.seconds[there])
+    now, claimed = float(moment.error[-1]), float(moment.claimed[-1])
     if level == "good":
-        level, words = _honest(errors["error"], errors["claimed"]) or (level, words)
-    if (parts := _parts(scene, step, there)) > 1:
-        level, words = "bad", f"the network is in {parts} parts, {number(apart, 'm')} apart; {words}"
+        level, words = _honest(moment.error, moment.claimed) or (level, words)
+    if moment.parts > 1:
+        level, words = "bad", f"the network is in {moment.parts} parts, {number(apart, 'm')} apart; {words}"
     elif np.isfinite(apart) and np.isfinite(claimed) and apart > _APART * claimed:
         level, words = "bad", f"the agents disagree by {number(apart, 'm')}; {words}"
     shown = f", error {number(now, 'm')}" if np.isfinite(now) else ""
+    away = _away(there)
     return Verdict("doubt" if away and level == "good" else level, f"{words}{shown}{away}")
 
 
-def _parts(scene: Scene, step: int, there: Bools) -> int:
-    """In how many parts the agents that are there are: no message came through between them in the last steps."""
-    came = np.nansum(scene.fresh(max(step - _RECENT, 0), step)[:, :, 0], axis=1) > 0.0
+def parts(links: Ints, came: Bools, there: Bools) -> int:
+    """In how many parts the agents that are there are. links: (e, 2). came: (e,), which of them carried messages."""
     if came.all():
         return 1
-    return sum(bool(there[part].any()) for part in components(len(there), scene.links[came]))
+    return sum(bool(there[part].any()) for part in components(len(there), links[came]))
 
 
 def _away(there: Bools) -> str:
@@ -97,12 +106,3 @@ def _honest(error: Floats, claimed: Floats) -> tuple[str, str] | None:
     if ratio > _OVERCONFIDENT:
         return "bad", f"overconfident: errors are {ratio:.1f} times as large as the agents claim"
     return None
-
-
-def _slow(events: list[Event]) -> str:
-    """The process that said last, and lately, that it does not keep up with real time."""
-    if not events:
-        return ""
-    now = events[-1].sent
-    told = [one for one in events if one.message["kind"] == SLOW and now - one.sent < 1e9 * AGAIN_SECONDS]
-    return told[-1].message["from"].replace("/", " ") if told else ""

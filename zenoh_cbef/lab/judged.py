@@ -1,0 +1,34 @@
+"""The verdict on a step of a scene."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from zenoh_cbef.analysis.verdict import RECENT, WINDOW, Moment, Verdict, parts, verdict
+from zenoh_cbef.lab.scene import Scene
+from zenoh_cbef.log.read.recording import Event
+from zenoh_cbef.protocol.slow import AGAIN_SECONDS, SLOW
+from zenoh_cbef.tracking.diagnostics import NAMES
+
+
+def judged(scene: Scene, step: int) -> Verdict:
+    """The verdict of a step, of the last steps where one does not tell."""
+    if step < 1:
+        return Verdict("none", "no estimate yet")
+    estimates = scene.recording.estimates
+    said, there = estimates.numbers("said", step)[:, step - 1], estimates.seen(step)[:, step - 1]
+    curves = scene.curves(max(step - WINDOW, 0), step)
+    came = np.nansum(scene.fresh(max(step - RECENT, 0), step)[:, :, 0], axis=1) > 0.0
+    states, seconds = (said[:, NAMES.index(name)] for name in ("status", "status_seconds"))
+    split = parts(scene.links, came, there)
+    apart, slow = float(curves["disagreement"][-1]), _slow(scene.recording.events)
+    return verdict(Moment(states, seconds, there, curves["error"], curves["claimed"], apart, split, slow))
+
+
+def _slow(events: list[Event]) -> str:
+    """The process that said last, and lately, that it does not keep up with real time."""
+    if not events:
+        return ""
+    now = events[-1].sent
+    told = [one for one in events if one.message["kind"] == SLOW and now - one.sent < 1e9 * AGAIN_SECONDS]
+    return told[-1].message["from"].replace("/", " ") if told else ""

@@ -1,0 +1,231 @@
+// The map: agents, links, target, estimates with their ellipses, and messages that pass. Top view, or turned in space.
+
+import { css, hue } from "./colours.js";
+import { outline } from "./ellipse.js";
+import { View } from "./view.js";
+
+const ESTIMATE = 6;
+const MILD = new Set(["coasting", "parted"]);
+
+export class MapView extends View {
+  constructor(canvas) {
+    super(canvas);
+    this.line = null;
+    this.chosen = null;
+    this.goal = null; // where the target is dragged to, m
+    this.shown = new Map(); // the colour of each link, as drawn last
+    this.recolour();
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.recolour());
+  }
+
+  recolour() {
+    this.colours = Object.fromEntries(
+      ["paper", "ink", "muted", "grid", "rule", "accent", "good", "lost", "late", "alarm"].map((one) => [one, css(`--${one}`)]),
+    );
+  }
+
+  /** Take the unchanging part of a scene. */
+  show(scene) {
+    this.scene = scene;
+    this.fitted = true;
+  }
+
+  /** Draw a step. trails: of the target and of each agent, lists of points. marks: a word for some agents, by agent.
+   * phase: how far the step has gone, 0 to 1; null where no message is shown. */
+  draw(arrays, trails, marks, phase) {
+    this.resize();
+    this.now = this.axes();
+    this.arrays = arrays;
+    if (this.fitted) this.fit(arrays);
+    const { context: c, colours } = this;
+    c.clearRect(0, 0, this.width, this.height);
+    this.grid();
+    this.links(arrays, phase);
+    this.trail(trails.truth, colours.ink, 2);
+    const count = arrays.place.length / 3;
+    for (let agent = 0; agent < count; agent++) this.trail(trails.agents[agent] ?? [], hue(agent), 1.2);
+    for (let agent = 0; agent < count; agent++) this.estimate(arrays, agent);
+    this.agents(arrays, marks);
+    this.target(arrays);
+    if (this.goal) {
+      c.setLineDash([3, 4]);
+      this.stroke([this.pixel(arrays.truth), this.pixel(this.goal)]);
+      c.setLineDash([]);
+    }
+    if (this.line) {
+      c.strokeStyle = colours.alarm;
+      c.setLineDash([8, 5]);
+      c.lineWidth = 2;
+      this.stroke([this.line.from, this.line.to]);
+      c.setLineDash([]);
+    }
+  }
+
+  stroke(points) {
+    const c = this.context;
+    c.beginPath();
+    points.forEach(([x, y], place) => (place ? c.lineTo(x, y) : c.moveTo(x, y)));
+    c.stroke();
+  }
+
+  grid() {
+    const { context: c, colours } = this;
+    const rough = 90 / this.scale;
+    const power = 10 ** Math.floor(Math.log10(rough));
+    const unit = [1, 2, 5, 10].map((one) => one * power).find((one) => one >= rough);
+    c.fillStyle = colours.muted;
+    c.font = "11px system-ui, sans-serif";
+    c.strokeStyle = colours.grid;
+    c.lineWidth = 1;
+    const above = this.pitch > 1.5 && this.yaw === 0;
+    const [[left, right], [low, high]] = above ? this.seen() : this.ground(unit);
+    for (let x = Math.ceil(left / unit) * unit; x <= right; x += unit) this.stroke([this.pixel([x, low, 0]), this.pixel([x, high, 0])]);
+    for (let y = Math.ceil(low / unit) * unit; y <= high; y += unit) this.stroke([this.pixel([left, y, 0]), this.pixel([right, y, 0])]);
+    // In space a stem leads from each agent to the ground.
+    for (let at = 0; !above && at < this.arrays.place.length; at += 3) {
+      const [x, y] = this.arrays.place.subarray(at, at + 2);
+      this.stroke([this.pixel(this.arrays.place, at), this.pixel([x, y, 0])]);
+    }
+    c.strokeStyle = colours.muted;
+    c.lineWidth = 2;
+    const y = this.height - 14;
+    this.stroke([[16, y], [16 + unit * this.scale, y]]);
+    c.fillText(`${Number(unit.toPrecision(3))} m`, 20, y - 5);
+  }
+
+  /** The stretches of x and y that are seen from above, m. */
+  seen() {
+    return [[this.centre[0], this.width], [this.centre[1], this.height]].map(([middle, size]) => [middle - size / 2 / this.scale, middle + size / 2 / this.scale]);
+  }
+
+  /** The stretches of x and y that the agents fill, in whole units, m. */
+  ground(unit) {
+    return [0, 1].map((axis) => {
+      const values = this.arrays.place.filter((_, at) => at % 3 === axis);
+      return [Math.floor(Math.min(...values) / unit) * unit, Math.ceil(Math.max(...values) / unit) * unit];
+    });
+  }
+
+  /** Each direction of a link beside the other; its colour says what the receiver lost and had late in this step. */
+  links(arrays, phase) {
+    const { context: c, colours } = this;
+    this.scene.links.forEach(([source, destination], row) => {
+      const [came, lost, late] = [0, 1, 2].map((one) => arrays.links[4 * row + one]);
+      const total = came + lost + late;
+      const [from, to] = this.beside(arrays, source, destination);
+      const bad = total > 0 ? lost / total : 0;
+      const slow = total > 0 ? late / total : 0;
+      const silent = total === 0;
+      const colour = !(total > 0) ? colours.rule : bad > 0 ? colours.lost : slow > 0 ? colours.late : colours.good;
+      this.shown.set(`${source} ${destination}`, colour);
+      c.strokeStyle = colour;
+      c.globalAlpha = silent ? 0.5 : bad > 0 || slow > 0 ? 0.35 + 0.65 * Math.max(bad, slow) : 0.4;
+      c.lineWidth = bad > 0 || slow > 0 ? 1.4 + 1.8 * Math.max(bad, slow) : 1.2;
+      if (bad >= 1 || silent) c.setLineDash([5, 5]);
+      this.stroke([from, to]);
+      c.setLineDash([]);
+      c.globalAlpha = 1;
+      if (phase !== null && total > 0) this.message(from, to, phase, came, lost, late);
+    });
+  }
+
+  beside(arrays, source, destination) {
+    const [from, to] = [this.pixel(arrays.place, 3 * source), this.pixel(arrays.place, 3 * destination)];
+    const [dx, dy] = [to[0] - from[0], to[1] - from[1]];
+    const length = Math.hypot(dx, dy) || 1;
+    const [ox, oy] = [(-dy / length) * 2, (dx / length) * 2];
+    return [[from[0] + ox, from[1] + oy], [to[0] + ox, to[1] + oy]];
+  }
+
+  message(from, to, phase, came, lost, late) {
+    const { context: c, colours } = this;
+    const total = came + lost + late;
+    const place = Math.min(phase * total, total - 1e-6);
+    const which = Math.floor(place);
+    const along = place - which;
+    const struck = (number) => Math.floor(((which + 1) * number) / total) > Math.floor((which * number) / total);
+    const gone = struck(lost);
+    if (gone && along > 0.55) return;
+    c.fillStyle = gone ? colours.lost : struck(late) ? colours.late : colours.accent;
+    c.beginPath();
+    c.arc(from[0] + along * (to[0] - from[0]), from[1] + along * (to[1] - from[1]), gone ? 3.2 : 2.6, 0, 7);
+    c.fill();
+  }
+
+  trail(points, colour, width) {
+    const c = this.context;
+    c.strokeStyle = colour;
+    c.lineWidth = width;
+    for (let at = 1; at < points.length; at++) {
+      if (!Number.isFinite(points[at][0]) || !Number.isFinite(points[at - 1][0])) continue;
+      c.globalAlpha = (0.75 * at) / points.length;
+      this.stroke([this.pixel(points[at - 1]), this.pixel(points[at])]);
+    }
+    c.globalAlpha = 1;
+  }
+
+  /** The estimate of an agent, and where the target is with 95 % by it: the covariance seen along the view. */
+  estimate(arrays, agent) {
+    if (!Number.isFinite(arrays.estimate[ESTIMATE * agent])) return;
+    const { context: c } = this;
+    const [x, y] = this.pixel(arrays.estimate, ESTIMATE * agent);
+    c.strokeStyle = hue(agent);
+    c.fillStyle = hue(agent);
+    c.lineWidth = 1.2;
+    const ellipse = outline(this, arrays.spread.subarray(6 * agent, 6 * agent + 6));
+    if (ellipse) {
+      c.beginPath();
+      c.ellipse(x, y, Math.min(ellipse.major, 1e4), Math.min(ellipse.minor, 1e4), -ellipse.angle, 0, 2 * Math.PI);
+      c.globalAlpha = 0.07;
+      c.fill();
+      c.globalAlpha = 0.75;
+      c.stroke();
+      c.globalAlpha = 1;
+    }
+    c.beginPath();
+    c.arc(x, y, 2.2, 0, 7);
+    c.fill();
+  }
+
+  agents(arrays, marks) {
+    const { context: c, colours } = this;
+    c.font = "600 12px system-ui, sans-serif";
+    c.textAlign = "center";
+    const many = arrays.place.length / 3 > 40;
+    for (let agent = 0; agent < arrays.place.length / 3; agent++) {
+      const [x, y] = this.pixel(arrays.place, 3 * agent);
+      const away = !Number.isFinite(arrays.estimate[ESTIMATE * agent]);
+      const mark = marks.get(agent);
+      c.beginPath();
+      c.arc(x, y, many ? 5 : 8, 0, 7);
+      c.fillStyle = away ? colours.paper : hue(agent);
+      c.fill();
+      c.lineWidth = this.chosen === agent ? 3 : 1.5;
+      c.strokeStyle = MILD.has(mark) ? colours.late : mark ? colours.alarm : this.chosen === agent ? colours.ink : away ? colours.muted : colours.paper;
+      c.stroke();
+      if (away) {
+        c.strokeStyle = colours.lost;
+        this.stroke([[x - 4, y - 4], [x + 4, y + 4]]);
+        this.stroke([[x - 4, y + 4], [x + 4, y - 4]]);
+      }
+      c.fillStyle = colours.ink;
+      if (!many || this.chosen === agent || mark) c.fillText(mark ? `${agent} ${mark}` : `${agent}`, x, y - 12);
+    }
+    c.textAlign = "start";
+  }
+
+  target(arrays) {
+    if (!Number.isFinite(arrays.truth[0])) return;
+    const { context: c, colours } = this;
+    const [x, y] = this.pixel(arrays.truth);
+    c.strokeStyle = colours.ink;
+    c.lineWidth = 2;
+    c.beginPath();
+    c.arc(x, y, 7, 0, 7);
+    c.stroke();
+    this.stroke([[x - 11, y], [x - 4, y]]);
+    this.stroke([[x + 4, y], [x + 11, y]]);
+    this.stroke([[x, y - 11], [x, y - 4]]);
+    this.stroke([[x, y + 4], [x, y + 11]]);
+  }
+}
