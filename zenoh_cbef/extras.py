@@ -18,6 +18,8 @@ EXTRA_OF = {
     "mcap_protobuf": "viz",
     "google": "viz",
     "rerun": "rerun",
+    "pandas": "pandas",
+    "xarray": "xarray",
     "starlette": "lab",
     "uvicorn": "lab",
     "websockets": "lab",

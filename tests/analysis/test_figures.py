@@ -8,8 +8,9 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pytest
 
-from zenoh_cbef.analysis.figures import Chart, agent_style, has_lone_points, log_range, thinned, write_figures
+from zenoh_cbef.analysis.figures import Chart, agent_style, has_lone_points, log_range, thinned
 from zenoh_cbef.analysis.metrics import Analysis, analyze
+from zenoh_cbef.analysis.typeset import write_figures
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.scenario import Scenario
 from zenoh_cbef.simulator import simulate

@@ -3,7 +3,7 @@
 from contextlib import suppress
 from pathlib import Path
 
-from zenoh_cbef.cli.places import place_of_log
+from zenoh_cbef.log.tools.collection import place_of_log
 
 
 def fail_to_start(chosen: Path | None, log: bytes = b"") -> Path:

@@ -1,21 +1,14 @@
-"""The paper's three figures: what they show, how their lines look anywhere, and files for a paper."""
+"""The paper's three figures, and how lines look anywhere."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 
 from zenoh_cbef.analysis.metrics import Analysis
 from zenoh_cbef.arrays import Floats, Ints
-from zenoh_cbef.extras import from_extra
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 Dash = Literal["solid", "dash", "dot", "dashdot"]
 Role = Literal["network", "centralized", "bound"]
@@ -31,25 +24,7 @@ ROLES: dict[Role, tuple[str, Dash]] = {
     "bound": (MUTED, "dot"),
 }
 
-_WIDTH, _HEIGHT, _DPI = 3.5, 2.6, 300
-_MOST_NAMED = 8
 _POINTS, _POINTS_OF_ALL = 2000, 120_000
-_MATPLOTLIB_DASH = {"solid": "-", "dash": (0, (4, 1.6)), "dot": (0, (1, 1.2)), "dashdot": "-."}
-_PAPER_STYLE: dict[str, float | str] = {
-    "font.size": 8,
-    "axes.labelsize": 8,
-    "xtick.labelsize": 7,
-    "ytick.labelsize": 7,
-    "legend.fontsize": 6.5,
-    "axes.linewidth": 0.6,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "grid.linewidth": 0.4,
-    "grid.color": "#d5d9dd",
-    # Without these two the same run would give other bytes each time.
-    "svg.hashsalt": "zenoh-cbef",
-    "svg.fonttype": "path",
-}
 
 
 @dataclass(frozen=True)
@@ -126,25 +101,6 @@ def paper_charts(analysis: Analysis) -> tuple[Chart, Chart, Chart]:
     )
 
 
-def write_figures(analysis: Analysis, folder: Path) -> list[Path]:
-    """Write the paper's figures, one column wide, as innovation, msee and msee-average .png and .svg.
-
-    Raises MissingExtra where matplotlib is not installed.
-    """
-    mpl = from_extra("matplotlib", "the folder of figures")  # half a second that only figures should cost
-    folder.mkdir(parents=True, exist_ok=True)
-    written = []
-    with mpl.rc_context(_PAPER_STYLE):
-        for chart in paper_charts(analysis):
-            figure = _drawn(chart, analysis)
-            for suffix, metadata in ((".png", {}), (".svg", {"Date": None})):
-                path = folder / f"{chart.name}{suffix}"
-                figure.savefig(path, dpi=_DPI, metadata=metadata)
-                figure.set_layout_engine("none")  # The layout is that of the first file, and takes half of the time.
-                written.append(path)
-    return written
-
-
 def agent_names(analysis: Analysis) -> list[str]:
     """Name the agents: their labels, otherwise their ids."""
     count = len(analysis.trace.estimates)
@@ -203,62 +159,3 @@ def log_range(chart: Chart) -> tuple[float, float]:
     low, high = max(shown.min(), np.quantile(shown, 0.002) / 2.0), shown.max()
     margin = max((high / low) ** 0.05, 1.1)
     return float(low / margin), float(high * margin)
-
-
-def _drawn(chart: Chart, analysis: Analysis) -> Figure:
-    from matplotlib.figure import Figure  # noqa: PLC0415 - half a second that only figures should cost
-
-    figure = Figure(figsize=(_WIDTH, _HEIGHT), layout="constrained")
-    axes = figure.subplots()
-    time = analysis.trace.time
-    if chart.agents is not None:
-        _draw_agents(axes, time, chart.agents, agent_names(analysis))
-    for reference in chart.references:
-        colour, dash = ROLES[reference.role]
-        _draw(axes, time, reference.values, colour=colour, dash=dash, label=reference.name, width=1.2)
-    axes.set(xlabel="time (s)", ylabel=chart.axis, yscale="log", ylim=log_range(chart), xlim=_limits(time))
-    axes.grid(visible=True)
-    if chart.empty:
-        axes.text(0.5, 0.5, "no values", transform=axes.transAxes, ha="center", va="center", color=MUTED)
-    figure.legend(loc="outside lower center", ncols=4, frameon=False, handlelength=1.8, columnspacing=1.2)
-    return figure
-
-
-def _limits(time: Floats) -> tuple[float, float]:
-    return 0.0, float(time[-1]) if len(time) and time[-1] > 0.0 else 1.0
-
-
-def _draw_agents(axes: Axes, time: Floats, values: Floats, names: Sequence[str]) -> None:
-    points, few = points_each(len(values)), len(values) <= _MOST_NAMED
-    for agent, row in enumerate(values):
-        colour, dash = agent_style(agent)
-        # Two dollar signs in a label would be read as a formula.
-        label = f"agent {names[agent]}".replace("$", r"\$")
-        if not few:
-            label = f"{len(values)} agents" if agent == 0 else "_"
-        _draw(axes, time, row, colour=colour, dash=dash, label=label, width=0.8 if few else 0.5, points=points)
-
-
-def _draw(
-    axes: Axes,
-    time: Floats,
-    values: Floats,
-    *,
-    colour: str,
-    dash: Dash,
-    label: str,
-    width: float,
-    points: int = _POINTS,
-) -> None:
-    shown = positive(values)
-    kept = thinned(shown, points)
-    axes.plot(
-        time[kept],
-        shown[kept],
-        color=colour,
-        linestyle=_MATPLOTLIB_DASH[dash],
-        linewidth=width,
-        label=label,
-        marker="." if has_lone_points(shown) else "",
-        markersize=1.5,
-    )

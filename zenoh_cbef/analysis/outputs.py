@@ -6,9 +6,9 @@ import errno
 import json
 from pathlib import Path
 
-from zenoh_cbef.analysis.figures import write_figures
 from zenoh_cbef.analysis.metrics import Analysis
 from zenoh_cbef.analysis.report import write_report
+from zenoh_cbef.analysis.typeset import write_figures
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.extras import MissingExtra
 

@@ -68,6 +68,11 @@ def _shown(charts: Sequence[Chart], analysis: Analysis) -> list[Figure]:
     return [one for one in figures if one.plot is not None or analysis.metrics.scored.steps]
 
 
+def figures_of(analysis: Analysis) -> list[Figure]:
+    """All figures of the report, in its order."""
+    return [*_shown([*paper_charts(analysis), *error_charts(analysis)], analysis), *_maps(analysis), _network(analysis)]
+
+
 def _timed(chart: Chart, analysis: Analysis) -> Figure:
     plot = None if chart.empty else time_plot(chart, analysis)
     return Figure(chart.name, chart.title, chart.caption, plot)

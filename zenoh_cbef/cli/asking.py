@@ -11,9 +11,9 @@ import typer
 from zenoh_cbef.cli.completing import runs
 from zenoh_cbef.cli.console import tell
 from zenoh_cbef.cli.joining import Joining
-from zenoh_cbef.cli.names import check_run
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.outside.registry import KnownRun, find_run
+from zenoh_cbef.protocol.names import check_run
 from zenoh_cbef.protocol.session import Connection
 
 RunName = Annotated[

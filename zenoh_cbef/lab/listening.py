@@ -31,8 +31,9 @@ _CAPACITY = 1 << 15
 class Listener:
     """A client of a run's target that hears truth, estimates, events and injected faults. Use as a context manager.
 
-    lock: held while the recording changes. refused: how many messages were not as their keys promise. Raises UserError
-    where the run does not answer.
+    lock: held while the recording changes.
+    news: told of each change. refused: how many messages were not as their keys promise. Raises UserError where the
+    run does not answer.
     """
 
     def __init__(self, run: str, connection: Connection, patience: float) -> None:
@@ -40,6 +41,7 @@ class Listener:
         self.operator = Operator(run, connection, patience)
         self._connection, self._patience = connection, patience
         self.lock, self.refused = threading.Lock(), 0
+        self.news = threading.Condition(self.lock)
         self._over = threading.Event()
 
     def __enter__(self) -> Self:
@@ -102,5 +104,6 @@ class Listener:
                 return
             with self.lock:
                 take(at, [time.time_ns()], [message])
+                self.news.notify_all()
 
         return hear

@@ -110,6 +110,22 @@ def put(data: dict[str, object], key: str, value: object) -> None:
         place[last] = value
 
 
+def put_all(data: dict[str, object], values: Mapping[str, object]) -> None:
+    """Put values of Python at their keys, as TOML has them: lists for arrays and tuples, text for paths."""
+    for key, value in values.items():
+        put(data, key, _plain(value))
+
+
+def _plain(value: object) -> object:
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    if isinstance(value, Mapping):
+        return {str(key): _plain(each) for key, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(each) for each in value]
+    return str(value) if isinstance(value, Path) else value
+
+
 def _entry(entries: list[object], part: str, key: str) -> int:
     number = whole(part)
     if number is not None and number < len(entries):

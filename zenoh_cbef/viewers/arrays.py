@@ -13,7 +13,8 @@ from zenoh_cbef.extras import from_extra
 from zenoh_cbef.trace import SmoothedPath, Trace
 from zenoh_cbef.tracking.diagnostics import NAMES, WHOLE
 
-_WHOLE = {"agent", "k", "first", "second"} | WHOLE
+WHOLE_COLUMNS = {"agent", "k", "first", "second"} | WHOLE
+"""Columns of whole numbers."""
 
 Array = Floats | Ints
 
@@ -55,7 +56,7 @@ def export(trace: Trace, output: Path, kind: str) -> list[Path]:
             return [output]
         output.mkdir(parents=True, exist_ok=True)
         paths = []
-        for name, (header, parts) in _tables(trace).items():
+        for name, (header, parts) in tables_of(trace).items():
             paths.append(output / f"{name}.{kind}")
             write(paths[-1], header, np.column_stack(parts).astype(np.float64))
     except OSError as error:
@@ -64,7 +65,7 @@ def export(trace: Trace, output: Path, kind: str) -> list[Path]:
 
 
 def _write_csv(path: Path, header: list[str], rows: Floats) -> None:
-    formats = ["%d" if column in _WHOLE else "%.17g" for column in header]
+    formats = ["%d" if column in WHOLE_COLUMNS else "%.17g" for column in header]
     np.savetxt(path, rows, formats, ",", header=",".join(header), comments="")
 
 
@@ -73,7 +74,7 @@ def _parquet_writer() -> Callable[[Path, list[str], Floats], None]:
 
     def write(path: Path, header: list[str], rows: Floats) -> None:
         columns = {
-            name: column.astype(np.int64) if name in _WHOLE else column
+            name: column.astype(np.int64) if name in WHOLE_COLUMNS else column
             for name, column in zip(header, rows.T, strict=True)
         }
         parquet.write_table(arrow.table(columns), path)
@@ -81,7 +82,7 @@ def _parquet_writer() -> Callable[[Path, list[str], Floats], None]:
     return write
 
 
-def _tables(trace: Trace) -> dict[str, tuple[list[str], list[Array]]]:
+def tables_of(trace: Trace) -> dict[str, tuple[list[str], list[Array]]]:
     """Header and columns of the tables by their names."""
     count, steps = trace.ranges.shape
     agent, step = np.repeat(np.arange(count), steps), np.tile(np.arange(1, steps + 1), count)

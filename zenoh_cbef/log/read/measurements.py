@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,7 @@ from zenoh_cbef.log.read.parts import open_logs
 from zenoh_cbef.log.read.recording import Recording, read_recording
 from zenoh_cbef.protocol.messages import nan_to_nil
 from zenoh_cbef.scenario import Scenario
-from zenoh_cbef.scenario.load import Loaded, apply, parse
+from zenoh_cbef.scenario.load import Loaded, apply, parse, put_all
 from zenoh_cbef.scenario.paths import agent_positions, step_times
 from zenoh_cbef.scenario.world import World
 
@@ -100,8 +101,8 @@ class Measurements:
             said.append(f"the log has the truth of {truth} of {self.steps} steps: only these can be scored")
         return said
 
-    def loaded(self, overrides: Sequence[str]) -> Loaded:
-        """The run's scenario with `a.b=c` overrides, for estimating again from what was measured.
+    def loaded(self, overrides: Sequence[str], values: Mapping[str, object] = MappingProxyType({})) -> Loaded:
+        """The run's scenario with `a.b=c` overrides, and values at keys, for estimating again from what was measured.
 
         Raises UserError for an override that would change what was measured, as that is in the log already.
         """
@@ -110,6 +111,7 @@ class Measurements:
         data["steps"] = steps
         for one in overrides:
             apply(data, one)
+        put_all(data, values)
         scenario = parse(data, f"the scenario of run {self.header.run!r}")
         changed = [key for key in _PAST if getattr(scenario, key) != getattr(before, key)]
         if changed:

@@ -1,4 +1,4 @@
-"""Which names of runs and of processes a command line may give."""
+"""Which names of runs and of processes a user may give."""
 
 from __future__ import annotations
 
