@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import html
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -11,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from zenoh_cbef.analysis.figures import INK, MUTED
+from zenoh_cbef.analysis.plot_values import numbers_of, rgba_of, values_of
 from zenoh_cbef.arrays import Floats
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.extras import from_extra
@@ -127,20 +127,6 @@ def _limits(axes: Axes, layout: Plot) -> None:
             axes.set_aspect("equal", adjustable="box")
 
 
-def _values(given: object) -> Sequence[str] | Floats:
-    """A column of a plot: packed numbers, numbers with gaps, or names."""
-    if isinstance(given, Mapping):
-        return np.frombuffer(base64.b64decode(given["bdata"]), "<f4").astype(np.float64)
-    several = list(given) if isinstance(given, Sequence) else []
-    if any(isinstance(one, str) for one in several):
-        return [html.unescape(str(one)) for one in several]
-    return np.array([np.nan if one is None else one for one in several], dtype=np.float64)
-
-
-def _numbers(given: object) -> Floats:
-    return np.asarray(_values(given), dtype=np.float64)
-
-
 def _colour(one: Plot) -> str:
     told: str = one.get("line", {}).get("color") or one.get("marker", {}).get("color")
     return {"ink": INK, "muted": MUTED}.get(one.get("meta", ""), told) or INK
@@ -148,10 +134,10 @@ def _colour(one: Plot) -> str:
 
 def _line(axes: Axes, one: Plot, style: Style) -> None:
     """A line, points, or names at points."""
-    x, y = _values(one["x"]), _values(one["y"])
+    x, y = values_of(one["x"]), values_of(one["y"])
     mode, line, marker = one.get("mode", "lines"), one.get("line", {}), one.get("marker", {})
     if one.get("meta") == "arrow":
-        _arrows(axes, marker, _numbers(one["x"]), _numbers(one["y"]))
+        _arrows(axes, marker, numbers_of(one["x"]), numbers_of(one["y"]))
         return
     name = style.word(one["name"]) if _is_named(one) else "_"
     if "lines" in mode:
@@ -177,7 +163,7 @@ def _line(axes: Axes, one: Plot, style: Style) -> None:
 
 def _solid_line(axes: Axes3D, one: Plot, style: Style) -> None:
     """The same in three dimensions."""
-    x, y, z = (_numbers(one[axis]) for axis in "xyz")
+    x, y, z = (numbers_of(one[axis]) for axis in "xyz")
     mode, line, marker = one.get("mode", "lines"), one.get("line", {}), one.get("marker", {})
     name = style.word(one["name"]) if _is_named(one) else "_"
     if "lines" in mode:
@@ -205,7 +191,7 @@ def _symbol(marker: Plot) -> str:
 
 def _arrows(axes: Axes, marker: Plot, across: Floats, along: Floats) -> None:
     """A head on each link, its colour by the share of messages that were lost or late."""
-    shares, angles = _numbers(marker["color"]), _numbers(marker["angle"])
+    shares, angles = numbers_of(marker["color"]), numbers_of(marker["angle"])
     if len(shares) > _MOST_ARROWS:
         return
     colours = from_extra("matplotlib.colors", _WHAT)
@@ -223,7 +209,7 @@ def _arrows(axes: Axes, marker: Plot, across: Floats, along: Floats) -> None:
 
 def _heat(axes: Axes, one: Plot, style: Style) -> None:
     """A field of colours with a number in each cell."""
-    across, along, values = _values(one["x"]), _values(one["y"]), np.array([_values(row) for row in one["z"]])
+    across, along, values = values_of(one["x"]), values_of(one["y"]), np.array([values_of(row) for row in one["z"]])
     painted = axes.imshow(values, cmap="viridis", aspect="auto", origin="lower")
     axes.grid(visible=False)
     axes.set_xticks(range(len(across)), [style.word(str(each)) for each in across])
@@ -247,7 +233,7 @@ def _beside(axes: Axes, layout: Plot, style: Style) -> None:
         elif shape["type"] == "rect" and paper:
             other = "x" if paper == "y" else "y"
             span = axes.axvspan if other == "x" else axes.axhspan
-            span(shape[f"{other}0"], shape[f"{other}1"], color=_rgba(shape["fillcolor"]), linewidth=0, zorder=0)
+            span(shape[f"{other}0"], shape[f"{other}1"], color=rgba_of(shape["fillcolor"]), linewidth=0, zorder=0)
     for note in layout.get("annotations", ()):
         if note.get("yref") == "paper" and isinstance(note["x"], int | float):
             axes.annotate(
@@ -261,14 +247,6 @@ def _beside(axes: Axes, layout: Plot, style: Style) -> None:
                 fontsize="x-small",
                 color=MUTED,
             )
-
-
-def _rgba(text: str) -> tuple[float, ...] | str:
-    """A colour as pages write it."""
-    if not text.startswith("rgb"):
-        return text
-    *shares, last = (float(part) for part in text[text.index("(") + 1 : -1].split(","))
-    return (*(one / 255.0 for one in shares), last) if text.startswith("rgba") else (*shares, last)
 
 
 def _is_named(one: Plot) -> bool:
