@@ -5,6 +5,8 @@ BIN := .venv/bin
 PIP := .venv/bin/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 READY := .venv/.installed
 CORES ?= $(shell getconf _NPROCESSORS_ONLN)
+# Plug-ins that these tests do not use: each worker would import them, notebooks' with all of Jupyter.
+LEAN := -p no:nbmake -p no:anyio -p no:pytest_cov -p no:xdist.looponfail
 WORKERS ?= $(shell echo $$(($(CORES) + 1)))
 # Else each of the thousand processes of the tests would compile the package anew.
 unexport PYTHONDONTWRITEBYTECODE
@@ -43,10 +45,10 @@ unit: install  ## all tests; one worker more than there are cores, as many tests
 	$(BIN)/pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder
 
 fast: install  ## the tests that start no process
-	$(BIN)/pytest -n $(WORKERS) --dist worksteal -m "not processes"
+	$(BIN)/pytest -n $(CORES) --dist worksteal -m "not processes" $(LEAN)
 
 thorough: install  ## the same, with ten times as many random examples (minutes)
-	EXAMPLES=10 $(BIN)/pytest -n $(WORKERS) --dist worksteal -m "not processes"
+	EXAMPLES=10 $(BIN)/pytest -n $(CORES) --dist worksteal -m "not processes" $(LEAN)
 
 coverage: install  ## which lines the fast tests run; processes are not counted
 	$(BIN)/pytest -n $(CORES) --dist loadfile -m "not processes" --cov --cov-report=term

@@ -55,7 +55,7 @@ class Terminal:
 
     def leave(self) -> int:
         self.read_until(lambda _seen: False)
-        return self.process.wait(timeout=30)
+        return self.process.wait(timeout=100)
 
     def close(self) -> None:
         if self.process.poll() is None:

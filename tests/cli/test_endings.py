@@ -167,7 +167,7 @@ def test_ctrl_c_ends_an_experiment_and_its_workers_with_one_line(tmp_path: Path)
                 time.sleep(0.01)
             assert running.poll() is None
             os.killpg(running.pid, signal.SIGINT)  # as a terminal does, the workers get it as well
-            _, said = running.communicate(timeout=60)
+            _, said = running.communicate(timeout=100)
         finally:
             leave_none(running.pid)
     assert running.returncode == 130

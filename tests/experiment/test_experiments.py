@@ -179,11 +179,11 @@ def test_an_interrupted_experiment_goes_on(tmp_path, how):
     process = subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True)
     journal = tmp_path / "out" / "finished.jsonl"
     try:
-        until = time.monotonic() + 60
+        until = time.monotonic() + 100
         while not (journal.exists() and journal.stat().st_size > 100) and time.monotonic() < until:
             time.sleep(0.01)
         os.kill(process.pid, how)
-        _, err = process.communicate(timeout=60)
+        _, err = process.communicate(timeout=100)
     finally:
         process.kill()
     assert process.returncode == (130 if how == signal.SIGINT else -how)
@@ -209,7 +209,7 @@ def test_four_shards_as_an_array_job_joined_are_the_undivided_sweep_to_the_byte(
         for task in (1, 2, 3, 4)
     ]  # fmt: skip
     for number, task in enumerate(tasks, 1):
-        out, _ = task.communicate(timeout=60)
+        out, _ = task.communicate(timeout=100)
         assert task.returncode == 0
         assert f"shard {number}/4 has finished its 3 runs" in out
     joined = subprocess.run([*script, "-o", "out"], env=environment, check=False, capture_output=True, text=True)

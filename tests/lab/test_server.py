@@ -25,15 +25,15 @@ def lab(tmp_path_factory):
     serving = Serving(bench, guard, there.set)
     thread = threading.Thread(target=serving.run, args=(listening,))
     thread.start()
-    assert there.wait(30)
+    assert there.wait(100)
     yield listening.getsockname()[1], guard.token
     serving.stop()
-    thread.join(30)
+    thread.join(100)
     assert not thread.is_alive()
 
 
 def get(port: int, path: str, **headers: str) -> tuple[int, dict[str, str], bytes]:
-    connection = HTTPConnection("127.0.0.1", port, timeout=20)
+    connection = HTTPConnection("127.0.0.1", port, timeout=100)
     connection.request("GET", path, headers=headers)
     answer = connection.getresponse()
     found = answer.status, {name.lower(): value for name, value in answer.getheaders()}, answer.read()
@@ -89,7 +89,7 @@ def test_a_foreign_page_gets_no_scenario(lab):
 
 def ask(socket, table: object) -> dict:
     socket.send(table if isinstance(table, str) else json.dumps(table))
-    data = socket.recv(timeout=20)
+    data = socket.recv(timeout=100)
     return json.loads(data[4 : 4 + int.from_bytes(data[:4], "little")])
 
 

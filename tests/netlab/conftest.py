@@ -49,7 +49,7 @@ class Site:
     def __init__(self, lab, world: World, way: str) -> None:
         self.lab, self.world, self.way = lab, world, way
         self.processes: dict[str, subprocess.Popen[str]] = {}
-        self.options = ["--run", world.run, "--patience", "40"]
+        self.options = ["--run", world.run, "--patience", "100"]
         # Short, so that a broken link shows soon; a starved machine must still keep its links alive.
         self.lease_ms = 2000
         self.scheme = "tcp"

@@ -40,8 +40,8 @@ def test_three_boards_wait_for_each_other_run_and_are_listened_to(shell: Shell, 
         assert f"agent/{number} waits for run boards at tcp/{first}:7447" in lines_until(board, "3600 s at most")
     boards.append(shell.start("a0", at_first))
     status, (client, peer) = here(blocks(5)[0]), map(here, blocks(6))
-    until = time.monotonic() + 60
-    while "running, step" not in shell.start("a1", f"{status.strip()} || true").communicate(timeout=30)[0]:
+    until = time.monotonic() + 100
+    while "running, step" not in shell.start("a1", f"{status.strip()} || true").communicate(timeout=100)[0]:
         assert time.monotonic() < until
     listening = {
         "all": shell.start("record", client),
@@ -55,7 +55,9 @@ def test_three_boards_wait_for_each_other_run_and_are_listened_to(shell: Shell, 
     for host in ("record", "target", "router"):
         lab.kill(host)
     heard = {
-        name: {line.split()[0] for line in process.communicate(timeout=10)[0].splitlines() if line.startswith("agent/")}
+        name: {
+            line.split()[0] for line in process.communicate(timeout=100)[0].splitlines() if line.startswith("agent/")
+        }
         for name, process in listening.items()
     }
     assert heard == {"all": {"agent/0", "agent/1", "agent/2"}, "one": {"agent/0"}, "none": set()}

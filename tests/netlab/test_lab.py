@@ -64,7 +64,7 @@ def test_down_ends_processes_and_leaves_nothing(lab):
         process = subprocess.Popen(other.command("x", ["sh", "-c", "echo here; exec sleep 60"]), stdout=subprocess.PIPE)
         assert process.stdout is not None
         assert process.stdout.readline()
-    assert process.wait(5) == -9
+    assert process.wait(100) == -9
     assert other.name + "-" not in subprocess.run(["ip", "netns"], capture_output=True, text=True, check=True).stdout
 
 

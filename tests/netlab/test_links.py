@@ -21,7 +21,7 @@ def counted(lab) -> list[int]:
 
 
 def settled(lab, wanted: list[int]) -> list[int]:
-    until = time.monotonic() + 30
+    until = time.monotonic() + 100
     while (found := counted(lab)) != wanted and time.monotonic() < until:
         time.sleep(0.2)
     return found
@@ -30,7 +30,7 @@ def settled(lab, wanted: list[int]) -> list[int]:
 def told(run, lab, *, carried: bool) -> dict:
     """The run's status, once it says so of the two agents that do not reach each other."""
     words = ["status", "--run", run.world.run, "--connect", run.endpoint("target"), "--json"]
-    until = time.monotonic() + 30
+    until = time.monotonic() + 100
     while time.monotonic() < until:
         found = json.loads(run.world.call(*words, prefix=lab.command("record", [])).stdout)
         if found["apart"] == [{"first": "agent/0", "second": "agent/1", "carried": True}] * carried:

@@ -48,7 +48,7 @@ def shell(lab, tmp_path):
     for host in lab.hosts:
         lab.kill(host)
     for process in one.started:
-        process.communicate(timeout=10)
+        process.communicate(timeout=100)
 
 
 def test_two_laptops(shell, lab):

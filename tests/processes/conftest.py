@@ -107,7 +107,7 @@ class World:
     def wait_for_messages(self, size: int = 20_000) -> None:
         """Wait until the log has grown, so that the run is surely under way."""
         active = self.log.with_name(self.log.name + ".active")
-        until = time.monotonic() + 60
+        until = time.monotonic() + 100
         while time.monotonic() < until:
             if active.exists() and active.stat().st_size > size:
                 return
@@ -117,7 +117,7 @@ class World:
     def pid_of(self, words: str) -> int:
         return next(pid for pid, line in processes_of(self.run).items() if f"zenoh_cbef {words} " in line)
 
-    def wait_until_gone(self, seconds: float = 30) -> dict[int, str]:
+    def wait_until_gone(self, seconds: float = 100) -> dict[int, str]:
         until = time.monotonic() + seconds
         while (left := processes_of(self.run)) and time.monotonic() < until:
             time.sleep(0.05)

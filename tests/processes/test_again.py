@@ -7,7 +7,7 @@ from tests.processes.conftest import settings
 
 def test_processes_of_a_targets_earlier_run_end_and_leave_the_next_one_alone(world, free_port):
     endpoint = f"tcp/127.0.0.1:{free_port}"
-    join = ["--run", world.run, "--connect", endpoint, "--patience", "30"]
+    join = ["--run", world.run, "--connect", endpoint, "--patience", "100"]
     place = ["--run", world.run, "--listen", endpoint]
     first = world.start("target", "tracking", *settings("steps=300"), *place)
 
@@ -20,7 +20,7 @@ def test_processes_of_a_targets_earlier_run_end_and_leave_the_next_one_alone(wor
     first.send_signal(signal.SIGKILL)
     first.wait()
     again = [world.start("target", "tracking", *settings("steps=60"), *place)]
-    told = [process.communicate(timeout=60)[1] for process in before]
+    told = [process.communicate(timeout=100)[1] for process in before]
     assert before[-1].returncode == 0
     # An agent may have come to its own end a moment before.
     words = f"the target of run {world.run!r} was started again, so the run of agent"

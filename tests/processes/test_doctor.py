@@ -80,4 +80,4 @@ def test_a_run_its_versions_and_its_clocks(world):
     assert world.run in examine(world, "--connect", endpoint, status=0)["link"][0]["text"]
     assert "there is" in examine(world, "--run", "other", "--connect", endpoint, status=2)["run"][0]["text"]
     assert world.call("stop", "--run", world.run).returncode == 0
-    run.communicate(timeout=60)
+    run.communicate(timeout=100)

@@ -6,6 +6,7 @@ import signal
 import socket
 import sys
 import time
+from pathlib import Path
 
 import pytest
 
@@ -21,13 +22,23 @@ def test_ctrl_c_once_stops_all_at_the_same_step_and_the_log_still_verifies(world
     run = world.start_run(LONG)
     world.wait_for_messages()
     run.send_signal(signal.SIGINT)
-    out, err = run.communicate(timeout=60)
+    out, err = run.communicate(timeout=100)
     assert run.returncode == 130, err
     assert "position RMSE" in out
-    assert not world.wait_until_gone(5)
+    assert not world.wait_until_gone()
     verdict = world.call("verify", str(world.log))
     assert verdict.returncode == 0, verdict.stdout
     assert "the run ended at step" in verdict.stdout
+
+
+def wait_until_taken(run) -> None:
+    """Until no signal waits for the process, which on a busy machine could take two for one."""
+    until = time.monotonic() + 100
+    while time.monotonic() < until:
+        lines = Path(f"/proc/{run.pid}/status").read_text().splitlines()
+        if not any(int(line.split()[1], 16) for line in lines if line.startswith(("SigPnd", "ShdPnd"))):
+            return
+        time.sleep(0.02)
 
 
 def test_ctrl_c_twice_stops_now_and_leaves_a_readable_log(world):
@@ -35,14 +46,15 @@ def test_ctrl_c_twice_stops_now_and_leaves_a_readable_log(world):
     world.wait_for_messages()
     os.kill(world.pid_of("target"), signal.SIGSTOP)  # a polite stop would now take its time
     run.send_signal(signal.SIGINT)
+    wait_until_taken(run)
     time.sleep(0.5)
     assert run.poll() is None
     run.send_signal(signal.SIGINT)
-    out, err = run.communicate(timeout=60)
+    out, err = run.communicate(timeout=100)
     assert run.returncode == 130, err
     assert "ended at once; 'analyze " in err
     assert out == "", "the log is long, and who asks twice does not wait for its analysis"
-    assert not world.wait_until_gone(5)
+    assert not world.wait_until_gone()
     assert world.call("info", str(world.log)).returncode == 0
 
 
@@ -95,7 +107,7 @@ def test_a_hung_agent_is_left_behind_and_ended(world):
     _, err = run.communicate(timeout=120)
     assert run.returncode == 1
     assert "agent 1 had to be ended" in err
-    assert not world.wait_until_gone(5)
+    assert not world.wait_until_gone()
 
 
 @pytest.mark.parametrize("others", [["agent 1"], ["record"]])
@@ -107,7 +119,7 @@ def test_a_hung_target_is_ended_when_all_others_are_done(world, others):
     _, err = run.communicate(timeout=120)
     assert run.returncode == 1
     assert "target had to be ended" in err
-    assert not world.wait_until_gone(5)
+    assert not world.wait_until_gone()
 
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
@@ -115,8 +127,8 @@ def test_a_launcher_that_is_killed_leaves_no_orphan_and_a_closed_log(world, numb
     run = world.start_run(LONG)
     world.wait_for_messages()
     run.send_signal(number)
-    run.wait(60)
-    assert not world.wait_until_gone(30)
+    run.wait(100)
+    assert not world.wait_until_gone()
     assert world.log.exists()
     assert world.call("verify", str(world.log)).returncode == 0
 

@@ -77,7 +77,7 @@ class Opened:
     def close(self) -> None:
         self.page.close()
         self.lab.terminate()
-        self.lab.communicate(timeout=60)
+        self.lab.communicate(timeout=100)
 
 
 def test_a_run_is_started_cut_by_mouse_healed_ended_exported_and_proved(world, browser):
@@ -144,7 +144,7 @@ def test_a_log_is_wound_back_and_a_lost_server_is_said(world, browser):
     opened.until("lab.state.frame.step === 60 && !lab.state.plays")
     assert opened.complaints == []
     opened.lab.terminate()
-    opened.lab.communicate(timeout=60)
+    opened.lab.communicate(timeout=100)
     opened.until("document.querySelector('#notice').textContent.includes('server is gone')")
     opened.close()
 

@@ -21,7 +21,7 @@ def test_a_run_of_another_host_is_joined_by_its_endpoint(world, monkeypatch, tmp
     url = next(found[1] for line in lab.stderr if (found := re.search(r"http:(//\S+)", line)))
     with client.connect("ws:" + url.replace("/?", "/talk?")) as socket:
         socket.send(json.dumps({"ask": "scene"}))
-        data = socket.recv(timeout=30)
+        data = socket.recv(timeout=100)
         told = json.loads(data[4 : 4 + int.from_bytes(data[:4], "little")])
     assert (told["run"], told["live"], told["state"]) == (world.run, True, "goes on")
     assert told["agents"] == 4

@@ -37,6 +37,6 @@ def test_an_estimate_that_did_not_come_is_asked_for():
             # What an agent has sent and the target has not heard: as after a broken link, or in a flood.
             node.archive.open(key).keep(0, 3, data)
             node.archive.serve(key)
-        assert node.wait_for(lambda live: {"agent/0", "agent/1"} <= live, 10.0)
+        assert node.wait_for(lambda live: {"agent/0", "agent/1"} <= live, 100.0)
         assert progress.wait(3)
         assert progress.silent() == []

@@ -12,7 +12,7 @@ from tests.processes.conftest import settings
 
 def test_clients_of_a_router_in_lockstep_equal_the_simulator(world, free_port):
     endpoint = f"tcp/127.0.0.1:{free_port}"
-    join = ["--client", "--connect", endpoint, "--run", world.run, "--patience", "30"]
+    join = ["--client", "--connect", endpoint, "--run", world.run, "--patience", "100"]
     # The router last: clients wait for it.
     processes = [
         world.start("target", "tracking", *settings(), *join),
@@ -25,7 +25,7 @@ def test_clients_of_a_router_in_lockstep_equal_the_simulator(world, free_port):
         assert process.returncode == 0, err
     assert router.poll() is None
     router.send_signal(signal.SIGTERM)
-    out, err = router.communicate(timeout=10)
+    out, err = router.communicate(timeout=100)
     assert (router.returncode, err) == (0, "")
     assert out == f"a router listens on {endpoint}\n"
     assert world.call("verify", str(world.log)).stdout.startswith("equal bit for bit")
@@ -38,7 +38,7 @@ def test_who_meets_a_router_and_listens_nowhere_joins_through_it(world, free_por
     router = world.start("router", "--listen", endpoint)
     assert router.stdout.readline()
     # Without gossip peers would never find each other: they need no --client to be the router's clients.
-    join = ["--connect", endpoint, "--no-gossip", "--run", world.run, "--patience", "30"]
+    join = ["--connect", endpoint, "--no-gossip", "--run", world.run, "--patience", "100"]
     processes = [
         world.start("target", "tracking", *settings(), "--client", *join),
         world.start("record", *join, "--output", str(world.log)),
@@ -75,7 +75,7 @@ def test_an_endpoint_that_others_can_reach_without_certificate_is_warned_of(worl
     router = world.start("router", "--listen", endpoint.format(free_port))
     assert router.stdout.readline()
     router.terminate()
-    _, err = router.communicate(timeout=10)
+    _, err = router.communicate(timeout=100)
     assert err.startswith("warning: ")
     assert len(err.splitlines()) == 1
 
@@ -104,8 +104,8 @@ def test_health_tells_a_process_that_is_there_from_one_that_is_not(world, free_p
     assert router.stdout.readline()
     assert health("agent/0") == 2
     world.start("target", "tracking", *settings(), *join)
-    agent = world.start("agent", "0", *join, "--patience", "20")
-    until = time.monotonic() + 30
+    agent = world.start("agent", "0", *join, "--patience", "100")
+    until = time.monotonic() + 100
     while health("agent/0") != 0:
         assert time.monotonic() < until
     assert (health("target"), health("agent/1"), health("record")) == (0, 1, 1)

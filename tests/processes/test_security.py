@@ -30,7 +30,7 @@ def test_run_with_certificates_equals_the_simulator(world, certificates):
 @pytest.mark.parametrize("way", ["target", "router"])
 def test_who_has_an_agents_certificate_cannot_change_a_bit_of_another(world, certificates, free_port, way):
     endpoint = f"tls/127.0.0.1:{free_port}"
-    join = ["--run", world.run, "--connect", endpoint, "--patience", "20", "--tls", str(certificates)]
+    join = ["--run", world.run, "--connect", endpoint, "--patience", "100", "--tls", str(certificates)]
     place = ["--listen", endpoint, "--tls", str(certificates)]
     if way == "router":
         join.append("--client")
@@ -75,7 +75,7 @@ def test_who_has_an_agents_certificate_cannot_change_a_bit_of_another(world, cer
 def test_a_receivers_certificate_neither_ends_a_run_nor_makes_an_estimate_infinite(world, certificates, free_port):
     endpoint = f"tls/127.0.0.1:{free_port}"
     security = ["--tls", str(certificates)]
-    join = ["--run", world.run, "--client", "--connect", endpoint, "--patience", "20", *security]
+    join = ["--run", world.run, "--client", "--connect", endpoint, "--patience", "100", *security]
     world.start("router", "--listen", endpoint, *security)
     target = world.start("target", "tracking", *settings("steps=60"), *join)
     tls = Tls.of_folder(certificates, "receiver")

@@ -40,7 +40,7 @@ def test_the_end_of_the_run_ends_it(watched):
     run.send_signal(signal.SIGINT)
     assert terminal.leave() == 0
     assert "has ended after step" in terminal.seen
-    run.communicate(timeout=60)
+    run.communicate(timeout=100)
 
 
 def test_without_a_terminal_it_says_what_to_use_instead(world):

@@ -54,7 +54,7 @@ class Net:
     def _open(self, name: str, mode: str) -> zenoh.Session:
         listen = [] if mode == "client" else [f"tls/127.0.0.1:{unused_port()}"]
         tls = Tls.of_folder(self._certificates, name)
-        session = open_session(Connection(list(self.endpoints), listen, mode, gossip=False, tls=tls), patience=5.0)
+        session = open_session(Connection(list(self.endpoints), listen, mode, gossip=False, tls=tls), patience=60.0)
         self.endpoints += listen
         self.sessions.append(session)
         return session

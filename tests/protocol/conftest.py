@@ -19,5 +19,5 @@ def pair() -> Iterator[Pair]:
     """One session that listens, and one that has linked to it."""
     endpoint = f"tcp/127.0.0.1:{unused_port()}"
     with open_session(Connection(listen=[endpoint])) as here, open_session(Connection([endpoint])) as there:
-        assert wait_for_link(there, 20.0)
+        assert wait_for_link(there, 100.0)
         yield here, there

@@ -34,7 +34,7 @@ class Hall:
         claims = {name for name in self.presence.names() if name.endswith(f"/{session.zid()}")}
         self.sessions.remove(session)
         session.close()
-        assert self.presence.wait(lambda live: not claims & live, 20.0)
+        assert self.presence.wait(lambda live: not claims & live, 100.0)
 
     def want(self, session: zenoh.Session, name: str = "agent/1", patience: float = 20.0) -> bool | None:
         return claim(session, KEYS.claims, Presence(session, KEYS.all_live), name, patience)
@@ -80,7 +80,7 @@ def test_a_recorder_has_its_name_until_it_goes(hall: Hall) -> None:
 def test_a_process_of_an_earlier_run_has_its_name_until_it_ends(hall: Hall) -> None:
     earlier = Presence(hall.come(), KEYS.all_live)
     earlier.announce("agent/1")
-    assert hall.presence.wait(lambda live: "agent/1" in live, 20.0)
+    assert hall.presence.wait(lambda live: "agent/1" in live, 100.0)
     waiting = hall.come()
     assert hall.want(waiting, patience=0.1) is None
     earlier.retract("agent/1")

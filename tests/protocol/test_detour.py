@@ -48,10 +48,10 @@ def ends() -> Iterator[dict[str, End]]:
             connection = Connection([place])
             session = open_session(connection)
             presence = Presence(session, KEYS.all_live)
-            assert presence.wait(lambda live: "target/target" in live, 20.0)
+            assert presence.wait(lambda live: "target/target" in live, 100.0)
             presence.enter(name)
             made[name] = End(session, presence, Detour(session, presence, KEYS, name, connection))
-        assert hub.wait(lambda live: live >= made.keys(), 20.0)
+        assert hub.wait(lambda live: live >= made.keys(), 100.0)
         yield made
         for end in made.values():
             end.detour.close()
@@ -79,11 +79,11 @@ def test_messages_names_and_questions_go_through_the_target(ends: dict[str, End]
     assert "agent/2" not in first.presence  # which does not hear us yet
 
     first.detour.lead({"agent/2": True})
-    assert first.presence.wait(lambda live: "agent/2" in live, 20.0)
+    assert first.presence.wait(lambda live: "agent/2" in live, 100.0)
     assert first.presence.life("agent/2") == str(second.session.zid())
     assert "record/record" not in first.presence
     second.presence.leave("agent/2")
-    assert first.presence.wait(lambda live: "agent/2" not in live, 20.0)
+    assert first.presence.wait(lambda live: "agent/2" not in live, 100.0)
 
     first.detour.lead({})
     assert first.detour.heard() == []
@@ -99,9 +99,9 @@ def test_a_recorder_hears_events_and_an_agent_that_its_last_words_were_heard(end
     assert until(lambda: publisher.matching_status.matching)  # type: ignore[attr-defined]
     publisher.put(b"word")
     assert mailbox.receive() == b"word"
-    assert recorder.presence.wait(lambda live: "agent/1" in live, 20.0)
+    assert recorder.presence.wait(lambda live: "agent/1" in live, 100.0)
     recorder.presence.announce("heard/agent/1/7")
-    assert agent.presence.wait(lambda live: {"record/record", "heard/agent/1/7"} <= live, 20.0)
+    assert agent.presence.wait(lambda live: {"record/record", "heard/agent/1/7"} <= live, 100.0)
 
 
 def test_the_directory_tells_both_ends_of_a_detour_and_when_the_other_listens() -> None:
@@ -114,7 +114,7 @@ def test_the_directory_tells_both_ends_of_a_detour_and_when_the_other_listens() 
         places = []
         for number, session in enumerate(sessions, 1):
             name = f"agent/{number}"
-            assert claim(session, KEYS.claims, Presence(session, KEYS.all_live), name, 20.0)
+            assert claim(session, KEYS.claims, Presence(session, KEYS.all_live), name, 100.0)
             places.append(Place(name, str(session.zid()), "host", ()))
         first, second, third = places
         assert directory.tell(first) == Told([], {})

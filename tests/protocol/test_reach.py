@@ -67,7 +67,7 @@ def test_a_name_without_an_address_is_told_from_a_name_service_that_is_silent(mo
     monkeypatch.setattr(socket, "getaddrinfo", unknown)
     assert "nowhere in udp/nowhere:1 has no address" in (unreachable("udp/nowhere:1") or "")
     over = threading.Event()
-    monkeypatch.setattr(socket, "getaddrinfo", lambda *_, **__: over.wait(20))
+    monkeypatch.setattr(socket, "getaddrinfo", lambda *_, **__: over.wait(100))
     begun = time.monotonic()
     assert "no name service says which host nowhere in tcp/nowhere:1 is" in (unreachable("tcp/nowhere:1", 0.05) or "")
     assert time.monotonic() - begun < 10

@@ -32,13 +32,13 @@ def test_a_request_is_answered_or_refused_with_the_sentence_of_the_run(pair: Pai
     while ask_control(pair[1], KEY, STOP, timeout=1.0) is None:
         assert time.monotonic() < until
     assert asked[-1] == {"v": 1, "ask": "stop"}
-    assert ask_control(pair[1], KEY, STOP, timeout=20.0, why="x") == {"step": 4}
+    assert ask_control(pair[1], KEY, STOP, timeout=100.0, why="x") == {"step": 4}
     assert asked[-1] == {"v": 1, "ask": "stop", "why": "x"}
     with pytest.raises(UserError, match=r"^there is no fault 3$"):
-        ask_control(pair[1], KEY, CLEAR, timeout=20.0)
+        ask_control(pair[1], KEY, CLEAR, timeout=100.0)
     count = len(asked)
     for payload in (None, b"\xc1", msgpack.packb({"v": 1})):
-        [reply] = pair[1].get(KEY, payload=payload, timeout=20.0)
+        [reply] = pair[1].get(KEY, payload=payload, timeout=100.0)
         assert reply.ok is not None
         assert "error" in msgpack.unpackb(reply.ok.payload.to_bytes())
     assert len(asked) == count, "only what is a request is carried out"
@@ -58,12 +58,12 @@ def test_a_replay_obeys_orders_in_their_order_and_tells_its_state(pair: Pair) ->
     until = time.monotonic() + 20
     while not list(pair[1].get("cbef/test/replay")):
         assert time.monotonic() < until
-    [reply] = pair[1].get("cbef/test/replay?seek=12.5;rate=2;pause", timeout=20.0)
+    [reply] = pair[1].get("cbef/test/replay?seek=12.5;rate=2;pause", timeout=100.0)
     assert reply.ok is not None
     assert msgpack.unpackb(reply.ok.payload.to_bytes()) == {"v": 1, "run": "test", "time": 12.5}
     assert obeyed[-1] == [("seek", "12.5"), ("rate", "2"), ("pause", "")]
     assert obeyed[0] == []
-    [reply] = pair[1].get("cbef/test/replay?rate=0", timeout=20.0)
+    [reply] = pair[1].get("cbef/test/replay?rate=0", timeout=100.0)
     assert reply.err is not None
     assert reply.err.payload.to_string() == "a rate is above 0"
     service.undeclare()

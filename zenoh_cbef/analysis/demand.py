@@ -61,15 +61,19 @@ class Demand:
 class _Sizes:
     """Bytes of the messages of a step, with Zenoh's envelope."""
 
-    def __init__(self, plan: Plan) -> None:
+    def __init__(self, plan: Plan, other: float | None) -> None:
+        other = other_bytes(plan) if other is None else other
         self.beacon, self.truth = beacon_bytes(plan) + ENVELOPE, truth_bytes(plan) + ENVELOPE
         self.range, self.round = range_bytes(plan) + ENVELOPE, round_bytes(plan) + ENVELOPE
-        self.estimate = other_bytes(plan) - range_bytes(plan) + ENVELOPE
+        self.estimate = other - range_bytes(plan) + ENVELOPE
 
 
-def demand(plan: Plan, *, routed: bool = False) -> Demand:
-    """The loads of a run with one recorder, linked by its graph, or routed: all processes are clients of one router."""
-    size, degrees, agents = _Sizes(plan), plan.neighbours.degree, plan.scenario.count
+def demand(plan: Plan, *, other: float | None = None, routed: bool = False) -> Demand:
+    """The loads of a run with one recorder, linked by its graph, or routed: all processes are clients of one router.
+
+    other: what `other_bytes` gives, of a caller that has it.
+    """
+    size, degrees, agents = _Sizes(plan, other), plan.neighbours.degree, plan.scenario.count
     mean, busiest = (_agent(plan, size, float(degree), routed=routed) for degree in (degrees.mean(), degrees.max()))
     links, copies = (1, 1) if routed else (agents + 1, 2)
     beacons = copies * agents * size.beacon + size.truth

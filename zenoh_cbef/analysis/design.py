@@ -61,7 +61,7 @@ def design(plan: Plan, *, within: float = 0.01, skip: float = 0.25, search: bool
         centralized=None if predictor is None else predictor.centralized,
         rounds=[] if predictor is None else _tried(predictor, cost),
         smallest=smallest,
-        demand=demand(plan),
+        demand=demand(plan, other=cost.other),
     )
 
 

@@ -7,9 +7,8 @@ from typing import Literal
 import numpy as np
 
 from zenoh_cbef.arrays import Floats
-from zenoh_cbef.scenario.build import batch_tracker, fates_into
+from zenoh_cbef.scenario.build import batch_tracker, fates_of
 from zenoh_cbef.scenario.plan import Plan
-from zenoh_cbef.tracking import graph
 from zenoh_cbef.tracking.weights import weight_matrix
 
 Scheme = Literal["average", "chebyshev", "running-sums"]
@@ -42,16 +41,18 @@ def mixing(plan: Plan, scheme: Scheme, most: int) -> Floats:
     """
     tracker, neighbours = batch_tracker([with_scheme(plan, scheme)])
     stage, scenario, count = tracker.consensus, plan.scenario, plan.scenario.count
-    fates = [fates_into(plan, agent, _sources(neighbours, agent)) for agent in range(count)]
+    present = neighbours.present
+    destination, _ = present.nonzero()
+    seeds = np.full(len(destination), scenario.seed, dtype=np.uint64)
+    fates = fates_of(plan, seeds, neighbours.index[present], destination, realtime=plan.realtime)
     found = []
     for step in range(1, scenario.length + 1 if scenario.fault else 2):
         message = stage.start(np.eye(count))
         for round_ in range(1, most + 1):
-            delivered = neighbours.present
+            delivered = present
             if scenario.fault:
-                delivered = neighbours.present.copy()
-                for agent, one in enumerate(fates):
-                    delivered[agent, neighbours.present[agent]] = one.of(step, round_).due
+                delivered = present.copy()
+                delivered[present] = fates.of(step, round_).due
             message = stage.mix(message[neighbours.index], delivered)
             found.append(stage.result().copy())
     return np.swapaxes(np.reshape(found, (-1, most, count, count)), 0, 1)
@@ -79,8 +80,3 @@ def contraction(plan: Plan, scheme: Scheme) -> float:
         return float(np.abs(rest).max())
     ratio = 0.5 * (rest[-1] - rest[0]) / (1.0 - 0.5 * (rest[-1] + rest[0]))
     return float(ratio / (1.0 + np.sqrt(max(0.0, 1.0 - ratio**2))))
-
-
-def _sources(neighbours: graph.Neighbours, agent: int) -> list[int]:
-    sources: list[int] = neighbours.row(agent).index[0].tolist()
-    return sources

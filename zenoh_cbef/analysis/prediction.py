@@ -102,7 +102,8 @@ def propagate(
     forward = np.kron(np.eye(agents), motion.transition)
     process = np.kron(np.ones((agents, agents)), motion.process_noise)
     variance, axes, beta = sight.range_std**2, motion.axes, weight[:, None, None, None]
-    found = np.empty((3, ways, steps))
+    own = np.empty((ways, steps, agents, size, size))
+    joined = np.empty_like(own)
     for k in range(steps):
         rows, how = sight.rows[k], mixing[:, k if mixing.shape[1] > 1 else 0]
         claimed = motion.predict_covariance(claimed)
@@ -110,8 +111,8 @@ def propagate(
         prior, square = inverse(claimed), outer(rows, rows) / variance
         spread = np.sum(rows * matvec(claimed, np.broadcast_to(rows, (ways, *rows.shape))), axis=2) + variance
         shared = prior + beta * clipping.weight * square
-        how, joined = _mixed(how, shared)
-        claimed = inverse(joined)
+        how, joined[:, k] = _mixed(how, shared)
+        claimed = inverse(joined[:, k])
         coefficient, power = clipping.linearised(1.0 - variance / spread)
         kept = prior + beta * coefficient[:, :, None, None] * square
         carried = claimed[:, :, None] @ (how[:, :, :, None, None] * kept[:, None])
@@ -120,18 +121,16 @@ def propagate(
         pushed = beta / variance * noise[:, None, :, None] * how[:, :, :, None] * rows
         pushed = (claimed @ np.swapaxes(pushed, 2, 3)).reshape(ways, agents * size, agents)
         error = carried @ error @ np.swapaxes(carried, 1, 2) + pushed @ np.swapaxes(pushed, 1, 2)
-        found[:, :, k] = _scores(error, joined, axes)
-    return Expected(*found)
+        own[:, k] = np.einsum("caiaj->caij", error.reshape(ways, agents, size, agents, size))
+    return _scores(own, joined, axes)
 
 
-def _scores(error: Floats, joined: Floats, axes: int) -> Floats:
-    """Squared position and velocity error and NEES, means over agents, (3, c)."""
-    ways, agents, size = joined.shape[:3]
-    own = np.einsum("caiaj->caij", error.reshape(ways, agents, size, agents, size))
-    spreads = np.einsum("caii->cai", own)
-    nees = np.einsum("caij,caji->ca", joined, own)
-    parts = [spreads[:, :, :axes].sum(axis=2), spreads[:, :, axes:].sum(axis=2), nees]
-    return np.asarray(np.stack(parts).mean(axis=2))
+def _scores(own: Floats, joined: Floats, axes: int) -> Expected:
+    """Means over agents, of the covariances of their errors and the information that they claim, (c, K, n, s, s)."""
+    spreads = np.einsum("ckaii->ckai", own)
+    nees = np.einsum("ckaij,ckaji->cka", joined, own)
+    parts = spreads[..., :axes].sum(axis=3), spreads[..., axes:].sum(axis=3), nees
+    return Expected(*(part.mean(axis=2) for part in parts))
 
 
 def _mixed(how: Floats, shared: Floats) -> tuple[Floats, Floats]:

@@ -26,7 +26,7 @@ def test_an_agent_whose_clock_is_an_hour_off_takes_part_in_realtime(world, free_
     (world.folder / "sitecustomize.py").write_text(SHIFTED.format(shift=shift))
     path = os.pathsep.join([str(world.folder), str(Path.cwd())])
     endpoint = f"tcp/127.0.0.1:{free_port}"
-    join = ["--run", world.run, "--connect", endpoint, "--patience", "20"]
+    join = ["--run", world.run, "--connect", endpoint, "--patience", "100"]
     overrides = settings("steps=20", "timing.mode=realtime", "timing.patience=2", "dt=0.1")
     processes = [world.start("target", "tracking", *overrides, "--run", world.run, "--listen", endpoint)]
     processes.append(world.start("record", *join, "--output", str(world.log)))

@@ -54,7 +54,7 @@ class Pair:
             node, PLAN, [1], fates_into(PLAN, 0, [1]), rejections=self.rejections, alarm=Alarm(), grace=0.0
         )
         Presence(self.sessions[1], KEYS.all_live).enter("agent/1")
-        assert presence.wait(lambda live: "agent/1" in live, 20.0)
+        assert presence.wait(lambda live: "agent/1" in live, 100.0)
         self.neighbourhood.look_around()
         self._ear = self.sessions[0].declare_subscriber(KEYS.round(1), zenoh.handlers.FifoChannel(1000))
         self._codec = RoundCodec("test", "agent/1", WIDTH)

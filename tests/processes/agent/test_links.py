@@ -29,7 +29,7 @@ def linked(session: zenoh.Session, life: str) -> bool:
 
 def test_a_wrong_address_is_told_and_a_stranger_is_cut_off(world: World) -> None:
     target, agent = (f"tcp/127.0.0.1:{unused_port()}" for _ in range(2))
-    keys, join = Keys(world.run), ["--run", world.run, "--patience", "60"]
+    keys, join = Keys(world.run), ["--run", world.run, "--patience", "100"]
     world.start("target", "tracking", *settings(), *join, "--listen", target)
     world.start("agent", "0", *join, "--connect", target, "--listen", agent)
     # Of two processes that are reached everywhere and on loopback alone, the second connects: the agent.
@@ -37,7 +37,7 @@ def test_a_wrong_address_is_told_and_a_stranger_is_cut_off(world: World) -> None
     events: list[bytes] = []
     with outsider(target) as listener, open_session(liar) as first, open_session(stranger) as second:
         listener.declare_subscriber(keys.event("agent/0"), lambda sample: events.append(sample.payload.to_bytes()))
-        assert claim(first, keys.claims, Presence(first, keys.all_live), "agent/1", 30.0)
+        assert claim(first, keys.claims, Presence(first, keys.all_live), "agent/1", 100.0)
         lie = Place("agent/1", str(first.zid()), own_host(), (target,))
 
         def told() -> bool:

@@ -49,9 +49,9 @@ def test_a_lockstep_run_in_which_links_come_and_go_is_equal_bit_for_bit(world: W
     (world.folder / "away.toml").write_text(to_toml(parse(AWAY, "test")))
     with socket.create_server(("127.0.0.1", 0)) as free:
         place = f"tcp/127.0.0.1:{free.getsockname()[1]}"
-    join = ["--run", world.run, "--connect", place, "--patience", "40"]
+    join = ["--run", world.run, "--connect", place, "--patience", "100"]
     started = [
-        world.start("target", "away.toml", "--run", world.run, "--listen", place, "--patience", "40"),
+        world.start("target", "away.toml", "--run", world.run, "--listen", place, "--patience", "100"),
         world.start("record", *join, "--output", str(world.log)),
         *(world.start("agent", str(agent), *join) for agent in range(3)),
     ]

@@ -8,7 +8,7 @@ from tests.processes.conftest import outsider, settings
 def test_a_mute_agent_holds_the_others_up_only_as_long_as_their_patience(world, free_port):
     endpoint = f"tcp/127.0.0.1:{free_port}"
     overrides = settings("steps=12", "agents.count=3", "network.graph=complete", "timing.patience=2")
-    join = ["--run", world.run, "--connect", endpoint, "--patience", "20"]
+    join = ["--run", world.run, "--connect", endpoint, "--patience", "100"]
     target = world.start("target", "tracking", *overrides, "--run", world.run, "--listen", endpoint)
     others = [world.start("agent", str(agent), *join) for agent in range(2)]
     others.append(world.start("record", *join, "--output", str(world.log)))
@@ -20,7 +20,7 @@ def test_a_mute_agent_holds_the_others_up_only_as_long_as_their_patience(world, 
         for token in tokens:
             token.undeclare()
         for process in others:
-            _, err = process.communicate(timeout=60)
+            _, err = process.communicate(timeout=100)
             assert process.returncode == 0, err
     metrics = json.loads(world.call("analyze", str(world.log), "--json").stdout)
     assert metrics["steps"] == 12

@@ -35,7 +35,7 @@ class Watched:
         self.step = 0
 
     def see(self, name: str, *, there: bool) -> None:
-        assert self._seen.wait(lambda live: (name in live) is there, 10.0)
+        assert self._seen.wait(lambda live: (name in live) is there, 100.0)
 
     def come(self, name: str) -> None:
         self.others.announce(name)
@@ -55,7 +55,7 @@ def watched():
 
 
 def until_over(watched: Watched) -> None:
-    until = time.monotonic() + 10.0
+    until = time.monotonic() + 100.0
     while not watched.over():
         assert time.monotonic() < until, "it waits for ever"
         time.sleep(0.02)

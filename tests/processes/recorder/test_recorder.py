@@ -65,14 +65,14 @@ def test_recorders_on_each_host_and_a_merge_give_the_whole_log(world):
         return ["--run", world.run, "--no-gossip", "--listen", endpoints[name], *links]
 
     scenario = settings("record.recorders=2")
-    started = [world.start("target", "tracking", *scenario, *options("target"), "--patience", "30")]
+    started = [world.start("target", "tracking", *scenario, *options("target"), "--patience", "100")]
     shares = {"a": ["agent/0/**", "agent/1/**", "target/**", "beacon/*"], "b": ["agent/2/*", "agent/3/*", "beacon/2"]}
     for host, share in shares.items():
         keys = [part for key in share for part in ("--keys", key)]
         started.append(world.start("record", *options(host, "target"), "--name", host, *keys, "-o", f"{host}.mcap"))
     for agent in range(4):
         hubs = ["target", "a", "b", *range(agent)]
-        started.append(world.start("agent", str(agent), *options(agent, *hubs), "--patience", "30"))
+        started.append(world.start("agent", str(agent), *options(agent, *hubs), "--patience", "100"))
     for process in started:
         _, err = process.communicate(timeout=120)
         assert process.returncode == 0, err

@@ -32,7 +32,7 @@ class Listener:
 
     def answer(self, orders: str) -> dict | str:
         """The replay's state, or the words of its refusal."""
-        until = time.monotonic() + 30
+        until = time.monotonic() + 100
         while time.monotonic() < until:
             for reply in self._session.get(f"{self._key}?{orders}", timeout=5.0):
                 if reply.ok is not None:
@@ -44,7 +44,7 @@ class Listener:
 
     def wait(self, count: int) -> None:
         """Wait until that many messages were heard, and a moment in which there must be no more."""
-        until = time.monotonic() + 30
+        until = time.monotonic() + 100
         while len(self.heard) < count and time.monotonic() < until:
             time.sleep(0.01)
         time.sleep(0.1)
@@ -76,7 +76,7 @@ def finish(replay: subprocess.Popen[str], listener: Listener) -> int:
         time.sleep(0.02)
     listener.wait(state["published"])
     listener.leave()
-    out, err = replay.communicate(timeout=30)
+    out, err = replay.communicate(timeout=100)
     assert replay.returncode == 0, err
     assert int(out.split()[0]) == state["published"]
     return state["published"]

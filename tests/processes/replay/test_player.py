@@ -71,7 +71,7 @@ def played(steps: list[int], orders, *, loop: bool = False) -> list[int]:
     )
     runner = threading.Thread(target=player.run, daemon=True)
     runner.start()
-    runner.join(timeout=30)
+    runner.join(timeout=100)
     assert not runner.is_alive()
     return heard
 

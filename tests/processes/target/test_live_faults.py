@@ -13,7 +13,7 @@ from zenoh_cbef.simulator import simulate
 
 
 def wait_until_known(run: str) -> None:
-    until = time.monotonic() + 60
+    until = time.monotonic() + 100
     while run not in known_runs():
         assert time.monotonic() < until, "the run did not come"
         time.sleep(0.05)
@@ -45,7 +45,7 @@ def test_faults_are_added_listed_and_cleared_while_the_run_goes_on(world):
     assert "no injected fault 7" in fault("clear", "7", status=2)
     [after, _] = json.loads(fault("list", "--json"))
     assert after["until"] > after["from"]
-    until = time.monotonic() + 60
+    until = time.monotonic() + 100
     while json.loads(world.call("status", "--run", world.run, "--json").stdout)["time"] < after["until"] + 0.3:
         assert time.monotonic() < until, "the run stands still"
 
@@ -92,7 +92,7 @@ def test_in_lockstep_injected_faults_begin_with_a_step_for_all_and_the_log_is_pr
     unknown = world.call("fault", "list", "--run", "nobody")
     assert unknown.returncode == 2
     assert "no run 'nobody' goes on on this host (there " in unknown.stderr
-    until = time.monotonic() + 60
+    until = time.monotonic() + 100
     while json.loads(world.call("status", "--run", world.run, "--json").stdout)["time"] < listed[2]["until"] + 2.0:
         assert time.monotonic() < until, "the run stands still"
 

@@ -21,7 +21,7 @@ def status_of(world, *options: str) -> dict:
 
 
 def wait_for(world, condition, *options: str) -> dict:
-    until = time.monotonic() + 60
+    until = time.monotonic() + 100
     while not condition(status := status_of(world, *options)):
         assert time.monotonic() < until, status
     return status
@@ -68,7 +68,7 @@ def test_status_tells_who_is_where_and_how_well_they_track(world):
     stopped = world.call("stop", "--run", world.run)
     assert stopped.returncode == 0, stopped.stderr
     assert "ends after its present step" in stopped.stdout
-    run.communicate(timeout=60)
+    run.communicate(timeout=100)
     # What status said is what the log holds.
     trace = read_trace(world.log)
     events: list[Any] = list(trace.events)
@@ -87,7 +87,7 @@ def test_a_stopped_run_in_lockstep_still_verifies(world):
     done = world.call("stop", "--run", world.run)
     assert done.returncode == 0, done.stderr
     assert done.stdout.splitlines()[-1] == f"run {world.run} has ended"
-    run.communicate(timeout=60)
+    run.communicate(timeout=100)
     assert world.call("verify", str(world.log)).stdout.startswith("equal bit for bit")
     gone = world.call("stop", "--run", world.run)
     assert gone.returncode == 2
@@ -98,7 +98,7 @@ def test_a_run_that_waits_for_its_agents_tells_whom_it_lacks(world, free_port):
     endpoint = f"tcp/127.0.0.1:{free_port}"
     target = world.start("target", "tracking", *settings(), "--run", world.run, "--listen", endpoint)
     wait_until_known(world.run)
-    agent = world.start("agent", "1", "--run", world.run, "--connect", endpoint, "--patience", "20")
+    agent = world.start("agent", "1", "--run", world.run, "--connect", endpoint, "--patience", "100")
     there = ["--connect", endpoint]
     status = wait_for(world, lambda one: one["agents"][1]["state"] != "missing", *there)
     assert (status["state"], status["step"], status["recorder"]) == ("waiting", None, None)
@@ -106,7 +106,7 @@ def test_a_run_that_waits_for_its_agents_tells_whom_it_lacks(world, free_port):
     done = world.call("stop", "--run", world.run, *there)
     assert done.returncode == 0, done.stderr
     assert "before its first step" in done.stdout
-    target.communicate(timeout=30)
+    target.communicate(timeout=100)
     agent.terminate()
 
 
@@ -129,5 +129,5 @@ def test_with_certificates_the_operators_is_asked_for(world):
     refused = world.call("stop", "--run", world.run, "--tls", "certificates")
     assert refused.returncode == 2, "an agent may not end the run"
     run.send_signal(signal.SIGINT)
-    run.communicate(timeout=60)
+    run.communicate(timeout=100)
     assert run.returncode == 130

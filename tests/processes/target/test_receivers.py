@@ -27,7 +27,7 @@ def wait_for_subscribers(run: str, router: str) -> None:
     with open_session(Connection([router], mode="client")) as session:
         # Zenoh's stubs take a matching status for a bool.
         publishers: list[Any] = [session.declare_publisher(f"cbef/{run}/beacon/{agent}/signal") for agent in range(4)]
-        until = time.monotonic() + 30
+        until = time.monotonic() + 100
         while not all(publisher.matching_status.matching for publisher in publishers):
             assert time.monotonic() < until
             time.sleep(0.05)
@@ -45,13 +45,13 @@ def test_the_documented_receiver_feeds_a_run(world, free_port):
     receivers = [subprocess.Popen([sys.executable, program, world.run, router, str(agent)]) for agent in range(4)]
     try:
         wait_for_subscribers(world.run, router)
-        processes = [world.start("record", *join, "--patience", "30", "--output", str(world.log))]
-        processes += [world.start("agent", str(agent), *join, "--patience", "30") for agent in range(4)]
+        processes = [world.start("record", *join, "--patience", "100", "--output", str(world.log))]
+        processes += [world.start("agent", str(agent), *join, "--patience", "100") for agent in range(4)]
         processes.append(world.start("target", "live.toml", *join, "--receivers"))
         for process in processes:
             _, err = process.communicate(timeout=100)
             assert process.returncode == 0, err
-        assert [receiver.wait(10) for receiver in receivers] == [0] * 4
+        assert [receiver.wait(100) for receiver in receivers] == [0] * 4
     finally:
         for receiver in receivers:
             receiver.kill()
