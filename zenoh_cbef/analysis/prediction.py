@@ -102,8 +102,7 @@ def propagate(
     forward = np.kron(np.eye(agents), motion.transition)
     process = np.kron(np.ones((agents, agents)), motion.process_noise)
     variance, axes, beta = sight.range_std**2, motion.axes, weight[:, None, None, None]
-    own = np.empty((ways, steps, agents, size, size))
-    joined = np.empty_like(own)
+    own, joined = np.empty((2, ways, steps, agents, size, size))
     for k in range(steps):
         rows, how = sight.rows[k], mixing[:, k if mixing.shape[1] > 1 else 0]
         claimed = motion.predict_covariance(claimed)
