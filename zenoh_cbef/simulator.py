@@ -98,6 +98,7 @@ class Simulation:
         self._estimate: Estimate | None = None
         self._sent: deque[list[Floats]] = deque(maxlen=1 + self.scenario.consensus.lag)
         self._sources = np.ascontiguousarray(self.neighbours.index.T)
+        self._agents = np.tile(np.arange(self.scenario.count), len(plans))
         self._links = np.flatnonzero(self.neighbours.present)
         self._noted, self.smoother = list[Fate](), smoother_of(self.plan)
 
@@ -122,8 +123,8 @@ class Simulation:
             part[:, step - 1] for part in (self.heard.positions, self.heard.ranges, self.heard.age)
         )
         if not self.plan.sharing.uses_neighbour_ranges:
-            none = len(position), 0
-            return Measurement(position, range_, age, np.empty((*none, 3)), np.empty(none), step=step)
+            empty = np.empty((len(position), 0, 3)), np.empty((len(position), 0))
+            return Measurement(position, range_, age, *empty, step=step, agent=self._agents)
         delivered = self._delivered(step, 0)
         index = self.neighbours.index
         return Measurement(
@@ -133,6 +134,7 @@ class Simulation:
             np.where(delivered[:, :, None], position[index], 0.0),
             np.where(delivered, told[index], np.nan),
             step=step,
+            agent=self._agents,
         )
 
     def _welcome(self, step: int) -> None:

@@ -70,9 +70,9 @@ class Agent:
             due = self.fates.of(step, 0).due
             positions = np.where(due[:, None], heard.positions[self.others, step - 1], 0.0)[None]
             ranges = np.where(due, told[self.others], np.nan)[None]
-        return self.tracker.measure(
-            Measurement(heard.positions[own][None], heard.ranges[own][None], heard.age[own][None], positions, ranges)
-        )
+        mine = heard.positions[own][None], heard.ranges[own][None], heard.age[own][None]
+        number = np.array([self.number])
+        return self.tracker.measure(Measurement(*mine, positions, ranges, step=step, agent=number))
 
     def exchange(self, sent, step, round_):
         due = self.fates.of(step, round_).due

@@ -65,7 +65,8 @@ def _estimate(plan: Plan) -> Estimate:
     places = agent_positions(plan.scenario)[:, 0]
     # Ranges to a point beside the agents: no row of any filter is without information.
     ranges = np.linalg.norm(places - places[0], axis=1) + 1.0
-    measurement = Measurement(places[:1], ranges[:1], np.zeros(1), places[None, neighbours], ranges[None, neighbours])
+    around = places[None, neighbours], ranges[None, neighbours]
+    measurement = Measurement(places[:1], ranges[:1], np.zeros(1), *around, agent=np.zeros(1, dtype=np.int64))
     for _ in range(plan.first_fix_steps):
         tracker.measure(measurement)
         tracker.conclude()

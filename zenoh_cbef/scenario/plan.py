@@ -156,6 +156,7 @@ class Plan:
             judges_agents=chosen.status_rules > 1,
             reacquires=(window := start.window(scenario, self.settling_steps)),
             spreading=start.spreading(scenario, window),
+            supposes=start.supposes(scenario, window),
             anywhere=start.anywhere(scenario, self.motion, self.space),
             bias=self.bias,
             likelihoods=trust.rules(scenario) > 1,

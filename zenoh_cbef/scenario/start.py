@@ -19,6 +19,9 @@ from zenoh_cbef.tracking.ranging import Space
 _FARTHEST = 10.0
 """Where a first fix looks for the target: least standard deviation in half diagonals of the box around the agents."""
 
+_FEW = 12
+"""The most agents that tell each other what they measured: one wrong receiver among more does little."""
+
 _FASTEST = 3.0
 """Least standard deviation of the target's velocity before the first fix, m/s."""
 
@@ -74,6 +77,17 @@ def window(scenario: Scenario, settling: int) -> int:
     alone = scenario.count == 1 or scenario.consensus.rounds == 0
     asked = chosen.status and chosen.reacquire and _adds_up(scenario)
     return settling // 2 if asked and not alone else 0
+
+
+def supposes(scenario: Scenario, window: int) -> bool:
+    """Whether agents tell each other what they measured, where ranges of one do not fit: where they are few.
+
+    Not where ranges are real: there errors last, and no hypothesis of one wrong receiver explains them.
+    """
+    chosen = scenario.filter
+    axes = 3 if chosen.planar_height is None else 2
+    few = axes + 1 < scenario.count <= _FEW
+    return window > 0 and few and chosen.defaults > 4 and chosen.range_std != "auto" and not trust.real(scenario)
 
 
 def spreading(scenario: Scenario, window: int) -> int:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from zenoh_cbef.arrays import Bools, Floats
+from zenoh_cbef.arrays import Bools, Floats, Ints
 
 
 @dataclass(frozen=True)
@@ -19,6 +19,7 @@ class Measurement:
     by the neighbours this step; filters that use only their own range get them empty (m = 0). range_std: (n,), m,
     the noise of the own range, where it differs from the filter's setting. step: its number, None where that is no
     matter. lasting: (n,), how many own ranges say as much as one whose error is independent; None: each does.
+    agent: (n,), the agents' numbers, None where those are no matter.
     """
 
     position: Floats
@@ -29,6 +30,7 @@ class Measurement:
     range_std: Floats | None = None
     step: int | None = None
     lasting: Floats | None = None
+    agent: Ints | None = None
 
 
 @dataclass(frozen=True)

@@ -200,7 +200,8 @@ class Agent:
         if there:
             self._range_out.send(**range_body(step, position, told[0]))
         heard = self.neighbourhood.ranges(step, self._deadline(step, 0) if self._realtime else None)
-        return Measurement(position[None].copy(), range_, age, *heard, step=step)
+        agent = np.array([self.agent])
+        return Measurement(position[None].copy(), range_, age, *heard, step=step, agent=agent)
 
     def _step(self, step: int, beacon: tuple[float, float], *, there: bool) -> None:
         """One step: measure, exchange messages with the neighbours round by round, conclude, and say what came out."""

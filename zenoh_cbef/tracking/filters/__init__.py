@@ -18,6 +18,7 @@ from zenoh_cbef.tracking.filters.around.reacquiring import Reacquiring
 from zenoh_cbef.tracking.filters.around.recovering import Recovering
 from zenoh_cbef.tracking.filters.around.returning import Returning
 from zenoh_cbef.tracking.filters.around.squared_information import SquaredInformation
+from zenoh_cbef.tracking.filters.around.supposing import Supposing
 from zenoh_cbef.tracking.filters.around.tried_guess import first_fix
 from zenoh_cbef.tracking.filters.base import Abilities, Belief, Filter, Kind, Sharing, Update
 from zenoh_cbef.tracking.filters.kinds.cbef import Cbef
@@ -80,6 +81,7 @@ def sharing_of(kind: str, settings: FilterSettings) -> Sharing:
         (settings.lasting and settings.learns_noise)
         + settings.says_status * Knowing.more
         + (settings.reacquires > 0) * Reacquiring.more
+        + settings.supposes * Supposing.more
     )
     return shared.longer(more)
 
@@ -102,14 +104,20 @@ def make_filter(kind: str, settings: FilterSettings) -> Filter:
     if settings.returns and settings.network_size > 1 and abilities_of(kind).biases and not settings.squares:
         chosen = Returning(chosen, settings.space, settings.range_std)
     if settings.first_fix:
-        alone = replace(settings, says_status=False, reacquires=0, learns_noise=False)
+        alone = replace(settings, says_status=False, reacquires=0, supposes=False, learns_noise=False)
         chosen = first_fix(settings, chosen, xi, sharing_of(kind, alone).payload_size)
     if settings.lasting:
         chosen = LastingErrors.of(settings, chosen)
     elif settings.learns_noise:
         chosen = LearnedNoise(chosen, settings.range_std)
-    if not settings.says_status:
-        return chosen
-    size = sharing_of(kind, replace(settings, reacquires=0)).payload_size
+    return _knowing(kind, settings, chosen, xi) if settings.says_status else chosen
+
+
+def _knowing(kind: str, settings: FilterSettings, chosen: Filter, xi: float) -> Filter:
+    """A filter with what says what its estimate is worth, and looks for the target again where that is too little."""
     known = Knowing(chosen, settings)
-    return Reacquiring.of(settings, known, xi, size) if settings.reacquires else known
+    if not settings.reacquires:
+        return known
+    size = sharing_of(kind, replace(settings, reacquires=0, supposes=False)).payload_size
+    searching = Reacquiring.of(settings, known, xi, size)
+    return Supposing.of(settings, searching, size + Reacquiring.more) if settings.supposes else searching

@@ -22,7 +22,8 @@ class FilterSettings:
     if they acquire, track, coast, or have lost the target; judges_agents: whether that counts agents that do not
     fit, or ranges, and whether only those that hear ranges vote for another fix. reacquires: how many steps another
     fix takes, 0 for none; spreading: in how many steps all agents know a decision; anywhere: where that fix looks
-    for the target, like search. bias: none, estimate or auto; likelihoods: whether auto weighs it by these, or by
+    for the target, like search. supposes: whether all tell each other what they measured where ranges of one
+    do not fit. bias: none, estimate or auto; likelihoods: whether auto weighs it by these, or by
     the NIS; common_bias_std, own_bias_std: its prior, m. first_fix: over how many steps the initial estimate, a
     guess, is improved by least squares on the first ranges; 0: it is none. squared_fix: how many of these steps are
     on squared ranges. tries_guess: whether the guess is tried before the network searches. search: where squared
@@ -50,6 +51,7 @@ class FilterSettings:
     judges_agents: bool = True
     reacquires: int = 0
     spreading: int = 1
+    supposes: bool = False
     anywhere: tuple[Floats, Floats] | None = None
     bias: str = "none"
     likelihoods: bool = True

@@ -1,0 +1,78 @@
+"""What an agent remembers that supposes a receiver to be wrong, and what it says of its estimate meanwhile."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+
+from zenoh_cbef.arrays import Floats
+from zenoh_cbef.tracking.ranging import Measurement
+from zenoh_cbef.tracking.status import ACQUIRING, LOST, TRACKING, Status
+
+SLOT = 9
+"""Numbers that an agent tells: 1, its position (3), its range and the rate, and their covariance (3)."""
+
+
+@dataclass(frozen=True)
+class Doubts:
+    """How far an agent is with supposing, arrays (n, ...).
+
+    step: the step. doing: 0, or the number of the step in which agents tell. vote: whether an agent of the network
+    wishes that. rest: for how many steps it does not begin again. left: whether the agent leaves out its own ranges,
+    and own: how badly they fit meanwhile. open: whether nothing that was supposed explained the ranges. agent: its
+    number, -1 if it does not know it. said, seconds: its status, and for how long, s. slot: what it tells. table:
+    what all told. positions, ages, ranges: of the last steps.
+    """
+
+    step: Floats
+    doing: Floats
+    vote: Floats
+    rest: Floats
+    left: Floats
+    own: Floats
+    open: Floats
+    agent: Floats
+    said: Floats
+    seconds: Floats
+    slot: Floats
+    table: Floats
+    positions: Floats
+    ages: Floats
+    ranges: Floats
+
+    @classmethod
+    def first(cls, count: int, agents: int, kept: int) -> Self:
+        """Of so many agents of networks of `agents` before the first step; kept: how many steps they remember."""
+        none = np.zeros(count)
+        return cls(
+            *(none, none, none, none, none, none, none, none - 1.0, none, none),
+            np.zeros((count, SLOT)),
+            np.zeros((count, agents, SLOT)),
+            np.zeros((count, kept, 3)),
+            np.zeros((count, kept)),
+            np.full((count, kept), np.nan),
+        )
+
+    def after(self, new: Measurement, dt: float) -> Self:
+        """A step of dt (s) later: with the ranges of this step, and without the oldest."""
+        return replace(
+            self,
+            step=self.step + 1.0 if new.step is None else np.full(len(self.step), float(new.step)),
+            agent=self.agent if new.agent is None else new.agent.astype(np.float64),
+            positions=np.concatenate([self.positions[:, 1:], new.position[:, None]], axis=1),
+            ages=np.concatenate([self.ages[:, 1:] + dt, new.age[:, None]], axis=1),
+            ranges=np.concatenate([self.ranges[:, 1:], new.range[:, None]], axis=1),
+        )
+
+    def told(self, status: Status, dt: float) -> Status:
+        """What an estimate is worth that is doubted.
+
+        One that nothing explains is lost. A place just found does not prove itself while ranges do not fit it.
+        """
+        tracks, doubted = status.which == TRACKING, (self.vote > 0.0) | (self.doing > 0.0)
+        new = doubted & (self.said == ACQUIRING)
+        which = np.where(tracks & (self.open > 0.0), LOST, np.where(tracks & new, ACQUIRING, status.which))
+        seconds = np.where(which == self.said, self.seconds + dt, 0.0)
+        return replace(status, which=which, seconds=np.where(which == status.which, status.seconds, seconds))
