@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Annotated
 
@@ -14,12 +15,14 @@ from zenoh_cbef.cli.ids import ids_of, shortened
 from zenoh_cbef.cli.interrupts import INTERRUPTED
 from zenoh_cbef.cli.joining import Joining, JoiningCommand, JoiningContext, Patience, warn_of_exposure
 from zenoh_cbef.cli.offer import verb
-from zenoh_cbef.cli.options import Run
+from zenoh_cbef.cli.options import Run, Stay
 from zenoh_cbef.cli.stops import StopRequests
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.machine import require
 from zenoh_cbef.nodes.launch.fleet import Fleet, Member, missing
+from zenoh_cbef.nodes.launch.host_recorder import HostRecorder
 from zenoh_cbef.protocol.addresses import parts
+from zenoh_cbef.protocol.shares import share_keys, share_name
 from zenoh_cbef.words import counted
 
 _TELL_SECONDS = 2.0
@@ -68,6 +71,13 @@ def _fleet(
     run: Run,
     ctx: JoiningContext,
     patience: Patience = 60.0,
+    record: Annotated[
+        Path | None,
+        typer.Option(
+            "--record", metavar="FILE", help="Also record these agents, with target and faults, into this log."
+        ),
+    ] = None,
+    stay: Stay = 0.0,
     restart: Annotated[bool, typer.Option("--restart/--no-restart", help="Start agents that die again.")] = True,
 ) -> None:
     """Run many agents of this host, each a process: start, watch and restart them. Ctrl-C ends them all."""
@@ -80,14 +90,26 @@ def _fleet(
     require(links=1, processes=len(agents), forked=True)
     shared = ["--run", run, "--patience", str(patience), "--status-json", *_options(joining)]
     commands = {agent: ["agent", str(agent), *shared, *_listen(joining, place)] for place, agent in enumerate(agents)}
-    with StopRequests() as stops, Fleet(commands, restart=restart) as fleet:
+    recorder = HostRecorder(_recording(joining, agents, record, stay, shared)) if record else nullcontext()
+    with StopRequests() as stops, recorder as recording, Fleet(commands, restart=restart) as fleet:
         display = _Display(fleet)
         tell(f"run {run}: {counted(len(agents), 'agent')} on this host")
         try:
             fleet.watch(display.show, stops)
         finally:
             display.close()
+        recorded = recording is None or recording.wait(stops) == 0
     _conclude(run, fleet.members, interrupted=stops.count > 0)
+    if not recorded:
+        raise typer.Exit(1)
+
+
+def _recording(joining: Joining, agents: Sequence[int], log: Path, stay: float, shared: Sequence[str]) -> list[str]:
+    """The command line of the recorder of these agents; it listens on the port after theirs."""
+    keys = [part for one in share_keys(agents) for part in ("--keys", one)]
+    name = ["--name", share_name(shortened(agents)), "--output", str(log), "--stay", str(stay)]
+    own = [one for one in shared if one != "--status-json"]
+    return ["record", *name, *keys, *own, *_listen(joining, len(agents))]
 
 
 def _options(joining: Joining) -> list[str]:

@@ -28,6 +28,12 @@ LogFile = Annotated[
     Path, typer.Argument(metavar="LOG", autocompletion=logs, help="A log, the folder of a run, or its name in logs/.")
 ]
 Force = Annotated[bool, typer.Option("--force", "-f", help="Overwrite what --output names.")]
+Stay = Annotated[
+    float,
+    typer.Option(
+        min=0.0, max=LONGEST_SECONDS, metavar="SECONDS", help="After the run, let 'fetch' get the log for so long."
+    ),
+]
 NewLog = Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="The log to write.")]
 Compress = Annotated[Literal["zstd", "lz4", "none"], typer.Option("--compression", help="Compression of the new log.")]
 WHICH = "Which messages"

@@ -10,9 +10,10 @@ from typing import Annotated
 
 import typer
 
+from zenoh_cbef.cli.console import tell
 from zenoh_cbef.cli.joining import JoiningCommand, JoiningContext, Patience, identity_of
 from zenoh_cbef.cli.offer import verb
-from zenoh_cbef.cli.options import Run
+from zenoh_cbef.cli.options import Run, Stay
 from zenoh_cbef.nodes.common.recording import Status
 from zenoh_cbef.nodes.recorder.recorder import run_recorder
 from zenoh_cbef.words import counted
@@ -35,6 +36,7 @@ def _record(
     sync: Annotated[
         bool, typer.Option("--sync", help="Flush to the disk itself, not only to the operating system.")
     ] = False,
+    stay: Stay = 0.0,
     status_json: Annotated[bool, typer.Option("--status-json", hidden=True)] = False,
 ) -> None:
     """Record all traffic of a run into an MCAP log until the run ends."""
@@ -47,7 +49,7 @@ def _record(
             sys.stderr.write(f"\r{status.messages} messages, step {status.step} of {status.steps} ")
 
     identity = identity_of("record", name, run, ctx.joining.connection("record"), patience)
-    last = run_recorder(identity, output, keys=keys or (), sync=sync, report=report)
+    last = run_recorder(identity, output, keys=keys or (), sync=sync, report=report, stay=stay, say=tell)
     if not status_json:
         typer.echo(f"{counted(last.messages, 'message')} in {output}, {last.missing} missing")
     if last.failure:

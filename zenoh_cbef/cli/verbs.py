@@ -43,6 +43,7 @@ GROUPS = {
         "check": "Check structure, sequence numbers and messages",
         "cat": "Print messages as JSON",
         "filter": "Copy some topics, or a time range",
+        "fetch": "Fetch the logs of a run from its hosts, joined",
         "merge": "Join the logs of several recorders",
         "recover": "Copy what can be read of a damaged log",
         "export": "Write arrays, tables, or scenes for viewers",

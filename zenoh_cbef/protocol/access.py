@@ -65,7 +65,7 @@ _ROLES: dict[str, list[Rule]] = {
     "record": [
         *_READERS,
         (_PUT + _ANSWER, [_ANY.event("record/**")]),
-        (_ANSWER, [_ANY.reached("record/*")]),
+        (_ANSWER, [_ANY.reached("record/*"), _ANY.log("record/*")]),
         (_ASK, [_ANY.claims, _ANY.links("record/*")]),
         (_LIVE, [_token("record/*"), _token("claim/record/*/*"), _token("heard/**")]),
     ],
@@ -75,7 +75,7 @@ _ROLES: dict[str, list[Rule]] = {
         (_PUT, [_ANY.all_beacons, _ANY.event("receiver/*")]),
         (_HEAR, [_ANY.all_signals]),
     ],
-    "operator": [*_READERS, (_ASK, [_ANY.control, _ANY.replay])],
+    "operator": [*_READERS, (_ASK, [_ANY.control, _ANY.replay, _ANY.log("**")])],
     # A router passes on messages that it has checked; a replay speaks for all recorded processes.
     "router": [(_ALL, [_ANY.everything])],
     "replay": [(_ALL, [_ANY.everything])],

@@ -71,6 +71,10 @@ class Keys:
         """Queryable: how far a recorder, as in "record/host-b", has got with each agent."""
         return f"{self.root}/reached/{recorder}"
 
+    def log(self, recorder: str) -> str:
+        """Queryable: the files of the log of a recorder, as in "record/host-b", when it has closed them."""
+        return f"{self.root}/log/{recorder}"
+
     @property
     def faults(self) -> str:
         """The faults that were injected while the run goes on."""

@@ -21,6 +21,7 @@ from zenoh_cbef.protocol.kinds import ESTIMATE, BeaconMessage, EstimateMessage, 
 from zenoh_cbef.protocol.memory import ask_latest
 from zenoh_cbef.protocol.messages import BadMessage, decode, unpack_floats
 from zenoh_cbef.protocol.scenario_service import Clock, measure_clock
+from zenoh_cbef.protocol.shares import is_share, records
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.tracking.filters import Belief
 from zenoh_cbef.tracking.newcomer import belief_from
@@ -108,10 +109,13 @@ class Entrance:
         linked = self._of.vicinity.wanted()
         others = [one for one in linked if self._members is None or one in self._members]
         needed = {"target/target"} | {f"agent/{other}" for other in others}
-        recorders = self._of.plan.scenario.record.awaited
+        awaited = self._of.plan.scenario.record.awaited
 
         def complete(live: set[str]) -> bool:
-            return needed <= live and sum(name.startswith("record/") for name in live) >= recorders
+            recorders = [name for name in live if name.startswith("record/")]
+            # A recorder of some agents is linked to those alone, and to the target, which waits for all.
+            own = any(is_share(name) and records(name, self._of.agent) for name in recorders)
+            return needed <= live and (own or len(recorders) >= awaited)
 
         def drain() -> None:
             while self._of.beacons.next(0.0) is not None:

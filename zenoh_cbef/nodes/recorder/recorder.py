@@ -19,6 +19,7 @@ from zenoh_cbef.nodes.common.node import Identity, Node
 from zenoh_cbef.nodes.common.recording import Status
 from zenoh_cbef.nodes.recorder.acknowledgements import Acknowledgements
 from zenoh_cbef.nodes.recorder.attendance import Attendance, takes_part
+from zenoh_cbef.nodes.recorder.handover import hand_over
 from zenoh_cbef.nodes.recorder.overview import Overview
 from zenoh_cbef.nodes.recorder.recovery import Recovery
 from zenoh_cbef.plain import count_in, counts_in
@@ -206,10 +207,13 @@ def run_recorder(
     keys: Sequence[str] = (),
     sync: bool,
     report: Callable[[Status], None],
+    stay: float = 0.0,
+    say: Callable[[str], None] = lambda _: None,
 ) -> Status:
     """Run the recorder process until the run ends or it is told to stop; returns the last status.
 
-    keys: key expressions of what is recorded, whole or relative to the run; everything where there are none.
+    keys: key expressions of what is recorded, whole or relative to the run; everything where there are none. stay: how
+    long (s) the log can be fetched afterwards; say: gets sentences on that.
     """
     expressions = recorded_keys(identity.run, keys)
     with Node(identity) as node:
@@ -247,6 +251,8 @@ def run_recorder(
         status.state = "done"
         report(status)
         node.presence.withdraw()
+        if stay:
+            hand_over(node, path, stay, say)
     return status
 
 
