@@ -16,6 +16,7 @@ import zenoh
 from check_jsonschema.builtin_schemas import get_builtin_schema
 
 from tests.cli.command_line import parse
+from zenoh_cbef.cli.ids import ids_of
 from zenoh_cbef.scenario.checks import check
 from zenoh_cbef.scenario.load import load
 from zenoh_cbef.scenario.plan import Plan
@@ -53,6 +54,13 @@ def expand(text: str, container: dict[str, Any]) -> str:
     return re.sub(r"\$\(?(\w+)\)?", lambda match: values.get(match[1], match[0]), text)
 
 
+def fleet_of(line: str, pod: int) -> str:
+    """The agents of a pod, as its shell reads the line that starts them."""
+    shown = line.replace("exec zenoh-cbef", "echo")
+    told = subprocess.run(["sh", "-c", shown], env={"POD": str(pod)}, capture_output=True, text=True, check=True)
+    return told.stdout.split()[1]
+
+
 def test_compose_is_what_the_compose_specification_says():
     schema = get_builtin_schema("vendor.compose-spec")
     jsonschema.validate(COMPOSE, schema)
@@ -60,12 +68,12 @@ def test_compose_is_what_the_compose_specification_says():
         jsonschema.validate({"services": {"a": {"imag": "b"}}}, schema)
 
 
-def test_compose_has_router_target_recorder_and_an_agent_for_each_of_the_scenario():
+def test_compose_has_router_target_recorder_and_fleets_with_all_agents_of_the_scenario():
     scenario = load(str(DEPLOY / "scenario.toml"), ()).scenario
-    agents = {f"agent-{agent}" for agent in range(scenario.count)}
-    assert COMPOSE["services"].keys() == {"router", "target", "recorder"} | agents
-    for name in agents:
-        assert COMPOSE["services"][name]["environment"]["AGENT"] == name.removeprefix("agent-")
+    fleets = {name: one for name, one in COMPOSE["services"].items() if name.startswith("fleet-")}
+    assert COMPOSE["services"].keys() == {"router", "target", "recorder"} | fleets.keys()
+    agents = [agent for one in fleets.values() for agent in ids_of(one["environment"]["AGENTS"])]
+    assert agents == [*range(scenario.count)]
 
 
 @pytest.mark.parametrize("name", COMPOSE["services"])
@@ -74,7 +82,9 @@ def test_what_compose_starts_the_command_line_takes(name):
     if "command" in service:
         parse([str(word) for word in service["command"]])
     for words in (service.get("entrypoint"), service.get("healthcheck", {}).get("test")):
-        for command in commands_of(words[-1].replace("$$AGENT", "3")) if words else []:
+        for command in (
+            commands_of(words[-1].replace("$${AGENTS%%-*}", "3").replace("$$AGENTS", "3-5")) if words else []
+        ):
             parse(command)
 
 
@@ -117,7 +127,9 @@ def test_the_configmap_is_the_scenario_and_it_can_run(tmp_path):
     scenario = load(str(tmp_path / "scenario.toml"), ()).scenario
     assert check(Plan(scenario)) == []
     (agents,) = [one for one in MANIFESTS if one["kind"] == "StatefulSet"]
-    assert agents["spec"]["replicas"] == scenario.count
+    [container] = agents["spec"]["template"]["spec"]["containers"]
+    fleets = [fleet_of(container["args"][0], pod) for pod in range(agents["spec"]["replicas"])]
+    assert [agent for ids in fleets for agent in ids_of(ids)] == [*range(scenario.count)]
 
 
 def test_a_pods_volumes_and_selectors_fit():
