@@ -13,7 +13,7 @@ from platform import node as host_name
 from zenoh_cbef import __version__
 from zenoh_cbef.log.write.run_log import RunLog
 from zenoh_cbef.machine import require
-from zenoh_cbef.nodes.common.briefing import brief, introduce
+from zenoh_cbef.nodes.common.briefing import Briefing, brief, introduce
 from zenoh_cbef.nodes.common.links import Links
 from zenoh_cbef.nodes.common.node import Identity, Node
 from zenoh_cbef.nodes.common.recording import Status
@@ -228,17 +228,9 @@ def run_recorder(
             Links(node).keep()
         log = RunLog(path, settings)
         log.describe(source=text.source, resolved=text.resolved, run=_described(identity, scenario, expressions))
-        overview = Overview(
-            Status(identity.run, str(path), scenario.length),
-            lambda: sum(name.startswith("agent/") for name in node.presence.names()),
-        )
+        overview = _overview(node, Status(identity.run, str(path), scenario.length), briefing, expressions)
         recorder = Recorder(node, log, overview, mailboxes, scenario)
-        if text.step is None:
-            # Of one that comes later the target learns which agents it hears.
-            whole = covering(expressions)
-            overview.heard = dict.fromkeys((one for one in range(scenario.count) if whole(node.keys.estimate(one))), 0)
-        serve_reached(node.session, node.keys, name := f"record/{identity.name}", lambda: overview.heard)
-        node.presence.announce(name)
+        node.presence.announce(f"record/{identity.name}")
         if "target/target" in node.presence:  # a replay's subscribers get the recorded messages only
             introduce(identity, briefing.clock, recorder.say)
         try:
@@ -254,6 +246,17 @@ def run_recorder(
         if stay:
             hand_over(node, path, stay, say)
     return status
+
+
+def _overview(node: Node, status: Status, briefing: Briefing, expressions: Sequence[str]) -> Overview:
+    """What the recorder sees, of which it tells the target how far it has got."""
+    overview = Overview(status, lambda: sum(name.startswith("agent/") for name in node.presence.names()))
+    if briefing.text.step is None:
+        # Of one that comes later the target learns which agents it hears.
+        covers, agents = covering(expressions), range(briefing.scenario.count)
+        overview.heard = dict.fromkeys((agent for agent in agents if covers(node.keys.estimate(agent))), 0)
+    serve_reached(node.session, node.keys, f"record/{node.identity.name}", lambda: overview.heard)
+    return overview
 
 
 def _described(identity: Identity, scenario: Scenario, expressions: Sequence[str]) -> dict[str, str]:
