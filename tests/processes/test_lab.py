@@ -21,6 +21,10 @@ if BROWSER is None:
 playwright = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
 pytest.importorskip("uvicorn", reason="the extra 'lab' is not installed")
 
+STANDS = """(() => { const [was, now] = [globalThis.stood, { step: lab.state.newest, at: performance.now() }];
+if (was?.step !== now.step) globalThis.stood = now; return was?.step === now.step && now.at - was.at > 2000; })()"""
+"""Whether the run has taken no step for two seconds."""
+
 
 @pytest.fixture(scope="module")
 def browser():
@@ -69,6 +73,14 @@ class Opened:
         )
         return x, y
 
+    def target(self) -> tuple[float, float]:
+        """The place of the target in the window."""
+        x, y = self.page.evaluate(
+            """(() => { const box = lab.map.canvas.getBoundingClientRect();
+            const [x, y] = lab.map.pixel(lab.map.arrays.truth); return [box.left + x, box.top + y]; })()"""
+        )
+        return x, y
+
     def link(self, source: int, destination: int) -> str:
         """An expression for what came and was lost on a link in the step that is shown."""
         row = f"lab.state.scene.links.findIndex(([s, d]) => s === {source} && d === {destination})"
@@ -80,8 +92,9 @@ class Opened:
         self.lab.communicate(timeout=100)
 
 
-def test_a_run_is_started_cut_by_mouse_healed_ended_exported_and_proved(world, browser):
-    opened = Opened(world, browser, "tracking", "--set", "steps=100000", "--set", "consensus.rounds=3")
+def test_a_run_is_started_cut_by_mouse_healed_steered_ended_exported_and_proved(world, browser):
+    keys = ("steps=100000", "consensus.rounds=3", "target.motion=manual")
+    opened = Opened(world, browser, "tracking", *(part for key in keys for part in ("--set", key)))
     page = opened.page
     first, second = page.evaluate("lab.state.scene.links[0]")
     page.mouse.click(*opened.middle(first, second))
@@ -94,13 +107,19 @@ def test_a_run_is_started_cut_by_mouse_healed_ended_exported_and_proved(world, b
     opened.until(f"{opened.link(first, second)}.came === 3")
     opened.until("lab.curves.values.lost.at(-1) === 0")
     assert page.evaluate(f"lab.colour({first}, {second})") == page.evaluate("lab.map.colours.good")
+    page.mouse.move(*opened.target())
+    page.mouse.down()
+    x, y = opened.target()
+    page.mouse.move(x + 60, y - 40, steps=5)
+    page.mouse.up()
+    opened.until("Math.hypot(...lab.state.frame.arrays.truth.subarray(0, 2)) > 0.5")
     page.click("#hold")
     opened.until("lab.state.held && document.querySelector('#hold').textContent === 'Let run go on'")
-    page.wait_for_timeout(1000)
+    opened.until(STANDS)
     stood = page.evaluate("lab.state.newest")
     page.keyboard.press("ArrowRight")
     opened.until(f"lab.state.newest === {stood + 1}")
-    page.wait_for_timeout(500)
+    opened.until(STANDS)
     assert page.evaluate("lab.state.newest") == stood + 1
     page.keyboard.press("h")
     opened.until(f"lab.state.newest > {stood + 3}")
@@ -110,6 +129,7 @@ def test_a_run_is_started_cut_by_mouse_healed_ended_exported_and_proved(world, b
         page.click("#export")
     session = parse(read_toml(download.value.path().read_text()), "the session")
     assert [one.kind for one in session.fault] == ["partition"]
+    assert session.target.orders[-1].to[0] > 0.5
     [log] = (world.folder / "logs").glob("lab-*/run.mcap")
     proof = world.call("verify", str(log))
     assert proof.returncode == 0, proof.stdout + proof.stderr

@@ -186,3 +186,18 @@ def test_noise_does_not_change_with_the_number_of_agents_or_steps():
     whole = make_world(scenario(steps=40, agents={"positions": places}))
     part = make_world(scenario(steps=10, agents={"positions": places[:2]}))
     assert whole.arrived[:2, :10].tobytes() == part.arrived.tobytes()
+
+
+def test_a_steered_target_goes_to_its_orders_at_its_speed_and_a_later_order_changes_no_past():
+    orders = [{"to": [3, 4, 0], "from": 1.0}, {"to": [0, 4, 2], "from": 4.0, "until": 5.0}]
+    keys = {"motion": "manual", "position": [0, 0, 0], "speed": 2.0}
+    first, both = (target_path(scenario(dt=0.1, target=keys | {"orders": orders[:count]})) for count in (1, 2))
+    np.testing.assert_array_equal(first[:40], both[:40])
+    assert not both[:10].any()
+    np.testing.assert_allclose(both[10, :3], [0.12, 0.16, 0.0])
+    np.testing.assert_allclose(np.linalg.norm(both[11:30, 3:], axis=1), 2.0)
+    np.testing.assert_allclose(both[35], [3, 4, 0, 0, 0, 0], atol=1e-9)
+    assert both[49, 0] < 3.0
+    # Without an order that is on, the first one holds again.
+    assert both[50, 0] > both[49, 0]
+    assert not target_path(scenario(target={"motion": "manual"}))[:, :3].any()

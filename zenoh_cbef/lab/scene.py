@@ -63,6 +63,7 @@ class Scene:
             "rounds": self.recording.rounds_per_step,
             "links": self.links.tolist(),
             "statuses": STATUSES,
+            "steered": scenario.target.motion == "manual",
             "faults": [fault_words(fault) for fault in scenario.fault],
         }
 

@@ -10,14 +10,19 @@ from zenoh_cbef.scenario.checks import check_faults
 from zenoh_cbef.scenario.load import parse
 from zenoh_cbef.scenario.plan import Plan
 
+STEER = "steer"
+"""Kind of the table that is no fault but an order to the target, of `[[target.orders]]`: they travel together."""
+
 
 def with_faults(plan: Plan, tables: Sequence[Mapping[str, object]]) -> Plan:
-    """The plan with more faults, as tables of `[[fault]]`. Raises UserError where they are none.
+    """The plan with more faults, as tables of `[[fault]]`, and orders to its target. Raises UserError where it is none.
 
     What the scenario leaves to be derived from its faults stays as it was: a run cannot change its messages.
     """
     data = plan.scenario.model_dump(mode="json", by_alias=True, exclude_none=True)
-    data["fault"] = [*data["fault"], *tables]
+    data["fault"] = [*data["fault"], *(one for one in tables if one.get("kind") != STEER)]
+    orders = [{key: value for key, value in one.items() if key != "kind"} for one in tables if one.get("kind") == STEER]
+    data["target"]["orders"] = [*data["target"]["orders"], *orders]
     data["consensus"]["scheme"] = plan.scheme[0]
     data["filter"] |= {"bias": plan.bias, "distrust": plan.distrusts_own}
     extended = Plan(parse(data, "the fault"))

@@ -32,13 +32,21 @@ from zenoh_cbef.tracking import graph
 from zenoh_cbef.tracking.filters import abilities_of
 
 
+class Order(Table):
+    """Where a target that is steered by hand goes while `from` <= time < `until` (s, run time)."""
+
+    to: Point
+    since: Seconds = Field(default=0.0, alias="from")
+    until: Seconds | None = None
+
+
 class Target(Table):
-    """The moving target. `position` is where ncv starts, and the centre of circle and lemniscate.
+    """The moving target. `position` is where ncv and manual start, and the centre of circle and lemniscate.
 
     origin: the time of step 0 on a recording's own clock, s; the dataset says it.
     """
 
-    motion: Literal["ncv", "waypoints", "circle", "lemniscate", "dataset"] = "ncv"
+    motion: Literal["ncv", "waypoints", "circle", "lemniscate", "manual", "dataset"] = "ncv"
     position: Point = (0.0, 0.0, 0.0)
     velocity: Drift = (0.0, 0.0, 0.0)
     acceleration_std: Acceleration = 0.1
@@ -46,6 +54,7 @@ class Target(Table):
     speed: Speed = 1.0
     radius: Length = 5.0
     period: Duration = 30.0
+    orders: Annotated[tuple[Order, ...], Field(description="a list of tables, each written [[target.orders]]")] = ()
     path: str | None = None
     origin: Moment | None = None
 
@@ -53,6 +62,8 @@ class Target(Table):
     def _complete(self) -> Target:
         if self.motion == "waypoints" and len(self.waypoints) < 2:
             raise ValueError("target.waypoints needs at least two points for target.motion = 'waypoints'")
+        if self.orders and self.motion != "manual":
+            raise ValueError("target.orders steer a target by hand: set target.motion = 'manual', or leave them out")
         if self.motion == "dataset" and self.path is None:
             raise ValueError("target.path must name the dataset folder for target.motion = 'dataset'")
         return self

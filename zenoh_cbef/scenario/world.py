@@ -58,6 +58,8 @@ def target_start(scenario: Scenario) -> Floats:
     target = scenario.target
     if target.motion == "ncv":
         return np.array([*target.position, *target.velocity])
+    if target.motion == "manual":
+        return np.array([*target.position, 0.0, 0.0, 0.0])
     return np.asarray(_prescribed(target, np.zeros(1))[0], dtype=np.float64)
 
 
@@ -65,7 +67,8 @@ def target_path(scenario: Scenario) -> Floats:
     """The target's true states at steps 0 to K, (K + 1, 6). Not for recorded data."""
     target, steps, dt = scenario.target, scenario.length, scenario.dt
     if target.motion != "ncv":
-        return _prescribed(target, np.concatenate([np.zeros(1), step_times(scenario, steps)]))
+        times = np.concatenate([np.zeros(1), step_times(scenario, steps)])
+        return _steered(target, times, dt) if target.motion == "manual" else _prescribed(target, times)
     key = streams.stream(scenario.seed, "acceleration", np.arange(3))
     acceleration = target.acceleration_std * streams.normal(key, np.arange(steps)[:, None])
     state = np.empty((steps + 1, 6))
@@ -91,6 +94,29 @@ def _prescribed(target: Target, time: Floats) -> Floats:
         state[:, 3], state[:, 4] = rate * cosine, rate * (cosine**2 - sine**2)
     state *= target.radius
     state[:, :3] += np.array(target.position)
+    return state
+
+
+def _steered(target: Target, times: Floats, dt: float) -> Floats:
+    """States (K + 1, 6) of a target that goes straight to where its orders say, at its speed, and rests there.
+
+    Of several orders that are on the last one holds. What an order changes comes after it, so one more changes no past.
+    """
+    chosen = np.full(len(times), -1)
+    for number, order in enumerate(target.orders):
+        chosen[(times >= order.since) & (times < (np.inf if order.until is None else order.until))] = number
+    state = np.zeros((len(times), 6))
+    state[0, :3] = target.position
+    begins = [1, *(np.flatnonzero(np.diff(chosen[1:])) + 2).tolist()]
+    for first, last in zip(begins, [*begins[1:], len(times)], strict=True):
+        if first >= last:
+            continue
+        start = state[first - 1, :3]
+        gap = (np.array(target.orders[chosen[first]].to) if chosen[first] >= 0 else start) - start
+        away = max(float(np.linalg.norm(gap)), 1e-12)
+        share = np.minimum(np.arange(1, last - first + 1) * (target.speed * dt / away), 1.0)
+        state[first:last, :3] = start + share[:, None] * gap
+    state[1:, 3:] = np.diff(state[:, :3], axis=0) / dt
     return state
 
 

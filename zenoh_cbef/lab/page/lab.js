@@ -14,6 +14,8 @@ const TRAIL = 40;
 const SPEEDS = [0.02, 0.05, 0.1, 0.25, 0.5, 1, 2, 5, 10, 50];
 const SLOW_STEPS = 3; // steps a second below which passing messages are drawn
 const CURVES_MS = 150;
+const STEER_MS = 500;
+const NUDGE = 3; // m
 
 const $ = (id) => document.getElementById(id);
 const state = { scene: null, frame: null, step: 1, newest: 0, follows: true, plays: true, speed: 1, known: 0, events: 0, whole: 0 };
@@ -222,7 +224,26 @@ hands(map, {
   clicked: (picked, event) => pick(picked, event.clientX, event.clientY),
   draws: () => state.parts,
   drawn: part,
+  steers: () => steerable(),
+  steered: (place, last) => steer(place, last),
 });
+
+const steerable = () => state.scene?.steered && state.scene.live && state.state === "goes on";
+
+/** Send the target somewhere: at most so often while it is dragged, and where it is let go. */
+let steered = 0;
+function steer(place, last) {
+  if (!last && performance.now() - steered < STEER_MS) return;
+  steered = performance.now();
+  inject({ kind: "steer", to: place.map((one) => Number(one.toFixed(3))) }, null);
+}
+
+/** Send the target so many metres on from where it is. */
+function nudge(dx, dy) {
+  if (!steerable()) return;
+  const [x, y, z] = state.frame.arrays.truth;
+  steer([x + dx, y + dy, z], true);
+}
 
 function part(from, to) {
   parting(false);
@@ -251,6 +272,7 @@ for (const [id, act] of Object.entries(acts)) $(id).addEventListener("click", ()
 const keys = {
   " ": play, ArrowLeft: () => seek(state.step - 1), ArrowRight: forward, h: () => !$("hold").hidden && hold(!state.held), Home: () => seek(1), End: follow,
   f: acts.fit, t: solid, p: () => !$("cut").hidden && acts.cut(), u: () => !$("undo").hidden && acts.undo(), l: follow,
+  w: () => nudge(0, NUDGE), s: () => nudge(0, -NUDGE), a: () => nudge(-NUDGE, 0), d: () => nudge(NUDGE, 0),
 };
 addEventListener("keydown", (event) => {
   const field = event.target.closest("input:not([type=range]), select, button, dialog, #menu");

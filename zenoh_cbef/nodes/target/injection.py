@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import threading
 import time
 from collections.abc import Callable, Sequence
@@ -95,10 +96,9 @@ class Injection:
     def listed(self) -> list[dict[str, Any]]:
         """All injected faults, each with its number and whether it is on."""
         now = self._clock.now()
-        faults = self.plan.scenario.fault[len(self._given.scenario.fault) :]
         return [
-            {"number": number, "active": fault.active(now), **table}
-            for number, (fault, table) in enumerate(zip(faults, self._tables, strict=True))
+            {"number": number, "active": table["from"] <= now < table.get("until", math.inf), **table}
+            for number, table in enumerate(self._tables)
         ]
 
     def news(self) -> str | None:
