@@ -1,6 +1,7 @@
 """What the page is given of a step is what the log says of it."""
 
 import json
+import time
 
 import numpy as np
 import pytest
@@ -190,3 +191,29 @@ def test_stretches_of_steps_hold_the_messages_of_the_run(trace):
         np.testing.assert_array_equal(np.nansum(counts[:, :, place], axis=1), of)
     cut = (trace.links.source == 3) | (trace.links.destination == 3)
     assert not counts[cut][:, (until > 25) & (until < 30), 0].any()
+
+
+def test_a_log_beside_is_shown_at_the_same_time(bench, log, tmp_path):
+    slow = made_log(tmp_path / "slow.mcap", "steps=15", "dt=0.2", "agents.count=3")
+    bench.put_beside(str(slow))
+    page = Page(bench)
+    scene, _ = read(page.answer({"ask": "scene"}))
+    assert (scene["beside"]["agents"], scene["beside"]["newest"]) == (3, 15)
+    told, arrays = read(page.answer({"ask": "frame", "step": 20, "curves": 40, "beside": 5}))
+    assert (told["beside"]["step"], told["beside"]["curves"]) == (10, [5, 15])
+    other = LogSource(slow).scene
+    np.testing.assert_array_equal(arrays["beside estimate"], other.frame(10)["estimate"].astype(np.float32))
+    np.testing.assert_array_equal(arrays["beside curve error"], other.curves(5, 15)["error"].astype(np.float32))
+    assert arrays["curve error"].shape == (0,)
+
+
+def test_a_long_log_is_shown_while_the_rest_of_it_is_read(tmp_path):
+    long = made_log(tmp_path / "long.mcap", "steps=400", "agents.count=3", "record.chunk_bytes=1024")
+    source = LogSource(long, at_once=0.0)
+    until = time.monotonic() + 120.0
+    while source.state != "log":
+        assert source.state == "is read"
+        assert time.monotonic() < until
+        with source.lock:
+            assert source.scene.newest >= 1
+    np.testing.assert_array_equal(source.scene.frame(400)["truth"], read_trace(long).truth[399])

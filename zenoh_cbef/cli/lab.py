@@ -32,6 +32,9 @@ def _lab(
     host: Annotated[str, typer.Option(help="Where the page is served; others than this host should not see it.")] = (
         "127.0.0.1"
     ),
+    beside: Annotated[
+        str | None, typer.Option(metavar="LOG", help="A log to show beside it, over the same time.")
+    ] = None,
     overrides: Overrides = None,
     port: Annotated[int, typer.Option(min=0, max=65535, help="Its port; default: a free one.")] = 0,
 ) -> None:
@@ -49,6 +52,8 @@ def _lab(
             bench.join(what)
         elif what is not None:
             _open(bench, what, overrides or [])
+        if beside is not None:
+            bench.put_beside(beside)
         url = address(listening, host, guard)
 
         def ready() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 from zenoh_cbef.analysis.faulted import fault_words
+from zenoh_cbef.arrays import Floats
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.lab.bench import Bench
 from zenoh_cbef.lab.judged import judged
@@ -78,7 +79,11 @@ class Page:
         with source.lock:
             scene = source.scene
             told = {"answer": "scene", **scene.described(), "live": source.live, "number": self._bench.number}
-            return framed(told | {"newest": scene.newest, "state": source.state})
+            told |= {"newest": scene.newest, "state": source.state}
+        if (other := self._bench.beside) is not None:
+            with other.lock:
+                told["beside"] = other.scene.described() | {"newest": other.scene.newest}
+        return framed(told)
 
     def _frame(self, asked: Asked) -> bytes:
         """A step's frame, with the curves that the page lacks, and with trails where it asks for them."""
@@ -107,7 +112,28 @@ class Page:
                 "curves": [known, newest],
                 "events": _events(scene.recording.events, asked.get("events"), scene.plan.scenario.dt),
             }
+        if self._bench.beside is not None:
+            told["beside"] = _beside(self._bench.beside, step * source.scene.plan.scenario.dt, asked, arrays)
         return framed(told, arrays)
+
+
+def _beside(other: Source, time: float, asked: Asked, arrays: dict[str, Floats]) -> dict[str, object]:
+    """The same moment (s) of the run that is shown beside; its numbers are added to the arrays, as "beside ..."."""
+    with other.lock:
+        scene = other.scene
+        step = min(max(round(time / scene.plan.scenario.dt), 1), scene.newest)
+        known = asked.get("beside")
+        known = min(max(known, 0), scene.newest) if isinstance(known, int) else scene.newest
+        found = scene.frame(step) | {
+            f"curve {name}": values for name, values in scene.curves(known, scene.newest).items()
+        }
+        arrays |= {f"beside {name}": values for name, values in found.items()}
+        return {
+            "step": step,
+            "verdict": list(judged(scene, step)),
+            "faults": [fault_words(fault) for fault in scene.plan.scenario.fault],
+            "curves": [known, scene.newest],
+        }
 
 
 def _events(events: list[Event], known: object, dt: float) -> list[dict[str, object]]:

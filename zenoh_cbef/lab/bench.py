@@ -38,6 +38,7 @@ class Bench:
 
     def __init__(self, scenarios: Mapping[str, str], connect: Connect = reach) -> None:
         self.source: Source | None = None
+        self.beside: Source | None = None
         self.number = 0
         self._scenarios, self._connect = dict(scenarios), connect
         self._given: list[int] = []
@@ -53,6 +54,10 @@ class Bench:
     def open_log(self, log: str) -> dict[str, object]:
         """Open a log. Raises UserError."""
         return self._take(LogSource(Path(log)))
+
+    def put_beside(self, log: str) -> None:
+        """Show a log beside what is open, over the same time. Raises UserError."""
+        self.beside = LogSource(Path(log))
 
     def join(self, run: str) -> dict[str, object]:
         """Look at a run that goes on. Raises UserError."""
@@ -115,8 +120,9 @@ class Bench:
 
     def close(self) -> None:
         """Let go of what is open, and end a run that this lab started."""
-        if self.source is not None:
-            self.source.close()
+        for source in (self.source, self.beside):
+            if source is not None:
+                source.close()
         if self._started is not None and self._started.poll() is None:
             self._started.terminate()
             self._started.wait()

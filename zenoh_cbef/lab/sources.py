@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Mapping
 from contextlib import ExitStack
 from pathlib import Path
@@ -12,11 +13,14 @@ from zenoh_cbef.errors import UserError
 from zenoh_cbef.lab.listening import Listener
 from zenoh_cbef.lab.scene import Scene
 from zenoh_cbef.log.read.parts import open_log
-from zenoh_cbef.log.read.recording import read_recording
+from zenoh_cbef.log.read.recording import filling_recording
 from zenoh_cbef.protocol.session import Connection
 
 _KINDS = ("truth", "estimate", "event", "faults")
 """What a scene shows of a log; the messages of consensus, most of a log, are passed over."""
+_AT_ONCE_SECONDS, _YIELD_SECONDS = 0.5, 0.001
+"""A log that takes longer to read is shown before it is read to its end; others may take the lock meanwhile."""
+_END = object()
 
 
 class Source(Protocol):
@@ -28,7 +32,7 @@ class Source(Protocol):
 
     @property
     def state(self) -> str:
-        """What the page calls it: "log", "goes on" or "ended"."""
+        """What the page calls it: "log", "is read" (a log), "goes on" or "ended"."""
         ...
 
     def inject(self, fault: Mapping[str, object], seconds: float | None) -> tuple[int, float]:
@@ -53,16 +57,32 @@ class Source(Protocol):
 
 
 class LogSource:
-    """A log. Raises UserError where it is none."""
+    """A log. A long one is shown while the rest of it is read. Raises UserError where it is none."""
 
-    live, state = False, "log"
+    live = False
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, at_once: float = _AT_ONCE_SECONDS) -> None:
         self.lock = threading.Lock()
-        recording = read_recording(open_log(path), kinds=_KINDS)
-        if not recording.estimates.last:
-            raise UserError(f"{path} holds no estimate: the run ended before its first step")
+        recording, self._rest = filling_recording(open_log(path), _KINDS)
         self.scene = Scene(recording)
+        self._closed = threading.Event()
+        until = time.monotonic() + at_once
+        while (more := next(self._rest, _END) is None) and not (self.scene.newest and time.monotonic() > until):
+            pass
+        if not self.scene.newest:
+            raise UserError(f"{path} holds no estimate: the run ended before its first step")
+        self.state = "is read" if more else "log"
+        if more:
+            threading.Thread(target=self._read, daemon=True).start()
+
+    def _read(self) -> None:
+        """Read the rest; between two batches the page is answered."""
+        more = True
+        while more and not self._closed.is_set():
+            with self.lock:
+                more = next(self._rest, _END) is None
+            time.sleep(_YIELD_SECONDS)
+        self.state = "log"
 
     def inject(self, fault: Mapping[str, object], seconds: float | None) -> tuple[int, float]:  # noqa: ARG002
         """Refuse."""
@@ -81,7 +101,8 @@ class LogSource:
         raise UserError("this is a log; its run has ended")
 
     def close(self) -> None:
-        """Nothing is held."""
+        """Read no further."""
+        self._closed.set()
 
 
 class RunSource:

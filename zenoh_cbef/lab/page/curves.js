@@ -25,6 +25,7 @@ export class Curves {
     this.dt = dt;
     this.steps = 0;
     this.values = {};
+    this.other = null;
     this.times = [];
     this.build();
   }
@@ -40,7 +41,7 @@ export class Curves {
       caption.append(now);
       figure.append(caption);
       this.place.append(figure);
-      const plot = new uPlot(this.options(chart, figure), [[], ...chart.lines.map(() => [])], figure);
+      const plot = new uPlot(this.options(chart, figure), [[], ...this.lines(chart).map(() => [])], figure);
       plot.over.addEventListener("click", () => {
         if (plot.cursor.left >= 0) this.seek(plot.posToVal(plot.cursor.left, "x"));
       });
@@ -57,11 +58,16 @@ export class Curves {
       cursor: { sync: { key: "time" }, drag: { x: false, y: false }, points: { size: 5 } },
       scales: { x: { time: false }, y: { range: (_, low, high) => [Math.min(0, low ?? 0), high > 0 ? high * 1.08 : 1] } },
       axes: [{ ...axis, size: 20, gap: 2 }, { ...axis, size: 44, gap: 3, space: 18 }],
-      series: [{}, ...chart.lines.map(([name, colour]) => ({
+      series: [{}, ...this.lines(chart).map(([name, colour]) => ({
         label: name, stroke: css(colour), width: 1.4, points: { show: false }, dash: name === "claimed" ? [4, 3] : undefined,
       }))],
       hooks: { drawClear: [(plot) => this.shade(plot)], draw: [(plot) => this.mark(plot)] },
     };
+  }
+
+  /** A chart's lines; the first one of the run beside comes last. */
+  lines({ lines }) {
+    return this.other ? [...lines, [`${lines[0][0]} beside`, "--doubt"]] : lines;
   }
 
   size(figure) {
@@ -99,6 +105,29 @@ export class Curves {
     ctx.restore();
   }
 
+  /** Take in curves of the run beside, of steps since+1 to until of dt s each. */
+  takeBeside(arrays, dt, since, until) {
+    if (!this.other) {
+      this.other = { dt, steps: 0, values: {} };
+      this.build();
+    }
+    const { other } = this;
+    for (const { lines: [[name]], factor = 1 } of CHARTS) {
+      const kept = (other.values[name] ??= []);
+      for (let step = other.steps; step < until; step++) kept.push(arrays[`curve ${name}`][step - since] * factor);
+    }
+    this.changed ||= until > other.steps;
+    other.steps = Math.max(other.steps, until);
+  }
+
+  /** A curve of the run beside at this run's times. */
+  beside([[name]]) {
+    return this.times.map((time) => {
+      const value = this.other.values[name]?.[Math.round(time / this.other.dt) - 1];
+      return Number.isFinite(value) ? value : null;
+    });
+  }
+
   /** Take in curves of steps since+1 to until, as far as they are new. */
   take(arrays, since, until) {
     if (until <= this.steps) return;
@@ -121,6 +150,7 @@ export class Curves {
   refresh() {
     for (const { plot, chart, now } of this.plots ?? []) {
       const values = chart.lines.map(([name]) => this.values[name] ?? []);
+      if (this.changed && this.other) values.push(this.beside(chart.lines));
       if (this.changed) plot.setData([this.times, ...values]);
       else plot.redraw(false);
       const value = values[0][Math.round(this.time / this.dt) - 1];

@@ -1,5 +1,6 @@
 // The page: asks for steps as fast as it draws them, never faster.
 
+import { Beside } from "./beside.js";
 import { Curves } from "./curves.js";
 import { hands } from "./hands.js";
 import { MapView } from "./map.js";
@@ -22,6 +23,7 @@ const state = { scene: null, frame: null, step: 1, newest: 0, follows: true, pla
 const trails = { truth: [], agents: [], step: 0 };
 
 const map = new MapView($("canvas"));
+const beside = new Beside($("beside"), () => { state.redraw = true; });
 const curves = new Curves($("curves"), (time) => seek(Math.round(time / state.scene.dt)));
 const panels = new Panels($("agents"), document.querySelector("#faults ul"), document.querySelector("#events ol"), pick);
 const menu = new Menu($("menu"), inject);
@@ -50,7 +52,8 @@ async function start() {
   }
   tell("");
   Object.assign(state, { scene, frame: null, known: 0, events: 0, newest: scene.newest, whole: 0, step: 1, held: false });
-  Object.assign(state, { follows: scene.live, plays: scene.live });
+  const grows = scene.live || scene.state === "is read";
+  Object.assign(state, { follows: grows, plays: grows, state: scene.state });
   Object.assign(trails, { truth: [], agents: [], step: 0 });
   if (!scene.live) state.step = scene.newest;
   document.title = `${scene.run} · zenoh-cbef lab`;
@@ -62,6 +65,7 @@ async function start() {
   $("export").href = exported();
   map.show(scene);
   curves.show(scene.dt);
+  beside.show(scene.beside);
   panels.show(scene);
   controls();
 }
@@ -132,10 +136,10 @@ function question(elapsed) {
     if (state.step >= state.newest && !(scene.live && state.state === "goes on")) { state.plays = false; controls(); }
   }
   const fresh = follows || state.frame === null || state.step !== state.frame.step;
-  const idle = scene.live && state.state === "goes on" && performance.now() - state.asked > 400;
+  const idle = ["goes on", "is read"].includes(state.state) && performance.now() - state.asked > 400;
   if (!fresh && !idle) return null;
   state.asked = performance.now();
-  const table = { ask: "frame", curves: state.known, events: state.events };
+  const table = { ask: "frame", curves: state.known, events: state.events, beside: beside.known };
   if (follows) table.after = state.newest;
   else table.step = state.step;
   const next = follows ? state.newest + 1 : state.step;
@@ -150,9 +154,10 @@ function take(frame) {
   if (state.follows) state.step = frame.step;
   curves.take(frame.arrays, frame.curves[0], frame.newest);
   state.known = frame.newest;
+  beside.take(frame, curves);
   panels.takeEvents(frame.events);
   state.events += frame.events.length;
-  if (frame.state === "ended" && state.follows) { state.follows = false; state.plays = false; controls(); }
+  if (["ended", "log"].includes(frame.state) && state.follows) { state.follows = false; state.plays = false; controls(); }
   trace(frame);
 }
 
@@ -182,6 +187,7 @@ function draw() {
   panels.drawFaults(frame.faults, time);
   const slow = state.plays && !state.follows && state.speed / scene.dt < SLOW_STEPS;
   map.draw(frame.arrays, trails, standing(scene, frame.arrays, frame.faults, time), slow ? state.whole : null);
+  beside.draw();
   panels.draw(frame.arrays);
   panels.drawEvents(time);
   const [level, words] = frame.verdict;
@@ -190,7 +196,7 @@ function draw() {
   $("step").max = String(Math.max(frame.newest, 1));
   if (document.activeElement !== $("step") || state.follows) $("step").value = String(frame.step);
   $("clock").textContent = `${time.toFixed(2)} s, step ${frame.step} of ${scene.live ? scene.steps : frame.newest}`
-    + (scene.live && frame.state === "ended" ? ", ended" : "");
+    + ({ ended: ", ended", "is read": ", the log is being read" }[frame.state] ?? "");
   if (performance.now() - drawnCurves > CURVES_MS) {
     drawnCurves = performance.now();
     Object.assign(curves, { time, spans: frame.faults });
@@ -201,7 +207,7 @@ function draw() {
 
 /** What tests and benchmarks look at. */
 const counts = { frames: 0 };
-globalThis.lab = { state, counts, map, curves, colour: (source, destination) => map.shown.get(`${source} ${destination}`) };
+globalThis.lab = { state, counts, map, curves, beside, colour: (source, destination) => map.shown.get(`${source} ${destination}`) };
 
 async function cycle() {
   let before = performance.now();

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -202,6 +202,19 @@ def read_recording(
     recording.damage = log.damage
     recording.complete = log.complete and not recording.damage
     return recording
+
+
+def filling_recording(log: Log, kinds: Collection[str]) -> tuple[Recording, Iterator[None]]:
+    """A recording that is still empty, and what fills it, a batch of messages each time. Raises UserError."""
+    recording = Recording(read_header(log))
+    decoder = Decoder(recording.header, recording, kinds=kinds)
+
+    def fill() -> Iterator[None]:
+        for batch in log.batches():
+            decoder.take(batch)
+            yield
+
+    return recording, fill()
 
 
 def _steps(messages: Sequence[StepMessage]) -> Ints:
