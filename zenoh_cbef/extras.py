@@ -23,6 +23,9 @@ EXTRA_OF = {
     "starlette": "lab",
     "uvicorn": "lab",
     "websockets": "lab",
+    "rosbags": "ros",
+    "serial": "receive",
+    "pymavlink": "receive",
 }
 
 

@@ -12,12 +12,13 @@ from zenoh_cbef.analysis.coverage import lacks
 from zenoh_cbef.cli.console import tell_what_lacks
 from zenoh_cbef.cli.offer import verb
 from zenoh_cbef.cli.options import Force, LogFile, Smooth
-from zenoh_cbef.cli.places import new_place, stem_of
+from zenoh_cbef.cli.places import new_folder_of, new_place, stem_of
 from zenoh_cbef.cli.smoothing import smoothed
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.read.parts import find_log
 from zenoh_cbef.log.read.trace import read_trace
 from zenoh_cbef.viewers.arrays import export
+from zenoh_cbef.viewers.recording import write_recording
 from zenoh_cbef.viewers.rerun_file import write_rrd
 from zenoh_cbef.viewers.scene import read_scene
 from zenoh_cbef.viewers.viz import write_viz
@@ -31,11 +32,14 @@ class Format(StrEnum):
     parquet = "parquet"
     viz = "viz"
     rrd = "rrd"
+    dataset = "dataset"
 
     @property
     def ending(self) -> str:
         """The end of the output's name, after the log's, where no -o names it."""
-        return {"csv": "-csv", "parquet": "-parquet", "viz": "-viz.mcap"}.get(self.value, f".{self.value}")
+        return {"csv": "-csv", "parquet": "-parquet", "viz": "-viz.mcap", "dataset": "-dataset"}.get(
+            self.value, f".{self.value}"
+        )
 
     @property
     def suffix(self) -> str:
@@ -43,7 +47,10 @@ class Format(StrEnum):
         return ".mcap" if self is Format.viz else f".{self.value}"
 
 
-_HELP = "npz: one file of arrays. csv, parquet: a folder of tables. viz: for Foxglove and Lichtblick. rrd: for Rerun."
+_HELP = (
+    "npz: one file of arrays. csv, parquet: a folder of tables. viz: for Foxglove and Lichtblick. rrd: for Rerun. "
+    "dataset: a folder of ranges to run again."
+)
 
 
 def _export(
@@ -60,17 +67,23 @@ def _export(
     to = _format(to, output)
     if output is not None and output.exists() and output.samefile(found):
         raise UserError(f"{output} is the log itself, and logs are never overwritten; choose another --output")
-    place = found.with_name(stem_of(found) + to.ending) if output is None else new_place(output, to.value, force=force)
+    place = found.with_name(stem_of(found) + to.ending) if output is None else _place(output, to, force=force)
     if to in {Format.viz, Format.rrd}:
         scene = read_scene(log, (lambda trace: smoothed(trace, log)) if smooth else None)
         trace, paths = scene.trace, (write_viz if to is Format.viz else write_rrd)(scene, place)
     else:
         trace = read_trace(log)
         trace = smoothed(trace, log) if smooth else trace
-        paths = export(trace, place, to.value)
+        paths = write_recording(trace, place) if to is Format.dataset else export(trace, place, to.value)
     tell_what_lacks(lacks(trace))
     for path in paths:
         typer.echo(path)
+
+
+def _place(output: Path, to: Format, *, force: bool) -> Path:
+    if to is Format.dataset:
+        return new_folder_of(output, ["anchors.csv", "ranges.csv", "truth.csv"], force=force)
+    return new_place(output, to.value, force=force)
 
 
 def _format(to: Format | None, output: Path | None) -> Format:

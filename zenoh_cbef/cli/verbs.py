@@ -50,6 +50,10 @@ GROUPS = {
         "replay": "Publish a log again, or feed it to new agents",
         "verify": "Prove a log: execute its run again, and compare",
     },
+    "Data of your own": {
+        "import": "Make a dataset of CSV files or a ROS bag",
+        "dataset": "Check and show a dataset",
+    },
     "Study": {
         "analyze": "Compute errors, consistency, bytes and losses",
         "compare": "Put runs side by side",
@@ -62,9 +66,13 @@ GROUPS = {
 """The verbs by the heading that they stand under in `--help`, each with what it does. zenoh_cbef/cli/VERB.py has it."""
 
 
+_FILES = {"import": "importing"}
+"""The file of a verb whose name is a word of Python."""
+
+
 def load(verb: str) -> TyperGroup:
     """Import a verb: the group that it is, or one that has it alone."""
-    return typer.main.get_group(import_module(f"zenoh_cbef.cli.{verb}").VERB)
+    return typer.main.get_group(import_module(f"zenoh_cbef.cli.{_FILES.get(verb, verb)}").VERB)
 
 
 class _Verbs(TyperGroup):

@@ -1,0 +1,101 @@
+"""import: recordings in other formats become datasets."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from zenoh_cbef.cli.console import console, tell
+from zenoh_cbef.cli.offer import verb
+from zenoh_cbef.cli.options import Force
+from zenoh_cbef.cli.places import new_folder_of
+from zenoh_cbef.cli.recordings import summary_table, tell_findings
+from zenoh_cbef.datasets import write_dataset
+from zenoh_cbef.datasets.first_scenario import write_scenario
+from zenoh_cbef.datasets.importing.bags import Bags, bag_in, bag_of
+from zenoh_cbef.datasets.importing.columns import map_of
+from zenoh_cbef.datasets.importing.csv_files import Reading, files_of
+from zenoh_cbef.datasets.importing.raw import Raw, dataset_of
+from zenoh_cbef.datasets.importing.units import units_of
+from zenoh_cbef.datasets.picture import draw
+from zenoh_cbef.errors import UserError
+from zenoh_cbef.extras import MissingExtra
+
+_BAG = "Of ROS bags"
+_CSV = "Of CSV files"
+
+
+def _import(
+    source: Annotated[Path, typer.Argument(help="A CSV file of ranges, a folder of CSV files, or a ROS bag.")],
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="FOLDER", help="The folder to write.")],
+    anchors: Annotated[Path | None, typer.Option("--anchors", metavar="FILE", help="CSV file of the anchors.")] = None,
+    truth: Annotated[
+        str | None, typer.Option("--truth", help="CSV file of the target's true positions, or a bag's topic of them.")
+    ] = None,
+    mapped: Annotated[
+        list[str] | None,
+        typer.Option("--map", metavar="MEANING=COLUMN", help="What a column or field is, as range=dist; repeatable."),
+    ] = None,
+    unit: Annotated[
+        list[str] | None,
+        typer.Option("--unit", metavar="[COLUMN=]UNIT", help="m, cm, mm, km, ft, in, s, ms, us or ns; repeatable."),
+    ] = None,
+    height: Annotated[float | None, typer.Option(help="The target's known height, m, if it moves in a plane.")] = None,
+    separator: Annotated[
+        str | None, typer.Option(rich_help_panel=_CSV, help="What parts columns; else guessed.")
+    ] = None,
+    topic: Annotated[
+        list[str] | None, typer.Option("--topic", rich_help_panel=_BAG, help="Only ranges of this topic; repeatable.")
+    ] = None,
+    types: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--types", metavar="MSG", rich_help_panel=_BAG, help="A .msg file that the bag lacks; repeatable."
+        ),
+    ] = None,
+    force: Force = False,
+) -> None:
+    """Make a dataset of a recording in another format, check it, and draw its anchors and first fix."""
+    units = units_of(unit or [])
+    new_folder_of(output, ["anchors.csv", "ranges.csv", "truth.csv"], force=force)
+    if not source.exists():
+        raise UserError(f"there is no {source}; name a CSV file, a folder, or a ROS bag")
+    if bag_in(source):
+        bags = Bags(map_of(mapped or ()), units, topic or (), truth, types or ())
+        raw = bags.read(bag_of(source))
+        if anchors is not None:
+            Reading({}, units, separator).read_anchors(anchors, raw)
+    else:
+        raw = _from_csv(source, anchors, truth, Reading(map_of(mapped or ()), units, separator))
+    _finish(raw, source, output, height)
+
+
+def _from_csv(source: Path, anchors: Path | None, truth: str | None, reading: Reading) -> Raw:
+    found = files_of(source) if source.is_dir() else {"ranges": source}
+    if "ranges" not in found:
+        raise UserError(f"{source} has no CSV file with range in its name; name the file of ranges itself")
+    known = Path(truth) if truth is not None else found.get("truth")
+    return reading.read(found["ranges"], anchors or found.get("anchors"), known)
+
+
+def _finish(raw: Raw, source: Path, output: Path, height: float | None) -> None:
+    dataset = dataset_of(raw, str(source))
+    paths = [*write_dataset(dataset, output), write_scenario(dataset, output / "scenario.toml", height)]
+    console.print(summary_table(str(output), dataset))
+    try:
+        paths.append(draw(dataset, output / "first-fix.png"))
+    except MissingExtra as error:
+        tell(f"left out: {error}")
+    for path in paths:
+        typer.echo(path)
+    for note in raw.notes:
+        tell(f"note: {note}")
+    if tell_findings(dataset):
+        tell(f"next: import again with what is said above, and --force, or look at {output}/first-fix.png")
+    else:
+        tell(f"next: zenoh-cbef run {output}/scenario.toml")
+
+
+VERB = verb(_import, "import log.csv --anchors anchors.csv -o my-set --map range=dist --unit range=mm")

@@ -1,0 +1,54 @@
+"""A scenario file for a recording, to run it and to edit."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+
+from zenoh_cbef.datasets.dataset import Dataset
+from zenoh_cbef.datasets.fixes import is_planar
+from zenoh_cbef.numbers import number
+
+_ROUND = (1.0, 2.0, 2.5, 5.0, 10.0)
+
+
+def time_step(dataset: Dataset) -> float:
+    """A round step near the interval of an anchor's ranges, s."""
+    interval = dataset.interval or 0.1
+    scale = 10.0 ** math.floor(math.log10(interval))
+    return float(f"{scale * min(_ROUND, key=lambda each: abs(math.log(each * scale / interval))):.3g}")
+
+
+def write_scenario(dataset: Dataset, path: Path, height: float | None = None) -> Path:
+    """Write it beside the recording's files. height: of the target, m, where the anchors do not tell it.
+
+    Without it, that of the truth, or of the anchors, is taken, and the file says so.
+    """
+    lines = [
+        f'name = "{_name(path)}"',
+        f"dt = {time_step(dataset):g}",
+        "",
+        "[target]",
+        'motion = "dataset"',
+        'path = "."',
+    ]
+    lines += ["", "[filter]", 'range_std = "auto"  # m; give it where you know it']
+    if is_planar(dataset) or height is not None:
+        known, why = height, "as given"
+        if known is None and dataset.has_truth:
+            known, why = float(np.median(dataset.truth[:, 2])), "the truth's"
+        if known is None:
+            known, why = float(np.median(dataset.anchors[:, 2])), "the anchors': put in the target's"
+        lines.append(f"planar_height = {number(known)}  # m, {why}")
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return path
+
+
+def _name(path: Path) -> str:
+    """The folder's name, as far as a run may have it."""
+    plain = "".join(
+        one if one.isascii() and (one.isalnum() or one in "-_") else "-" for one in path.resolve().parent.name
+    )
+    return plain.strip("-_") or "recording"

@@ -1,0 +1,137 @@
+"""ROS 1 and ROS 2 bags (.bag, .db3, .mcap) by rosbags, which needs no ROS."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+from zenoh_cbef.datasets.importing.raw import Raw
+from zenoh_cbef.datasets.importing.units import LENGTHS, TIMES, Units
+from zenoh_cbef.errors import UserError
+from zenoh_cbef.extras import from_extra
+
+SUFFIXES = (".bag", ".db3", ".mcap")
+
+RANGES: Mapping[str, Mapping[str, str]] = {
+    "sensor_msgs/msg/Range": {"t": "header.stamp", "anchor": "header.frame_id", "range": "range"},
+    "px4_msgs/msg/SensorUwb": {"t": "timestamp|us", "anchor": "mac_dest", "range": "distance"},
+}
+"""The fields of messages that are ranges, by type; `|us` is the unit of a number."""
+
+POSITIONS: Mapping[str, str] = {
+    "geometry_msgs/msg/PointStamped": "point",
+    "geometry_msgs/msg/PoseStamped": "pose.position",
+    "geometry_msgs/msg/PoseWithCovarianceStamped": "pose.pose.position",
+    "geometry_msgs/msg/TransformStamped": "transform.translation",
+    "nav_msgs/msg/Odometry": "pose.pose.position",
+}
+"""The field with the position, by type of message."""
+
+
+class _Connection(Protocol):
+    topic: str
+    msgtype: str
+
+
+@dataclass
+class Bags:
+    """One import. mapped: fields by meaning, for types of the user's own. topics: of ranges; all if empty.
+
+    truth: topic of the target's true positions. types: files with definitions (.msg) that a bag lacks.
+    """
+
+    mapped: Mapping[str, str]
+    units: Units
+    topics: Sequence[str] = ()
+    truth: str | None = None
+    types: Sequence[Path] = ()
+
+    def read(self, path: Path) -> Raw:
+        """Everything that a bag holds of ranges and truth. Raises UserError where it cannot be read."""
+        highlevel = from_extra("rosbags.highlevel", "a ROS bag")
+        raw, seen = Raw(), Counter[str]()
+        try:
+            with highlevel.AnyReader([path], default_typestore=self._typestore()) as reader:
+                chosen = [one for one in reader.connections if self._wanted(one)]
+                seen.update(one.msgtype for one in reader.connections)
+                for connection, logged, data in reader.messages(connections=chosen) if chosen else ():
+                    self._take(raw, connection, logged, reader.deserialize(data, connection.msgtype))
+                if not raw.truth:
+                    could = sorted({one.topic for one in reader.connections if one.msgtype in POSITIONS})
+                    raw.notes += [f"{topic} could be the truth: --truth {topic}" for topic in could[:3]]
+        except (highlevel.AnyReaderError, OSError, KeyError) as error:
+            raise UserError(f"cannot read {path} as a ROS bag: {error}; is it complete?") from None
+        if not raw.ranges:
+            kinds = ", ".join(sorted(seen)) or "nothing"
+            raise UserError(
+                f"{path} has no range that is known; its messages are {kinds}; for your own type say --topic TOPIC "
+                "--map anchor=FIELD --map range=FIELD"
+            )
+        return raw
+
+    def _typestore(self) -> object:
+        typesys = from_extra("rosbags.typesys", "a ROS bag")
+        store = typesys.get_typestore(typesys.Stores.LATEST)
+        for path in self.types:
+            name = f"{path.parent.parent.name if path.parent.name == 'msg' else path.parent.name}/msg/{path.stem}"
+            store.register(typesys.get_types_from_msg(path.read_text(encoding="utf-8"), name))
+        return store
+
+    def _fields(self, connection: _Connection) -> Mapping[str, str]:
+        return {**RANGES.get(connection.msgtype, {}), **self.mapped}
+
+    def _wanted(self, connection: _Connection) -> bool:
+        if connection.topic == self.truth:
+            return True
+        named = connection.topic in self.topics if self.topics else connection.msgtype in RANGES
+        return named and "range" in self._fields(connection)
+
+    def _take(self, raw: Raw, connection: _Connection, logged: int, message: object) -> None:
+        if connection.topic == self.truth:
+            place = _field(message, self.mapped.get("truth.position", POSITIONS.get(connection.msgtype, "position")))
+            x, y, z = (float(str(_field(place, axis))) for axis in "xyz")
+            raw.truth.append((_seconds(message, "header.stamp", logged), (x, y, z)))
+            return
+        fields = self._fields(connection)
+        scale = float(self.units.length("ranges", "range", fields["range"].replace(".", "_")))
+        name = str(_field(message, fields["anchor"]) if "anchor" in fields else "").strip().replace(",", "_")
+        value = _field(message, fields["range"].partition("|")[0])
+        told = fields["range"].partition("|")[2]
+        distance = float(str(value)) * (float(LENGTHS[told]) if told in LENGTHS else scale)
+        time = _seconds(message, fields.get("t", "header.stamp"), logged)
+        raw.ranges.append((time, name or connection.topic.strip("/").rpartition("/")[2], distance))
+
+
+def _field(message: object, path: str) -> object:
+    for part in path.split("."):
+        if not hasattr(message, part):
+            raise UserError(f"the messages have no field {path}; name one with --map")
+        message = getattr(message, part)
+    return message
+
+
+def _seconds(message: object, path: str, logged: int) -> float:
+    """A message's own time, s: a stamp, or a number with its unit; without one or if it is 0, when it was logged."""
+    path, _, unit = path.partition("|")
+    try:
+        value = _field(message, path)
+    except UserError:
+        return 1e-9 * logged
+    if hasattr(value, "sec") and hasattr(value, "nanosec"):
+        value = (value.sec * 10**9 + value.nanosec) * 1e-9
+    else:
+        value = float(str(value)) * float(TIMES.get(unit or "s", "1"))
+    return value or 1e-9 * logged
+
+
+def bag_in(source: Path) -> bool:
+    """Whether a path is a bag, or the folder of a ROS 2 bag."""
+    return source.suffix in SUFFIXES or (source / "metadata.yaml").is_file()
+
+
+def bag_of(source: Path) -> Path:
+    """The bag that a path means: a database beside a metadata.yaml is part of its folder's."""
+    return source.parent if source.suffix == ".db3" and (source.parent / "metadata.yaml").is_file() else source

@@ -1,0 +1,158 @@
+"""CSV files of ranges, anchors and truth, with any columns, separators and units."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from decimal import Decimal
+from pathlib import Path
+
+from zenoh_cbef.datasets.importing.columns import column_of, wide_columns
+from zenoh_cbef.datasets.importing.raw import Place, Raw
+from zenoh_cbef.datasets.importing.units import Units, decimal
+from zenoh_cbef.errors import UserError
+from zenoh_cbef.words import counted
+
+FILES = {
+    "anchors": ("anchor", "beacon", "node", "station", "landmark"),
+    "truth": ("truth", "gt", "mocap", "vicon", "rtk", "reference", "pose"),
+    "ranges": ("range", "distance", "uwb", "tof", "twr", "measure"),
+}
+"""By what words in its name a file of a folder is known, in this order."""
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """A CSV file: the header's words, and the rows."""
+
+    path: Path
+    heads: list[str]
+    rows: list[list[str]]
+
+
+@dataclass
+class Reading:
+    """One import of CSV files. mapped: headers by meaning; units: what the user says of them."""
+
+    mapped: Mapping[str, str]
+    units: Units
+    separator: str | None = None
+
+    def read(self, ranges: Path, anchors: Path | None, truth: Path | None) -> Raw:
+        """Everything that the files hold. Raises UserError where one cannot be read, or lacks a column."""
+        raw = Raw()
+        self.read_ranges(ranges, raw)
+        if anchors is not None:
+            self.read_anchors(anchors, raw)
+        if truth is not None:
+            self.read_truth(truth, raw)
+        return raw
+
+    def read_ranges(self, path: Path, raw: Raw) -> None:
+        """Take in a file of ranges: a row each, or a row for each moment and a column for each anchor."""
+        sheet = self._sheet(path)
+        wide = wide_columns(sheet.heads, self.mapped)
+        at = self._place("t", sheet, "ranges")
+        named = None if wide else self._place("anchor", sheet, "ranges")
+        cells = wide or {"": self._place("range", sheet, "ranges")}
+        scale = {place: self.units.length("ranges", "range", sheet.heads[place]) for place in cells.values()}
+        seconds, unread = self._seconds(sheet, "ranges", at), 0
+        for row, time in zip(sheet.rows, seconds, strict=True):
+            for label, place in cells.items():
+                value = self._number(row, place)
+                if value is None or time is None:
+                    unread += not wide
+                    continue
+                name = label if named is None else _name(row[named])
+                raw.ranges.append((float(time), name, float(value * scale[place])))
+        if unread:
+            raw.notes.append(f"{counted(unread, 'row')} of {path.name} without a number left out")
+
+    def read_anchors(self, path: Path, raw: Raw) -> None:
+        """Take in the places of the anchors."""
+        sheet = self._sheet(path)
+        named = self._place("anchor", sheet, "anchors")
+        for row, place in zip(sheet.rows, self._positions(sheet, "anchors", raw), strict=True):
+            if place is None:
+                raise UserError(f"{path} has a row without three numbers: {','.join(row):.60}; correct it")
+            if _name(row[named]) in raw.anchors:
+                raise UserError(f"{path} names anchor {_name(row[named])} twice; give every anchor its own name")
+            raw.anchors[_name(row[named])] = place
+
+    def read_truth(self, path: Path, raw: Raw) -> None:
+        """Take in the target's true positions."""
+        sheet = self._sheet(path)
+        seconds = self._seconds(sheet, "truth", self._place("t", sheet, "truth"))
+        rows = list(zip(seconds, self._positions(sheet, "truth", raw), strict=True))
+        raw.truth += [(float(time), place) for time, place in rows if time is not None and place is not None]
+        if len(raw.truth) < len(rows):
+            raw.notes.append(f"{counted(len(rows) - len(raw.truth), 'row')} of {path.name} without a number left out")
+
+    def _sheet(self, path: Path) -> Sheet:
+        try:
+            text = path.read_text(encoding="utf-8-sig", errors="replace")
+        except OSError as error:
+            raise UserError(f"cannot read {path}: {error.strerror}; name a CSV file") from None
+        lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith(("#", "%"))]
+        if len(lines) < 2:
+            raise UserError(f"{path} has no rows below a header; name another file")
+        separator = self.separator or max(";\t,|", key=lines[0].count)
+        rows = list(csv.reader(lines, delimiter=separator, skipinitialspace=True))
+        width = len(rows[0])
+        return Sheet(path, [head.strip() for head in rows[0]], [(row + [""] * width)[:width] for row in rows[1:]])
+
+    def _place(self, meaning: str, sheet: Sheet, file: str) -> int:
+        found = column_of(meaning, sheet.heads, self.mapped, file)
+        if found is None:
+            heads = ", ".join(sheet.heads)
+            raise UserError(
+                f"{sheet.path}: which column is {meaning}? It has {heads}; say --map {file}.{meaning}=COLUMN"
+            )
+        return found
+
+    @staticmethod
+    def _number(row: Sequence[str], place: int) -> Decimal | None:
+        text = row[place]
+        # Where commas do not separate columns, they may be decimal ones.
+        return decimal(text.replace(",", ".") if text.count(",") == 1 else text)
+
+    def _seconds(self, sheet: Sheet, file: str, at: int) -> list[Decimal | None]:
+        times = [self._number(row, at) for row in sheet.rows]
+        first = next((time for time in times if time is not None), Decimal(0))
+        scale = self.units.time(file, sheet.heads[at], first)
+        return [None if time is None else time * scale for time in times]
+
+    def _positions(self, sheet: Sheet, file: str, raw: Raw) -> list[Place | None]:
+        axes = [self._place(axis, sheet, file) for axis in "xy"]
+        height = column_of("z", sheet.heads, self.mapped, file)
+        if height is None:
+            raw.notes.append(f"{sheet.path.name} has no column z: it is taken for 0")
+        places = [*axes, *([] if height is None else [height])]
+        scale = [self.units.length(file, axis, sheet.heads[place]) for axis, place in zip("xyz", places, strict=False)]
+        found: list[Place | None] = []
+        for row in sheet.rows:
+            values = [self._number(row, place) for place in places]
+            known = [float(one * by) for one, by in zip(values, scale, strict=True) if one is not None]
+            whole = len(known) == len(places)
+            found.append((known[0], known[1], known[2] if height is not None else 0.0) if whole else None)
+        return found
+
+
+def _name(text: str) -> str:
+    """An anchor's name; a number means the same however it is written, and commas would part columns."""
+    text = text.strip().replace(",", "_")
+    value = decimal(text)
+    return str(int(value)) if value is not None and value == int(value) else text
+
+
+def files_of(folder: Path) -> dict[str, Path]:
+    """Which CSV file of a folder is which, by their names."""
+    found: dict[str, Path] = {}
+    for path in sorted(folder.iterdir()):
+        if path.suffix.lower() in {".csv", ".txt", ".tsv"}:
+            name = path.stem.lower()
+            known = next((file for file, words in FILES.items() if any(word in name for word in words)), None)
+            if known is not None:
+                found.setdefault(known, path)
+    return found
