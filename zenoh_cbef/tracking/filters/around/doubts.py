@@ -55,6 +55,15 @@ class Doubts:
             np.full((count, kept), np.nan),
         )
 
+    @property
+    def none(self) -> bool:
+        """Whether no agent tells, wishes to, or lately did, and none is left out."""
+        return not np.logical_or.reduce(self.doing + self.vote + self.rest + self.left + self.open)
+
+    def saying(self, status: Status) -> Self:
+        """The same with what is said of the estimate."""
+        return replace(self, said=status.which, seconds=status.seconds)
+
     def after(self, new: Measurement, dt: float) -> Self:
         """A step of dt (s) later: with the ranges of this step, and without the oldest."""
         return replace(

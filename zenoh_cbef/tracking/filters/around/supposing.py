@@ -109,9 +109,9 @@ class Supposing(Wrapping):
     def update(self, belief: Belief, measurement: Measurement) -> Update:
         """The filter's update, without the ranges of an agent that leaves them out, or what the agent tells."""
         inner = belief.parts[0] if belief.parts else belief
-        first = Doubts.first(len(belief.state), self.settings.network_size, 2 * self.window)
-        doubts = Doubts(*belief.memory) if belief.memory else first
-        doubts = doubts.after(measurement, self.settings.motion.dt)
+        doubts = (Doubts(*belief.memory) if belief.memory else self._begun(belief)).after(
+            measurement, self.settings.motion.dt
+        )
         left = doubts.left > 0.0
         heard = replace(measurement, range=np.where(left, np.nan, measurement.range))
         update, status = self.filter.update(inner, heard), inner.status or Status.first(len(left))
@@ -124,7 +124,9 @@ class Supposing(Wrapping):
         if np.logical_or.reduce(tells):
             doubts = self._slot(doubts, inner, measurement)
             payload = np.where(tells[:, None], self._told(doubts), payload)
-        diagnostics = replace(update.diagnostics, distrust=np.where(left, 1.0, update.diagnostics.distrust))
+        diagnostics = update.diagnostics
+        if np.logical_or.reduce(left):
+            diagnostics = replace(diagnostics, distrust=np.where(left, 1.0, diagnostics.distrust))
         payload = np.concatenate([payload, tag[:, None]], axis=1)
         return Update(payload, diagnostics, tuple(vars(doubts).values()), (update,))
 
@@ -139,10 +141,16 @@ class Supposing(Wrapping):
         if np.logical_or.reduce(alone):
             own = np.where(alone[:, None], before.payload, own)
         inner = self.filter.conclude(np.ascontiguousarray(own), before)
+        if doubts.none and inner.status and not np.logical_or.reduce(average > _ANY):
+            memory = tuple(vars(doubts.saying(inner.status)).values())
+            return Belief(inner.state, inner.covariance, inner.bias, memory, (inner,), inner.status)
         apart |= unchanged(payload[:, :-1], update.payload[:, :-1])
         if np.logical_or.reduce(tells):
             doubts, inner = self._compared(doubts, inner, payload, apart)
         return self._turned(doubts, inner, average, apart)
+
+    def _begun(self, belief: Belief) -> Doubts:
+        return Doubts.first(len(belief.state), self.settings.network_size, 2 * self.window)
 
     def _decides(self, step: Floats) -> Bools:
         """Whether this is a step in which agents tell their wishes; in the others the decision spreads."""
@@ -268,8 +276,8 @@ class Supposing(Wrapping):
             open=undecided,
         )
         status = doubts.told(status, self.settings.motion.dt)
-        doubts = replace(doubts, said=status.which, seconds=status.seconds)
-        return Belief(inner.state, inner.covariance, inner.bias, tuple(vars(doubts).values()), (inner,), status)
+        memory = tuple(vars(doubts.saying(status)).values())
+        return Belief(inner.state, inner.covariance, inner.bias, memory, (inner,), status)
 
     def _searches(self, inner: Belief) -> Bools:
         """Which agents look for the target in another way."""
