@@ -11,7 +11,7 @@ WORKERS ?= $(shell echo $$(($(CORES) + 1)))
 # Else each of the thousand processes of the tests would compile the package anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help demo test install lint types unit fast thorough coverage mutants format benchmarks clean
+.PHONY: help demo test install lint types unit fast thorough coverage mutants format docs benchmarks clean
 
 help:  ## what can be made
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/\1\t\2/p' $(MAKEFILE_LIST)
@@ -60,8 +60,11 @@ format: install  ## correct what ruff can correct by itself
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 
+docs: install  ## the site, into site/
+	$(BIN)/mkdocs build --strict --quiet
+
 benchmarks: install  ## the figures of docs/benchmarks.md
 	$(BIN)/python -m benchmarks
 
 clean:  ## remove what make made
-	rm -rf .venv .mypy_cache .ruff_cache .pytest_cache .hypothesis
+	rm -rf site build .venv .mypy_cache .ruff_cache .pytest_cache .hypothesis

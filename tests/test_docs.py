@@ -24,7 +24,7 @@ from zenoh_cbef.simulator import simulate
 from zenoh_cbef.tracking.filters import KINDS
 
 ROOT = Path(__file__).resolve().parents[1]
-NAMED = ("README.md", "CHANGELOG.md", "CONTRIBUTING.md", "SECURITY.md", "deploy/README.md", "docs/*.md")
+NAMED = ("README.md", "CHANGELOG.md", "CONTRIBUTING.md", "SECURITY.md", "deploy/README.md", "docs/**/*.md")
 PAGES = sorted(path for pattern in NAMED for path in ROOT.glob(pattern))
 LINK = re.compile(r"\[[^\]]*\]\(([^)\s]+)\)")
 VERB = re.compile(r"zenoh-cbef +(-{0,2}[a-z]+)(?: +([a-z]+))?")
@@ -211,6 +211,15 @@ def test_the_pages_name_the_files_that_have_what_they_speak_of():
     page = read("docs/adding-a-filter.md")
     for name, file in re.findall(r"`(\w+)` (?:of|in) `(zenoh_cbef/[\w/.]+)`", page):
         assert re.search(rf"^(class|def) {name}\b", read(file), re.MULTILINE), f"{name} is not in {file}"
+
+
+def test_every_page_is_in_the_sites_nav():
+    nav = read("mkdocs.yml").partition("\nnav:\n")[2]
+    named = re.findall(r"[\w./-]+\.md", nav)
+    assert len(named) == len(set(named)), "a page stands in one place"
+    folder = ROOT / "docs"
+    pages = {path.relative_to(folder).as_posix() for path in folder.rglob("*.md") if path.parent.name != "paper"}
+    assert pages <= set(named), f"give each of these a line under nav in mkdocs.yml: {sorted(pages - set(named))}"
 
 
 def test_documentation_names_no_place_of_the_machine_it_was_written_on():

@@ -1,7 +1,9 @@
 """What a release says of itself in several places is the same everywhere."""
 
+import json
 import re
 import subprocess
+import tomllib
 from pathlib import Path
 
 import yaml
@@ -16,6 +18,17 @@ def test_the_citation_is_of_this_version_and_licence():
     citation = yaml.safe_load((ROOT / "CITATION.cff").read_text())
     assert citation["version"] == VERSION
     assert f'license = "{citation["license"]}"' in (ROOT / "pyproject.toml").read_text()
+
+
+def test_the_two_citations_and_the_project_say_the_same():
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text())
+    meta = json.loads((ROOT / "codemeta.json").read_text())
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    assert (meta["name"], meta["version"], meta["description"]) == (citation["title"], VERSION, citation["abstract"])
+    assert meta["license"] == f"https://spdx.org/licenses/{project['license']}"
+    assert [one["name"] for one in meta["author"]] == [one["name"] for one in citation["authors"]]
+    assert meta["keywords"] == citation["keywords"]
+    assert meta["softwareRequirements"] == [re.split("[<>=]", one)[0] for one in project["dependencies"]]
 
 
 def test_the_version_tells_checkouts_apart(tmp_path):
