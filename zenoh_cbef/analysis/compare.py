@@ -124,12 +124,12 @@ def write_comparison(analyses: Sequence[Analysis], names: Sequence[str], path: P
     Raises UserError where plotly is not installed, or the file cannot be written.
     """
     plotly = from_extra("plotly.offline", "the picture")
-    figures = _figures(analyses, names)
+    figures = figures_of(analyses, names)
     text = render(
         "comparison.html",
         name="Runs compared",
         warnings=differences([one.trace for one in analyses], names),
-        runs=_table([row(one, name) for one, name in zip(analyses, names, strict=True)]),
+        runs=table_of([row(one, name) for one, name in zip(analyses, names, strict=True)]),
         figures=figures,
         plots=plots_of(figures),
         plotly=plotly.get_plotlyjs(),
@@ -140,7 +140,8 @@ def write_comparison(analyses: Sequence[Analysis], names: Sequence[str], path: P
         raise UserError(f"cannot write {path}: {error.strerror}; choose another --output") from None
 
 
-def _table(rows: Sequence[Row]) -> Table:
+def table_of(rows: Sequence[Row]) -> Table:
+    """The runs as a table of texts."""
     caption = "The whole window of each run; missed: share of the messages that were lost or late"
     shown = filled(rows, COLUMNS)
     told = [
@@ -150,7 +151,8 @@ def _table(rows: Sequence[Row]) -> Table:
     return Table(caption, ["run", "filter", "rounds", *shown.values()], told)
 
 
-def _figures(analyses: Sequence[Analysis], names: Sequence[str]) -> list[Figure]:
+def figures_of(analyses: Sequence[Analysis], names: Sequence[str]) -> list[Figure]:
+    """The runs' average MSEE and position error over time."""
     caption = "A click on a name in the legend hides or shows its line."
     if not any(one.metrics.scored.steps for one in analyses):
         claimed = [_rms_of_agents(claimed_position_error(one.trace)) for one in analyses]

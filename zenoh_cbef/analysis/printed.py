@@ -121,6 +121,8 @@ def _limits(axes: Axes, layout: Plot) -> None:
             axes.set(**{f"{name}lim": (10.0**ends if axis.get("type") == "log" else ends).tolist()})
         elif axis.get("rangemode") == "tozero" and axis.get("type") not in {"log", "category"}:
             axes.set(**{f"{name}lim": (min(0.0, axes.get_ylim()[0]), None)})
+        if "tickvals" in axis and name == "y":
+            axes.set_yticks(axis["tickvals"], axis["ticktext"])
         if axis.get("visible") is False:
             axes.axis("off")
         if axis.get("scaleanchor"):

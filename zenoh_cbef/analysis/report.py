@@ -40,7 +40,7 @@ def write_report(analysis: Analysis, path: Path) -> None:
         incomplete="" if trace.complete else f"{analysis.metrics.steps} of {trace.scenario.length} steps",
         notes=[f"{said[0].upper()}{said[1:]}." for said in noted(analysis.metrics)],
         facts=_facts(analysis),
-        errors=_errors(analysis),
+        errors=errors_table(analysis),
         honesty=_honesty(analysis),
         traffic=_traffic(analysis),
         each_agent=_each_agent(analysis),
@@ -131,7 +131,8 @@ def _fault(fault: Fault) -> str:
     return ", ".join([f"{fault.kind} {when}", *(f"{key} {value}" for key, value in rest.items())])
 
 
-def _errors(analysis: Analysis) -> Table:
+def errors_table(analysis: Analysis) -> Table:
+    """Errors of the network, the centralised filter and the bound."""
     metrics = analysis.metrics
     central, bound = metrics.centralized, metrics.bound
     rows = [

@@ -23,7 +23,7 @@ _CROSS = 0.6
 _LONGEST = 72.0
 """How far to the right a lost message is shown to get: it was under way for a moment only."""
 
-_WORDS: dict[Fortune, tuple[str, str]] = {
+WORDS: dict[Fortune, tuple[str, str]] = {
     "in time": ("time", "used"),
     "duplicated": ("twice", "brought twice by a fault"),
     "late": ("late", "late by a fault"),
@@ -126,7 +126,7 @@ class _Arrow:
 
     @property
     def kind(self) -> str:
-        return _WORDS[self.fortune][0]
+        return WORDS[self.fortune][0]
 
     @property
     def arrives(self) -> bool:
@@ -162,7 +162,7 @@ def _picture(exchange: Exchange) -> dict[str, object]:
     frame = _frame(exchange)
     unit, ticks = _ticks(frame)
     nodes: list[int | None] = [None] if frame.target else []
-    arrows = [_arrow(one, frame, exchange) for name in _WORDS for one in exchange.passages if one.fortune == name]
+    arrows = [_arrow(one, frame, exchange) for name in WORDS for one in exchange.passages if one.fortune == name]
     return {
         "name": exchange.name,
         "lead": _lead(exchange),
@@ -172,7 +172,7 @@ def _picture(exchange: Exchange) -> dict[str, object]:
         "right": frame.right,
         "top": _TOP,
         "bottom": frame.bottom,
-        "kinds": [kind for kind, _ in _WORDS.values()],
+        "kinds": [kind for kind, _ in WORDS.values()],
         "shades": list(_shades(exchange, frame)),
         "unit": unit,
         "ticks": ticks,
@@ -233,7 +233,7 @@ def _told(one: Passage, exchange: Exchange) -> str:
     route = f"{_name(one.source, exchange)} → {_name(one.destination, exchange)}, step {one.step}, {what}"
     took = 1e3 * (one.ended - one.sent)
     after = f", {took:.3g} ms after it was sent" if one.fortune in _ARRIVE and 0.0 < took < np.inf else ""
-    return f"{route}: {_WORDS[one.fortune][1]}{after}; sent at {_moment(one.sent)}"
+    return f"{route}: {WORDS[one.fortune][1]}{after}; sent at {_moment(one.sent)}"
 
 
 def _moment(time: float) -> str:
@@ -243,7 +243,7 @@ def _moment(time: float) -> str:
 def _legend(counts: Counter[Fortune], frame: _Frame) -> Iterator[_Sign]:
     """The arrows that occur and how many there are, in as many rows as they need."""
     x, y = _LEFT, frame.bottom + 64.0
-    for name, (kind, words) in _WORDS.items():
+    for name, (kind, words) in WORDS.items():
         if not counts[name]:
             continue
         text = f"{words} ({counts[name]})"

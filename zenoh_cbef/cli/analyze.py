@@ -10,6 +10,7 @@ import typer
 
 from zenoh_cbef.analysis.metrics import analyze, notes
 from zenoh_cbef.analysis.outputs import FIGURES, METRICS, REPORT, write_outputs
+from zenoh_cbef.analysis.report import errors_table
 from zenoh_cbef.cli.completing import logs
 from zenoh_cbef.cli.console import console, tell, tell_what_lacks
 from zenoh_cbef.cli.offer import verb
@@ -17,6 +18,7 @@ from zenoh_cbef.cli.options import AsJson, Force, Skip, Smooth
 from zenoh_cbef.cli.places import beside, new_folder_of
 from zenoh_cbef.cli.smoothing import smoothed
 from zenoh_cbef.cli.tables import metrics_table
+from zenoh_cbef.cli.typesetting import AsTable
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.read.parts import find_log
 from zenoh_cbef.log.read.trace import read_trace
@@ -34,6 +36,7 @@ def _analyze(
     ] = None,
     report: Annotated[bool, typer.Option("--report/--no-report", help="Also write report.html and figures.")] = False,
     smooth: Smooth = False,
+    as_table: AsTable = None,
     force: Force = False,
 ) -> None:
     """Print how well a logged run tracked, beside the centralised filter and the bound; write its metrics."""
@@ -47,10 +50,12 @@ def _analyze(
     failed: list[UserError] = []
     default = beside(log, METRICS)
     prefix = default.name.removesuffix(METRICS) if own else ""
-    if not as_json or output or report:
+    if not (as_json or as_table) or output or report:
         failed = write_outputs(analysis, output or default.parent, prefix, report=report)
     if as_json:
         print(json.dumps(analysis.metrics.as_json()))
+    elif as_table:
+        print(as_table.text(errors_table(analysis)), end="")
     else:
         console.print(metrics_table(analysis.metrics))
         page = (output or default.parent) / f"{prefix}{REPORT}"

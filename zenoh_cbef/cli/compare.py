@@ -13,7 +13,7 @@ import typer
 from rich import box
 from rich.table import Table
 
-from zenoh_cbef.analysis.compare import SMOOTHED, Row, differences, filled, names_of, row, write_comparison
+from zenoh_cbef.analysis.compare import SMOOTHED, Row, differences, filled, names_of, row, table_of, write_comparison
 from zenoh_cbef.analysis.metrics import analyze, notes
 from zenoh_cbef.cli.completing import logs
 from zenoh_cbef.cli.console import console, number, tell, tell_what_lacks, warn
@@ -22,13 +22,16 @@ from zenoh_cbef.cli.offer import verb
 from zenoh_cbef.cli.options import AsJson, Force, Skip, Smooth
 from zenoh_cbef.cli.places import new_file
 from zenoh_cbef.cli.smoothing import smoothed
+from zenoh_cbef.cli.typesetting import AsTable
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.read.parts import find_log
 from zenoh_cbef.log.read.trace import read_trace
+from zenoh_cbef.log.tools.collection import expanded
 from zenoh_cbef.trace import Trace
 
 Logs = Annotated[
-    list[Path], typer.Argument(metavar="LOG", autocompletion=logs, help="Logs, folders of runs, or names in logs/.")
+    list[Path],
+    typer.Argument(metavar="LOG", autocompletion=logs, help="Logs, folders of runs, names in logs/, or @TAG."),
 ]
 AsCsv = Annotated[bool, typer.Option("--csv", help="Print comma-separated values instead of a table.")]
 Outputs = Annotated[
@@ -57,11 +60,12 @@ def _compare(
     force: Force = False,
     skip: Skip = 0.25,
     smooth: Smooth = False,
+    as_table: AsTable = None,
 ) -> None:
     """Put logged runs side by side: errors, consistency, disagreement, bytes and losses, a row for each."""
     for path in output or ():
         new_file(path, {".csv": "for the rows", ".html": "for the curves"}, force=force)
-    paths, traces = _read(logs)
+    paths, traces = _read(expanded(logs))
     if smooth:
         traces = [smoothed(trace, path) for trace, path in zip(traces, paths, strict=True)]
     names = names_of(traces, paths)
@@ -74,6 +78,8 @@ def _compare(
         print(json.dumps([one.as_json() for one in rows]))
     elif as_csv:
         print(_csv(rows), end="")
+    elif as_table:
+        print(as_table.text(table_of(rows)), end="")
     else:
         console.print(runs_table(rows))
     for path in output or ():

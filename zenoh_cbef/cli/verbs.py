@@ -39,6 +39,7 @@ GROUPS = {
         "doctor": "Find what is wrong with this host or network",
     },
     "Logs": {
+        "runs": "List, tag and delete the runs in logs/",
         "info": "Describe a log",
         "check": "Check structure, sequence numbers and messages",
         "cat": "Print messages as JSON",
@@ -57,6 +58,7 @@ GROUPS = {
     "Study": {
         "analyze": "Compute errors, consistency, bytes and losses",
         "compare": "Put runs side by side",
+        "figures": "Write figures for papers, as PDF, SVG or PGF",
         "timeline": "Draw the messages between agents over time",
         "reestimate": "Estimate a log again with another filter",
         "design": "Predict errors and rounds before any run",

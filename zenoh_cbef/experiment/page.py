@@ -6,24 +6,31 @@ import json
 from collections.abc import Sequence
 from pathlib import Path
 
+from pydantic import TypeAdapter, ValidationError
+
+from zenoh_cbef.analysis.typeset import latex
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.experiment.figures import SHOWN, figures_of, written_value
 from zenoh_cbef.experiment.results import CellSummary, Expectation, Judged, Summary
 from zenoh_cbef.experiment.statistics import Interval
 from zenoh_cbef.experiment.table import Row, write_table
 from zenoh_cbef.extras import MissingExtra, from_extra
-from zenoh_cbef.pages.parts import Table, plots_of
+from zenoh_cbef.pages.parts import Figure, Table, plots_of
 from zenoh_cbef.pages.render import render
 from zenoh_cbef.words import counted
 
-RESULTS = ("results.csv", "results.parquet", "summary.json", "index.html", "figures")
+RESULTS = ("results.csv", "results.parquet", "summary.json", "index.html", "results.tex", "figures")
 """What is written into an experiment's folder."""
 
+PRINTED = "figures.json"
+"""The figures as data, for `figures`."""
+
 _MOST_FAILURES = 20
+_FIGURES = TypeAdapter(list[Figure])
 
 
 def write_outputs(summary: Summary, rows: Sequence[Row], source: str, folder: Path) -> list[str]:
-    """Write results.csv, results.parquet, summary.json, figures/, index.html; returns what could not be written.
+    """Write results.csv, .parquet and .tex, summary.json, figures/, index.html; returns what could not be written.
 
     Raises UserError where the folder cannot be written into.
     """
@@ -31,10 +38,21 @@ def write_outputs(summary: Summary, rows: Sequence[Row], source: str, folder: Pa
         missing = [write_table(rows, folder)]
         text = json.dumps(summary.as_json(), indent=1)
         (folder / "summary.json").write_text(text + "\n", encoding="utf-8")
+        (folder / "results.tex").write_text(
+            latex(_results(summary), f"experiment {summary.experiment}"), encoding="utf-8"
+        )
         missing.append(_write_page(summary, source, folder))
     except OSError as error:
         raise UserError(f"cannot write into {folder}: {error.strerror}; choose another --output") from None
     return [sentence for sentence in missing if sentence]
+
+
+def read_figures(folder: Path) -> list[Figure]:
+    """The figures of an experiment's folder. Raises UserError where they are damaged."""
+    try:
+        return _FIGURES.validate_json((folder / "figures" / PRINTED).read_bytes())
+    except (OSError, ValidationError):
+        raise UserError(f"the figures in {folder} cannot be read; run the experiment again") from None
 
 
 def _write_page(summary: Summary, source: str, folder: Path) -> str:
@@ -42,6 +60,7 @@ def _write_page(summary: Summary, source: str, folder: Path) -> str:
     place.mkdir(exist_ok=True)
     for stale in place.glob("*.html"):
         stale.unlink()
+    (place / PRINTED).write_bytes(_FIGURES.dump_json(figures))
     script = missing = ""
     try:
         script = from_extra("plotly.offline", "the folder of figures", extra="experiment").get_plotlyjs()
@@ -119,7 +138,8 @@ def _results(summary: Summary) -> Table:
         f"Medians over the seeds, in brackets their {summary.level:.0%} bootstrap intervals. All metrics of all "
         "runs: results.csv."
     )
-    return Table(caption, [*summary.varied, "runs", *metrics], rows)
+    words = {name: title for name, title, _ in SHOWN}
+    return Table(caption, [*summary.varied, "runs", *map(words.__getitem__, metrics)], rows)
 
 
 def _interval(found: Interval | None) -> str:

@@ -2,11 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import json
+import re
+import shutil
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
 
 from zenoh_cbef.errors import UserError
+from zenoh_cbef.log.common.naming import ACTIVE
+from zenoh_cbef.log.read.header import read_header
+from zenoh_cbef.log.read.parts import find_log, open_log
+from zenoh_cbef.outside.registry import known_runs
+
+LOGS = Path("logs")
+_TAGS = "tags.json"
+_NAME = re.compile(r"\w[\w.-]*")
 
 
 @contextmanager
@@ -37,3 +49,122 @@ def new_folder(run: str) -> Path:
         else:
             return folder
     raise UserError(f"logs/{run} and 98 more exist; choose another place for the log")
+
+
+@dataclass(frozen=True)
+class Kept:
+    """A run in logs/: where its log is, what it was, and what came of it.
+
+    result: complete, stopped, incomplete or lost; unknown where no metrics.json says so. rmse: position, m.
+    """
+
+    name: str
+    log: Path
+    scenario: str
+    filter: str
+    faults: list[str]
+    agents: int
+    seed: int
+    tags: list[str]
+    result: str
+    rmse: float | None
+
+
+def runs(folder: Path = LOGS) -> list[Kept]:
+    """The runs in logs/ by name; a folder whose log tells no scenario is left out."""
+    found = []
+    for place in sorted(folder.glob("*")):
+        if place.is_dir() and not place.is_symlink():
+            with suppress(UserError):
+                found.append(_kept(place))
+    return found
+
+
+def find_run(name: str, folder: Path = LOGS) -> Kept:
+    """The run of this name. Raises UserError where there is none."""
+    place = folder / Path(name).name
+    if not place.is_dir():
+        raise UserError(f"there is no run {name} in {folder}/; see 'zenoh-cbef runs list'")
+    return _kept(place.resolve())
+
+
+def expanded(paths: Sequence[Path], folder: Path = LOGS) -> list[Path]:
+    """Logs as a user gives them, with those of a tag in place of @TAG. Raises UserError where none has the tag."""
+    found: list[Path] = []
+    for path in paths:
+        if not str(path).startswith("@"):
+            found.append(path)
+            continue
+        tag = str(path)[1:]
+        tagged = [place for place in sorted(folder.glob(f"*/{_TAGS}")) if tag in _tags(place.parent)]
+        if not tagged:
+            raise UserError(f"no run in {folder}/ has the tag {tag!r}; see 'zenoh-cbef runs list'")
+        found += [place.parent for place in tagged if not place.parent.is_symlink()]
+    return found
+
+
+def tag(run: Kept, add: Sequence[str], remove: Sequence[str]) -> list[str]:
+    """Give a run tags and take some away; returns those that it has now. Raises UserError."""
+    for one in add:
+        if not _NAME.fullmatch(one):
+            raise UserError(f"{one!r} is no tag; use letters, digits, dot, dash and underscore")
+    now = sorted({*run.tags, *add} - set(remove))
+    place = run.log.parent / _TAGS
+    try:
+        place.write_text(json.dumps(now) + "\n", encoding="utf-8")
+    except OSError as error:
+        raise UserError(f"cannot write {place}: {error.strerror}; make room, or change its permissions") from None
+    return now
+
+
+def remove(run: Kept) -> None:
+    """Delete a run's folder. Raises UserError where its log is still being written, or the folder cannot be deleted."""
+    if run.log.name.endswith(ACTIVE) and known_runs().get(run.name):
+        raise UserError(f"{run.name} goes on; end it first with 'zenoh-cbef stop --run {run.name}'")
+    try:
+        shutil.rmtree(run.log.parent)
+    except OSError as error:
+        raise UserError(f"cannot delete {run.log.parent}: {error.strerror}; change its permissions") from None
+
+
+def _kept(place: Path) -> Kept:
+    log = find_log(place)
+    scenario = read_header(open_log(log)).scenario
+    told = _metrics(place)
+    rmse = told.get("position_rmse")
+    return Kept(
+        name=place.name,
+        log=log,
+        scenario=scenario.name,
+        filter=scenario.filter.kind,
+        faults=list(dict.fromkeys(fault.kind for fault in scenario.fault)),
+        agents=scenario.count,
+        seed=scenario.seed,
+        tags=_tags(place),
+        result=_result(told),
+        rmse=rmse if isinstance(rmse, float) else None,
+    )
+
+
+def _result(told: Mapping[str, object]) -> str:
+    if not told:
+        return "unknown"
+    if told.get("lost"):
+        return "lost"
+    return "complete" if told.get("complete") else "stopped" if told.get("stopped") else "incomplete"
+
+
+def _metrics(place: Path) -> dict[str, object]:
+    try:
+        told = json.loads((place / "metrics.json").read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return told if isinstance(told, dict) else {}
+
+
+def _tags(place: Path) -> list[str]:
+    try:
+        told = json.loads((place / _TAGS).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return []
+    return [str(one) for one in told] if isinstance(told, list) else []

@@ -1,0 +1,114 @@
+"""Figures and tables for papers, and the runs in logs/ as a collection."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import re
+import shutil
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+import pytest
+
+from tests.within import within
+
+GOLDEN = Path(__file__).parents[1] / "golden"
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with two runs in logs/."""
+    place = tmp_path_factory.mktemp("collection")
+    for name, log in (("first", "cbef"), ("second", "crash")):
+        (place / "logs" / name).mkdir(parents=True)
+        shutil.copy(GOLDEN / f"{log}.mcap", place / "logs" / name / "run.mcap")
+    assert within(place, "analyze", "second").returncode == 0
+    return place
+
+
+def test_a_figure_says_in_each_format_what_made_it(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PATH", "/nothing")  # no LaTeX is needed for PGF
+    formats = [part for kind in ("pdf", "svg", "pgf", "png") for part in ("--format", kind)]
+    wide = ["--width", "5", "--only", "msee", "--only", "timeline", "--label", "time (s)=Zeit (s)"]
+    done = within(folder, "figures", "first", "-o", "paper", *formats, *wide)
+    assert done.returncode == 0, done.stderr
+    assert len(done.stdout.split()) == 8
+    for name in ("msee", "timeline"):
+        files = {kind: (folder / "paper" / f"{name}.{kind}").read_bytes() for kind in ("pdf", "svg", "pgf", "png")}
+        assert all(b"figures first -o paper" in text and b"zenoh-cbef 0" in text for text in files.values())
+        assert files["pdf"].startswith(b"%PDF")
+        assert ET.fromstring(files["svg"]).get("width") == "360pt"
+        picture = files["pgf"].decode()
+        assert "Zeit (s)" in picture
+        assert picture.count("\\begin{pgfscope}") == picture.count("\\end{pgfscope}") > 10
+        assert picture.count("{pgfpicture}") == 2
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--format", "bmp"], "pdf, svg, pgf, png"),
+        (["--style", "no-such-style"], "name another"),
+        (["--only", "nix"], "there are innovation"),
+        (["--label", "time"], "TEXT=WORDS"),
+    ],
+)
+def test_a_mistake_is_one_sentence(folder: Path, options: list[str], said: str) -> None:
+    done = within(folder, "figures", "first", "-o", "wrong", *options)
+    assert done.returncode == 2
+    assert said in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+
+
+def test_runs_are_found_tagged_compared_and_deleted(folder: Path) -> None:
+    def names(*options: str) -> list[str]:
+        return [one["name"] for one in json.loads(within(folder, "runs", "list", "--json", *options).stdout)]
+
+    assert names() == ["first", "second"]
+    assert names("--filter", "cbef") == ["first"]
+    assert names("--fault", "crash") == ["second"]
+    assert names("--result", "unknown") == ["first"]
+    assert within(folder, "runs", "tag", "first", "second", "--add", "paper").returncode == 0
+    assert names("--tag", "paper") == ["first", "second"]
+    assert len(json.loads(within(folder, "compare", "@paper", "--json").stdout)) == 2
+    assert within(folder, "runs", "tag", "first", "--remove", "paper").stdout == "first: no tag\n"
+    assert names("--tag", "paper") == ["second"]
+    refused = within(folder, "compare", "@nothing")
+    assert refused.returncode == 2
+    assert "runs list" in refused.stderr
+    shutil.copytree(folder / "logs" / "first", folder / "logs" / "third")
+    assert within(folder, "runs", "rm", "third", "--yes").returncode == 0
+    assert names() == ["first", "second"]
+    assert within(folder, "runs", "rm", "third", "--yes").returncode == 2
+    assert json.loads(within(folder, "runs", "show", "second").stdout)["agents"] > 0
+
+
+def test_tables_are_latex_or_csv(folder: Path) -> None:
+    text = within(folder, "compare", "first", "second", "--table", "latex").stdout
+    rows = [line for line in text.splitlines() if line.endswith(r"\\")]
+    assert len(rows) == 3
+    assert {line.count(" & ") for line in rows} == {
+        len(re.findall(r"[lr]", text.split("tabular}{")[1].split("}")[0])) - 1
+    }
+    assert "compare first second" in text.splitlines()[0]
+    table = list(csv.reader(io.StringIO(within(folder, "analyze", "first", "--table", "csv").stdout)))
+    assert table[0][1:] == ["network", "centralised", "bound", "network / centralised"]
+    assert table[1][0] == "position RMSE (m)"
+
+
+def test_the_figures_and_the_table_of_an_experiment_are_printed(tmp_path: Path) -> None:
+    (tmp_path / "base.toml").write_text("steps = 15\n[agents]\ncount = 4\n")
+    (tmp_path / "small.toml").write_text(
+        'base = "base.toml"\nseeds = 2\n'
+        '[[vary]]\nkey = "consensus.rounds"\nvalues = [2, 4]\n'
+        '[[vary]]\nkey = "filter.kind"\nvalues = ["icf", "sicf"]\n'
+    )
+    done = within(tmp_path, "experiment", "run", "small.toml", "-o", "found", "--jobs", "1")
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "found" / "results.tex").read_text().count(r"\\") == 5
+    done = within(tmp_path, "figures", "found", "-o", "paper", "--only", "position-rmse-map")
+    assert done.returncode == 0, done.stderr
+    printed = {path.stem for path in (tmp_path / "paper").glob("*.pdf")}
+    assert printed == {"position-rmse-map"}

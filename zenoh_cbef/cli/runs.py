@@ -1,0 +1,99 @@
+"""runs: those in logs/, as a collection."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.table import Table
+
+from zenoh_cbef.cli.completing import logs
+from zenoh_cbef.cli.console import console, number
+from zenoh_cbef.cli.fitting import Fitting
+from zenoh_cbef.cli.offer import group
+from zenoh_cbef.cli.options import AsJson
+from zenoh_cbef.errors import UserError
+from zenoh_cbef.log.tools.collection import Kept, find_run, remove, runs, tag
+
+Names = Annotated[list[str], typer.Argument(metavar="RUN...", autocompletion=logs, help="Names of runs in logs/.")]
+Sought = Annotated[str | None, typer.Option(help="Only runs of this one.")]
+
+
+def _list(
+    scenario: Sought = None,
+    filter_: Annotated[str | None, typer.Option("--filter", help="Only runs with this filter.")] = None,
+    fault: Annotated[str | None, typer.Option(help="Only runs with a fault of this kind.")] = None,
+    result: Annotated[
+        str | None, typer.Option(help="Only runs that are complete, stopped, incomplete, lost or unknown.")
+    ] = None,
+    tagged: Annotated[str | None, typer.Option("--tag", help="Only runs with this tag.")] = None,
+    as_json: AsJson = False,
+) -> None:
+    """List the runs in logs/, or those that are looked for."""
+    found = [
+        one
+        for one in runs()
+        if scenario in {None, one.scenario}
+        and filter_ in {None, one.filter}
+        and (fault is None or fault in one.faults)
+        and result in {None, one.result}
+        and (tagged is None or tagged in one.tags)
+    ]
+    if as_json:
+        print(json.dumps([_told(one) for one in found]))
+        return
+    table = Table()
+    for head in ("run", "scenario", "filter", "faults", "result", "RMSE", "tags"):
+        table.add_column(head, overflow="fold")
+    for one in found:
+        cells = one.scenario, one.filter, ", ".join(one.faults), one.result, number(one.rmse, "m")
+        table.add_row(one.name, *cells, " ".join(f"@{each}" for each in one.tags))
+    console.print(Fitting(table))
+
+
+def _show(names: Names) -> None:
+    """Show what runs are, and what came of them, as JSON."""
+    for name in names:
+        print(json.dumps(_told(find_run(name)), indent=1))
+
+
+def _told(one: Kept) -> dict[str, object]:
+    return asdict(one) | {"log": str(one.log)}
+
+
+def _tag(
+    names: Names,
+    add: Annotated[list[str] | None, typer.Option("--add", "-a", metavar="TAG", help="Give it; repeatable.")] = None,
+    take: Annotated[
+        list[str] | None, typer.Option("--remove", "-r", metavar="TAG", help="Take it away; repeatable.")
+    ] = None,
+) -> None:
+    """Give runs tags, and take them away; 'compare @TAG' then means all that have it."""
+    if not add and not take:
+        raise UserError("say which tag, with --add TAG or --remove TAG")
+    for one in [find_run(name) for name in names]:
+        typer.echo(f"{one.name}: {' '.join(f'@{each}' for each in tag(one, add or (), take or ())) or 'no tag'}")
+
+
+def _rm(names: Names, yes: Annotated[bool, typer.Option("--yes", "-y", help="Do not ask.")] = False) -> None:
+    """Delete runs: their folders in logs/, with log, report and figures."""
+    found = [find_run(name) for name in names]
+    if not yes:
+        typer.confirm(f"delete {', '.join(str(Path('logs') / one.name) for one in found)}?", abort=True, err=True)
+    for one in found:
+        remove(one)
+        typer.echo(f"{one.name} deleted")
+
+
+VERB = group(
+    "List, show, tag and delete the runs in logs/.",
+    {
+        "runs list --filter sicf --fault loss": _list,
+        "runs show latest": _show,
+        "runs tag latest --add paper": _tag,
+        "runs rm old-run": _rm,
+    },
+)
