@@ -107,7 +107,7 @@ class World:
     def wait_for_messages(self, size: int = 20_000) -> None:
         """Wait until the log has grown, so that the run is surely under way."""
         active = self.log.with_name(self.log.name + ".active")
-        until = time.monotonic() + 100
+        until = time.monotonic() + 300  # eight processes begin at once, which takes long on a busy machine
         while time.monotonic() < until:
             if active.exists() and active.stat().st_size > size:
                 return

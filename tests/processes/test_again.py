@@ -9,7 +9,9 @@ def test_processes_of_a_targets_earlier_run_end_and_leave_the_next_one_alone(wor
     endpoint = f"tcp/127.0.0.1:{free_port}"
     join = ["--run", world.run, "--connect", endpoint, "--patience", "100"]
     place = ["--run", world.run, "--listen", endpoint]
-    first = world.start("target", "tracking", *settings("steps=300"), *place)
+    # Agents wait that long for their target: the next one may take its time to begin.
+    patience = "timing.patience=100"
+    first = world.start("target", "tracking", *settings("steps=300", patience), *place)
 
     def others(log: str) -> list:
         agents = [world.start("agent", str(agent), *join) for agent in range(4)]
