@@ -119,8 +119,7 @@ class Fleet:
         member.child = self._nursery.start([*member.command], environment, place, self._tell)
         member.stage, member.began = "starting", time.monotonic()
         member.starts += 1
-        if len(self.members) > (os.cpu_count() or 1):
-            member.child.keep_to_core(self.members.index(member))
+        member.child.keep_to_core(self.members.index(member), len(self.members))
 
     def _place(self, member: Member) -> Path:
         return Path(self._folder.name) / f"agent-{member.agent}"

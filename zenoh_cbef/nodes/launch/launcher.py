@@ -7,12 +7,9 @@ import math
 import os
 import selectors
 import signal
-import subprocess
-import sys
 import tempfile
 import time
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -21,7 +18,9 @@ from typing import IO, Self
 from zenoh_cbef.nodes.common.ending import PLACE, Ending, ending_at
 from zenoh_cbef.nodes.common.node import LEASH, RUN
 from zenoh_cbef.nodes.common.recording import Status
+from zenoh_cbef.nodes.launch.children import Child, Nursery
 from zenoh_cbef.nodes.launch.ports import free_ports
+from zenoh_cbef.nodes.launch.spawned import Spawned
 from zenoh_cbef.protocol.session import ONE_RUNTIME
 from zenoh_cbef.scenario.load import Loaded
 
@@ -55,16 +54,6 @@ class Death:
         return f"{self.name} {how}" + (f": {self.words}" if self.words else "")
 
 
-def _keep_to_one_core(pid: int, agent: int, count: int) -> None:
-    """Where cores are fewer than agents, bind each to a core: moving between them costs more than waiting."""
-    if not hasattr(os, "sched_setaffinity"):
-        return
-    cores = sorted(os.sched_getaffinity(0))
-    if count > len(cores):
-        with suppress(OSError):  # it has ended already, which `watch` notices
-            os.sched_setaffinity(pid, {cores[agent % len(cores)]})
-
-
 class Launcher:
     """All processes of one run. Use as a context manager: leaving it ends every process.
 
@@ -75,7 +64,7 @@ class Launcher:
     def __init__(self, arguments: Sequence[str], loaded: Loaded, run: str, log: Path, *, sync: bool = False) -> None:
         self._arguments, self._loaded, self._run = list(arguments), loaded, run
         self._log, self._sync = log, sync
-        self._processes: dict[str, subprocess.Popen[bytes]] = {}
+        self._processes: dict[str, Child | Spawned] = {}
         self.endpoint = ""
         self._commands: dict[str, list[str]] = {}
         self._restarts: dict[str, float] = {}
@@ -88,18 +77,22 @@ class Launcher:
 
     def __enter__(self) -> Self:
         self._folder = tempfile.TemporaryDirectory(prefix="zenoh-cbef-")
+        self._nursery = Nursery().__enter__()
         try:
             self._start_all()
         except BaseException:
-            self.kill()
-            self._folder.cleanup()
+            self._clear()
             raise
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
     ) -> None:
+        self._clear()
+
+    def _clear(self) -> None:
         self.kill()
+        self._nursery.__exit__(None, None, None)
         self._folder.cleanup()
 
     def _start_all(self) -> None:
@@ -130,27 +123,15 @@ class Launcher:
 
     def _spawn(self, name: str, command: list[str]) -> None:
         self._commands[name] = command
-        # One thread per process: the matrices are six by six, and cores are few.
         place = self._ending(name)
         place.unlink(missing_ok=True)
-        environment = os.environ | {
-            LEASH: RUN,
-            PLACE: str(place),
-            "OPENBLAS_NUM_THREADS": "1",
-            "ZENOH_RUNTIME": ONE_RUNTIME,
-        }
-        with self._words(name).open("ab") as words:
-            self._processes[name] = subprocess.Popen(
-                [sys.executable, "-m", "zenoh_cbef", *command],
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE if name == "recorder" else subprocess.DEVNULL,
-                stderr=words,
-                env=environment,
-                start_new_session=True,
-            )
-        if name.startswith("agent"):
-            agent = int(name.removeprefix("agent "))
-            _keep_to_one_core(self._processes[name].pid, agent, self._loaded.scenario.count)
+        environment = {LEASH: RUN, PLACE: str(place), "ZENOH_RUNTIME": ONE_RUNTIME}
+        if not name.startswith("agent"):
+            self._processes[name] = Spawned(command, environment, self._words(name), tells=name == "recorder")
+            return
+        child = self._nursery.start(command, environment, self._words(name))
+        child.keep_to_core(int(name.removeprefix("agent ")), self._loaded.scenario.count)
+        self._processes[name] = child
 
     def _words(self, name: str) -> Path:
         return Path(self._folder.name) / name.replace(" ", "-")
@@ -169,9 +150,7 @@ class Launcher:
         cleanly, twice at once. A process that dies before the first step ends the run.
         """
         with selectors.DefaultSelector() as selector:
-            output = self._processes["recorder"].stdout
-            if output is None:
-                raise RuntimeError("the recorder was started without a pipe")
+            output = self._recorder_output()
             os.set_blocking(output.fileno(), False)
             selector.register(output, selectors.EVENT_READ)
             while len(self._ended) < len(self._processes) or self._restarts:
@@ -181,6 +160,12 @@ class Launcher:
                 self._note_ends()
                 self._restart()
                 self._obey(asked_to_stop())
+
+    def _recorder_output(self) -> IO[bytes]:
+        recorder = self._processes["recorder"]
+        if not isinstance(recorder, Spawned):
+            raise TypeError("the recorder is no process whose output can be read")
+        return recorder.output
 
     def _read_status(self, output: IO[bytes], on_status: Callable[[Status], None]) -> bool:
         data = output.read()
@@ -222,7 +207,7 @@ class Launcher:
         for name in [name for name, due in self._restarts.items() if time.monotonic() >= due]:
             del self._restarts[name]
             self._ended.discard(name)
-            self._close_pipes(self._processes[name])
+            self._processes[name].close()
             self._spawn(name, self._commands[name])
 
     def _last_words(self, name: str) -> str:
@@ -276,24 +261,16 @@ class Launcher:
     def _terminate(self, names: set[str]) -> None:
         for name in names - self._ended:
             self._told.add(name)
-            self._processes[name].terminate()
+            self._processes[name].send(signal.SIGTERM)
 
     def kill(self) -> None:
         """End every process now; the recorder gets a moment to close its file."""
         for name, process in self._processes.items():
             if process.poll() is None:
                 self._told.add(name)
-                (process.terminate if name == "recorder" else process.kill)()
+                process.send(signal.SIGTERM if name == "recorder" else signal.SIGKILL)
         for process in self._processes.values():
-            try:
+            if process.wait(_LAST_SECONDS) is None:
+                process.send(signal.SIGKILL)
                 process.wait(_LAST_SECONDS)
-            except subprocess.TimeoutExpired:
-                process.kill()
-                process.wait()
-            self._close_pipes(process)
-
-    @staticmethod
-    def _close_pipes(process: subprocess.Popen[bytes]) -> None:
-        for pipe in (process.stdin, process.stdout):
-            if pipe is not None:
-                pipe.close()
+            process.close()
