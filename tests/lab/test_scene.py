@@ -56,6 +56,14 @@ def test_a_frame_holds_the_numbers_of_its_step(scene, trace):
     assert np.isfinite(gone["estimate"][[0, 2, 3]]).all()
 
 
+def test_marks_say_what_became_of_each_message_of_a_step(scene):
+    links = scene.frame(15)["links"]
+    marks = scene.marks(15)
+    assert [mark.count("x") for mark in marks] == links[:, 1].astype(int).tolist()
+    assert {len(mark) for mark in marks} == {10}
+    assert not any(scene.marks(5))
+
+
 def test_messages_of_single_steps_add_up_to_those_of_the_run(scene, trace):
     fresh = np.nansum([scene.frame(step)["links"] for step in range(1, 41)], axis=0)
     order = np.lexsort((trace.links.source, trace.links.destination))

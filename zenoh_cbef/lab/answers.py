@@ -112,6 +112,8 @@ class Page:
                 "curves": [known, newest],
                 "events": _events(scene.recording.events, asked.get("events"), scene.plan.scenario.dt),
             }
+            if asked.get("marks") is True:
+                told["marks"] = scene.marks(step)
         if self._bench.beside is not None:
             told["beside"] = _beside(self._bench.beside, step * source.scene.plan.scenario.dt, asked, arrays)
         return framed(told, arrays)

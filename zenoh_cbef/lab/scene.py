@@ -98,6 +98,17 @@ class Scene:
             "links": self.fresh(row, row + 1)[:, 0],
         }
 
+    def marks(self, step: int) -> list[str]:
+        """What faults did to each message of each link in a step, (e); empty where they did nothing, or none tells."""
+        found = [""] * len(self.links)
+        for agent, receipts in enumerate(self.recording.receipts):
+            told = receipts.told(step)
+            rows = self._rows_of(agent, receipts).tolist()
+            if told is not None and told.marks is not None and len(rows) == len(told.marks):
+                for row, mark in zip(rows, told.marks, strict=True):
+                    found[row] = mark
+        return found
+
     def trail(self, step: int, length: int, most: int) -> Arrays:
         """Where target and agents' estimates were in the steps before one, oldest first.
 

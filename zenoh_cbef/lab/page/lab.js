@@ -9,17 +9,16 @@ import { Opening } from "./opening.js";
 import { Panels } from "./panels.js";
 import { sides } from "./picking.js";
 import { standing } from "./standing.js";
+import { Steering } from "./steering.js";
 import { Wire, exported } from "./wire.js";
 
 const TRAIL = 40;
 const SPEEDS = [0.02, 0.05, 0.1, 0.25, 0.5, 1, 2, 5, 10, 50];
 const SLOW_STEPS = 3; // steps a second below which passing messages are drawn
 const CURVES_MS = 150;
-const STEER_MS = 500;
-const NUDGE = 3; // m
 
 const $ = (id) => document.getElementById(id);
-const state = { scene: null, frame: null, step: 1, newest: 0, follows: true, plays: true, speed: 1, known: 0, events: 0, whole: 0 };
+const state = { scene: null, frame: null, step: 1, newest: 0, follows: true, plays: true, speed: 1, known: 0, events: 0, whole: 0, round: 0 };
 const trails = { truth: [], agents: [], step: 0 };
 
 const map = new MapView($("canvas"));
@@ -77,8 +76,16 @@ function controls() {
 }
 
 function seek(step) {
-  Object.assign(state, { follows: false, plays: false, step: Math.min(Math.max(step, 1), state.newest), whole: 0 });
+  Object.assign(state, { follows: false, plays: false, step: Math.min(Math.max(step, 1), state.newest), whole: 0, round: 0 });
   controls();
+}
+
+/** One round of consensus on: the messages of a step pass one after the other. */
+function round() {
+  const next = state.round + 1;
+  if (next > state.scene.rounds) forward();
+  else { seek(state.step); state.redraw = true; }
+  state.round = next > state.scene.rounds ? 1 : next;
 }
 
 function follow() {
@@ -87,7 +94,7 @@ function follow() {
 }
 
 function play() {
-  state.plays = !state.plays;
+  Object.assign(state, { plays: !state.plays, round: 0 });
   if (!state.plays) state.follows = false;
   else if (state.step >= state.newest && !state.scene.live) state.step = 1;
   controls();
@@ -139,7 +146,7 @@ function question(elapsed) {
   const idle = ["goes on", "is read"].includes(state.state) && performance.now() - state.asked > 400;
   if (!fresh && !idle) return null;
   state.asked = performance.now();
-  const table = { ask: "frame", curves: state.known, events: state.events, beside: beside.known };
+  const table = { ask: "frame", curves: state.known, events: state.events, beside: beside.known, marks: true };
   if (follows) table.after = state.newest;
   else table.step = state.step;
   const next = follows ? state.newest + 1 : state.step;
@@ -186,7 +193,9 @@ function draw() {
   const time = frame.step * scene.dt;
   panels.drawFaults(frame.faults, time);
   const slow = state.plays && !state.follows && state.speed / scene.dt < SLOW_STEPS;
-  map.draw(frame.arrays, trails, standing(scene, frame.arrays, frame.faults, time), slow ? state.whole : null);
+  map.marks = frame.marks;
+  const phase = state.round ? (state.round - 0.5) / scene.rounds : slow ? state.whole : null;
+  map.draw(frame.arrays, trails, standing(scene, frame.arrays, frame.faults, time), phase);
   beside.draw();
   panels.draw(frame.arrays);
   panels.drawEvents(time);
@@ -196,6 +205,7 @@ function draw() {
   $("step").max = String(Math.max(frame.newest, 1));
   if (document.activeElement !== $("step") || state.follows) $("step").value = String(frame.step);
   $("clock").textContent = `${time.toFixed(2)} s, step ${frame.step} of ${scene.live ? scene.steps : frame.newest}`
+    + (state.round ? `, round ${state.round} of ${scene.rounds}` : "")
     + ({ ended: ", ended", "is read": ", the log is being read" }[frame.state] ?? "");
   if (performance.now() - drawnCurves > CURVES_MS) {
     drawnCurves = performance.now();
@@ -230,26 +240,11 @@ hands(map, {
   clicked: (picked, event) => pick(picked, event.clientX, event.clientY),
   draws: () => state.parts,
   drawn: part,
-  steers: () => steerable(),
-  steered: (place, last) => steer(place, last),
+  steers: () => steering.may(),
+  steered: (place, last) => steering.steer(place, last),
 });
 
-const steerable = () => state.scene?.steered && state.scene.live && state.state === "goes on";
-
-/** Send the target somewhere: at most so often while it is dragged, and where it is let go. */
-let steered = 0;
-function steer(place, last) {
-  if (!last && performance.now() - steered < STEER_MS) return;
-  steered = performance.now();
-  inject({ kind: "steer", to: place.map((one) => Number(one.toFixed(3))) }, null);
-}
-
-/** Send the target so many metres on from where it is. */
-function nudge(dx, dy) {
-  if (!steerable()) return;
-  const [x, y, z] = state.frame.arrays.truth;
-  steer([x + dx, y + dy, z], true);
-}
+const steering = new Steering(state, inject);
 
 function part(from, to) {
   parting(false);
@@ -269,16 +264,16 @@ function solid() {
 }
 
 const acts = {
-  play, view: solid, back: () => seek(state.step - 1), on: forward, live: follow, hold: () => hold(!state.held),
+  play, view: solid, back: () => seek(state.step - 1), on: forward, round, live: follow, hold: () => hold(!state.held),
   fit: () => { map.fitted = true; state.redraw = true; }, cut: () => parting(!state.parts),
   undo: () => order("undo"), stop: () => order("stop"), choose: () => opening.show().catch(() => {}),
 };
 for (const [id, act] of Object.entries(acts)) $(id).addEventListener("click", () => (state.scene || id === "choose") && act());
 
 const keys = {
-  " ": play, ArrowLeft: () => seek(state.step - 1), ArrowRight: forward, h: () => !$("hold").hidden && hold(!state.held), Home: () => seek(1), End: follow,
+  " ": play, ArrowLeft: () => seek(state.step - 1), ArrowRight: forward, r: round, h: () => !$("hold").hidden && hold(!state.held), Home: () => seek(1), End: follow,
   f: acts.fit, t: solid, p: () => !$("cut").hidden && acts.cut(), u: () => !$("undo").hidden && acts.undo(), l: follow,
-  w: () => nudge(0, NUDGE), s: () => nudge(0, -NUDGE), a: () => nudge(-NUDGE, 0), d: () => nudge(NUDGE, 0),
+  w: () => steering.nudge(0, 1), s: () => steering.nudge(0, -1), a: () => steering.nudge(-1, 0), d: () => steering.nudge(1, 0),
 };
 addEventListener("keydown", (event) => {
   const field = event.target.closest("input:not([type=range]), select, button, dialog, #menu");

@@ -125,7 +125,7 @@ export class MapView extends View {
       this.stroke([from, to]);
       c.setLineDash([]);
       c.globalAlpha = 1;
-      if (phase !== null && total > 0) this.message(from, to, phase, came, lost, late);
+      if (phase !== null && total > 0) this.message(from, to, phase, came, lost, late, this.marks?.[row]);
     });
   }
 
@@ -137,16 +137,19 @@ export class MapView extends View {
     return [[from[0] + ox, from[1] + oy], [to[0] + ox, to[1] + oy]];
   }
 
-  message(from, to, phase, came, lost, late) {
+  /** A message on its way. marks: what became of each of the step; without them the lost ones are spread over it. */
+  message(from, to, phase, came, lost, late, marks) {
     const { context: c, colours } = this;
     const total = came + lost + late;
     const place = Math.min(phase * total, total - 1e-6);
     const which = Math.floor(place);
     const along = place - which;
+    const told = marks?.length === total ? marks[which] : undefined;
     const struck = (number) => Math.floor(((which + 1) * number) / total) > Math.floor((which * number) / total);
-    const gone = struck(lost);
+    const gone = told ? "x!-".includes(told) : struck(lost);
+    const slow = told ? told === ">" : struck(late);
     if (gone && along > 0.55) return;
-    c.fillStyle = gone ? colours.lost : struck(late) ? colours.late : colours.accent;
+    c.fillStyle = gone ? colours.lost : slow ? colours.late : colours.accent;
     c.beginPath();
     c.arc(from[0] + along * (to[0] - from[0]), from[1] + along * (to[1] - from[1]), gone ? 3.2 : 2.6, 0, 7);
     c.fill();
