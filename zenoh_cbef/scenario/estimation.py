@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, Field, field_validator, model_validator
+from pydantic import AfterValidator, Field, JsonValue, field_validator, model_validator
 
 from zenoh_cbef.quantities import Acceleration, Chance, Duration, Factor, Length, Metres, Rate, Seconds, Speed, Spread
 from zenoh_cbef.scenario.table import EachPosition, EachVelocity, Table, one_of
-from zenoh_cbef.tracking.filters import KINDS, Abilities, abilities_of
+from zenoh_cbef.tracking.filters import Abilities, abilities_of, kind_of, options_of
 from zenoh_cbef.tracking.motion import MOTIONS, is_linear
 
 
@@ -52,11 +52,15 @@ class Filter(Table):
     and only agents that hear ranges vote for another fix.
     linearise: ranges before they are averaged, each agent its own at its own prior, or their average, of squares, after
     that; auto: after, for filters that can, where priors may be wide.
+    options: of a kind of another package, as its own model has them. plugin: that package, its version and a hash of
+    its source; None: as they are on this host.
     reacquire: a network that was silent for long, or has lost its target, looks for it by another fix.
     """
 
     kind: str = "sicf"
     defaults: Literal[1, 2, 3, 4, 5] = 5
+    options: Annotated[dict[str, JsonValue] | None, Field(description="a table of options")] = None
+    plugin: str | None = None
     xi: Annotated[Factor | Literal["auto"], Field(description="a number from 1e-06 to 1e+12, or 'auto'")] = "auto"
     saturation: Literal["auto", "bounded", "redescending"] = "auto"
     recovery: bool = False
@@ -97,12 +101,18 @@ class Filter(Table):
     @field_validator("kind")
     @classmethod
     def _known(cls, value: str) -> str:
-        return one_of(value, tuple(KINDS))
+        kind_of(value)
+        return value
 
     @field_validator("motion")
     @classmethod
     def _known_motion(cls, value: str) -> str:
         return one_of(value, ("auto", *MOTIONS, "imm"))
+
+    @model_validator(mode="after")
+    def _takes_options(self) -> Filter:
+        options_of(self.kind, self.options or {})
+        return self
 
     @model_validator(mode="after")
     def _moves(self) -> Filter:

@@ -22,6 +22,7 @@ from zenoh_cbef.scenario.mistakes import sentence
 from zenoh_cbef.scenario.model import Scenario
 from zenoh_cbef.scenario.paths import step_times
 from zenoh_cbef.scenario.plan import Plan
+from zenoh_cbef.scenario.plugged import stamped
 from zenoh_cbef.words import counted
 
 _SHORT_NUMBER = re.compile(r"[+-]?(\.\d+|\d+\.)(e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
@@ -62,8 +63,11 @@ def read_tables(name: str) -> tuple[str, dict[str, object], Path]:
 
 
 def complete(data: Mapping[str, object], name: str, folder: Path) -> Scenario:
-    """The scenario of these tables, with recorded data laid out; relative paths start from the folder."""
-    return _lay_out(parse(data, name), folder)
+    """The scenario of these tables, complete: with recorded data laid out, and what its plug-ins are.
+
+    Relative paths start from the folder.
+    """
+    return _lay_out(stamped(parse(data, name)), folder)
 
 
 def parse(data: Mapping[str, object], name: str) -> Scenario:

@@ -170,6 +170,7 @@ class Plan:
             tries_guess=self.search is not None and start.tries_guess(scenario),
             search=self.search,
             guesses=start.guesses(scenario) if chosen.defaults > 3 else None,
+            options=chosen.options or {},
         )
 
     @cached_property

@@ -17,6 +17,7 @@ from zenoh_cbef.log.read.recording import Recording, read_recording
 from zenoh_cbef.log.read.trace import trace_of
 from zenoh_cbef.protocol.kinds import EventMessage
 from zenoh_cbef.scenario.plan import Plan
+from zenoh_cbef.scenario.plugged import stamped
 from zenoh_cbef.simulator import Heard, Simulation
 from zenoh_cbef.trace import Trace
 from zenoh_cbef.words import counted
@@ -85,10 +86,11 @@ def _doubt(recording: Recording, simulation: Simulation) -> str:
 
 
 def verify(path: Path, *, tolerance: float = 0.0) -> Verdict:
-    """Execute the run of a log again and compare. Raises UserError where the file is no log of a run."""
+    """Execute the run of a log again and compare. Raises UserError for no log of a run, or other plug-ins."""
     log = open_log(path)
     header = read_header(log)
     scenario = header.scenario
+    stamped(scenario)  # refuses a plug-in that is not the log's
     if scenario.timing.mode == "realtime":
         return Verdict("unknown", "a realtime run depends on when messages came, so it cannot be executed again")
     recording = read_recording(log, header, rounds="payloads")

@@ -22,6 +22,7 @@ from zenoh_cbef.protocol.messages import nan_to_nil
 from zenoh_cbef.scenario import Scenario
 from zenoh_cbef.scenario.load import Loaded, apply, parse, put_all
 from zenoh_cbef.scenario.paths import agent_positions, step_times
+from zenoh_cbef.scenario.plugged import forget_plugins, stamped
 from zenoh_cbef.scenario.world import World
 
 _PAST = ("seed", "dt", "target", "agents", "sensor")
@@ -109,10 +110,11 @@ class Measurements:
         before, steps = self.header.scenario, self.steps
         data = before.model_dump(mode="json", by_alias=True, exclude_none=True)
         data["steps"] = steps
+        forget_plugins(data, [*(one.partition("=")[0].strip() for one in overrides), *values])
         for one in overrides:
             apply(data, one)
         put_all(data, values)
-        scenario = parse(data, f"the scenario of run {self.header.run!r}")
+        scenario = stamped(parse(data, f"the scenario of run {self.header.run!r}"))
         changed = [key for key in _PAST if getattr(scenario, key) != getattr(before, key)]
         if changed:
             raise UserError(

@@ -17,6 +17,7 @@ from zenoh_cbef.protocol.scenario_service import Clock, ScenarioText, fetch_scen
 from zenoh_cbef.scenario import Scenario
 from zenoh_cbef.scenario.load import parse
 from zenoh_cbef.scenario.plan import Plan
+from zenoh_cbef.scenario.plugged import stamped
 
 HERE = "here"
 """Kind of the event with which a process says where it is."""
@@ -39,7 +40,7 @@ class Briefing:
 def brief(node: Node) -> Briefing:
     """Ask the target for the scenario, for as long as the process's patience lasts.
 
-    Raises UserError where no target answers, or one of another version.
+    Raises UserError where no target answers, or one of another version, or one with other plug-ins.
     """
     run = node.identity.run
     left = max(0.0, node.born + node.identity.patience - time.monotonic())
@@ -53,7 +54,7 @@ def brief(node: Node) -> Briefing:
         tables = read_toml(text.resolved)
     except ValueError as error:
         raise UserError(f"the scenario of run {run!r} is no scenario: {error}; is its target a zenoh-cbef?") from None
-    scenario = parse(tables, f"the scenario of run {run!r}")
+    scenario = stamped(parse(tables, f"the scenario of run {run!r}"))
     if max(text.agents, default=0) >= scenario.count:
         raise UserError(f"run {run!r} tells of agents that its scenario does not have; is its target a zenoh-cbef?")
     return Briefing(text, Plan(scenario), measure_clock(node.session, run))

@@ -1,11 +1,17 @@
-"""The filters by kind. Adding one is a file in kinds/ with a class as in base.py, and a line here."""
+"""The filters by kind. Adding one is a file in kinds/ with a class as in base.py, and a line here.
+
+A kind of another package is named by its class, see plugins.py.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
+from pydantic import BaseModel
 
+from zenoh_cbef.plugins import Plugin, find, read_options
 from zenoh_cbef.tracking.filters.around.auto_bias import AutoBias
 from zenoh_cbef.tracking.filters.around.biased_information import BiasedInformation
 from zenoh_cbef.tracking.filters.around.distrusting import Distrusting
@@ -20,7 +26,7 @@ from zenoh_cbef.tracking.filters.around.returning import Returning
 from zenoh_cbef.tracking.filters.around.squared_information import SquaredInformation
 from zenoh_cbef.tracking.filters.around.supposing import Supposing
 from zenoh_cbef.tracking.filters.around.tried_guess import first_fix
-from zenoh_cbef.tracking.filters.base import Abilities, Belief, Filter, Kind, Sharing, Update
+from zenoh_cbef.tracking.filters.base import Abilities, Belief, Filter, Kind, Sharing, Update, filter_of
 from zenoh_cbef.tracking.filters.kinds.cbef import Cbef
 from zenoh_cbef.tracking.filters.kinds.cbef_scaled import ScaledCbef
 from zenoh_cbef.tracking.filters.kinds.ci import CovarianceIntersection
@@ -41,8 +47,11 @@ __all__ = [
     "Sharing",
     "Update",
     "abilities_of",
+    "kind_of",
     "level_of",
     "make_filter",
+    "mark_of",
+    "options_of",
     "sharing_of",
 ]
 
@@ -59,9 +68,35 @@ KINDS: dict[str, type[Kind]] = {
 }
 
 
+def kind_of(name: str) -> type[Kind]:
+    """The kind of filter of a name. Raises ValueError, to stand after `filter.kind`, where there is none."""
+    return KINDS[name] if name in KINDS else filter_of(_plugin(name).found, name)
+
+
+def mark_of(name: str) -> str | None:
+    """Package, version and source of a kind of another package; None for one of our own."""
+    return None if name in KINDS else _plugin(name).mark
+
+
+def options_of(name: str, given: Mapping[str, object]) -> dict[str, object]:
+    """All options of a kind of another package. Raises ValueError with a sentence that names the option."""
+    model: object = getattr(kind_of(name), "options", None)
+    if isinstance(model, type) and issubclass(model, BaseModel):
+        return read_options(model, given, "filter.options").model_dump(mode="json", by_alias=True)
+    if given:
+        raise ValueError(
+            f"filter.options has {', '.join(given)}, but {name!r} has no options; leave filter.options out"
+        )
+    return {}
+
+
+def _plugin(name: str) -> Plugin:
+    return find("filters", name, tuple(KINDS))
+
+
 def abilities_of(kind: str) -> Abilities:
     """What a kind of filter can do."""
-    return KINDS[kind].abilities
+    return kind_of(kind).abilities
 
 
 def level_of(kind: str, xi: float) -> float:
@@ -71,7 +106,7 @@ def level_of(kind: str, xi: float) -> float:
 
 def sharing_of(kind: str, settings: FilterSettings) -> Sharing:
     """What agents with the filter of one kind exchange, with what the settings put around it."""
-    one = SquaredInformation.sharing if settings.squares else KINDS[kind].sharing
+    one = SquaredInformation.sharing if settings.squares else kind_of(kind).sharing
     shared = InteractingModels.sharing(settings, one) if settings.models else one(settings)
     if settings.bias != "none":
         biased = BiasedInformation.sharing(settings)
@@ -88,7 +123,7 @@ def sharing_of(kind: str, settings: FilterSettings) -> Sharing:
 
 def make_filter(kind: str, settings: FilterSettings) -> Filter:
     """The filter of one kind, with what the settings put around it."""
-    xi, one = level_of(kind, settings.xi), KINDS[kind].of
+    xi, one = level_of(kind, settings.xi), kind_of(kind).of
     if settings.squares:
         chosen: Filter = SquaredInformation.of(settings, xi)
     else:

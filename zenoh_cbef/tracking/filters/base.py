@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import ClassVar, Protocol, Self
+from typing import ClassVar, Protocol, Self, TypeGuard
 
 from zenoh_cbef.arrays import Floats
 from zenoh_cbef.tracking.diagnostics import Diagnostics
@@ -132,3 +132,20 @@ class Kind(Filter, Protocol):
     @classmethod
     def of(cls, settings: FilterSettings) -> Self:
         """The filter of these settings."""
+
+
+def filter_of(found: type, name: str) -> type[Kind]:
+    """A class of another package as a kind of filter. Raises ValueError, to stand after its key, if it is none."""
+    if _is_filter(found):
+        return found
+    lacks = [f"{one}()" for one in _MEMBERS if not callable(getattr(found, one, None))]
+    lacking = ", ".join(lacks) or "abilities, an Abilities of zenoh_cbef.extending"
+    raise ValueError(f"names {name!r}, which is no filter: it lacks {lacking}; add it, see docs/plugins.md")
+
+
+_MEMBERS = ("of", "sharing", "update", "conclude")
+
+
+def _is_filter(found: type) -> TypeGuard[type[Kind]]:
+    there = all(callable(getattr(found, one, None)) for one in _MEMBERS)
+    return there and isinstance(getattr(found, "abilities", None), Abilities)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 from zenoh_cbef.arrays import Floats
 from zenoh_cbef.tracking.motion import Motion
@@ -32,6 +33,7 @@ class FilterSettings:
     probability that it leaves its motion in a step. middle: a point near all agents, the same for all, m. squares:
     whether agents share squared ranges, and linearise what averaging leaves. outliers: what share of the ranges are
     too long, and by how much (m) on average, where the scenario tells so and a first fix takes it into account.
+    options: of a kind of another package, `filter.options`.
     guesses: how many of the agents' guesses of position, and of velocity, are independent; None: a first fix by
     rules before the fourth, see there.
     """
@@ -69,3 +71,4 @@ class FilterSettings:
     squares: bool = False
     outliers: tuple[float, float] | None = None
     guesses: tuple[int, int] | None = (1, 1)
+    options: Mapping[str, object] = field(default_factory=dict)

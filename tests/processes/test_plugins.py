@@ -1,0 +1,109 @@
+"""A filter of another package: as processes, proved, in experiments, and refused where it is another one."""
+
+import csv
+import re
+import shutil
+import subprocess
+import sys
+from importlib import invalidate_caches
+from pathlib import Path
+
+import pytest
+
+from tests.processes.conftest import World, settings
+from tests.processes.plugged import EXAMPLE, installed
+from zenoh_cbef import plugins
+from zenoh_cbef.log.read.parts import open_log
+
+MARK = r"cbef-example 0\.1\.0 sha256:[0-9a-f]{16}"
+GAINS = ("filter.kind=fixed-gains", "filter.options.alpha=0.4")
+
+EXPERIMENT = """
+seeds = 2
+[set]
+steps = 20
+"filter.kind" = "fixed-gains"
+[[vary]]
+key = "filter.options.alpha"
+values = [0.2, 0.9]
+"""
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory) -> Path:
+    return installed(tmp_path_factory.mktemp("example"))
+
+
+@pytest.fixture
+def plugged(site, monkeypatch):
+    """The package can be imported here and in processes that begin now."""
+    monkeypatch.syspath_prepend(site)
+    monkeypatch.setenv("PYTHONPATH", str(site))
+    yield site
+    for name in [name for name in sys.modules if name.split(".")[0] == "cbef_example"]:
+        del sys.modules[name]
+    plugins.find.cache_clear()
+    invalidate_caches()
+
+
+@pytest.fixture
+def changed(site, tmp_path) -> Path:
+    """The same package on another host, with one line more."""
+    copy = shutil.copytree(site, tmp_path / "changed")
+    with (copy / "cbef_example" / "filters.py").open("a", encoding="utf-8") as stream:
+        stream.write("# one line more\n")
+    return copy
+
+
+@pytest.mark.usefixtures("plugged")
+def test_six_processes_run_it_and_their_log_is_proved(world: World):
+    world.complete(*GAINS, "agents.count=6")
+    verdict = world.call("verify", str(world.log))
+    assert verdict.returncode == 0, verdict.stderr
+    assert "equal bit for bit" in verdict.stdout
+    resolved = open_log(world.log).attachments["scenario.resolved.toml"].decode()
+    assert re.search(rf'^plugin = "{MARK}"$', resolved, re.MULTILINE)
+    assert "alpha = 0.4\nbeta = 0.05\n" in resolved
+
+
+@pytest.mark.usefixtures("plugged")
+def test_an_agent_that_has_another_one_is_refused_in_a_sentence(world, changed, monkeypatch, free_port):
+    endpoint = f"tcp/127.0.0.1:{free_port}"
+    target = world.start("target", "tracking", *settings(*GAINS), "--run", world.run, "--listen", endpoint)
+    monkeypatch.setenv("PYTHONPATH", str(changed))
+    agent = world.start("agent", "0", "--run", world.run, "--connect", endpoint, "--patience", "60")
+    _, said = agent.communicate(timeout=120)
+    assert agent.returncode == 2
+    assert "Traceback" not in said
+    assert re.search(
+        rf"filter.kind = 'fixed-gains' is to be {MARK}, but on this host it is {MARK}; install the same package", said
+    )
+    monkeypatch.delenv("PYTHONPATH")
+    without = world.start("agent", "0", "--run", world.run, "--connect", endpoint, "--patience", "60")
+    _, said = without.communicate(timeout=120)
+    assert without.returncode == 2
+    assert "filter.kind must be one of sicf," in said
+    assert target.poll() is None, "the target still waits for agents"
+
+
+@pytest.mark.usefixtures("plugged")
+def test_an_experiment_varies_its_options(world):
+    (world.folder / "gains.toml").write_text(EXPERIMENT)
+    done = world.call("experiment", "gains.toml", "-o", "out", "--jobs", "1")
+    assert done.returncode == 0, done.stderr
+    with (world.folder / "out" / "results.csv").open() as stream:
+        found = {row["filter.options.alpha"]: row["position_rmse"] for row in csv.DictReader(stream)}
+    assert found.keys() == {"0.2", "0.9"}
+    assert found["0.2"] != found["0.9"]
+
+
+@pytest.mark.usefixtures("plugged")
+def test_the_example_keeps_its_own_tests(tmp_path):
+    done = subprocess.run(
+        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", EXAMPLE / "tests"],
+        capture_output=True,
+        text=True,
+        cwd=tmp_path,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout

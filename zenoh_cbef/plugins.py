@@ -1,0 +1,163 @@
+"""What other packages add: a class found by its name, and what tells one version of its package from another.
+
+A name is `package.module:Class`, or a short one that a package declares as an entry point. Only names travel and stand
+in logs, never code: every process imports what is installed on its own host.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass
+from difflib import get_close_matches
+from functools import cache
+from hashlib import sha256
+from importlib import import_module
+from importlib.machinery import ModuleSpec
+from importlib.metadata import Distribution, PackageNotFoundError, distribution, entry_points, packages_distributions
+from importlib.util import find_spec
+from pathlib import Path
+
+from pydantic import BaseModel, ValidationError
+
+_OURS = "zenoh-cbef"
+_REFERENCE = re.compile(r"([^\W\d]\w*(?:\.[^\W\d]\w*)*):([^\W\d]\w*)", re.ASCII)
+_DIGITS = 16
+
+_FAILURES = (
+    ImportError,
+    SyntaxError,
+    AttributeError,
+    NameError,
+    TypeError,
+    ValueError,
+    LookupError,
+    ArithmeticError,
+    RuntimeError,
+    OSError,
+)
+"""What a module with a mistake raises where it is imported."""
+
+
+@dataclass(frozen=True)
+class Plugin:
+    """A class of another package. mark: that package, its version, and a hash of its source, in one line."""
+
+    found: type
+    mark: str
+
+
+@cache
+def find(group: str, name: str, own: tuple[str, ...]) -> Plugin:
+    """The class of a name that is none of our own; group: filters, motions or faults.
+
+    A module is imported only where its package says that it requires this one, or where it belongs to no package: a
+    scenario of a stranger cannot have any other code run. Raises ValueError: what is wrong with the name, and the
+    remedy, to stand after a key.
+    """
+    short = {one.name: one.value for one in entry_points(group=f"zenoh_cbef.{group}")}
+    reference = _REFERENCE.fullmatch(short.get(name, name))
+    if reference is None:
+        known = ", ".join((*own, *sorted(short)))
+        raise ValueError(f"must be one of {known}, or 'package.module:Class', not {name!r}")
+    module, attribute = reference.groups()
+    top, spec = _top(module)
+    package = _package(top)
+    _refuse_strangers(name, top, package)
+    try:
+        there = import_module(module)
+    except _FAILURES as error:
+        if isinstance(error, ModuleNotFoundError) and error.name and f"{module}.".startswith(f"{error.name}."):
+            raise ValueError(_missing(error.name)) from None
+        raise ValueError(
+            f"names module {module!r}, which cannot be imported ({type(error).__name__}: {error}); correct it"
+        ) from None
+    classes = {one: value for one, value in vars(there).items() if isinstance(value, type)}
+    if attribute not in classes:
+        near = get_close_matches(attribute, classes, 1)
+        hint = f"did you mean {near[0]!r}?" if near else "correct the name behind the colon"
+        raise ValueError(f"names {attribute!r}, but module {module!r} has no class of that name; {hint}")
+    told = f"{package.name} {package.version}" if package else top
+    return Plugin(classes[attribute], f"{told} sha256:{_hash(spec)}")
+
+
+def _missing(module: str) -> str:
+    return f"names module {module!r}, which is not installed on this host; install its package on every host"
+
+
+def _top(module: str) -> tuple[str, ModuleSpec]:
+    """The package that a module is of, past namespaces, which several packages share. Raises ValueError."""
+    top, *inner = module.split(".")
+    if top in sys.stdlib_module_names:
+        raise ValueError(f"names module {module!r} of Python itself, which is no plug-in; name a class of a plug-in")
+    spec = find_spec(top)
+    while spec is not None and spec.origin is None and inner:
+        top = f"{top}.{inner.pop(0)}"
+        spec = find_spec(top)
+    if spec is None:
+        raise ValueError(_missing(top))
+    return top, spec
+
+
+def _package(top: str) -> Distribution | None:
+    """The installed package of a module; None for a file that is only on the path."""
+    try:
+        return distribution(top.replace(".", "-"))
+    except PackageNotFoundError:
+        owners = packages_distributions().get(top.partition(".")[0], [])
+        return distribution(owners[0]) if owners else None
+
+
+def _refuse_strangers(name: str, top: str, package: Distribution | None) -> None:
+    """Raise ValueError for a package that was not written to be a plug-in."""
+    if package is None and top.partition(".")[0] != __package__:
+        return
+    needed = {re.split(r"[^\w.-]", one)[0] for one in (package.requires or [] if package else [])}
+    if _OURS not in {re.sub(r"[-_.]+", "-", one).lower() for one in needed}:
+        told = package.name if package else top
+        raise ValueError(
+            f"names {name!r}, but package {told} does not require {_OURS}, so it is no plug-in; add {_OURS!r} to its "
+            "dependencies, or name a class of a plug-in"
+        )
+
+
+def _hash(spec: ModuleSpec) -> str:
+    """A hash of all files of a package, or of a module's one file."""
+    found = sha256()
+    for folder in map(Path, spec.submodule_search_locations or ()):
+        for path in sorted(folder.rglob("*")):
+            inside = path.relative_to(folder)
+            if path.is_file() and "__pycache__" not in inside.parts:
+                found.update(inside.as_posix().encode() + b"\0" + path.read_bytes() + b"\0")
+    if spec.submodule_search_locations is None and spec.origin is not None:
+        found.update(Path(spec.origin).read_bytes())
+    return found.hexdigest()[:_DIGITS]
+
+
+def read_options(model: type[BaseModel], given: Mapping[str, object], key: str) -> BaseModel:
+    """The options of a plug-in as its own model has them. Raises ValueError, a sentence that begins with the key."""
+    names = [field.alias or name for name, field in model.model_fields.items()]
+    unknown = [name for name in given if name not in names]
+    if unknown:
+        near = get_close_matches(unknown[0], names, 1)
+        hint = f"did you mean {near[0]!r}?" if near else f"it has {', '.join(names) or 'none'}"
+        raise ValueError(f"{key}.{unknown[0]} is no option of {model.__qualname__}; {hint}")
+    try:
+        return model.model_validate(given)
+    except ValidationError as error:
+        raise ValueError(mistake(error, key)) from None
+
+
+def mistake(error: ValidationError, key: str) -> str:
+    """The first mistake of a validation in a sentence that begins with the key of the table."""
+    first = error.errors(include_url=False)[0]
+    place = ".".join((key, *map(str, first["loc"])))
+    if first["type"] == "missing":
+        return f"{place} is missing; add it"
+    said = first["msg"].removeprefix("Value error, ").removeprefix("Input ")
+    return f"{place}: the value {said}, not {_shown(first['input'])}; correct it"
+
+
+def _shown(value: object) -> str:
+    return "a table" if isinstance(value, Mapping) else f"{value!r:.60}"

@@ -1,0 +1,224 @@
+"""What every filter must hold to, as a test that a plug-in calls: `check_filter(Mine)`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+
+from zenoh_cbef import streams
+from zenoh_cbef.arrays import Floats
+from zenoh_cbef.plugins import read_options
+from zenoh_cbef.tracking.filters.base import Belief, Filter, Kind, Update, filter_of
+from zenoh_cbef.tracking.filters.settings import FilterSettings
+from zenoh_cbef.tracking.motion import MotionSettings, make_motion
+from zenoh_cbef.tracking.ranging import Measurement, Space
+
+_AGENTS, _STEPS, _NEIGHBOURS, _DT, _STD = 7, 12, 2, 0.1, 0.1
+_NEGATIVE = -1e-9
+"""A covariance's least eigenvalue in units of its largest one, as rounding leaves it."""
+
+_REMEDY = "correct conclude()"
+
+
+class Nonconforming(AssertionError):
+    """A filter does not do what agents rely on: one sentence that says what, and what to do."""
+
+
+@dataclass(frozen=True)
+class _Course:
+    """What a batch went through: its updates, mixed payloads and beliefs, one for each step."""
+
+    updates: list[Update]
+    mixed: list[Floats]
+    beliefs: list[Belief]
+
+    def bits(self, rows: slice) -> list[bytes]:
+        """All numbers of some agents, step by step."""
+        parts: list[Floats] = []
+        for update, belief in zip(self.updates, self.beliefs, strict=True):
+            said = update.diagnostics.named().values()
+            kept = [] if belief.covariance is None else [belief.covariance]
+            parts += [update.payload, belief.state, *kept, *said, *update.kept, *belief.memory]
+        return [np.ascontiguousarray(part[rows]).tobytes() for part in parts]
+
+
+@dataclass(frozen=True)
+class _Rules:
+    """What a filter says of itself. size: of a state. shared: of a payload. covariance: whether it has one."""
+
+    size: int
+    shared: int
+    covariance: bool
+
+    @classmethod
+    def of(cls, kind: type[Kind], settings: FilterSettings) -> Self:
+        """The rules for one kind of filter."""
+        return cls(settings.motion.size, kind.sharing(settings).payload_size, kind.abilities.covariance)
+
+    def check_update(self, update: Update, measurement: Measurement, when: str) -> None:
+        """Raise Nonconforming where a payload is of the wrong size or no number, or says something of no range."""
+        expected = len(measurement.range), self.shared
+        if update.payload.shape != expected or update.payload.dtype != np.float64:
+            raise Nonconforming(
+                f"{when} the payload is {update.payload.dtype} {update.payload.shape}, but sharing() says float64 "
+                f"{expected}; let both say the same"
+            )
+        if not np.isfinite(update.payload).all():
+            raise Nonconforming(
+                f"{when} the payload is not finite; a missing range is NaN, and an agent without one shares its "
+                "prediction"
+            )
+        silent, said = ~np.isfinite(measurement.range), update.diagnostics
+        if np.isfinite([said.innovation[silent], said.weight[silent]]).any():
+            raise Nonconforming(
+                f"{when} an agent without a range reports an innovation or a weight; use Diagnostics.where(measured, "
+                "...), which leaves them out"
+            )
+
+    def check_belief(self, belief: Belief, count: int, when: str) -> None:
+        """Raise Nonconforming where a belief is of the wrong size, no number, or certain beyond reason."""
+        if belief.state.shape != (count, self.size):
+            raise Nonconforming(f"{when} the state is {belief.state.shape}, not {(count, self.size)}; {_REMEDY}")
+        if not np.isfinite(belief.state).all():
+            raise Nonconforming(f"{when} the state is not finite; {_REMEDY}")
+        if (belief.covariance is not None) != self.covariance:
+            raise Nonconforming(
+                f"abilities.covariance is {self.covariance}, but conclude() says otherwise; let both say the same"
+            )
+        if belief.covariance is not None:
+            self._check_covariance(belief.covariance, count, when)
+
+    def _check_covariance(self, covariance: Floats, count: int, when: str) -> None:
+        if covariance.shape != (count, self.size, self.size):
+            expected = count, self.size, self.size
+            raise Nonconforming(f"{when} the covariance is {covariance.shape}, not {expected}; {_REMEDY}")
+        if not np.isfinite(covariance).all():
+            raise Nonconforming(f"{when} the covariance is not finite; {_REMEDY}")
+        turned = np.swapaxes(covariance, 1, 2)
+        values = np.linalg.eigvalsh(0.5 * (covariance + turned))
+        symmetric = np.allclose(covariance, turned, rtol=1e-6, atol=1e-9)
+        if not symmetric or not (values[:, 0] >= _NEGATIVE * np.abs(values[:, -1])).all():
+            raise Nonconforming(f"{when} the covariance is not symmetric and positive; {_REMEDY}")
+
+
+def check_filter(kind: type, **options: object) -> None:
+    """Ask of a filter all that agents rely on, in space and in a plane.
+
+    Raises Nonconforming, or ValueError for options that the filter has not, or a class that is no filter.
+    kind: the class that `filter.kind` would name. options: as in `filter.options`. The filter goes through twelve steps
+    of seven agents whose payloads are averaged, with ranges missing here and there.
+    """
+    chosen = filter_of(kind, kind.__qualname__)
+    model = getattr(chosen, "options", None)
+    told = read_options(model, options, "filter.options").model_dump(mode="json") if model else options
+    for height in (None, 1.0):
+        try:
+            _check(chosen, replace(_settings(height), options=told))
+        except Nonconforming as error:
+            raise Nonconforming(f"{'in space' if height is None else 'in a plane'} {error}") from None
+
+
+def _settings(height: float | None) -> FilterSettings:
+    space = Space(height)
+    motion = make_motion("ncv", MotionSettings(dt=_DT, acceleration_std=0.5, axes=space.axes))
+    return FilterSettings(motion=motion, space=space, range_std=_STD, xi=1.5, network_size=_AGENTS)
+
+
+def _check(kind: type[Kind], settings: FilterSettings) -> None:
+    one, rules = kind.of(settings), _Rules.of(kind, settings)
+    begun, measured = _begun(settings), _measured(kind, settings)
+    course = _through(one, begun, measured, rules)
+    if _through(one, begun, measured, rules).bits(slice(None)) != course.bits(slice(None)):
+        raise Nonconforming(
+            "the same filter gives other numbers the second time; keep what it remembers in the belief, and draw "
+            "nothing at random"
+        )
+    if _through(kind.of(settings), begun, measured, rules).bits(slice(None)) != course.bits(slice(None)):
+        raise Nonconforming("two filters of the same settings give different numbers; draw nothing at random")
+    _check_batches(one, begun, measured, course, rules)
+    _check_mixtures(one, course, rules)
+
+
+def _begun(settings: FilterSettings) -> Belief:
+    """A belief for each agent before the first step."""
+    key = streams.stream(1, "initial estimate", np.arange(_AGENTS))[:, None]
+    state = streams.normal(key, np.arange(settings.motion.size))
+    return Belief(state, np.tile(np.eye(settings.motion.size), (_AGENTS, 1, 1)))
+
+
+def _measured(kind: type[Kind], settings: FilterSettings) -> list[Measurement]:
+    """Ranges to a target that flies by; some are missing, one agent's always, and one is far too long."""
+    agents = np.arange(_AGENTS)
+    place = 10.0 * streams.normal(streams.stream(1, "placement", agents)[:, None], np.arange(3))
+    width = _NEIGHBOURS if kind.sharing(settings).uses_neighbour_ranges else 0
+    others = (agents[:, None] + np.arange(1, width + 1)) % _AGENTS
+    found = []
+    for step in range(1, _STEPS + 1):
+        target = np.array([0.3 * step, 0.2 * step, 1.0])
+        noise = _STD * streams.normal(streams.stream(1, "range noise", agents), step)
+        ranges = np.linalg.norm(target - place, axis=1) + noise
+        ranges[(agents + step) % 4 == 0] = np.nan
+        ranges[-1] = np.nan
+        if step == _STEPS // 2:
+            ranges[0] = 1e4
+        found.append(Measurement(place, ranges, np.full(_AGENTS, 1e-8), place[others], ranges[others], step=step))
+    return found
+
+
+def _through(
+    one: Filter, belief: Belief, measured: Sequence[Measurement], rules: _Rules, mixed: Sequence[Floats] = ()
+) -> _Course:
+    """Take a batch through all steps. mixed: what averaging leaves; none: each agent's mean with the next agent's."""
+    course = _Course([], [], [])
+    for number, measurement in enumerate(measured):
+        update = one.update(belief, measurement)
+        rules.check_update(update, measurement, f"in step {number + 1}")
+        payload = mixed[number] if mixed else 0.75 * update.payload + 0.25 * np.roll(update.payload, -1, axis=0)
+        belief = one.conclude(payload, update)
+        rules.check_belief(belief, len(payload), f"in step {number + 1}")
+        course.updates.append(update)
+        course.mixed.append(payload)
+        course.beliefs.append(belief)
+    return course
+
+
+def _check_batches(one: Filter, begun: Belief, measured: Sequence[Measurement], course: _Course, rules: _Rules) -> None:
+    """A row alone gives the bits that it gives among others."""
+    for agent in range(_AGENTS):
+        row = slice(agent, agent + 1)
+        alone = _through(
+            one,
+            Belief(begun.state[row], begun.known_covariance[row]),
+            [_measured_by(each, row) for each in measured],
+            rules,
+            [each[row] for each in course.mixed],
+        )
+        if alone.bits(slice(None)) != course.bits(row):
+            raise Nonconforming(
+                f"agent {agent} alone gives other bits than in a batch of {_AGENTS}; use elementwise functions "
+                "and stacked products (A @ x[..., None]), and no sum or product over the agents"
+            )
+
+
+def _measured_by(all_: Measurement, row: slice) -> Measurement:
+    return replace(
+        all_,
+        position=all_.position[row],
+        range=all_.range[row],
+        age=all_.age[row],
+        neighbour_position=all_.neighbour_position[row],
+        neighbour_range=all_.neighbour_range[row],
+    )
+
+
+def _check_mixtures(one: Filter, course: _Course, rules: _Rules) -> None:
+    """Any convex combination of the agents' payloads stands for a belief."""
+    key = streams.stream(1, "consensus", np.arange(_AGENTS))[:, None]
+    for number, update in enumerate(course.updates, 1):
+        weights = streams.uniform(key, _AGENTS * number + np.arange(_AGENTS))
+        weights /= weights.sum(axis=1, keepdims=True)
+        belief = one.conclude(np.einsum("ij,jk->ik", weights, update.payload), update)
+        rules.check_belief(belief, _AGENTS, f"from a convex combination of the payloads of step {number}")
