@@ -86,7 +86,7 @@ REFUSED = {
     "filter.xi = inf": "filter.xi must be a finite number, not inf",
     'filter = {kind = "sicf", measurement = "difference"}': "filter.measurement = 'difference' would count ranges more "
     "than once in 'sicf', as agents' differences share them; set filter.kind = 'ci'",
-    'filter.kind = "ekf"': f"filter.kind must be one of {', '.join(KINDS)}, not 'ekf'",
+    'filter.kind = "ekf"': f"filter.kind must be one of {', '.join(KINDS)}, or 'package.module:Class', not 'ekf'",
     "filter.initial_position = []": "filter.initial_position lists 0 values for 6 agents",
     "filter.initial_position = [1, 2]": "filter.initial_position must have 3 items, not 2",
     "filter.initial_position = [[1, 2]]": "filter.initial_position[0] must have 3 items, not 2",
