@@ -20,10 +20,10 @@ EXTRA_OF = {
     "rerun": "rerun",
     "pandas": "pandas",
     "xarray": "xarray",
+    "rosbags": "ros",
     "starlette": "lab",
     "uvicorn": "lab",
     "websockets": "lab",
-    "rosbags": "ros",
     "serial": "receive",
     "pymavlink": "receive",
 }

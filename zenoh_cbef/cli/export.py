@@ -20,7 +20,9 @@ from zenoh_cbef.log.read.trace import read_trace
 from zenoh_cbef.viewers.arrays import export
 from zenoh_cbef.viewers.recording import write_recording
 from zenoh_cbef.viewers.rerun_file import write_rrd
+from zenoh_cbef.viewers.ros2 import write_ros2
 from zenoh_cbef.viewers.scene import read_scene
+from zenoh_cbef.viewers.tum import write_tum
 from zenoh_cbef.viewers.viz import write_viz
 
 
@@ -33,13 +35,13 @@ class Format(StrEnum):
     viz = "viz"
     rrd = "rrd"
     dataset = "dataset"
+    ros2 = "ros2"
+    tum = "tum"
 
     @property
     def ending(self) -> str:
         """The end of the output's name, after the log's, where no -o names it."""
-        return {"csv": "-csv", "parquet": "-parquet", "viz": "-viz.mcap", "dataset": "-dataset"}.get(
-            self.value, f".{self.value}"
-        )
+        return {Format.npz: ".npz", Format.viz: "-viz.mcap", Format.rrd: ".rrd"}.get(self, f"-{self.value}")
 
     @property
     def suffix(self) -> str:
@@ -49,8 +51,10 @@ class Format(StrEnum):
 
 _HELP = (
     "npz: one file of arrays. csv, parquet: a folder of tables. viz: for Foxglove and Lichtblick. rrd: for Rerun. "
-    "dataset: a folder of ranges to run again."
+    "dataset: a folder of ranges to run again. ros2: a bag of ROS 2. tum: a folder of trajectories for evo."
 )
+_SCENES = {Format.viz: write_viz, Format.rrd: write_rrd, Format.ros2: write_ros2, Format.tum: write_tum}
+"""What writes the formats that show a scene."""
 
 
 def _export(
@@ -62,15 +66,15 @@ def _export(
     smooth: Smooth = False,
     force: Force = False,
 ) -> None:
-    """Write a log's truth, measurements and estimates as arrays that any program reads, or as scenes for viewers."""
+    """Write a log's truth, measurements and estimates as arrays that any program reads, or for viewers and ROS 2."""
     found = find_log(log)
     to = _format(to, output)
     if output is not None and output.exists() and output.samefile(found):
         raise UserError(f"{output} is the log itself, and logs are never overwritten; choose another --output")
     place = found.with_name(stem_of(found) + to.ending) if output is None else _place(output, to, force=force)
-    if to in {Format.viz, Format.rrd}:
+    if to in _SCENES:
         scene = read_scene(log, (lambda trace: smoothed(trace, log)) if smooth else None)
-        trace, paths = scene.trace, (write_viz if to is Format.viz else write_rrd)(scene, place)
+        trace, paths = scene.trace, _SCENES[to](scene, place)
     else:
         trace = read_trace(log)
         trace = smoothed(trace, log) if smooth else trace

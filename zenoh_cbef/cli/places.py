@@ -11,6 +11,8 @@ from zenoh_cbef.log.common.naming import ACTIVE
 _FILES = {".csv", ".html", ".json", ".mcap", ".npz", ".parquet", ".pdf", ".png", ".rrd", ".svg", ".toml"}
 """Suffixes of files; the name of a folder of results ends with none of them."""
 
+_FOLDERS = {"csv": "tables", "parquet": "tables", "tum": "trajectories", "ros2": "a bag"}
+"""Formats that are folders of files, and what stands there."""
 
 _ANY: Mapping[str, str] = {}
 
@@ -58,12 +60,12 @@ def new_folder_of(path: Path, names: Sequence[str], *, force: bool) -> Path:
 
 
 def new_place(path: Path, kind: str, *, force: bool) -> Path:
-    """The place that -o names for arrays: a file, or a folder for tables (csv, parquet). Raises UserError as these."""
-    if kind not in {"csv", "parquet"}:
+    """The place that -o names for an export: a file, or a folder of files. Raises UserError as these."""
+    if kind not in _FOLDERS:
         return new_file(path, force=force)
     if path.is_file():
-        raise UserError(f"{path} is a file, and {kind} is a folder of tables; name another --output")
-    there = next(path.glob(f"*.{kind}"), None)
+        raise UserError(f"{path} is a file, and {kind} is a folder of {_FOLDERS[kind]}; name another --output")
+    there = next((one for suffix in (kind, "mcap") for one in path.glob(f"*.{suffix}")), None)
     if there is not None and not force:
         raise UserError(f"{there} exists; name another --output, or write over it with --force")
     return path

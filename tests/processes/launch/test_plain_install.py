@@ -66,6 +66,7 @@ MAIN_WORK = (
     "timeline logs/plain -o picture.svg",
     "export logs/plain -o run.npz",
     "export logs/plain --to csv -o tables",
+    "export logs/plain --to tum -o trajectories",
     "verify logs/plain",
     "check logs/plain",
     "info logs/plain",
@@ -92,6 +93,7 @@ REFUSED = {
     "export logs/plain --to parquet -o parquet": "pyarrow",
     "export logs/plain --to viz -o viz.mcap": "foxglove",
     "export logs/plain --to rrd -o run.rrd": "rerun",
+    "export logs/plain --to ros2 -o bag": "rosbags",
     "experiment sweep.toml --dask tcp://127.0.0.1:9 -o other": "joblib",
 }
 
