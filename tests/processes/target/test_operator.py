@@ -14,17 +14,14 @@ from zenoh_cbef import __version__
 from zenoh_cbef.log.read.trace import read_trace
 
 
-def status_of(world, *options: str) -> dict:
-    told = world.call("status", "--run", world.run, "--json", *options)
-    assert told.returncode == 0, told.stderr
-    return json.loads(told.stdout)
-
-
 def wait_for(world, condition, *options: str) -> dict:
+    """The first status that fulfils the condition; on a busy machine a run may not answer at once."""
     until = time.monotonic() + 100
-    while not condition(status := status_of(world, *options)):
-        assert time.monotonic() < until, status
-    return status
+    while True:
+        told = world.call("status", "--run", world.run, "--json", *options)
+        if told.returncode == 0 and condition(status := json.loads(told.stdout)):
+            return status
+        assert time.monotonic() < until, (told.stdout, told.stderr)
 
 
 def test_status_tells_who_is_where_and_how_well_they_track(world):
