@@ -47,7 +47,7 @@ OWNERS = {
 
 
 ROOMS = {
-    "nodes": (("agent", "target", "recorder", "replay", "launch"), ("common",)),
+    "nodes": (("agent", "target", "recorder", "receiver", "replay", "launch"), ("common",)),
     "log": (("prove", "tools"), ("read", "write"), ("common", "mcap")),
 }
 """Parts that have rooms, from the top down: a room knows itself and what stands below, never what stands beside."""

@@ -28,6 +28,7 @@ GROUPS = {
         "agent": "Be an agent of a run",
         "fleet": "Be many agents, each a process; restart them",
         "record": "Be the recorder of a run",
+        "receive": "Feed a run from real receivers",
         "router": "Be a router for runs",
         "certs": "Make certificates for runs over networks",
     },

@@ -1,0 +1,1 @@
+"""The process that turns what real receivers say into beacons of a run."""
