@@ -116,7 +116,6 @@ def test_a_serial_port_that_was_unplugged_is_opened_again(tmp_path):
             talking.join()
         os.close(end)
         os.close(tag)
-    lines.close()
 
 
 @pytest.mark.parametrize("source", ["usb", "tcp:a:1", "udp:nowhere", "file:"])
