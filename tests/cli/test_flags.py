@@ -25,6 +25,7 @@ GIVEN = {
     "fault clear": ["--run", "x"],
     "certs new": ["there"],
     "compare": ["nowhere"],
+    "import": ["nowhere", "--output", "there"],
     "experiment run": ["loss"],
 }
 

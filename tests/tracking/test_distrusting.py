@@ -61,7 +61,7 @@ def test_every_step_is_what_the_equations_say_of_each_agent():
             assert update.diagnostics.distrust[agent] == pytest.approx(distrust, abs=1e-9)
             seen.add(round(distrust))
             # The filter itself, told of this noise, sends the same information.
-            each = [name for name in vars(measurement) if name not in ("range_std", "step", "lasting")]
+            each = ("position", "range", "age", "neighbour_position", "neighbour_range")
             own = {name: getattr(measurement, name)[[agent]] for name in each}
             told = Measurement(
                 **own,

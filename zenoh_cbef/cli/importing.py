@@ -42,7 +42,9 @@ def _import(
         list[str] | None,
         typer.Option("--unit", metavar="[COLUMN=]UNIT", help="m, cm, mm, km, ft, in, s, ms, us or ns; repeatable."),
     ] = None,
-    height: Annotated[float | None, typer.Option(help="The target's known height, m, if it moves in a plane.")] = None,
+    height: Annotated[
+        float | None, typer.Option(min=-1e7, max=1e7, help="The known height, m, of a target in a plane.")
+    ] = None,
     separator: Annotated[
         str | None, typer.Option(rich_help_panel=_CSV, help="What parts columns; else guessed.")
     ] = None,

@@ -78,7 +78,7 @@ def _tag(
         typer.echo(f"{one.name}: {' '.join(f'@{each}' for each in tag(one, add or (), take or ())) or 'no tag'}")
 
 
-def _rm(names: Names, yes: Annotated[bool, typer.Option("--yes", "-y", help="Do not ask.")] = False) -> None:
+def _rm(names: Names, yes: Annotated[bool, typer.Option("--yes", help="Do not ask.")] = False) -> None:
     """Delete runs: their folders in logs/, with log, report and figures."""
     found = [find_run(name) for name in names]
     if not yes:

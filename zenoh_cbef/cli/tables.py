@@ -18,7 +18,8 @@ _FEW_SEEDS = 22
 
 def metrics_table(metrics: Metrics) -> Fitting:
     """A run's result."""
-    messages, known = metrics.messages, bool(metrics.scored.steps)
+    messages = metrics.messages
+    known = bool(metrics.scored.steps) or metrics.claimed_position_error is None
     title = f"{metrics.run}: {metrics.filter}, {counted(metrics.agents, 'agent')}, {counted(metrics.steps, 'step')}"
     title += ", errors of x and y alone" if metrics.planar else ""
     title += "" if metrics.complete else " (stopped early)" if metrics.stopped else " (incomplete)"

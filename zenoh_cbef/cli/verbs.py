@@ -69,13 +69,13 @@ GROUPS = {
 """The verbs by the heading that they stand under in `--help`, each with what it does. zenoh_cbef/cli/VERB.py has it."""
 
 
-_FILES = {"import": "importing"}
+FILES = {"import": "importing"}
 """The file of a verb whose name is a word of Python."""
 
 
 def load(verb: str) -> TyperGroup:
     """Import a verb: the group that it is, or one that has it alone."""
-    return typer.main.get_group(import_module(f"zenoh_cbef.cli.{_FILES.get(verb, verb)}").VERB)
+    return typer.main.get_group(import_module(f"zenoh_cbef.cli.{FILES.get(verb, verb)}").VERB)
 
 
 class _Verbs(TyperGroup):

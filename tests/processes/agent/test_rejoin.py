@@ -15,7 +15,8 @@ from zenoh_cbef.trace import Trace
 
 
 def command_of(pid: int) -> list[str]:
-    words = Path(f"/proc/{pid}/cmdline").read_bytes().decode().split("\0")[:-1]
+    # A fork's words stand in the room that its parent's had, which ends with zeros.
+    words = Path(f"/proc/{pid}/cmdline").read_bytes().rstrip(b"\0").decode().split("\0")
     return words[words.index("zenoh_cbef") + 1 :]
 
 
