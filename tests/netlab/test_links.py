@@ -46,7 +46,7 @@ def test_links_are_those_of_the_graph_also_when_agents_leave_and_come_back_or_do
     everywhere = f"{run.scheme}/0.0.0.0:0"
     own = run.endpoint
     run.endpoint = lambda host: own(host) if host in {"target", "record"} else everywhere
-    run.start(*REALTIME, steps=250)
+    run.start(*REALTIME, steps=5000)  # longer than a busy machine needs for what follows
     degrees = np.bincount(load("tracking", []).plan.edges.ravel(), minlength=AGENTS)
     wanted = [int(degree) + 2 for degree in degrees]
     run.wait_until_recorded()
@@ -60,4 +60,6 @@ def test_links_are_those_of_the_graph_also_when_agents_leave_and_come_back_or_do
         lab.kill(f"a{agent}")
         run.start_agent(agent)
     assert settled(lab, wanted) == wanted
+    words = ["stop", "--run", run.world.run, "--connect", run.endpoint("target")]
+    run.world.call(*words, prefix=lab.command("record", []))
     run.finish()
