@@ -22,6 +22,7 @@ import api
 import formulas
 import keys
 import kinds
+import notebooks
 import samples
 import verbs
 
@@ -58,6 +59,8 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     if not os.environ.get("DOCS_WITHOUT_SAMPLES"):
         for name, path in samples.made().items():
             files.append(File.generated(config, f"samples/{name}", abs_src_path=str(path)))
+    for name, content in notebooks.pages(run="DOCS_WITHOUT_SAMPLES" not in os.environ).items():
+        files.append(File.generated(config, f"notebooks/{name}", content=content))
     _copied.clear()
     return files
 

@@ -108,7 +108,29 @@ def test_the_figures_and_the_table_of_an_experiment_are_printed(tmp_path: Path) 
     done = within(tmp_path, "experiment", "run", "small.toml", "-o", "found", "--jobs", "1")
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "found" / "results.tex").read_text().count(r"\\") == 5
-    done = within(tmp_path, "figures", "found", "-o", "paper", "--only", "position-rmse-map")
+    page = (tmp_path / "found" / "index.html").read_text()
+    assert "How large is the error of the position?" in page
+    assert "consensus rounds" in page
+    again = ["experiment", "run", "small.toml", "-o", "found", "--jobs", "1"]
+    table = within(tmp_path, *again, "--metric", "position_rmse", "--table", "csv")
+    rows = list(csv.reader(io.StringIO(table.stdout)))
+    assert [row[0] for row in rows] == ["consensus rounds", "2", "4"]
+    assert rows[0][1:] == ["icf", "sicf"]
+    assert all(" to " in cell for row in rows[1:] for cell in row[1:])
+    table = within(tmp_path, *again, "--table", "latex")
+    assert "consensus rounds & filter & runs & position RMSE (m) &" in table.stdout
+    assert "experiment run small.toml" in table.stdout.splitlines()[0]
+    for wrong, said in (("rmse", "position_rmse"), ("position_rmse", "--table")):
+        options = ["--metric", wrong] + ["--table", "csv"] * (said != "--table")
+        refused = within(tmp_path, *again, *options)
+        assert refused.returncode == 2
+        assert said in refused.stderr
+    formats = [part for kind in ("pdf", "svg", "pgf") for part in ("--format", kind)]
+    named = ["--only", "position-rmse", "--label", "consensus rounds=Runden", "--style", "grayscale"]
+    done = within(tmp_path, "figures", "found", "-o", "paper", *named, *formats)
     assert done.returncode == 0, done.stderr
-    printed = {path.stem for path in (tmp_path / "paper").glob("*.pdf")}
-    assert printed == {"position-rmse-map"}
+    printed = {path.name: path.read_bytes() for path in (tmp_path / "paper").iterdir()}
+    assert set(printed) == {"position-rmse.pdf", "position-rmse.svg", "position-rmse.pgf"}
+    assert all(b"figures found -o paper" in text and b"zenoh-cbef 0" in text for text in printed.values())
+    assert b"Runden" in printed["position-rmse.pgf"]
+    assert ET.fromstring(printed["position-rmse.svg"]).get("width") == "252pt"

@@ -71,7 +71,7 @@ def test_an_experiment_leaves_its_tables_figures_and_page(monkeypatch, capsys, t
     assert "A small experiment" in page
     assert "Plotly.react(" in page
     figures = {path.name for path in (tmp_path / "out" / "figures").iterdir()}
-    assert {"position-rmse.html", "position-rmse-map.html", "position-error-over-time.html"} <= figures
+    assert {"position-rmse.html", "position-error-over-time.html"} <= figures
 
 
 def test_the_parquet_table_is_the_csv_table(monkeypatch, capsys, tmp_path):

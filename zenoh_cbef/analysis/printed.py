@@ -5,6 +5,7 @@ from __future__ import annotations
 import html
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from importlib import import_module
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -76,7 +77,7 @@ def drawn(plot: Plot, style: Style = PLAIN) -> Figure:
         except (OSError, ValueError) as error:
             raise UserError(f"no style of matplotlib can be had: {str(error).splitlines()[0]}; name another") from None
         size = style.width, style.height or style.width * _HEIGHT
-        figure: Figure = from_extra("matplotlib.figure", _WHAT).Figure(figsize=size, layout="constrained")
+        figure: Figure = import_module("zenoh_cbef.analysis.picture").Picture(figsize=size, layout="constrained")
         solid = any(one["type"] == "scatter3d" for one in plot["data"])
         axes: Axes = _solid(figure, plot, style) if solid else _flat(figure, plot, style)
         _beside(axes, plot["layout"], style)

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from zenoh_cbef.arrays import Floats, Ints
+from zenoh_cbef.errors import UserError
 from zenoh_cbef.lab.listening import Listener
-from zenoh_cbef.outside.registry import find_run
+from zenoh_cbef.outside.registry import KnownRun, find_run
 from zenoh_cbef.protocol.session import Connection
 
 _PATIENCE_SECONDS = 10.0
 _LOOK_SECONDS = 0.5
 """How often to look whether the run has ended while nothing comes."""
+_BEGIN_SECONDS = 0.1
+"""How often to look whether the run has begun."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,11 +48,12 @@ def live(
     """Yield the estimates of all agents of a run that goes on, from now on, as they come; ends with the run.
 
     run: its name; None: the only one on this host. endpoint: of its target, such as tcp/192.168.1.5:7447; None: the run
-    is on this host. patience: how long the run may take to answer, s. The run does not notice. A caller that stops
-    early leaves the run by closing the iterator. Raises UserError where the run does not answer.
+    is on this host. patience: how long the run may take to begin, and then to answer, s. The run does not
+    notice. A caller that stops early leaves the run by closing the iterator. Raises UserError where the run does not
+    answer.
     """
     if run is None or endpoint is None:
-        known = find_run(run)
+        known = _awaited(run, patience)
         run, endpoints = known.name, [endpoint] if endpoint else known.endpoints
     else:
         endpoints = [endpoint]
@@ -61,6 +66,18 @@ def live(
                 break
             yield from found
         yield from news.taken(0.0)
+
+
+def _awaited(run: str | None, patience: float) -> KnownRun:
+    """A run of this host, also one whose processes begin just now."""
+    until = time.monotonic() + patience
+    while True:
+        try:
+            return find_run(run)
+        except UserError:
+            if time.monotonic() > until:
+                raise
+            time.sleep(_BEGIN_SECONDS)
 
 
 class _News:

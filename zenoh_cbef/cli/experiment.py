@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -18,9 +19,10 @@ from zenoh_cbef.cli.listing import list_named
 from zenoh_cbef.cli.offer import group
 from zenoh_cbef.cli.options import AsJson, Force, Skip
 from zenoh_cbef.cli.places import new_folder_of
+from zenoh_cbef.cli.typesetting import AsTable, Typesetting
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.experiment.cells import cells_of
-from zenoh_cbef.experiment.figures import short_names, written_value
+from zenoh_cbef.experiment.figures import written_value
 from zenoh_cbef.experiment.file import Written, purposes, read_experiment, read_source
 from zenoh_cbef.experiment.journal import JOURNAL
 from zenoh_cbef.experiment.page import RESULTS, limits_of, values_of, write_outputs
@@ -29,6 +31,7 @@ from zenoh_cbef.experiment.shards import WHOLE, read_shard, shards_in
 from zenoh_cbef.experiment.summary import EXIT_STATUS, check_expectations, summarize
 from zenoh_cbef.experiment.sweep import Sweep
 from zenoh_cbef.experiment.table import rows_of
+from zenoh_cbef.experiment.typeset import metric_table, results_table
 from zenoh_cbef.plain import read_toml
 from zenoh_cbef.words import counted
 
@@ -51,6 +54,11 @@ Folder = Annotated[
 ]
 Seeds = Annotated[
     str | None, typer.Option(metavar="N", help="Other seeds than the file's: a number, or a list as [1, 5].")
+]
+
+Metric = Annotated[
+    str | None,
+    typer.Option(metavar="NAME", help="--table of this metric alone; with two varied keys the second goes across."),
 ]
 
 
@@ -94,9 +102,12 @@ def _run(
     ] = None,
     skip: Skip = 0.25,
     as_json: AsJson = False,
+    as_table: AsTable = None,
+    metric: Metric = None,
     force: Force = False,
 ) -> None:
     """Run a sweep of scenarios; exit status 0: as expected, 1: not, 2: cannot be judged."""
+    printed = _Printed(as_json, as_table, metric)
     written = read_experiment(what, _changes(seeds))
     cells = cells_of(written)
     check_expectations(written, cells)
@@ -109,7 +120,7 @@ def _run(
     # A sweep goes on in its own folder, and takes no other's.
     own = force or (folder / JOURNAL).exists()
     folder = new_folder_of(folder, RESULTS, force=own)
-    _conclude(written, sweep, _swept(sweep, folder), folder, as_json=as_json)
+    _conclude(written, sweep, _swept(sweep, folder), folder, printed)
 
 
 def _join(
@@ -118,15 +129,18 @@ def _join(
     seeds: Seeds = None,
     skip: Skip = 0.25,
     as_json: AsJson = False,
+    as_table: AsTable = None,
+    metric: Metric = None,
     force: Force = False,
 ) -> None:
     """Join the shards of a sweep, with the results and the exit status of one that was not divided."""
+    printed = _Printed(as_json, as_table, metric)
     written = read_experiment(what, _changes(seeds))
     sweep = Sweep(written.experiment, cells_of(written), skip)
     check_expectations(written, sweep.cells)
     folder = output or Path("experiments") / written.name
     folder = new_folder_of(folder, RESULTS, force=force or bool(shards_in(folder)))
-    _conclude(written, sweep, sweep.joined(folder), folder, as_json=as_json)
+    _conclude(written, sweep, sweep.joined(folder), folder, printed)
 
 
 def _changes(seeds: str | None) -> dict[str, object]:
@@ -159,12 +173,29 @@ def _tell_shard(sweep: Sweep, outcomes: list[list[Outcome]], folder: Path) -> No
         tell(f"failed: {len(failures)} of {counted(len(runs), 'run')}: {failures[0]}")
 
 
-def _conclude(written: Written, sweep: Sweep, outcomes: list[list[Outcome]], folder: Path, *, as_json: bool) -> None:
+@dataclass(frozen=True)
+class _Printed:
+    """What is printed in place of the usual table, if anything."""
+
+    as_json: bool
+    as_table: Typesetting | None
+    metric: str | None
+
+    def __post_init__(self) -> None:
+        if self.metric is not None and self.as_table is None:
+            raise UserError("--metric is for --table; give --table latex or --table csv too")
+
+
+def _conclude(written: Written, sweep: Sweep, outcomes: list[list[Outcome]], folder: Path, printed: _Printed) -> None:
     summary = summarize(written, sweep.cells, outcomes)
     for sentence in write_outputs(summary, rows_of(sweep.cells, outcomes), written.source, folder):
         tell(sentence)
-    if as_json:
+    if printed.as_json:
         print((folder / "summary.json").read_text(encoding="utf-8"), end="")
+    elif printed.as_table is not None:
+        metric = printed.metric
+        table = results_table(summary) if metric is None else metric_table(summary, metric)
+        print(printed.as_table.text(table), end="")
     else:
         _tell(summary, folder)
     raise typer.Exit(EXIT_STATUS[summary.verdict])
@@ -172,8 +203,8 @@ def _conclude(written: Written, sweep: Sweep, outcomes: list[list[Outcome]], fol
 
 def _tell(summary: Summary, folder: Path) -> None:
     table = Table(title=f"{summary.experiment}: medians of {counted(summary.runs, 'run')}", title_justify="left")
-    for name in short_names(summary.varied):
-        table.add_column(name)
+    for key in summary.varied:
+        table.add_column(summary.words[key])
     metrics = {name: head for name, head in _COLUMNS.items() if any(name in one.metrics for one in summary.cells)}
     for head in metrics.values():
         table.add_column(head, justify="right")

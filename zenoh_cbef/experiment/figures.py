@@ -8,48 +8,49 @@ from html import escape
 
 from zenoh_cbef.analysis.figures import INK, MUTED, agent_style
 from zenoh_cbef.experiment.results import CellSummary, Summary
+from zenoh_cbef.experiment.words import MEASURED, Measured
 from zenoh_cbef.pages.parts import Figure, Plot
 from zenoh_cbef.plain import Json
 
 Cells = Sequence[CellSummary]
-Yardsticks = Sequence[tuple[str, str]]
 
-# Metric, what it is called, and the metrics of the yardsticks that are drawn with it.
-SHOWN = (
-    ("position_rmse", "position RMSE (m)", (("centralized.position_rmse", "centralised"),)),
-    ("ratio_to_centralized", "position RMSE / centralised", ()),
-    ("velocity_rmse", "velocity RMSE (m/s)", (("centralized.velocity_rmse", "centralised"),)),
-    ("disagreement", "disagreement (m)", ()),
-    ("nees.average", "NEES", ()),
-    ("links.missed", "share of messages lost or late", ()),
-    ("bytes_per_step", "bytes per agent and step", ()),
-)
+_MOST_LINES = 8
+"""More of them cannot be told apart: a map takes their place."""
 _MOST_CURVES = 12
-_CURVES = (("position_error", "position error (m)"), ("disagreement", "disagreement (m)"))
+_CURVES = (
+    ("position_error", "position error (m)", "How fast do errors settle, and recover?"),
+    ("disagreement", "disagreement (m)", "How fast do the agents come to agree?"),
+)
 
 
 def figures_of(summary: Summary) -> list[Figure]:
-    """All figures of a summary: every metric against the varied keys, and errors over time."""
+    """All figures of a summary, one for each question: metrics against the varied keys, and errors over time."""
     cells, varied = summary.cells, summary.varied
     figures = []
-    for metric, title, yardsticks in SHOWN:
-        if not varied or not any(metric in cell.metrics for cell in cells):
+    for one in MEASURED:
+        if not varied or not any(one.metric in cell.metrics for cell in cells):
             continue
-        caption = f"Medians over the seeds with {summary.level:.0%} bootstrap intervals."
-        plot = _lines(cells, varied, metric, title, yardsticks)
-        figures.append(Figure(_file(metric), f"{title} against {varied[0]}", caption, plot))
-        if len(varied) == 2:
-            caption = "Medians over the seeds."
-            plot = _heat_map(cells, varied, metric, title)
-            figures.append(Figure(f"{_file(metric)}-map", f"{title} over {' and '.join(varied)}", caption, plot))
-    for name, title in _CURVES:
+        over = " and ".join(summary.words[key] for key in varied)
+        caption = f"{one.words} over {over}: medians over the seeds"
+        if len(varied) == 2 and _count(cells, varied[1]) > _MOST_LINES:
+            plot = _heat_map(summary, one)
+        else:
+            caption += f" with {summary.level:.0%} bootstrap intervals"
+            plot = _lines(summary, one)
+        figures.append(Figure(_file(one.metric), one.question, f"{caption}.", plot))
+    for name, title, question in _CURVES:
         if any(cell.curve for cell in cells):
-            caption = "Median over the seeds at each step: how fast errors settle, and recover."
             shown = f", the first {_MOST_CURVES} cells" if len(cells) > _MOST_CURVES else ""
-            figures.append(
-                Figure(f"{_file(name)}-over-time", f"{title} over time{shown}", caption, _curves(cells, name, title))
-            )
+            caption = f"{title} at each step{shown}: medians over the seeds."
+            plot = _curves(summary, name, title)
+            figures.append(Figure(f"{_file(name)}-over-time", question, caption, plot))
     return figures
+
+
+def cell_words(values: Mapping[str, Json], words: Mapping[str, str]) -> str:
+    """The values of a cell: a text speaks for itself, a number needs the words of its key."""
+    told = [one if isinstance(one, str) else f"{words[key]} {written_value(one)}" for key, one in values.items()]
+    return ", ".join(told) or "all runs"
 
 
 def written_value(value: Json) -> str:
@@ -62,11 +63,8 @@ def written_value(value: Json) -> str:
     return value if isinstance(value, str) else json.dumps(value)
 
 
-def short_names(varied: Sequence[str]) -> list[str]:
-    """The last part of each varied key, or all of it where that is a number or not unique."""
-    last = [key.rpartition(".")[2] for key in varied]
-    alone = [last.count(name) == 1 and not name.isdecimal() for name in last]
-    return [name if unique else key for key, name, unique in zip(varied, last, alone, strict=True)]
+def _count(cells: Cells, key: str) -> int:
+    return len({written_value(cell.values[key]) for cell in cells})
 
 
 def _file(metric: str) -> str:
@@ -84,9 +82,9 @@ def _numbers(values: Sequence[Json]) -> list[float]:
     return found if len(found) == len(values) else []
 
 
-def _axis(values: Sequence[Json], key: str) -> Plot:
+def _axis(values: Sequence[Json], words: str) -> Plot:
     """Choose an axis: numbers to scale (logarithmic where they span more than two decades), the rest in order."""
-    axis: Plot = {"title": {"text": escape(key)}}
+    axis: Plot = {"title": {"text": escape(words)}}
     numbers = _numbers(values)
     if not numbers:
         return axis | {"type": "category"}
@@ -97,12 +95,13 @@ def _places(values: Sequence[Json]) -> Sequence[float | str]:
     return _numbers(values) or [escape(written_value(value)) for value in values]
 
 
-def _lines(cells: Cells, varied: Sequence[str], metric: str, title: str, yardsticks: Yardsticks) -> Plot:
+def _lines(summary: Summary, measured: Measured) -> Plot:
     """One line per combination of the other keys against the first."""
-    first, *others = varied
+    cells, metric, words, yardsticks = summary.cells, measured.metric, summary.words, measured.yardsticks
+    first, *others = summary.varied
     groups: dict[str, list[CellSummary]] = {}
     for cell in cells:
-        name = ", ".join(f"{key} = {written_value(cell.values[key])}" for key in others)
+        name = cell_words({key: cell.values[key] for key in others}, words) if others else ""
         groups.setdefault(name, []).append(cell)
     lines: list[Plot] = []
     for place, (name, members) in enumerate(groups.items()):
@@ -138,15 +137,16 @@ def _lines(cells: Cells, varied: Sequence[str], metric: str, title: str, yardsti
         alone[0]["name"] = yardsticks[0][1]
     lines.sort(key=lambda line: "error_y" not in line)
     values = [cell.values[first] for cell in cells]
-    return {"data": lines, "layout": _layout(_axis(values, first), title)}
+    return {"data": lines, "layout": _layout(_axis(values, words[first]), measured.words)}
 
 
-def _heat_map(cells: Cells, varied: Sequence[str], metric: str, title: str) -> Plot:
-    across, along = varied
+def _heat_map(summary: Summary, measured: Measured) -> Plot:
+    cells, title = summary.cells, measured.words
+    across, along = summary.varied
     rows: dict[str, dict[str, float | None]] = {}
     for cell in cells:
         row = rows.setdefault(written_value(cell.values[along]), {})
-        row[written_value(cell.values[across])] = _median(cell, metric)
+        row[written_value(cell.values[across])] = _median(cell, measured.metric)
     columns = list(dict.fromkeys(name for row in rows.values() for name in row))
     heat = {
         "type": "heatmap",
@@ -157,17 +157,18 @@ def _heat_map(cells: Cells, varied: Sequence[str], metric: str, title: str) -> P
         "colorbar": {"title": {"text": title, "side": "right"}},
         "texttemplate": "%{z:.3g}",
     }
-    layout = _layout({"title": {"text": escape(across)}, "type": "category"}, escape(along))
+    axis = {"title": {"text": escape(summary.words[across])}, "type": "category"}
+    layout = _layout(axis, escape(summary.words[along]))
     layout["yaxis"]["type"] = "category"
     return {"data": [heat], "layout": layout}
 
 
-def _curves(cells: Cells, name: str, title: str) -> Plot:
+def _curves(summary: Summary, name: str, title: str) -> Plot:
     lines = []
-    drawn = [(cell, cell.curve) for cell in cells if cell.curve]
+    drawn = [(cell, cell.curve) for cell in summary.cells if cell.curve]
     for place, (cell, curve) in enumerate(drawn[:_MOST_CURVES]):
         colour, dash = agent_style(place)
-        label = ", ".join(f"{key} = {written_value(value)}" for key, value in cell.values.items())
+        label = cell_words(cell.values, summary.words) if cell.values else ""
         shown = [value if value and value > 0.0 else None for value in getattr(curve, name)]
         line: Plot = {"type": "scatter", "mode": "lines", "name": escape(label) or "network"}
         line |= {"line": {"color": colour, "dash": dash, "width": 1.5}}

@@ -10,10 +10,11 @@ from pydantic import TypeAdapter, ValidationError
 
 from zenoh_cbef.analysis.typeset import latex
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.experiment.figures import SHOWN, figures_of, written_value
+from zenoh_cbef.experiment.figures import cell_words, figures_of, written_value
 from zenoh_cbef.experiment.results import CellSummary, Expectation, Judged, Summary
-from zenoh_cbef.experiment.statistics import Interval
 from zenoh_cbef.experiment.table import Row, write_table
+from zenoh_cbef.experiment.typeset import interval, results_table
+from zenoh_cbef.experiment.words import metric_words
 from zenoh_cbef.extras import MissingExtra, from_extra
 from zenoh_cbef.pages.parts import Figure, Table, plots_of
 from zenoh_cbef.pages.render import render
@@ -39,7 +40,7 @@ def write_outputs(summary: Summary, rows: Sequence[Row], source: str, folder: Pa
         text = json.dumps(summary.as_json(), indent=1)
         (folder / "summary.json").write_text(text + "\n", encoding="utf-8")
         (folder / "results.tex").write_text(
-            latex(_results(summary), f"experiment {summary.experiment}"), encoding="utf-8"
+            latex(results_table(summary), f"experiment {summary.experiment}"), encoding="utf-8"
         )
         missing.append(_write_page(summary, source, folder))
     except OSError as error:
@@ -80,7 +81,7 @@ def _write_page(summary: Summary, source: str, folder: Path) -> str:
         verdict=summary.verdict,
         expectations=_expectations(summary),
         failures=_failures(summary),
-        results=_results(summary),
+        results=results_table(summary),
         figures=figures,
         missing=missing,
         source=source,
@@ -105,13 +106,19 @@ def limits_of(one: Expectation) -> str:
 
 
 def values_of(cell: CellSummary | Judged) -> str:
-    """The varied values of a cell in words."""
+    """The varied keys of a cell with their values, as in the experiment's file."""
     return ", ".join(f"{key} = {written_value(value)}" for key, value in cell.values.items()) or "all runs"
 
 
 def _expectations(summary: Summary) -> list[list[str]]:
     return [
-        [one.metric, limits_of(one), values_of(cell), _interval(cell.found), cell.verdict]
+        [
+            metric_words(one.metric),
+            limits_of(one),
+            cell_words(cell.values, summary.words),
+            interval(cell.found),
+            cell.verdict,
+        ]
         for one in summary.expect
         for cell in one.cells
     ]
@@ -119,28 +126,6 @@ def _expectations(summary: Summary) -> list[list[str]]:
 
 def _failures(summary: Summary) -> Table:
     failures = [(cell, one) for cell in summary.cells for one in cell.failures]
-    rows = [[values_of(cell), str(one.seed), one.error] for cell, one in failures]
+    rows = [[cell_words(cell.values, summary.words), str(one.seed), one.error] for cell, one in failures]
     more = len(rows) - _MOST_FAILURES
     return Table(f"{more} more are in results.csv" if more > 0 else "", ["cell", "seed", "why"], rows[:_MOST_FAILURES])
-
-
-def _results(summary: Summary) -> Table:
-    metrics = [name for name, *_ in SHOWN if any(name in cell.metrics for cell in summary.cells)]
-    rows = [
-        [
-            *(written_value(value) for value in cell.values.values()),
-            f"{cell.runs - cell.failed} of {cell.runs}",
-            *(_interval(cell.metrics.get(name)) for name in metrics),
-        ]
-        for cell in summary.cells
-    ]
-    caption = (
-        f"Medians over the seeds, in brackets their {summary.level:.0%} bootstrap intervals. All metrics of all "
-        "runs: results.csv."
-    )
-    words = {name: title for name, title, _ in SHOWN}
-    return Table(caption, [*summary.varied, "runs", *map(words.__getitem__, metrics)], rows)
-
-
-def _interval(found: Interval | None) -> str:
-    return "-" if found is None else f"{found.median:.4g} ({found.low:.4g} to {found.high:.4g})"

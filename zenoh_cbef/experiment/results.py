@@ -100,13 +100,14 @@ class Expectation:
 
 @dataclass(frozen=True)
 class Summary:
-    """An experiment in its medians. level: of the intervals. varied: the keys. failed: how many runs."""
+    """An experiment in its medians. varied: keys, words: of each. level: of the intervals. failed: how many runs."""
 
     experiment: str
     purpose: str
     engine: str
     base: str
     varied: Sequence[str]
+    words: Mapping[str, str]
     level: float
     runs: int
     failed: int

@@ -21,6 +21,7 @@ from zenoh_cbef.experiment.results import (
     Verdict,
 )
 from zenoh_cbef.experiment.statistics import LEVEL, median_interval
+from zenoh_cbef.experiment.words import key_words
 
 EXIT_STATUS: dict[Verdict, int] = {"met": 0, "not met": 1, "cannot be judged": 2}
 
@@ -36,6 +37,7 @@ def summarize(written: Written, cells: Sequence[Cell], outcomes: Sequence[Sequen
         engine=written.experiment.engine,
         base=written.experiment.base,
         varied=[one.key for one in written.experiment.vary],
+        words=key_words(cells),
         level=LEVEL,
         runs=sum(cell.runs for cell in told),
         failed=failed,
