@@ -1,5 +1,6 @@
 """The documentation names what there is: keys, verbs, files."""
 
+import json
 import os
 import re
 import shutil
@@ -26,6 +27,7 @@ from zenoh_cbef.tracking.filters import KINDS
 ROOT = Path(__file__).resolve().parents[1]
 NAMED = ("README.md", "CHANGELOG.md", "CONTRIBUTING.md", "SECURITY.md", "deploy/README.md", "docs/**/*.md")
 PAGES = sorted(path for pattern in NAMED for path in ROOT.glob(pattern))
+NOTEBOOKS = sorted((ROOT / "docs" / "notebooks").glob("*.ipynb"))
 LINK = re.compile(r"\[[^\]]*\]\(([^)\s]+)\)")
 VERB = re.compile(r"zenoh-cbef +(-{0,2}[a-z]+)(?: +([a-z]+))?")
 
@@ -219,7 +221,23 @@ def test_every_page_is_in_the_sites_nav():
     assert len(named) == len(set(named)), "a page stands in one place"
     folder = ROOT / "docs"
     pages = {path.relative_to(folder).as_posix() for path in folder.rglob("*.md") if path.parent.name != "paper"}
+    pages |= {f"notebooks/{path.stem}.md" for path in NOTEBOOKS}
     assert pages <= set(named), f"give each of these a line under nav in mkdocs.yml: {sorted(pages - set(named))}"
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_notebooks_are_kept_without_outputs_and_lead_somewhere(path):
+    cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
+    assert "".join(cells[0]["source"]).startswith("# ")
+    for cell in cells:
+        if cell["cell_type"] == "code":
+            assert cell["outputs"] == []
+            assert cell["execution_count"] is None
+            assert not "".join(cell["source"]).startswith("!"), "%%bash fails where its command does, ! does not"
+        else:
+            for target in LINK.findall("".join(cell["source"])):
+                assert (path.parent / target.split("#")[0]).exists(), target
+    assert f"(notebooks/{path.name})" in read("docs/api.md")
 
 
 def test_documentation_names_no_place_of_the_machine_it_was_written_on():

@@ -78,6 +78,8 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
             target = OUTER[named]
         elif named.startswith("docs/"):
             target = named.removeprefix("docs/")
+            if target != inner.replace(".md", ".ipynb"):  # a notebook's page has it to download, all others its page
+                target = target.replace(".ipynb", ".md")
         else:
             target = _copy(named, config, files)
         return link[1] + posixpath.relpath(target, posixpath.dirname(inner) or ".") + link[3]

@@ -18,7 +18,6 @@ _MARK = FOLDER / "run"
 """A file as old as the last run of all."""
 _SECONDS = 600
 """For a cell, on a machine with other work."""
-_LINK = re.compile(r"(\]\([\w.-]+)\.ipynb\)")
 _COLOUR = re.compile(r"\x1b\[[0-9;]*m")
 
 
@@ -31,7 +30,7 @@ def pages(*, run: bool = True) -> dict[str, str | bytes]:
         text, made = MarkdownExporter().from_filename(str(path), resources)
         head, line, rest = text.partition("\n\n")
         note = f"[This page as a notebook]({path.name}), and [what it needs](../api.md#notebooks)."
-        found[f"{path.stem}.md"] = _COLOUR.sub("", _LINK.sub(r"\1.md)", f"{head}{line}{note}{line}{rest}"))
+        found[f"{path.stem}.md"] = _COLOUR.sub("", f"{head}{line}{note}{line}{rest}")
         found |= made["outputs"]
     return found
 

@@ -66,10 +66,16 @@ def test_runs_are_found_tagged_compared_and_deleted(folder: Path) -> None:
     def names(*options: str) -> list[str]:
         return [one["name"] for one in json.loads(within(folder, "runs", "list", "--json", *options).stdout)]
 
+    assert not (folder / "logs" / "first" / "metrics.json").exists()
     assert names() == ["first", "second"]
     assert names("--filter", "cbef") == ["first"]
     assert names("--fault", "crash") == ["second"]
-    assert names("--result", "unknown") == ["first"]
+    assert names("--result", "unknown") == []  # its log says what came of it
+    assert names("--result", "lost", "--scenario", "cbef") == ["first"]
+    assert (folder / "logs" / "first" / "metrics.json").exists()
+    refused = within(folder, "runs", "list", "--result", "finished")
+    assert refused.returncode == 2
+    assert "complete, stopped" in refused.stderr
     assert within(folder, "runs", "tag", "first", "second", "--add", "paper").returncode == 0
     assert names("--tag", "paper") == ["first", "second"]
     assert len(json.loads(within(folder, "compare", "@paper", "--json").stdout)) == 2

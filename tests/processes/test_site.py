@@ -22,7 +22,8 @@ LOADS = re.compile(r"<(?:script|link|img|iframe|source)\b[^>]*(?:src|href)=[\"']
 
 @pytest.fixture(scope="module")
 def site(tmp_path_factory):
-    pytest.importorskip("mkdocs", reason="the group docs is not installed; 'make install' does it")
+    for package in ("mkdocs", "nbconvert"):
+        pytest.importorskip(package, reason="the group docs is not installed; 'make install' does it")
     folder = tmp_path_factory.mktemp("site")
     done = subprocess.run(
         [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", folder],
@@ -64,6 +65,20 @@ def test_the_reference_has_every_verb_key_and_filter(site):
 def test_the_search_finds_keys(site):
     index = json.loads((site / "search" / "search_index.json").read_text(encoding="utf-8"))
     assert any("filter.planar_height" in one["text"] for one in index["docs"])
+
+
+def test_notebooks_are_shown_with_what_they_print_and_draw(site):
+    """The site runs them with nbmake, and fails where one does."""
+    notebooks = sorted((ROOT / "docs" / "notebooks").glob("*.ipynb"))
+    assert len(notebooks) == 8
+    for path in notebooks:
+        page = (site / "notebooks" / f"{path.stem}.html").read_text(encoding="utf-8")
+        pictures = re.findall(rf'<img[^>]*src="({path.stem}/[^"]+)"', page)
+        assert all((site / "notebooks" / name).is_file() for name in pictures)
+        assert pictures or "verify" in page, path.stem
+        assert f'href="{path.name}"' in page, "the notebook itself"
+    first = (site / "notebooks" / "1-first-run.html").read_text(encoding="utf-8")
+    assert "True" in first.rpartition("simulated.estimates")[2], "the simulation has the bits of the processes"
 
 
 def test_the_samples_are_whole_pages(site):

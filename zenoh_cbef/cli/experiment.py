@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -203,8 +204,8 @@ def _conclude(written: Written, sweep: Sweep, outcomes: list[list[Outcome]], fol
 
 def _tell(summary: Summary, folder: Path) -> None:
     table = Table(title=f"{summary.experiment}: medians of {counted(summary.runs, 'run')}", title_justify="left")
-    for key in summary.varied:
-        table.add_column(summary.words[key])
+    for name in _short(summary.varied):
+        table.add_column(name)
     metrics = {name: head for name, head in _COLUMNS.items() if any(name in one.metrics for one in summary.cells)}
     for head in metrics.values():
         table.add_column(head, justify="right")
@@ -227,6 +228,13 @@ def _tell(summary: Summary, folder: Path) -> None:
             tell(f"{one.metric}: {one.why}")
     console.print(f"verdict {summary.verdict}", highlight=False)
     console.print(f"page    {folder / 'index.html'}", highlight=False, soft_wrap=True)
+
+
+def _short(varied: Sequence[str]) -> list[str]:
+    """The last part of each varied key, or all of it where that is a number or not unique."""
+    last = [key.rpartition(".")[2] for key in varied]
+    alone = [last.count(name) == 1 and not name.isdecimal() for name in last]
+    return [name if unique else key for key, name, unique in zip(varied, last, alone, strict=True)]
 
 
 def _tell_losses(cell: CellSummary) -> None:

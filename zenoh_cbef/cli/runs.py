@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
@@ -11,14 +12,16 @@ import typer
 from rich.table import Table
 
 from zenoh_cbef.cli.completing import logs
-from zenoh_cbef.cli.console import console, number
+from zenoh_cbef.cli.console import console, errors, number
 from zenoh_cbef.cli.fitting import Fitting
 from zenoh_cbef.cli.offer import group
 from zenoh_cbef.cli.options import AsJson
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.tools.collection import Kept, find_run, remove, runs, tag
+from zenoh_cbef.log.tools.judged import judged
 
 Names = Annotated[list[str], typer.Argument(metavar="RUN...", autocompletion=logs, help="Names of runs in logs/.")]
+_RESULTS = ("complete", "stopped", "incomplete", "lost", "unknown")
 Sought = Annotated[str | None, typer.Option(help="Only runs of this one.")]
 
 
@@ -32,16 +35,18 @@ def _list(
     tagged: Annotated[str | None, typer.Option("--tag", help="Only runs with this tag.")] = None,
     as_json: AsJson = False,
 ) -> None:
-    """List the runs in logs/, or those that are looked for."""
-    found = [
+    """List the runs in logs/, or those that are looked for; a run that was not analysed yet is analysed now."""
+    if result is not None and result not in _RESULTS:
+        raise UserError(f"no run has the result {result!r}; give one of {', '.join(_RESULTS)}")
+    chosen = [
         one
         for one in runs()
         if scenario in {None, one.scenario}
         and filter_ in {None, one.filter}
         and (fault is None or fault in one.faults)
-        and result in {None, one.result}
         and (tagged is None or tagged in one.tags)
     ]
+    found = [one for one in _judged(chosen) if result in {None, one.result}]
     if as_json:
         print(json.dumps([_told(one) for one in found]))
         return
@@ -56,8 +61,13 @@ def _list(
 
 def _show(names: Names) -> None:
     """Show what runs are, and what came of them, as JSON."""
-    for name in names:
-        print(json.dumps(_told(find_run(name)), indent=1))
+    for one in _judged([find_run(name) for name in names]):
+        print(json.dumps(_told(one), indent=1))
+
+
+def _judged(found: Sequence[Kept]) -> list[Kept]:
+    with errors.status("reading") as status:
+        return judged(found, lambda name: status.update(f"analysing {name}"))
 
 
 def _told(one: Kept) -> dict[str, object]:

@@ -7,7 +7,7 @@ import re
 import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from zenoh_cbef.errors import UserError
@@ -17,6 +17,8 @@ from zenoh_cbef.log.read.parts import find_log, open_log
 from zenoh_cbef.outside.registry import known_runs
 
 LOGS = Path("logs")
+UNKNOWN = "unknown"
+"""The result of a run that goes on, or that was not analysed."""
 _TAGS = "tags.json"
 _NAME = re.compile(r"\w[\w.-]*")
 
@@ -55,10 +57,12 @@ def new_folder(run: str) -> Path:
 class Kept:
     """A run in logs/: where its log is, what it was, and what came of it.
 
-    result: complete, stopped, incomplete or lost; unknown where no metrics.json says so. rmse: position, m.
+    name: of its folder. run: of the run. result: complete, stopped, incomplete or lost; unknown where no metrics.json
+    says so. rmse: position, m.
     """
 
     name: str
+    run: str
     log: Path
     scenario: str
     filter: str
@@ -129,11 +133,11 @@ def remove(run: Kept) -> None:
 
 def _kept(place: Path) -> Kept:
     log = find_log(place)
-    scenario = read_header(open_log(log)).scenario
-    told = _metrics(place)
-    rmse = told.get("position_rmse")
-    return Kept(
+    header = read_header(open_log(log))
+    scenario = header.scenario
+    found = Kept(
         name=place.name,
+        run=header.run,
         log=log,
         scenario=scenario.name,
         filter=scenario.filter.kind,
@@ -141,14 +145,21 @@ def _kept(place: Path) -> Kept:
         agents=scenario.count,
         seed=scenario.seed,
         tags=_tags(place),
-        result=_result(told),
-        rmse=rmse if isinstance(rmse, float) else None,
+        result=UNKNOWN,
+        rmse=None,
     )
+    return again(found, _metrics(place))
+
+
+def again(run: Kept, metrics: Mapping[str, object]) -> Kept:
+    """The run with what its metrics say came of it."""
+    rmse = metrics.get("position_rmse")
+    return replace(run, result=_result(metrics), rmse=rmse if isinstance(rmse, float) else None)
 
 
 def _result(told: Mapping[str, object]) -> str:
     if not told:
-        return "unknown"
+        return UNKNOWN
     if told.get("lost"):
         return "lost"
     return "complete" if told.get("complete") else "stopped" if told.get("stopped") else "incomplete"
