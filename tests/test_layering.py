@@ -17,7 +17,8 @@ LEVELS = (
     ("cli",),
     ("api",),
     ("experiment",),
-    ("nodes", "viewers", "lab"),
+    ("nodes", "lab"),
+    ("viewers",),
     ("log",),
     ("simulator", "analysis", "extending", "testing"),
     ("trace", "outside", "pages"),
@@ -43,6 +44,7 @@ OWNERS = {
     "jinja2": "pages",
     "starlette": "lab",
     "uvicorn": "lab",
+    "foxglove": "lab",
 }
 
 

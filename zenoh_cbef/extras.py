@@ -17,6 +17,7 @@ EXTRA_OF = {
     "foxglove_schemas_protobuf": "viz",
     "mcap_protobuf": "viz",
     "google": "viz",
+    "foxglove": "foxglove",
     "rerun": "rerun",
     "pandas": "pandas",
     "xarray": "xarray",

@@ -85,7 +85,7 @@ def analyze(traces: Sequence[Trace], skip: float = 0.25) -> list[Analysis]:
     skip: the share of steps left out at the start of RMSE, NEES and ratios, or of those that can be scored,
     whichever is less. MSEE starts at step 1.
     """
-    errors = [_errors_of(*each, skip) for each in zip(traces, yardsticks(traces), strict=True)]
+    errors = [errors_of(*each, skip) for each in zip(traces, yardsticks(traces), strict=True)]
     return [Analysis(**vars(one), metrics=_metrics(one)) for one in errors]
 
 
@@ -111,7 +111,8 @@ def counted_agents(trace: Trace) -> Bools:
     return counted if counted.any() else np.ones_like(counted)
 
 
-def _errors_of(trace: Trace, beside: Yardsticks, skip: float) -> Errors:
+def errors_of(trace: Trace, beside: Yardsticks, skip: float) -> Errors:
+    """The errors of a trace; skip: see `analyze`. Those of a step rest on that step alone, but running means do not."""
     states, bound = beside.centralized, beside.bound
     error, reference = (_estimated_only(trace, each - trace.truth) for each in (trace.estimates, states))
     positions = trace.estimates[:, :, :3]

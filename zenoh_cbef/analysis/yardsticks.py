@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import islice
 
 import numpy as np
 
@@ -15,9 +16,9 @@ from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.trace import Trace
 from zenoh_cbef.tracking.central_models import CentralModels, centralized_models
 from zenoh_cbef.tracking.filters import Belief, level_of
-from zenoh_cbef.tracking.joint import joint_centralized
+from zenoh_cbef.tracking.joint import joint_beliefs
 from zenoh_cbef.tracking.motion import begun
-from zenoh_cbef.tracking.reference import centralized_beliefs, each_step, posterior_bound, stacked
+from zenoh_cbef.tracking.reference import Ranges, centralized_beliefs, each_step, posterior_bound, stacked
 from zenoh_cbef.tracking.switching import Switching
 
 DOUBT = 1.5
@@ -90,37 +91,35 @@ def _prior(traces: Sequence[Trace]) -> Floats:
 def centralized_run(traces: Sequence[Trace], steps: int) -> Iterator[Belief]:
     """The centralised filter's beliefs of the first steps of r runs, along the estimated axes."""
     plan = traces[0].plan
-    initial = plan.belief_at(_stacked(traces, "initial").mean(axis=1))
-    xi = level_of(plan.scenario.filter.kind, plan.xi)
     seen = {part: _stacked(traces, part)[:, :, :steps] for part in ("positions", "ranges", "age")}
+    return centralized_steps(plan, _stacked(traces, "initial"), each_step(**seen, range_std=plan.range_std))
+
+
+def centralized_steps(plan: Plan, initial: Floats, steps: Iterator[Ranges]) -> Iterator[Belief]:
+    """The centralised filter's beliefs of r runs, along the estimated axes, a step for each that is given.
+
+    initial: the agents' initial states, (r, n, 6).
+    """
+    belief = plan.belief_at(initial.mean(axis=1))
+    xi, agents = level_of(plan.scenario.filter.kind, plan.xi), initial.shape[1]
     if jointly(plan):
-        yield from _told(plan, joint_centralized(initial, plan.settings, xi, **seen))
+        yield from joint_beliefs(belief, plan.settings, xi, agents, steps)
         return
-    fixing = min(plan.first_fix_steps, steps)
-    if fixing:
-        first = {part: values[:, :, :fixing] for part, values in seen.items()}
-        for belief in _told(plan, joint_centralized(initial, plan.settings, xi, **first)):
-            initial = Belief(*begun(plan.motion, belief.state, belief.known_covariance))
-            yield initial
-    later = each_step(**{part: values[:, :, fixing:] for part, values in seen.items()}, range_std=plan.range_std)
+    if plan.first_fix_steps:
+        first = islice(steps, plan.first_fix_steps)
+        for found in joint_beliefs(belief, plan.settings, xi, agents, first):
+            belief = Belief(*begun(plan.motion, found.state, found.known_covariance))
+            yield belief
     if plan.models:
         models = CentralModels(Switching(plan.settings.models, plan.settings.leaving), plan.space, xi, plan.power)
-        yield from centralized_models(initial, models, later)
+        yield from centralized_models(belief, models, steps)
     else:
-        yield from centralized_beliefs(initial, plan.motion, plan.space, later, xi=xi, power=plan.power)
+        yield from centralized_beliefs(belief, plan.motion, plan.space, steps, xi=xi, power=plan.power)
 
 
 def jointly(plan: Plan) -> bool:
     """Whether the centralised filter estimates more than the target, of which only position and velocity are told."""
     return plan.settings.bias != "none" or plan.settings.learns_noise
-
-
-def _told(plan: Plan, run: tuple[Floats, Floats]) -> Iterator[Belief]:
-    """The beliefs of a run's states (r, K, 6) and covariances (r, K, 6, 6), step by step."""
-    states, covariances = run
-    kept = plan.space.kept
-    for k in range(states.shape[1]):
-        yield Belief(states[:, k, kept], covariances[:, k, kept[:, None], kept])
 
 
 def _bounds(traces: Sequence[Trace], truth: Floats) -> Floats:

@@ -3,24 +3,29 @@
 from __future__ import annotations
 
 import webbrowser
+from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
+from urllib.parse import urljoin
 
 import typer
 
 from zenoh_cbef.cli.asking import locate
 from zenoh_cbef.cli.console import tell
 from zenoh_cbef.cli.joining import JoiningCommand, JoiningContext
+from zenoh_cbef.cli.leash import follow_parent
 from zenoh_cbef.cli.offer import verb
 from zenoh_cbef.cli.options import Overrides
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.lab.bench import Bench
+from zenoh_cbef.lab.foxglove import PORT, Foxglove
 from zenoh_cbef.lab.guard import LOOPBACK, Guard
 from zenoh_cbef.lab.server import Serving, address, bound
 from zenoh_cbef.outside.registry import known_runs
 from zenoh_cbef.protocol.session import Connection
 from zenoh_cbef.scenario.load import builtin_names, purposes
+from zenoh_cbef.viewers.viz import LAYOUT
 
 _WHAT = "A scenario to start, a run to look at, or a log; default: choose on the page."
 
@@ -37,34 +42,47 @@ def _lab(
     ] = None,
     overrides: Overrides = None,
     port: Annotated[int, typer.Option(min=0, max=65535, help="Its port; default: a free one.")] = 0,
+    foxglove: Annotated[bool, typer.Option("--foxglove", help="Serve Foxglove, Lichtblick and PlotJuggler, too.")] = (
+        False
+    ),
+    foxglove_port: Annotated[int, typer.Option(min=0, max=65535, help="Where these connect; 0: a free port.")] = PORT,
+    controls: Annotated[
+        bool, typer.Option("--controls", help="With --foxglove: take orders with the lab's token from there.")
+    ] = False,
 ) -> None:
     """See a run in a browser while it goes on, or its log: map, errors, links. Cut links and wind back by mouse."""
+    if controls and not foxglove:
+        raise UserError("--controls says what viewers may do; name --foxglove, too")
 
     def reach(run: str) -> tuple[str, Connection]:
         name, connection = locate(run, ctx.joining)
         return name, replace(connection, mode="client")
 
-    bench = Bench(purposes(), reach)
+    follow_parent()
+    bench = Bench(purposes(), reach, measured=foxglove)
     guard = Guard(hosts=(*LOOPBACK, f"[{host}]" if ":" in host else host))
-    listening = bound(host, port)
-    try:
+    with ExitStack() as held:
+        listening = held.enter_context(bound(host, port))
+        held.callback(bench.close)
+        url = address(listening, host, guard)
+        told = [f"the lab is at {url}  (Ctrl-C ends it)"]
+        if foxglove:
+            served = held.enter_context(Foxglove(bench, LOOPBACK[0], foxglove_port, guard if controls else None))
+            told.append(f"viewers connect to ws://{LOOPBACK[0]}:{served.port}; a layout: {urljoin(url, LAYOUT)}")
         if what is not None and (ctx.joining.connect or ctx.joining.config):
             bench.join(what)
         elif what is not None:
             _open(bench, what, overrides or [])
         if beside is not None:
             bench.put_beside(beside)
-        url = address(listening, host, guard)
+        Serving(bench, guard, lambda: _ready(told, url if browser else None)).run(listening)
 
-        def ready() -> None:
-            tell(f"the lab is at {url}  (Ctrl-C ends it)")
-            if browser:
-                webbrowser.open(url)
 
-        Serving(bench, guard, ready).run(listening)
-    finally:
-        bench.close()
-        listening.close()
+def _ready(told: list[str], url: str | None) -> None:
+    for line in told:
+        tell(line)
+    if url is not None:
+        webbrowser.open(url)
 
 
 def _open(bench: Bench, what: str, overrides: list[str]) -> None:

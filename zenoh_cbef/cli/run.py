@@ -18,6 +18,7 @@ from zenoh_cbef.cli.beforehand import tell_beforehand
 from zenoh_cbef.cli.console import console, errors, number, tell, tell_what_lacks
 from zenoh_cbef.cli.interrupts import INTERRUPTED
 from zenoh_cbef.cli.joining import warn_of_exposure
+from zenoh_cbef.cli.leash import follow_input
 from zenoh_cbef.cli.offer import verb
 from zenoh_cbef.cli.options import Overrides, ScenarioName
 from zenoh_cbef.cli.places import beside
@@ -100,8 +101,11 @@ def _run(
     sync: Annotated[
         bool, typer.Option("--sync", help="Flush the log to the disk itself, not only to the operating system.")
     ] = False,
+    leashed: Annotated[bool, typer.Option("--leashed", hidden=True, help="End when standard input ends.")] = False,
 ) -> None:
     """Run a scenario on this host: target, agents and recorder as processes over Zenoh, then the analysis."""
+    if leashed:
+        follow_input()
     arguments = [scenario, *(part for one in overrides or () for part in ("--set", one))]
     loaded = load(scenario, overrides or ())
     run = name or f"{loaded.scenario.name}-{datetime.now().astimezone():%Y%m%d-%H%M%S}"

@@ -46,12 +46,17 @@ class Page:
                 return self._frame(asked)
             if what == "scene":
                 return self._scene()
-            order = self._orders.get(what if isinstance(what, str) else "")
-            if order is None:
-                raise UserError(f"the lab does not know what {what!r:.40} is; load the page again")
-            return framed({"answer": what, **order(asked)})
+            return framed({"answer": what, **self.order(asked)})
         except UserError as error:
             return framed({"answer": what, "error": str(error)})
+
+    def order(self, asked: Asked) -> dict[str, object]:
+        """Carry out an order. Raises UserError."""
+        what = asked.get("ask")
+        order = self._orders.get(what if isinstance(what, str) else "")
+        if order is None:
+            raise UserError(f"the lab does not know what {what!r:.40} is; load the page again")
+        return order(asked)
 
     def waits(self, asked: Asked) -> bool:
         """Whether a page asks for a frame newer than there is."""

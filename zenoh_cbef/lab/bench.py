@@ -33,14 +33,15 @@ def reach(run: str) -> tuple[str, Connection]:
 class Bench:
     """One lab. number: grows with every source that is opened, so that a page sees that another one is open.
 
-    scenarios: the built-in ones, each with its purpose. connect: how a run is reached by name.
+    scenarios: the built-in ones, each with its purpose. connect: how a run is reached by name. measured: whether ranges
+    and beacons are read, too, which only viewers show.
     """
 
-    def __init__(self, scenarios: Mapping[str, str], connect: Connect = reach) -> None:
+    def __init__(self, scenarios: Mapping[str, str], connect: Connect = reach, *, measured: bool = False) -> None:
         self.source: Source | None = None
         self.beside: Source | None = None
         self.number = 0
-        self._scenarios, self._connect = dict(scenarios), connect
+        self._scenarios, self._connect, self._measured = dict(scenarios), connect, measured
         self._given: list[int] = []
         self._started: subprocess.Popen[str] | None = None
         self._lock = threading.Lock()
@@ -53,7 +54,7 @@ class Bench:
 
     def open_log(self, log: str) -> dict[str, object]:
         """Open a log. Raises UserError."""
-        return self._take(LogSource(Path(log)))
+        return self._take(LogSource(Path(log), measured=self._measured))
 
     def put_beside(self, log: str) -> None:
         """Show a log beside what is open, over the same time. Raises UserError."""
@@ -62,7 +63,7 @@ class Bench:
     def join(self, run: str) -> dict[str, object]:
         """Look at a run that goes on. Raises UserError."""
         name, connection = self._connect(run)
-        return self._take(RunSource(name, connection, _PATIENCE_SECONDS))
+        return self._take(RunSource(name, connection, _PATIENCE_SECONDS, measured=self._measured))
 
     def start(self, scenario: str, settings: list[str]) -> dict[str, object]:
         """Start a run of its own, as `run` does, and look at it. Raises UserError with what `run` said."""
@@ -70,9 +71,9 @@ class Bench:
             raise UserError("the run that this lab started goes on; stop it first")
         name = f"lab-{time.strftime('%Y%m%d-%H%M%S')}"
         words = [part for one in settings for part in ("--set", one)]
-        command = [sys.executable, "-m", "zenoh_cbef", "run", scenario, *words, "--run", name]
+        command = [sys.executable, "-m", "zenoh_cbef", "run", scenario, *words, "--run", name, "--leashed"]
         self._started = begun = subprocess.Popen(
-            command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
+            command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
         )
         until = time.monotonic() + _START_SECONDS
         while name not in known_runs():
@@ -81,7 +82,9 @@ class Bench:
                 said = (begun.communicate()[1] or "").strip().splitlines()
                 raise UserError(" ".join(said[-_TOLD_LINES:]).removeprefix("error: ") or "the run did not start")
             time.sleep(0.05)
-        threading.Thread(target=begun.communicate, daemon=True).start()
+        # Its words are read, so that it never waits for a reader; its input stays open until this process ends.
+        if begun.stderr is not None:
+            threading.Thread(target=begun.stderr.read, daemon=True).start()
         return self.join(name)
 
     def inject(self, fault: Mapping[str, object], seconds: float | None) -> dict[str, object]:

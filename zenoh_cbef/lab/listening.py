@@ -14,7 +14,7 @@ from zenoh_cbef.log.read.header import Header
 from zenoh_cbef.log.read.recording import Recording
 from zenoh_cbef.outside.operator import Operator
 from zenoh_cbef.plain import read_toml
-from zenoh_cbef.protocol.kinds import ESTIMATE, EVENT, FAULTS, TRUTH, Kind, M
+from zenoh_cbef.protocol.kinds import BEACON, ESTIMATE, EVENT, FAULTS, RANGE, TRUTH, Kind, M
 from zenoh_cbef.protocol.mailbox import Mailbox
 from zenoh_cbef.protocol.memory import ask_latest
 from zenoh_cbef.protocol.messages import BadMessage, decode
@@ -31,13 +31,13 @@ _CAPACITY = 1 << 15
 class Listener:
     """A client of a run's target that hears truth, estimates, events and injected faults. Use as a context manager.
 
-    lock: held while the recording changes.
+    lock: held while the recording changes. measured: whether ranges and beacons are heard, too.
     news: told of each change. refused: how many messages were not as their keys promise. Raises UserError where the
     run does not answer.
     """
 
-    def __init__(self, run: str, connection: Connection, patience: float) -> None:
-        self.run = run
+    def __init__(self, run: str, connection: Connection, patience: float, *, measured: bool = False) -> None:
+        self.run, self._measured = run, measured
         self.operator = Operator(run, connection, patience)
         self._connection, self._patience = connection, patience
         self.lock, self.refused = threading.Lock(), 0
@@ -58,6 +58,11 @@ class Listener:
                 keys.all_events: self._hearing(EVENT, self.recording.take_events),
                 keys.faults: hear_faults,
             }
+            if self._measured:
+                heard |= {
+                    keys.all_beacons: self._hearing(BEACON, self.recording.take_beacons),
+                    keys.all_ranges: self._hearing(RANGE, self.recording.take_ranges),
+                }
             boxes = [(Mailbox(session, key, _CAPACITY), hear) for key, hear in heard.items()]
             for data in ask_latest(session, keys.faults):
                 hear_faults(keys.faults, data)

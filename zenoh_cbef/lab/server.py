@@ -15,6 +15,7 @@ from zenoh_cbef.lab.answers import Page
 from zenoh_cbef.lab.bench import Bench
 from zenoh_cbef.lab.guard import HEADERS, Guard
 from zenoh_cbef.plain import read_json
+from zenoh_cbef.viewers.viz import LAYOUT
 
 if TYPE_CHECKING:
     from starlette.applications import Starlette
@@ -26,7 +27,7 @@ _LOOK_SECONDS = 0.02
 _LONGEST_WAIT = 25
 """How often in a row a page that asks for a newer frame is made to wait: half a second, then it gets what there is."""
 _REFUSED = 4403
-_TYPES = {".html": "text/html", ".js": "text/javascript", ".css": "text/css"}
+_TYPES = {".html": "text/html", ".js": "text/javascript", ".css": "text/css", ".json": "application/json"}
 
 
 def application(bench: Bench, guard: Guard, lifespan: Any = None) -> Starlette:
@@ -36,7 +37,7 @@ def application(bench: Bench, guard: Guard, lifespan: Any = None) -> Starlette:
     from starlette.routing import Route, WebSocketRoute  # noqa: PLC0415
 
     pages = resources.files("zenoh_cbef.pages")
-    shared = (*(pages / "scene").iterdir(), pages / "style.css")
+    shared = (*(pages / "scene").iterdir(), pages / "style.css", resources.files("zenoh_cbef.viewers") / LAYOUT)
     served = (*(resources.files("zenoh_cbef.lab") / "page").iterdir(), *shared)
     files = {one.name: one.read_bytes() for one in served if one.is_file()}
 

@@ -18,6 +18,8 @@ from zenoh_cbef.protocol.session import Connection
 
 _KINDS = ("truth", "estimate", "event", "faults")
 """What a scene shows of a log; the messages of consensus, most of a log, are passed over."""
+_MORE = (*_KINDS, "beacon", "signal", "range")
+"""What viewers show beside."""
 _AT_ONCE_SECONDS, _YIELD_SECONDS = 0.5, 0.001
 """A log that takes longer to read is shown before it is read to its end; others may take the lock meanwhile."""
 _END = object()
@@ -57,13 +59,16 @@ class Source(Protocol):
 
 
 class LogSource:
-    """A log. A long one is shown while the rest of it is read. Raises UserError where it is none."""
+    """A log. A long one is shown while the rest of it is read. Raises UserError where it is none.
+
+    measured: whether ranges and beacons are read, too, which only viewers show.
+    """
 
     live = False
 
-    def __init__(self, path: Path, at_once: float = _AT_ONCE_SECONDS) -> None:
+    def __init__(self, path: Path, at_once: float = _AT_ONCE_SECONDS, *, measured: bool = False) -> None:
         self.lock = threading.Lock()
-        recording, self._rest = filling_recording(open_log(path), _KINDS)
+        recording, self._rest = filling_recording(open_log(path), _MORE if measured else _KINDS)
         self.scene = Scene(recording)
         self._closed = threading.Event()
         until = time.monotonic() + at_once
@@ -106,13 +111,13 @@ class LogSource:
 
 
 class RunSource:
-    """A run that goes on. Raises UserError where it does not answer."""
+    """A run that goes on. measured: as of a log. Raises UserError where it does not answer."""
 
     live = True
 
-    def __init__(self, run: str, connection: Connection, patience: float) -> None:
+    def __init__(self, run: str, connection: Connection, patience: float, *, measured: bool = False) -> None:
         self._held = ExitStack()
-        self._listener = self._held.enter_context(Listener(run, connection, patience))
+        self._listener = self._held.enter_context(Listener(run, connection, patience, measured=measured))
         self.lock = self._listener.lock
         self.scene = Scene(self._listener.recording)
 

@@ -86,6 +86,11 @@ class Keys:
         return f"{self.root}/agent/*/estimate"
 
     @property
+    def all_ranges(self) -> str:
+        """Every agent's positions and ranges."""
+        return f"{self.root}/agent/*/range"
+
+    @property
     def all_live(self) -> str:
         """Every process's liveliness tokens."""
         return f"{self.root}/live/**"

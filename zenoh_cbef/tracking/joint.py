@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+
 import numpy as np
 
 from zenoh_cbef.arrays import Floats
@@ -17,7 +20,7 @@ from zenoh_cbef.tracking.filters.information_form import saturation
 from zenoh_cbef.tracking.linalg import matvec
 from zenoh_cbef.tracking.motion import linear
 from zenoh_cbef.tracking.ranging import Measurement, own_range
-from zenoh_cbef.tracking.reference import Ranges
+from zenoh_cbef.tracking.reference import Ranges, each_step, stacked
 from zenoh_cbef.tracking.switching import Switching
 
 
@@ -31,16 +34,22 @@ def joint_centralized(
     fix is the network's with an exact average. initial: (r, s), (r, s, s). positions: (r, n, K, 3). ranges, age:
     (r, n, K). xi: saturation level in standard deviations.
     """
-    runs, agents, steps = ranges.shape
-    states, covariances = np.empty((runs, steps, 6)), np.empty((runs, steps, 6, 6))
+    steps = each_step(positions=positions, ranges=ranges, age=age, range_std=settings.range_std)
+    return stacked(settings.space, joint_beliefs(initial, settings, xi, ranges.shape[1], steps))
+
+
+def joint_beliefs(
+    initial: Belief, settings: FilterSettings, xi: float, agents: int, steps: Iterable[Ranges]
+) -> Iterator[Belief]:
+    """The same step by step, as far as the ranges go, of the target alone; the noise of the ranges is learned here."""
     fix = Belief(np.repeat(initial.state, agents, axis=0), np.repeat(initial.known_covariance, agents, axis=0))
-    fixing = settings.first_fix > 0
+    fixing, space = settings.first_fix > 0, settings.space
     filter_ = _Joint(settings, xi, initial, agents)
-    for k in range(steps):
-        step = Ranges(positions[:, :, k], ranges[:, :, k], np.nan_to_num(age[:, :, k]), filter_.noise)
+    for seen in steps:
+        step = replace(seen, std=filter_.noise)
         if fixing:
             fix, update = _first_fix(settings, xi, fix, step)
-            told = update.diagnostics.each(lambda values: values.reshape(runs, agents))
+            told = update.diagnostics.each(lambda values: values.reshape(-1, agents))
             filter_.learn(told.innovation, told.nis)
             belief = Belief(fix.state[::agents], fix.known_covariance[::agents])
             if fix.parts:
@@ -48,9 +57,8 @@ def joint_centralized(
                 filter_.begin(belief)
         else:
             belief = filter_.step(step)
-        states[:, k] = settings.space.embed_state(belief.state)
-        covariances[:, k] = settings.space.embed_covariance(belief.known_covariance)
-    return states, covariances
+        state, covariance = space.embed_state(belief.state), space.embed_covariance(belief.known_covariance)
+        yield Belief(state[:, space.kept], covariance[:, space.kept[:, None], space.kept])
 
 
 def _first_fix(settings: FilterSettings, xi: float, fix: Belief, step: Ranges) -> tuple[Belief, Update]:

@@ -10,8 +10,8 @@ import numpy as np
 
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.extras import from_extra
+from zenoh_cbef.viewers.colours import TRAIL, TRUTH, WARNINGS, agent_colour, body_size, health_colour
 from zenoh_cbef.viewers.scene import Scene
-from zenoh_cbef.viewers.viz import TRAIL, TRUTH, WARNINGS, agent_colour, body_size, health_colour
 
 if TYPE_CHECKING:
     from rerun import RecordingStream
@@ -57,7 +57,7 @@ class _Writer:
         self._colours = [agent_colour(agent) for agent in range(len(scene.trace.positions))]
         self._faint = [agent_colour(agent, 0.25) for agent in range(len(scene.trace.positions))]
         self._labels = [str(agent) for agent in range(len(scene.trace.positions))]
-        self._radius = 0.5 * body_size(scene)
+        self._radius = 0.5 * body_size(scene.trace)
 
     def write(self) -> None:
         """Log everything."""

@@ -11,8 +11,8 @@ import numpy as np
 from zenoh_cbef.arrays import Floats
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.extras import from_extra
+from zenoh_cbef.viewers.colours import TRUTH, agent_colour, body_size, health_colour
 from zenoh_cbef.viewers.scene import Scene
-from zenoh_cbef.viewers.viz import TRUTH, agent_colour, body_size, health_colour
 
 _UNKNOWN_TURN = 1e6
 """Variance of an attitude that is not estimated, rad^2: a point has none."""
@@ -72,7 +72,7 @@ class _Messages:
         typesys = from_extra("rosbags.typesys", "the export for ROS 2")
         self.store = typesys.get_typestore(typesys.Stores.ROS2_JAZZY)
         self._scene, self._trace = scene, scene.trace
-        self._size = body_size(scene)
+        self._size = body_size(scene.trace)
 
     def _new(self, kind: str, *values: object, **named: object) -> Ros:
         package, name = kind.split("/")

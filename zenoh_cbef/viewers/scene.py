@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 
 from zenoh_cbef.analysis.chi2 import chi2_quantile
-from zenoh_cbef.analysis.metrics import Analysis, analyze
+from zenoh_cbef.analysis.metrics import Errors, analyze
 from zenoh_cbef.arrays import Floats, Ints
 from zenoh_cbef.log.read.parts import open_log
 from zenoh_cbef.log.read.receipts import COUNTS
-from zenoh_cbef.log.read.recording import Recording, read_recording
+from zenoh_cbef.log.read.recording import Event, Recording, read_recording
 from zenoh_cbef.log.read.tables import Table
 from zenoh_cbef.log.read.trace import trace_of
 from zenoh_cbef.trace import Trace
@@ -47,16 +47,17 @@ class SceneEvent:
 
 @dataclass(frozen=True)
 class Scene:
-    """One run; n agents, K steps, e directed links.
+    """A run, or a stretch of it; n agents, K steps, e directed links.
 
-    time: (K,), ns since the Unix epoch, k dt after the start of the run, however fast the processes were; of a
-    recording's ranges on that recording's clock.
+    first: the number of the first step. time: (K,), ns since the Unix epoch, k dt after the start of the run, however
+    fast the processes were; of a recording's ranges on that recording's clock.
     links: (e, 2), source and destination. delivered: (e, K), share of each step's messages that came in
     time, NaN where their receiver said nothing. estimate, smoothed: (K, 3), mean of the agents' positions of the
     target, m; smoothed: None where the run has none.
     """
 
-    analysis: Analysis
+    analysis: Errors
+    first: int
     time: Ints
     links: Ints
     delivered: Floats
@@ -106,25 +107,30 @@ def read_scene(path: Path, smooth: Callable[[Trace], Trace] | None = None) -> Sc
 
 
 def _scene_of(recording: Recording, trace: Trace) -> Scene:
-    logged = _logged(recording, len(trace.time))
-    start = _start(logged, trace)
-    time = start + np.round(1e9 * trace.time).astype(np.int64)
+    logged = logged_steps(recording, len(trace.time))
+    start = start_of(logged, trace)
+    return scene_of(recording, analyze([trace])[0], 0, start, events_of(recording, recording.events, logged, start))
+
+
+def scene_of(recording: Recording, errors: Errors, since: int, start: int, events: list[SceneEvent]) -> Scene:
+    """The scene of the steps of a trace, the first of which is since + 1. start: when step 0 was, ns."""
+    trace = errors.trace
     pairs = trace.edges.tolist()
     links = np.array(sorted([*pairs, *([second, first] for first, second in pairs)]), dtype=np.int64).reshape(-1, 2)
-    analysis = analyze([trace])[0]
     return Scene(
-        analysis,
-        time,
+        errors,
+        since + 1,
+        start + np.round(1e9 * trace.time).astype(np.int64),
         links,
-        _delivered(recording, links, len(time)),
+        _delivered(recording, links, since, since + len(trace.time)),
         ellipsoids(trace.covariances[:, :, :3, :3]),
         _mean(trace.estimates[:, :, :3]),
-        None if analysis.smoothed is None else analysis.smoothed.path,
-        _events(recording, logged, start),
+        None if errors.smoothed is None else errors.smoothed.path,
+        events,
     )
 
 
-def _start(logged: dict[int, int], trace: Trace) -> int:
+def start_of(logged: dict[int, int], trace: Trace) -> int:
     """When step 0 was, ns: on the clock of a recording that the run is of, otherwise when it was logged."""
     origin = trace.scenario.target.origin
     if origin is not None and 0.0 <= origin < _LATEST:
@@ -133,7 +139,7 @@ def _start(logged: dict[int, int], trace: Trace) -> int:
     return logged.get(first, 0) - round(1e9 * trace.scenario.dt * first)
 
 
-def _logged(recording: Recording, steps: int) -> dict[int, int]:
+def logged_steps(recording: Recording, steps: int) -> dict[int, int]:
     """When the first beacon of each step was logged, and the start signal of step 0, ns.
 
     Without any of these: when the first estimate of each step was.
@@ -150,7 +156,7 @@ def _first_logged(table: Table, steps: int) -> dict[int, int]:
     return dict(zip((there + 1).tolist(), times.tolist(), strict=True))
 
 
-def _events(recording: Recording, logged: dict[int, int], start: int) -> list[SceneEvent]:
+def events_of(recording: Recording, events: list[Event], logged: dict[int, int], start: int) -> list[SceneEvent]:
     """What nodes reported; in the scene an event stands between the same steps as in the log."""
     known = sorted(logged)
     ticks = [start + round(1e9 * step * recording.header.scenario.dt) for step in known]
@@ -162,22 +168,22 @@ def _events(recording: Recording, logged: dict[int, int], start: int) -> list[Sc
             one.message["kind"],
             one.message["text"],
         )
-        for one in recording.events
+        for one in events
     ]
 
 
-def _delivered(recording: Recording, links: Ints, steps: int) -> Floats:
-    """The share of each step's messages that came in time, by link, (e, K)."""
-    share = np.full((len(links), steps), np.nan)
+def _delivered(recording: Recording, links: Ints, since: int, until: int) -> Floats:
+    """The share of each step's messages that came in time, by link, in steps since+1 to until, (e, K)."""
+    share = np.full((len(links), until - since), np.nan)
     place = {(source, destination): row for row, (source, destination) in enumerate(links.tolist())}
     for agent, receipts in enumerate(recording.receipts):
-        known, new = receipts.fresh(COUNTS, 0, steps)
+        known, new = receipts.fresh(COUNTS, since, until)
         total = new.sum(axis=0)
         with np.errstate(divide="ignore", invalid="ignore"):
             part = np.where(total > 0, new[0] / total, np.nan)
         for at, source in enumerate(receipts.neighbours):
             if (source, agent) in place:
-                share[place[source, agent], known - 1] = part[:, at]
+                share[place[source, agent], known - since - 1] = part[:, at]
     return share
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,7 @@ from zenoh_cbef.log.read.recording import Recording, read_recording
 from zenoh_cbef.plain import count_in
 from zenoh_cbef.protocol.keys import Keys, agent_named
 from zenoh_cbef.protocol.kinds import EventMessage
-from zenoh_cbef.scenario.paths import agent_positions, step_times
+from zenoh_cbef.scenario.paths import places_at, step_times
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.simulator import measured
 from zenoh_cbef.trace import Links, SmoothedPath, Trace, Traffic
@@ -36,40 +37,59 @@ def read_trace(*paths: Path) -> Trace:
 
 def trace_of(recording: Recording) -> Trace:
     """The arrays of a run, as far as any agent got. Raises UserError where the log holds no estimate."""
-    header, estimates, steps = recording.header, recording.estimates, recording.estimates.last
+    header, steps = recording.header, recording.estimates.last
     if steps == 0:
         raise UserError(
             f"the log of run {header.run!r} holds no estimate: the run ended before its first step, or this is a part "
             "of its log without them"
         )
-    plan = recording.plan
-    ranges, age = _measured(plan, *np.moveaxis(recording.beacons.numbers("heard", steps), 2, 0)[:2])
-    diagnostics = Diagnostics.read(estimates.numbers("said", steps))
-    unlogged, traffic = _unlogged(recording, diagnostics.innovation), _traffic(recording)
-    positions = recording.ranges.numbers("position", steps)
-    expected = agent_positions(plan.scenario.model_copy(update={"steps": steps}))
-    return Trace(
-        name=header.run,
-        plan=plan,
-        time=step_times(plan.scenario, steps),
-        truth=recording.truth.numbers("state", steps)[0],
-        positions=np.where(np.isfinite(positions), positions, expected),
-        ranges=ranges,
-        age=age,
-        initial=plan.initial_states,
-        estimates=estimates.numbers("state", steps),
-        covariances=estimates.numbers("covariance", steps).reshape(plan.scenario.count, steps, 6, 6),
-        diagnostics=diagnostics,
-        edges=plan.edges,
-        links=(links := _links(plan, recording.receipts, steps)),
-        passing=passing_of(recording.receipts, links.source, links.destination, steps),
+    stretch, receipts = stretch_of(recording, 0, steps), recording.receipts
+    unlogged, traffic = _unlogged(recording, stretch.diagnostics.innovation), _traffic(recording)
+    links = _links(recording.plan, receipts, steps)
+    return replace(
+        stretch,
+        links=links,
+        passing=passing_of(receipts, links.source, links.destination, steps),
         traffic=traffic,
-        smoothed=_smoothed(recording, plan, steps),
+        smoothed=_smoothed(recording, recording.plan, steps),
         events=[_event(event.message) for event in recording.events],
         unlogged=unlogged if unlogged.any() else None,
         told=(said := _told(recording, traffic.recorded)),
         complete=(whole := _whole(recording, missing=traffic.missing) and said) and _ended(recording) == "finished",
         stopped=whole and _ended(recording) == "stopped" and _target_ended(recording),
+    )
+
+
+def stretch_of(recording: Recording, since: int, until: int) -> Trace:
+    """The arrays of steps since+1 to until of a recording that may still grow, without what is told of whole runs.
+
+    So links, traffic, smoothed paths and events are empty. unlogged: where an agent tells of an innovation, but no
+    beacon is there.
+    """
+    plan, part, estimates = recording.plan, slice(since, until), recording.estimates
+    heard = recording.beacons.numbers("heard", until)[:, part]
+    ranges, age = _measured(plan, since, *np.moveaxis(heard, 2, 0)[:2])
+    diagnostics = Diagnostics.read(estimates.numbers("said", until)[:, part])
+    positions = recording.ranges.numbers("position", until)[:, part]
+    time = step_times(plan.scenario, until)[part]
+    covariances = estimates.numbers("covariance", until)[:, part]
+    unlogged = ~recording.beacons.seen(until)[:, part] & np.isfinite(diagnostics.innovation)
+    return Trace(
+        name=recording.header.run,
+        plan=plan,
+        time=time,
+        truth=recording.truth.numbers("state", until)[0, part],
+        positions=np.where(np.isfinite(positions), positions, places_at(plan.scenario, time)),
+        ranges=ranges,
+        age=age,
+        initial=plan.initial_states,
+        estimates=estimates.numbers("state", until)[:, part],
+        covariances=covariances.reshape(plan.scenario.count, until - since, 6, 6),
+        diagnostics=diagnostics,
+        edges=plan.edges,
+        links=_links(plan, [], 0),
+        traffic=Traffic(sent=0, recorded=0, missing=0, rejected=0),
+        unlogged=unlogged if unlogged.any() else None,
     )
 
 
@@ -117,8 +137,8 @@ def _unlogged(recording: Recording, innovation: Floats) -> Bools:
     return np.asarray(~heard & (np.isfinite(innovation) | (~told & gone[:, None])))
 
 
-def _measured(plan: Plan, emitted: Floats, arrived: Floats) -> tuple[Floats, Floats]:
-    steps = np.arange(1, emitted.shape[1] + 1, dtype=np.float64)
+def _measured(plan: Plan, since: int, emitted: Floats, arrived: Floats) -> tuple[Floats, Floats]:
+    steps = np.arange(since + 1, since + emitted.shape[1] + 1, dtype=np.float64)
     ranges, age = measured(plan, emitted, arrived, steps)
     return ranges, np.where(np.isfinite(age), age, 0.0)
 
@@ -128,7 +148,8 @@ def _links(plan: Plan, receipts: list[Receipts], steps: int) -> Links:
     pairs = plan.edges.tolist()
     both = sorted((destination, source) for pair in pairs for destination, source in (pair, pair[::-1]))
     told = [_counted(one, steps) for one in receipts]
-    rows = [told[destination].get(source, (*[0.0] * len(_COUNTS), np.nan)) for destination, source in both]
+    nothing = (*[0.0] * len(_COUNTS), np.nan)
+    rows = [told[destination].get(source, nothing) if told else nothing for destination, source in both]
     destination, source = np.array(both, dtype=np.int64).reshape(-1, 2).T
     table = np.array(rows, dtype=np.float64).reshape(-1, len(_COUNTS) + 1)
     delivered, *others = table[:, :-1].astype(np.int64).T

@@ -1,0 +1,53 @@
+"""A lab and the run that it started end with what started them, however that ended."""
+
+import os
+import signal
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from tests.processes.conftest import COMMAND, settings
+from zenoh_cbef.outside.registry import known_runs
+
+pytest.importorskip("uvicorn", reason="the extra 'lab' is not installed")
+
+WORDS = ("lab", "tracking", *settings("steps=100000"), "--no-browser")
+STARTER = "import subprocess, sys; lab = subprocess.Popen(sys.argv[1:]); print(lab.pid, flush=True); lab.wait()"
+
+
+def children(pid: int) -> list[int]:
+    """A process and all that it started."""
+    found = [int(one) for one in Path(f"/proc/{pid}/task/{pid}/children").read_text(encoding="ascii").split()]
+    return [pid, *(each for one in found for each in children(one))]
+
+
+def is_there(pid: int) -> bool:
+    try:
+        return Path(f"/proc/{pid}/stat").read_bytes().rsplit(b")", 1)[1].split()[0] != b"Z"
+    except OSError:
+        return False
+
+
+@pytest.mark.parametrize("killed", ["lab", "starter"])
+def test_a_lab_that_is_killed_or_whose_starter_is_leaves_nothing_behind(world, monkeypatch, killed):
+    before = set(known_runs())
+    monkeypatch.setattr("tests.processes.conftest.COMMAND", [sys.executable])
+    starter = world.start("-c", STARTER, *COMMAND, *WORDS)
+    assert starter.stdout is not None
+    assert starter.stderr is not None
+    lab = int(starter.stdout.readline())
+    next(line for line in starter.stderr if "the lab is at" in line)
+    started = children(lab)
+    assert len(started) > 6
+    try:
+        os.kill(lab if killed == "lab" else starter.pid, signal.SIGKILL)
+        until = time.monotonic() + 120
+        while left := [pid for pid in started if is_there(pid)]:
+            assert time.monotonic() < until, left
+            time.sleep(0.1)
+    finally:
+        for pid in filter(is_there, started):
+            os.kill(pid, signal.SIGKILL)
+    assert set(known_runs()) <= before
