@@ -24,7 +24,7 @@ LEVELS = (
     ("trace", "outside", "pages"),
     ("protocol", "scenario"),
     ("faults",),
-    ("datasets", "tracking"),
+    ("courses", "datasets", "tracking"),
     ("streams", "extras", "numbers", "quantities", "plain", "machine", "plugins"),
     ("arrays", "errors", "words", "__init__"),
     ("checkout",),

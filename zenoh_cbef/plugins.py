@@ -48,6 +48,11 @@ class Plugin:
     mark: str
 
 
+def short_names(group: str) -> dict[str, str]:
+    """What each short name stands for that packages on this host declare; group: filters, motions or faults."""
+    return {one.name: one.value for one in entry_points(group=f"zenoh_cbef.{group}")}
+
+
 @cache
 def find(group: str, name: str, own: tuple[str, ...]) -> Plugin:
     """The class of a name that is none of our own; group: filters, motions or faults.
@@ -56,7 +61,7 @@ def find(group: str, name: str, own: tuple[str, ...]) -> Plugin:
     scenario of a stranger cannot have any other code run. Raises ValueError: what is wrong with the name, and the
     remedy, to stand after a key.
     """
-    short = {one.name: one.value for one in entry_points(group=f"zenoh_cbef.{group}")}
+    short = short_names(group)
     reference = _REFERENCE.fullmatch(short.get(name, name))
     if reference is None:
         known = ", ".join((*own, *sorted(short)))
@@ -149,6 +154,19 @@ def read_options(model: type[BaseModel], given: Mapping[str, object], key: str) 
         raise ValueError(mistake(error, key)) from None
 
 
+def told_options(model: object, name: str, given: Mapping[str, object], key: str) -> dict[str, object]:
+    """All options of a plug-in, as JSON has them; `{}` for one that has none.
+
+    model: of pydantic, or None. name: of the plug-in. key: of the table, as in filter.options. Raises ValueError with a
+    sentence that names the option.
+    """
+    if isinstance(model, type) and issubclass(model, BaseModel):
+        return read_options(model, given, key).model_dump(mode="json", by_alias=True)
+    if given:
+        raise ValueError(f"{key} has {', '.join(given)}, but {name!r} has no options; leave {key} out")
+    return {}
+
+
 def mistake(error: ValidationError, key: str) -> str:
     """The first mistake of a validation in a sentence that begins with the key of the table."""
     first = error.errors(include_url=False)[0]
@@ -156,6 +174,8 @@ def mistake(error: ValidationError, key: str) -> str:
     if first["type"] == "missing":
         return f"{place} is missing; add it"
     said = first["msg"].removeprefix("Value error, ").removeprefix("Input ")
+    if first["type"] == "value_error" and isinstance(first["input"], Mapping):
+        return said  # a check of a whole table names its own keys
     return f"{place}: the value {said}, not {_shown(first['input'])}; correct it"
 
 

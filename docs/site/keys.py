@@ -7,6 +7,7 @@ import re
 from pathlib import Path
 from typing import Any
 
+from zenoh_cbef.faults import KINDS
 from zenoh_cbef.scenario import Scenario
 
 _PAGE = Path(__file__).resolve().parents[1] / "scenario.md"
@@ -40,8 +41,8 @@ def page() -> str:
             parts.append(f"## `[{name}]`\n\n" + _table(f"{name}.", rows, meanings.get(f"`[{name}]`", {})))
     parts.append("## `[[fault]]`\n")
     said = meanings.get("`[[fault]]`", {})
-    for kind, ref in sorted(schema["properties"]["fault"]["items"]["discriminator"]["mapping"].items()):
-        model = tables[ref.rpartition("/")[2]]
+    for kind, fault in sorted(KINDS.items()):
+        model = fault.model_json_schema(by_alias=True)
         rows = {key: field for key, field in model["properties"].items() if key != "kind"}
         parts.append(f"### `{kind}`\n\n{_cell(model.get('description', ''))}\n\n" + _table("", rows, said))
     return "\n".join(parts)

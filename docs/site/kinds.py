@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import inspect
-from typing import get_args
 
+from zenoh_cbef.courses import COURSES
 from zenoh_cbef.experiment.file import purposes as experiments
-from zenoh_cbef.faults import AnyFault
+from zenoh_cbef.faults import KINDS as FAULTS
 from zenoh_cbef.scenario.load import purposes as scenarios
 from zenoh_cbef.tracking.filters import KINDS
 from zenoh_cbef.tracking.motion import MOTIONS
@@ -20,12 +20,12 @@ file](../scenario.md) tells the keys.
 
 def page() -> str:
     """The page as Markdown."""
-    faults = {str(get_args(one.model_fields["kind"].annotation)[0]): one for one in get_args(get_args(AnyFault)[0])}
     parts = [
         _HEAD,
         _table("Filters", "filter.kind", {name: _first(kind) for name, kind in KINDS.items()}),
+        _table("Motions of the target", "target.motion", {name: _first(kind) for name, kind in COURSES.items()}),
         _table("Motions that filters assume", "filter.motion", {name: _first(kind) for name, kind in MOTIONS.items()}),
-        _table("Faults", "kind` of `[[fault]]", {name: _first(kind) for name, kind in sorted(faults.items())}),
+        _table("Faults", "kind` of `[[fault]]", {name: _first(kind) for name, kind in sorted(FAULTS.items())}),
         _table("Built-in scenarios", "run", scenarios()),
         _table("Built-in experiments", "experiment", experiments()),
     ]

@@ -17,8 +17,8 @@ def steps_where(of, count: int) -> list[list[int]]:
 
 
 def test_absences_begin_end_and_forget():
-    crash = Crash(kind="crash", agents=(1,), **{"from": 0.25}, until=0.45)
-    pause = Pause(kind="pause", agents=(1, 2), **{"from": 0.4}, until=0.65)
+    crash = Crash.model_validate({"kind": "crash", "agents": (1,), "from": 0.25, "until": 0.45})
+    pause = Pause.model_validate({"kind": "pause", "agents": (1, 2), "from": 0.4, "until": 0.65})
     absences = Absences([crash, pause], agents=3, dt=0.1, steps=8)
     assert steps_where(absences.at, 8) == [[], [], [1], [1, 2], [1, 2], [1, 2], [], []]
     assert steps_where(absences.begun, 8) == [[], [], [1], [2], [], [], [], []]
@@ -38,7 +38,9 @@ def test_absences_begin_end_and_forget():
 
 def test_a_run_without_agents_begins_where_the_last_one_goes():
     def absences(*agents):
-        away = [Crash(kind="crash", agents=(agent,), **{"from": 0.1 + 0.2 * agent}) for agent in agents]
+        away = [
+            Crash.model_validate({"kind": "crash", "agents": (agent,), "from": 0.1 + 0.2 * agent}) for agent in agents
+        ]
         return Absences(away, agents=2, dt=0.1, steps=6)
 
     assert (absences(0, 1).empty, absences(0).empty, absences().empty) == (3, None, None)
@@ -88,8 +90,8 @@ def test_what_cannot_work_is_refused():
 
 
 def test_what_began_later_does_not_reach_back_to_the_first_step():
-    outage = Pause(kind="pause", agents=(0,), **{"from": 0.0}, until=0.45)
-    crash = Crash(kind="crash", agents=(0,), **{"from": 0.25}, until=0.45)
+    outage = Pause.model_validate({"kind": "pause", "agents": (0,), "from": 0.0, "until": 0.45})
+    crash = Crash.model_validate({"kind": "crash", "agents": (0,), "from": 0.25, "until": 0.45})
     absences = Absences([outage, crash], agents=1, dt=0.1, steps=6)
     assert steps_where(absences.at, 6) == [[0]] * 4 + [[]] * 2
     assert steps_where(absences.reborn, 6) == [[], [], [], [], [0], []]

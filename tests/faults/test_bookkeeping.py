@@ -69,7 +69,7 @@ def test_a_message_that_may_wait_is_late_only_by_what_it_takes_longer():
 
 def test_who_keeps_asking_is_answered_over_all_links_that_exist_and_are_not_cut():
     apart = np.array([[False, True, False], [False, False, True], [False, False, False]])
-    outage = Outage(kind="outage", agents=(2,), **{"from": 0.25})
+    outage = Outage.model_validate({"kind": "outage", "agents": (2,), "from": 0.25})
     open_ = fates(loss(1.0), outage, apart=apart)
     # Loss hides single messages, not a link; agent 2 is at either end of the last two from step 3 on.
     assert [open_.reaches(step).tolist() for step in (1, 2, 3)] == [
@@ -81,7 +81,7 @@ def test_who_keeps_asking_is_answered_over_all_links_that_exist_and_are_not_cut(
 
 def test_stretches_are_the_parts_of_a_run_without_the_same_agents():
     def away(agent, since, until):
-        return Crash(kind="crash", agents=(agent,), **{"from": since}, until=until)
+        return Crash.model_validate({"kind": "crash", "agents": (agent,), "from": since, "until": until})
 
     absences = Absences([away(0, 0.2, 0.4), away(1, 0.3, 0.6)], agents=3, dt=0.1, steps=8)
     assert absences.stretches() == [(2, 2), (3, 3), (4, 5)]
@@ -91,7 +91,7 @@ def test_stretches_are_the_parts_of_a_run_without_the_same_agents():
 
 
 def test_an_agents_clock_is_ahead_by_all_its_faults_while_they_are_on():
-    first = Clock(kind="clock", agents=(1,), offset=2.0, drift=0.5, **{"from": 10.0})
+    first = Clock.model_validate({"kind": "clock", "agents": (1,), "offset": 2.0, "drift": 0.5, "from": 10.0})
     second = Clock(kind="clock", agents=(1, 2), offset=-1.0, until=30.0)
     faults = [first, loss(0.5), second]
     assert clocks_of(faults, 1) == [first, second]

@@ -140,7 +140,7 @@ def test_a_kind_says_whom_it_names_and_what_it_does() -> None:
     ):
         with pytest.raises(NotImplementedError):
             getattr(base, method)(*arguments)
-    one = Fault(kind="any", **{"from": 1.0, "until": 2.0})
+    one = Fault.model_validate({"kind": "any", "from": 1.0, "until": 2.0})
     with pytest.raises(ValidationError, match="frozen"):
         one.until = 3.0
     times = np.array([0.9, 1.0, 1.9, 2.0])

@@ -1,4 +1,5 @@
-"""A filter of another package: as processes, proved, in experiments, and refused where it is another one."""
+"""A filter, a motion and a fault of another package: as processes, proved, in experiments, and refused where they are
+others."""
 
 import csv
 import re
@@ -6,6 +7,7 @@ import shutil
 import subprocess
 import sys
 from importlib import invalidate_caches
+from operator import itemgetter
 from pathlib import Path
 
 import pytest
@@ -14,9 +16,12 @@ from tests.processes.conftest import World, settings
 from tests.processes.plugged import EXAMPLE, installed
 from zenoh_cbef import plugins
 from zenoh_cbef.log.read.parts import open_log
+from zenoh_cbef.log.read.trace import read_trace
 
 MARK = r"cbef-example 0\.1\.0 sha256:[0-9a-f]{16}"
 GAINS = ("filter.kind=fixed-gains", "filter.options.alpha=0.4")
+HELIX = ("target.motion=helix", "target.options.rate=0.5")
+FADING = ('fault=[{kind="fading", from=1.0, options={most=0.9}}]',)
 
 EXPERIMENT = """
 seeds = 2
@@ -57,32 +62,42 @@ def changed(site, tmp_path) -> Path:
 
 @pytest.mark.usefixtures("plugged")
 def test_six_processes_run_it_and_their_log_is_proved(world: World):
-    world.complete(*GAINS, "agents.count=6")
+    world.complete(*GAINS, *HELIX, *FADING, "agents.count=6")
     verdict = world.call("verify", str(world.log))
     assert verdict.returncode == 0, verdict.stderr
     assert "equal bit for bit" in verdict.stdout
     resolved = open_log(world.log).attachments["scenario.resolved.toml"].decode()
-    assert re.search(rf'^plugin = "{MARK}"$', resolved, re.MULTILINE)
-    assert "alpha = 0.4\nbeta = 0.05\n" in resolved
+    assert len(re.findall(rf'^plugin = "{MARK}"$', resolved, re.MULTILINE)) == 3
+    for options in ("alpha = 0.4\nbeta = 0.05\n", "[target.options]\nrate = 0.5\n", "period = 4.0\nmost = 0.9\n"):
+        assert options in resolved
+    trace = read_trace(world.log)
+    assert trace.truth[-1, 2] - trace.truth[0, 2] == pytest.approx(0.5 * 0.1 * 39)
+    assert 0 < trace.links.injected_lost.sum() == trace.links.lost.sum()
 
 
 @pytest.mark.usefixtures("plugged")
-def test_an_agent_that_has_another_one_is_refused_in_a_sentence(world, changed, monkeypatch, free_port):
+@pytest.mark.parametrize(
+    "case",
+    [(GAINS, "filter", "fixed-gains"), (HELIX, "target", "helix"), (FADING, "fault", "fading")],
+    ids=itemgetter(2),
+)
+def test_an_agent_that_has_another_one_is_refused_in_a_sentence(world, changed, monkeypatch, free_port, case):
+    named, key, name = case
     endpoint = f"tcp/127.0.0.1:{free_port}"
-    target = world.start("target", "tracking", *settings(*GAINS), "--run", world.run, "--listen", endpoint)
+    target = world.start("target", "tracking", *settings(*named), "--run", world.run, "--listen", endpoint)
     monkeypatch.setenv("PYTHONPATH", str(changed))
     agent = world.start("agent", "0", "--run", world.run, "--connect", endpoint, "--patience", "60")
     _, said = agent.communicate(timeout=120)
     assert agent.returncode == 2
     assert "Traceback" not in said
     assert re.search(
-        rf"filter.kind = 'fixed-gains' is to be {MARK}, but on this host it is {MARK}; install the same package", said
+        rf"{key}.\w+ = '{name}' is to be {MARK}, but on this host it is {MARK}; install the same package", said
     )
     monkeypatch.delenv("PYTHONPATH")
     without = world.start("agent", "0", "--run", world.run, "--connect", endpoint, "--patience", "60")
     _, said = without.communicate(timeout=120)
     assert without.returncode == 2
-    assert "filter.kind must be one of sicf," in said
+    assert re.search(rf"{key}.* must be one of .*, not '{name}'", said)
     assert target.poll() is None, "the target still waits for agents"
 
 

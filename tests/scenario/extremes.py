@@ -9,7 +9,7 @@ from annotated_types import Ge, Gt, Le, Lt
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from zenoh_cbef.faults import AnyFault
+from zenoh_cbef.faults import KINDS as FAULTS
 from zenoh_cbef.scenario import Scenario
 from zenoh_cbef.tracking.filters import KINDS
 
@@ -95,7 +95,7 @@ def scenario_of(random: Random) -> dict[str, Any]:
         "network": {"graph": random.choice(["ring", "complete", "radio", "geometric"])},
         "filter": {},
     }
-    kinds = get_args(get_args(AnyFault)[0])
+    kinds = list(FAULTS.values())
     for name, field in Scenario.model_fields.items():
         if name == "fault":
             found[name] = [_fault(random.choice(kinds), random) for _ in range(random.choice([0, 0, 1]))]

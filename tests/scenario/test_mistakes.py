@@ -5,19 +5,18 @@
 from __future__ import annotations
 
 import tomllib
-from typing import get_args
 
 import pytest
 
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.faults import AnyFault
+from zenoh_cbef.faults import KINDS as KINDS_OF_FAULTS
 from zenoh_cbef.scenario.checks import check
 from zenoh_cbef.scenario.load import load, parse
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.tracking.filters import KINDS
 
 UNKNOWN = "is not a key of a scenario"
-FAULTS = ", ".join(get_args(one.model_fields["kind"].annotation)[0] for one in get_args(get_args(AnyFault)[0]))
+FAULTS = ", ".join(KINDS_OF_FAULTS)
 
 REFUSED = {
     'steps = "300"': "steps must be a whole number, not '300'",
@@ -43,7 +42,7 @@ REFUSED = {
     "target.postion = [0, 0, 0]": f"target.postion {UNKNOWN}; did you mean 'target.position'?",
     "target = 3": "target must be a table of keys, not 3",
     "target = 2024-01-01": "target must be a table of keys",
-    'target.motion = "fly"': "target.motion must be 'ncv', 'waypoints', 'circle', 'lemniscate', 'manual' or 'dataset', not 'fly'",
+    'target.motion = "fly"': "target.motion must be one of ncv, waypoints, circle, lemniscate, manual, dataset, or 'package.module:Class', not 'fly'",
     "target.position = [1, 2]": "target.position must have 3 items, not 2",
     "target.position = [1, 2, 3, 4]": "target.position must have 3 items, not 4",
     'target.position = [1, "2", 3]': "target.position[1] must be a number, not '2'",
@@ -99,8 +98,8 @@ REFUSED = {
     "zenoh.listen = [1]": "zenoh.listen[0] must be text in quotes, not 1",
     "fault = 3": "fault must be a list of tables, each written [[fault]], not 3",
     'fault = {kind = "loss"}': "fault must be a list of tables, each written [[fault]], not a table",
-    "fault = [3]": "fault[0] must be a table of keys, not 3",
-    'fault = [{kind = "fire"}]': f"fault[0].kind must be one of {FAULTS}, not 'fire'",
+    "fault = [3]": f"fault[0].kind must be one of {FAULTS}",
+    'fault = [{kind = "fire"}]': f"fault[0].kind must be one of {FAULTS}, or 'package.module:Class', not 'fire'",
     "fault = [{probability = 1}]": f"fault[0].kind must be one of {FAULTS}",
     'fault = [{kind = "loss"}]': "fault[0].probability is missing; add it",
     'fault = [{kind = "loss", probability = 2}]': "fault[0].probability must be a number from 0 to 1, not 2",

@@ -1,6 +1,7 @@
 """Classes of other packages in a scenario: found, told apart, and refused in a sentence."""
 
 import sys
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -13,11 +14,17 @@ from zenoh_cbef.log.prove.reestimate import reestimate
 from zenoh_cbef.log.prove.verify import verify
 from zenoh_cbef.log.read.measurements import read_measurements
 from zenoh_cbef.log.read.parts import open_log
-from zenoh_cbef.scenario.load import load, to_toml
+from zenoh_cbef.plain import Json
+from zenoh_cbef.scenario.injected import STEER, marked, with_faults
+from zenoh_cbef.scenario.load import load, parse, to_toml
 from zenoh_cbef.simulator import simulate
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "docs" / "examples" / "plugin"
 SHORT = "steps=20"
+MINE = """from cbef_example.faults import Fading as Fading
+from cbef_example.filters import FixedGains as Gains
+from cbef_example.motions import Helix as Helix
+"""
 
 
 @pytest.fixture
@@ -25,7 +32,7 @@ def plugged(monkeypatch, tmp_path):
     """A module `mine` on the path, of no package, and the example, which is not installed."""
     monkeypatch.syspath_prepend(EXAMPLE)
     monkeypatch.syspath_prepend(tmp_path)
-    (tmp_path / "mine.py").write_text("from cbef_example.filters import FixedGains as Gains\n")
+    (tmp_path / "mine.py").write_text(MINE)
     (tmp_path / "broken.py").write_text("import no_such_module_of_ours\n")
     yield tmp_path
     for name in [name for name in sys.modules if name.split(".")[0] in {"cbef_example", "mine", "broken"}]:
@@ -67,6 +74,27 @@ def test_a_scenario_says_what_its_plugin_is_with_all_options():
         ("filter.options.alpha=1", "filter.options has alpha, but 'sicf' has no options"),
         ("filter.options=1", "filter.options must be a table of options, not 1"),
         ("filter.plugin=mine", "'sicf' is of no other package, but is to be of mine"),
+        ("target.motion=mine:Gains", r"target.motion names 'mine:Gains', which is no motion: it lacks states\(\)"),
+        ("target.motion=hop", "target.motion must be one of ncv, .*, dataset, or 'package.module:Class', not 'hop'"),
+        ("target.options.rate=1", "target.options has rate, but 'ncv' has no options"),
+        ("target.plugin=mine", "target.motion = 'ncv' is of no other package"),
+        (
+            "fault=[{kind='mine:Helix'}]",
+            r"fault\[0\].kind names 'mine:Helix', which is no fault: derive it",
+        ),
+        ("fault=[{kind='los'}]", r"fault\[0\].kind must be one of loss, .*, or 'package.module:Class', not 'los'"),
+        ("fault=[{kind='pause', agents=[1], until=1.0, plugin='mine'}]", "fault.kind = 'pause' is of no other package"),
+        ("fault=[{kind='mine:Fading', links=3}]", r"fault\[0\].links must be 'all', 'agent:3', pairs"),
+        ("fault=[{kind='mine:Fading', most=1.0}]", "write it as fault.options.most"),
+        ("fault=[{kind='mine:Fading', options=3}]", r"fault\[0\].options must be a table of keys, not 3"),
+        (
+            "fault=[{kind='mine:Fading', options={most=2.0}}]",
+            "fault.options.most: the value should be less than",
+        ),
+        (
+            "fault=[{kind='mine:Fading', plugin='mine 3'}]",
+            "fault.kind = 'mine:Fading' is to be mine 3, but on this host",
+        ),
     ],
 )
 def test_what_is_no_plugin_is_refused_in_a_sentence(setting, said):
@@ -101,7 +129,7 @@ def test_a_stranger_cannot_have_code_imported_that_is_no_plugin(plugged):
 def test_a_log_of_another_source_is_not_proved_but_read_and_estimated_again(plugged):
     log = made_log(plugged / "run.mcap", SHORT, "filter.kind=mine:Gains", "filter.options.alpha=0.3")
     assert verify(log).result == "equal"
-    (plugged / "mine.py").write_text("from cbef_example.filters import FixedGains as Gains  # changed\n")
+    (plugged / "mine.py").write_text(MINE + "# changed\n")
     plugins.find.cache_clear()
     with pytest.raises(UserError, match=r"is to be mine sha256:.*, but on this host it is mine sha256:"):
         verify(log)
@@ -111,3 +139,47 @@ def test_a_log_of_another_source_is_not_proved_but_read_and_estimated_again(plug
         reestimate(found, loaded, name, plugged / f"{name}.mcap")
         assert verify(plugged / f"{name}.mcap").result == "equal"
     assert b"alpha = 0.2" in open_log(plugged / "again.mcap").attachments["scenario.resolved.toml"]
+
+
+HELIX, FADING = "target.motion=mine:Helix", "fault=[{kind='mine:Fading', options={most=0.9}}]"
+
+
+@pytest.mark.usefixtures("plugged")
+def test_a_motion_and_a_fault_run_are_stamped_and_travel():
+    loaded = load("tracking", [SHORT, HELIX, "target.options.rate=0.5", FADING])
+    [trace] = simulate([loaded.scenario])
+    assert np.allclose(trace.truth[:, 5], 0.5)
+    assert 0 < trace.links.injected_lost.sum() == trace.links.lost.sum()
+    text = to_toml(loaded.scenario)
+    assert text.count('plugin = "mine sha256:') == 2
+    assert "[target.options]\nrate = 0.5\n" in text
+    assert "period = 4.0\nmost = 0.9\n" in text
+    assert parse(tomllib.loads(text), "again") == loaded.scenario
+
+
+def test_a_log_with_a_motion_and_a_fault_of_another_source_is_not_proved_but_estimated_again(plugged):
+    log = made_log(plugged / "run.mcap", SHORT, HELIX, FADING)
+    assert verify(log).result == "equal"
+    (plugged / "mine.py").write_text(MINE + "# changed\n")
+    plugins.find.cache_clear()
+    with pytest.raises(UserError, match=r"target.motion = 'mine:Helix' is to be mine sha256:"):
+        verify(log)
+    found = read_measurements(log)
+    reestimate(found, found.loaded(["filter.kind=icf"]), "again", plugged / "again.mcap")
+    assert verify(plugged / "again.mcap").result == "equal"
+
+
+@pytest.mark.usefixtures("plugged")
+def test_an_injected_fault_travels_with_what_it_is():
+    plan = load("tracking", [SHORT]).plan
+    tables: list[dict[str, Json]] = [
+        {"kind": STEER},
+        {"kind": "mine:Fading", "from": 1.0},
+        {"kind": "outage", "agents": [1]},
+    ]
+    extended = with_faults(plan, tables[1:])
+    steer, fading, cut = marked(extended, tables)
+    assert str(fading["plugin"]).startswith("mine sha256:")
+    assert "plugin" not in {**steer, **cut}
+    with pytest.raises(UserError, match="'mine:Fading' is to be other 1, but on this host"):
+        with_faults(plan, [fading | {"plugin": "other 1"}])

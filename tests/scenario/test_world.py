@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from zenoh_cbef.courses.waypoints import along
 from zenoh_cbef.scenario.load import parse
-from zenoh_cbef.scenario.paths import agent_positions, along
+from zenoh_cbef.scenario.paths import agent_positions
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.scenario.world import make_world, target_path, target_start
 from zenoh_cbef.simulator import heard_in

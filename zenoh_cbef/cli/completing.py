@@ -8,7 +8,8 @@ from __future__ import annotations
 import os
 from importlib import import_module
 from pathlib import Path
-from typing import get_args
+
+from zenoh_cbef.plugins import short_names
 
 _BREAKS = ("=", ":")
 
@@ -49,9 +50,10 @@ def logs(incomplete: str) -> list[tuple[str, str]]:
 
 def faults(incomplete: str) -> list[tuple[str, str]]:
     """The kinds of faults, with what they do."""
-    union, *_ = get_args(import_module("zenoh_cbef.faults").AnyFault)
-    kinds = {get_args(one.model_fields["kind"].annotation)[0]: one.__doc__ or "" for one in get_args(union)}
-    return _beginning({kind: words.partition("\n")[0] for kind, words in kinds.items()}, incomplete)
+    kinds = import_module("zenoh_cbef.faults").KINDS
+    told = {kind: (one.__doc__ or "").partition("\n")[0] for kind, one in kinds.items()}
+    others = {name: f"Of another package: {value}" for name, value in short_names("faults").items()}
+    return _beginning(told | others, incomplete)
 
 
 def _beginning(described: dict[str, str], incomplete: str) -> list[tuple[str, str]]:

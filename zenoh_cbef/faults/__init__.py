@@ -1,10 +1,11 @@
-"""Faults, one kind per file. Adding one is a file with a class as in loss.py, and a place in AnyFault."""
+"""Faults, one kind per file. Adding one is a file with a class as in loss.py, and a line in KINDS.
+
+A fault of another package is named by its class, see plugins.py.
+"""
 
 from __future__ import annotations
 
-from typing import Annotated
-
-from pydantic import Field
+from typing import Annotated, get_args
 
 from zenoh_cbef.faults.absence import Absence, Absences
 from zenoh_cbef.faults.base import Effect, Fault, LinkFault, MessageFault, Messages
@@ -22,6 +23,7 @@ from zenoh_cbef.faults.outage import Outage
 from zenoh_cbef.faults.outgoing import Outgoing, SenderFault
 from zenoh_cbef.faults.partition import Partition
 from zenoh_cbef.faults.pause import Pause
+from zenoh_cbef.faults.plugged import PLUGGED, ByKind, fault_of, plugin_of
 from zenoh_cbef.faults.rate_limit import RateLimit
 from zenoh_cbef.faults.reorder import Reorder
 from zenoh_cbef.faults.sensing import Readings, SensorFault, measured_ranges
@@ -31,6 +33,8 @@ from zenoh_cbef.faults.sensor_spikes import SensorSpikes
 from zenoh_cbef.faults.sensor_stuck import SensorStuck
 
 __all__ = [
+    "KINDS",
+    "PLUGGED",
     "Absence",
     "Absences",
     "AnyFault",
@@ -65,26 +69,43 @@ __all__ = [
     "SensorStuck",
     "ahead",
     "clocks_of",
+    "kind_of",
+    "mark_of",
     "measured_ranges",
 ]
 
-AnyFault = Annotated[
-    Loss
-    | BurstLoss
-    | Delay
-    | Duplicate
-    | Reorder
-    | Corrupt
-    | RateLimit
-    | Partition
-    | Outage
-    | Pause
-    | Crash
-    | Byzantine
-    | Clock
-    | SensorBias
-    | SensorSpikes
-    | SensorDropout
-    | SensorStuck,
-    Field(discriminator="kind"),
-]
+KINDS: dict[str, type[Fault]] = {
+    str(get_args(one.model_fields["kind"].annotation)[0]): one
+    for one in (
+        Loss,
+        BurstLoss,
+        Delay,
+        Duplicate,
+        Reorder,
+        Corrupt,
+        RateLimit,
+        Partition,
+        Outage,
+        Pause,
+        Crash,
+        Byzantine,
+        Clock,
+        SensorBias,
+        SensorSpikes,
+        SensorDropout,
+        SensorStuck,
+    )
+}
+
+AnyFault = Annotated[Fault, ByKind(KINDS)]
+"""A fault of any kind, as a scenario's field: a table is read by the class that its `kind` names."""
+
+
+def kind_of(name: str) -> type[Fault]:
+    """The fault of a kind. Raises ValueError, to stand after `fault.kind`, where there is none."""
+    return KINDS[name] if name in KINDS else fault_of(plugin_of(name, KINDS).found, name)
+
+
+def mark_of(name: str) -> str | None:
+    """Package, version and source of a fault of another package; None for one of our own."""
+    return None if name in KINDS else plugin_of(name, KINDS).mark

@@ -71,13 +71,18 @@ class Effect:
 
 
 class Fault(BaseModel):
-    """A fault that is on while `from` <= time < `until` (s, run time)."""
+    """A fault that is on while `from` <= time < `until` (s, run time).
+
+    A fault of another package has its own keys in a model of its own, in a field `options`. plugin: that package, its
+    version and a hash of its source; None: as they are on this host.
+    """
 
     model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
 
     kind: str
     since: Seconds = Field(default=0.0, alias="from")
     until: Seconds | None = None
+    plugin: str | None = None
 
     def active(self, time: float) -> bool:
         """Whether the fault is on at a run time (s)."""

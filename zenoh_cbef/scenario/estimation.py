@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, Field, JsonValue, field_validator, model_validator
+from pydantic import AfterValidator, Field, field_validator, model_validator
 
 from zenoh_cbef.quantities import Acceleration, Chance, Duration, Factor, Length, Metres, Rate, Seconds, Speed, Spread
-from zenoh_cbef.scenario.table import EachPosition, EachVelocity, Table, one_of
+from zenoh_cbef.scenario.table import EachPosition, EachVelocity, Options, Table, one_of
 from zenoh_cbef.tracking.filters import Abilities, abilities_of, kind_of, options_of
 from zenoh_cbef.tracking.motion import MOTIONS, is_linear
 
@@ -59,7 +59,7 @@ class Filter(Table):
 
     kind: str = "sicf"
     defaults: Literal[1, 2, 3, 4, 5] = 5
-    options: Annotated[dict[str, JsonValue] | None, Field(description="a table of options")] = None
+    options: Options = None
     plugin: str | None = None
     xi: Annotated[Factor | Literal["auto"], Field(description="a number from 1e-06 to 1e+12, or 'auto'")] = "auto"
     saturation: Literal["auto", "bounded", "redescending"] = "auto"

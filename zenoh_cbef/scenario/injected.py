@@ -9,6 +9,7 @@ from zenoh_cbef.plain import Json, read_json
 from zenoh_cbef.scenario.checks import check_faults
 from zenoh_cbef.scenario.load import parse
 from zenoh_cbef.scenario.plan import Plan
+from zenoh_cbef.scenario.plugged import stamped
 
 STEER = "steer"
 """Kind of the table that is no fault but an order to the target, of `[[target.orders]]`: they travel together."""
@@ -25,9 +26,17 @@ def with_faults(plan: Plan, tables: Sequence[Mapping[str, object]]) -> Plan:
     data["target"]["orders"] = [*data["target"]["orders"], *orders]
     data["consensus"]["scheme"] = plan.scheme[0]
     data["filter"] |= {"bias": plan.bias, "distrust": plan.distrusts_own}
-    extended = Plan(parse(data, "the fault"))
+    extended = Plan(stamped(parse(data, "the fault")))
     check_faults(extended)
     return extended
+
+
+def marked(extended: Plan, tables: Sequence[Mapping[str, Json]]) -> list[dict[str, Json]]:
+    """The tables of `with_faults`, with what each fault of another package is on this host: so they travel."""
+    injected = [one for one in tables if one.get("kind") != STEER]
+    faults = iter(extended.scenario.fault[len(extended.scenario.fault) - len(injected) :])
+    marks = [None if one.get("kind") == STEER else next(faults).plugin for one in tables]
+    return [{**one, "plugin": mark} if mark else dict(one) for one, mark in zip(tables, marks, strict=True)]
 
 
 def read_tables(text: str) -> list[dict[str, Json]]:

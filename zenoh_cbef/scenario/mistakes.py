@@ -10,6 +10,7 @@ from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
+from zenoh_cbef.faults import KINDS, PLUGGED, Fault, LinkFault, SenderFault, SensorFault
 from zenoh_cbef.scenario.model import Scenario
 
 Place = Sequence[str | int]
@@ -139,6 +140,8 @@ def _walk(place: Place) -> Iterator[tuple[list[type[BaseModel]], str | int]]:
         elif branch and part != "?":
             # One of several things that may stand there names itself; only a table has keys.
             models, inside, branch = [model for model in models if model.__name__ in part], False, False
+        elif inside and part == PLUGGED:
+            models, inside = [LinkFault, SenderFault, SensorFault], False
         elif tagged := [model for model in models if inside and _tag(model) == part]:
             models, inside = tagged, False
         elif models:
@@ -172,6 +175,8 @@ def _names(model: type[BaseModel]) -> list[str]:
 
 
 def _tables(annotation: object) -> list[type[BaseModel]]:
+    if annotation is Fault:
+        return list(KINDS.values())
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return [annotation]
     return [model for part in get_args(annotation) for model in _tables(part)]

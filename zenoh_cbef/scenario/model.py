@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, field_validator, model_validator
 
+from zenoh_cbef.courses import RECORDED, kind_of, options_of
 from zenoh_cbef.faults import AnyFault
 from zenoh_cbef.quantities import (
     Acceleration,
@@ -27,7 +28,7 @@ from zenoh_cbef.quantities import (
 )
 from zenoh_cbef.scenario.averaging import Consensus
 from zenoh_cbef.scenario.estimation import Filter
-from zenoh_cbef.scenario.table import Corner, Drift, Name, Point, Table, one_of
+from zenoh_cbef.scenario.table import Corner, Drift, Name, Options, Point, Table, one_of
 from zenoh_cbef.tracking import graph
 from zenoh_cbef.tracking.filters import abilities_of
 
@@ -44,9 +45,13 @@ class Target(Table):
     """The moving target. `position` is where ncv and manual start, and the centre of circle and lemniscate.
 
     origin: the time of step 0 on a recording's own clock, s; the dataset says it.
+    options: of a motion of another package, as its own model has them. plugin: that package, its version and a hash of
+    its source; None: as they are on this host.
     """
 
-    motion: Literal["ncv", "waypoints", "circle", "lemniscate", "manual", "dataset"] = "ncv"
+    motion: str = "ncv"
+    options: Options = None
+    plugin: str | None = None
     position: Point = (0.0, 0.0, 0.0)
     velocity: Drift = (0.0, 0.0, 0.0)
     acceleration_std: Acceleration = 0.1
@@ -57,6 +62,18 @@ class Target(Table):
     orders: Annotated[tuple[Order, ...], Field(description="a list of tables, each written [[target.orders]]")] = ()
     path: str | None = None
     origin: Moment | None = None
+
+    @field_validator("motion")
+    @classmethod
+    def _known(cls, value: str) -> str:
+        if value != RECORDED:
+            kind_of(value)
+        return value
+
+    @model_validator(mode="after")
+    def _takes_options(self) -> Target:
+        options_of(self.motion, self.options or {})
+        return self
 
     @model_validator(mode="after")
     def _complete(self) -> Target:

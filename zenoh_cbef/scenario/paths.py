@@ -6,6 +6,7 @@ import numpy as np
 
 from zenoh_cbef import streams
 from zenoh_cbef.arrays import Floats
+from zenoh_cbef.courses.waypoints import along
 from zenoh_cbef.scenario.model import Scenario
 
 
@@ -39,16 +40,3 @@ def places_at(scenario: Scenario, time: Floats, agent: int | None = None) -> Flo
         return np.stack([along(np.array(points), agents.speed, time)[:, :3] for points in agents.waypoints[chosen]])
     drift = np.array(agents.velocity) if agents.motion == "formation" else np.zeros(3)
     return np.asarray(placement(scenario)[chosen, None, :] + time[None, :, None] * drift)
-
-
-def along(points: Floats, speed: float, time: Floats) -> Floats:
-    """States (t, 6) of a body that follows points (w, 3) at constant speed (m/s) and rests at the last."""
-    legs = np.diff(points, axis=0)
-    lengths = np.linalg.norm(legs, axis=1)
-    reached = np.concatenate([[0.0], np.cumsum(lengths)])
-    distance = speed * time
-    position = np.stack([np.interp(distance, reached, points[:, axis]) for axis in range(3)], axis=1)
-    leg = np.clip(np.searchsorted(reached, distance, side="right") - 1, 0, max(len(legs) - 1, 0))
-    direction = legs / np.where(lengths > 0.0, lengths, 1.0)[:, None] if len(legs) else np.zeros((1, 3))
-    moving = (distance < reached[-1])[:, None]
-    return np.concatenate([position, np.where(moving, speed * direction[leg], 0.0)], axis=1)

@@ -8,9 +8,11 @@ from typing import TypeVar
 import numpy as np
 
 from zenoh_cbef.arrays import Bools, Floats
+from zenoh_cbef.courses import RECORDED
 from zenoh_cbef.faults import SensorFault
 from zenoh_cbef.scenario.model import Scenario
 from zenoh_cbef.scenario.paths import placement
+from zenoh_cbef.scenario.world import target_path
 
 Real = TypeVar("Real", float, Floats)
 
@@ -63,7 +65,9 @@ def _apart(scenario: Scenario) -> float:
     places = [placement(scenario), *(np.array(points) for points in agents.waypoints)]
     if target.motion == "waypoints":
         places.append(np.array(target.waypoints))
-    elif target.motion != "dataset":
+    elif target.plugin is not None:
+        places.append(target_path(scenario)[:, :3])
+    elif target.motion != RECORDED:
         places.append(np.array([target.position]))
     if chosen.initial_position is not None:
         places.append(np.array(chosen.initial_position).reshape(-1, 3))

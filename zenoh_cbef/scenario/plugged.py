@@ -4,9 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from pydantic import BaseModel
+
+from zenoh_cbef import courses, faults
 from zenoh_cbef.errors import UserError
+from zenoh_cbef.faults import Fault
 from zenoh_cbef.scenario.model import Scenario
-from zenoh_cbef.tracking.filters import mark_of, options_of
+from zenoh_cbef.tracking import filters
 
 
 def stamped(scenario: Scenario) -> Scenario:
@@ -14,13 +18,27 @@ def stamped(scenario: Scenario) -> Scenario:
 
     Raises UserError where it says that they are something else.
     """
-    chosen = scenario.filter
-    here = mark_of(chosen.kind)
-    _compare("filter.kind", chosen.kind, told=chosen.plugin, here=here)
-    if here is None:
-        return scenario
-    told = {"plugin": here, "options": options_of(chosen.kind, chosen.options or {})}
-    return scenario.model_copy(update={"filter": chosen.model_copy(update=told)})
+    chosen, target = scenario.filter, scenario.target
+    filter_mark = filters.mark_of(chosen.kind)
+    _compare("filter.kind", chosen.kind, told=chosen.plugin, here=filter_mark)
+    target_mark = courses.mark_of(target.motion)
+    _compare("target.motion", target.motion, told=target.plugin, here=target_mark)
+    changed: dict[str, object] = {}
+    if filter_mark is not None:
+        told = {"plugin": filter_mark, "options": filters.options_of(chosen.kind, chosen.options or {})}
+        changed["filter"] = chosen.model_copy(update=told)
+    if target_mark is not None:
+        told = {"plugin": target_mark, "options": courses.options_of(target.motion, target.options or {})}
+        changed["target"] = target.model_copy(update=told)
+    if scenario.fault:
+        changed["fault"] = tuple(map(_stamped_fault, scenario.fault))
+    return scenario.model_copy(update=changed) if changed else scenario
+
+
+def _stamped_fault(fault: Fault) -> Fault:
+    here = faults.mark_of(fault.kind)
+    _compare("fault.kind", fault.kind, told=fault.plugin, here=here)
+    return fault if here is None else fault.model_copy(update={"plugin": here})
 
 
 def forget_plugins(data: dict[str, object], keys: Sequence[str]) -> None:
@@ -28,11 +46,18 @@ def forget_plugins(data: dict[str, object], keys: Sequence[str]) -> None:
 
     keys: those that the run has otherwise; with another kind the options of the log's go, too.
     """
-    table = data.get("filter")
-    if isinstance(table, dict):
-        table.pop("plugin", None)
-        if "filter.kind" in keys:
-            table.pop("options", None)
+    listed = data.get("fault")
+    for table in (data.get("filter"), data.get("target"), *(listed if isinstance(listed, list) else ())):
+        if isinstance(table, dict):
+            table.pop("plugin", None)
+    chosen = data.get("filter")
+    if isinstance(chosen, dict) and "filter.kind" in keys:
+        chosen.pop("options", None)
+
+
+def same_but_for_plugins(one: BaseModel, other: BaseModel) -> bool:
+    """Whether two tables say the same, whatever version of a plug-in each names."""
+    return one.model_dump(exclude={"plugin"}) == other.model_dump(exclude={"plugin"})
 
 
 def _compare(key: str, name: str, *, told: str | None, here: str | None) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, JsonValue
 
 from zenoh_cbef.quantities import Metres, Motion, Position
 
@@ -24,6 +24,7 @@ _EACH = Field(description="three numbers [x, y, z], or a list with three numbers
 Point = Annotated[Position, _POINT]
 Drift = Annotated[Motion, _POINT]
 Corner = Annotated[Metres | Position, Field(description="a number, or three numbers [x, y, z], each from -1e7 to 1e7")]
+Options = Annotated[dict[str, JsonValue] | None, Field(description="a table of options")]
 EachPosition = Annotated[Position | tuple[Position, ...] | None, _EACH]
 EachVelocity = Annotated[Motion | tuple[Motion, ...] | None, _EACH]
 

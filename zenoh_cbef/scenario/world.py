@@ -12,10 +12,11 @@ import numpy as np
 
 from zenoh_cbef import streams
 from zenoh_cbef.arrays import Floats
+from zenoh_cbef.courses import RECORDED, Course, CourseSettings, Order, kind_of
 from zenoh_cbef.datasets import read_dataset
 from zenoh_cbef.faults import measured_ranges
-from zenoh_cbef.scenario.model import Scenario, Target
-from zenoh_cbef.scenario.paths import agent_positions, along, step_times
+from zenoh_cbef.scenario.model import Scenario
+from zenoh_cbef.scenario.paths import agent_positions, step_times
 
 
 @dataclass(frozen=True)
@@ -38,7 +39,7 @@ def make_world(scenario: Scenario) -> World:
     """The world of one scenario."""
     time = step_times(scenario, scenario.length)
     positions = agent_positions(scenario)
-    if scenario.target.motion == "dataset":
+    if scenario.target.motion == RECORDED:
         dataset = read_dataset(Path(scenario.target.path or ""))
         origin = dataset.origin(scenario.dt)
         truth = dataset.truth_at(origin + time)
@@ -55,69 +56,30 @@ def make_world(scenario: Scenario) -> World:
 
 def target_start(scenario: Scenario) -> Floats:
     """The target's true state at step 0, (6,). Not for recorded data."""
-    target = scenario.target
-    if target.motion == "ncv":
-        return np.array([*target.position, *target.velocity])
-    if target.motion == "manual":
-        return np.array([*target.position, 0.0, 0.0, 0.0])
-    return np.asarray(_prescribed(target, np.zeros(1))[0], dtype=np.float64)
+    return np.asarray(_course(scenario).states(np.zeros(1))[0], dtype=np.float64)
 
 
 def target_path(scenario: Scenario) -> Floats:
     """The target's true states at steps 0 to K, (K + 1, 6). Not for recorded data."""
-    target, steps, dt = scenario.target, scenario.length, scenario.dt
-    if target.motion != "ncv":
-        times = np.concatenate([np.zeros(1), step_times(scenario, steps)])
-        return _steered(target, times, dt) if target.motion == "manual" else _prescribed(target, times)
-    key = streams.stream(scenario.seed, "acceleration", np.arange(3))
-    acceleration = target.acceleration_std * streams.normal(key, np.arange(steps)[:, None])
-    state = np.empty((steps + 1, 6))
-    state[0] = target_start(scenario)
-    state[1:, 3:] = dt * acceleration
-    state[:, 3:] = np.cumsum(state[:, 3:], axis=0)
-    state[1:, :3] = dt * state[:-1, 3:] + 0.5 * dt**2 * acceleration
-    state[:, :3] = np.cumsum(state[:, :3], axis=0)
-    return state
+    return _course(scenario).states(np.concatenate([np.zeros(1), step_times(scenario, scenario.length)]))
 
 
-def _prescribed(target: Target, time: Floats) -> Floats:
-    if target.motion == "waypoints":
-        return along(np.array(target.waypoints), target.speed, time)
-    rate = 2.0 * np.pi / target.period
-    sine, cosine = np.sin(rate * time), np.cos(rate * time)
-    state = np.zeros((len(time), 6))
-    if target.motion == "circle":
-        state[:, 0], state[:, 1] = cosine, sine
-        state[:, 3], state[:, 4] = -rate * sine, rate * cosine
-    else:  # the lemniscate of Gerono
-        state[:, 0], state[:, 1] = sine, sine * cosine
-        state[:, 3], state[:, 4] = rate * cosine, rate * (cosine**2 - sine**2)
-    state *= target.radius
-    state[:, :3] += np.array(target.position)
-    return state
-
-
-def _steered(target: Target, times: Floats, dt: float) -> Floats:
-    """States (K + 1, 6) of a target that goes straight to where its orders say, at its speed, and rests there.
-
-    Of several orders that are on the last one holds. What an order changes comes after it, so one more changes no past.
-    """
-    chosen = np.full(len(times), -1)
-    for number, order in enumerate(target.orders):
-        chosen[(times >= order.since) & (times < (np.inf if order.until is None else order.until))] = number
-    state = np.zeros((len(times), 6))
-    state[0, :3] = target.position
-    begins = [1, *(np.flatnonzero(np.diff(chosen[1:])) + 2).tolist()]
-    for first, last in zip(begins, [*begins[1:], len(times)], strict=True):
-        if first >= last:
-            continue
-        start = state[first - 1, :3]
-        gap = (np.array(target.orders[chosen[first]].to) if chosen[first] >= 0 else start) - start
-        away = max(float(np.linalg.norm(gap)), 1e-12)
-        share = np.minimum(np.arange(1, last - first + 1) * (target.speed * dt / away), 1.0)
-        state[first:last, :3] = start + share[:, None] * gap
-    state[1:, 3:] = np.diff(state[:, :3], axis=0) / dt
-    return state
+def _course(scenario: Scenario) -> Course:
+    target = scenario.target
+    settings = CourseSettings(
+        seed=scenario.seed,
+        dt=scenario.dt,
+        position=target.position,
+        velocity=target.velocity,
+        acceleration_std=target.acceleration_std,
+        waypoints=target.waypoints,
+        speed=target.speed,
+        radius=target.radius,
+        period=target.period,
+        orders=tuple(Order(one.to, one.since, np.inf if one.until is None else one.until) for one in target.orders),
+        options=target.options or {},
+    )
+    return kind_of(target.motion).of(settings)
 
 
 def _sensed(scenario: Scenario, distances: Floats) -> Floats:

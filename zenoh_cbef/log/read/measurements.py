@@ -10,6 +10,7 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
+from pydantic import BaseModel
 
 from zenoh_cbef.arrays import Bools
 from zenoh_cbef.errors import UserError
@@ -22,7 +23,7 @@ from zenoh_cbef.protocol.messages import nan_to_nil
 from zenoh_cbef.scenario import Scenario
 from zenoh_cbef.scenario.load import Loaded, apply, parse, put_all
 from zenoh_cbef.scenario.paths import agent_positions, step_times
-from zenoh_cbef.scenario.plugged import forget_plugins, stamped
+from zenoh_cbef.scenario.plugged import forget_plugins, same_but_for_plugins, stamped
 from zenoh_cbef.scenario.world import World
 
 _PAST = ("seed", "dt", "target", "agents", "sensor")
@@ -115,13 +116,13 @@ class Measurements:
             apply(data, one)
         put_all(data, values)
         scenario = stamped(parse(data, f"the scenario of run {self.header.run!r}"))
-        changed = [key for key in _PAST if getattr(scenario, key) != getattr(before, key)]
+        changed = [key for key in _PAST if not _same(getattr(scenario, key), getattr(before, key))]
         if changed:
             raise UserError(
                 f"{changed[0]} says how the log's ranges came about, which is past; set keys of filter, consensus, "
                 "network, fault or timing, such as filter.range_std in place of sensor.range_std"
             )
-        if _of_sensors(scenario) != _of_sensors(before):
+        if not _same(_of_sensors(scenario), _of_sensors(before)):
             raise UserError("faults of sensors are in the log's ranges already; add or take away other faults only")
         if scenario.length > steps:
             raise UserError(f"steps = {scenario.length}, but the log has the beacons of {steps} steps; lower it")
@@ -155,6 +156,14 @@ def read_measurements(*paths: Path) -> Measurements:
             f"the log of run {recording.header.run!r} holds no beacons, so there is nothing to estimate from"
         )
     return found
+
+
+def _same(one: object, other: object) -> bool:
+    if isinstance(one, list) and isinstance(other, list):
+        return len(one) == len(other) and all(map(_same, one, other))
+    if isinstance(one, BaseModel) and isinstance(other, BaseModel):
+        return same_but_for_plugins(one, other)
+    return one == other
 
 
 def _of_sensors(scenario: Scenario) -> list[SensorFault]:

@@ -11,7 +11,7 @@ from typing import Any
 
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.protocol.fields import LONGEST
-from zenoh_cbef.scenario.injected import with_faults
+from zenoh_cbef.scenario.injected import marked, with_faults
 from zenoh_cbef.scenario.plan import Plan
 
 _LEAD_SECONDS = 0.3
@@ -115,4 +115,4 @@ class Injection:
         if len(json.dumps(tables)) > LONGEST:
             raise UserError(f"{len(self._tables)} faults were injected, and no more fit a message; start another run")
         self.plan = with_faults(self._given, tables)
-        self._tables, self._fresh = tables, True
+        self._tables, self._fresh = marked(self.plan, tables), True

@@ -9,9 +9,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
-from pydantic import BaseModel
 
-from zenoh_cbef.plugins import Plugin, find, read_options
+from zenoh_cbef.plugins import Plugin, find, told_options
 from zenoh_cbef.tracking.filters.around.auto_bias import AutoBias
 from zenoh_cbef.tracking.filters.around.biased_information import BiasedInformation
 from zenoh_cbef.tracking.filters.around.distrusting import Distrusting
@@ -80,14 +79,7 @@ def mark_of(name: str) -> str | None:
 
 def options_of(name: str, given: Mapping[str, object]) -> dict[str, object]:
     """All options of a kind of another package. Raises ValueError with a sentence that names the option."""
-    model: object = getattr(kind_of(name), "options", None)
-    if isinstance(model, type) and issubclass(model, BaseModel):
-        return read_options(model, given, "filter.options").model_dump(mode="json", by_alias=True)
-    if given:
-        raise ValueError(
-            f"filter.options has {', '.join(given)}, but {name!r} has no options; leave filter.options out"
-        )
-    return {}
+    return told_options(getattr(kind_of(name), "options", None), name, given, "filter.options")
 
 
 def _plugin(name: str) -> Plugin:

@@ -1,4 +1,4 @@
-"""What every filter must hold to, as a test that a plug-in calls: `check_filter(Mine)`."""
+"""What every filter must hold to: `check_filter(Mine)`."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import numpy as np
 from zenoh_cbef import streams
 from zenoh_cbef.arrays import Floats
 from zenoh_cbef.plugins import read_options
+from zenoh_cbef.testing.nonconforming import Nonconforming
 from zenoh_cbef.tracking.filters.base import Belief, Filter, Kind, Update, filter_of
 from zenoh_cbef.tracking.filters.settings import FilterSettings
 from zenoh_cbef.tracking.motion import MotionSettings, make_motion
@@ -21,10 +22,6 @@ _NEGATIVE = -1e-9
 """A covariance's least eigenvalue in units of its largest one, as rounding leaves it."""
 
 _REMEDY = "correct conclude()"
-
-
-class Nonconforming(AssertionError):
-    """A filter does not do what agents rely on: one sentence that says what, and what to do."""
 
 
 @dataclass(frozen=True)

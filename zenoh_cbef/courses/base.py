@@ -1,0 +1,79 @@
+"""What every course is: the way of the target, which `target.motion` names."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Protocol, Self, TypeGuard
+
+import numpy as np
+
+from zenoh_cbef.arrays import Floats
+
+Point = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Order:
+    """Where a target that is steered goes while since <= time < until, s. to: m."""
+
+    to: Point
+    since: float
+    until: float
+
+
+@dataclass(frozen=True)
+class CourseSettings:
+    """What any course may need to know: the keys of the scenario's [target] table, and of the run.
+
+    seed: of the run, for streams. dt: s, from one step to the next. position: m. velocity, speed: m/s.
+    acceleration_std: m/s^2. waypoints, radius: m. period: s. options: of a class of another package, `target.options`.
+    """
+
+    seed: int = 1
+    dt: float = 0.1
+    position: Point = (0.0, 0.0, 0.0)
+    velocity: Point = (0.0, 0.0, 0.0)
+    acceleration_std: float = 0.1
+    waypoints: tuple[Point, ...] = ()
+    speed: float = 1.0
+    radius: float = 5.0
+    period: float = 30.0
+    orders: tuple[Order, ...] = ()
+    options: Mapping[str, object] = field(default_factory=dict)
+
+
+class Course(Protocol):
+    """The way of a target: a pure function of its settings."""
+
+    @classmethod
+    def of(cls, settings: CourseSettings) -> Self:
+        """The course of these settings."""
+
+    def states(self, time: Floats) -> Floats:
+        """The target's true states at run times (t,), s: (t, 6), position (m) and velocity (m/s).
+
+        time: of steps 0, 1, 2, ...; a longer run begins as a shorter one does.
+        """
+
+
+def course_of(found: type, name: str) -> type[Course]:
+    """A class of another package as a course. Raises ValueError, to stand after its key, if it is none."""
+    if _is_course(found):
+        return found
+    lacking = ", ".join(f"{one}()" for one in _MEMBERS if not callable(getattr(found, one, None)))
+    raise ValueError(f"names {name!r}, which is no motion: it lacks {lacking}; add it, see docs/plugins.md")
+
+
+_MEMBERS = ("of", "states")
+
+
+def _is_course(found: type) -> TypeGuard[type[Course]]:
+    return all(callable(getattr(found, one, None)) for one in _MEMBERS)
+
+
+def around(centre: Point, radius: float, unit: Floats) -> Floats:
+    """States (t, 6) of a way of size one around the origin, as a way of that radius (m) around a centre (m)."""
+    state = unit * radius
+    state[:, :3] += np.array(centre)
+    return state
