@@ -49,6 +49,7 @@ BENCHMARKS = {
     "seeds": ("seeds", "1000 seeds of a lossy run: CPU of simulation and analysis; the bits of single runs"),
     "sessions": ("sessions", "1200 sessions at one target"),
     "hosts": ("hosts", "agents on ten virtual hosts: start, links, memory, traffic, rate; --agents 100,300, as root"),
+    "sites": ("sites", "two sites on virtual hosts, a router each, and a cut between them; as root"),
     "soak": ("soak", "memory of every process of a realtime run over time; --minutes 60"),
     "method": ("method_figures", "the figures of docs/method.md, written to docs/figures, and their numbers"),
 }

@@ -5,11 +5,7 @@ Target and recorder have a host each; each other host has one fleet. All are on 
 
 from __future__ import annotations
 
-import importlib.util
 import os
-import re
-import subprocess
-import sys
 import tempfile
 import time
 from collections import Counter
@@ -17,16 +13,14 @@ from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import ModuleType
-from typing import Protocol
 
 import numpy as np
 from rich.table import Table
 
-from benchmarks.common import ROOT, Row, below, results
+from benchmarks.common import Row, below, results
 from benchmarks.processes import agents_of, bytes_on, cpu_seconds, own_megabytes, resident_megabytes
+from benchmarks.virtual import Lab, Processes, laboratory, links_on
 from zenoh_cbef.cli.console import number
-from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.prove.verify import verify
 from zenoh_cbef.log.read.parts import open_log
 from zenoh_cbef.machine import require
@@ -69,97 +63,49 @@ class Seen:
     samples: list[Sample] = field(default_factory=list)
 
 
-def _netlab() -> ModuleType:
-    path = ROOT / "deploy" / "netlab" / "netlab.py"
-    spec = importlib.util.spec_from_file_location("netlab", path)
-    if spec is None or spec.loader is None:
-        raise UserError(f"{path} is missing; run benchmarks in the repository")
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["netlab"] = module
-    spec.loader.exec_module(module)
-    return module
-
-
 def settings_of(agents: int, *more: str) -> list[str]:
     """A sparse graph: a denser one has more links with more agents."""
     return [f"agents.count={agents}", f"network.probability={min(0.9, _DEGREE / (agents - 1))}", *more]
 
 
-class Lab(Protocol):
-    """The parts of deploy/netlab's laboratory that are used here."""
-
-    def address(self, host: str) -> str:
-        """A host's address."""
-        ...
-
-    def command(self, host: str, words: Sequence[str]) -> list[str]:
-        """The command that runs a command on a host."""
-        ...
-
-
-def _established(lab: Lab, host: str) -> Counter[int]:
-    """The links on a host by the processes that have them."""
-    words = lab.command(host, ["ss", "-tnHp", "state", "established"])
-    told = subprocess.run(words, capture_output=True, text=True, check=True).stdout
-    return Counter(int(pid) for pid in re.findall(r"pid=(\d+)", told))
-
-
-class _Site:
-    """The run's processes on their hosts."""
+class _Watched:
+    """The run's processes on their hosts, and what is seen of them."""
 
     def __init__(self, lab: Lab, folder: Path, agents: int, hosts: int) -> None:
-        self._lab, self._folder, self._agents = lab, folder, agents
+        self._agents = agents
         self._hosts = [f"a{number}" for number in range(hosts)]
-        self._running: dict[str, subprocess.Popen[bytes]] = {}
+        self._processes = Processes(lab, folder)
         self._pids: list[int] = []
         self.seen = Seen(time.time_ns(), folder / "run.mcap")
 
-    def _start(self, host: str, *words: str) -> None:
-        with (self._folder / f"{host}.err").open("wb") as err:
-            self._running[host] = subprocess.Popen(
-                self._lab.command(host, [sys.executable, "-m", "zenoh_cbef", *words]),
-                cwd=self._folder,
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.DEVNULL,
-                stderr=err,
-            )
-
     def start(self, overrides: Sequence[str]) -> None:
         """Start target and recorder, and a fleet on each other host, all at once."""
-        target = f"tcp/{self._lab.address('target')}:7447"
+        start, address = self._processes.start, self._processes.lab.address
+        target = f"tcp/{address('target')}:7447"
         settings = [part for one in overrides for part in ("--set", one)]
         run = ["--run", "hosts", "--patience", str(_LIMIT_SECONDS), "--lease-ms", str(_LEASE_MS)]
-        self._start("target", "target", "tracking", *settings, *run, "--listen", target)
+        start("target", "target", "tracking", *settings, *run, "--listen", target)
         there = [*run, "--connect", target, "--listen"]
-        self._start("record", "record", *there, f"tcp/{self._lab.address('record')}:7448", "--output", "run.mcap")
+        start("record", "record", *there, f"tcp/{address('record')}:7448", "--output", "run.mcap")
         for place, host in enumerate(self._hosts):
             first, last = (self._agents * one // len(self._hosts) for one in (place, place + 1))
-            self._start(host, "fleet", f"{first}-{last - 1}", *there, "tcp/0.0.0.0:0")
+            start(host, "fleet", f"{first}-{last - 1}", *there, "tcp/0.0.0.0:0")
 
     def watch(self) -> None:
         """Look at the run until it has ended. Raises RuntimeError where a process fails, or it takes too long."""
-        until = time.monotonic() + _LIMIT_SECONDS
-        target = self._running["target"].pid
-        while any(one.poll() is None for one in self._running.values()):
-            with suppress(OSError):  # one of them has just ended
-                agents = sum(map(cpu_seconds, self._pids))
-                received, sent = bytes_on(target, _DEVICE)
-                self.seen.samples.append(Sample(time.time_ns(), received, sent, cpu_seconds(target), agents))
-            if not self.seen.links and self._under_way() == self._agents:
-                self._count()
-            failed = [host for host, one in self._running.items() if one.poll()]
-            if failed or time.monotonic() > until:
-                words = (self._folder / f"{failed[0]}.err").read_text() if failed else "it takes too long"
-                raise RuntimeError(f"the run did not end well: {failed} {words}")
-            time.sleep(0.1)
+        self._processes.watch(_LIMIT_SECONDS, self._look)
 
-    def _under_way(self) -> int:
-        """How many agents the fleets say to be under way."""
-        said = [(self._folder / f"{host}.err").read_text() for host in self._hosts]
-        return sum(int(([0, *re.findall(r"(\d+) under way", one)])[-1]) for one in said)
+    def _look(self) -> None:
+        target = self._processes.pid("target")
+        with suppress(OSError):  # one of them has just ended
+            agents = sum(map(cpu_seconds, self._pids))
+            received, sent = bytes_on(target, _DEVICE)
+            self.seen.samples.append(Sample(time.time_ns(), received, sent, cpu_seconds(target), agents))
+        if not self.seen.links and self._processes.under_way() == self._agents:
+            self._count()
 
     def _count(self) -> None:
-        links: Counter[int] = sum((_established(self._lab, host) for host in self._hosts), Counter())
+        links: Counter[int] = sum((links_on(self._processes.lab, host) for host in self._hosts), Counter())
         found = agents_of("hosts")
         self._pids = list(found.values())
         self.seen.samples.clear()
@@ -171,17 +117,12 @@ class _Site:
 
 def observe(agents: int, overrides: Sequence[str], folder: Path, hosts: int = HOSTS) -> Seen:
     """Run a scenario on so many virtual hosts; none is left. Raises UserError where there can be none."""
-    netlab = _netlab()
-    if (why := netlab.why_not()) is not None:
-        raise UserError(f"no virtual hosts here: {why}")
     require(links=agents + 1, processes=agents, forked=True)
-    with netlab.Lab(
-        ["target", "record", *(f"a{number}" for number in range(hosts))], f"b{time.time_ns() % 10**6}"
-    ) as lab:
-        site = _Site(lab, folder, agents, hosts)
-        site.start(overrides)
-        site.watch()
-    return site.seen
+    with laboratory(["target", "record", *(f"a{number}" for number in range(hosts))]) as lab:
+        run = _Watched(lab, folder, agents, hosts)
+        run.start(overrides)
+        run.watch()
+    return run.seen
 
 
 def _times(seen: Seen) -> tuple[dict[int, int], int]:

@@ -77,3 +77,19 @@ def test_a_rack_with_a_router(shell, lab):
     for process in running:
         shell.finish(process)
     assert "equal bit for bit" in shell.finish(shell.start("record", "zenoh-cbef verify rack.mcap"))
+
+
+def test_two_sites_with_a_router_each(shell, lab):
+    first, second = lab.address("a0"), lab.address("a1")
+    routers, here, there, *_ = [
+        text.replace("192.168.1.10", first).replace("192.168.2.10", second).replace("--patience 60", "--patience 100")
+        for text in blocks("Two sites with a router each")
+    ]
+    here = here.replace("--client", "--client --patience 100", 1)
+    for host, router in zip(("a0", "a1"), routers.splitlines(), strict=True):
+        shell.start(host, router)
+    running = [shell.start("a0", here), shell.start("a1", there)]
+    said = "".join(shell.finish(process) for process in running)
+    for agents in ("0-2", "3-5"):
+        assert f"agents {agents} ended after step 60" in said
+    assert "equal bit for bit" in shell.finish(shell.start("a0", "zenoh-cbef verify sites.mcap"))

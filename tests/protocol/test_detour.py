@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import pytest
 import zenoh
@@ -127,6 +127,9 @@ def test_the_directory_tells_both_ends_of_a_detour_and_when_the_other_listens() 
         assert directory.tell(second) == Told([first, third], {})
         assert directory.apart() == []
         assert directory.tell(Place("agent/1", second.life, "host", ())) is None  # which it is not
+        # Of two sites neither links to the other; one of no site links to both.
+        assert directory.tell(replace(first, site="a1")) == Told([second], {})
+        assert directory.tell(replace(second, site="b2")) == Told([third], {})
         service.undeclare()
         for session in sessions:
             session.close()

@@ -5,8 +5,10 @@ from __future__ import annotations
 import signal
 import threading
 from collections.abc import Callable
+from dataclasses import replace
 from types import FrameType
 
+from zenoh_cbef.protocol.lives import router_life
 from zenoh_cbef.protocol.session import Connection, open_session
 
 
@@ -19,7 +21,7 @@ def run_router(connection: Connection, on_ready: Callable[[], None]) -> None:
 
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, ask)
-    with open_session(connection):
+    with open_session(replace(connection, life=router_life(carries=True))):
         on_ready()
         while not asked.wait(1.0):
             pass

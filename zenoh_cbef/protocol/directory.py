@@ -27,13 +27,19 @@ class Place:
     """Where a process can be reached.
 
     name: as in "agent/3". life: of the process, as its tokens have it. host: the same for processes that reach each
-    other on loopback. endpoints: in the order in which to try them.
+    other on loopback. endpoints: in the order in which to try them. site: the same for processes that are linked to the
+    same router, "" for those that are linked to none.
     """
 
     name: str
     life: str
     host: str
     endpoints: tuple[str, ...]
+    site: str = ""
+
+    def shares_site(self, other: Place) -> bool:
+        """Whether a link between the two is of use: routers carry what processes of two sites tell each other."""
+        return self.site == other.site or not (self.site and other.site)
 
 
 @dataclass(frozen=True)
@@ -80,6 +86,7 @@ class Directory:
         with self._lock:
             self._places[name], self._unlinked[name], self._heard[name] = place, unlinked, heard
             others = [one for one in self._places.values() if one.name != name and self._linked(name, one.name)]
+            others = [one for one in others if one.shares_site(place)]
             far = [one.name for one in others if one.name in unlinked or name in self._unlinked[one.name]]
             detours = {one: name in self._heard[one] for one in far}
         return Told([one for one in others if self._claims.holds(one.name, one.life)], detours)
@@ -125,7 +132,7 @@ def ask_directory(
 
 
 def _packed(place: Place) -> list[object]:
-    return [place.name, place.life, place.host, list(place.endpoints)]
+    return [place.name, place.life, place.host, list(place.endpoints), place.site]
 
 
 def _read_question(name: str, data: bytes) -> tuple[Place, tuple[str, ...], tuple[str, ...]]:
@@ -152,14 +159,15 @@ def _unpack(data: bytes) -> dict[str, object]:
 
 
 def _place(told: object) -> Place:
-    if not isinstance(told, list) or len(told) != 4:
+    if not isinstance(told, list) or len(told) != 5:
         raise BadMessage("a place is not as promised")
-    name, life, host = _texts(told[:3])
+    name, life, host, site = _texts([*told[:3], told[4]])
     endpoints = _texts(told[3])
     few = len(endpoints) <= MOST_ENDPOINTS
-    if not few or not _LIFE.fullmatch(life) or not all(map(_ENDPOINT.fullmatch, endpoints)):
+    known = _LIFE.fullmatch(life) and (not site or _LIFE.fullmatch(site))
+    if not few or not known or not all(map(_ENDPOINT.fullmatch, endpoints)):
         raise BadMessage("a place is not as promised")
-    return Place(name, life, host, endpoints)
+    return Place(name, life, host, endpoints, site)
 
 
 def _texts(told: object) -> tuple[str, ...]:

@@ -18,11 +18,12 @@ import zenoh
 
 from zenoh_cbef.plain import Json
 from zenoh_cbef.protocol.addresses import parts
+from zenoh_cbef.protocol.lives import router_life
 from zenoh_cbef.protocol.session import Connection
 
 _REACH_SECONDS = 0.7
 _LINK_SECONDS = 2.0
-_LOOK_SECONDS = 0.001
+_FIRST_LOOK_SECONDS, _LOOK_SECONDS = 0.001, 0.02
 _MUTE: Json = {"enabled": True, "default_permission": "deny", "rules": [], "subjects": [], "policies": []}
 _BRIEF: dict[str, Json] = {
     "scouting/multicast/enabled": False,
@@ -51,6 +52,7 @@ def introduce(own: str, other: str, connection: Connection, linked: Callable[[],
     """Have the process that listens at `own`, which is this one, and the one at `other` link. Returns `linked()`."""
     gossip: dict[str, Json] = {
         "mode": "router",
+        "id": router_life(carries=False),
         "connect/timeout_ms": -1,
         "connect/retry": {"period_init_ms": 50, "period_max_ms": 400, "period_increase_factor": 1.5},
         "scouting/gossip/enabled": True,
@@ -58,9 +60,10 @@ def introduce(own: str, other: str, connection: Connection, linked: Callable[[],
         "scouting/gossip/autoconnect": {"router": []},
     }
     with suppress(zenoh.ZError), _open(gossip, [own, other], connection):
-        until = time.monotonic() + _LINK_SECONDS
+        until, pause = time.monotonic() + _LINK_SECONDS, _FIRST_LOOK_SECONDS
         while not linked() and time.monotonic() < until:
-            time.sleep(_LOOK_SECONDS)
+            time.sleep(pause)
+            pause = min(2.0 * pause, _LOOK_SECONDS)
     return linked()
 
 

@@ -11,12 +11,16 @@ import time
 from collections.abc import Sequence
 from ipaddress import ip_address
 
+import zenoh
+
 from zenoh_cbef.protocol.addresses import is_loopback, parts
 
 _HIDDEN, _PRIVATE, _PUBLIC = 3, 2, 1
 _RANDOM_BYTES, _TIME_BYTES = 8, 7
 _LATEST = 12
 """What the first byte of a time stays below until 2077."""
+_LEAST, _GREATEST = "0000", "ffff"
+"""Ends of the ids of routers: of those that introduce processes, and of those that carry messages."""
 
 
 def new_life(endpoints: Sequence[str]) -> str:
@@ -25,6 +29,22 @@ def new_life(endpoints: Sequence[str]) -> str:
     chance = bytes([secrets.randbelow(240) + 16]) + secrets.token_bytes(_RANDOM_BYTES - 1)
     arrival = time.time_ns() // 1000
     return (chance + arrival.to_bytes(_TIME_BYTES, "little") + bytes([_rank(endpoints)])).hex()
+
+
+def router_life(*, carries: bool) -> str:
+    """An id for a router, greatest where it carries messages, least where it only introduces two processes.
+
+    A router remembers all routers that a peer has been linked to, also those that are gone, and leaves what the peer
+    sends to other sites to the one with the greatest id.
+    """
+    chance = secrets.token_hex(_RANDOM_BYTES + _TIME_BYTES - 2)
+    return f"{secrets.randbelow(15) + 1:x}{chance}0{_GREATEST if carries else _LEAST}"
+
+
+def site_of(session: zenoh.Session) -> str:
+    """The site of a process: the id of the router that it is linked to; "" where it is linked to none."""
+    routers = sorted(str(one) for one in session.info.routers_zid() if not str(one).endswith(_LEAST))
+    return routers[0] if routers else ""
 
 
 def is_life(found: str) -> bool:

@@ -15,7 +15,7 @@ from zenoh_cbef.protocol.detour import Detour
 from zenoh_cbef.protocol.directory import MOST_ENDPOINTS, Place, ask_directory
 from zenoh_cbef.protocol.introducing import introduce, life_at
 from zenoh_cbef.protocol.keys import agent_named
-from zenoh_cbef.protocol.lives import connects
+from zenoh_cbef.protocol.lives import connects, site_of
 from zenoh_cbef.protocol.sockets import end_link, links_of, on_link_change
 
 _SOON, _LATER, _CALM = 0.25, 2.0, 5.0
@@ -96,7 +96,7 @@ class Links:
     def _own(self) -> Place:
         # Addresses change: a host moves to another network.
         endpoints = reached_at(self._connection.listen)[:MOST_ENDPOINTS]
-        return Place(self._name, self._life, own_host(), tuple(endpoints))
+        return Place(self._name, self._life, own_host(), tuple(endpoints), site_of(self._node.session))
 
     def _ask(self) -> bool:
         """Ask the target which others are where; whether it tells anything new."""
