@@ -32,7 +32,7 @@ def agents_of(run: str) -> dict[int, int]:
     for place in Path("/proc").iterdir():
         if place.name.isdecimal():
             try:
-                words = (place / "cmdline").read_text().split("\0")
+                words = (place / "cmdline").read_text().replace("\0", " ").split()
             except OSError:
                 continue
             if run in words and "agent" in words:

@@ -88,7 +88,7 @@ def _started(*arguments: str) -> subprocess.Popen[bytes]:
 def _agent_of(run: str) -> tuple[int, list[str]]:
     for entry in Path("/proc").iterdir():
         if entry.name.isdecimal():
-            words = (entry / "cmdline").read_bytes().decode(errors="replace").split("\0")[:-1]
+            words = (entry / "cmdline").read_bytes().decode(errors="replace").replace("\0", " ").split()
             if run in words and ["agent", str(AGENT)] == words[words.index("zenoh_cbef") + 1 :][:2]:
                 return int(entry.name), words[words.index("zenoh_cbef") + 1 :]
     raise RuntimeError(f"run {run} has no agent {AGENT}")

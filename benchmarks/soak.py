@@ -45,7 +45,7 @@ def _resident(run: str) -> dict[str, float]:
     found = {}
     for place in Path("/proc").glob("[0-9]*"):
         try:
-            words = (place / "cmdline").read_text().split("\0")
+            words = (place / "cmdline").read_text().replace("\0", " ").split()
             status = (place / "status").read_text()
         except OSError:
             continue

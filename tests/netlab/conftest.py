@@ -2,7 +2,6 @@
 
 import importlib.util
 import os
-import subprocess
 import sys
 import time
 from collections.abc import Iterable
@@ -13,6 +12,7 @@ from types import ModuleType
 import pytest
 
 from tests.processes.conftest import World, world
+from tests.processes.forked import Process
 
 AGENTS = 6
 HOSTS = ["router", "target", "record", *(f"a{agent}" for agent in range(AGENTS))]
@@ -48,7 +48,7 @@ class Site:
 
     def __init__(self, lab, world: World, way: str) -> None:
         self.lab, self.world, self.way = lab, world, way
-        self.processes: dict[str, subprocess.Popen[str]] = {}
+        self.processes: dict[str, Process] = {}
         self.options = ["--run", world.run, "--patience", "100"]
         # Short, so that a broken link shows soon; a starved machine must still keep its links alive.
         self.lease_ms = 2000
@@ -61,7 +61,7 @@ class Site:
     def endpoint(self, host: str) -> str:
         return f"{self.scheme}/{self.lab.address(host)}:{PORT}"
 
-    def start_on(self, host: str, *words: str) -> subprocess.Popen[str]:
+    def start_on(self, host: str, *words: str) -> Process:
         process = self.world.start(*words, *self.security, prefix=self.lab.command(host, []))
         self.processes[host] = process
         return process

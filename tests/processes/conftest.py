@@ -16,6 +16,7 @@ from pathlib import Path
 import pytest
 import zenoh
 
+from tests.processes.forked import Forked, Process
 from tests.within import within
 
 WITHIN = {"analyze", "cat", "check", "compare", "export", "filter", "info", "merge", "recover", "reestimate", "sim"}
@@ -54,7 +55,7 @@ def processes_of(run: str) -> dict[int, str]:
     for entry in Path("/proc").iterdir():
         if entry.name.isdecimal():
             try:
-                words = (entry / "cmdline").read_bytes().split(b"\0")
+                words = (entry / "cmdline").read_bytes().replace(b"\0", b" ").split()
                 state = (entry / "stat").read_text().rsplit(")", 1)[1].split()[0]
             except OSError:
                 continue
@@ -70,11 +71,16 @@ class World:
         self.run = f"test-{uuid.uuid4().hex[:12]}"
         self.folder = folder
         self.log = folder / "run.mcap"
-        self._started: list[subprocess.Popen[str]] = []
+        self._started: list[Process] = []
 
-    def start(self, *arguments: str, prefix: Sequence[str] = ()) -> subprocess.Popen[str]:
-        process = subprocess.Popen(
-            [*prefix, *COMMAND, *arguments],
+    def start(self, *arguments: str, prefix: Sequence[str] = ()) -> Process:
+        process = self._popen(*prefix, *COMMAND, *arguments) if prefix else Forked(arguments, self.folder)
+        self._started.append(process)
+        return process
+
+    def _popen(self, *words: str) -> subprocess.Popen[str]:
+        return subprocess.Popen(
+            words,
             cwd=self.folder,
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
@@ -82,10 +88,8 @@ class World:
             text=True,
             start_new_session=True,
         )
-        self._started.append(process)
-        return process
 
-    def start_run(self, *overrides: str, options: tuple[str, ...] = ("--no-report",)) -> subprocess.Popen[str]:
+    def start_run(self, *overrides: str, options: tuple[str, ...] = ("--no-report",)) -> Process:
         return self.start("run", "tracking", *settings(*overrides), "--run", self.run, "--log", str(self.log), *options)
 
     def complete(self, *overrides: str) -> subprocess.CompletedProcess[str]:
@@ -124,7 +128,7 @@ class World:
         return left
 
     def complete_under(
-        self, attack: Callable[[int], None], target: subprocess.Popen[str], join: list[str], agents: int = 4
+        self, attack: Callable[[int], None], target: Process, join: list[str], agents: int = 4
     ) -> list[str]:
         """Complete a run whose target waits, while attack(0), attack(1) and so on are called; what all printed."""
         over = threading.Event()

@@ -54,6 +54,8 @@ def _open_streams() -> None:
 
 
 def _run() -> int:
+    # The matrices are six by six, cores are few, and a process with one thread can fork.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     try:
         try:
             if {"COMP_WORDS", "COMP_CWORD"} <= os.environ.keys():  # bash asks what may come next

@@ -62,6 +62,11 @@ class _Display:
         self._told, self._slow = time.monotonic(), False
         self.live = Live(self._progress, console=errors, refresh_per_second=5, transient=True)
 
+    def begin(self, endpoint: str) -> None:
+        """Begin to be seen; not before the processes are started, who are forked where there is no other thread."""
+        tell(f"target at {endpoint}; other programs join there as clients")
+        self.live.start()
+
     def show(self, status: Status) -> None:
         """Take in one report of the recorder."""
         now = time.monotonic()
@@ -147,17 +152,12 @@ def _execute(
 ) -> tuple[bool, list[str]]:
     display = _Display(loaded.scenario.length)
     tell(f"run {run}: {counted(loaded.scenario.count, 'agent')}, log {path}")
-    with display.live:
+    try:
         launcher = launch(
-            arguments,
-            loaded,
-            run,
-            path,
-            sync=sync,
-            on_start=lambda endpoint: tell(f"target at {endpoint}; other programs join there as clients"),
-            on_status=display.show,
-            asked_to_stop=stops,
+            arguments, loaded, run, path, sync=sync, on_start=display.begin, on_status=display.show, asked_to_stop=stops
         )
+    finally:
+        display.live.stop()
     started, deaths = launcher.started, launcher.deaths
     if started or stops.count:
         return started, [str(death) for death in deaths]

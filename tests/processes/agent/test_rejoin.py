@@ -15,8 +15,8 @@ from zenoh_cbef.trace import Trace
 
 
 def command_of(pid: int) -> list[str]:
-    # A fork's words stand in the room that its parent's had, which ends with zeros.
-    words = Path(f"/proc/{pid}/cmdline").read_bytes().rstrip(b"\0").decode().split("\0")
+    # A fork's words stand in the room that its parent's had, with zeros or blanks between them.
+    words = Path(f"/proc/{pid}/cmdline").read_bytes().replace(b"\0", b" ").decode().split()
     return words[words.index("zenoh_cbef") + 1 :]
 
 

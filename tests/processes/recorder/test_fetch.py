@@ -2,11 +2,11 @@
 
 import json
 import re
-import subprocess
 
 import pytest
 
 from tests.processes.conftest import World, settings, unused_port
+from tests.processes.forked import Process
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.nodes.common.node import Identity, Node
 from zenoh_cbef.nodes.target.linking import linked_by
@@ -16,7 +16,7 @@ from zenoh_cbef.protocol.shares import records, share_name
 from zenoh_cbef.scenario.load import load
 
 
-def said_by(fleet: subprocess.Popen[str]) -> str:
+def said_by(fleet: Process) -> str:
     """Where the fleet's recorder says that its log can be fetched."""
     assert fleet.stderr is not None
     for line in fleet.stderr:

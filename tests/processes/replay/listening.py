@@ -1,6 +1,5 @@
 """What the tests of replays listen with: a session of another process."""
 
-import subprocess
 import time
 
 import msgpack
@@ -8,6 +7,7 @@ import pytest
 import zenoh
 
 from tests.processes.conftest import World, peer
+from tests.processes.forked import Process
 from zenoh_cbef.log.mcap.reader import McapFile
 
 
@@ -58,7 +58,7 @@ class Listener:
         self._session.close()
 
 
-def start(recorded: World, listener: Listener, *options: str) -> subprocess.Popen[str]:
+def start(recorded: World, listener: Listener, *options: str) -> Process:
     endpoint = f"tcp/127.0.0.1:{listener.port}"
     return recorded.start("replay", str(recorded.log), "--listen", endpoint, "--wait", "--linger", "60", *options)
 
@@ -70,7 +70,7 @@ def play(recorded: World, listener: Listener, *options: str) -> list[tuple[str, 
     return listener.heard
 
 
-def finish(replay: subprocess.Popen[str], listener: Listener) -> int:
+def finish(replay: Process, listener: Listener) -> int:
     """Wait for the end of a replay and for all that it sent; returns how much that was."""
     while (state := listener.ask())["state"] != "done":
         time.sleep(0.02)

@@ -6,17 +6,16 @@ import json
 import os
 import select
 import socket
-import subprocess
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Self
 
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.nodes.launch.nursery import LENGTH, NAME, PAIR, ROOM, STARTED
+from zenoh_cbef.nodes.launch.nursery import LENGTH, NAME, PAIR, ROOM, STARTED, VERBS, fork_here
 
 _LOOK_SECONDS = 0.01
 
@@ -58,22 +57,19 @@ class Child:
 class Nursery:
     """Starts processes. Use as a context manager: leaving it ends the nursery, not the processes.
 
-    All of them have one standard input, which ends with this process: their leash.
+    All of them have one standard input, which ends with this process: their leash. verbs: those that begin at once;
+    others are imported by each process.
     """
+
+    def __init__(self, verbs: Sequence[str] = VERBS) -> None:
+        self._verbs = verbs
 
     def __enter__(self) -> Self:
         self._statuses: dict[int, int | None] = {}
         self._orders, theirs = socket.socketpair()
         self._leash, self._hold = os.pipe()
         with theirs:
-            self._process = subprocess.Popen(
-                [sys.executable, "-m", NAME, ROOM],
-                stdin=theirs.fileno(),
-                stdout=subprocess.DEVNULL,
-                # One thread per process: the matrices are six by six, and cores are few.
-                env=os.environ | {"OPENBLAS_NUM_THREADS": "1"},
-                process_group=0,  # Ctrl-C is for the caller, who ends the others
-            )
+            self.pid = fork_here(theirs, self._verbs) or _begun(theirs, self._verbs)
         return self
 
     def __exit__(
@@ -82,12 +78,8 @@ class Nursery:
         self._orders.close()
         for end in (self._leash, self._hold):
             os.close(end)
-        self._process.wait()
-
-    @property
-    def pid(self) -> int:
-        """Of the nursery itself."""
-        return self._process.pid
+        with suppress(ChildProcessError):
+            os.waitpid(self.pid, 0)
 
     def start(
         self, command: list[str], environment: Mapping[str, str], words: Path, output: int | None = None
@@ -96,12 +88,21 @@ class Nursery:
 
         output: the file that it prints to, None: it prints nowhere. Raises UserError where the nursery has ended.
         """
-        order = {"command": command, "environment": os.environ | environment, "folder": str(Path.cwd())}
+        with words.open("ab") as file, Path(os.devnull).open("ab") as nowhere:
+            streams = [self._leash, nowhere.fileno() if output is None else output, file.fileno()]
+            return self.fork(command, environment, Path.cwd(), streams)
+
+    def fork(
+        self, command: Sequence[str], environment: Mapping[str, str], folder: Path, streams: Sequence[int]
+    ) -> Child:
+        """Start the process of a command line in a folder. streams: its standard input, output and error.
+
+        Raises UserError where the nursery has ended.
+        """
+        order = {"command": [*command], "environment": os.environ | environment, "folder": str(folder)}
         text = json.dumps(order).encode()
         try:
-            with words.open("ab") as file, Path(os.devnull).open("ab") as nowhere:
-                streams = [self._leash, nowhere.fileno() if output is None else output, file.fileno()]
-                socket.send_fds(self._orders, [LENGTH.pack(len(text))], streams)
+            socket.send_fds(self._orders, [LENGTH.pack(len(text))], streams)
             self._orders.sendall(text)
             while (told := self._next())[1] != STARTED:
                 self._statuses[told[0]] = told[1]
@@ -127,3 +128,18 @@ class Nursery:
             raise ConnectionResetError
         pid, status = PAIR.unpack(pair)
         return pid, status
+
+
+def _begun(orders: socket.socket, verbs: Sequence[str]) -> int:
+    """Begin a nursery from nothing, for a caller that has threads; its pid."""
+    return os.posix_spawn(
+        sys.executable,
+        [sys.executable, "-m", NAME, ROOM, *verbs],
+        # One thread per process: the matrices are six by six, and cores are few.
+        os.environ | {"OPENBLAS_NUM_THREADS": "1"},
+        file_actions=[
+            (os.POSIX_SPAWN_DUP2, orders.fileno(), 0),
+            (os.POSIX_SPAWN_OPEN, 1, os.devnull, os.O_WRONLY, 0),
+        ],
+        setpgroup=0,  # Ctrl-C is for the caller, who ends the others
+    )

@@ -13,14 +13,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import IO, Self
+from typing import Self
 
 from zenoh_cbef.nodes.common.ending import PLACE, Ending, ending_at
 from zenoh_cbef.nodes.common.node import LEASH, RUN
 from zenoh_cbef.nodes.common.recording import Status
 from zenoh_cbef.nodes.launch.children import Child, Nursery
 from zenoh_cbef.nodes.launch.ports import free_ports
-from zenoh_cbef.nodes.launch.spawned import Spawned
 from zenoh_cbef.protocol.session import ONE_RUNTIME
 from zenoh_cbef.scenario.load import Loaded
 
@@ -64,7 +63,7 @@ class Launcher:
     def __init__(self, arguments: Sequence[str], loaded: Loaded, run: str, log: Path, *, sync: bool = False) -> None:
         self._arguments, self._loaded, self._run = list(arguments), loaded, run
         self._log, self._sync = log, sync
-        self._processes: dict[str, Child | Spawned] = {}
+        self._processes: dict[str, Child] = {}
         self.endpoint = ""
         self._commands: dict[str, list[str]] = {}
         self._restarts: dict[str, float] = {}
@@ -78,6 +77,7 @@ class Launcher:
     def __enter__(self) -> Self:
         self._folder = tempfile.TemporaryDirectory(prefix="zenoh-cbef-")
         self._nursery = Nursery().__enter__()
+        self._reports = os.pipe()
         try:
             self._start_all()
         except BaseException:
@@ -93,6 +93,8 @@ class Launcher:
     def _clear(self) -> None:
         self.kill()
         self._nursery.__exit__(None, None, None)
+        for end in self._reports:
+            os.close(end)
         self._folder.cleanup()
 
     def _start_all(self) -> None:
@@ -126,11 +128,10 @@ class Launcher:
         place = self._ending(name)
         place.unlink(missing_ok=True)
         environment = {LEASH: RUN, PLACE: str(place), "ZENOH_RUNTIME": ONE_RUNTIME}
-        if not name.startswith("agent"):
-            self._processes[name] = Spawned(command, environment, self._words(name), tells=name == "recorder")
-            return
-        child = self._nursery.start(command, environment, self._words(name))
-        child.keep_to_core(int(name.removeprefix("agent ")), self._loaded.scenario.count)
+        output = self._reports[1] if name == "recorder" else None
+        child = self._nursery.start(command, environment, self._words(name), output)
+        if name.startswith("agent"):
+            child.keep_to_core(int(name.removeprefix("agent ")), self._loaded.scenario.count)
         self._processes[name] = child
 
     def _words(self, name: str) -> Path:
@@ -150,35 +151,21 @@ class Launcher:
         cleanly, twice at once. A process that dies before the first step ends the run.
         """
         with selectors.DefaultSelector() as selector:
-            output = self._recorder_output()
-            os.set_blocking(output.fileno(), False)
-            selector.register(output, selectors.EVENT_READ)
+            selector.register(self._reports[0], selectors.EVENT_READ)
             while len(self._ended) < len(self._processes) or self._restarts:
                 for _ in selector.select(0.05):
-                    if not self._read_status(output, on_status):
-                        selector.unregister(output)
+                    self._read_status(on_status)
                 self._note_ends()
                 self._restart()
                 self._obey(asked_to_stop())
 
-    def _recorder_output(self) -> IO[bytes]:
-        recorder = self._processes["recorder"]
-        if not isinstance(recorder, Spawned):
-            raise TypeError("the recorder is no process whose output can be read")
-        return recorder.output
-
-    def _read_status(self, output: IO[bytes], on_status: Callable[[Status], None]) -> bool:
-        data = output.read()
-        if not data:
-            time.sleep(0.02)
-            return data is None
-        for line in data.splitlines():
+    def _read_status(self, on_status: Callable[[Status], None]) -> None:
+        for line in os.read(self._reports[0], 1 << 16).splitlines():
             try:
                 self._status = Status(**json.loads(line))
             except ValueError:  # half a line: the next report is due in a moment
                 continue
             on_status(self._status)
-        return True
 
     def _note_ends(self) -> None:
         for name, process in self._processes.items():
