@@ -13,8 +13,9 @@ from zenoh_cbef.scenario import Scenario
 _PAGE = Path(__file__).resolve().parents[1] / "scenario.md"
 _HEAD = """# All keys
 
-Made from the code: each key of a scenario with the values that it takes and its default. "Derived" means that the value
-follows from the rest. [The scenario file](../scenario.md) explains tables, units and how keys work together.
+Made from the code: each key of a scenario with the values that it takes and its default. A key whose default is "none"
+may be left out: its value then follows from the rest, as the last column says. [The scenario file](../scenario.md)
+explains tables, units and how keys work together.
 """
 _COLUMNS = "| key | values | default | meaning |\n|---|---|---|---|\n"
 _TYPES = {
@@ -44,7 +45,8 @@ def page() -> str:
     for kind, fault in sorted(KINDS.items()):
         model = fault.model_json_schema(by_alias=True)
         rows = {key: field for key, field in model["properties"].items() if key != "kind"}
-        parts.append(f"### `{kind}`\n\n{_cell(model.get('description', ''))}\n\n" + _table("", rows, said))
+        own = {key: said.get(f"{kind}.{key}", said.get(key, "")) for key in rows}
+        parts.append(f"### `{kind}`\n\n{_cell(model.get('description', ''))}\n\n" + _table("", rows, own))
     return "\n".join(parts)
 
 
@@ -65,21 +67,34 @@ def values(field: Schema) -> str:
     if "enum" in field or "const" in field:
         return ", ".join(f"`{json.dumps(one)}`" for one in field.get("enum", [field.get("const")]))
     if field.get("type") == "array":
-        inner = field.get("items") or (field.get("prefixItems") or [{}])[0]
-        many = f"{field['minItems']} " if field.get("minItems") == field.get("maxItems", -1) else ""
-        return f"list of {many}({values(inner)})" if inner else "list"
+        return _list(field)
     if "$ref" in field:
         return "table"
     least = field.get("minimum", field.get("exclusiveMinimum"))
     most = field.get("maximum", field.get("exclusiveMaximum"))
-    bounds = f", {least:.6g} to {most:.6g}" if least is not None and most is not None else ""
+    bounds = f", {_plain(least)} to {_plain(most)}" if least is not None and most is not None else ""
     return _TYPES.get(str(field.get("type")), "any") + bounds
+
+
+def _list(field: Schema) -> str:
+    if field.get("minItems") == field.get("maxItems") == 3:
+        return "vector"
+    inner = field.get("items") or (field.get("prefixItems") or [{}])[0]
+    many = f"{field['minItems']} " if field.get("minItems") == field.get("maxItems", -1) else ""
+    return f"list of {many}({values(inner)})" if inner else "list"
+
+
+def _plain(limit: float) -> str:
+    """A limit in words: large whole ones in groups of three digits, or as a power of two."""
+    if isinstance(limit, float) or limit <= 10**6:
+        return f"{limit:.6g}"
+    return f"2^{limit.bit_length() - 1}" if limit.bit_count() == 1 else f"{limit:,}".replace(",", " ")
 
 
 def _default(field: Schema) -> str:
     if "default" not in field:
         return "needed"
-    return "derived" if field["default"] is None else f"`{json.dumps(field['default'])}`"
+    return "none" if field["default"] is None else f"`{json.dumps(field['default'])}`"
 
 
 def _meanings() -> dict[str, dict[str, str]]:
@@ -89,9 +104,10 @@ def _meanings() -> dict[str, dict[str, str]]:
     for section, text in zip(parts[1::2], parts[2::2], strict=True):
         for line in text.splitlines():
             cells = line.strip().removeprefix("|").removesuffix("|").split(" | ")
-            if line.startswith("| `") and len(cells) == 4:
-                meaning = re.sub(r"\]\((?!https?:)(#?)", lambda m: "](../scenario.md#" if m[1] else "](../", cells[3])
-                keys = re.findall(r"`([^`]+)`", cells[0])
+            if line.startswith("| `") and len(cells) in {2, 3}:
+                meaning = re.sub(r"\]\((?!https?:)(#?)", lambda m: "](../scenario.md#" if m[1] else "](../", cells[-1])
+                kind = cells[0].strip("` ") + "." if len(cells) == 3 else ""
+                keys = [f"{kind}{key}" for key in re.findall(r"`([^`]+)`", cells[-2])]
                 found.setdefault(section, {}).update(dict.fromkeys(keys, meaning.strip()))
     return found
 
