@@ -14,9 +14,10 @@ def test_it_has_the_form_of_the_journal():
     assert {"title", "tags", "authors", "affiliations", "date", "bibliography"} <= set(head)
     assert (FOLDER / head["bibliography"]).exists()
     headings = re.findall(r"^# (.+)$", TEXT, re.MULTILINE)
-    assert headings[:3] == ["Summary", "Statement of need", "State of the field"]
-    assert headings[-1] == "References"
-    assert 250 <= len(TEXT.split()) <= 1000
+    assert headings[:4] == ["Summary", "Statement of need", "State of the field", "Software design"]
+    assert "Research impact statement" in headings
+    assert headings[-3:] == ["AI usage disclosure", "Acknowledgements", "References"]
+    assert 750 <= len(TEXT.split()) <= 1750
 
 
 def test_what_it_cites_is_listed_and_what_is_listed_is_cited():

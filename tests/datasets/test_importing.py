@@ -94,6 +94,18 @@ def test_csv_with_any_columns_units_and_separators(tmp_path, head, unit, marks, 
         imported(tmp_path / "log.csv", "--anchors", stations, "-o", tmp_path / "set", *options)
 
 
+def test_columns_of_a_file_without_a_header_are_known_by_their_place(tmp_path):
+    rows = [(3152.0 + 0.25 * k, 2, k % 4, 10.0 + k) for k in range(40)]
+    (tmp_path / "log.txt").write_text("".join("  ".join(f"{one:.9e}" for one in row) + "\n" for row in rows))
+    (tmp_path / "nodes.csv").write_text("0,0,0,0\n1,60,0,0\n2,60,60,0\n3,0,60,0\n")
+    columns = ["ranges.t=1", "ranges.anchor=3", "ranges.range=4", "anchors.anchor=1", "x=2", "y=3", "z=4"]
+    options = [part for one in columns for part in ("--map", one)]
+    imported(tmp_path / "log.txt", "--anchors", tmp_path / "nodes.csv", "-o", tmp_path / "set", *options)
+    dataset = read_dataset(tmp_path / "set")
+    assert dataset.labels == ("0", "1", "2", "3")
+    np.testing.assert_allclose(dataset.ranges, [row[3] for row in rows], atol=1e-6)
+
+
 def test_a_folder_with_a_column_for_each_anchor_and_a_truth(tmp_path):
     source = tmp_path / "monday"
     source.mkdir()

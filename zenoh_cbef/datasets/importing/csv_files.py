@@ -98,9 +98,15 @@ class Reading:
         if len(lines) < 2:
             raise UserError(f"{path} has no rows below a header; name another file")
         separator = self.separator or max(";\t,|", key=lines[0].count)
+        if separator not in lines[0]:
+            lines, separator = ["\t".join(line.split()) for line in lines], "\t"
         rows = list(csv.reader(lines, delimiter=separator, skipinitialspace=True))
-        width = len(rows[0])
-        return Sheet(path, [head.strip() for head in rows[0]], [(row + [""] * width)[:width] for row in rows[1:]])
+        heads = [head.strip() for head in rows[0]]
+        if all(decimal(head) is not None for head in heads if head):
+            heads = [str(place) for place in range(1, len(heads) + 1)]  # no header: columns are known by their place
+        else:
+            del rows[0]
+        return Sheet(path, heads, [(row + [""] * len(heads))[: len(heads)] for row in rows])
 
     def _place(self, meaning: str, sheet: Sheet, file: str) -> int:
         found = column_of(meaning, sheet.heads, self.mapped, file)
