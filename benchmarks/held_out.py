@@ -12,7 +12,7 @@ import numpy as np
 from rich.table import Table
 
 from benchmarks.common import plain_table
-from benchmarks.recorded import errors
+from benchmarks.recorded import WRONG, errors
 from zenoh_cbef.arrays import Floats
 
 SEEDS = 3
@@ -136,7 +136,7 @@ def settings(kind: Kind, folder: Path) -> dict[str, object]:
 def run(repeats: int) -> Iterator[Table]:
     """Per kind and setting of filter.bias, over some seeds; nothing is timed."""
     del repeats
-    rows = []
+    rows, wrong = [], []
     with tempfile.TemporaryDirectory() as place:
         for name, kind in KINDS.items():
             folders = [Path(place) / f"{name} {seed}" for seed in range(SEEDS)]
@@ -149,5 +149,30 @@ def run(repeats: int) -> Iterator[Table]:
                     f"{middle(column):.4f}" for column in zip(*found, strict=True) for middle in (np.median, np.max)
                 ]
                 rows.append([name, bias, *each])
+            wrong += _told_wrong(name, kind, folders)
     heads = ["set", "filter.bias", "RMSE (m), median", "worst", "ratio to centralised, median", "worst"]
     yield plain_table(f"made-up sets, {SEEDS} seeds, last 75 %", heads, rows)
+    heads = [
+        "set",
+        "filter.range_std is",
+        "RMSE over that with the true noise, median",
+        "worst",
+        "NEES/d, median",
+        "worst",
+    ]
+    yield plain_table("the same with a noise that is not so", heads, wrong)
+
+
+def _told_wrong(name: str, kind: Kind, folders: list[Path]) -> list[list[str]]:
+    """Rows of a kind: what a wrong noise costs over the true one."""
+    near, nees = {}, {}
+    for factor in (1.0, *WRONG):
+        told = {"filter.range_std": factor * kind.std}
+        scored = [errors(settings(kind, folder) | told) for folder in folders]
+        near[factor], nees[factor] = np.array([(each[0], each[3]) for each in scored]).T
+    return [
+        [name, f"{factor:g} times the true one"]
+        + [f"{middle(near[factor] / near[1.0]):.3f}" for middle in (np.median, np.max)]
+        + [f"{middle(nees[factor]):.2f}" for middle in (np.median, np.max)]
+        for factor in near
+    ]

@@ -38,7 +38,10 @@ VARIED: dict[str, tuple[object, ...]] = {
     "filter.acceleration_std": (1.5,),
     "filter.range_std": ("auto",),
 }
-"""What is varied, one at a time; dt: the set's others."""
+"""What is varied, one at a time; dt: the set's others. filter.range_std also half and double of the set's."""
+
+WRONG = (0.5, 2.0)
+"""Times what the noise is that filters are told."""
 
 
 def run(repeats: int) -> Iterator[Table]:
@@ -59,10 +62,11 @@ def run(repeats: int) -> Iterator[Table]:
         }
         silent += silences.rows(name, usual)
         for key, values in VARIED.items():
-            for value in values or steps[1:]:
+            told = [factor * range_std for factor in WRONG] if key == "filter.range_std" else []
+            for value in (*(values or steps[1:]), *told):
                 near, far, ratio, nees = errors(usual | {key: value})
-                # What is wanted is wanted of biases as they are by default.
-                limit = "" if key == "filter.bias" and value != "auto" else f"{wanted}"
+                # What is wanted is wanted of biases as they are by default, and of the noise as it is.
+                limit = "" if value in told or (key == "filter.bias" and value != "auto") else f"{wanted}"
                 rows.append(
                     [name, f"{key} = {value}", f"{near:.4f}", limit, number(far), f"{ratio:.3f}", f"{nees:.2f}"]
                 )

@@ -136,15 +136,13 @@ def test_errors_may_last_where_ranges_are_recorded_and_learning_costs_one_number
 PLACES = {"positions": [[0, 0, 0], [9, 0, 0], [0, 9, 0]]}
 
 
-def test_messages_of_a_first_fix_are_as_long_as_those_after_it():
+@pytest.mark.parametrize("chosen", [{"range_std": one, "planar_height": 0.0} for one in ("auto", 0.1)])
+def test_messages_of_a_first_fix_are_as_long_as_those_after_it(chosen):
     """The simulator would not see that they are not, the agents' codec would."""
-    chosen = Plan(parse({"target": {"motion": "dataset", "path": "set"}, "agents": PLACES, "filter": LEARNS}, "test"))
+    chosen = Plan(parse({"target": {"motion": "dataset", "path": "set"}, "agents": PLACES, "filter": chosen}, "test"))
     belief = chosen.initial_belief
     for step in range(chosen.first_fix_steps + 2):
         ranges = np.linalg.norm(np.array(PLACES["positions"]) - [2.0, 3.0, 0.0], axis=1)
         update = chosen.filter.update(belief, replace(heard(np.array(PLACES["positions"], float), ranges), step=step))
         assert update.payload.shape[1] == chosen.sharing.payload_size
         belief = chosen.filter.conclude(np.repeat(update.payload.mean(axis=0)[None], 3, axis=0), update)
-
-
-LEARNS = {"range_std": "auto", "planar_height": 0.0}

@@ -164,6 +164,7 @@ class Plan:
             own_bias_std=0.15 * range_std if chosen.bias_own_std is None else chosen.bias_own_std,
             learns_noise=chosen.range_std == "auto",
             lasting=trust.lasts(scenario) and not self.models and not self.squares,
+            doubts_noise=trust.doubts_noise(scenario) and not self.models and not self.squares,
             first_fix=self.first_fix_steps,
             outliers=start.outliers(scenario),
             squared_fix=start.squared_steps(scenario, self.first_fix_steps),

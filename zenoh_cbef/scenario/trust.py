@@ -40,6 +40,16 @@ def lasts(scenario: Scenario) -> bool:
     return scenario.target.motion == "dataset" and chosen.defaults > 3 and known
 
 
+def doubts_noise(scenario: Scenario) -> bool:
+    """Whether agents compare the noise that the scenario gives with half and double of it: where ranges are recorded.
+
+    Not of live receivers: of those a scenario often tells an acceleration that is too small. An estimate that lags has
+    large innovations, and to trust ranges less would make it lag the more.
+    """
+    chosen = scenario.filter
+    return lasts(scenario) and chosen.range_std != "auto" and chosen.defaults > 5
+
+
 def may_be_biased(scenario: Scenario) -> bool:
     """Whether ranges may have a constant error: where they are real, or the scenario says so."""
     sensor = scenario.sensor

@@ -19,7 +19,8 @@ class Measurement:
     by the neighbours this step; filters that use only their own range get them empty (m = 0). range_std: (n,), m,
     the noise of the own range, where it differs from the filter's setting. step: its number, None where that is no
     matter. lasting: (n,), how many own ranges say as much as one whose error is independent; None: each does.
-    agent: (n,), the agents' numbers, None where those are no matter.
+    followed: (n,), m^2, by how much an innovation's variance is smaller as the estimate follows such errors; None: not
+    at all. agent: (n,), the agents' numbers, None where those are no matter.
     """
 
     position: Floats
@@ -30,6 +31,7 @@ class Measurement:
     range_std: Floats | None = None
     step: int | None = None
     lasting: Floats | None = None
+    followed: Floats | None = None
     agent: Ints | None = None
 
 

@@ -14,6 +14,7 @@ from zenoh_cbef.plugins import Plugin, find, told_options
 from zenoh_cbef.tracking.filters.around.auto_bias import AutoBias
 from zenoh_cbef.tracking.filters.around.biased_information import BiasedInformation
 from zenoh_cbef.tracking.filters.around.distrusting import Distrusting
+from zenoh_cbef.tracking.filters.around.doubted_noise import DoubtedNoise
 from zenoh_cbef.tracking.filters.around.evidence import Evidence
 from zenoh_cbef.tracking.filters.around.imm import InteractingModels
 from zenoh_cbef.tracking.filters.around.knowing import Knowing
@@ -106,6 +107,7 @@ def sharing_of(kind: str, settings: FilterSettings) -> Sharing:
     more = settings.recovers * Recovering.more + settings.distrusts * Distrusting.more
     more += (
         (settings.lasting and settings.learns_noise)
+        + settings.doubts_noise * DoubtedNoise.more
         + settings.says_status * Knowing.more
         + (settings.reacquires > 0) * Reacquiring.more
         + settings.supposes * Supposing.more
@@ -131,8 +133,12 @@ def make_filter(kind: str, settings: FilterSettings) -> Filter:
     if settings.returns and settings.network_size > 1 and abilities_of(kind).biases and not settings.squares:
         chosen = Returning(chosen, settings.space, settings.range_std)
     if settings.first_fix:
-        alone = replace(settings, says_status=False, reacquires=0, supposes=False, learns_noise=False)
+        alone = replace(
+            settings, says_status=False, reacquires=0, supposes=False, learns_noise=False, doubts_noise=False
+        )
         chosen = first_fix(settings, chosen, xi, sharing_of(kind, alone).payload_size)
+    if settings.doubts_noise:
+        chosen = DoubtedNoise(chosen, settings.range_std, settings.network_size, settings.first_fix)
     if settings.lasting:
         chosen = LastingErrors.of(settings, chosen)
     elif settings.learns_noise:

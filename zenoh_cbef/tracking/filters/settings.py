@@ -15,7 +15,8 @@ class FilterSettings:
     """What any filter may need to know.
 
     range_std: m; learns_noise: it is where learning it begins. lasting: whether errors of
-    successive ranges may be alike. xi, omega: see the filter; omega None: network_size. network_size: number of agents.
+    successive ranges may be alike. doubts_noise: whether range_std may be wrong by a
+    factor of two. xi, omega: see the filter; omega None: network_size. network_size: number of agents.
     differenced: whether ci and local take in differences of ranges in place of the
     agent's own range. power: of the saturation. recovers: whether the network widens its covariances where most
     innovations are implausible. distrusts: whether agents give their own implausible ranges less weight. returns:
@@ -61,6 +62,7 @@ class FilterSettings:
     own_bias_std: float = 0.0
     learns_noise: bool = False
     lasting: bool = False
+    doubts_noise: bool = False
     first_fix: int = 0
     squared_fix: int = 0
     tries_guess: bool = False

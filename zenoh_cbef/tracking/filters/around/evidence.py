@@ -71,10 +71,11 @@ class Evidence:
         """Weight of the biased filter, (...)."""
         plain, biased = sums[..., 0] / sums[..., 2], sums[..., 1] / sums[..., 2]
         if self.likelihoods:
-            return _step(plain - biased, *_GAIN)
-        return _step(plain, *_INCONSISTENT) * _step(plain / biased, *_EXPLAINED)
+            return step(plain - biased, *_GAIN)
+        return step(plain, *_INCONSISTENT) * step(plain / biased, *_EXPLAINED)
 
 
-def _step(value: Floats, low: float, high: float) -> Floats:
+def step(value: Floats, low: float, high: float) -> Floats:
+    """Smooth, 0 up to `low` and 1 from `high` on."""
     way = np.clip((value - low) / (high - low), 0.0, 1.0)
     return np.asarray(way * way * (3.0 - 2.0 * way))

@@ -39,7 +39,8 @@ class Receiver:
     agreed, pairs: fading sums of the product of two successive residuals' signs, and of their number. last: the sign of
     the last residual. left: the share of what the estimate knew at the last own range that it still rests on. scale:
     log sigma over where that began. seen: own ranges so far. large: what the last residual says of sigma. steps: since
-    the start.
+    the start. taken: the variance of its error that the last own range
+    brought into the estimate, m^2.
     """
 
     agreed: Floats
@@ -50,17 +51,23 @@ class Receiver:
     seen: Floats
     large: Floats
     steps: Floats
+    taken: Floats
 
     @classmethod
     def first(cls, count: int) -> Self:
         """Of so many agents before the first step."""
         none, one = np.zeros(count), np.ones(count)
-        return cls(none, _BEGIN * one, none, one, none, none, none, none)
+        return cls(none, _BEGIN * one, none, one, none, none, none, none, none)
 
     @property
     def alike(self) -> Floats:
         """The correlation of successive errors, (n,), from 0 on."""
         return np.clip(np.sin(0.5 * np.pi * self.agreed / self.pairs), 0.0, _MOST)
+
+    @property
+    def followed(self) -> Floats:
+        """By how much the variance of an innovation is smaller as the estimate follows errors, (n,), m^2."""
+        return 2.0 * self.taken * self.alike / (1.0 - self.alike * self.left)
 
     def after(self, residual: Floats, variance: Floats, network: Floats, forgotten: Floats, measured: Bools) -> Self:
         """A step later.
@@ -136,7 +143,7 @@ class LastingErrors(Wrapping):
         factor = (1.0 + correlation) / (1.0 - correlation)
         if self.learns:
             measurement = replace(measurement, range_std=self.range_std * np.exp(known.scale))
-        update = self.filter.update(inner, replace(measurement, lasting=factor))
+        update = self.filter.update(inner, replace(measurement, lasting=factor, followed=known.followed))
         payload = np.concatenate([update.payload, known.large[:, None]], axis=1) if self.learns else update.payload
         state = self.motion.predict_state(belief.state)
         covariance = self.motion.predict_covariance(belief.known_covariance, belief.state)
@@ -158,7 +165,9 @@ class LastingErrors(Wrapping):
         free = 1.0 - np.minimum(after / (factor * variance), 1.0)
         forgotten = np.clip(after / np.where(before > 0.0, before, 1.0), 0.0, 1.0)
         known = known.after(residual, free * variance, network, forgotten, np.isfinite(range_))
-        known = replace(known, large=known.large * free)
+        known = replace(
+            known, large=known.large * free, taken=np.where(np.isfinite(range_), after / factor, known.taken)
+        )
         return replace(inner, memory=tuple(vars(known).values()), parts=(inner,))
 
     def _predicted(self, state: Floats, covariance: Floats, position: Floats, age: Floats) -> tuple[Floats, Floats]:

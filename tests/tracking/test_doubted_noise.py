@@ -1,0 +1,80 @@
+"""A given range noise that is wrong by a factor of two, found out by a network."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from zenoh_cbef.scenario.load import load, parse
+from zenoh_cbef.scenario.plan import Plan
+from zenoh_cbef.tracking.filters.around.doubted_noise import DoubtedNoise
+from zenoh_cbef.tracking.filters.base import Belief
+from zenoh_cbef.tracking.filters.kinds.sicf import SaturatedInformation
+from zenoh_cbef.tracking.motion import NearlyConstantVelocity
+from zenoh_cbef.tracking.ranging import Measurement, Space
+
+TRUE, AGENTS, STEPS = 0.1, 8, 300
+MOTION = NearlyConstantVelocity(0.1, 0.5)
+
+
+def heard(position, ranges):
+    count = len(position)
+    return Measurement(position, ranges, np.zeros(count), np.empty((count, 0, 3)), np.empty((count, 0)))
+
+
+def tracked(given, *, doubted, followed=None):
+    """Position RMSE (m) and NEES over its ideal in the second half of a run, and all estimates; exact averages."""
+    rng = np.random.default_rng(3)
+    agents = rng.uniform(-10.0, 10.0, (AGENTS, 3))
+    plain = SaturatedInformation(MOTION, Space(), given, AGENTS, 2.0, 2)
+    chosen = DoubtedNoise(plain, given, AGENTS, fix=5) if doubted else plain
+    truth, belief = np.zeros(6), Belief(np.zeros((AGENTS, 6)), np.repeat(0.1 * np.eye(6)[None], AGENTS, axis=0))
+    errors, nees, states = [], [], []
+    for _ in range(STEPS):
+        truth = MOTION.transition @ truth
+        truth[3:] += 0.5 * 0.1 * rng.normal(size=3)
+        told = heard(agents, np.linalg.norm(agents - truth[:3], axis=1) + rng.normal(0.0, TRUE, AGENTS))
+        if followed is not None:
+            told = replace(told, followed=np.full(AGENTS, followed))
+        update = chosen.update(belief, told)
+        belief = chosen.conclude(np.repeat(update.payload.mean(axis=0)[None], AGENTS, axis=0), update)
+        off = belief.state[0, :3] - truth[:3]
+        errors.append(off @ off)
+        nees.append(off @ np.linalg.solve(belief.known_covariance[0, :3, :3], off) / 3.0)
+        states.append(belief.state)
+    return np.sqrt(np.mean(errors[STEPS // 2 :])), np.mean(nees[STEPS // 2 :]), np.array(states)
+
+
+def test_a_noise_that_is_right_is_left_as_it_is_bit_for_bit():
+    np.testing.assert_array_equal(tracked(TRUE, doubted=True)[2], tracked(TRUE, doubted=False)[2])
+
+
+@pytest.mark.parametrize("factor", [0.5, 2.0])
+def test_a_noise_that_is_half_or_twice_of_the_true_one_costs_little_and_the_network_knows_its_error(factor):
+    known, doubted, believed = (
+        tracked(given, doubted=doubts)
+        for given, doubts in ((TRUE, False), (factor * TRUE, True), (factor * TRUE, False))
+    )
+    assert doubted[0] < 1.03 * known[0]
+    assert abs(np.log(doubted[1])) < 0.35 < abs(np.log(believed[1]))
+
+
+def test_small_innovations_of_an_estimate_that_follows_its_errors_are_no_reason_to_trust_ranges_more():
+    believed = tracked(2.0 * TRUE, doubted=False)
+    followed = tracked(2.0 * TRUE, doubted=True, followed=0.75 * (2.0 * TRUE) ** 2)
+    np.testing.assert_array_equal(followed[2], believed[2])
+
+
+def test_noise_is_doubted_where_ranges_are_recorded_and_it_is_given():
+    def plan(target="dataset", **more):
+        places = {"positions": [[0, 0, 0], [9, 0, 0], [0, 9, 0]]}
+        return Plan(parse({"target": {"motion": target, "path": "set"}, "agents": places, "filter": more}, "test"))
+
+    assert plan().settings.doubts_noise
+    assert plan().sharing.payload_size == plan(defaults=5).sharing.payload_size + DoubtedNoise.more
+    for kept in ({"defaults": 5}, {"range_std": "auto"}, {"kind": "kcf"}):
+        assert not plan(**kept).settings.doubts_noise
+    for emulated in ([], ["sensor.real=true", "timing.mode=realtime"]):
+        assert not Plan(load("tracking", emulated).scenario).settings.doubts_noise
