@@ -285,8 +285,7 @@ class Plan:
     @cached_property
     def initial_covariance(self) -> Floats:
         """Covariance of the initial position and velocity along the axes, (s, s). Before a first fix it is wide."""
-        wide = start.unknown(self.scenario) and self.first_fix_steps
-        std = (start.widened_std if wide else start.initial_std)(self.scenario)
+        std = start.first_std(self.scenario, fixed=self.first_fix_steps > 0)
         return np.asarray(np.diag(std[self.space.kept] ** 2))
 
     @cached_property

@@ -40,6 +40,11 @@ def widened_std(scenario: Scenario) -> Floats:
     return np.asarray(np.maximum(initial_std(scenario), least))
 
 
+def first_std(scenario: Scenario, *, fixed: bool) -> Floats:
+    """That with which agents begin, (6,): wide before a first fix of a target of whose start nothing is said."""
+    return (widened_std if fixed and unknown(scenario) else initial_std)(scenario)
+
+
 def unknown(scenario: Scenario) -> bool:
     """Whether the scenario says nothing of where its target, a recorded one, starts."""
     return scenario.target.motion == "dataset" and scenario.filter.initial_position is None
