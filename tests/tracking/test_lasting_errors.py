@@ -130,7 +130,7 @@ def test_errors_may_last_where_ranges_are_recorded_and_learning_costs_one_number
     assert not plan(kind="kcf").settings.lasting
     for emulated in ([], ["sensor.real=true", "timing.mode=realtime"]):
         assert not Plan(load("tracking", emulated).scenario).settings.lasting
-    assert plan(range_std="auto").sharing.payload_size == plan().sharing.payload_size + 1
+    assert plan(range_std="auto").sharing.payload_size == plan(defaults=5).sharing.payload_size + 1
 
 
 PLACES = {"positions": [[0, 0, 0], [9, 0, 0], [0, 9, 0]]}
