@@ -46,6 +46,7 @@ BENCHMARKS = {
     "stress": ("stress", "scenarios that lose trackers; --case NAME, --seeds 50"),
     "scale": ("scale", "links, messages, bytes and memory of n agents: formulas, counted runs; --agents 24,100"),
     "lab": ("lab", "the lab in headless Chromium: frames, from click to log, what a page costs a run, long logs"),
+    "pictures": ("pictures", "not measured: the screenshots of the documentation, taken anew into docs/images"),
     "seeds": ("seeds", "1000 seeds of a lossy run: CPU of simulation and analysis; the bits of single runs"),
     "sessions": ("sessions", "1200 sessions at one target"),
     "hosts": ("hosts", "agents on ten virtual hosts: start, links, memory, traffic, rate; --agents 100,300, as root"),
@@ -56,7 +57,6 @@ BENCHMARKS = {
 
 _OPTIONS = {
     "filters": ("data", "write"),
-    "lab": ("write",),
     "scale": ("agents",),
     "hosts": ("agents",),
     "soak": ("minutes",),
@@ -76,7 +76,7 @@ def main() -> None:
     parser.add_argument("--agents", help="scale, hosts: how many agents runs have; default: 24,100 and 100")
     parser.add_argument("--first", type=int, default=1001, help="stress: the first seed")
     parser.add_argument("--search", type=int, default=0, help="stress: try so many random cases, keep what it finds")
-    parser.add_argument("--write", type=Path, help="filters: the page to bring up to date; lab: the picture to make")
+    parser.add_argument("--write", type=Path, help="filters: the page to bring up to date")
     arguments = parser.parse_args()
     # Tables that are piped into a file keep their columns.
     console = Console(highlight=False, width=None if Console().is_terminal else 150)

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
-import shutil
 import statistics
 import subprocess
 import sys
@@ -17,16 +15,15 @@ from typing import Any
 
 from rich.table import Table
 
+from benchmarks.browsing import browsing, command, lab_of, until
 from benchmarks.common import ROOT, Row, at_least, below, results
 from benchmarks.made_logs import MadeLog
 from zenoh_cbef.analysis.slowness import slowness
-from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.read.parts import find_log, open_log
 from zenoh_cbef.log.read.trace import read_trace
 from zenoh_cbef.outside.registry import known_runs
 from zenoh_cbef.scenario.load import load
 
-_BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 _DRAWN_SECONDS = 10.0
 _CLICKS = 20
 _LONG_STEPS = 12_700
@@ -40,51 +37,23 @@ _DENSE = (
     "consensus.rounds=2",
 )
 
-_PARTED = (
-    'fault=[{kind="loss", probability=0.3, from=3.0, until=8.0},'
-    '{kind="partition", links={between=[[0, 1, 2], [3, 4, 5]]}, from=12.0, until=18.0}]'
-)
-_PICTURED_STEP = "168"
-
-
-def _command(*words: str) -> list[str]:
-    return [sys.executable, "-m", "zenoh_cbef", *words]
-
-
-@contextmanager
-def _lab(folder: Path, what: str) -> Iterator[str]:
-    """A lab of this log or run; gives its address."""
-    with subprocess.Popen(_command("lab", what, "--no-browser"), cwd=folder, stderr=subprocess.PIPE, text=True) as lab:
-        assert lab.stderr is not None
-        try:
-            yield next(found[0] for line in lab.stderr if (found := re.search(r"http://\S+", line)))
-        finally:
-            lab.terminate()
-
 
 @contextmanager
 def _run(folder: Path, name: str, *settings: str) -> Iterator[None]:
     """A realtime run of six agents; ends by itself or with the block."""
     words = [part for one in ("timing.mode=realtime", *settings) for part in ("--set", one)]
-    command = _command("run", "tracking", *words, "--run", name, "--no-report")
-    with subprocess.Popen(command, cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as run:
+    started = command("run", "tracking", *words, "--run", name, "--no-report")
+    with subprocess.Popen(started, cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as run:
         try:
             while name not in known_runs():
                 assert run.poll() is None, f"run {name} did not start"
                 time.sleep(0.05)
             yield
             if run.poll() is None:
-                subprocess.run(_command("stop", "--run", name), stdout=subprocess.DEVNULL, check=False)
+                subprocess.run(command("stop", "--run", name), stdout=subprocess.DEVNULL, check=False)
             run.wait(60)
         finally:
             run.terminate()
-
-
-def _until(page: Any, what: str) -> None:
-    until = time.monotonic() + 120
-    while not page.evaluate(what):
-        assert time.monotonic() < until, what
-        page.wait_for_timeout(10)
 
 
 def _drawn(browser: Any, folder: Path) -> float:
@@ -92,10 +61,10 @@ def _drawn(browser: Any, folder: Path) -> float:
     log = folder / "dense.mcap"
     if not log.exists():
         MadeLog(log, load("tracking", _DENSE).scenario).write()
-    with _lab(folder, str(log)) as url:
+    with lab_of(folder, str(log)) as url:
         page = browser.new_page(viewport={"width": 1280, "height": 800})
         page.goto(url)
-        _until(page, "lab.state.frame !== null")
+        until(page, "lab.state.frame !== null")
         page.keyboard.press("Home")
         page.keyboard.press(" ")
         page.wait_for_timeout(1000)
@@ -109,10 +78,10 @@ def _drawn(browser: Any, folder: Path) -> float:
 def _clicked(browser: Any, folder: Path) -> list[float]:
     """Seconds from a click on "cut" to the list of faults in the log."""
     clicked = []
-    with _run(folder, "clicked", "steps=100000"), _lab(folder, "clicked") as url:
+    with _run(folder, "clicked", "steps=100000"), lab_of(folder, "clicked") as url:
         page = browser.new_page(viewport={"width": 1280, "height": 800})
         page.goto(url)
-        _until(page, "lab.state.frame !== null && lab.state.newest > 20")
+        until(page, "lab.state.frame !== null && lab.state.newest > 20")
         for _ in range(_CLICKS):
             page.click("#agents button")
             page.wait_for_timeout(100)
@@ -129,10 +98,10 @@ def _late(folder: Path, name: str, browser: Any | None) -> float:
     """The share of rounds that agents came to too late, with a page open or without."""
     with _run(folder, name, f"steps={_RUN_STEPS}"):
         if browser is not None:
-            with _lab(folder, name) as url:
+            with lab_of(folder, name) as url:
                 page = browser.new_page(viewport={"width": 1280, "height": 800})
                 page.goto(url)
-                _until(page, "lab.state.state === 'ended'")
+                until(page, "lab.state.state === 'ended'")
                 page.close()
         else:
             while name in known_runs():
@@ -148,48 +117,23 @@ def _opened(browser: Any, folder: Path) -> float:
     if not log.exists():
         subprocess.run([sys.executable, "-m", "benchmarks.made_logs", str(log), str(_LONG_STEPS)], cwd=ROOT, check=True)
     begun = time.monotonic()
-    with _lab(folder, str(log)) as url:
+    with lab_of(folder, str(log)) as url:
         page = browser.new_page(viewport={"width": 1280, "height": 800})
         page.goto(url)
-        _until(page, "lab.state.frame !== null")
+        until(page, "lab.state.frame !== null")
         taken = time.monotonic() - begun
         page.close()
     return taken
 
 
-def _pictured(browser: Any, folder: Path, picture: Path) -> None:
-    """The page in the middle of a partition, as a picture for the README."""
-    words = ("run", "tracking", "--set", _PARTED, "--run", "my-run", "--no-report")
-    subprocess.run(_command(*words), cwd=folder, stdout=subprocess.DEVNULL, check=True)
-    with _lab(folder, "my-run") as url:
-        page = browser.new_page(viewport={"width": 1280, "height": 800}, device_scale_factor=1.5)
-        page.goto(url)
-        _until(page, "lab.state.frame !== null")
-        _until(page, "lab.state.state === 'log'")
-        page.fill("#step", _PICTURED_STEP)
-        _until(page, f"lab.state.frame.step === {_PICTURED_STEP}")
-        page.evaluate("document.activeElement.blur()")
-        page.wait_for_timeout(500)
-        page.screenshot(path=picture)
-        page.close()
-
-
-def run(repeats: int, write: Path | None = None) -> Iterator[Table]:
-    found = next(filter(None, map(shutil.which, _BROWSERS)), None)
-    if found is None:
-        raise UserError("no Chromium on this host; install the package chromium")
-    from playwright.sync_api import sync_playwright  # noqa: PLC0415 - needed by this benchmark alone
-
-    with tempfile.TemporaryDirectory() as name, sync_playwright() as driver:
-        folder, browser = Path(name), driver.chromium.launch(executable_path=found, args=["--no-sandbox"])
-        if write is not None:
-            _pictured(browser, folder, write)
+def run(repeats: int) -> Iterator[Table]:
+    with tempfile.TemporaryDirectory() as name, browsing() as browser:
+        folder = Path(name)
         opened = [_opened(browser, folder) for _ in range(repeats)]
         drawn = [_drawn(browser, folder) for _ in range(repeats)]
         clicked = sorted(_clicked(browser, folder))
         pairs = [(_late(folder, f"bare{one}", None), _late(folder, f"seen{one}", browser)) for one in range(repeats)]
         more = 100.0 * statistics.median(seen - bare for bare, seen in pairs)
-        browser.close()
         yield results(
             f"The lab in headless Chromium, medians of {repeats}",
             [

@@ -12,7 +12,7 @@ from zenoh_cbef.lab.answers import Page
 from zenoh_cbef.lab.bench import Bench
 from zenoh_cbef.lab.judged import judged
 from zenoh_cbef.lab.scene import CURVES, Scene
-from zenoh_cbef.lab.sources import LogSource
+from zenoh_cbef.lab.sources import LogSource, Source
 from zenoh_cbef.log.read.trace import read_trace
 from zenoh_cbef.pages.packing import framed
 from zenoh_cbef.plain import read_toml
@@ -30,9 +30,19 @@ def log(tmp_path_factory):
     return made_log(tmp_path_factory.mktemp("lab") / "run.mcap", *keys, FAULTS)
 
 
+def whole(source: Source) -> Scene:
+    """The scene of a log that is read to its end, however busy the machine is."""
+    source.shown.set()
+    until = time.monotonic() + 120.0
+    while source.state != "log":
+        assert time.monotonic() < until
+        time.sleep(0.01)
+    return source.scene
+
+
 @pytest.fixture(scope="module")
 def scene(log) -> Scene:
-    return LogSource(log).scene
+    return whole(LogSource(log))
 
 
 @pytest.fixture(scope="module")
@@ -111,7 +121,7 @@ def test_the_verdict_names_what_is_wrong(scene):
 
 
 def test_errors_beyond_what_is_claimed_are_called_overconfident(log):
-    scene = LogSource(log).scene
+    scene = whole(LogSource(log))
     scene.recording.truth.numbers("state", 40)[:, :, :3] += 30.0
     assert "overconfident: errors are" in judged(scene, 31).words
 
@@ -132,6 +142,8 @@ def read(data: bytes) -> tuple[dict, dict]:
 def bench(log):
     bench = Bench({"tracking": "as it is"})
     bench.open_log(str(log))
+    assert bench.source is not None
+    whole(bench.source)
     return bench
 
 
@@ -204,12 +216,14 @@ def test_stretches_of_steps_hold_the_messages_of_the_run(trace):
 def test_a_log_beside_is_shown_at_the_same_time(bench, tmp_path):
     slow = made_log(tmp_path / "slow.mcap", "steps=15", "dt=0.2", "agents.count=3")
     bench.put_beside(str(slow))
+    assert bench.beside is not None
+    whole(bench.beside)
     page = Page(bench)
     scene, _ = read(page.answer({"ask": "scene"}))
     assert (scene["beside"]["agents"], scene["beside"]["newest"]) == (3, 15)
     told, arrays = read(page.answer({"ask": "frame", "step": 20, "curves": 40, "beside": 5}))
     assert (told["beside"]["step"], told["beside"]["curves"]) == (10, [5, 15])
-    other = LogSource(slow).scene
+    other = whole(LogSource(slow))
     np.testing.assert_array_equal(arrays["beside estimate"], other.frame(10)["estimate"].astype(np.float32))
     np.testing.assert_array_equal(arrays["beside curve error"], other.curves(5, 15)["error"].astype(np.float32))
     assert arrays["curve error"].shape == (0,)
@@ -218,6 +232,7 @@ def test_a_log_beside_is_shown_at_the_same_time(bench, tmp_path):
 def test_a_long_log_is_shown_while_the_rest_of_it_is_read(tmp_path):
     long = made_log(tmp_path / "long.mcap", "steps=400", "agents.count=3", "record.chunk_bytes=1024")
     source = LogSource(long, at_once=0.0)
+    source.shown.set()
     until = time.monotonic() + 120.0
     while source.state != "log":
         assert source.state == "is read"

@@ -55,7 +55,7 @@ class Opened:
         for line in self.lab.stderr:
             if found := re.search(r"http://\S+", line):
                 return found[0]
-        raise AssertionError("the lab did not start")
+        raise AssertionError(f"the lab did not start: {self.lab.communicate(timeout=100)}")
 
     def until(self, what: str, seconds: float = 120.0) -> None:
         # The page's own policy forbids what Playwright's waiting does.
@@ -123,12 +123,20 @@ def test_a_run_is_started_cut_by_mouse_healed_steered_ended_exported_and_proved(
     assert page.evaluate("lab.state.newest") == stood + 1
     page.keyboard.press("h")
     opened.until(f"lab.state.newest > {stood + 3}")
+    # Orders by keyboard: the menu of an agent leads to those of its links.
+    page.focus("#agents button")
+    page.keyboard.press("Enter")
+    page.get_by_role("menuitem", name=re.compile("^link to ")).first.press("Enter")
+    page.locator("#menu input").first.fill("60")
+    page.locator("#menu input").first.press("Enter")
+    opened.until("document.querySelector('#faults').textContent.includes('loss 60 %')")
     page.click("#stop")
     opened.until("lab.state.state === 'ended'")
+    opened.until("document.querySelector('#notice').textContent.startsWith('the run has ended')")
     with page.expect_download() as download:
         page.click("#export")
     session = parse(read_toml(download.value.path().read_text()), "the session")
-    assert [one.kind for one in session.fault] == ["partition"]
+    assert [one.kind for one in session.fault] == ["partition", "loss"]
     assert session.target.orders[-1].to[0] > 0.5
     [log] = (world.folder / "logs").glob("lab-*/run.mcap")
     proof = world.call("verify", str(log))
@@ -169,6 +177,12 @@ def test_a_log_is_wound_back_and_a_lost_server_is_said(world, browser):
     opened.lab.terminate()
     opened.lab.communicate(timeout=100)
     opened.until("document.querySelector('#notice').textContent.includes('server is gone')")
+    # The next lab at this port has another token.
+    port = opened.url.split(":")[2].split("/")[0]
+    again = world.start("lab", str(world.log), "--no-browser", "--port", port)
+    opened.until("document.querySelector('#notice').textContent.includes('started again')")
+    again.terminate()
+    again.communicate(timeout=100)
     opened.close()
 
 

@@ -19,14 +19,15 @@ from zenoh_cbef.cli.offer import verb
 from zenoh_cbef.cli.options import Overrides
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.lab.bench import Bench
-from zenoh_cbef.lab.foxglove import PORT, Foxglove
 from zenoh_cbef.lab.guard import LOOPBACK, Guard
 from zenoh_cbef.lab.server import Serving, address, bound
 from zenoh_cbef.outside.registry import known_runs
 from zenoh_cbef.protocol.session import Connection
 from zenoh_cbef.scenario.load import builtin_names, purposes
-from zenoh_cbef.viewers.viz import LAYOUT
+from zenoh_cbef.viewers.colours import LAYOUT
 
+_PORT = 8765
+"""Where Foxglove looks first."""
 _WHAT = "A scenario to start, a run to look at, or a log; default: choose on the page."
 
 
@@ -45,7 +46,7 @@ def _lab(
     foxglove: Annotated[bool, typer.Option("--foxglove", help="Serve Foxglove, Lichtblick and PlotJuggler, too.")] = (
         False
     ),
-    foxglove_port: Annotated[int, typer.Option(min=0, max=65535, help="Where these connect; 0: a free port.")] = PORT,
+    foxglove_port: Annotated[int, typer.Option(min=0, max=65535, help="Where these connect; 0: a free port.")] = _PORT,
     controls: Annotated[
         bool, typer.Option("--controls", help="With --foxglove: take orders with the lab's token from there.")
     ] = False,
@@ -67,6 +68,8 @@ def _lab(
         url = address(listening, host, guard)
         told = [f"the lab is at {url}  (Ctrl-C ends it)"]
         if foxglove:
+            from zenoh_cbef.lab.foxglove import Foxglove  # noqa: PLC0415 - time that only its users should wait
+
             served = held.enter_context(Foxglove(bench, LOOPBACK[0], foxglove_port, guard if controls else None))
             told.append(f"viewers connect to ws://{LOOPBACK[0]}:{served.port}; a layout: {urljoin(url, LAYOUT)}")
         if what is not None and (ctx.joining.connect or ctx.joining.config):

@@ -58,6 +58,12 @@ class Page:
             raise UserError(f"the lab does not know what {what!r:.40} is; load the page again")
         return order(asked)
 
+    def answered(self, asked: Asked) -> None:
+        """Called when an answer is on its way."""
+        if asked.get("ask") == "frame":
+            for source in filter(None, (self._bench.source, self._bench.beside)):
+                source.shown.set()
+
     def waits(self, asked: Asked) -> bool:
         """Whether a page asks for a frame newer than there is."""
         source = self._bench.source

@@ -15,7 +15,7 @@ from zenoh_cbef.outside.registry import find_run, known_runs
 from zenoh_cbef.protocol.session import Connection
 from zenoh_cbef.scenario.load import to_toml
 
-_START_SECONDS = 60.0
+_START_SECONDS = 300.0
 _PATIENCE_SECONDS = 5.0
 _TOLD_LINES = 5
 _MOST_LOGS = 20

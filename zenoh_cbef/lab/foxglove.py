@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     import foxglove
     import foxglove.websocket
 
-PORT = 8765
-"""Where viewers look first."""
 ORDERS = frozenset({"fault", "undo", "clear", "stop", "hold"})
 _LOOK_SECONDS = 0.03
 _AT_ONCE = 200

@@ -15,7 +15,7 @@ from zenoh_cbef.lab.answers import Page
 from zenoh_cbef.lab.bench import Bench
 from zenoh_cbef.lab.guard import HEADERS, Guard
 from zenoh_cbef.plain import read_json
-from zenoh_cbef.viewers.viz import LAYOUT
+from zenoh_cbef.viewers.colours import LAYOUT
 
 if TYPE_CHECKING:
     from starlette.applications import Starlette
@@ -101,6 +101,7 @@ async def _serve(websocket: WebSocket, page: Page) -> None:
                     break
                 await asyncio.sleep(_LOOK_SECONDS)
             await websocket.send_bytes(await asyncio.to_thread(page.answer, asked))
+            page.answered(asked)
     except WebSocketDisconnect:
         return
 

@@ -20,17 +20,21 @@ _KINDS = ("truth", "estimate", "event", "faults")
 """What a scene shows of a log; the messages of consensus, most of a log, are passed over."""
 _MORE = (*_KINDS, "beacon", "signal", "range")
 """What viewers show beside."""
-_AT_ONCE_SECONDS, _YIELD_SECONDS = 0.5, 0.001
-"""A log that takes longer to read is shown before it is read to its end; others may take the lock meanwhile."""
+_AT_ONCE_SECONDS, _SHOWN_SECONDS, _YIELD_SECONDS = 0.3, 3.0, 0.001
+"""A log whose reading takes longer (CPU time) is shown before it is read to its end.
+
+The rest of it is read when a page has been shown, or none has come: reading would slow the page. Others may take the
+lock between two batches."""
 _END = object()
 
 
 class Source(Protocol):
-    """A scene, and what can be done to it. lock: held while the scene is read."""
+    """A scene, and what can be done to it. lock: held while the scene is read. shown: set when a page has a frame."""
 
     scene: Scene
     lock: threading.Lock
     live: bool
+    shown: threading.Event
 
     @property
     def state(self) -> str:
@@ -70,9 +74,9 @@ class LogSource:
         self.lock = threading.Lock()
         recording, self._rest = filling_recording(open_log(path), _MORE if measured else _KINDS)
         self.scene = Scene(recording)
-        self._closed = threading.Event()
-        until = time.monotonic() + at_once
-        while (more := next(self._rest, _END) is None) and not (self.scene.newest and time.monotonic() > until):
+        self.shown, self._closed = threading.Event(), threading.Event()
+        until = time.thread_time() + at_once
+        while (more := next(self._rest, _END) is None) and not (self.scene.newest and time.thread_time() > until):
             pass
         if not self.scene.newest:
             raise UserError(f"{path} holds no estimate: the run ended before its first step")
@@ -82,6 +86,7 @@ class LogSource:
 
     def _read(self) -> None:
         """Read the rest; between two batches the page is answered."""
+        self.shown.wait(_SHOWN_SECONDS)
         more = True
         while more and not self._closed.is_set():
             with self.lock:
@@ -108,6 +113,7 @@ class LogSource:
     def close(self) -> None:
         """Read no further."""
         self._closed.set()
+        self.shown.set()
 
 
 class RunSource:
@@ -116,7 +122,7 @@ class RunSource:
     live = True
 
     def __init__(self, run: str, connection: Connection, patience: float, *, measured: bool = False) -> None:
-        self._held = ExitStack()
+        self._held, self.shown = ExitStack(), threading.Event()
         self._listener = self._held.enter_context(Listener(run, connection, patience, measured=measured))
         self.lock = self._listener.lock
         self.scene = Scene(self._listener.recording)

@@ -1,4 +1,4 @@
-"""The colours and sizes in which all viewers show a scene."""
+"""What all viewers show alike: colours, sizes, and the layout."""
 
 from __future__ import annotations
 
@@ -10,6 +10,9 @@ from zenoh_cbef.arrays import Floats
 from zenoh_cbef.trace import Trace
 
 Colour = tuple[float, float, float, float]
+
+LAYOUT = "viz-layout.json"
+"""The file of this package that says what viewers show where."""
 
 TRAIL = 50
 """Steps that a path shows."""

@@ -8,11 +8,9 @@ from pathlib import Path
 from zenoh_cbef import __version__
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.mcap.writer import McapWriter
+from zenoh_cbef.viewers.colours import LAYOUT
 from zenoh_cbef.viewers.drawing import Drawing
 from zenoh_cbef.viewers.scene import Scene
-
-LAYOUT = "viz-layout.json"
-"""The file of this package that says what viewers show where."""
 
 
 def write_viz(scene: Scene, output: Path) -> list[Path]:

@@ -42,6 +42,7 @@ export class Curves {
       figure.append(caption);
       this.place.append(figure);
       const plot = new uPlot(this.options(chart, figure), [[], ...this.lines(chart).map(() => [])], figure);
+      plot.root.setAttribute("aria-hidden", "true"); // its title and its value at this time are in the caption
       plot.over.addEventListener("click", () => {
         if (plot.cursor.left >= 0) this.seek(plot.posToVal(plot.cursor.left, "x"));
       });

@@ -36,10 +36,17 @@ function tell(words, level = "bad") {
 const orders = new Wire(() => {});
 const frames = new Wire((there, opened) => {
   if (there) start();
-  else tell(opened || state.scene ? "the lab's server is gone; trying again" :
-    "the lab refuses this address; open the one that 'zenoh-cbef lab' printed");
+  else lost(opened);
 });
 const opening = new Opening($("opening"), orders, () => start(), tell);
+
+/** Say why there is no server: it is gone, or another lab has taken its place. */
+async function lost(opened) {
+  const answer = opened ? null : await fetch(location.href, { cache: "no-store" }).catch(() => null);
+  if (frames.socket) return;
+  tell(answer?.status === 403 ? "the lab was started again, or never had this address; open the one that 'zenoh-cbef lab' printed"
+    : "the lab's server is gone; trying again");
+}
 
 async function start() {
   const scene = await frames.ask({ ask: "scene" }).catch(() => null);
@@ -113,7 +120,9 @@ async function order(ask) {
 function pick(picked, x, y) {
   map.chosen = picked?.agent ?? null;
   state.redraw = true;
-  if (picked) menu.open(picked, x, y, state.scene.live && state.state === "goes on");
+  if (!picked) return;
+  const neighbours = state.scene.links.filter(([source]) => source === picked.agent).map(([, destination]) => destination);
+  menu.open(picked, x, y, state.scene.live && state.state === "goes on", neighbours);
 }
 
 /** Let the run in lockstep stand still, or go on; held, it takes single steps. */
@@ -157,6 +166,7 @@ function question(elapsed) {
 function take(frame) {
   if (frame.error) { tell(frame.error); return; }
   if (frame.number !== state.scene.number) { start(); return; }
+  if (state.state === "goes on" && frame.state === "ended") tell("the run has ended; wind it back, or export the session", "none");
   Object.assign(state, { frame, newest: frame.newest, state: frame.state });
   if (state.follows) state.step = frame.step;
   curves.take(frame.arrays, frame.curves[0], frame.newest);
@@ -205,6 +215,7 @@ function draw() {
   $("step").max = String(Math.max(frame.newest, 1));
   if (document.activeElement !== $("step") || state.follows) $("step").value = String(frame.step);
   $("clock").textContent = `${time.toFixed(2)} s, step ${frame.step} of ${scene.live ? scene.steps : frame.newest}`
+    + (state.held ? ", run held" : "")
     + (state.round ? `, round ${state.round} of ${scene.rounds}` : "")
     + ({ ended: ", ended", "is read": ", the log is being read" }[frame.state] ?? "");
   if (performance.now() - drawnCurves > CURVES_MS) {

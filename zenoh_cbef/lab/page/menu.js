@@ -2,18 +2,17 @@
 
 const FAULTS = {
   link: ([source, destination]) => [
-    ["cut", { kind: "partition", links: both(source, destination) }],
-    ["lose 30 %", { kind: "loss", probability: 0.3, links: both(source, destination) }],
-    ["lose 70 %", { kind: "loss", probability: 0.7, links: both(source, destination) }],
-    ["delay 50 ms", { kind: "delay", milliseconds: 50, links: both(source, destination) }],
+    { words: "cut", table: () => ({ kind: "partition", links: both(source, destination) }) },
+    { words: "lose", value: 30, most: 100, unit: "%", table: (value) => ({ kind: "loss", probability: value / 100, links: both(source, destination) }) },
+    { words: "delay", value: 50, most: 10000, unit: "ms", table: (value) => ({ kind: "delay", milliseconds: value, links: both(source, destination) }) },
   ],
   agent: (agent) => [
-    ["kill", { kind: "crash", agents: [agent] }],
-    ["pause 3 s", { kind: "pause", agents: [agent] }, 3],
-    ["cut off", { kind: "outage", agents: [agent] }],
-    ["bias its receiver by 5 m", { kind: "sensor-bias", agents: [agent], bias: 5 }],
-    ["deafen its receiver", { kind: "sensor-dropout", agents: [agent], probability: 1 }],
-    ["let it lie by 5 m", { kind: "byzantine", agents: [agent], magnitude: 5 }],
+    { words: "kill", table: () => ({ kind: "crash", agents: [agent] }) },
+    { words: "pause 3 s", seconds: 3, table: () => ({ kind: "pause", agents: [agent] }) },
+    { words: "cut off", table: () => ({ kind: "outage", agents: [agent] }) },
+    { words: "bias its receiver by", value: 5, most: 1000, unit: "m", table: (value) => ({ kind: "sensor-bias", agents: [agent], bias: value }) },
+    { words: "deafen its receiver", table: () => ({ kind: "sensor-dropout", agents: [agent], probability: 1 }) },
+    { words: "let it lie by", value: 5, most: 1000, unit: "m", table: (value) => ({ kind: "byzantine", agents: [agent], magnitude: value }) },
   ],
 };
 
@@ -27,29 +26,48 @@ export class Menu {
     addEventListener("pointerdown", (event) => { if (!place.contains(event.target)) this.close(); });
   }
 
-  /** Open it for {agent} or {link}, at a place of the window. */
-  open(picked, x, y, injectable) {
+  /** Open it for {agent} or {link}, at a place of the window. neighbours: of the agent, whose links it leads to. */
+  open(picked, x, y, injectable, neighbours = []) {
     const link = picked.link !== undefined;
     const heading = document.createElement("h2");
     heading.textContent = link ? `link ${picked.link[0]}–${picked.link[1]}` : `agent ${picked.agent}`;
-    const buttons = injectable ? FAULTS[link ? "link" : "agent"](link ? picked.link : picked.agent).map((one) => this.button(...one)) : [];
+    const faults = injectable ? FAULTS[link ? "link" : "agent"](link ? picked.link : picked.agent).map((one) => this.fault(one)) : [];
+    const links = injectable && !link ? neighbours.map((other) => this.button(`link to ${other} …`, () => this.open({ link: [picked.agent, other] }, x, y, true))) : [];
     const note = document.createElement("p");
     note.textContent = injectable ? "from the next steps on, until you undo it" : "faults are for runs that go on";
-    this.place.replaceChildren(heading, ...buttons, note);
+    this.place.replaceChildren(heading, ...faults, ...links, note);
+    if (this.place.hidden) this.from = document.activeElement;
+    this.place.setAttribute("aria-label", heading.textContent);
     this.place.hidden = false;
     const { offsetWidth: width, offsetHeight: height } = this.place;
     this.place.style.left = `${Math.max(8, Math.min(x + 10, innerWidth - width - 8))}px`;
     this.place.style.top = `${Math.max(8, Math.min(y + 10, innerHeight - height - 8))}px`;
-    this.from = document.activeElement;
-    buttons[0]?.focus();
+    this.place.querySelector("button")?.focus();
   }
 
-  button(words, table, seconds = null) {
+  /** An order; one with a value has a field for it beside. */
+  fault({ words, table, seconds = null, value, most, unit }) {
+    if (value === undefined) return this.button(words, () => this.order(table(), seconds));
+    const row = document.createElement("div");
+    const field = Object.assign(document.createElement("input"), { type: "number", min: "0", max: String(most), value: String(value) });
+    field.setAttribute("aria-label", `${words}, ${unit}`);
+    const give = () => (field.value !== "" && field.checkValidity() ? this.order(table(Number(field.value)), seconds) : field.focus());
+    field.addEventListener("keydown", (event) => { if (event.key === "Enter") give(); });
+    row.append(this.button(words, give), field, ` ${unit}`);
+    return row;
+  }
+
+  order(table, seconds) {
+    this.close();
+    this.inject(table, seconds);
+  }
+
+  button(words, act) {
     const one = document.createElement("button");
     one.type = "button";
     one.role = "menuitem";
     one.textContent = words;
-    one.addEventListener("click", () => { this.close(); this.inject(table, seconds); });
+    one.addEventListener("click", act);
     return one;
   }
 
@@ -57,6 +75,7 @@ export class Menu {
     const buttons = [...this.place.querySelectorAll("button")];
     const at = buttons.indexOf(document.activeElement);
     if (event.key === "Escape") this.close();
+    if (at < 0 && event.key !== "Escape") return; // arrows change a field's number
     if (event.key === "ArrowDown") buttons[(at + 1) % buttons.length]?.focus();
     if (event.key === "ArrowUp") buttons[(at + buttons.length - 1) % buttons.length]?.focus();
     if (["Escape", "ArrowDown", "ArrowUp"].includes(event.key)) { event.preventDefault(); event.stopPropagation(); }

@@ -38,7 +38,10 @@ export class Panels {
       const off = Math.hypot(...[0, 1, 2].map((axis) => estimate[6 * agent + axis] - truth[axis]));
       const status = this.scene.statuses[said[3 * agent]] ?? "";
       const words = there ? `${agent} ${status} ${short(off, " m")}`.replace("  ", " ") : `${agent} away`;
-      if (button.textContent !== words) button.textContent = words;
+      if (button.textContent !== words) {
+        button.textContent = words;
+        button.setAttribute("aria-label", there ? `agent ${agent}: ${status}, error ${short(off, " m")}` : `agent ${agent}: away`);
+      }
       button.dataset.status = there ? status : "away";
     });
   }

@@ -81,11 +81,12 @@ export class MapView extends View {
     const [[left, right], [low, high]] = above ? this.seen() : this.ground(unit);
     for (let x = Math.ceil(left / unit) * unit; x <= right; x += unit) this.stroke([this.pixel([x, low, 0]), this.pixel([x, high, 0])]);
     for (let y = Math.ceil(low / unit) * unit; y <= high; y += unit) this.stroke([this.pixel([left, y, 0]), this.pixel([right, y, 0])]);
-    // In space a stem leads from each agent to the ground.
-    for (let at = 0; !above && at < this.arrays.place.length; at += 3) {
-      const [x, y] = this.arrays.place.subarray(at, at + 2);
-      this.stroke([this.pixel(this.arrays.place, at), this.pixel([x, y, 0])]);
-    }
+    // In space a stem leads from each agent, and the target, to the ground.
+    const { place, truth } = this.arrays;
+    const feet = above ? [] : Array.from({ length: place.length / 3 }, (_, agent) => place.subarray(3 * agent, 3 * agent + 3));
+    if (!above && Number.isFinite(truth[0])) feet.push(truth);
+    c.strokeStyle = colours.rule;
+    for (const one of feet) this.stroke([this.pixel(one), this.pixel([one[0], one[1], 0])]);
     c.strokeStyle = colours.muted;
     c.lineWidth = 2;
     const y = this.height - 14;
@@ -211,10 +212,20 @@ export class MapView extends View {
         this.stroke([[x - 4, y - 4], [x + 4, y + 4]]);
         this.stroke([[x - 4, y + 4], [x + 4, y - 4]]);
       }
-      c.fillStyle = colours.ink;
-      if (!many || this.chosen === agent || mark) c.fillText(mark ? `${agent} ${mark}` : `${agent}`, x, y - 12);
+      if (!many || this.chosen === agent || mark) this.label(mark ? `${agent} ${mark}` : `${agent}`, x, y - 12);
     }
     c.textAlign = "start";
+  }
+
+  /** Words that can be read on top of links. */
+  label(words, x, y) {
+    const { context: c, colours } = this;
+    c.strokeStyle = colours.paper;
+    c.lineWidth = 3;
+    c.lineJoin = "round";
+    c.strokeText(words, x, y);
+    c.fillStyle = colours.ink;
+    c.fillText(words, x, y);
   }
 
   target(arrays) {
