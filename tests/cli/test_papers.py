@@ -104,7 +104,10 @@ def test_tables_are_latex_or_csv(folder: Path) -> None:
     assert table[1][0] == "position RMSE (m)"
 
 
-def test_the_figures_and_the_table_of_an_experiment_are_printed(tmp_path: Path) -> None:
+def test_the_figures_and_the_table_of_an_experiment_are_printed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("FORCE_COLOR", "1")
     (tmp_path / "base.toml").write_text("steps = 15\n[agents]\ncount = 4\n")
     (tmp_path / "small.toml").write_text(
         'base = "base.toml"\nseeds = 2\n'
@@ -117,6 +120,7 @@ def test_the_figures_and_the_table_of_an_experiment_are_printed(tmp_path: Path) 
     page = (tmp_path / "found" / "index.html").read_text()
     assert "How large is the error of the position?" in page
     assert "consensus rounds" in page
+    assert "\x1b" not in done.stdout + done.stderr, "nothing moves in a pipe, also where a notebook wishes for colours"
     again = ["experiment", "run", "small.toml", "-o", "found", "--jobs", "1"]
     table = within(tmp_path, *again, "--metric", "position_rmse", "--table", "csv")
     rows = list(csv.reader(io.StringIO(table.stdout)))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterable
 
 from rich.console import Console
@@ -10,8 +11,9 @@ from zenoh_cbef.numbers import number
 
 __all__ = ["console", "errors", "number", "tell", "tell_what_lacks", "warn"]
 
-console = Console()
-errors = Console(stderr=True)
+# FORCE_COLOR, which notebooks set, is a wish for colours: what moves in place fills a pipe with each of its pictures.
+console = Console(force_terminal=None if sys.stdout.isatty() else False)
+errors = Console(stderr=True, force_terminal=None if sys.stderr.isatty() else False)
 
 
 def tell(sentence: str) -> None:

@@ -63,6 +63,7 @@ class Overview:
         self._links[agent] = (sum(message["lost"]), sum(message["late"]))
         truth = self._truth.get(step)
         if truth is None:
+            self._go_on_without_truth()
             return
         errors = self._errors.setdefault(step, [])
         apart = [a - b for a, b in zip(message["state"][:3], truth[:3], strict=True)]
@@ -73,9 +74,20 @@ class Overview:
         if len(errors) >= self._expected:
             self.status.step = step
             self.status.error = float(np.sqrt(np.mean(errors)))
-            self.status.lost = sum(lost for lost, _ in self._links.values())
-            self.status.late = sum(late for _, late in self._links.values())
+            self._count_links()
             self._forget(step)
+
+    def _go_on_without_truth(self) -> None:
+        """Where no truth is known, a step is done when all agents have told their estimates of it."""
+        self._expected = self._present() or self._expected
+        done = min(self.heard.values()) if len(self.heard) >= self._expected else 0
+        if not self._truth and done > self.status.step:
+            self.status.step = min(done, self.status.steps)
+            self._count_links()
+
+    def _count_links(self) -> None:
+        self.status.lost = sum(lost for lost, _ in self._links.values())
+        self.status.late = sum(late for _, late in self._links.values())
 
     def _forget(self, step: int) -> None:
         for old in [known for known in self._truth if known <= step]:
