@@ -33,7 +33,8 @@ _STEPS, _AGENT_STEPS = 30, 12_000
 _LEASE_MS = 30_000
 """Long, as all hosts share the cores of one machine: a process that gets none for seconds is not dead."""
 _RATE = 10.0
-_LIMIT_SECONDS = 280.0
+_LIMIT_SECONDS, _AGENT_SECONDS = 200.0, 2.0
+"""How long a run may take: at least, and for each agent."""
 _DEVICE = "eth0"
 
 
@@ -72,7 +73,7 @@ class _Watched:
     """The run's processes on their hosts, and what is seen of them."""
 
     def __init__(self, lab: Lab, folder: Path, agents: int, hosts: int) -> None:
-        self._agents = agents
+        self._agents, self._limit = agents, max(_LIMIT_SECONDS, _AGENT_SECONDS * agents)
         self._hosts = [f"a{number}" for number in range(hosts)]
         self._processes = Processes(lab, folder)
         self._pids: list[int] = []
@@ -83,7 +84,7 @@ class _Watched:
         start, address = self._processes.start, self._processes.lab.address
         target = f"tcp/{address('target')}:7447"
         settings = [part for one in overrides for part in ("--set", one)]
-        run = ["--run", "hosts", "--patience", str(_LIMIT_SECONDS), "--lease-ms", str(_LEASE_MS)]
+        run = ["--run", "hosts", "--patience", str(self._limit), "--lease-ms", str(_LEASE_MS)]
         start("target", "target", "tracking", *settings, *run, "--listen", target)
         there = [*run, "--connect", target, "--listen"]
         start("record", "record", *there, f"tcp/{address('record')}:7448", "--output", "run.mcap")
@@ -93,7 +94,7 @@ class _Watched:
 
     def watch(self) -> None:
         """Look at the run until it has ended. Raises RuntimeError where a process fails, or it takes too long."""
-        self._processes.watch(_LIMIT_SECONDS, self._look)
+        self._processes.watch(self._limit, self._look)
 
     def _look(self) -> None:
         target = self._processes.pid("target")

@@ -91,6 +91,10 @@ class Processes:
         said = [(self._folder / f"{host}.err").read_text() for host in self._running]
         return sum(int(([0, *re.findall(r"(\d+) under way", one)])[-1]) for one in said)
 
+    def _last_words(self, host: str) -> str:
+        lines = (self._folder / f"{host}.err").read_text().splitlines()
+        return lines[-1] if lines else "it says nothing"
+
     def watch(self, seconds: float, look: Callable[[], None], without: Sequence[str] = ()) -> None:
         """Call look() again and again until all have ended but those on the hosts of `without`.
 
@@ -102,6 +106,7 @@ class Processes:
             look()
             failed = [host for host, one in self._running.items() if one.poll()]
             if failed or time.monotonic() > until:
-                words = (self._folder / f"{failed[0]}.err").read_text() if failed else "it takes too long"
-                raise RuntimeError(f"the run did not end well: {failed} {words}")
+                why = "they failed" if failed else f"it takes longer than {seconds:g} s"
+                words = "; ".join(f"{host}: {self._last_words(host)}" for host in failed or self._running)
+                raise RuntimeError(f"the run did not end well: {why}; {words}")
             time.sleep(_LOOK_SECONDS)

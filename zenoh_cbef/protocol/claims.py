@@ -10,8 +10,8 @@ import zenoh
 from zenoh_cbef.protocol.keys import can_be_claimed
 from zenoh_cbef.protocol.presence import Presence
 
-_ASK_SECONDS = 1.0
-_AGAIN_SECONDS = 0.02
+_ASK_SECONDS, _LONGEST_SECONDS = 1.0, 10.0
+_AGAIN_SECONDS, _SLOWEST_SECONDS = 0.02, 0.5
 
 
 def _token(name: str, life: str) -> str:
@@ -70,10 +70,13 @@ def claim(session: zenoh.Session, key: str, presence: Presence, name: str, patie
     """
     life = str(session.zid())
     presence.announce(_token(name, life))
-    until = time.monotonic() + patience
+    until, pause = time.monotonic() + patience, _AGAIN_SECONDS
     while time.monotonic() < until:
-        for reply in session.get(f"{key}?name={name};life={life}", timeout=_ASK_SECONDS):
+        # Who gives up asks again, which a target that hundreds ask at once would never get over.
+        left = min(max(_ASK_SECONDS, until - time.monotonic()), _LONGEST_SECONDS)
+        for reply in session.get(f"{key}?name={name};life={life}", timeout=left):
             if reply.ok is not None and (holder := reply.ok.payload.to_bytes()):
                 return holder == life.encode()
-        time.sleep(_AGAIN_SECONDS)
+        time.sleep(pause)
+        pause = min(2.0 * pause, _SLOWEST_SECONDS)
     return None

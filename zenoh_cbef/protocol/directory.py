@@ -17,7 +17,8 @@ from zenoh_cbef.protocol.messages import VERSION, BadMessage, unpack
 
 MOST_ENDPOINTS = 32
 _LONGEST = 200
-_ANSWER_SECONDS = 1.0
+_ANSWER_SECONDS = 10.0
+"""Long: an answer that comes after its question was given up costs the target as much, and the process asks again."""
 _LIFE = re.compile(r"[0-9a-f]{1,40}")
 _ENDPOINT = re.compile(r"(?:tcp|tls|ws)/[^\s/?#]+:[0-9]{1,5}")
 
@@ -71,6 +72,7 @@ class Directory:
     def __init__(self, claims: Claims, linked: Callable[[str, str], bool]) -> None:
         self._claims, self._linked = claims, linked
         self._places: dict[str, Place] = {}
+        self._near: dict[str, list[str]] = {}
         self._unlinked: dict[str, tuple[str, ...]] = {}
         self._heard: dict[str, tuple[str, ...]] = {}
         self._lock = threading.Lock()
@@ -84,12 +86,20 @@ class Directory:
         if not self._claims.holds(name, place.life):
             return None
         with self._lock:
+            self._meet(name)
             self._places[name], self._unlinked[name], self._heard[name] = place, unlinked, heard
-            others = [one for one in self._places.values() if one.name != name and self._linked(name, one.name)]
+            others = [self._places[one] for one in self._near[name]]
             others = [one for one in others if one.shares_site(place)]
             far = [one.name for one in others if one.name in unlinked or name in self._unlinked[one.name]]
             detours = {one: name in self._heard[one] for one in far}
         return Told([one for one in others if self._claims.holds(one.name, one.life)], detours)
+
+    def _meet(self, name: str) -> None:
+        """Note whom a process that is new here is to be linked to: once, as there are many that ask often."""
+        if name not in self._near:
+            self._near[name] = [one for one in self._near if self._linked(name, one)]
+            for one in self._near[name]:
+                self._near[one].append(name)
 
     def apart(self) -> list[Apart]:
         """The pairs of processes that are here and have found no way to each other."""

@@ -20,6 +20,9 @@ from zenoh_cbef.protocol.session import Connection
 
 _TIME_ONLY = "only=time"
 _APART_SECONDS, _ASK_SECONDS = 1.0, 1.0
+_LONGEST_SECONDS = 10.0
+"""How long one question for a scenario may take, s: who gives up asks again, and a target that hundreds ask at once
+would never get over that."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +84,8 @@ def fetch_scenario(
     """Ask for the scenario, again and again for `patience` s. Raises UserError where no target gives a valid answer."""
     until = time.monotonic() + patience
     while not stopped():
-        answers = _ask(session, Keys(run).scenario)
+        left = min(max(_ASK_SECONDS, until - time.monotonic()), _LONGEST_SECONDS)
+        answers = _ask(session, Keys(run).scenario, left)
         if answers:
             texts = [read_scenario(answer, run) for answer in answers]
             if len({text.resolved for text in texts}) > 1:
@@ -96,9 +100,9 @@ def fetch_scenario(
     raise UserError(f"no target of run {run!r} answers: {why_no_answer(session, connection, run)}")
 
 
-def _ask(session: zenoh.Session, selector: str) -> list[bytes]:
+def _ask(session: zenoh.Session, selector: str, seconds: float = _ASK_SECONDS) -> list[bytes]:
     """The answers of all targets of the run; there should be one."""
-    return [sample.payload.to_bytes() for sample in ask_all(session, selector, _ASK_SECONDS)]
+    return [sample.payload.to_bytes() for sample in ask_all(session, selector, seconds)]
 
 
 def measure_clock(session: zenoh.Session, run: str, tries: int = 4) -> Clock | None:
