@@ -72,7 +72,7 @@ def claim(session: zenoh.Session, key: str, presence: Presence, name: str, patie
     presence.announce(_token(name, life))
     until, pause = time.monotonic() + patience, _AGAIN_SECONDS
     while time.monotonic() < until:
-        # Who gives up asks again, which a target that hundreds ask at once would never get over.
+        # A process that gives up asks again, which a target that hundreds ask at once would never get over.
         left = min(max(_ASK_SECONDS, until - time.monotonic()), _LONGEST_SECONDS)
         for reply in session.get(f"{key}?name={name};life={life}", timeout=left):
             if reply.ok is not None and (holder := reply.ok.payload.to_bytes()):

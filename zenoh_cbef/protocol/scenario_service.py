@@ -21,8 +21,8 @@ from zenoh_cbef.protocol.session import Connection
 _TIME_ONLY = "only=time"
 _APART_SECONDS, _ASK_SECONDS = 1.0, 1.0
 _LONGEST_SECONDS = 10.0
-"""How long one question for a scenario may take, s: who gives up asks again, and a target that hundreds ask at once
-would never get over that."""
+"""How long one question for a scenario may take, s: a process that gives up asks again; a target that hundreds ask
+at once would never get over that."""
 
 
 @dataclass(frozen=True)
