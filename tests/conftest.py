@@ -25,11 +25,18 @@ WITH_PROCESSES = (
     "protocol/test_access.py",
     "test_benchmarks.py",
 )
+LONGEST = ("processes/test_tutorial.py", "processes/test_site.py", "processes/test_notebooks.py", "netlab")
+"""Of these: what keeps a worker busy longest, and so begins first."""
 
 
 @cache
 def has_processes(path: Path) -> bool:
     return any(path.is_relative_to(HERE / one) for one in WITH_PROCESSES)
+
+
+@cache
+def is_long(path: Path) -> bool:
+    return any(path.is_relative_to(HERE / one) for one in LONGEST)
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
@@ -44,7 +51,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     if hasattr(config, "workerinput"):
         # Files that wait long come first, and those that end a worker's work are short.
         many = Counter(item.path for item in items)
-        items.sort(key=lambda item: (not has_processes(item.path), -many[item.path]))
+        items.sort(key=lambda item: (not is_long(item.path), not has_processes(item.path), -many[item.path]))
 
 
 def pytest_collection_finish() -> None:
