@@ -25,6 +25,7 @@ def hand_over(node: Node, log: Path, seconds: float, say: Callable[[str], None])
     client = node.connection.mode == "client"
     endpoint = next(iter(node.connection.connect if client else reached_at(node.connection.listen)), "ENDPOINT")
     how = f"zenoh-cbef fetch --run {node.identity.run} --connect {endpoint}" + " --client" * client
+    how += "" if node.connection.tls is None else f" --tls {node.connection.tls.ca.parent}"
     say(f"{log} waits {seconds:g} s to be fetched: {how}")
     until = time.monotonic() + seconds
     while not (node.stopping or service.fetched.is_set() or time.monotonic() > until):
