@@ -10,6 +10,7 @@ import sys
 from pathlib import Path
 
 from nbconvert import MarkdownExporter
+from nbconvert.preprocessors import CoalesceStreamsPreprocessor
 
 ROOT = Path(__file__).resolve().parents[2]
 NOTEBOOKS = ROOT / "docs" / "notebooks"
@@ -25,9 +26,11 @@ def pages(*, run: bool = True) -> dict[str, str | bytes]:
     """Pages and their pictures, by their names. run: show what the cells print and draw. Raises RuntimeError."""
     folder = executed() if run else NOTEBOOKS
     found: dict[str, str | bytes] = {}
+    exporter = MarkdownExporter()
+    exporter.register_preprocessor(CoalesceStreamsPreprocessor, enabled=True)  # a table comes in pieces
     for path in sorted(folder.glob("*.ipynb")):
         resources = {"output_files_dir": path.stem}
-        text, made = MarkdownExporter().from_filename(str(path), resources)
+        text, made = exporter.from_filename(str(path), resources)
         head, line, rest = text.partition("\n\n")
         note = f"[This page as a notebook]({path.name}), and [what it needs](../api.md#notebooks)."
         found[f"{path.stem}.md"] = _COLOUR.sub("", f"{head}{line}{note}{line}{rest}")
