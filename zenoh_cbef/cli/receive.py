@@ -9,7 +9,7 @@ import typer
 from zenoh_cbef.cli.console import tell
 from zenoh_cbef.cli.joining import JoiningCommand, JoiningContext, Patience, identity_of
 from zenoh_cbef.cli.offer import verb
-from zenoh_cbef.cli.options import Run
+from zenoh_cbef.cli.options import LONGEST_SECONDS, Run
 from zenoh_cbef.nodes.receiver.receiver import run_receiver
 
 
@@ -18,16 +18,30 @@ def _receive(
     run: Run,
     ctx: JoiningContext,
     form: Annotated[
-        Literal["auto", "csv", "json", "dwm1001"],
-        typer.Option("--format", help="Lines of t,anchor,range; of JSON; or of a DWM1001's les and lec."),
+        Literal["auto", "csv", "json", "dwm1001", "linktrack", "mavlink"],
+        typer.Option(
+            "--format",
+            help="auto: lines of t,anchor,range, of JSON, or of a DWM1001's les and lec. Nooploop LinkTrack frames and "
+            "MAVLink need to be named.",
+        ),
     ] = "auto",
+    silence: Annotated[
+        float,
+        typer.Option(
+            "--silence",
+            min=0.1,
+            max=LONGEST_SECONDS,
+            help="In lockstep, go on with the last step after so many seconds without a byte.",
+        ),
+    ] = 2.0,
     name: Annotated[str, typer.Option("--name", help="This receiver's name, where a run has several.")] = "receiver",
     patience: Patience = 30.0,
 ) -> None:
     """Feed a run of 'target --receivers' with the ranges that a source tells, until the run is over."""
     identity = identity_of("receiver", name, run, ctx.joining.connection("receiver"), patience)
-    heard = run_receiver(identity, source, form, tell)
-    typer.echo(f"{heard.ranges} ranges, {heard.unknown} of unknown anchors, {heard.other} other lines")
+    heard = run_receiver(identity, source, form, silence, tell)
+    late = f", {heard.late} too late for their step" if heard.late else ""
+    typer.echo(f"{heard.ranges} ranges, {heard.unknown} of unknown anchors, {heard.other} other lines{late}")
 
 
 VERB = verb(_receive, "receive udp:127.0.0.1:5005 --run live --connect tcp/127.0.0.1:7447", JoiningCommand)

@@ -79,8 +79,8 @@ def _target(
         raise UserError(
             "--wait-for needs timing.mode = 'realtime': in lockstep the scenario says which agents take part"
         )
-    if receivers and (beacons is not None or loaded.scenario.timing.mode != "realtime"):
-        raise UserError("--receivers measure now: set timing.mode = 'realtime', and leave --beacons out")
+    if receivers and beacons is not None:
+        raise UserError("--receivers and --beacons are two sources of the same beacons; leave one of them out")
     name = run or loaded.scenario.name
     connection = _connection(ctx.joining, loaded.scenario.zenoh)
     identity = identity_of("target", "target", name, connection, patience)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zenoh_cbef.arrays import Bools, Floats
-from zenoh_cbef.datasets.sharing import shared_out
+from zenoh_cbef.datasets.sharing import hair, shared_out, step_of
 
 _VELOCITY_BASE = 0.1
 _LARGEST_GAP, _MANY_INTERVALS = 1.0, 10.0
@@ -47,8 +47,7 @@ class Dataset:
 
     @property
     def _hair(self) -> float:
-        """What times may differ by and are still the same, s: more where they count from 1970, as floats are coarse."""
-        return max(1e-9, 4.0 * float(np.spacing(np.abs(self.range_time).max())))
+        return hair(float(np.abs(self.range_time).max()))
 
     @property
     def interval(self) -> float | None:
@@ -94,7 +93,7 @@ class Dataset:
         """
         emitted = np.full((len(self.anchors), len(times)), np.nan)
         ranges = np.full_like(emitted, np.nan)
-        steps = np.searchsorted(times, self.range_time - self._hair)
+        steps = step_of(times, self.range_time, self._hair)
         for anchor in range(len(self.anchors)):
             mine = (self.range_anchor == anchor) & (steps < len(times))
             for step, chosen in shared_out(steps[mine], len(times)):

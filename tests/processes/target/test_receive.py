@@ -1,9 +1,12 @@
-"""`receive` feeds a run from UDP: the user counts no steps."""
+"""`receive` feeds a run: in realtime, and in lockstep with the bits of a run of the recording."""
 
+import fcntl
 import math
 import os
 import pty
 import socket
+import struct
+import termios
 import threading
 import time
 import tty
@@ -12,9 +15,7 @@ import numpy as np
 import pytest
 
 from tests.processes.target.test_receivers import block
-from zenoh_cbef.errors import UserError
-from zenoh_cbef.nodes.receiver.formats import ranges_in
-from zenoh_cbef.nodes.receiver.sources import lines_of, serial_lines
+from tests.receiver.frames import linktrack_frame, mavlink_message
 
 PLACES = [(0.0, 0.0, 2.0), (8.0, 0.0, 0.5), (8.0, 6.0, 2.5), (0.0, 6.0, 1.0)]
 
@@ -74,51 +75,102 @@ def test_a_stream_of_lines_over_udp_is_tracked(world, free_port):
         assert distances.min() - 0.01 < known.min() <= known.max() < distances.max() + 0.01
 
 
-@pytest.mark.parametrize(
-    ("line", "found"),
-    [
-        ("1.5, a7 ,3.25\n", [(1.5, "a7", 3.25)]),
-        ('{"t": 1.5, "anchor": 3, "range": 2}', [(1.5, "3", 2.0)]),
-        ('{"anchor": "b", "range": 2}', [(None, "b", 2.0)]),
-        ("0C16[0.00,0.00,2.00]=3.21 0c17[1.00,0.00,2.00]=4.5 le_us=2576", [(None, "0C16", 3.21), (None, "0C17", 4.5)]),
-        ("DIST,1,AN0,0C16,0.00,0.00,2.00,3.21,POS,1,2,3,60", [(None, "0C16", 3.21)]),
-        ("1.5,a,-3", []),
-        ("t,anchor,range", []),
-        ('["noise"', []),
-    ],
-)
-def test_lines_of_receivers_are_read(line, found):
-    assert ranges_in(line, "auto") == found
+DT, STEPS, ANCHORS = 0.25, 24, 4
+RECORDED = """name = "recorded"
+dt = 0.25
+filter.range_std = 0.1
+target = {motion = "dataset", path = "set"}
+"""
 
 
-def talk(tag, line, over):
-    while not over.wait(0.05):
-        os.write(tag, line)
+def recording(folder):
+    """A data set with times in ms and ranges in mm, some steps with two of an anchor, some with none: (ms, id, mm)."""
+    (folder / "set").mkdir()
+    dice = np.random.default_rng(5)
+    ranges = []
+    for ms in range(13, int(1000 * DT * STEPS), 61):
+        anchor = int(dice.integers(ANCHORS))
+        distance = math.dist(place(1e-3 * ms), PLACES[anchor]) + 0.05 * dice.normal()
+        ranges.append((ms, anchor, round(1000 * distance)))
+    write = (folder / "set" / "ranges.csv").write_text
+    write("".join(["t,anchor_id,range\n", *(f"{ms / 1e3},{anchor},{mm / 1e3}\n" for ms, anchor, mm in ranges)]))
+    rows = "".join(f"{number},{x},{y},{z}\n" for number, (x, y, z) in enumerate(PLACES))
+    (folder / "set" / "anchors.csv").write_text("id,x,y,z\n" + rows)
+    truth = "".join("{},{},{},{}\n".format(0.1 * tenth, *place(0.1 * tenth)) for tenth in range(70))
+    (folder / "set" / "truth.csv").write_text("t,x,y,z\n" + truth)
+    (folder / "recorded.toml").write_text(RECORDED)
+    return ranges
 
 
-def test_a_serial_port_that_was_unplugged_is_opened_again(tmp_path):
-    port = tmp_path / "ttyUSB0"
-    lines = serial_lines(str(port), lambda: False)
-    for number in range(2):
-        tag, end = pty.openpty()
-        tty.setraw(end)
-        port.unlink(missing_ok=True)
-        port.symlink_to(os.ttyname(end))
-        over = threading.Event()
-        # What is written before a port is opened is lost, so the tag says it again and again.
-        talking = threading.Thread(target=talk, args=(tag, f"{number},a,1\n".encode(), over))
+def await_port(port):
+    """Wait until a receiver listens on a UDP port: a test cannot bind it any more."""
+    until = time.monotonic() + 200
+    while time.monotonic() < until:
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+            try:
+                probe.bind(("127.0.0.1", port))
+            except OSError:
+                return
+        time.sleep(0.02)
+    pytest.fail("the receiver does not listen")
+
+
+def over_udp(ranges, port):
+    """MAVLink messages, ten in a datagram."""
+    await_port(port)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as tag:
+        for first in range(0, len(ranges), 10):
+            told = ranges[first : first + 10]
+            tag.sendto(b"".join(mavlink_message(ms, anchor, mm) for ms, anchor, mm in told), ("127.0.0.1", port))
+
+
+def over_serial(ranges, tag, end):
+    """LinkTrack frames. What waits when a port is opened is thrown away, so the tag waits for that."""
+    os.write(tag, b"?")
+    until = time.monotonic() + 200
+    while struct.unpack("i", fcntl.ioctl(end, termios.FIONREAD, b"\0" * 4))[0]:
+        assert time.monotonic() < until
+        time.sleep(0.02)
+    for ms, anchor, mm in ranges:
+        os.write(tag, linktrack_frame(ms, {anchor: mm}))
+
+
+@pytest.mark.parametrize("kind", ["udp", "serial", "file"])
+def test_a_recording_that_is_received_in_lockstep_has_the_bits_of_its_run(world, free_port, kind):
+    ranges = recording(world.folder)
+    router = f"tcp/127.0.0.1:{free_port}"
+    join = ["--run", world.run, "--client", "--connect", router, "--patience", "100"]
+    started = world.start("router", "--listen", router)
+    assert started.stdout.readline()
+    tag, end = pty.openpty()
+    tty.setraw(end)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    source, form, talk, words = {
+        "udp": (f"udp:127.0.0.1:{port}", "mavlink", over_udp, (ranges, port)),
+        "serial": (f"serial:{os.ttyname(end)}", "linktrack", over_serial, (ranges, tag, end)),
+        "file": ("file:set/ranges.csv", "auto", len, (ranges,)),
+    }[kind]
+    talking = threading.Thread(target=talk, args=words)
+    try:
+        receiver = world.start("receive", source, "--format", form, *join)
         talking.start()
-        try:
-            while next(lines).strip() != f"{number},a,1":
-                pass
-        finally:
-            over.set()
-            talking.join()
-        os.close(end)
+        processes = [world.start("record", *join, "--output", str(world.log))]
+        processes += [world.start("agent", str(agent), *join) for agent in range(ANCHORS)]
+        processes.append(world.start("target", "recorded.toml", *join, "--receivers"))
+        for process in [*processes, receiver]:
+            out, err = process.communicate(timeout=250)
+            assert process.returncode == 0, err
+        assert out.splitlines()[-1].startswith(f"{len(ranges)} ranges, 0 of unknown anchors")
+        assert "late" not in out
+    finally:
+        talking.join()
         os.close(tag)
-
-
-@pytest.mark.parametrize("source", ["usb", "tcp:a:1", "udp:nowhere", "file:"])
-def test_what_is_no_source_is_told(source):
-    with pytest.raises(UserError, match="as "):
-        next(lines_of(source, lambda: False))
+        os.close(end)
+    assert world.call("sim", "recorded.toml", "--output", "expected.npz").returncode == 0
+    assert world.call("export", str(world.log), "--output", "received.npz").returncode == 0
+    expected, received = (np.load(world.folder / f"{name}.npz") for name in ("expected", "received"))
+    for name in ("ranges", "estimates", "covariances", "truth"):
+        np.testing.assert_array_equal(received[name], expected[name])
+    assert "equal bit for bit" in world.call("verify", str(world.log)).stdout

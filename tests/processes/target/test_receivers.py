@@ -63,9 +63,3 @@ def test_the_documented_receiver_feeds_a_run(world, free_port):
     truth = np.array([[4.0 + math.cos(t), 3.0 + math.sin(t), 1.0] for t in seconds])
     error = np.linalg.norm(estimates[:, :, :3] - truth, axis=2)
     assert np.nanmedian(error[:, 50:]) < 0.5
-
-
-def test_receivers_need_real_time(world):
-    refused = world.call("target", "tracking", "--run", world.run, "--receivers")
-    assert refused.returncode == 2
-    assert "timing.mode = 'realtime'" in refused.stderr

@@ -1,57 +1,17 @@
-"""The lines that receivers write, as ranges: a format is a function, and a line of FORMATS."""
+"""The formats of receivers: a format is a class as in linktrack.py, and a line of FORMATS; of lines see lines.py."""
 
 from __future__ import annotations
 
-import json
-import re
 from collections.abc import Callable, Mapping
-from typing import NamedTuple
+from functools import partial
 
+from zenoh_cbef.nodes.receiver.lines import FORMS, Lines
+from zenoh_cbef.nodes.receiver.linktrack import LinkTrack
+from zenoh_cbef.nodes.receiver.mavlink import MavLink
+from zenoh_cbef.nodes.receiver.ranged import Reader
 
-class Ranged(NamedTuple):
-    """A range: time on the receiver's clock (s), None where it tells none; the anchor's name; m."""
-
-    time: float | None
-    anchor: str
-    distance: float
-
-
-def comma_separated(line: str) -> list[Ranged]:
-    """A range a line, `t,anchor,range`, in s and m; anything else is no range."""
-    values = [value.strip() for value in line.split(",")]
-    try:
-        return [Ranged(float(values[0]), values[1], float(values[2]))] if len(values) == 3 else []
-    except ValueError:
-        return []
-
-
-def json_lines(line: str) -> list[Ranged]:
-    """A range a line, `{"t": 1.5, "anchor": "a", "range": 3.2}`; t may be left out."""
-    try:
-        told = json.loads(line)
-        return [Ranged(None if told.get("t") is None else float(told["t"]), str(told["anchor"]), float(told["range"]))]
-    except (ValueError, KeyError, TypeError, AttributeError):
-        return []
-
-
-_LES = re.compile(r"([0-9A-Fa-f]{4})\[[^\]]*\]=(\d+(?:\.\d+)?)")
-_LEC = re.compile(r"AN\d+,([0-9A-Fa-f]{4}),[^,]+,[^,]+,[^,]+,(\d+(?:\.\d+)?)")
-
-
-def dwm1001(line: str) -> list[Ranged]:
-    """The shell of a DWM1001 tag: `les` as in 0C16[0.00,0.00,2.00]=3.21, `lec` as in DIST,1,AN0,0C16,0,0,2,3.21."""
-    shape = _LEC if line.startswith("DIST") else _LES
-    return [Ranged(None, name.upper(), float(distance)) for name, distance in shape.findall(line)]
-
-
-FORMATS: Mapping[str, Callable[[str], list[Ranged]]] = {"csv": comma_separated, "json": json_lines, "dwm1001": dwm1001}
-
-
-def ranges_in(line: str, form: str) -> list[Ranged]:
-    """The ranges of a line; form: one of FORMATS, or auto for whichever finds any. Lengths below zero are left out."""
-    line = line.strip()
-    chosen = FORMATS.values() if form == "auto" else [FORMATS[form]]
-    for read in chosen:
-        if found := [one for one in read(line) if 0.0 <= one.distance < 1e7]:
-            return found
-    return []
+FORMATS: Mapping[str, Callable[[], Reader]] = {
+    **{form: partial(Lines, form) for form in ("auto", *FORMS)},
+    "linktrack": LinkTrack,
+    "mavlink": MavLink,
+}

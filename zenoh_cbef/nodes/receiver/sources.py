@@ -1,24 +1,36 @@
-"""Where a receiver's lines come from: a serial port, UDP, or a file. Each goes on after its line was unplugged."""
+"""Where a receiver's bytes come from: a serial port, UDP, or a file. Each goes on after its line was unplugged."""
 
 from __future__ import annotations
 
 import socket
 import time
 from collections.abc import Callable, Iterator, Mapping
+from enum import Enum, auto
 from pathlib import Path
 
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.extras import from_extra
 
 _AGAIN = 0.2
-"""How long to wait before a port is opened again, s."""
+"""How long to wait before a port is opened again, or before a source says that it is silent, s."""
 _LONGEST = 1 << 16
 
 Stop = Callable[[], bool]
 
 
-def serial_lines(place: str, stop: Stop) -> Iterator[str]:
-    """The lines of a serial port, as /dev/ttyUSB0 or /dev/ttyUSB0@921600; opened again where it went."""
+class Mark(Enum):
+    """What a source says beside bytes. WHOLE: a datagram or file ends. BROKEN: bytes were lost. SILENT: none come."""
+
+    WHOLE = auto()
+    BROKEN = auto()
+    SILENT = auto()
+
+
+Heard = Iterator[bytes | Mark]
+
+
+def serial_bytes(place: str, stop: Stop) -> Heard:
+    """What comes from a serial port, as /dev/ttyUSB0 or /dev/ttyUSB0@921600; opened again where it went."""
     serial = from_extra("serial", "a serial port")
     path, _, rate = place.partition("@")
     if rate and not rate.isdigit():
@@ -26,16 +38,15 @@ def serial_lines(place: str, stop: Stop) -> Iterator[str]:
     while not stop():
         try:
             with serial.Serial(path, int(rate or 115200), timeout=_AGAIN) as port:
-                rest = b""
                 while not stop():
-                    *whole, rest = (rest + port.read(max(1, port.in_waiting)))[-_LONGEST:].split(b"\n")
-                    yield from (line.decode(errors="replace") for line in whole)
+                    yield port.read(max(1, port.in_waiting)) or Mark.SILENT
         except (serial.SerialException, OSError):
+            yield Mark.BROKEN
             time.sleep(_AGAIN)
 
 
-def udp_lines(place: str, stop: Stop) -> Iterator[str]:
-    """The lines of datagrams that come to HOST:PORT."""
+def udp_bytes(place: str, stop: Stop) -> Heard:
+    """The datagrams that come to HOST:PORT."""
     host, _, port = place.rpartition(":")
     if not port.isdigit():
         raise UserError(f"udp:{place} is not udp:HOST:PORT, as in udp:127.0.0.1:5005")
@@ -47,32 +58,28 @@ def udp_lines(place: str, stop: Stop) -> Iterator[str]:
         receiver.settimeout(_AGAIN)
         while not stop():
             try:
-                yield from receiver.recv(_LONGEST).decode(errors="replace").splitlines()
+                yield receiver.recv(_LONGEST)
+                yield Mark.WHOLE
             except TimeoutError:
-                continue
+                yield Mark.SILENT
 
 
-def file_lines(place: str, stop: Stop) -> Iterator[str]:
-    """The lines of a file."""
+def file_bytes(place: str, stop: Stop) -> Heard:
+    """What a file holds."""
     try:
-        with Path(place).open(encoding="utf-8-sig", errors="replace") as stream:
-            for line in stream:
-                if stop():
-                    return
-                yield line
+        with Path(place).open("rb") as stream:
+            while not stop() and (found := stream.read(_LONGEST)):
+                yield found
     except OSError as error:
         raise UserError(f"cannot read {place}: {error.strerror}; name a file") from None
+    yield Mark.WHOLE
 
 
-SOURCES: Mapping[str, Callable[[str, Stop], Iterator[str]]] = {
-    "serial": serial_lines,
-    "udp": udp_lines,
-    "file": file_lines,
-}
+SOURCES: Mapping[str, Callable[[str, Stop], Heard]] = {"serial": serial_bytes, "udp": udp_bytes, "file": file_bytes}
 
 
-def lines_of(source: str, stop: Stop) -> Iterator[str]:
-    """The lines of a source such as udp:0.0.0.0:5005. Raises UserError where it is none."""
+def bytes_of(source: str, stop: Stop) -> Heard:
+    """What a source such as udp:0.0.0.0:5005 tells. Raises UserError where it is none."""
     kind, separator, place = source.partition(":")
     if kind not in SOURCES or not separator or not place:
         raise UserError(f"{source} is no source; name one as serial:/dev/ttyUSB0, udp:HOST:PORT or file:PATH")

@@ -4,18 +4,27 @@ from __future__ import annotations
 
 import numpy as np
 
+from zenoh_cbef.courses import RECORDED
 from zenoh_cbef.nodes.common.node import Node
 from zenoh_cbef.protocol.messages import nan_to_nil
 from zenoh_cbef.protocol.outbox import Outbox
+from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.scenario.world import World
 
 
 class Emission:
-    """The keys of truth and beacons. boxes: their outboxes."""
+    """The keys of truth and beacons. boxes: their outboxes.
 
-    def __init__(self, node: Node, agents: int, *, may_drop: bool) -> None:
+    receivers: real ones publish the beacons. The truth of a real target is unknown; a recording that is played to
+    receivers keeps its own.
+    """
+
+    def __init__(self, node: Node, plan: Plan, *, receivers: bool) -> None:
+        agents, may_drop = range(plan.scenario.count), plan.realtime
         self._truth = node.outbox(node.keys.truth, may_drop=may_drop)
-        self._beacons = [node.outbox(node.keys.beacon(agent), may_drop=may_drop) for agent in range(agents)]
+        self._beacons = [node.outbox(node.keys.beacon(agent), may_drop=may_drop) for agent in agents]
+        self._tells_beacons = not receivers
+        self._tells_truth = not receivers or plan.scenario.target.motion == RECORDED
 
     @property
     def boxes(self) -> list[Outbox]:
@@ -25,9 +34,9 @@ class Emission:
     def emit(self, world: World, step: int, lists: int) -> None:
         """Publish a step. lists: how many lists of injected faults were published before it."""
         truth = world.truth[step - 1]
-        if np.isfinite(truth).all():  # the truth of a real target is unknown
+        if self._tells_truth and np.isfinite(truth).all():  # the truth of a real target is unknown
             self._truth.send(k=step, state=truth.tolist())
         told = {"lists": lists} if lists else {}
-        for agent, beacon in enumerate(self._beacons):
+        for agent, beacon in enumerate(self._beacons if self._tells_beacons else ()):
             emitted, arrived = world.emitted[agent, step - 1], world.arrived[agent, step - 1]
             beacon.send(k=step, emitted=nan_to_nil(emitted), arrived=nan_to_nil(arrived), **told)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass
 from functools import partial
+from math import inf
 
 from zenoh_cbef import __version__
 from zenoh_cbef.errors import UserError
@@ -57,7 +58,7 @@ class Target:
     def __post_init__(self) -> None:
         agents = range(self.scenario.count)
         realtime = self.plan.realtime
-        self._emission = Emission(self.node, self.scenario.count, may_drop=realtime)
+        self._emission = Emission(self.node, self.plan, receivers=self.receivers)
         self._signals = [self.node.outbox(self.node.keys.signal(agent)) for agent in agents]
         keys = self.node.keys
         self.node.archive.serve(keys.truth, keys.faults, keys.all_beacons, keys.all_signals)
@@ -65,7 +66,8 @@ class Target:
         # In realtime agents keep time by themselves, and may be ahead of a target that is slow.
         begun = self.scenario.length if realtime else 0
         self.claims = Claims(self.node.presence)
-        self.progress = Progress(self.node, self.scenario.count, self._patience, grace, claims=self.claims, begun=begun)
+        patience = inf if self.receivers and not realtime else self._patience  # a source may be silent for long
+        self.progress = Progress(self.node, self.scenario.count, patience, grace, claims=self.claims, begun=begun)
         self.directory = Directory(self.claims, linked_by(self.plan.edges))
         self.following = Following(self.node, self.progress, self.scenario.count * (self.plan.rounds + 3))
         self.survey = Survey(self.node)
@@ -153,8 +155,7 @@ class Target:
             self._announce_faults(step)
             self._admit(step)
             self.lookout.look(self.plan, self._taking_part(step), step)
-            if not self.receivers:
-                self._emission.emit(self.world, step, self._faults_out.sent)
+            self._emission.emit(self.world, step, self._faults_out.sent)
             if self._pace is not None:
                 self._pace.arrive(time.monotonic(), epoch + step * self.scenario.dt + self.plan.slot)
             self.progress.excuse(self.plan.absences.at(step), step)
