@@ -2,8 +2,9 @@
 
 import struct
 
-from pymavlink.dialects.v20 import development
+from zenoh_cbef.extras import from_extra
 
+development = from_extra("pymavlink.dialects.v20.development", "MAVLink")
 LINK = development.MAVLink(None)
 
 

@@ -1,9 +1,8 @@
 """The formats of receivers: ranges in bytes that come in pieces, are damaged, or are something else."""
 
 import pytest
-from pymavlink.dialects.v20 import development
 
-from tests.receiver.frames import LINK, linktrack_frame, mavlink_message
+from tests.receiver.frames import LINK, development, linktrack_frame, mavlink_message
 from zenoh_cbef.nodes.receiver.formats import FORMATS
 from zenoh_cbef.nodes.receiver.lines import Lines, ranges_in
 

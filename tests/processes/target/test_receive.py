@@ -147,12 +147,19 @@ def test_a_recording_that_is_received_in_lockstep_has_the_bits_of_its_run(world,
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
-    source, form, talk, words = {
-        "udp": (f"udp:127.0.0.1:{port}", "mavlink", over_udp, (ranges, port)),
-        "serial": (f"serial:{os.ttyname(end)}", "linktrack", over_serial, (ranges, tag, end)),
-        "file": ("file:set/ranges.csv", "auto", len, (ranges,)),
+    source, form = {
+        "udp": (f"udp:127.0.0.1:{port}", "mavlink"),
+        "serial": (f"serial:{os.ttyname(end)}", "linktrack"),
+        "file": ("file:set/ranges.csv", "auto"),
     }[kind]
-    talking = threading.Thread(target=talk, args=words)
+
+    def talk():
+        if kind == "udp":
+            over_udp(ranges, port)
+        elif kind == "serial":
+            over_serial(ranges, tag, end)
+
+    talking = threading.Thread(target=talk)
     try:
         receiver = world.start("receive", source, "--format", form, *join)
         talking.start()
