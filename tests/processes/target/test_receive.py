@@ -124,11 +124,15 @@ def over_udp(ranges, port):
             tag.sendto(b"".join(mavlink_message(ms, anchor, mm) for ms, anchor, mm in told), ("127.0.0.1", port))
 
 
+def waiting(end):
+    """How many bytes wait to be read at an end of a pseudo-terminal."""
+    return struct.unpack("i", fcntl.ioctl(end, termios.FIONREAD, b"\0" * 4))[0]
+
+
 def over_serial(ranges, tag, end):
-    """LinkTrack frames. What waits when a port is opened is thrown away, so the tag waits for that."""
-    os.write(tag, b"?")
+    """LinkTrack frames. What waits when a port is opened is thrown away, so the tag waits until its first byte is."""
     until = time.monotonic() + 200
-    while struct.unpack("i", fcntl.ioctl(end, termios.FIONREAD, b"\0" * 4))[0]:
+    while waiting(end):
         assert time.monotonic() < until
         time.sleep(0.02)
     for ms, anchor, mm in ranges:
@@ -144,6 +148,9 @@ def test_a_recording_that_is_received_in_lockstep_has_the_bits_of_its_run(world,
     assert started.stdout.readline()
     tag, end = pty.openpty()
     tty.setraw(end)
+    os.write(tag, b"?")
+    while not waiting(end):
+        pass
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
@@ -159,7 +166,7 @@ def test_a_recording_that_is_received_in_lockstep_has_the_bits_of_its_run(world,
         elif kind == "serial":
             over_serial(ranges, tag, end)
 
-    talking = threading.Thread(target=talk)
+    talking = threading.Thread(target=talk, daemon=True)
     try:
         receiver = world.start("receive", source, "--format", form, *join)
         talking.start()
@@ -171,8 +178,8 @@ def test_a_recording_that_is_received_in_lockstep_has_the_bits_of_its_run(world,
             assert process.returncode == 0, err
         assert out.splitlines()[-1].startswith(f"{len(ranges)} ranges, 0 of unknown anchors")
         assert "late" not in out
-    finally:
         talking.join()
+    finally:
         os.close(tag)
         os.close(end)
     assert world.call("sim", "recorded.toml", "--output", "expected.npz").returncode == 0
