@@ -47,6 +47,8 @@ def test_steps_get_what_a_dataset_of_the_same_ranges_gives_them(times, begin, se
 
 def test_a_step_is_open_until_a_later_range_or_a_silence_and_then_ranges_are_late():
     laying = InStep(parse({"dt": 1.0, "steps": 3, "agents": {"count": 2}}, "live"))
+    laying.close(all_=False)
+    assert laying.take() is None, "a silence before the first range closes no step"
     laying.add(0, 10.0, Ranged(10.0, "0", 5.0))
     assert laying.take() is None
     laying.close(all_=False)

@@ -1,21 +1,15 @@
 """`receive` feeds a run: in realtime, and in lockstep with the bits of a run of the recording."""
 
-import fcntl
 import math
-import os
-import pty
 import socket
-import struct
-import termios
 import threading
 import time
-import tty
 
 import numpy as np
 import pytest
 
 from tests.processes.target.test_receivers import block
-from tests.receiver.frames import linktrack_frame, mavlink_message
+from tests.receiver.frames import mavlink_message
 
 PLACES = [(0.0, 0.0, 2.0), (8.0, 0.0, 0.5), (8.0, 6.0, 2.5), (0.0, 6.0, 1.0)]
 
@@ -124,47 +118,24 @@ def over_udp(ranges, port):
             tag.sendto(b"".join(mavlink_message(ms, anchor, mm) for ms, anchor, mm in told), ("127.0.0.1", port))
 
 
-def waiting(end):
-    """How many bytes wait to be read at an end of a pseudo-terminal."""
-    return struct.unpack("i", fcntl.ioctl(end, termios.FIONREAD, b"\0" * 4))[0]
-
-
-def over_serial(ranges, tag, end):
-    """LinkTrack frames. What waits when a port is opened is thrown away, so the tag waits until its first byte is."""
-    until = time.monotonic() + 200
-    while waiting(end):
-        assert time.monotonic() < until
-        time.sleep(0.02)
-    for ms, anchor, mm in ranges:
-        os.write(tag, linktrack_frame(ms, {anchor: mm}))
-
-
-@pytest.mark.parametrize("kind", ["udp", "serial", "file"])
+@pytest.mark.parametrize("kind", ["udp", "file"])
 def test_a_recording_that_is_received_in_lockstep_has_the_bits_of_its_run(world, free_port, kind):
     ranges = recording(world.folder)
     router = f"tcp/127.0.0.1:{free_port}"
     join = ["--run", world.run, "--client", "--connect", router, "--patience", "100"]
     started = world.start("router", "--listen", router)
     assert started.stdout.readline()
-    tag, end = pty.openpty()
-    tty.setraw(end)
-    os.write(tag, b"?")
-    while not waiting(end):
-        pass
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
     source, form = {
         "udp": (f"udp:127.0.0.1:{port}", "mavlink"),
-        "serial": (f"serial:{os.ttyname(end)}", "linktrack"),
         "file": ("file:set/ranges.csv", "auto"),
     }[kind]
 
     def talk():
         if kind == "udp":
             over_udp(ranges, port)
-        elif kind == "serial":
-            over_serial(ranges, tag, end)
 
     talking = threading.Thread(target=talk, daemon=True)
     try:
@@ -178,10 +149,8 @@ def test_a_recording_that_is_received_in_lockstep_has_the_bits_of_its_run(world,
             assert process.returncode == 0, err
         assert out.splitlines()[-1].startswith(f"{len(ranges)} ranges, 0 of unknown anchors")
         assert "late" not in out
-        talking.join()
     finally:
-        os.close(tag)
-        os.close(end)
+        talking.join()
     assert world.call("sim", "recorded.toml", "--output", "expected.npz").returncode == 0
     assert world.call("export", str(world.log), "--output", "received.npz").returncode == 0
     expected, received = (np.load(world.folder / f"{name}.npz") for name in ("expected", "received"))

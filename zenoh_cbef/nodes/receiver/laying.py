@@ -82,7 +82,7 @@ class InStep:
         self._run = step_times(self.scenario, self._length)
         self._shares = [Shares[Ranged](self._length) for _ in range(self.scenario.count)]
         self._shared: list[list[list[Ranged]]] = [[] for _ in self._shares]
-        self._last = self._complete = self._given = 0
+        self._last, self._complete, self._given = -1, 0, 0
         self.late = 0
 
     def add(self, agent: int, time: float, one: Ranged) -> None:

@@ -66,15 +66,14 @@ class Target:
         # In realtime agents keep time by themselves, and may be ahead of a target that is slow.
         begun = self.scenario.length if realtime else 0
         self.claims = Claims(self.node.presence)
-        patience = inf if self.receivers and not realtime else self._patience  # a source may be silent for long
-        self.progress = Progress(self.node, self.scenario.count, patience, grace, claims=self.claims, begun=begun)
+        silent = inf if self.receivers and not realtime else self._patience  # a source may be silent for long
+        self.progress = Progress(self.node, self.scenario.count, silent, grace, claims=self.claims, begun=begun)
         self.directory = Directory(self.claims, linked_by(self.plan.edges))
         self.following = Following(self.node, self.progress, self.scenario.count * (self.plan.rounds + 3))
         self.survey = Survey(self.node)
         self.lookout, self._strangers = Lookout(self.node), Strangers(self.node)
         self._first_fix = self.plan.first_fix_steps
-        self._epoch = 0.0
-        self._alone_at = 0.0
+        self._epoch = self._alone_at = 0.0
         self._faults_out = self.node.outbox(self.node.keys.faults)
         self._active: set[int] = set()
         timed = realtime and not self.receivers
