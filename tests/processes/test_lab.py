@@ -130,14 +130,29 @@ def test_a_run_is_started_cut_by_mouse_healed_steered_ended_exported_and_proved(
     page.locator("#menu input").first.fill("60")
     page.locator("#menu input").first.press("Enter")
     opened.until("document.querySelector('#faults').textContent.includes('loss 60 %')")
+    # A partition by keyboard: one side is chosen at the agents' buttons.
+    page.focus("#agents button:first-child")
+    page.keyboard.press("Enter")
+    page.get_by_role("menuitem", name="part it and others").press("Enter")
+    page.keyboard.press("Tab")
+    page.keyboard.press(" ")
+    assert page.inner_text("#side output") == "choose agents to cut off: 0, 1"
+    assert page.locator("#agents button[aria-pressed=true]").count() == 2
+    page.keyboard.press("s")
+    page.keyboard.press("p")
+    opened.until("document.querySelector('#verdict').textContent.includes('2 parts')")
+    assert page.is_hidden("#side")
     page.click("#stop")
     opened.until("lab.state.state === 'ended'")
     opened.until("document.querySelector('#notice').textContent.startsWith('the run has ended')")
     with page.expect_download() as download:
         page.click("#export")
     session = parse(read_toml(download.value.path().read_text()), "the session")
-    assert [one.kind for one in session.fault] == ["partition", "loss"]
-    assert session.target.orders[-1].to[0] > 0.5
+    assert [one.kind for one in session.fault] == ["partition", "loss", "partition"]
+    assert session.fault[2].model_dump()["links"]["between"] == ((0, 1), (2, 3, 4, 5))
+    *_, dragged, nudged = [order.to for order in session.target.orders]
+    assert dragged[0] > 0.5
+    assert nudged[1] < dragged[1]
     [log] = (world.folder / "logs").glob("lab-*/run.mcap")
     proof = world.call("verify", str(log))
     assert proof.returncode == 0, proof.stdout + proof.stderr

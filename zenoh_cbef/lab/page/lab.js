@@ -7,7 +7,7 @@ import { MapView } from "./map.js";
 import { Menu } from "./menu.js";
 import { Opening } from "./opening.js";
 import { Panels } from "./panels.js";
-import { sides } from "./picking.js";
+import { Parting } from "./parting.js";
 import { standing } from "./standing.js";
 import { Steering } from "./steering.js";
 import { Wire, exported } from "./wire.js";
@@ -25,7 +25,8 @@ const map = new MapView($("canvas"));
 const beside = new Beside($("beside"), () => { state.redraw = true; });
 const curves = new Curves($("curves"), (time) => seek(Math.round(time / state.scene.dt)));
 const panels = new Panels($("agents"), document.querySelector("#faults ul"), document.querySelector("#events ol"), pick);
-const menu = new Menu($("menu"), inject);
+const parting = new Parting(map, $("cut"), $("side"), $("agents"), { inject, tell, redraw: () => { state.redraw = true; } });
+const menu = new Menu($("menu"), inject, (agent) => parting.choose(agent));
 
 function tell(words, level = "bad") {
   $("notice").textContent = words;
@@ -69,6 +70,7 @@ async function start() {
   $("hold").hidden = !scene.live || scene.mode !== "lockstep";
   $("export").hidden = false;
   $("export").href = exported();
+  parting.stop();
   map.show(scene);
   curves.show(scene.dt);
   beside.show(scene.beside);
@@ -118,6 +120,7 @@ async function order(ask) {
 }
 
 function pick(picked, x, y) {
+  if (picked?.agent !== undefined && parting.toggles(picked.agent)) return;
   map.chosen = picked?.agent ?? null;
   state.redraw = true;
   if (!picked) return;
@@ -205,7 +208,7 @@ function draw() {
   const slow = state.plays && !state.follows && state.speed / scene.dt < SLOW_STEPS;
   map.marks = frame.marks;
   const phase = state.round ? (state.round - 0.5) / scene.rounds : slow ? state.whole : null;
-  map.draw(frame.arrays, trails, standing(scene, frame.arrays, frame.faults, time), phase);
+  map.draw(frame.arrays, trails, parting.marked(standing(scene, frame.arrays, frame.faults, time)), phase);
   beside.draw();
   panels.draw(frame.arrays);
   panels.drawEvents(time);
@@ -249,25 +252,13 @@ async function cycle() {
 hands(map, {
   redraw: () => { state.redraw = true; },
   clicked: (picked, event) => pick(picked, event.clientX, event.clientY),
-  draws: () => state.parts,
-  drawn: part,
+  draws: () => parting.draws,
+  drawn: (from, to) => parting.drawn(from, to),
   steers: () => steering.may(),
   steered: (place, last) => steering.steer(place, last),
 });
 
 const steering = new Steering(state, inject);
-
-function part(from, to) {
-  parting(false);
-  const groups = sides(map, from, to);
-  if (groups.some((one) => !one.length)) tell("all agents are on one side of that line");
-  else inject({ kind: "partition", links: { between: groups } }, null);
-}
-
-function parting(on) {
-  state.parts = on;
-  $("cut").setAttribute("aria-pressed", String(on));
-}
 
 function solid() {
   $("view").setAttribute("aria-pressed", String(map.solid()));
@@ -276,14 +267,14 @@ function solid() {
 
 const acts = {
   play, view: solid, back: () => seek(state.step - 1), on: forward, round, live: follow, hold: () => hold(!state.held),
-  fit: () => { map.fitted = true; state.redraw = true; }, cut: () => parting(!state.parts),
+  fit: () => { map.fitted = true; state.redraw = true; }, cut: () => parting.act(),
   undo: () => order("undo"), stop: () => order("stop"), choose: () => opening.show().catch(() => {}),
 };
 for (const [id, act] of Object.entries(acts)) $(id).addEventListener("click", () => (state.scene || id === "choose") && act());
 
 const keys = {
   " ": play, ArrowLeft: () => seek(state.step - 1), ArrowRight: forward, r: round, h: () => !$("hold").hidden && hold(!state.held), Home: () => seek(1), End: follow,
-  f: acts.fit, t: solid, p: () => !$("cut").hidden && acts.cut(), u: () => !$("undo").hidden && acts.undo(), l: follow,
+  f: acts.fit, t: solid, p: () => !$("cut").hidden && acts.cut(), u: () => !$("undo").hidden && acts.undo(), l: follow, Escape: () => parting.stop(),
   w: () => steering.nudge(0, 1), s: () => steering.nudge(0, -1), a: () => steering.nudge(-1, 0), d: () => steering.nudge(1, 0),
 };
 addEventListener("keydown", (event) => {

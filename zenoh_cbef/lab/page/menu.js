@@ -19,9 +19,9 @@ const FAULTS = {
 const both = (first, second) => [[first, second], [second, first]];
 
 export class Menu {
-  constructor(place, inject) {
-    this.place = place;
-    this.inject = inject;
+  /** inject(table, seconds): gives an order. sided(agent): begins to choose the agents of one side. */
+  constructor(place, inject, sided) {
+    Object.assign(this, { place, inject, sided });
     place.addEventListener("keydown", (event) => this.key(event));
     addEventListener("pointerdown", (event) => { if (!place.contains(event.target)) this.close(); });
   }
@@ -33,9 +33,10 @@ export class Menu {
     heading.textContent = link ? `link ${picked.link[0]}–${picked.link[1]}` : `agent ${picked.agent}`;
     const faults = injectable ? FAULTS[link ? "link" : "agent"](link ? picked.link : picked.agent).map((one) => this.fault(one)) : [];
     const links = injectable && !link ? neighbours.map((other) => this.button(`link to ${other} …`, () => this.open({ link: [picked.agent, other] }, x, y, true))) : [];
+    const side = injectable && !link ? [this.button("part it and others from the rest …", () => { this.close(); this.sided(picked.agent); })] : [];
     const note = document.createElement("p");
     note.textContent = injectable ? "from the next steps on, until you undo it" : "faults are for runs that go on";
-    this.place.replaceChildren(heading, ...faults, ...links, note);
+    this.place.replaceChildren(heading, ...faults, ...side, ...links, note);
     if (this.place.hidden) this.from = document.activeElement;
     this.place.setAttribute("aria-label", heading.textContent);
     this.place.hidden = false;
