@@ -1,4 +1,4 @@
-"""What the lab reaches in a real browser: frames per second, from click to log, what a page costs a run, long logs."""
+"""What the lab reaches in a real browser: frames per second, winding, from click to log, a page's cost, long logs."""
 
 from __future__ import annotations
 
@@ -26,7 +26,8 @@ from zenoh_cbef.scenario.load import load
 
 _DRAWN_SECONDS = 10.0
 _CLICKS = 20
-_LONG_STEPS = 12_700
+_SCRUBS = 20
+_SHORT_STEPS, _LONG_STEPS = 300, 12_700
 _RUN_STEPS = 200
 _DENSE = (
     "agents.count=100",
@@ -36,6 +37,15 @@ _DENSE = (
     "steps=1200",
     "consensus.rounds=2",
 )
+
+_SCRUB = """(step) => new Promise((done) => {
+  const [bar, begun] = [document.getElementById("step"), performance.now()];
+  bar.value = String(step);
+  bar.dispatchEvent(new Event("input"));
+  const look = () => (lab.state.frame.step === step ? done(performance.now() - begun) : requestAnimationFrame(look));
+  look();
+})"""
+"""Winds to a step as a drag of the time bar does; gives the ms until it is drawn, to the next frame of the browser."""
 
 
 @contextmanager
@@ -73,6 +83,29 @@ def _drawn(browser: Any, folder: Path) -> float:
         drawn = page.evaluate("lab.counts.frames") - before
         page.close()
         return float(drawn / (time.monotonic() - begun))
+
+
+def _made(folder: Path, steps: int) -> Path:
+    """The log of a run of six agents; 12 700 steps have a million messages."""
+    log = folder / f"made{steps}.mcap"
+    if not log.exists():
+        subprocess.run([sys.executable, "-m", "benchmarks.made_logs", str(log), str(steps)], cwd=ROOT, check=True)
+    return log
+
+
+def _scrubbed(browser: Any, folder: Path, steps: int) -> list[float]:
+    """Seconds from the input of the time bar to the drawn frame, to steps all over a log of so many; ascending."""
+    places = [1 + (7 * one + 3) % _SCRUBS * (steps - 1) // _SCRUBS for one in range(_SCRUBS)]
+    with lab_of(folder, str(_made(folder, steps))) as url:
+        page = browser.new_page(viewport={"width": 1280, "height": 800})
+        page.goto(url)
+        until(page, f"lab.state.state === 'log' && lab.state.known === {steps}")
+        taken = []
+        for place in places:
+            page.wait_for_timeout(200)  # so that the curves are drawn in this frame, too
+            taken.append(1e-3 * page.evaluate(_SCRUB, place))
+        page.close()
+    return sorted(taken)
 
 
 def _clicked(browser: Any, folder: Path) -> list[float]:
@@ -113,9 +146,7 @@ def _late(folder: Path, name: str, browser: Any | None) -> float:
 
 def _opened(browser: Any, folder: Path) -> float:
     """Seconds from the command to the map of a log of a million messages."""
-    log = folder / "long.mcap"
-    if not log.exists():
-        subprocess.run([sys.executable, "-m", "benchmarks.made_logs", str(log), str(_LONG_STEPS)], cwd=ROOT, check=True)
+    log = _made(folder, _LONG_STEPS)
     begun = time.monotonic()
     with lab_of(folder, str(log)) as url:
         page = browser.new_page(viewport={"width": 1280, "height": 800})
@@ -131,6 +162,7 @@ def run(repeats: int) -> Iterator[Table]:
         folder = Path(name)
         opened = [_opened(browser, folder) for _ in range(repeats)]
         drawn = [_drawn(browser, folder) for _ in range(repeats)]
+        scrubbed = {steps: _scrubbed(browser, folder, steps) for steps in (_SHORT_STEPS, _LONG_STEPS)}
         clicked = sorted(_clicked(browser, folder))
         pairs = [(_late(folder, f"bare{one}", None), _late(folder, f"seen{one}", browser)) for one in range(repeats)]
         more = 100.0 * statistics.median(seen - bare for bare, seen in pairs)
@@ -141,6 +173,11 @@ def run(repeats: int) -> Iterator[Table]:
                 below("click to the fault in the log, p95", 1e3 * clicked[round(0.95 * len(clicked)) - 1], 200.0, "ms"),
                 below("rounds late with a page open: more by, percentage points", more, 0.1),
                 below("a log of a million messages: from the command to the map", statistics.median(opened), 3.0, "s"),
+                *(
+                    below(f"time bar to the drawn frame, {steps} steps: {name}", 1e3 * value, 100.0, "ms")
+                    for steps, taken in scrubbed.items()
+                    for name, value in (("median", statistics.median(taken)), ("worst of 20", taken[-1]))
+                ),
                 Row("load average", f"{os.getloadavg()[0]:.1f}"),
             ],
         )
