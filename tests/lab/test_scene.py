@@ -16,6 +16,7 @@ from zenoh_cbef.lab.sources import LogSource, Source
 from zenoh_cbef.log.read.trace import read_trace
 from zenoh_cbef.pages.packing import framed
 from zenoh_cbef.plain import read_toml
+from zenoh_cbef.protocol.slow import SLOW
 from zenoh_cbef.scenario.load import parse
 
 FAULTS = (
@@ -124,6 +125,15 @@ def test_errors_beyond_what_is_claimed_are_called_overconfident(log):
     scene = whole(LogSource(log))
     scene.recording.truth.numbers("state", 40)[:, :, :3] += 30.0
     assert "overconfident: errors are" in judged(scene, 31).words
+
+
+def test_a_host_that_is_too_slow_is_said_from_the_step_on_in_which_an_agent_told_so(log):
+    scene = whole(LogSource(log))
+    events, at = scene.recording.events, int(scene.recording.estimates.stamps(20).sent[:, 19].max())
+    events.append(events[-1]._replace(sent=at, message={**events[-1].message, "kind": SLOW, "from": "agent/2"}))
+    assert "too slow" not in judged(scene, 19).words
+    assert judged(scene, 20).words.startswith("agent 2 does not keep up: this host is too slow for dt; raise dt")
+    assert "too slow" in judged(scene, 40).words
 
 
 def read(data: bytes) -> tuple[dict, dict]:

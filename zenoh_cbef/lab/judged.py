@@ -6,7 +6,6 @@ import numpy as np
 
 from zenoh_cbef.analysis.verdict import RECENT, WINDOW, Moment, Verdict, parts, verdict
 from zenoh_cbef.lab.scene import Scene
-from zenoh_cbef.log.read.recording import Event
 from zenoh_cbef.protocol.slow import AGAIN_SECONDS, SLOW
 from zenoh_cbef.tracking.diagnostics import NAMES
 
@@ -21,14 +20,17 @@ def judged(scene: Scene, step: int) -> Verdict:
     came = np.nansum(scene.fresh(max(step - RECENT, 0), step)[:, :, 0], axis=1) > 0.0
     states, seconds = (said[:, NAMES.index(name)] for name in ("status", "status_seconds"))
     split = parts(scene.links, came, there)
-    apart, slow = float(curves["disagreement"][-1]), _slow(scene.recording.events)
+    apart, slow = float(curves["disagreement"][-1]), _slow(scene, step)
     return verdict(Moment(states, seconds, there, curves["error"], curves["claimed"], apart, split, slow))
 
 
-def _slow(events: list[Event]) -> str:
-    """The process that said last, and lately, that it does not keep up with real time."""
-    if not events:
+def _slow(scene: Scene, step: int) -> str:
+    """The process that said last, as of a step and lately, that it does not keep up with real time."""
+    told = [one for one in scene.recording.events if one.message["kind"] == SLOW]
+    if not told:
         return ""
-    now = events[-1].sent
-    told = [one for one in events if one.message["kind"] == SLOW and now - one.sent < 1e9 * AGAIN_SECONDS]
+    # At the newest step also what was said since: a run that is too slow may conclude no other.
+    past = step < scene.newest
+    now = scene.recording.estimates.stamps(step).sent[:, step - 1].max() if past else scene.recording.events[-1].sent
+    told = [one for one in told if 0 <= now - one.sent < 1e9 * AGAIN_SECONDS]
     return told[-1].message["from"].replace("/", " ") if told else ""
