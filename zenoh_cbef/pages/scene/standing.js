@@ -14,8 +14,12 @@ export function standing(scene, arrays, faults, time) {
   if (scene.counted !== false) parts(scene, arrays).slice(1).forEach((part) => part.forEach((agent) => words.set(agent, "parted")));
   for (const one of faults) {
     if (time < one.from || (one.until !== null && time >= one.until)) continue;
-    const word = AWAY[one.kind] ?? TOUCHED[one.touches];
-    if (word) for (const agent of one.agents) words.set(agent, word);
+    const [away, touched] = [AWAY[one.kind], TOUCHED[one.touches]];
+    for (const agent of away || touched ? one.agents : []) {
+      const said = words.get(agent);
+      // What an agent makes of a wrong receiver stands beside it.
+      words.set(agent, away ?? (["coasting", "lost", "parted"].includes(said) ? `${said}, ${touched}` : touched));
+    }
   }
   return words;
 }
