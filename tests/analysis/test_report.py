@@ -12,12 +12,14 @@ import pytest
 
 from zenoh_cbef.analysis.links_table import is_wide, links_table
 from zenoh_cbef.analysis.metrics import Analysis, analyze
+from zenoh_cbef.analysis.replayed import replayed
 from zenoh_cbef.analysis.report import write_report
 from zenoh_cbef.analysis.summary import pick
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.scenario import Scenario
 from zenoh_cbef.simulator import simulate
 from zenoh_cbef.trace import Trace
+from zenoh_cbef.tracking.status import ACQUIRING
 
 VOID = {"meta", "link", "img", "br", "hr", "input", "base"}
 
@@ -252,6 +254,30 @@ def test_a_long_line_is_thinned_and_keeps_its_peak(tmp_path: Path, monkeypatch: 
 
     assert len(shown) < 2100
     assert np.nanmax(shown) == 1e6
+
+
+def test_paths_begin_with_the_first_fix_and_the_map_has_the_names_of_the_agents(tmp_path: Path) -> None:
+    [analysis] = analyze([trace_of(steps=60, agents={"count": 3, "labels": ["north", "south", "east"]})])
+    acquiring = analysis.trace.diagnostics.status[0] == ACQUIRING
+    assert 0 < acquiring.sum() < 60
+
+    page = page_of(analysis, tmp_path)
+
+    line = page.plots()["top"]["data"][0]
+    assert (line["name"], np.isnan(numbers(line["x"])).any()) == ("agent north", True)
+    drawn = np.isin(analysis.trace.estimates[0, :, 0].astype(np.float32), numbers(line["x"]))
+    assert not drawn[acquiring].any()
+    assert drawn[~acquiring].all()
+    central = next(one for one in page.plots()["top"]["data"] if one["name"] == "centralised filter")
+    assert len(numbers(central["x"])) == 60 - acquiring.sum()
+    assert b'"names":["north","south","east"]' in replayed(analysis)
+
+
+def test_the_path_of_a_run_that_ends_before_its_first_fix_is_drawn_whole(tmp_path: Path) -> None:
+    [analysis] = analyze([trace_of(steps=5)])
+    assert (analysis.trace.diagnostics.status == ACQUIRING).all()
+
+    assert np.isfinite(numbers(page_of(analysis, tmp_path).plots()["top"]["data"][0]["x"])).all()
 
 
 def test_a_single_agent_of_one_step_has_a_report(tmp_path: Path) -> None:

@@ -102,10 +102,8 @@ def paper_charts(analysis: Analysis) -> tuple[Chart, Chart, Chart]:
 
 
 def agent_names(analysis: Analysis) -> list[str]:
-    """Name the agents: their labels, otherwise their ids."""
-    count = len(analysis.trace.estimates)
-    labels = analysis.trace.scenario.agents.labels or ()
-    return [labels[agent] if agent < len(labels) else str(agent) for agent in range(count)]
+    """What figures and tables call the agents."""
+    return list(analysis.trace.scenario.agents.names)
 
 
 def agent_style(agent: int) -> tuple[str, Dash]:

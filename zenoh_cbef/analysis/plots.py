@@ -26,6 +26,7 @@ from zenoh_cbef.analysis.figures import (
     thinned,
 )
 from zenoh_cbef.analysis.metrics import Analysis
+from zenoh_cbef.analysis.standing import begun, paths_of
 from zenoh_cbef.arrays import Floats
 from zenoh_cbef.pages.parts import Plot
 from zenoh_cbef.trace import Links
@@ -179,7 +180,7 @@ def _limits(analysis: Analysis) -> list[list[float]]:
     core = core[np.isfinite(core).all(axis=1)]
     low, high = core.min(axis=0), core.max(axis=0)
     reach = 0.5 * float(np.max(high - low)) or 1.0
-    estimates = trace.estimates[:, :, :3].reshape(-1, 3)
+    estimates = paths_of(trace).reshape(-1, 3)
     estimates = estimates[np.isfinite(estimates).all(axis=1)]
     if len(estimates):
         low = np.minimum(low, np.maximum(np.quantile(estimates, 0.005, axis=0), low - reach))
@@ -205,10 +206,10 @@ def _path(points: Floats, colour: str, dash: Dash, width: float) -> Plot:
 def _scene(analysis: Analysis, axes: int) -> list[Plot]:
     """Estimates, truth and centralised filter, and the agents with the way they came."""
     trace, names = analysis.trace, agent_names(analysis)
-    width, plots = 1.0 if len(names) > 12 else 1.5, []
+    width, paths, plots = 1.0 if len(names) > 12 else 1.5, paths_of(trace), []
     for agent, (name, way) in enumerate(zip(names, trace.positions, strict=True)):
         colour, dash = agent_style(agent)
-        plots.append(_path(trace.estimates[agent, :, :axes], colour, dash, width) | _owned(agent, name))
+        plots.append(_path(paths[agent, :, :axes], colour, dash, width) | _owned(agent, name))
         known = way[np.isfinite(way).all(axis=1)]
         if len(known) and np.ptp(known, axis=0).max() > 0.0:
             plots.append(_path(way[:, :axes], colour, "dot", 1.0) | _owned(agent, name))
@@ -218,7 +219,7 @@ def _scene(analysis: Analysis, axes: int) -> list[Plot]:
         "meta": "muted",
         "opacity": 0.45,
     }
-    central = _path(analysis.centralized_states[:, :axes], INK, "dash", 1.5)
+    central = _path(analysis.centralized_states[begun(paths) :, :axes], INK, "dash", 1.5)
     known = [truth] if np.isfinite(trace.truth).all(axis=1).any() else []
     plots += [*known, central | {"name": "centralised filter", "meta": "ink"}]
     if analysis.smoothed is not None:

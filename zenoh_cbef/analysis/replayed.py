@@ -25,7 +25,7 @@ def replayed(analysis: Analysis) -> bytes:
     rows, links = until - 1, np.stack([trace.links.source, trace.links.destination], axis=1)
     told = {
         "dt": trace.scenario.dt,
-        "agents": agent_names(analysis),
+        "names": agent_names(analysis),
         "links": links.tolist(),
         "statuses": STATUSES,
         "faults": [fault_words(fault) for fault in trace.scenario.fault],

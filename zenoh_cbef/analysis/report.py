@@ -79,7 +79,9 @@ def _timed(chart: Chart, analysis: Analysis) -> Figure:
 
 
 def _maps(analysis: Analysis) -> list[Figure]:
-    caption = "Diamonds: agents, where they ended; dotted: their way. Estimates in the agents' colours."
+    caption = (
+        "Diamonds: agents, where they ended; dotted: their way. In their colours: estimates from the first fix on."
+    )
     above = Figure("top", "Seen from above", caption, top_plot(analysis))
     if analysis.trace.scenario.filter.planar_height is not None:
         return [above]

@@ -13,7 +13,7 @@ from zenoh_cbef.log.read.recording import Recording
 from zenoh_cbef.scenario.paths import places_at
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.tracking.diagnostics import NAMES
-from zenoh_cbef.tracking.status import STATUSES
+from zenoh_cbef.tracking.status import STATUSES, settled
 
 CURVES = ("error", "disagreement", "claimed", "nis", "lost", "late", "latency")
 """The curves of the whole network: root mean square position error (m), disagreement (m) and claimed position error
@@ -58,6 +58,7 @@ class Scene:
             "filter": scenario.filter.kind,
             "mode": scenario.timing.mode,
             "agents": scenario.count,
+            "names": scenario.agents.names,
             "steps": scenario.length,
             "dt": scenario.dt,
             "rounds": self.recording.rounds_per_step,
@@ -112,11 +113,15 @@ class Scene:
     def trail(self, step: int, length: int, most: int) -> Arrays:
         """Where target and agents' estimates were in the steps before one, oldest first.
 
-        length: how many steps back. most: how many points. steps: (t). truth: (t, 3), m. estimates: (t, n, 3), m.
+        length: how many steps back. most: how many points. steps: (t). truth: (t, 3), m. estimates: (t, n, 3), m, NaN
+        while an agent has no first fix.
         """
-        first = max(step - length, 0)
+        first, told = max(step - length, 0), self.recording.estimates
         steps = np.unique(np.linspace(first, max(step - 1, first), most).astype(np.int64))
-        estimates = self.recording.estimates.numbers("state", step)[:, steps, :3] if step else np.empty((0, 0, 3))
+        estimates = np.empty((0, 0, 3))
+        if step:
+            status = told.numbers("said", step)[:, steps, NAMES.index("status")]
+            estimates = settled(told.numbers("state", step)[:, steps, :3], status)
         truth = self.recording.truth.numbers("state", step)[0, steps, :3] if step else np.empty((0, 3))
         return {"steps": (steps + 1).astype(np.float64), "truth": truth, "estimates": np.moveaxis(estimates, 0, 1)}
 

@@ -123,6 +123,11 @@ class Agents(Table):
             return self.count
         return 6 if self.positions is None else len(self.positions)
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """What a reader calls the agents: their labels, otherwise their numbers."""
+        return self.labels or tuple(map(str, range(self.number)))
+
 
 class Sensor(Table):
     """The receivers: ranges (m) with noise, bias, outliers (exponential, mean outlier_scale) and drop-outs.

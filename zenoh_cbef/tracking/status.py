@@ -17,6 +17,15 @@ ACQUIRING, TRACKING, COASTING, LOST = map(float, range(4))
 CUT = 9.0
 """Where a NIS is cut off, so that a single outlier does not decide: three standard deviations."""
 
+
+def settled(values: Floats, status: Floats) -> Floats:
+    """Values (..., axes) as a path to be drawn: NaN where the agent says `acquiring`, as no first fix is found yet.
+
+    status: (...), NaN of a filter that does not say.
+    """
+    return np.where((status == ACQUIRING)[..., None], np.nan, values)
+
+
 _MEMORY = 120.0
 """How many of the network's ranges the mean NIS remembers."""
 

@@ -26,7 +26,7 @@ def dataset_of(trace: Trace) -> Dataset:
     order = np.lexsort((agent, measured))
     known = np.isfinite(trace.truth).all(axis=1)
     return Dataset(
-        labels=trace.scenario.agents.labels or tuple(map(str, range(len(trace.ranges)))),
+        labels=trace.scenario.agents.names,
         anchors=trace.positions[:, 0],
         range_time=measured[order],
         range_anchor=agent[order],

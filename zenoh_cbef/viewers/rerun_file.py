@@ -56,7 +56,7 @@ class _Writer:
         self._scene, self._trace, self._rr, self._recording = scene, scene.trace, rerun, recording
         self._colours = [agent_colour(agent) for agent in range(len(scene.trace.positions))]
         self._faint = [agent_colour(agent, 0.25) for agent in range(len(scene.trace.positions))]
-        self._labels = [str(agent) for agent in range(len(scene.trace.positions))]
+        self._labels = list(scene.trace.scenario.agents.names)
         self._radius = 0.5 * body_size(scene.trace)
 
     def write(self) -> None:

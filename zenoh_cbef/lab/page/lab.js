@@ -8,7 +8,7 @@ import { Menu } from "./menu.js";
 import { Opening } from "./opening.js";
 import { Panels } from "./panels.js";
 import { Parting } from "./parting.js";
-import { standing } from "./standing.js";
+import { settled, standing } from "./standing.js";
 import { Steering } from "./steering.js";
 import { Wire, exported } from "./wire.js";
 
@@ -75,6 +75,7 @@ async function start() {
   curves.show(scene.dt);
   beside.show(scene.beside);
   panels.show(scene);
+  menu.names = scene.names;
   controls();
 }
 
@@ -194,7 +195,7 @@ function trace({ arrays, step }) {
   if (step !== trails.step) {
     trails.truth = [...trails.truth, point(arrays.truth, 0)].slice(-TRAIL);
     trails.agents = Array.from({ length: agents }, (_, agent) =>
-      [...(trails.agents[agent] ?? []), point(arrays.estimate, 6 * agent)].slice(-TRAIL));
+      [...(trails.agents[agent] ?? []), settled(state.scene, arrays.said[3 * agent], point(arrays.estimate, 6 * agent))].slice(-TRAIL));
   }
   trails.step = step;
 }

@@ -21,7 +21,7 @@ const both = (first, second) => [[first, second], [second, first]];
 export class Menu {
   /** inject(table, seconds): gives an order. sided(agent): begins to choose the agents of one side. */
   constructor(place, inject, sided) {
-    Object.assign(this, { place, inject, sided });
+    Object.assign(this, { place, inject, sided, names: [] });
     place.addEventListener("keydown", (event) => this.key(event));
     addEventListener("pointerdown", (event) => { if (!place.contains(event.target)) this.close(); });
   }
@@ -30,9 +30,9 @@ export class Menu {
   open(picked, x, y, injectable, neighbours = []) {
     const link = picked.link !== undefined;
     const heading = document.createElement("h2");
-    heading.textContent = link ? `link ${picked.link[0]}–${picked.link[1]}` : `agent ${picked.agent}`;
+    heading.textContent = link ? `link ${picked.link.map((one) => this.names[one]).join("–")}` : `agent ${this.names[picked.agent]}`;
     const faults = injectable ? FAULTS[link ? "link" : "agent"](link ? picked.link : picked.agent).map((one) => this.fault(one)) : [];
-    const links = injectable && !link ? neighbours.map((other) => this.button(`link to ${other} …`, () => this.open({ link: [picked.agent, other] }, x, y, true))) : [];
+    const links = injectable && !link ? neighbours.map((other) => this.button(`link to ${this.names[other]} …`, () => this.open({ link: [picked.agent, other] }, x, y, true))) : [];
     const side = injectable && !link ? [this.button("part it and others from the rest …", () => { this.close(); this.sided(picked.agent); })] : [];
     const note = document.createElement("p");
     note.textContent = injectable ? "from the next steps on, until you undo it" : "faults are for runs that go on";

@@ -37,10 +37,11 @@ export class Panels {
       const there = Number.isFinite(estimate[6 * agent]);
       const off = Math.hypot(...[0, 1, 2].map((axis) => estimate[6 * agent + axis] - truth[axis]));
       const status = this.scene.statuses[said[3 * agent]] ?? "";
-      const words = there ? `${agent} ${status} ${short(off, " m")}`.replace("  ", " ") : `${agent} away`;
+      const name = this.scene.names[agent];
+      const words = there ? `${name} ${status} ${short(off, " m")}`.replace("  ", " ") : `${name} away`;
       if (button.textContent !== words) {
         button.textContent = words;
-        button.setAttribute("aria-label", there ? `agent ${agent}: ${status}, error ${short(off, " m")}` : `agent ${agent}: away`);
+        button.setAttribute("aria-label", there ? `agent ${name}: ${status}, error ${short(off, " m")}` : `agent ${name}: away`);
       }
       button.dataset.status = there ? status : "away";
     });

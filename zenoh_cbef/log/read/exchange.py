@@ -97,7 +97,7 @@ class _Builder:
             notes.append("Some messages seem to be used before they were sent: their hosts' clocks differ.")
         return Exchange(
             name=self._recording.header.run,
-            labels=scenario.agents.labels or tuple(map(str, range(scenario.count))),
+            labels=scenario.agents.names,
             dt=scenario.dt,
             since=since,
             until=until,

@@ -48,8 +48,7 @@ class Receiver:
         scenario = brief(node).scenario
         self.realtime = scenario.timing.mode == "realtime"
         self._scenario, self._dt, self._speed = scenario, scenario.dt, scenario.sensor.signal_speed
-        labels = scenario.agents.labels or tuple(map(str, range(scenario.count)))
-        self._agents = {label: agent for agent, label in enumerate(labels)}
+        self._agents = {name: agent for agent, name in enumerate(scenario.agents.names)}
         self._boxes = [node.outbox(node.keys.beacon(one), may_drop=self.realtime) for one in range(scenario.count)]
         node.archive.serve(node.keys.all_beacons)
         self._latest, self._laid, self._offset = Latest(scenario.count, self._dt), InStep(scenario), Offset()

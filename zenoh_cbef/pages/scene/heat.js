@@ -42,7 +42,7 @@ export class Heat {
 
   said({ values, unit }, moment, row) {
     const value = values[moment * this.links + row];
-    const [source, destination] = this.told.links[row].map((agent) => this.told.agents[agent]);
+    const [source, destination] = this.told.links[row].map((agent) => this.told.names[agent]);
     const time = (this.steps[moment] * this.told.dt).toFixed(1);
     return `${source} → ${destination} at ${time} s: ${Number.isFinite(value) ? `${Number(value.toPrecision(3))} ${unit}` : "nothing sent"}`;
   }

@@ -212,7 +212,7 @@ export class MapView extends View {
         this.stroke([[x - 4, y - 4], [x + 4, y + 4]]);
         this.stroke([[x - 4, y + 4], [x + 4, y - 4]]);
       }
-      if (!many || this.chosen === agent || mark) this.label(mark ? `${agent} ${mark}` : `${agent}`, x, y - 12);
+      if (!many || this.chosen === agent || mark) this.label(mark ? `${this.scene.names[agent]} ${mark}` : this.scene.names[agent], x, y - 12);
     }
     c.textAlign = "start";
   }

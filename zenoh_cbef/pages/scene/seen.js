@@ -5,7 +5,7 @@ import { hands } from "./hands.js";
 import { Heat } from "./heat.js";
 import { MapView } from "./map.js";
 import { unpacked } from "./packed.js";
-import { standing } from "./standing.js";
+import { settled, standing } from "./standing.js";
 
 const TRAIL = 40;
 const PLAYED_MS = 15_000;
@@ -15,7 +15,7 @@ const part = (values, at, size) => values.subarray(at * size, (at + 1) * size);
 class Seen {
   constructor(told) {
     const of = (id) => document.getElementById(id);
-    Object.assign(this, { told, arrays: told.arrays, count: told.arrays.step.length, agents: told.agents.length });
+    Object.assign(this, { told, arrays: told.arrays, count: told.arrays.step.length, agents: told.names.length });
     this.parts = { slider: of("moment"), play: of("play"), clock: of("clock"), verdict: of("verdict") };
     this.map = new MapView(of("map"));
     this.map.show(told);
@@ -82,7 +82,7 @@ class Seen {
     const moments = Array.from({ length: this.at + 1 - first }, (_, place) => first + place);
     return {
       truth: moments.map((one) => part(arrays.truth, one, 3)),
-      agents: Array.from({ length: agents }, (_, agent) => moments.map((one) => part(arrays.estimate, one * agents + agent, 3))),
+      agents: Array.from({ length: agents }, (_, agent) => moments.map((one) => one * agents + agent).map((at) => settled(this.told, arrays.status[at], part(arrays.estimate, at, 3)))),
     };
   }
 
