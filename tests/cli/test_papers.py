@@ -117,6 +117,7 @@ def test_the_figures_and_the_table_of_an_experiment_are_printed(
     done = within(tmp_path, "experiment", "run", "small.toml", "-o", "found", "--jobs", "1")
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "found" / "results.tex").read_text().count(r"\\") == 5
+    assert r"\begin{tabular}{lrrr}" in (tmp_path / "found" / "results.tex").read_text(), "all metrics do not fit a page"
     page = (tmp_path / "found" / "index.html").read_text()
     assert "How large is the error of the position?" in page
     assert "consensus rounds" in page

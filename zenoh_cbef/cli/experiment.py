@@ -32,7 +32,7 @@ from zenoh_cbef.experiment.shards import WHOLE, read_shard, shards_in
 from zenoh_cbef.experiment.summary import EXIT_STATUS, check_expectations, summarize
 from zenoh_cbef.experiment.sweep import Sweep
 from zenoh_cbef.experiment.table import rows_of
-from zenoh_cbef.experiment.typeset import metric_table, results_table
+from zenoh_cbef.experiment.typeset import FITTING, metric_table, results_table
 from zenoh_cbef.plain import read_toml
 from zenoh_cbef.words import counted
 
@@ -194,8 +194,8 @@ def _conclude(written: Written, sweep: Sweep, outcomes: list[list[Outcome]], fol
     if printed.as_json:
         print((folder / "summary.json").read_text(encoding="utf-8"), end="")
     elif printed.as_table is not None:
-        metric = printed.metric
-        table = results_table(summary) if metric is None else metric_table(summary, metric)
+        metric, most = printed.metric, FITTING if printed.as_table is Typesetting.latex else None
+        table = results_table(summary, most) if metric is None else metric_table(summary, metric)
         print(printed.as_table.text(table), end="")
     else:
         _tell(summary, folder)

@@ -13,7 +13,7 @@ from zenoh_cbef.errors import UserError
 from zenoh_cbef.experiment.figures import cell_words, figures_of, written_value
 from zenoh_cbef.experiment.results import CellSummary, Expectation, Judged, Summary
 from zenoh_cbef.experiment.table import Row, write_table
-from zenoh_cbef.experiment.typeset import interval, results_table
+from zenoh_cbef.experiment.typeset import FITTING, interval, results_table
 from zenoh_cbef.experiment.words import metric_words
 from zenoh_cbef.extras import MissingExtra, from_extra
 from zenoh_cbef.pages.parts import Figure, Table, plots_of
@@ -40,7 +40,7 @@ def write_outputs(summary: Summary, rows: Sequence[Row], source: str, folder: Pa
         text = json.dumps(summary.as_json(), indent=1)
         (folder / "summary.json").write_text(text + "\n", encoding="utf-8")
         (folder / "results.tex").write_text(
-            latex(results_table(summary), f"experiment {summary.experiment}"), encoding="utf-8"
+            latex(results_table(summary, most=FITTING), f"experiment {summary.experiment}"), encoding="utf-8"
         )
         missing.append(_write_page(summary, source, folder))
     except OSError as error:

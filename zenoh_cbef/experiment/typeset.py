@@ -9,10 +9,13 @@ from zenoh_cbef.experiment.statistics import Interval
 from zenoh_cbef.experiment.words import MEASURED, metric_words
 from zenoh_cbef.pages.parts import Table
 
+FITTING = 1
+"""How many metrics of a table, with their intervals, fit a page of LaTeX beside two varied keys."""
 
-def results_table(summary: Summary) -> Table:
-    """A row for each cell, a column for each metric that figures show."""
-    metrics = [one.metric for one in MEASURED if any(one.metric in cell.metrics for cell in summary.cells)]
+
+def results_table(summary: Summary, most: int | None = None) -> Table:
+    """A row for each cell, a column for each metric that figures show, or the first `most` of them."""
+    metrics = [one.metric for one in MEASURED if any(one.metric in cell.metrics for cell in summary.cells)][:most]
     rows = [
         [
             *(written_value(cell.values[key]) for key in summary.varied),
