@@ -129,7 +129,7 @@ def test_the_figures_and_the_table_of_an_experiment_are_printed(
     assert rows[0][1:] == ["icf", "sicf"]
     assert all(" to " in cell for row in rows[1:] for cell in row[1:])
     table = within(tmp_path, *again, "--table", "latex")
-    assert "consensus rounds & filter & runs & position RMSE (m) &" in table.stdout
+    assert "consensus rounds & filter & runs & position RMSE (m) \\\\" in table.stdout
     assert "experiment run small.toml" in table.stdout.splitlines()[0]
     for wrong, said in (("rmse", "position_rmse"), ("position_rmse", "--table")):
         options = ["--metric", wrong] + ["--table", "csv"] * (said != "--table")
