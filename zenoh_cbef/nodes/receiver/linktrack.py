@@ -3,7 +3,8 @@
 Source: the vendor's unpacker, https://github.com/nooploop-dev/nlink_unpack (nlink_linktrack_nodeframe2.c, nlink_utils.h
 and nlink_utils.c): 0x55 0x04, the frame's length (2 bytes, little endian), role, id, system_time (4 bytes), 108 bytes
 that are of no use here, then how many nodes follow, each of 13 bytes: role, id, distance (3 bytes, mm, signed), and 8
-more; the last byte is the sum of all others. That system_time is in milliseconds is the vendor's manual's word.
+more; the last byte is the sum of all others. That system_time is in milliseconds is taken to be so: the
+unpacker does not tell.
 """
 
 from __future__ import annotations
