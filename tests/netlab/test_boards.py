@@ -32,7 +32,7 @@ def test_three_boards_wait_for_each_other_run_and_are_listened_to(shell: Shell, 
     def here(text: str) -> str:
         return text.replace("192.168.1.20", first).replace("python3", "python")
 
-    (tmp_path / "boards.toml").write_text(blocks(2, "toml")[0].replace("steps = 600", "steps = 80"))
+    (tmp_path / "boards.toml").write_text(blocks(2, "toml")[0].replace("steps = 600", "steps = 200"))
     (tmp_path / "listen.py").write_text(blocks(6, "python")[0])
     at_first, *elsewhere = map(here, blocks(4))
     boards = [shell.start(f"a{board}", text) for board, text in enumerate(elsewhere, 1)]
@@ -50,7 +50,7 @@ def test_three_boards_wait_for_each_other_run_and_are_listened_to(shell: Shell, 
     }
     said = "".join(shell.finish(board) for board in boards)
     for agent in range(3):
-        assert f"agent {agent} ended after step 80" in said
+        assert f"agent {agent} ended after step 200" in said
     assert "hears the target alone; to hear the agents, let it connect as a client" in said
     for host in ("record", "target", "router"):
         lab.kill(host)

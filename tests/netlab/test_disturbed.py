@@ -9,9 +9,11 @@ import pytest
 
 from zenoh_cbef.log.read.trace import read_trace
 
-DT = 0.1
-FOUND, STEPS = 40, 170
+DT = 0.2  # of which a busy machine needs the half
+FOUND, STEPS = 35, 100
 """After how many steps the target is surely found, and how many there are."""
+LAST = 15
+"""In so many steps all take part again."""
 REALTIME = ["timing.mode=realtime", f"dt={DT}", "network.graph=ring", "consensus.rounds=2"]
 CLOSE = 1.0
 """Position error, m, of agents that track: ten times what undisturbed runs have."""
@@ -52,7 +54,7 @@ def under_way(run, steps: int = STEPS) -> None:
 
 
 def test_a_cable_is_out_for_five_seconds_and_then_the_recorders(site, lab, world):
-    run, steps = site("peers"), STEPS + 90
+    run, steps = site("peers"), STEPS + 50
     under_way(run, steps)
     for host in ("a3", "record"):
         lab.link(host, up=False)
@@ -66,7 +68,7 @@ def test_a_cable_is_out_for_five_seconds_and_then_the_recorders(site, lab, world
     assert max(found.missing(agent) for agent in range(6)) == 0
     checked = world.call("check", str(world.log))
     assert checked.returncode == 0, checked.stdout
-    assert found.tracks([3], STEPS - 30)
+    assert found.tracks([3], STEPS - LAST)
     assert {(kind, who) for kind in ("left", "returned") for who in ("agent/3", "target/target")} <= set(found.said)
 
 
@@ -78,7 +80,7 @@ def test_a_host_is_gone_for_good(site, lab, world):
     run.finish(["target", "record", "a0", "a1", "a3", "a4", "a5"])
     found = outcome(world)
     assert found.tracks([0, 1, 3, 4, 5], FOUND)
-    assert found.missing(2) > 100
+    assert found.missing(2) > 40
     assert ("left", "agent/2") in found.said
     assert ("returned", "agent/2") not in found.said
 
@@ -93,7 +95,7 @@ def test_a_network_falls_into_halves_and_heals(site, lab, world, way):
     run.finish()
     found = outcome(world)
     assert found.tracks([0, 1, 2], FOUND)
-    assert found.tracks(range(6), STEPS - 30)
+    assert found.tracks(range(6), STEPS - LAST)
     for agent in (3, 4, 5):
         assert found.missing(agent) == 0
         assert ("left", f"agent/{agent}") in found.said
@@ -109,7 +111,7 @@ def test_the_router_is_killed_and_started_again(site, lab, world):
     run.finish()
     found = outcome(world)
     assert max(found.missing(agent) for agent in range(6)) == 0
-    assert found.tracks(range(6), STEPS - 30)
+    assert found.tracks(range(6), STEPS - LAST)
     assert {("left", "target/target"), ("returned", "target/target")} <= set(found.said)
 
 

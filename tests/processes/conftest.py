@@ -23,6 +23,7 @@ WITHIN = {"analyze", "cat", "check", "compare", "export", "filter", "info", "mer
 WITHIN |= {"certs", "doctor", "fault", "health", "run", "status", "stop", "timeline", "verify"}
 """Verbs that look at files alone: a test needs no process of theirs, whose start takes longer than their work."""
 COMMAND = [sys.executable, "-m", "zenoh_cbef"]
+PLACES = os.environ.get("PYTHONPATH")
 SMALL = ["steps=40", "agents.count=4", "network.graph=ring", "consensus.rounds=3"]
 
 
@@ -74,7 +75,8 @@ class World:
         self._started: list[Process] = []
 
     def start(self, *arguments: str, prefix: Sequence[str] = ()) -> Process:
-        process = self._popen(*prefix, *COMMAND, *arguments) if prefix else Forked(arguments, self.folder)
+        fresh = prefix or os.environ.get("PYTHONPATH") != PLACES  # a fork has imported from other places
+        process = self._popen(*prefix, *COMMAND, *arguments) if fresh else Forked(arguments, self.folder)
         self._started.append(process)
         return process
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.processes.conftest import COMMAND, settings
+from tests.processes.conftest import settings
 from zenoh_cbef.outside.registry import known_runs
 
 pytest.importorskip("uvicorn", reason="the extra 'lab' is not installed")
@@ -31,10 +31,9 @@ def is_there(pid: int) -> bool:
 
 
 @pytest.mark.parametrize("killed", ["lab", "starter"])
-def test_a_lab_that_is_killed_or_whose_starter_is_leaves_nothing_behind(world, monkeypatch, killed):
+def test_a_lab_that_is_killed_or_whose_starter_is_leaves_nothing_behind(world, killed):
     before = set(known_runs())
-    monkeypatch.setattr("tests.processes.conftest.COMMAND", [sys.executable])
-    starter = world.start("-c", STARTER, *COMMAND, *WORDS)
+    starter = world.start(*WORDS, prefix=[sys.executable, "-c", STARTER])
     assert starter.stdout is not None
     assert starter.stderr is not None
     lab = int(starter.stdout.readline())
