@@ -10,7 +10,7 @@ import pytest
 from zenoh_cbef.log.read.trace import read_trace
 
 DT = 0.2  # of which a busy machine needs the half
-FOUND, STEPS = 35, 100
+FOUND, STEPS = 35, 160
 """After how many steps the target is surely found, and how many there are."""
 LAST = 15
 """In so many steps all take part again."""
@@ -54,7 +54,7 @@ def under_way(run, steps: int = STEPS) -> None:
 
 
 def test_a_cable_is_out_for_five_seconds_and_then_the_recorders(site, lab, world):
-    run, steps = site("peers"), STEPS + 50
+    run, steps = site("peers"), STEPS + 20
     under_way(run, steps)
     for host in ("a3", "record"):
         lab.link(host, up=False)
