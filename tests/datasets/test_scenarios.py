@@ -211,5 +211,5 @@ def test_anchors_and_ranges_in_different_units_are_refused(tmp_path, unit_of_anc
     anchors = "".join(f"{i},{x * unit_of_anchors},{y * unit_of_anchors},0\n" for i, (x, y) in enumerate(corners))
     rows = "".join(f"{0.1 * k:.1f},{k % 4},{value:.6f}\n" for k, value in enumerate(ranges))
     made = {"anchors": "id,x,y,z\n" + anchors, "ranges": "t,anchor_id,range\n" + rows}
-    with pytest.raises(UserError, match=r"times too (far|much) .*; write anchors.csv and ranges.csv in metres$"):
+    with pytest.raises(UserError, match=r"times too (far|much) .* look like millimetres; import them with --unit"):
         read_dataset(write(tmp_path, **made))

@@ -13,16 +13,16 @@ from zenoh_cbef.cli.offer import group
 from zenoh_cbef.cli.options import AsJson
 from zenoh_cbef.cli.places import new_file
 from zenoh_cbef.cli.recordings import summary_table, tell_findings
-from zenoh_cbef.datasets import read_dataset
 from zenoh_cbef.datasets.findings import findings, summary
 from zenoh_cbef.datasets.picture import draw
+from zenoh_cbef.datasets.reading import read_files
 
 _Folder = Annotated[Path, typer.Argument(metavar="FOLDER", help="A dataset's folder.")]
 
 
 def _check(folder: _Folder, as_json: AsJson = False) -> None:
     """Check a dataset: units, clock, truth, silent and swapped anchors. Exit status: 0 none is odd, 1 one is."""
-    dataset = read_dataset(folder)
+    dataset = read_files(folder)
     if as_json:
         found = findings(dataset)
         print(json.dumps({"sound": not found, "findings": found}))
@@ -43,7 +43,7 @@ def _show(
     """Say what a dataset holds, and draw it."""
     if output is not None:
         new_file(output, {".png": "for a picture", ".svg": "for a drawing"}, force=force)
-    dataset = read_dataset(folder)
+    dataset = read_files(folder)
     print(json.dumps(summary(dataset))) if as_json else console.print(summary_table(str(folder), dataset))
     if output is not None:
         typer.echo(draw(dataset, output))

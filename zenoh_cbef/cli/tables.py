@@ -19,15 +19,18 @@ _FEW_SEEDS = 22
 def metrics_table(metrics: Metrics) -> Fitting:
     """A run's result."""
     messages = metrics.messages
-    known = bool(metrics.scored.steps) or metrics.claimed_position_error is None
+    claimed = None if metrics.scored.steps else metrics.claimed_position_error
     title = f"{metrics.run}: {metrics.filter}, {counted(metrics.agents, 'agent')}, {counted(metrics.steps, 'step')}"
     title += ", errors of x and y alone" if metrics.planar else ""
     title += "" if metrics.complete else " (stopped early)" if metrics.stopped else " (incomplete)"
     table = Table(title=title, title_justify="left")
-    for column in ("", "network", "centralised", "bound") if known else ("", "network", "", ""):
+    for column in ("", "network", "centralised", "bound") if claimed is None else ("", "network", "", ""):
         table.add_column(column, justify="left" if not column else "right")
-    for error in _errors(metrics) if known else _claims(metrics):
-        table.add_row(*error)
+    if claimed is None:
+        for error in _errors(metrics):
+            table.add_row(*error)
+    else:
+        table.add_row("position error, as claimed", number(claimed, "m"), "", "")
     for name, found in (("NEES", metrics.nees), ("NIS", metrics.nis)):
         if found is not None:
             table.add_row(name, number(found.average), Told(f"ideal {found.dimension}"), _inside(found))
@@ -46,12 +49,6 @@ def metrics_table(metrics: Metrics) -> Fitting:
     for counts in _on_links(metrics):
         table.add_row(*counts)
     return Fitting(table)
-
-
-def _claims(metrics: Metrics) -> Iterator[tuple[str, ...]]:
-    """Rows, of four cells, in place of the errors where no step has a truth to compare with."""
-    if metrics.claimed_position_error is not None:
-        yield "position error, as claimed", number(metrics.claimed_position_error, "m"), "", ""
 
 
 def _errors(metrics: Metrics) -> Iterator[tuple[str | Told, ...]]:

@@ -1,5 +1,6 @@
-"""The ways that a target takes, one per file. Adding one is a file with a class as in circle.py, and a line in COURSES.
+"""The ways that a target takes, one per file.
 
+Adding one is a file with a class as in waypoints.py, and a line in COURSES.
 A course of another package is named by its class, see plugins.py.
 """
 

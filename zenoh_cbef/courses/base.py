@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Protocol, Self, TypeGuard
-
-import numpy as np
 
 from zenoh_cbef.arrays import Floats
 
@@ -22,25 +20,25 @@ class Order:
     until: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class CourseSettings:
-    """What any course may need to know: the keys of the scenario's [target] table, and of the run.
+    """What any course may need to know: the keys of the scenario's [target] table, which has defaults, and of the run.
 
     seed: of the run, for streams. dt: s, from one step to the next. position: m. velocity, speed: m/s.
     acceleration_std: m/s^2. waypoints, radius: m. period: s. options: of a class of another package, `target.options`.
     """
 
-    seed: int = 1
-    dt: float = 0.1
-    position: Point = (0.0, 0.0, 0.0)
-    velocity: Point = (0.0, 0.0, 0.0)
-    acceleration_std: float = 0.1
-    waypoints: tuple[Point, ...] = ()
-    speed: float = 1.0
-    radius: float = 5.0
-    period: float = 30.0
-    orders: tuple[Order, ...] = ()
-    options: Mapping[str, object] = field(default_factory=dict)
+    seed: int
+    dt: float
+    position: Point
+    velocity: Point
+    acceleration_std: float
+    waypoints: tuple[Point, ...]
+    speed: float
+    radius: float
+    period: float
+    orders: tuple[Order, ...]
+    options: Mapping[str, object]
 
 
 class Course(Protocol):
@@ -57,6 +55,18 @@ class Course(Protocol):
         """
 
 
+@dataclass(frozen=True)
+class Settled:
+    """What our own courses have in common: they are made of their settings alone."""
+
+    settings: CourseSettings
+
+    @classmethod
+    def of(cls, settings: CourseSettings) -> Self:
+        """The course of these settings."""
+        return cls(settings)
+
+
 def course_of(found: type, name: str) -> type[Course]:
     """A class of another package as a course. Raises ValueError, to stand after its key, if it is none."""
     if _is_course(found):
@@ -70,10 +80,3 @@ _MEMBERS = ("of", "states")
 
 def _is_course(found: type) -> TypeGuard[type[Course]]:
     return all(callable(getattr(found, one, None)) for one in _MEMBERS)
-
-
-def around(centre: Point, radius: float, unit: Floats) -> Floats:
-    """States (t, 6) of a way of size one around the origin, as a way of that radius (m) around a centre (m)."""
-    state = unit * radius
-    state[:, :3] += np.array(centre)
-    return state

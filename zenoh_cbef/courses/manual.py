@@ -3,27 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 
 from zenoh_cbef.arrays import Floats
-from zenoh_cbef.courses.base import CourseSettings
+from zenoh_cbef.courses.base import Settled
 
 
 @dataclass(frozen=True)
-class Manual:
+class Manual(Settled):
     """From `position` straight to where its `orders` say, at its `speed`; it rests there.
 
     Of several orders that are on the last one holds. What an order changes comes after it, so one more changes no past.
     """
-
-    settings: CourseSettings
-
-    @classmethod
-    def of(cls, settings: CourseSettings) -> Self:
-        """The course of these settings."""
-        return cls(settings)
 
     def states(self, time: Floats) -> Floats:
         """Stretches of one order each, (t, 6)."""

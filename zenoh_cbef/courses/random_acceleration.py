@@ -3,25 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 
 from zenoh_cbef.arrays import Floats
-from zenoh_cbef.courses.base import CourseSettings
+from zenoh_cbef.courses.base import Settled
 from zenoh_cbef.streams import normal, stream
 
 
 @dataclass(frozen=True)
-class RandomAcceleration:
+class RandomAcceleration(Settled):
     """Nearly constant velocity: from `position`, with `velocity`, and a new random acceleration in each step."""
-
-    settings: CourseSettings
-
-    @classmethod
-    def of(cls, settings: CourseSettings) -> Self:
-        """The course of these settings."""
-        return cls(settings)
 
     def states(self, time: Floats) -> Floats:
         """Sums of accelerations and velocities, (t, 6)."""

@@ -3,24 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 
 from zenoh_cbef.arrays import Floats
-from zenoh_cbef.courses.base import CourseSettings
+from zenoh_cbef.courses.base import Settled
 
 
 @dataclass(frozen=True)
-class Waypoints:
+class Waypoints(Settled):
     """Along `waypoints` at constant `speed`; it rests at the last one."""
-
-    settings: CourseSettings
-
-    @classmethod
-    def of(cls, settings: CourseSettings) -> Self:
-        """The course of these settings."""
-        return cls(settings)
 
     def states(self, time: Floats) -> Floats:
         """Straight legs, (t, 6)."""

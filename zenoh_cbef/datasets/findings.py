@@ -8,7 +8,7 @@ import numpy as np
 
 from zenoh_cbef.datasets.dataset import Dataset
 from zenoh_cbef.datasets.fixes import fixes, is_planar
-from zenoh_cbef.datasets.units import misfit_of_units
+from zenoh_cbef.datasets.units import odd_unit
 from zenoh_cbef.numbers import number
 from zenoh_cbef.words import counted
 
@@ -20,20 +20,15 @@ _WORDS = {"ms": "milliseconds", "us": "microseconds", "ns": "nanoseconds"}
 _SMALLEST = 0.02
 """Errors below this share of the usual range are no sign of anything."""
 _MANY = 40
+_WHOLE = 0.99
+"""A truth of so much of the time is one of all."""
 
 
 def findings(dataset: Dataset) -> list[str]:
     """Sentences; none for a recording about which nothing is odd."""
-    wrong = _units(dataset) + _clock(dataset)
+    unit = odd_unit(dataset)
+    wrong = ([] if unit is None else [unit.said]) + _clock(dataset)
     return wrong + _truth(dataset) + _silent(dataset) + ([] if wrong else _swapped(dataset))
-
-
-def _units(dataset: Dataset) -> list[str]:
-    if not (said := misfit_of_units(dataset)):
-        return []
-    what = "anchors" if said.startswith("the anchors") else "range"
-    plural = "the ranges" if what == "range" else "the positions of the anchors"
-    return [f"{said}: {plural} look like millimetres; import them with --unit {what}=mm"]
 
 
 def _clock(dataset: Dataset) -> list[str]:
@@ -52,17 +47,19 @@ def _truth(dataset: Dataset) -> list[str]:
     if not dataset.has_truth:
         return []
     begin, end = float(dataset.range_time[0]), float(dataset.range_time[-1])
-    known = dataset.knows_truth(np.linspace(begin, end, 1001))
-    if not known.any():
+    parts = np.clip(dataset.truth_time, begin, end)
+    known = dataset.knows_truth(0.5 * (parts[1:] + parts[:-1]))
+    covered = float(np.diff(parts)[known].sum())
+    if not dataset.knows_truth(dataset.range_time).any():
         first, last = dataset.truth_time[0], dataset.truth_time[-1]
         times = (
             f"its times go from {first:.12g} to {last:.12g} s, those of the ranges from {begin:.12g} to {end:.12g} s"
         )
         return [f"the truth is on another clock: {times}; bring both to one, or leave the truth out"]
     whole = end - begin
-    if known.mean() > 0.99:
+    if covered > _WHOLE * whole:
         return []
-    return [f"the truth covers {number(known.mean() * whole)} of {number(whole)} s: only those are scored"]
+    return [f"the truth covers {number(covered)} of {number(whole)} s: only those are scored"]
 
 
 def _silent(dataset: Dataset) -> list[str]:

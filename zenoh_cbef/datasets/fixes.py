@@ -23,12 +23,14 @@ class Fixes:
     """Fixes in some moments of a recording.
 
     time: (f,), s. places: (f, 2) in a plane, else (f, 3), m. misfit: (f,), how far ranges are off, RMS, m; NaN where
-    the fix has no range to spare.
+    the fix has no range to spare. squared_height: (f,), m^2, of the target above or below the plane; where it is
+    negative, and without a plane, by how much the ranges contradict the fix.
     """
 
     time: Floats
     places: Floats
     misfit: Floats
+    squared_height: Floats
 
 
 def is_planar(dataset: Dataset) -> bool:
@@ -61,7 +63,7 @@ def fixes(dataset: Dataset, anchors: Floats | None = None) -> Fixes:
     centre = places.mean(axis=0)
     rows = np.column_stack([-2.0 * (places - centre), np.ones(len(places))])
     squares = np.sum((places - centre) ** 2, axis=1)
-    found, misfit, kept = [], [], []
+    found, misfit, heights, kept = [], [], [], []
     for time, ranges in zip(times, means, strict=True):
         there = np.isfinite(ranges)
         if there.sum() <= axes or np.linalg.matrix_rank(rows[there]) <= axes:
@@ -70,7 +72,8 @@ def fixes(dataset: Dataset, anchors: Floats | None = None) -> Fixes:
         off = rows[there] @ solved + squares[there] - ranges[there] ** 2
         spare = int(there.sum()) - axes - 1
         found.append(solved[:axes] + centre)
+        heights.append(float(solved[axes] - np.sum(solved[:axes] ** 2)))
         kept.append(time)
         errors = off / np.maximum(2.0 * ranges[there], 1e-9)
         misfit.append(float(np.sqrt(np.sum(errors**2) / spare)) if spare else np.nan)
-    return Fixes(np.array(kept), np.array(found).reshape(-1, axes), np.array(misfit))
+    return Fixes(np.array(kept), np.array(found).reshape(-1, axes), np.array(misfit), np.array(heights))

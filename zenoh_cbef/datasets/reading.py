@@ -8,12 +8,20 @@ import numpy as np
 
 from zenoh_cbef.datasets.dataset import Dataset
 from zenoh_cbef.datasets.table import Table, read_table
-from zenoh_cbef.datasets.units import misfit_of_units
+from zenoh_cbef.datasets.units import clash_of_units
 from zenoh_cbef.errors import UserError
 
 
 def read_dataset(folder: Path) -> Dataset:
-    """Read a recorded set. Raises UserError where a file is missing, empty or not as documented."""
+    """Read a recorded set. Raises UserError where a file is missing, empty or not as documented, or in another unit."""
+    found = read_files(folder)
+    if clash := clash_of_units(found):
+        raise UserError(f"{folder}: {clash.said}")
+    return found
+
+
+def read_files(folder: Path) -> Dataset:
+    """Read a recorded set, whatever its unit. Raises UserError where a file is missing, empty or not as documented."""
     anchors, ranges = read_table(folder, "anchors"), read_table(folder, "ranges")
     truth = read_table(folder, "truth") if (folder / "truth.csv").exists() else Table([], np.empty((0, 4)))
     index = {label: row for row, label in enumerate(anchors.names)}
@@ -28,7 +36,7 @@ def read_dataset(folder: Path) -> Dataset:
     if len(rows) == 0:
         raise UserError(f"{folder / 'ranges.csv'} has negative ranges only; a dataset needs at least one range")
     known = truth.numbers[np.argsort(truth.numbers[:, 0], kind="stable")]
-    found = Dataset(
+    return Dataset(
         labels=tuple(anchors.names),
         anchors=anchors.numbers,
         range_time=rows[:, 0],
@@ -37,6 +45,3 @@ def read_dataset(folder: Path) -> Dataset:
         truth_time=known[:, 0],
         truth=known[:, 1:4],
     )
-    if wrong := misfit_of_units(found):
-        raise UserError(f"{folder}: {wrong}; write anchors.csv and ranges.csv in metres")
-    return found

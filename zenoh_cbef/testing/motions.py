@@ -16,7 +16,19 @@ _SLACK = 0.05
 """How far a step may differ from its velocities, in units of the longest step. A way may have corners, in half of all
 steps at most."""
 
-_SETTINGS = CourseSettings(dt=_DT, velocity=(1.0, 0.5, 0.0), waypoints=((0.0, 0.0, 0.0), (9.0, 4.0, 2.0)))
+_SETTINGS = CourseSettings(
+    seed=1,
+    dt=_DT,
+    position=(1.0, -2.0, 0.5),
+    velocity=(1.0, 0.5, 0.0),
+    acceleration_std=0.1,
+    waypoints=((0.0, 0.0, 0.0), (9.0, 4.0, 2.0)),
+    speed=1.0,
+    radius=5.0,
+    period=30.0,
+    orders=(),
+    options={},
+)
 
 
 def check_motion(kind: type, **options: object) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
@@ -36,6 +36,13 @@ class _Connection(Protocol):
     msgtype: str
 
 
+class _Typestore(Protocol):
+    fielddefs: dict[str, object]
+
+    def register(self, types: object) -> None:
+        """Make types known."""
+
+
 @dataclass
 class Bags:
     """One import. mapped: fields by meaning, for types of the user's own. topics: of ranges; all if empty.
@@ -54,9 +61,10 @@ class Bags:
         highlevel = from_extra("rosbags.highlevel", "a ROS bag")
         raw, seen = Raw(), Counter[str]()
         try:
-            with highlevel.AnyReader([path], default_typestore=self._typestore()) as reader:
+            with highlevel.AnyReader([path], default_typestore=_typestore()) as reader:
                 chosen = [one for one in reader.connections if self._wanted(one)]
                 seen.update(one.msgtype for one in reader.connections)
+                self._define(reader.typestore, seen, {one.msgtype for one in chosen})
                 for connection, logged, data in reader.messages(connections=chosen) if chosen else ():
                     self._take(raw, connection, logged, reader.deserialize(data, connection.msgtype))
                 if not raw.truth:
@@ -72,13 +80,22 @@ class Bags:
             )
         return raw
 
-    def _typestore(self) -> object:
+    def _define(self, store: _Typestore, seen: Iterable[str], needed: Iterable[str]) -> None:
+        """Make the types of files known. seen: all names of a bag's types; needed: those that are read."""
         typesys = from_extra("rosbags.typesys", "a ROS bag")
-        store = typesys.get_typestore(typesys.Stores.LATEST)
         for path in self.types:
-            name = f"{path.parent.parent.name if path.parent.name == 'msg' else path.parent.name}/msg/{path.stem}"
-            store.register(typesys.get_types_from_msg(path.read_text(encoding="utf-8"), name))
-        return store
+            package = path.parent.parent.name if path.parent.name == "msg" else path.parent.name
+            names = [name for name in seen if name.endswith(f"/{path.stem}")] or [f"{package}/msg/{path.stem}"]
+            text = path.read_text(encoding="utf-8")
+            for name in names:
+                if name not in store.fielddefs:
+                    store.register(typesys.get_types_from_msg(text, name))
+        if lacking := sorted(set(needed) - store.fielddefs.keys()):
+            one = lacking[0]
+            file = one.replace("/msg/", "/").rpartition("/")
+            raise UserError(
+                f"the bag does not define {one}; name a file that does, as in --types {file[0]}/msg/{file[2]}.msg"
+            )
 
     def _fields(self, connection: _Connection) -> Mapping[str, str]:
         return {**RANGES.get(connection.msgtype, {}), **self.mapped}
@@ -103,6 +120,13 @@ class Bags:
         distance = float(str(value)) * (float(LENGTHS[told]) if told in LENGTHS else scale)
         time = _seconds(message, fields.get("t", "header.stamp"), logged)
         raw.ranges.append((time, name or connection.topic.strip("/").rpartition("/")[2], distance))
+
+
+def _typestore() -> object:
+    """The types of ROS, as up to Humble, for bags without definitions: later ones bring theirs."""
+    typesys = from_extra("rosbags.typesys", "a ROS bag")
+    store: object = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
+    return store
 
 
 def _field(message: object, path: str) -> object:

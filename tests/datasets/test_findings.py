@@ -1,0 +1,86 @@
+"""What `import` and `dataset check` say is odd about a recording."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from typer.testing import CliRunner
+
+from tests.datasets.walked import STEPS, imported, written
+from zenoh_cbef.cli.dataset import VERB as DATASET
+from zenoh_cbef.datasets.findings import findings
+from zenoh_cbef.datasets.reading import read_files
+
+
+def as_dataset(folder):
+    """The same files, by the names of a dataset's."""
+    (folder / "stations.csv").rename(folder / "anchors.csv")
+    return folder
+
+
+def odd(folder, *options):
+    """What `import` and `dataset check` say is odd about files: the same."""
+    made = folder.parent / "set"
+    said = imported(folder, "-o", made, "--force", *options)
+    found = findings(read_files(made))
+    assert all(" ".join(one.split()) in " ".join(said.split()) for one in found)
+    assert ("next: zenoh-cbef run" in said) == (not found)
+    checked = CliRunner().invoke(DATASET, ["check", str(made)])
+    assert checked.exit_code == bool(found)
+    return found
+
+
+UNITS = {"millimetres": ("mm", 0.001), "centimetres": ("cm", 0.01), "feet": ("ft", 0.3048), "inches": ("in", 0.0254)}
+
+
+@pytest.mark.parametrize("known", [STEPS, 0], ids=["truth", "none"])
+@pytest.mark.parametrize("unit", UNITS)
+def test_lengths_in_another_unit_are_told(tmp_path, unit, known):
+    short, length = UNITS[unit]
+    good = read_files(as_dataset(written(tmp_path, known=known)))
+    for what, columns in {"ranges": ["range"], "anchors": ["anchors"], "truth": ["truth"]}.items():
+        if known or what != "truth":
+            changed = replace(good, **{what: getattr(good, what) / length})
+            [said] = findings(changed)
+            remedy = " ".join(f"--unit {column}={short}" for column in columns)
+            assert said.endswith(f": {what} look like {unit}; import them with {remedy}")
+    if known:
+        [said] = findings(replace(good, anchors=good.anchors / length, truth=good.truth / length))
+        assert f"anchors and truth look like {unit}" in said
+
+
+@pytest.mark.parametrize(
+    ("divided", "known", "remedy"),
+    [
+        ({"of": 0.3048}, 0, ["--unit", "range=ft"]),
+        ({"corners": 0.001, "way": 0.001}, STEPS, ["--unit", "anchors=mm", "--unit", "truth=mm"]),
+    ],
+)
+def test_what_is_told_of_units_mends_them(tmp_path, divided, known, remedy):
+    folder = written(tmp_path, known=known, **divided)
+    [said] = odd(folder)
+    assert said.endswith(f"import them with {' '.join(remedy)}")
+    assert odd(folder, *remedy) == []
+
+
+def test_a_truth_of_a_part_is_told_with_the_part_that_is_scored(tmp_path):
+    assert odd(written(tmp_path, known=51)) == ["the truth covers 5 of 19.9 s: only those are scored"]
+
+
+@pytest.mark.parametrize("known", [STEPS, 0], ids=["truth", "none"])
+def test_swapped_anchors_are_found_with_and_without_a_truth(tmp_path, known):
+    [said] = findings(read_files(as_dataset(written(tmp_path, order="acbde", known=known))))
+    assert said.startswith("anchor b and c look swapped")
+
+
+@pytest.mark.parametrize("known", [STEPS, 0], ids=["truth", "none"])
+def test_nothing_is_odd_about_a_good_recording(tmp_path, known):
+    assert findings(read_files(as_dataset(written(tmp_path, known=known)))) == []
+
+
+def test_times_in_milliseconds_are_told(tmp_path):
+    folder = written(tmp_path, seconds=0.001)
+    [said] = odd(folder)
+    assert "milliseconds; import them with --unit t=ms" in said
+    assert odd(folder, "--unit", "t=ms") == []
