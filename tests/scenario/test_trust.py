@@ -36,6 +36,24 @@ def test_saturation_redescends_where_there_may_be_outliers(keys, power, xi):
     assert (plan.settings.power, plan.settings.xi) == (power, xi)
 
 
+@pytest.mark.parametrize(
+    ("keys", "widens"),
+    [
+        ({}, False),
+        ({"sensor": OUTLIERS}, False),
+        ({"sensor": REAL}, True),
+        (DATASET, True),
+        ({**DATASET, "filter": {"defaults": 6}}, False),
+        ({"dt": 5.0}, True),
+        ({"target": {"motion": "circle"}}, False),
+        ({"target": {"motion": "circle"}, "sensor": OUTLIERS}, True),
+        ({"target": {"motion": "circle"}, "sensor": OUTLIERS, "filter": {"defaults": 6}}, False),
+    ],
+)
+def test_ranges_far_off_widen_their_innovation_where_priors_may_be_wide(keys, widens):
+    assert Plan(parse(keys, "test")).settings.widens == widens
+
+
 @pytest.mark.parametrize("kind", ["cbef", "cbef-scaled"])
 def test_the_papers_filters_saturate_in_units_of_their_own(kind):
     assert Plan(parse({"sensor": REAL, "filter": {"kind": kind}}, "test")).xi == 1.5

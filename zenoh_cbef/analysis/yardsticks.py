@@ -111,10 +111,12 @@ def centralized_steps(plan: Plan, initial: Floats, steps: Iterator[Ranges]) -> I
             belief = Belief(*begun(plan.motion, found.state, found.known_covariance))
             yield belief
     if plan.models:
-        models = CentralModels(Switching(plan.settings.models, plan.settings.leaving), plan.space, xi, plan.power)
+        switching = Switching(plan.settings.models, plan.settings.leaving)
+        models = CentralModels(switching, plan.space, xi, plan.power, plan.settings.widens)
         yield from centralized_models(belief, models, steps)
     else:
-        yield from centralized_beliefs(belief, plan.motion, plan.space, steps, xi=xi, power=plan.power)
+        widens = plan.settings.widens
+        yield from centralized_beliefs(belief, plan.motion, plan.space, steps, xi=xi, power=plan.power, widens=widens)
 
 
 def jointly(plan: Plan) -> bool:

@@ -149,6 +149,7 @@ class Plan:
             omega=chosen.omega,
             differenced=chosen.measurement == "difference",
             power=self.power,
+            widens=trust.widens(scenario, power=self.power, wide=bool(self.models) or self.squares),
             recovers=chosen.recovery,
             distrusts=self.distrusts_own,
             returns=chosen.defaults > 3,

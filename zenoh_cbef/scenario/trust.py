@@ -75,6 +75,15 @@ def saturation_power(scenario: Scenario, *, biased: bool, fixed: bool) -> int:
     return 2 if scenario.sensor.outlier_probability > 0.0 or untold else 1
 
 
+def widens(scenario: Scenario, *, power: int, wide: bool) -> bool:
+    """Whether a range far off widens its whole innovation, not its noise alone: where the saturation redescends.
+
+    And where priors may be wide against the noise: of several motions one is agile, squares are for wide priors (wide),
+    and of real targets little is known. Elsewhere it is the same but for a thousandth of the error, which it costs.
+    """
+    return scenario.filter.defaults > 6 and power > 1 and (wide or real(scenario))
+
+
 def saturation_level(scenario: Scenario, power: int) -> float:
     """At how many standard deviations ranges saturate; for kinds that saturate otherwise see filter.xi."""
     chosen = scenario.filter

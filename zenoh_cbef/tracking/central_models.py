@@ -18,13 +18,15 @@ from zenoh_cbef.tracking.switching import Switching, misfit
 class CentralModels:
     """One filter that sees every range at once, for each of several motions, and what weighs them.
 
-    xi: saturation level in standard deviations, infinite for none. power: of the saturation.
+    xi: saturation level in standard deviations, infinite for none. power: of the saturation. widens: see
+    `saturated_precision`.
     """
 
     switching: Switching
     space: Space
     xi: float
     power: int = 1
+    widens: bool = False
 
     def step(self, belief: Belief, seen: Ranges) -> tuple[Belief, Taken]:
         """The belief after one step's ranges, and what the likeliest motion says of them.
@@ -37,7 +39,7 @@ class CentralModels:
             chance, beliefs = belief.chance, [(one.state, one.known_covariance) for one in belief.parts]
         ahead, mixtures = self.switching.mixed(chance, beliefs)
         taken = [
-            taken_in(Belief(*mixture), motion, self.space, seen, xi=self.xi, power=self.power)
+            taken_in(Belief(*mixture), motion, self.space, seen, xi=self.xi, power=self.power, widens=self.widens)
             for motion, mixture in zip(self.switching.motions, mixtures, strict=True)
         ]
         misfits = [misfit(one.cost, one.prior[1], one.posterior[1]) for one in taken]

@@ -16,7 +16,7 @@ from zenoh_cbef.tracking.filters.around.evidence import BEGIN, MEMORY, Evidence
 from zenoh_cbef.tracking.filters.around.learned_noise import learned
 from zenoh_cbef.tracking.filters.around.tried_guess import first_fix
 from zenoh_cbef.tracking.filters.base import Belief, Update
-from zenoh_cbef.tracking.filters.information_form import saturation
+from zenoh_cbef.tracking.filters.information_form import saturated_precision, saturation
 from zenoh_cbef.tracking.linalg import matvec
 from zenoh_cbef.tracking.motion import linear
 from zenoh_cbef.tracking.ranging import Measurement, own_range
@@ -89,7 +89,8 @@ class _Joint:
         runs = len(initial.state)
         self._sums, self._evidence = np.full((runs, 3), BEGIN), Evidence(settings.likelihoods)
         switching = Switching(settings.models, settings.leaving)
-        self._models = CentralModels(switching, settings.space, xi, settings.power) if settings.models else None
+        how = xi, settings.power, settings.widens
+        self._models = CentralModels(switching, settings.space, *how) if settings.models else None
         self._scale, self._seen = np.zeros((runs, agents)), np.zeros((runs, agents))
         self.begin(initial)
 
@@ -156,6 +157,8 @@ class _Joint:
         weight = saturation(innovation, self.xi * spread, self.settings.power)
         # The covariance form: the inverse of a covariance that holds a known bias does not exist.
         noise = np.where(measured, step.std**2 / weight, 1.0)
+        if self.settings.widens:
+            noise = np.where(measured, 1.0 / saturated_precision(weight, step.std**2, spread, widens=True), 1.0)
         rows = np.where(measured[:, :, None], rows, 0.0)
         cross = covariance @ np.swapaxes(rows, 1, 2)
         total = rows @ cross + noise[:, :, None] * np.eye(agents)

@@ -9,7 +9,7 @@ import numpy as np
 
 from zenoh_cbef.arrays import Bools, Floats
 from zenoh_cbef.tracking.filters.base import Belief
-from zenoh_cbef.tracking.filters.information_form import predict, saturation
+from zenoh_cbef.tracking.filters.information_form import predict, saturated_precision, saturation
 from zenoh_cbef.tracking.linalg import inverse, matvec
 from zenoh_cbef.tracking.motion import LinearMotion, Motion
 from zenoh_cbef.tracking.ranging import Space, own_range
@@ -31,8 +31,8 @@ class Taken:
     """All agents' ranges of a step taken in by the filter of one motion, for r runs.
 
     prior, posterior: states (r, s) and covariances (r, s, s). innovation (m) and nis, its square in units of the
-    variance that was predicted: (r, n), 0 and NaN where nothing was measured. weight: of the saturation; precision: of
-    the ranges after it, 1/m^2, (r, n). pull: their part of the information vector, (r, s).
+    variance that was predicted: (r, n), 0 and NaN where nothing was measured. precision: of the ranges after the
+    saturation, 1/m^2, weight: that over what it was before, (r, n). pull: their part of the information vector, (r, s).
     """
 
     prior: Gaussian
@@ -50,11 +50,13 @@ class Taken:
         return np.asarray(cost - np.sum((self.posterior[0] - self.prior[0]) * self.pull, axis=1))
 
 
-def taken_in(belief: Belief, motion: Motion, space: Space, seen: Ranges, *, xi: float, power: int = 1) -> Taken:
+def taken_in(
+    belief: Belief, motion: Motion, space: Space, seen: Ranges, *, xi: float, power: int = 1, widens: bool = False
+) -> Taken:
     """One step of the extended information filter on all agents' ranges, for r runs at once.
 
     belief: (r, s), (r, s, s). Each range is saturated at xi of its own standard deviations, as in sicf; infinite xi
-    turns that off. power: of the saturation.
+    turns that off. power: of the saturation. widens: see `saturated_precision`.
     """
     runs, agents = seen.range.shape
     state, covariance = predict(motion, belief)
@@ -63,7 +65,9 @@ def taken_in(belief: Belief, motion: Motion, space: Space, seen: Ranges, *, xi: 
     innovation = np.where(measured, seen.range - predicted.reshape(runs, agents), 0.0)
     spread = np.sqrt(np.sum(rows * (rows @ covariance), axis=2) + seen.std**2)
     weight = np.where(measured, saturation(innovation, xi * spread, power), 1.0)
-    precision = np.where(measured, weight, 0.0) / seen.std**2
+    precision = saturated_precision(np.where(measured, weight, 0.0), seen.std**2, spread, widens=widens)
+    if widens:
+        weight = np.where(measured, precision * seen.std**2, 1.0)
     weighted = precision[:, :, None] * rows
     updated = inverse(inverse(covariance) + np.swapaxes(weighted, 1, 2) @ rows)
     pull = np.sum(weighted * innovation[:, :, None], axis=1)
@@ -80,12 +84,19 @@ def each_step(*, positions: Floats, ranges: Floats, age: Floats, range_std: floa
 
 
 def centralized_beliefs(
-    initial: Belief, motion: Motion, space: Space, steps: Iterable[Ranges], *, xi: float, power: int = 1
+    initial: Belief,
+    motion: Motion,
+    space: Space,
+    steps: Iterable[Ranges],
+    *,
+    xi: float,
+    power: int = 1,
+    widens: bool = False,
 ) -> Iterator[Belief]:
     """The centralised filter's beliefs of K steps, for r runs. initial: (r, s), (r, s, s)."""
     belief = initial
     for seen in steps:
-        belief = Belief(*taken_in(belief, motion, space, seen, xi=xi, power=power).posterior)
+        belief = Belief(*taken_in(belief, motion, space, seen, xi=xi, power=power, widens=widens).posterior)
         yield belief
 
 

@@ -68,6 +68,7 @@ def own_information(
     range_std: float,
     xi: float,
     power: int = 1,
+    widens: bool = False,
 ) -> RangeInformation:
     """Information of the agent's own range, linearised at the prior and saturated.
 
@@ -75,7 +76,8 @@ def own_information(
         u = w H^T (z + H x)/sigma^2,  U = w H^T H / sigma^2
 
     state: (n, s), covariance: (n, s, s), the prior. range_std: sigma, m, unless the measurement
-    says otherwise. xi: saturation level in standard deviations. power: see `saturation`.
+    says otherwise. xi: saturation level in standard deviations. power: see `saturation`. widens: see
+    `saturated_precision`.
     """
     predicted, row = own_range(space, state, measurement.position, measurement.age)
     measured = np.isfinite(measurement.range)
@@ -83,7 +85,8 @@ def own_information(
     variance = variance_of(measurement, range_std)
     spread = _spread(row, covariance, variance)
     weight = saturation(innovation, xi * spread, power)
-    precision = np.where(measured, weight, 0.0) / informing(measurement, variance)
+    weighed = np.where(measured, weight, 0.0)
+    precision = saturated_precision(weighed, informing(measurement, variance), spread, widens=widens)
     return RangeInformation(
         (precision * (innovation + np.add.reduce(row * state, axis=1)))[:, None] * row,
         precision[:, None, None] * outer(row, row),
@@ -250,6 +253,22 @@ def unchanged(payload: Floats, own: Floats) -> Bools:
     """Which agents' payloads (n, d) no neighbour changed in the whole step: (n,)."""
     near = np.abs(payload - own) <= _ROUNDING * np.maximum.reduce(np.abs(own), axis=1)[:, None]
     return np.asarray(np.logical_and.reduce(near, axis=1))
+
+
+def saturated_precision(weight: Floats, variance: Floats, spread: Floats, *, widens: bool) -> Floats:
+    """What a saturated range of this noise tells, 1/m^2, (...); weight: 0 where there is none.
+
+        w/sigma^2, or if it widens  1/(sigma^2 + S (1/w - 1)),  S = H P H^T + sigma^2
+
+    The first bounds what a range pulls at a prior that is as sure as the range. Where the prior is wide, H P H^T far
+    above sigma^2, even w/sigma^2 outweighs it, and the estimate follows an outlier nearly all the way. The second
+    takes the whole innovation to have the variance S/w, so a range pulls w times as far as it would, with
+    any prior. spread: the root of S, m.
+    """
+    if not widens:
+        return weight / variance
+    there = weight > 0.0
+    return np.where(there, 1.0, 0.0) / (variance + spread**2 * (1.0 / np.where(there, weight, 1.0) - 1.0))
 
 
 def saturation(innovation: Floats, level: Floats, power: int = 1) -> Floats:

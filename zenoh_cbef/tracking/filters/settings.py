@@ -18,9 +18,11 @@ class FilterSettings:
     successive ranges may be alike. doubts_noise: whether range_std may be wrong by a
     factor of two. xi, omega: see the filter; omega None: network_size. network_size: number of agents.
     differenced: whether ci and local take in differences of ranges in place of the
-    agent's own range. power: of the saturation. recovers: whether the network widens its covariances where most
-    innovations are implausible. distrusts: whether agents give their own implausible ranges less weight. returns:
-    whether an agent's range counts less after a step in which it heard no neighbour. says_status: whether they say
+    agent's own range. power: of the saturation. widens: whether
+    a saturated range widens its whole innovation, not its noise alone. recovers: whether
+    the network widens its covariances where most innovations are implausible. distrusts:
+    whether agents give their own implausible ranges less weight. returns: whether an
+    agent's range counts less after a step in which it heard no neighbour. says_status: whether they say
     if they acquire, track, coast, or have lost the target; judges_agents: whether that counts agents that do not
     fit, or ranges, and whether only those that hear ranges vote for another fix. reacquires: how many steps another
     fix takes, 0 for none; spreading: in how many steps all agents know a decision; anywhere: where that fix looks
@@ -47,6 +49,7 @@ class FilterSettings:
     omega: float | None = None
     differenced: bool = False
     power: int = 1
+    widens: bool = False
     recovers: bool = False
     distrusts: bool = False
     returns: bool = False

@@ -15,6 +15,7 @@ from zenoh_cbef.tracking.filters.information_form import (
     informing,
     pack,
     packed_size,
+    saturated_precision,
     saturation,
     told,
     unless_alone,
@@ -51,7 +52,8 @@ class BiasedInformation:
     against the same x, are correlated given x; that is small where the target moves. Because of it the variance of
     d_i is widened a little with every range, up to the prior's.
 
-    range_std: sigma (m). common_std, own_std: prior standard deviations of c and d_i (m). network_size: n. xi:
+    saturation level in standard deviations. power: 1 bounds the pull of an outlier, 2 lets it fall (redescending).
+    widens: see `saturated_precision`.
     saturation level in standard deviations. power: 1 bounds the pull of an outlier, 2 lets it fall (redescending).
     """
 
@@ -63,6 +65,7 @@ class BiasedInformation:
     own_std: float
     xi: float = np.inf
     power: int = 1
+    widens: bool = False
 
     @classmethod
     def sharing(cls, settings: FilterSettings) -> Sharing:
@@ -81,6 +84,7 @@ class BiasedInformation:
             own_std=settings.own_bias_std,
             xi=xi,
             power=settings.power,
+            widens=settings.widens,
         )
 
     @cached_property
@@ -109,7 +113,10 @@ class BiasedInformation:
         innovation = np.where(measured, measurement.range - predicted - state[:, -1] - own, 0.0)
         spread = np.sqrt(np.sum(row * matvec(covariance, row), axis=1) + given + variance)
         weight = saturation(innovation, self.xi * spread, self.power)
-        noise = given + informing(measurement, variance) / weight
+        informs = informing(measurement, variance)
+        noise = given + informs / weight
+        if self.widens:
+            noise = given + 1.0 / saturated_precision(weight, informs, spread, widens=True)
         precision = np.where(measured, 1.0 / noise, 0.0)
         equivalent = innovation + np.sum(row * state, axis=1)
         share = information / self.network_size

@@ -10,7 +10,7 @@ import numpy as np
 
 from zenoh_cbef.arrays import Floats
 from zenoh_cbef.tracking.filters.base import Belief, Filter, Sharing, Update
-from zenoh_cbef.tracking.filters.information_form import unchanged, variance_of
+from zenoh_cbef.tracking.filters.information_form import saturated_precision, unchanged, variance_of
 from zenoh_cbef.tracking.filters.settings import FilterSettings
 from zenoh_cbef.tracking.linalg import matvec, unpack_upper
 from zenoh_cbef.tracking.ranging import Measurement
@@ -35,7 +35,8 @@ class InteractingModels:
 
     filters: one for each motion, alike but for it; their payloads are V and O, their updates keep prior state and
     covariance. range_std: sigma (m). network_size: n. middle: a point (m) near all agents and the same for all, from
-    which x is counted in c: far off, c would lose its digits.
+    which x is counted in c: far off, c would lose its digits. widens: the filters do (see `saturated_precision`), and
+    w_i is what makes w_i/sigma^2 that precision.
     """
 
     filters: tuple[Filter, ...]
@@ -43,6 +44,7 @@ class InteractingModels:
     range_std: float
     network_size: int
     middle: tuple[float, ...]
+    widens: bool = False
 
     @classmethod
     def sharing(cls, settings: FilterSettings, of_one: Callable[[FilterSettings], Sharing]) -> Sharing:
@@ -55,7 +57,8 @@ class InteractingModels:
         """The filter of these settings; of_one: makes the filter of one motion."""
         filters = tuple(of_one(replace(settings, motion=motion)) for motion in settings.models)
         switching = Switching(settings.models, settings.leaving)
-        return cls(filters, switching, settings.range_std, settings.network_size, settings.middle)
+        around = settings.middle, settings.widens
+        return cls(filters, switching, settings.range_std, settings.network_size, *around)
 
     def update(self, belief: Belief, measurement: Measurement) -> Update:
         """All models' updates; what is said of the innovation is the likeliest model's."""
@@ -97,7 +100,11 @@ class InteractingModels:
     def _own_cost(self, part: Update, ahead: Floats, variance: Floats) -> Floats:
         """c_i, (n,), of one model's update. ahead: (n,), its probability before the step."""
         told, (state, covariance) = part.diagnostics, part.kept
-        own = np.nan_to_num(told.weight * told.innovation**2 / variance - np.log(told.weight))
+        weight, square = told.weight, told.innovation**2
+        if self.widens:
+            spread = np.sqrt(square / np.where(told.nis > 0.0, told.nis, 1.0))
+            weight = variance * saturated_precision(weight, variance, spread, widens=True)
+        own = np.nan_to_num(weight * square / variance - np.log(weight))
         before = np.linalg.slogdet(covariance)[1] - 2.0 * np.log(ahead)
         return np.asarray(own + self._explained(part.payload, state) + before / self.network_size)
 

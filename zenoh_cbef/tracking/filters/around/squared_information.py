@@ -15,6 +15,7 @@ from zenoh_cbef.tracking.filters.information_form import (
     pack,
     packed_size,
     predict,
+    saturated_precision,
     saturation,
     told,
     unless_alone,
@@ -51,8 +52,8 @@ class SquaredInformation:
     and range together say, with gain K. As l has K of the range's noise, the mean is (1 - 4 K) sigma^2 to second order.
     The innovation that is saturated is the square's, r_i^2 - E r_i^2 over the root of 4 l^2 + 2 sigma^2.
 
-    range_std: sigma (m). network_size: n. middle: the point from which u is counted, m, near all agents. xi, power: as
-    in sicf.
+    range_std: sigma (m). network_size: n. middle: the point from which u is counted, m, near all agents. xi, power,
+    widens: as in sicf.
     """
 
     motion: Motion
@@ -62,6 +63,7 @@ class SquaredInformation:
     middle: tuple[float, ...]
     xi: float = np.inf
     power: int = 1
+    widens: bool = False
 
     @classmethod
     def sharing(cls, settings: FilterSettings) -> Sharing:
@@ -79,6 +81,7 @@ class SquaredInformation:
             settings.middle,
             xi,
             settings.power,
+            settings.widens,
         )
 
     def update(self, belief: Belief, measurement: Measurement) -> Update:
@@ -137,7 +140,8 @@ class SquaredInformation:
         unit = np.sqrt(4.0 * (distance + gain * innovation) ** 2 + 2.0 * variance)
         pull = np.where(measured, (ranges**2 - square) / unit, 0.0)
         weight = saturation(pull, self.xi * deviation, self.power)
-        precision = np.where(measured, weight, 0.0) / (unit**2 * variance)
+        weighed = np.where(measured, weight, 0.0)
+        precision = saturated_precision(weighed, unit**2 * variance, unit * deviation, widens=self.widens)
         return _Ranged(row, value, precision, told(measured, innovation, weight, deviation))
 
     def _linearised(self, payload: Floats, prior: Belief) -> Floats:

@@ -34,6 +34,7 @@ class SaturatedInformation:
         z_i = r_i - h(x_i),                  w_i = min(1, xi s_i/|z_i|)^power
         V_i = P_i^-1 x_i / n + w_i H^T (z_i + H x_i)/sigma^2
         O_i = P_i^-1 / n     + w_i H^T H / sigma^2
+        (S_i (1/w_i - 1) + sigma^2 in place of sigma^2/w_i, if it widens: see `saturated_precision`)
         after averaging V and O:  xhat_i = O_i^-1 V_i,  P_i = (n O_i)^-1
 
     An agent linearises its own range, so no measurement is counted twice and none has to be exchanged. With few
@@ -41,6 +42,7 @@ class SaturatedInformation:
 
     range_std: sigma (m). network_size: n. xi: saturation level in standard
     deviations, infinite for the plain ICF. power: 1 bounds the pull of an outlier, 2 lets it fall (redescending).
+    widens: whether a range far off widens its whole innovation, not its noise alone.
     """
 
     motion: Motion
@@ -49,6 +51,7 @@ class SaturatedInformation:
     network_size: int
     xi: float = np.inf
     power: int = 1
+    widens: bool = False
 
     abilities: ClassVar = Abilities(information=True, saturates=True, biases=True, noise=True, models=True)
 
@@ -67,6 +70,7 @@ class SaturatedInformation:
             settings.network_size,
             settings.xi,
             settings.power,
+            settings.widens,
         )
 
     def update(self, belief: Belief, measurement: Measurement) -> Update:
@@ -74,7 +78,11 @@ class SaturatedInformation:
         state, covariance = predict(self.motion, belief)
         prior = inverse(covariance) / self.network_size
         own = own_information(
-            self.space, state, covariance, measurement, range_std=self.range_std, xi=self.xi, power=self.power
+            *(self.space, state, covariance, measurement),
+            range_std=self.range_std,
+            xi=self.xi,
+            power=self.power,
+            widens=self.widens,
         )
         payload = pack(matvec(prior, state) + own.vector, prior + own.matrix)
         return Update(payload, own.diagnostics, (state, covariance))
