@@ -32,13 +32,13 @@ def errors(traces):
 
 
 def test_a_range_that_fits_counts_alike():
-    weight, variance, spread = np.array([1.0, 1.0, 0.0]), 0.01, np.array([0.2, 5.0, 1.0])
+    weight, variance, spread = np.array([1.0, 1.0, 0.0]), np.full(3, 0.01), np.array([0.2, 5.0, 1.0])
     both = [saturated_precision(weight, variance, spread, widens=widens) for widens in (False, True)]
     assert both[0].tolist() == both[1].tolist() == [100.0, 100.0, 0.0]
 
 
 def test_the_innovation_has_the_variance_of_its_weight():
-    weight, variance, prior = 0.04, 0.01, 3.0
+    weight, variance, prior = np.array([0.04]), np.array([0.01]), 3.0
     precision = saturated_precision(weight, variance, np.sqrt(prior + variance), widens=True)
     assert prior + 1.0 / precision == pytest.approx((prior + variance) / weight)
 
