@@ -54,6 +54,28 @@ def test_ranges_far_off_widen_their_innovation_where_priors_may_be_wide(keys, wi
     assert Plan(parse(keys, "test")).settings.widens == widens
 
 
+TOLD = {"sensor": {"bias_std": 0.5}}
+
+
+@pytest.mark.parametrize(
+    ("keys", "bias", "own"),
+    [
+        (TOLD, "estimate", 0.5),
+        ({**TOLD, "filter": {"defaults": 6}}, "auto", 0.015),
+        ({**TOLD, "filter": {"bias": "auto", "bias_own_std": 0.2}}, "estimate", 0.2),
+        ({**TOLD, "filter": {"bias": "none"}}, "none", 0.5),
+        ({**TOLD, "filter": {"motion": "turn"}}, "none", 0.5),
+        ({"sensor": {"bias_std": 0.5, "real": True}}, "auto", 0.015),
+        ({"sensor": {"bias": 0.3}}, "auto", 0.015),
+        ({}, "none", 0.015),
+    ],
+)
+def test_a_bias_of_which_the_scenario_tells_is_estimated_with_what_it_tells(keys, bias, own):
+    plan = Plan(parse(keys, "test"))
+    assert plan.bias == bias
+    assert plan.settings.own_bias_std == pytest.approx(own)
+
+
 @pytest.mark.parametrize("kind", ["cbef", "cbef-scaled"])
 def test_the_papers_filters_saturate_in_units_of_their_own(kind):
     assert Plan(parse({"sensor": REAL, "filter": {"kind": kind}}, "test")).xi == 1.5

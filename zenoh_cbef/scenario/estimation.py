@@ -44,7 +44,7 @@ class Filter(Table):
     step.
     acceleration_interval: how long a random acceleration lasts, s; None: one step, or for recorded ranges their own
     interval. bias_common_std, bias_own_std: prior of the network's and of the agents' own part of the bias, m; None:
-    1.5 and 0.15 of range_std.
+    1.5 and 0.15 of range_std, the latter at least sensor.bias_std.
     lag_seconds: agents also publish smoothed estimates of so long ago; 0: they do not.
     start auto: with a first fix, for filters that can. given: at the initial estimate.
     status: agents of filters that average information say whether they acquire, track, coast, or have lost the target.

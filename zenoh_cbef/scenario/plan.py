@@ -103,18 +103,11 @@ class Plan:
 
     @cached_property
     def bias(self) -> str:
-        """What the filter does about biases: none, estimate, or auto where it can weigh them.
-
-        With "auto", emulated receivers of which the scenario tells no bias need no states for it: half of the bytes.
-        """
+        """What the filter does about biases: none, estimate, or auto where it can weigh them."""
         chosen = self.scenario.filter
-        if not self.abilities.biases:
-            return "none"
         single = self.distrusts_others or (chosen.recovery and chosen.defaults < 2)
         unfit = single or bool(self.models) or not isinstance(self.motion, LinearMotion)
-        if chosen.bias == "auto" and (unfit or not trust.may_be_biased(self.scenario)):
-            return "none"
-        return chosen.bias
+        return trust.bias(self.scenario, unfit=unfit)
 
     @cached_property
     def squares(self) -> bool:
@@ -162,7 +155,8 @@ class Plan:
             bias=self.bias,
             likelihoods=trust.rules(scenario) > 1,
             common_bias_std=1.5 * range_std if chosen.bias_common_std is None else chosen.bias_common_std,
-            own_bias_std=0.15 * range_std if chosen.bias_own_std is None else chosen.bias_own_std,
+            own_bias_std=trust.own_bias_std(scenario, range_std),
+            told_biases=self.bias != "none" and trust.tells_biases(scenario),
             learns_noise=chosen.range_std == "auto",
             lasting=trust.lasts(scenario) and not self.models and not self.squares,
             doubts_noise=trust.doubts_noise(scenario) and not self.models and not self.squares,

@@ -56,6 +56,35 @@ def may_be_biased(scenario: Scenario) -> bool:
     return bool(np.any(np.array(sensor.bias))) or sensor.bias_std > 0.0 or _at_fault(scenario) or real(scenario)
 
 
+def tells_biases(scenario: Scenario) -> bool:
+    """Whether the scenario tells how large the biases of its emulated receivers are."""
+    return scenario.sensor.bias_std > 0.0 and scenario.filter.defaults > 6 and not real(scenario)
+
+
+def bias(scenario: Scenario, *, unfit: bool) -> str:
+    """What the filter does about biases: none, estimate, or auto where it can weigh them.
+
+    Auto: emulated receivers of which the scenario tells no bias need no states for it, half of the bytes, and biases
+    that are told need no weighing. unfit: the filter is of another sort than biases are estimated beside.
+    """
+    chosen = scenario.filter
+    if not abilities_of(chosen.kind).biases:
+        return "none"
+    if chosen.bias != "auto":
+        return chosen.bias
+    if unfit or not may_be_biased(scenario):
+        return "none"
+    return "estimate" if tells_biases(scenario) else "auto"
+
+
+def own_bias_std(scenario: Scenario, range_std: float) -> float:
+    """Prior standard deviation of the agents' own biases, m: as told, or a share of the noise."""
+    given, least = scenario.filter.bias_own_std, 0.15 * range_std
+    if given is not None:
+        return given
+    return max(least, scenario.sensor.bias_std) if tells_biases(scenario) else least
+
+
 def saturation_power(scenario: Scenario, *, biased: bool, fixed: bool) -> int:
     """The power of the saturation: 1 bounds the pull of an outlier, 2 lets it fall (redescending).
 

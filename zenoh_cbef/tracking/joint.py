@@ -11,7 +11,7 @@ from zenoh_cbef.arrays import Floats
 from zenoh_cbef.tracking.central_models import CentralModels
 from zenoh_cbef.tracking.filters import FilterSettings, make_filter, sharing_of
 from zenoh_cbef.tracking.filters.around.auto_bias import mixed
-from zenoh_cbef.tracking.filters.around.biased_information import FORGETTING
+from zenoh_cbef.tracking.filters.around.biased_information import forgetting
 from zenoh_cbef.tracking.filters.around.evidence import BEGIN, MEMORY, Evidence
 from zenoh_cbef.tracking.filters.around.learned_noise import learned
 from zenoh_cbef.tracking.filters.around.tried_guess import first_fix
@@ -54,7 +54,7 @@ def joint_beliefs(
             belief = Belief(fix.state[::agents], fix.known_covariance[::agents])
             if fix.parts:
                 fixing = False
-                filter_.begin(belief)
+                filter_.begin(belief, fix.parts[0].tied)
         else:
             belief = filter_.step(step)
         state, covariance = space.embed_state(belief.state), space.embed_covariance(belief.known_covariance)
@@ -99,15 +99,23 @@ class _Joint:
         """Standard deviations of the ranges, (r, n), m."""
         return np.asarray(self.settings.range_std * np.exp(self._scale))
 
-    def begin(self, initial: Belief) -> None:
-        """Start from a belief about (p, v)."""
+    def begin(self, initial: Belief, tied: tuple[Floats, Floats, Floats] | None = None) -> None:
+        """Start from a belief about (p, v). tied: what agents (r n) know of their biases given that, see `Belief`."""
         size, prior = self.settings.motion.size, np.zeros(1 + self.agents)
         prior[0], prior[1:] = self.settings.common_bias_std**2, self.settings.own_bias_std**2
         covariance = np.zeros((len(initial.state), size + len(prior), size + len(prior)))
         covariance[:, :size, :size] = initial.known_covariance
         covariance[:, size:, size:] = np.diag(prior)
-        self._biased = Belief(np.pad(initial.state, ((0, 0), (0, len(prior)))), covariance)
-        self._plain = initial
+        state = np.pad(initial.state, ((0, 0), (0, len(prior))))
+        if tied is not None:
+            offset, slope, given = (each.reshape(-1, self.agents, *each.shape[1:]) for each in tied)
+            cross = slope @ initial.known_covariance
+            state[:, size + 1 :] = offset + matvec(slope, initial.state)
+            covariance[:, size + 1 :, :size], covariance[:, :size, size + 1 :] = cross, cross.swapaxes(1, 2)
+            covariance[:, size + 1 :, size + 1 :] = cross @ slope.swapaxes(1, 2) + given[:, :, None] * np.eye(
+                self.agents
+            )
+        self._biased, self._plain = Belief(state, covariance), initial
 
     def learn(self, innovation: Floats, nis: Floats) -> None:
         """Learn the noise from innovations (r, n) and their NIS."""
@@ -179,6 +187,7 @@ class _Joint:
         covariance[:, :size, :size] += linear(motion).process_noise
         own = np.arange(size + 1, len(transition))
         variance = covariance[:, own, own]
-        widened = np.minimum((1.0 + FORGETTING) * variance, np.maximum(variance, self.settings.own_bias_std**2))
+        widened = (1.0 + forgetting(self.settings)) * variance
+        widened = np.minimum(widened, np.maximum(variance, self.settings.own_bias_std**2))
         covariance[:, own, own] = np.where(np.isfinite(step.range), widened, variance)
         return matvec(transition, belief.state), covariance

@@ -31,7 +31,8 @@ class Belief:
     bias: of the agent's ranges, None for a filter that does not estimate it. memory: arrays (n, ...), and parts:
     beliefs, that a filter carries to the next step beyond its state; a belief without them is an initial one. status:
     None where agents do not say what their estimate is. chance: (n, M), where the parts are of M motions, how likely
-    each is.
+    each is. tied: of a first fix, what the agent's own ranges say of its bias d given the state x: a (n,), b (n, s)
+    and s (n,), with d ~ N(a + b^T x, s).
     """
 
     state: Floats
@@ -41,6 +42,7 @@ class Belief:
     parts: tuple[Belief, ...] = ()
     status: Status | None = None
     chance: Floats | None = None
+    tied: tuple[Floats, Floats, Floats] | None = None
 
     @property
     def known_covariance(self) -> Floats:

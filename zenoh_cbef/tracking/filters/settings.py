@@ -28,7 +28,9 @@ class FilterSettings:
     fix takes, 0 for none; spreading: in how many steps all agents know a decision; anywhere: where that fix looks
     for the target, like search. supposes: whether all tell each other what they measured where ranges of one
     do not fit. bias: none, estimate or auto; likelihoods: whether auto weighs it by these, or by
-    the NIS; common_bias_std, own_bias_std: its prior, m. first_fix: over how many steps the initial estimate, a
+    the NIS; common_bias_std, own_bias_std: its prior, m.
+    told_biases: whether they are constant, and as large as told: a
+    first fix says what it knows of them, and none is forgotten. first_fix: over how many steps the initial estimate, a
     guess, is improved by least squares on the first ranges; 0: it is none. squared_fix: how many of these steps are
     on squared ranges. tries_guess: whether the guess is tried before the network searches. search: where squared
     ranges look for the target, state (1, s) and covariance (1, s, s); None: around the guess. models: the motions
@@ -63,6 +65,7 @@ class FilterSettings:
     likelihoods: bool = True
     common_bias_std: float = 0.0
     own_bias_std: float = 0.0
+    told_biases: bool = False
     learns_noise: bool = False
     lasting: bool = False
     doubts_noise: bool = False

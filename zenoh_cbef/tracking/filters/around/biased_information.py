@@ -29,6 +29,12 @@ from zenoh_cbef.tracking.ranging import Measurement, Space, own_range
 FORGETTING = 0.004
 """By how much, relatively, one more range widens the variance of an own bias: it follows the last few hundred."""
 
+
+def forgetting(settings: FilterSettings) -> float:
+    """The same by these settings: nothing where the scenario tells that biases are constant, and how large."""
+    return 0.0 if settings.told_biases else FORGETTING
+
+
 _LEAST = 1e-9
 """Least variance of a bias given the state, over the range noise's."""
 
@@ -53,7 +59,7 @@ class BiasedInformation:
     d_i is widened a little with every range, up to the prior's.
 
     saturation level in standard deviations. power: 1 bounds the pull of an outlier, 2 lets it fall (redescending).
-    widens: see `saturated_precision`.
+    widens: see `saturated_precision`. forgetting: see FORGETTING.
     saturation level in standard deviations. power: 1 bounds the pull of an outlier, 2 lets it fall (redescending).
     """
 
@@ -66,6 +72,7 @@ class BiasedInformation:
     xi: float = np.inf
     power: int = 1
     widens: bool = False
+    forgetting: float = FORGETTING
 
     @classmethod
     def sharing(cls, settings: FilterSettings) -> Sharing:
@@ -85,6 +92,7 @@ class BiasedInformation:
             xi=xi,
             power=settings.power,
             widens=settings.widens,
+            forgetting=forgetting(settings),
         )
 
     @cached_property
@@ -103,7 +111,7 @@ class BiasedInformation:
         state, covariance, own, own_variance, cross = self._predicted(belief)
         measured = np.isfinite(measurement.range)
         variance = variance_of(measurement, self.range_std)
-        widened = np.minimum((1.0 + FORGETTING) * own_variance, np.maximum(own_variance, self.own_std**2))
+        widened = np.minimum((1.0 + self.forgetting) * own_variance, np.maximum(own_variance, self.own_std**2))
         own_variance = np.where(measured, widened, own_variance)
         information = inverse(covariance)
         slope = matvec(information, cross)
@@ -167,10 +175,10 @@ class BiasedInformation:
         covariance = np.zeros((count, size + 1, size + 1))
         covariance[:, :size, :size] = belief.known_covariance
         covariance[:, size, size] = self.common_std**2
-        return (
-            np.pad(belief.state, ((0, 0), (0, 1))),
-            covariance,
-            np.zeros(count),
-            np.full(count, self.own_std**2),
-            np.zeros((count, size + 1)),
-        )
+        state, none = np.pad(belief.state, ((0, 0), (0, 1))), np.zeros((count, size + 1))
+        if belief.tied is None:
+            return state, covariance, np.zeros(count), np.full(count, self.own_std**2), none
+        offset, slope, given = belief.tied
+        cross = matvec(belief.known_covariance, slope)
+        own = offset + np.sum(slope * belief.state, axis=1)
+        return state, covariance, own, given + np.sum(slope * cross, axis=1), np.pad(cross, ((0, 0), (0, 1)))

@@ -8,8 +8,7 @@ from typing import ClassVar, Self
 import numpy as np
 
 from zenoh_cbef.arrays import Floats
-from zenoh_cbef.tracking.diagnostics import Diagnostics
-from zenoh_cbef.tracking.filters.around.remembered_ranges import Remembered, Wandering
+from zenoh_cbef.tracking.filters.around.remembered_ranges import Remembered, Rows, Wandering, contamination
 from zenoh_cbef.tracking.filters.around.squared_ranges import Frame, Seen, SquaredRanges
 from zenoh_cbef.tracking.filters.around.wrapping import Wrapping
 from zenoh_cbef.tracking.filters.base import Belief, Filter, Update
@@ -55,7 +54,9 @@ class FirstFix(Wrapping):
     None: around the initial estimate, which has to be the same for all of them then. guesses: how many of position and
     of velocity are independent; None: one, and by rules before the fourth, which knew nothing of outliers, took the
     motion for noise of every range by itself, (q t^2/2)^2, left velocities alone in squared steps, and |q|^2 an unknown
-    of its own. outliers: what share of the ranges are too long, and by how much on average, m (_contamination).
+    of its own. outliers: what share of the ranges are too long, and by how much on average, m (contamination).
+    own_bias_std: of the agents' own biases, m, where beta^2 is counted as an error that all m ranges share, and not as
+    m beta^2 in each, and the filter begins with what the fix says of these biases; 0: neither.
     """
 
     power: ClassVar[int] = 1
@@ -74,6 +75,7 @@ class FirstFix(Wrapping):
     search: tuple[Floats, Floats] | None = None
     guesses: tuple[int, int] | None = (1, 1)
     outliers: tuple[float, float] | None = None
+    own_bias_std: float = 0.0
 
     @classmethod
     def of(cls, settings: FilterSettings, then: Filter, xi: float, payload_size: int) -> Self:
@@ -94,6 +96,7 @@ class FirstFix(Wrapping):
             squared=settings.squared_fix,
             search=settings.search,
             guesses=settings.guesses,
+            own_bias_std=settings.own_bias_std if settings.told_biases else 0.0,
         )
 
     @property
@@ -131,8 +134,20 @@ class FirstFix(Wrapping):
         else:
             fix = self._fix_moving(payload, update.payload)
         if steps >= self.steps:
-            return Belief(fix.state, fix.covariance, parts=(fix,))
+            return Belief(fix.state, fix.covariance, parts=(self._tied(fix, Seen(*history[2:])),))
         return replace(fix, memory=(*history, fix.state - predicted))
+
+    def _tied(self, fix: Belief, seen: Seen) -> Belief:
+        """The fix, with what the agent's own ranges say of its bias given the state."""
+        if not self.own_bias_std:
+            return fix
+        ranges = Remembered.at(self.space, fix.state, seen)
+        variance = np.full_like(ranges.ages, self.range_std**2)
+        drift = self._wandering.covariance(ranges.ages, ranges.ages)
+        spread = np.sqrt(ranges.expected(fix.known_covariance) + variance + drift + self.bias_std**2)
+        weight = saturation(ranges.innovation, self.xi * spread, max(self.power, self.ending))
+        tied = ranges.constant_given(weight, variance, self._wandering, self.space.axes, self.own_bias_std**2)
+        return replace(fix, tied=tied)
 
     def _at_rest(self, prior: Belief, latest: Belief, seen: Seen, variance: Floats) -> Floats:
         """The payload of squared ranges. latest: where their residuals are weighed; variance: of ranges, (n, k)."""
@@ -233,11 +248,16 @@ class FirstFix(Wrapping):
             expected = ranges.expected(latest.known_covariance) + variance
             # In the first step squared ranges are not weighed yet.
             level = self.xi * np.sqrt(expected) if seen.steps > 1 else np.full_like(expected, np.inf)
-            variance = variance + _contamination(*self.outliers, level)
-        return variance, self._rows(ranges, latest, correction, variance)
+            variance = variance + contamination(*self.outliers, level)
+        if not self.own_bias_std:
+            return variance, self._rows(ranges, latest, correction, variance)
+        return variance, self._rows(ranges, latest, correction, variance - alike[:, None], self.bias_std**2)
 
-    def _rows(self, ranges: Remembered, latest: Belief, correction: Floats, variance: Floats) -> Rows:
-        """All ranges, weighed."""
+    def _rows(
+        self, ranges: Remembered, latest: Belief, correction: Floats, noise: Floats, constant: float = 0.0
+    ) -> Rows:
+        """All ranges, weighed. constant: variance of an error that all ranges of an agent share, m^2."""
+        variance = noise + constant
         steps = ranges.ages.shape[1]
         drift = self._wandering.covariance(ranges.ages, ranges.ages)
         if not self.careful:
@@ -248,7 +268,7 @@ class FirstFix(Wrapping):
         power = self.power if 2 * steps <= self.steps else max(self.power, self.ending)
         weight = saturation(ranges.innovation, self.xi * spread, power)
         if self.careful:
-            vector, matrix = ranges.joint_information(weight, variance, self._wandering, self.space.axes)
+            vector, matrix = ranges.joint_information(weight, noise, self._wandering, self.space.axes, constant)
         else:
             vector, matrix = ranges.information(weight, variance + drift)
         newest = ranges.newest(weight, variance, self.space.axes)
@@ -264,27 +284,3 @@ class FirstFix(Wrapping):
         """By how much a correction widens what ranges (n, k) may be off, m^2; moved: by how much it moved them."""
         del expected
         return moved
-
-
-def _contamination(share: float, mean: float, level: Floats) -> Floats:
-    """What outliers that are not told from ranges add to a range's variance, m^2.
-
-    Those below the level, m, at which ranges saturate pass for ranges. Of exponential errors of this mean (m), for
-    short levels, share/(1 - share) * integral of z^2/mean up to the level; for long ones all of them, of variance
-    2 mean^2.
-    """
-    return np.asarray(share / (1.0 - share) * np.minimum(level**3 / (3.0 * mean), 2.0 * mean**2))
-
-
-@dataclass(frozen=True)
-class Rows:
-    """Information of ranges, (n, s) and (n, s, s), their weights (n, k), and what is said of the latest, (n,).
-
-    newest: what the latest alone tells of the position, packed.
-    """
-
-    vector: Floats
-    matrix: Floats
-    newest: Floats
-    weight: Floats
-    latest: Diagnostics

@@ -8,6 +8,7 @@ from typing import Self
 import numpy as np
 
 from zenoh_cbef.arrays import Bools, Floats
+from zenoh_cbef.tracking.diagnostics import Diagnostics
 from zenoh_cbef.tracking.filters.around.squared_ranges import Seen
 from zenoh_cbef.tracking.filters.information_form import pack
 from zenoh_cbef.tracking.linalg import inverse, matvec, neighbour_sum, outer
@@ -84,13 +85,58 @@ class Remembered:
         return pack(vector, precision[:, None, None] * outer(row, row))
 
     def joint_information(
-        self, weight: Floats, variance: Floats, wandering: Wandering, axes: int
+        self, weight: Floats, variance: Floats, wandering: Wandering, axes: int, constant: float = 0.0
     ) -> tuple[Floats, Floats]:
-        """The same of ranges that the target's way, besides, makes wrong together."""
+        """The same of ranges that the target's way, besides, makes wrong together.
+
+        constant: variance of an error that all ranges of an agent share, m^2.
+        """
+        noise = self._noise(weight, variance, wandering, axes)
+        if constant:
+            noise += constant * (self.measured[:, :, None] & self.measured[:, None])
+        rows = np.where(self.measured[:, :, None], self.rows, 0.0)
+        gain = rows.swapaxes(1, 2) @ inverse(noise)
+        return matvec(gain, self._equivalent), gain @ rows
+
+    def constant_given(
+        self, weight: Floats, variance: Floats, wandering: Wandering, axes: int, constant: float
+    ) -> tuple[Floats, Floats, Floats]:
+        """What the ranges say of such an error given the state x: N(a + b^T x, s); a (n,), b (n, s), s (n,)."""
+        noise = inverse(self._noise(weight, variance, wandering, axes))
+        share = np.add.reduce(np.where(self.measured[:, :, None], noise, 0.0), axis=1) * self.measured
+        left = 1.0 / (1.0 / constant + np.add.reduce(share, axis=1))
+        gain = left[:, None] * share
+        return np.add.reduce(gain * self._equivalent, axis=1), -matvec(self.rows.swapaxes(1, 2), gain), left
+
+    def _noise(self, weight: Floats, variance: Floats, wandering: Wandering, axes: int) -> Floats:
+        """Covariance (n, k, k) of the errors of ranges, m^2."""
         rows = np.where(self.measured[:, :, None], self.rows, 0.0)
         alike = rows[:, :, :axes] @ rows[:, :, :axes].swapaxes(1, 2)
         noise = wandering.share * alike * wandering.covariance(self.ages[:, :, None], self.ages[:, None])
         steps = range(self.ages.shape[1])
         noise[:, steps, steps] += np.where(self.measured, variance / weight, 1.0)
-        gain = rows.swapaxes(1, 2) @ inverse(noise)
-        return matvec(gain, self._equivalent), gain @ rows
+        return noise
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Information of ranges, (n, s) and (n, s, s), their weights (n, k), and what is said of the latest, (n,).
+
+    newest: what the latest alone tells of the position, packed.
+    """
+
+    vector: Floats
+    matrix: Floats
+    newest: Floats
+    weight: Floats
+    latest: Diagnostics
+
+
+def contamination(share: float, mean: float, level: Floats) -> Floats:
+    """What outliers that are not told from ranges add to a range's variance, m^2.
+
+    Those below the level, m, at which ranges saturate pass for ranges. Of exponential errors of this mean (m), for
+    short levels, share/(1 - share) * integral of z^2/mean up to the level; for long ones all of them, of variance
+    2 mean^2.
+    """
+    return np.asarray(share / (1.0 - share) * np.minimum(level**3 / (3.0 * mean), 2.0 * mean**2))

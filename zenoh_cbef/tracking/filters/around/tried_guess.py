@@ -8,7 +8,8 @@ from typing import ClassVar
 import numpy as np
 
 from zenoh_cbef.arrays import Bools, Floats
-from zenoh_cbef.tracking.filters.around.first_fix import FirstFix, Rows
+from zenoh_cbef.tracking.filters.around.first_fix import FirstFix
+from zenoh_cbef.tracking.filters.around.remembered_ranges import Rows
 from zenoh_cbef.tracking.filters.around.squared_ranges import Seen
 from zenoh_cbef.tracking.filters.base import Belief, Filter, Update
 from zenoh_cbef.tracking.filters.information_form import belief_of, pack, packed_size
@@ -97,7 +98,7 @@ class TriedGuess(FirstFix):
         mixed, own = (_sound(part, ~squares, self.motion.size) for part in (payload, update.payload))
         fix = _either(squares, resting, self._fix_moving(mixed, own))
         if step >= self.steps:
-            return Belief(fix.state, fix.covariance, parts=(fix,))
+            return Belief(fix.state, fix.covariance, parts=(self._tied(fix, Seen(*history[2:5])),))
         # A guess is tried once: below zero there is nothing left to be tried.
         left = np.where(squares, left - 1.0, left)
         left = np.where(squares & (left == 0.0) & (step > 1), -1.0, left)
