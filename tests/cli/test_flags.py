@@ -90,7 +90,7 @@ def test_warnings_reach_the_user_as_a_sentence(monkeypatch, capsys):
             warnings.warn("something\n else", UserWarning, stacklevel=1)
 
     monkeypatch.setattr(sys, "argv", ["zenoh-cbef", "sim"])
-    monkeypatch.setattr(verbs, "build", lambda: warn)
+    monkeypatch.setattr(verbs, "built", lambda: warn)
     warnings.simplefilter("always")
     with pytest.raises(SystemExit):
         command_line.main()

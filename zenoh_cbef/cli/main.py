@@ -62,7 +62,7 @@ def _run() -> int:
                 import_module("zenoh_cbef.cli.completing").mend_words()
             verbs = import_module("zenoh_cbef.cli.verbs")
             with import_module("zenoh_cbef.cli.warned").plain_warnings():
-                verbs.call(verbs.build())
+                verbs.call()
         finally:
             leave_at_once()  # an exception among the words about another one would be a traceback
     except SystemExit as ended:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import re
 import sys
+from functools import cache
 from importlib import import_module
 from typing import Annotated, Any, NoReturn
 
 import typer
-from typer.core import TyperGroup
+from typer.core import TyperArgument, TyperGroup, TyperOption
 from typer.exceptions import Abort, TyperException
 
 from zenoh_cbef import __version__
@@ -73,9 +74,19 @@ FILES = {"import": "importing"}
 """The file of a verb whose name is a word of Python."""
 
 
+@cache
 def load(verb: str) -> TyperGroup:
     """Import a verb: the group that it is, or one that has it alone."""
     return typer.main.get_group(import_module(f"zenoh_cbef.cli.{FILES.get(verb, verb)}").VERB)
+
+
+def rehearse(verb: str) -> None:
+    """Make what a call of a verb makes of its options, which processes that are forked later then have."""
+    built()
+    for command in load(verb).commands.values():
+        for one in command.params:
+            if isinstance(one, TyperOption | TyperArgument):
+                one.get_runtime_param()
 
 
 class _Verbs(TyperGroup):
@@ -133,6 +144,12 @@ def build() -> typer.Typer:
     return app
 
 
+@cache
+def built() -> Any:
+    """The application as a command."""
+    return typer.main.get_command(build())
+
+
 _PLAIN = {
     r"^Invalid value for '([^']*)': (?:Value error, |Input )": r"\1 ",
     r"should be a valid integer, unable to.*": "must be a whole number",
@@ -155,13 +172,13 @@ def _plain(said: str) -> str:
     return said
 
 
-def call(application: typer.Typer) -> NoReturn:
+def call() -> NoReturn:
     """Call the verb of the command line, and exit with its status.
 
     Raises UserError where the command line is not one of the verb's: with where its help is.
     """
     try:
-        status = application(prog_name="zenoh-cbef", standalone_mode=False)
+        status = built()(prog_name="zenoh-cbef", standalone_mode=False)
     except Abort:
         sys.exit(1)
     except TyperException as error:

@@ -7,6 +7,7 @@ import time
 
 import zenoh
 
+from zenoh_cbef.protocol.answering import Answering
 from zenoh_cbef.protocol.keys import can_be_claimed
 from zenoh_cbef.protocol.presence import Presence
 
@@ -52,15 +53,14 @@ class Claims:
             return held
 
 
-def serve_claims(session: zenoh.Session, key: str, claims: Claims) -> zenoh.Queryable[None]:
-    """Answer which process has a name, until the returned queryable is dropped."""
+def serve_claims(session: zenoh.Session, key: str, claims: Claims) -> Answering:
+    """Answer which process has a name, until the returned one is undeclared."""
 
     def reply(query: zenoh.Query) -> None:
-        with query:
-            asked = query.parameters
-            query.reply(key, claims.holder(asked.get("name") or "", asked.get("life") or ""))
+        asked = query.parameters
+        query.reply(key, claims.holder(asked.get("name") or "", asked.get("life") or ""))
 
-    return session.declare_queryable(key, reply)
+    return Answering(session, key, reply)
 
 
 def claim(session: zenoh.Session, key: str, presence: Presence, name: str, patience: float) -> bool | None:

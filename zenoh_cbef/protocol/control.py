@@ -9,6 +9,7 @@ import zenoh
 
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.plain import flaw
+from zenoh_cbef.protocol.answering import Answering
 from zenoh_cbef.protocol.messages import VERSION, BadMessage, unpack
 from zenoh_cbef.protocol.questions import Answer, Question
 
@@ -16,22 +17,18 @@ Request = dict[str, object]
 """What a process asks for: `ask`, a text, and what belongs to that question."""
 
 
-def serve_control(
-    session: zenoh.Session, key: str, answer: Callable[[Request], Mapping[str, object]]
-) -> zenoh.Queryable[None]:
-    """Answer requests until the returned queryable is dropped; the asking process gets the sentence of a UserError."""
+def serve_control(session: zenoh.Session, key: str, answer: Callable[[Request], Mapping[str, object]]) -> Answering:
+    """Answer requests until the returned one is undeclared; the asking process gets the sentence of a UserError."""
 
     def reply(query: zenoh.Query) -> None:
-        with query:
-            try:
-                said: Mapping[str, object] = answer(
-                    read_request(b"" if query.payload is None else query.payload.to_bytes())
-                )
-            except (UserError, BadMessage) as error:
-                said = {"error": str(error)}
-            query.reply(key, msgpack.packb(said))
+        data = b"" if query.payload is None else query.payload.to_bytes()
+        try:
+            said: Mapping[str, object] = answer(read_request(data))
+        except (UserError, BadMessage) as error:
+            said = {"error": str(error)}
+        query.reply(key, msgpack.packb(said))
 
-    return session.declare_queryable(key, reply)
+    return Answering(session, key, reply)
 
 
 def read_request(data: bytes) -> Request:

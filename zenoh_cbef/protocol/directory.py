@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import msgpack
 import zenoh
 
+from zenoh_cbef.protocol.answering import Answering
 from zenoh_cbef.protocol.claims import Claims
 from zenoh_cbef.protocol.keys import Keys
 from zenoh_cbef.protocol.messages import VERSION, BadMessage, unpack
@@ -110,22 +111,21 @@ class Directory:
             return [Apart(one, two, two in heard[one] and one in heard[two]) for one, two in sorted(pairs)]
 
 
-def serve_directory(session: zenoh.Session, keys: Keys, directory: Directory) -> zenoh.Queryable[None]:
-    """Answer what processes ask of their links, until the returned queryable is dropped."""
+def serve_directory(session: zenoh.Session, keys: Keys, directory: Directory) -> Answering:
+    """Answer what processes ask of their links, until the returned one is undeclared."""
 
     def reply(query: zenoh.Query) -> None:
-        with query:
-            key = str(query.key_expr)
-            name = key.removeprefix(keys.links(""))
-            try:
-                asked = _read_question(name, b"" if query.payload is None else query.payload.to_bytes())
-            except BadMessage:
-                return
-            if (told := directory.tell(*asked)) is not None:
-                places = [_packed(one) for one in told.places]
-                query.reply(key, msgpack.packb({"v": VERSION, "places": places, "detours": told.detours}))
+        key = str(query.key_expr)
+        name = key.removeprefix(keys.links(""))
+        try:
+            asked = _read_question(name, b"" if query.payload is None else query.payload.to_bytes())
+        except BadMessage:
+            return
+        if (told := directory.tell(*asked)) is not None:
+            places = [_packed(one) for one in told.places]
+            query.reply(key, msgpack.packb({"v": VERSION, "places": places, "detours": told.detours}))
 
-    return session.declare_queryable(keys.all_links, reply)
+    return Answering(session, keys.all_links, reply)
 
 
 def ask_directory(

@@ -11,6 +11,7 @@ import zenoh
 
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.plain import count_in
+from zenoh_cbef.protocol.answering import Answering
 from zenoh_cbef.protocol.asking import ask_all
 from zenoh_cbef.protocol.fields import Counts, field_of
 from zenoh_cbef.protocol.keys import Keys
@@ -59,18 +60,17 @@ class Clock:
         return theirs + self.ahead if abs(self.ahead) > _APART_SECONDS + self.round_trip else theirs
 
 
-def serve_scenario(session: zenoh.Session, run: str, text: Callable[[], ScenarioText]) -> zenoh.Queryable[None]:
-    """Answer queries for the scenario, as it is then, until the returned queryable is dropped."""
+def serve_scenario(session: zenoh.Session, run: str, text: Callable[[], ScenarioText]) -> Answering:
+    """Answer queries for the scenario, as it is then, until the returned one is undeclared."""
     key = Keys(run).scenario
 
     def reply(query: zenoh.Query) -> None:
-        with query:
-            answer = {"v": VERSION, "run": run, "time": time.time_ns()}
-            if str(query.parameters) != _TIME_ONLY:
-                answer |= asdict(text())
-            query.reply(key, msgpack.packb(answer))
+        answer = {"v": VERSION, "run": run, "time": time.time_ns()}
+        if str(query.parameters) != _TIME_ONLY:
+            answer |= asdict(text())
+        query.reply(key, msgpack.packb(answer))
 
-    return session.declare_queryable(key, reply)
+    return Answering(session, key, reply)
 
 
 def fetch_scenario(

@@ -10,6 +10,7 @@ from tests.processes.conftest import World, processes_of, settings
 from zenoh_cbef.cli.ids import ids_of, shortened
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.nodes.launch.children import Nursery
+from zenoh_cbef.nodes.launch.fleet import SLOW_SECONDS, Fleet
 from zenoh_cbef.nodes.launch.ports import free_ports
 
 
@@ -41,6 +42,21 @@ def test_a_forked_process_is_one_of_its_own(tmp_path, monkeypatch):
         os.kill(nursery.pid, signal.SIGKILL)
         with pytest.raises(UserError, match="has ended; start the run again"):
             nursery.start(["--version"], {}, words)
+
+
+def test_few_agents_of_a_fleet_start_at_once_and_all_in_the_end():
+    join = ["--run", "none", "--connect", f"tcp/127.0.0.1:{free_ports(1)[0]}", "--patience", "0.2"]
+    counts = []
+    with Fleet({one: ["agent", str(one), *join] for one in range(5)}, at_once=2) as fleet:
+
+        def count() -> None:
+            now = time.monotonic()
+            young = [one for one in fleet.members if one.child is not None and now - one.began < SLOW_SECONDS]
+            counts.append(len(young))
+
+        fleet.watch(count, lambda: 0)
+    assert 1 <= max(counts) <= 2
+    assert all(member.starts == 1 and member.refused for member in fleet.members)
 
 
 def test_a_fleet_starts_again_what_dies_and_not_what_is_refused(world: World):

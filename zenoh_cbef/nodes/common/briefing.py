@@ -6,6 +6,7 @@ import os
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from importlib.metadata import version
 from platform import node as host_name
 
@@ -70,4 +71,10 @@ def introduce(identity: Identity, clock: Clock | None, say: Callable[..., None])
 
 def card() -> dict[str, object]:
     """Where this process is, and what it is made of."""
-    return {"host": host_name(), "pid": os.getpid(), "version": __version__, "zenoh": version("eclipse-zenoh")}
+    return {"host": host_name(), "pid": os.getpid(), "version": __version__, "zenoh": _zenoh_version()}
+
+
+@cache
+def _zenoh_version() -> str:
+    # Looked up in files.
+    return version("eclipse-zenoh")

@@ -27,6 +27,9 @@ _POLITE_SECONDS = 8.0
 _AGAIN_SECONDS, _MOST_SECONDS = 0.5, 30.0
 """After how long a process that died is started again: at first, and at most."""
 _MOST_IN_A_ROW = 5
+_AT_ONCE = 4
+SLOW_SECONDS = 10.0
+"""An agent that takes longer to get into its run waits for others, and holds up no further starts."""
 _LONG_SECONDS = 60.0
 """A process that lived for so long did not die of its start."""
 _TAIL = 4000
@@ -60,14 +63,18 @@ class Fleet:
 
     commands: the agents' command lines by their ids; they say how far they are with --status-json.
     restart: whether a process that dies is started again. One that is refused is not: it would be again.
+    at_once: how many may be on their way into the run at the same time, None: four for each core.
     """
 
-    def __init__(self, commands: Mapping[int, Sequence[str]], *, restart: bool = True) -> None:
+    def __init__(
+        self, commands: Mapping[int, Sequence[str]], *, restart: bool = True, at_once: int | None = None
+    ) -> None:
         self.members = [Member(agent, command) for agent, command in commands.items()]
         self._by_id = {member.agent: member for member in self.members}
         self.news: list[str] = []
         """What happened lately, in sentences; the reader takes them out."""
         self._restart, self._asked = restart, 0
+        self._at_once = at_once or _AT_ONCE * (os.cpu_count() or 1)
         self._killed_at = 0.0
 
     def __enter__(self) -> Self:
@@ -75,7 +82,7 @@ class Fleet:
         self._told, self._tell = os.pipe()
         os.set_blocking(self._told, False)
         self._rest = b""
-        self._nursery = Nursery().__enter__()
+        self._nursery = Nursery(("agent",)).__enter__()
         return self
 
     def __exit__(
@@ -98,10 +105,7 @@ class Fleet:
         end, twice ends them at once.
         """
         while any(not member.over for member in self.members):
-            for member in self.members:
-                if not member.over and member.child is None and time.monotonic() >= member.due:
-                    self._start(member)
-                    self._listen(0.0)
+            self._start_due()
             self._listen(_LOOK_SECONDS)
             for member in self._running():
                 self._note_end(member)
@@ -110,6 +114,14 @@ class Fleet:
 
     def _running(self) -> list[Member]:
         return [member for member in self.members if member.child is not None]
+
+    def _start_due(self) -> None:
+        """Start those that are due, no more at once than get into the run in time: a start takes much of a core."""
+        now = time.monotonic()
+        getting_in = sum(one.stage == "starting" and now - one.began < SLOW_SECONDS for one in self._running())
+        waiting = [one for one in self.members if not one.over and one.child is None and now >= one.due]
+        for member in waiting[: max(0, self._at_once - getting_in)]:
+            self._start(member)
 
     def _start(self, member: Member) -> None:
         place = self._place(member)

@@ -174,14 +174,15 @@ def _show(words: list[str]) -> None:
 
 
 def main(verbs: Sequence[str]) -> None:
-    """Import what these verbs need first, so that no process has to."""
+    """Import and make what these verbs need first, so that no process has to."""
     orders = socket.socket(fileno=os.dup(0))
     os.environ["TERM"] = "dumb"  # what its processes print goes to files
     if _forks():
-        for verb in verbs:
-            import_module(f"zenoh_cbef.cli.{verb}")
-        for name in ("zenoh_cbef.cli.main", "zenoh_cbef.cli.verbs", "zenoh_cbef.cli.warned"):
+        for name in ("zenoh_cbef.cli.main", "zenoh_cbef.cli.warned"):
             import_module(name)
+        for verb in verbs:
+            import_module("zenoh_cbef.cli.verbs").rehearse(verb)
+        import_module("zenoh_cbef.nodes.launch.rehearsal").rehearse()
     gc.collect()
     gc.freeze()  # a collection in a forked process leaves these pages alone
     serve(orders)

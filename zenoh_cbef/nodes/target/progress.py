@@ -82,6 +82,15 @@ class Progress:
         lives = self._node.presence.lives(live)
         return {one for one in ready if lives[f"agent/{one}"] == self._claims.given(f"agent/{one}")}
 
+    def lacking(self, live: set[str], enough: int | None) -> list[str]:
+        """What the run lacks to start, of agents, in words. enough: how many have to be ready, None for all."""
+        ready = self.ready(live)
+        if enough is not None and len(ready) >= enough:
+            return []
+        unready = [agent for agent in range(len(self._reached)) if agent not in ready]
+        absent = [f"agent {one}" for one in unready if f"agent/{one}" not in live]
+        return absent or [f"agent {one} (here, but not linked to all it needs)" for one in unready]
+
     def begin(self, ready: set[int]) -> None:
         """Start the run with the agents that are ready."""
         self._members = set(ready)

@@ -36,6 +36,7 @@ from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.scenario.world import World, make_world
 
 _LAST_WORD_SECONDS, _ALONE_SECONDS = 5.0, 30.0
+_LOOK_SECONDS = 0.02
 _LONGER = 4.0
 """The target's patience as a multiple of the agents' own, whose waits may follow one after the other."""
 
@@ -103,25 +104,22 @@ class Target:
     def wait_for_agents(self, patience: float) -> None:
         """Wait until every agent is ready, and a recorder where one is required. Raises UserError otherwise."""
 
-        def missing(live: set[str]) -> list[str]:
+        def lacking() -> list[str]:
+            live = self.node.presence.names()
             recorded = sum(name.startswith("record/") for name in live) >= self.scenario.record.awaited
-            ready = self.progress.ready(live)
-            enough = self.wait_for is not None and len(ready) >= self.wait_for
-            unready = [] if enough else [agent for agent in range(self.scenario.count) if agent not in ready]
-            absent = [f"agent {one}" for one in unready if f"agent/{one}" not in live]
-            others = absent or [f"agent {one} (here, but not linked to all it needs)" for one in unready]
-            return others + ([] if recorded else ["the recorder"])
+            return self.progress.lacking(live, self.wait_for) + ([] if recorded else ["the recorder"])
 
-        def meanwhile() -> None:
-            self.progress.drain()
-            self._strangers.look()
-
-        complete = self.node.wait_for(lambda live: not missing(live), patience, meanwhile)
-        if not complete and not self.node.stopping:
-            names = ", ".join(missing(self.node.presence.names()))
+        until = time.monotonic() + patience
+        # Not at each change: with hundreds of agents there are thousands, and each look is at all of them.
+        while (names := lacking()) and not self.node.stopping:
+            if time.monotonic() < until:
+                self.progress.drain()
+                self._strangers.look()
+                time.sleep(_LOOK_SECONDS)
+                continue
             raise UserError(
-                f"after {patience:g} s the run still lacks {names}; start what is missing with the same --run, "
-                "check its --connect, or wait longer with --patience"
+                f"after {patience:g} s the run still lacks {', '.join(names)}; start what is missing with the same "
+                "--run, check its --connect, or wait longer with --patience"
             )
 
     def run(self) -> int:

@@ -1,0 +1,41 @@
+"""Many questions to a process that answers slowly: it receives all else meanwhile, and answers the latest."""
+
+from __future__ import annotations
+
+import threading
+import time
+
+import zenoh
+
+from tests.protocol.conftest import Pair
+from zenoh_cbef.protocol.answering import Answering
+from zenoh_cbef.protocol.mailbox import Mailbox
+
+KEY, OTHER, PLACES, QUESTIONS = "cbef/test/slow", "cbef/test/other", 4, 1000
+
+
+def test_more_questions_than_can_wait_hold_nothing_up_and_those_that_are_dropped_end_at_once(pair: Pair) -> None:
+    here, there = pair
+    go_on, mailbox = threading.Event(), Mailbox(here, OTHER)
+
+    def reply(query: zenoh.Query) -> None:
+        go_on.wait(100.0)
+        query.reply(KEY, b"answered")
+
+    answering = Answering(here, KEY, reply, waiting=PLACES)
+    go_on.set()
+    until = time.monotonic() + 60.0
+    while not any(reply.ok for reply in there.get(KEY, timeout=60.0)):
+        assert time.monotonic() < until
+    go_on.clear()
+    asked = [there.get(KEY, timeout=100.0) for _ in range(QUESTIONS)]
+    there.put(OTHER, b"heard", congestion_control=zenoh.CongestionControl.BLOCK)
+    heard, until = None, time.monotonic() + 60.0
+    while heard is None and time.monotonic() < until:
+        heard = mailbox.poll()
+    go_on.set()
+    answers = [[reply.ok for reply in replies if reply.ok is not None] for replies in asked]
+    answering.undeclare()
+    assert heard == b"heard"
+    assert all(answers[-PLACES:])
+    assert 1 <= sum(map(len, answers)) <= PLACES + 2
