@@ -8,7 +8,7 @@ from typing import Any
 from hypothesis import settings
 
 TIMES = int(os.environ.get("EXAMPLES", "1"))
-settings.register_profile("project", max_examples=50 * TIMES, deadline=None)
+settings.register_profile("project", max_examples=30 * TIMES, deadline=None)
 settings.load_profile("project")  # for tests that do not say how many; conftest.py imports this file first
 
 

@@ -110,8 +110,14 @@ def _package(top: str) -> Distribution | None:
     try:
         return distribution(top.replace(".", "-"))
     except PackageNotFoundError:
-        owners = packages_distributions().get(top.partition(".")[0], [])
+        owners = _owners().get(top.partition(".")[0], [])
         return distribution(owners[0]) if owners else None
+
+
+@cache
+def _owners() -> Mapping[str, list[str]]:
+    """The packages of each module that is installed; read once, as all installed packages are searched."""
+    return packages_distributions()
 
 
 def _refuse_strangers(name: str, top: str, package: Distribution | None) -> None:

@@ -247,7 +247,7 @@ def test_fault_periods_are_shaded(tmp_path: Path) -> None:
 def test_a_long_line_is_thinned_and_keeps_its_peak(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     # The strong yardstick of so many steps would take seconds, and is not looked at.
     monkeypatch.setattr("zenoh_cbef.analysis.yardsticks.DOUBT", np.inf)
-    analysis = analyze([trace_of(steps=3000, agents={"count": 2}, filter={"kind": "local"})])[0]
+    analysis = analyze([trace_of(steps=2200, agents={"count": 2}, filter={"kind": "local"})])[0]
     analysis.trace.diagnostics.innovation[1, 1777] = 1e6
 
     shown = numbers(page_of(analysis, tmp_path).plots()["innovation"]["data"][1]["y"])

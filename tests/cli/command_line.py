@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from functools import cache
 from typing import Any
 
 import typer
@@ -22,16 +22,19 @@ def loaded(verb: str) -> TyperCommand | TyperGroup:
     return found
 
 
-def leaves() -> Iterator[tuple[str, TyperCommand]]:
+@cache
+def leaves() -> dict[str, TyperCommand]:
     """Every command that does something, by the words that call it, as in "fault add"."""
+    found: dict[str, TyperCommand] = {}
     for name in names():
         verb = loaded(name)
         if isinstance(verb, TyperGroup):
             for one, command in verb.commands.items():
                 assert isinstance(command, TyperCommand)
-                yield f"{name} {one}", command
+                found[f"{name} {one}"] = command
         else:
-            yield name, verb
+            found[name] = verb
+    return found
 
 
 def parse(words: list[str]) -> None:

@@ -32,7 +32,7 @@ GIVEN = {
 
 def numbers() -> Iterator[tuple[str, Any]]:
     """Verb and option of everything on the command line that takes a number."""
-    for verb, command in leaves():
+    for verb, command in leaves().items():
         yield from ((verb, one) for one in command.params if kind_of(one) in (int, float))
 
 

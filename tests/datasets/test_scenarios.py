@@ -37,7 +37,7 @@ MIRRORED, TWO = {0: 2, 1: 3, 2: 0, 3: 1}, {0: 1, 1: 0, 2: 2, 3: 3}
 def test_ranges_that_do_not_fit_the_positions_are_said_to(tmp_path, how, factor, swapped, said):
     corners = {0: (0.0, 0.0), 1: (20.0, 0.0), 2: (20.0, 15.0), 3: (0.0, 15.0)}
     named = swapped or {each: each for each in corners}
-    times = [0.1 * k for k in range(100)]
+    times = [0.1 * k for k in range(60)]
     path = [(10.0 + 6.0 * math.cos(t / 3.0), 7.0 + 5.0 * math.sin(t / 3.0)) for t in times]
     anchors = "id,x,y,z\n" + "".join(f"{each},{x},{y},1\n" for each, (x, y) in corners.items())
     truth = "t,x,y,z\n" + "".join(f"{t},{x},{y},1\n" for t, (x, y) in zip(times, path, strict=True))
@@ -159,7 +159,7 @@ def test_recorded_sets_use_almost_all_of_their_ranges(name):
     assert world.truth.shape == (scenario.length, 6)
     assert np.isfinite(world.emitted).sum() > 0.99 * count
     assert np.isfinite(world.truth).all()
-    [trace] = simulate([scenario.model_copy(update={"steps": 200})])
+    [trace] = simulate([scenario.model_copy(update={"steps": 80})])
     assert np.isfinite(trace.estimates).all()
     assert (trace.estimates[:, :, 2] == height).all()
 

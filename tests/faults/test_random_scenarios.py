@@ -18,7 +18,7 @@ from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.simulator import simulate
 
 
-@examples(30, suppress_health_check=[HealthCheck.too_slow])
+@examples(15, suppress_health_check=[HealthCheck.too_slow])
 @given(scenarios())
 def test_a_faulty_run_is_finite_and_the_same_alone_and_in_a_batch(given):
     one = parse(given, "test")

@@ -54,7 +54,7 @@ def test_the_reference_has_every_verb_key_and_filter(site):
     verbs, keys, kinds = (
         (site / "reference" / f"{name}.html").read_text(encoding="utf-8") for name in ("verbs", "keys", "kinds")
     )
-    for words, _ in leaves():
+    for words in leaves():
         assert f'id="{words.replace(" ", "-")}"' in verbs, words
     for table, field in Scenario.model_fields.items():
         if table != "fault":
@@ -83,7 +83,7 @@ def test_the_samples_are_shown_under_commands_that_the_program_takes(site):
     """The site's build runs them; here no sample is made."""
     samples = runpy.run_path(str(ROOT / "docs" / "site" / "samples.py"))["SAMPLES"]
     page = (site / "reference" / "samples.html").read_text(encoding="utf-8")
-    calls = dict(leaves())
+    calls = leaves()
     for one in samples:
         assert re.search(rf'<iframe[^>]*src="\.\./samples/{one.name}"', page)
         _, verb, *rest = shlex.split(one.command)

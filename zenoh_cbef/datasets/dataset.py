@@ -96,7 +96,8 @@ class Dataset:
         steps = step_of(times, self.range_time, self._hair)
         for anchor in range(len(self.anchors)):
             mine = (self.range_anchor == anchor) & (steps < len(times))
+            sent, measured = self.range_time[mine], self.ranges[mine]
             for step, chosen in shared_out(steps[mine], len(times)):
-                emitted[anchor, step] = self.range_time[mine][chosen].mean()
-                ranges[anchor, step] = self.ranges[mine][chosen].mean()
+                emitted[anchor, step] = sent[chosen].mean()
+                ranges[anchor, step] = measured[chosen].mean()
         return emitted, ranges

@@ -43,7 +43,9 @@ def read_table(folder: Path, name: str) -> Table:
             raise UserError(
                 f"{path} has {worst:g} in the column {column}, which takes at most {most:g}, in s or m; correct it"
             )
-    return Table([_label(values[naming[0]], path) for values in rows] if naming else [], numbers)
+    written = [values[naming[0]] for values in rows] if naming else []
+    labels = {text: _label(text, path) for text in sorted(set(written))}
+    return Table([labels[text] for text in written], numbers)
 
 
 def _rows(path: Path, header: str) -> list[list[str]]:

@@ -22,12 +22,12 @@ from zenoh_cbef.log.read.tables import Table
 from zenoh_cbef.log.read.trace import read_trace
 from zenoh_cbef.scenario.plan import Plan
 
-STEPS = 40
+STEPS = 20
 
 
 @pytest.fixture(scope="module")
 def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = made_log(tmp_path_factory.mktemp("once") / "run.mcap", f"steps={STEPS}", "record.chunk_bytes=4096")
+    path = made_log(tmp_path_factory.mktemp("once") / "run.mcap", f"steps={STEPS}", "record.chunk_bytes=2048")
     assert open_log(path).summary().chunks > 10
     return path
 
