@@ -205,6 +205,12 @@ class Trace:
         return None if origin is None else origin + self.time
 
     @property
+    def range_time(self) -> Floats:
+        """When each range was measured, (n, K), s, on the same clock; run time for other ranges than recorded ones."""
+        time = self.time if self.source_time is None else self.source_time
+        return np.where(np.isfinite(self.ranges), time - self.age, np.nan)
+
+    @property
     def measured_steps(self) -> int:
         """How many steps there are before the first of which a measurement is unlogged."""
         if self.unlogged is None or not self.unlogged.any():

@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+import numpy as np
+
 from zenoh_cbef.log.prove.reestimate import reestimate
 from zenoh_cbef.log.read.header import Header
 from zenoh_cbef.log.read.measurements import Measurements
@@ -22,9 +24,10 @@ def made_log(path: Path, *overrides: str) -> Path:
     recording = Recording(Header("made", loaded.plan, None))
     for row, state in enumerate(world.truth.tolist()):
         now = START + round(1e9 * scenario.dt) * (row + 1)
-        data = encode("made", "target", row, now, {"k": row + 1, "state": state})
-        truth = decode(TRUTH, data, run="made")
-        recording.take_truth(Address("made", "truth", "target"), [now], [truth])
+        if np.isfinite(state).all():
+            data = encode("made", "target", row, now, {"k": row + 1, "state": state})
+            truth = decode(TRUTH, data, run="made")
+            recording.take_truth(Address("made", "truth", "target"), [now], [truth])
         for agent in range(scenario.count):
             emitted, arrived = (nan_to_nil(each[agent, row]) for each in (world.emitted, world.arrived))
             body = {"k": row + 1, "emitted": emitted, "arrived": arrived}

@@ -56,6 +56,11 @@ class Run:
         return self.trace.time
 
     @property
+    def source_time(self) -> Floats | None:
+        """The same times on the clock of the recording that the ranges are of, (K,), s; None for other ranges."""
+        return self.trace.source_time
+
+    @property
     def truth(self) -> Floats:
         """The target's position and velocity, (K, 6), m and m/s."""
         return self.trace.truth
@@ -69,6 +74,11 @@ class Run:
     def ranges(self) -> Floats:
         """What each agent measured, (n, K), m."""
         return self.trace.ranges
+
+    @property
+    def range_time(self) -> Floats:
+        """When each range was measured, (n, K), s, on the recording's clock; run time for other ranges."""
+        return self.trace.range_time
 
     @property
     def estimates(self) -> Floats:

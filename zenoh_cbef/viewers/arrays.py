@@ -27,6 +27,7 @@ def arrays_of(trace: Trace) -> dict[str, Array]:
         "truth": trace.truth,
         "positions": trace.positions,
         "ranges": trace.ranges,
+        "range_time": trace.range_time,
         "initial": trace.initial,
         "estimates": trace.estimates,
         "covariances": trace.covariances,
@@ -97,8 +98,8 @@ def tables_of(trace: Trace) -> dict[str, tuple[list[str], list[Array]]]:
         "initial": (["agent", *state], [np.arange(count), trace.initial]),
         "edges": (["first", "second"], [trace.edges]),
         "agents": (
-            ["agent", "k", *clock, *axes, "range"],
-            [*place, trace.positions.reshape(-1, 3), trace.ranges.ravel()],
+            ["agent", "k", *clock, *axes, "range", "range_time"],
+            [*place, trace.positions.reshape(-1, 3), trace.ranges.ravel(), trace.range_time.ravel()],
         ),
         "estimates": (
             ["agent", "k", *clock, *state, *NAMES, *upper],

@@ -22,7 +22,7 @@ def dataset_of(trace: Trace) -> Dataset:
     if not len(agent):
         raise UserError("the run has no range, and a dataset needs at least one; export another run")
     times = trace.time if trace.source_time is None else trace.source_time
-    measured = times[step] - trace.age[agent, step]
+    measured = trace.range_time[agent, step]
     order = np.lexsort((agent, measured))
     known = np.isfinite(trace.truth).all(axis=1)
     return Dataset(

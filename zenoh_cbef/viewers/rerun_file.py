@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from rerun.blueprint import Blueprint
 
 
+_SOURCE = "source"
+"""The timeline of a recording's own clock."""
 _LEAST_SHOWN = ("position_error", "smoothed_position_error", "centralized_position_error", "disagreement")
 
 
@@ -64,12 +66,16 @@ class _Writer:
         for row in range(len(self._trace.time)):
             self._recording.set_time("run", duration=float(self._trace.time[row]))
             self._recording.set_time("step", sequence=row + 1)
+            if self._trace.source_time is not None:
+                self._recording.set_time(_SOURCE, timestamp=np.datetime64(int(self._scene.time[row]), "ns"))
             self._step(row)
         self._curves()
         start = int(self._scene.time[0]) - round(1e9 * self._trace.scenario.dt)
         self._recording.reset_time()
         for event in self._scene.events:
             self._recording.set_time("run", duration=max(0.0, 1e-9 * (event.time - start)))
+            if self._trace.source_time is not None:
+                self._recording.set_time(_SOURCE, timestamp=np.datetime64(event.time, "ns"))
             level = "WARN" if event.kind in WARNINGS else "INFO"
             self._log("events", self._rr.TextLog(f"{event.sender}: {event.text}", level=level))
 
@@ -121,5 +127,7 @@ class _Writer:
             known = np.isfinite(values)
             steps = np.flatnonzero(known)
             indexes = [rr.TimeColumn("run", duration=time[steps]), rr.TimeColumn("step", sequence=steps + 1)]
+            if self._trace.source_time is not None:
+                indexes.append(rr.TimeColumn(_SOURCE, timestamp=self._scene.time[steps].astype("datetime64[ns]")))
             if len(steps):
                 self._recording.send_columns(name, indexes=indexes, columns=rr.Scalars.columns(scalars=values[steps]))

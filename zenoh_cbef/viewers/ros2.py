@@ -79,14 +79,16 @@ class _Messages:
         made: Ros = self.store.types[f"{package}/msg/{name}"](*values, **named)
         return made
 
+    def _stamp(self, time: int) -> Ros:
+        return self._new("builtin_interfaces/Time", time // 10**9, time % 10**9)
+
     def _header(self, stamp: Ros, frame: str = "world") -> Ros:
         return self._new("std_msgs/Header", stamp, frame)
 
     def all(self) -> Iterator[tuple[int, str, Ros]]:
         """Time (ns), topic and message, by time."""
         for row, time in enumerate(self._scene.time.tolist()):
-            stamp = self._new("builtin_interfaces/Time", time // 10**9, time % 10**9)
-            for topic, message in self._step(row, stamp):
+            for topic, message in self._step(row, self._stamp(time)):
                 yield time, topic, message
 
     def _step(self, row: int, stamp: Ros) -> Iterator[Message]:
@@ -102,7 +104,7 @@ class _Messages:
                 uncertain = self._uncertain(state, covariance)
                 yield f"/agent_{agent}/pose", self._new("geometry_msgs/PoseWithCovarianceStamped", header, uncertain)
             if np.isfinite(measured := trace.ranges[agent, row]):
-                yield f"/agent_{agent}/range", self._range(stamp, agent, float(measured))
+                yield f"/agent_{agent}/range", self._range(row, agent, float(measured))
         if trace.smoothed is not None:
             for agent, state in enumerate(trace.smoothed.states[:, row]):
                 if np.isfinite(state).all():
@@ -152,7 +154,10 @@ class _Messages:
             self._new("geometry_msgs/TwistWithCovariance", twist, _with_turns(covariance[3:, 3:])),
         )
 
-    def _range(self, stamp: Ros, agent: int, measured: float) -> Ros:
+    def _range(self, row: int, agent: int, measured: float) -> Ros:
+        """A range, stamped with the time at which it was measured."""
+        age = float(self._trace.age[agent, row])
+        stamp = self._stamp(int(self._scene.time[row]) - (round(1e9 * age) if np.isfinite(age) else 0))
         placed = self._header(stamp, f"agent_{agent}")
         variance = self._trace.plan.range_std**2
         return self._new("sensor_msgs/Range", placed, 0, 2.0 * np.pi, 0.0, float("inf"), measured, variance)

@@ -94,6 +94,7 @@ class Scene:
             "position_error": one.position_error[agent],
             "nees": one.nees[agent],
             "range": trace.ranges[agent],
+            "range_age": np.where(np.isfinite(trace.ranges[agent]), trace.age[agent], np.nan),
             **trace.diagnostics.each(lambda values: values[agent].astype(np.float64)).named(),
             "delivered": _mean(self.delivered[self.links[:, 1] == agent]),
         }
@@ -133,7 +134,7 @@ def scene_of(recording: Recording, errors: Errors, since: int, start: int, event
 def start_of(logged: dict[int, int], trace: Trace) -> int:
     """When step 0 was, ns: on the clock of a recording that the run is of, otherwise when it was logged."""
     origin = trace.scenario.target.origin
-    if origin is not None and 0.0 <= origin < _LATEST:
+    if origin is not None and 0.0 <= origin + trace.scenario.dt < _LATEST:
         return round(1e9 * origin)
     first = min(logged, default=0)
     return logged.get(first, 0) - round(1e9 * trace.scenario.dt * first)
@@ -163,7 +164,7 @@ def events_of(recording: Recording, events: list[Event], logged: dict[int, int],
     times = [logged[step] for step in known]
     return [
         SceneEvent(
-            int(np.interp(one.logged, times, ticks)) if known else one.logged,
+            max(0, int(np.interp(one.logged, times, ticks))) if known else one.logged,  # files know no earlier time
             one.message["from"],
             one.message["kind"],
             one.message["text"],
