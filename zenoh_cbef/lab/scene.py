@@ -8,7 +8,7 @@ import numpy as np
 
 from zenoh_cbef.analysis.faulted import fault_words
 from zenoh_cbef.arrays import Floats, Ints
-from zenoh_cbef.log.read.receipts import COUNTS, Receipts
+from zenoh_cbef.log.read.receipts import Receipts
 from zenoh_cbef.log.read.recording import Recording
 from zenoh_cbef.scenario.paths import places_at
 from zenoh_cbef.scenario.plan import Plan
@@ -20,6 +20,8 @@ CURVES = ("error", "disagreement", "claimed", "nis", "lost", "late", "latency")
 (m), mean NIS, shares of messages lost and late, mean latency (s)."""
 
 _UPPER = np.triu_indices(3)
+_KEPT = 3
+"""How many steps' messages are found at least."""
 _RECENT = 8
 """Steps by which the agents of one run may be apart: an agent that is further behind is away."""
 
@@ -35,6 +37,7 @@ class Scene:
     def __init__(self, recording: Recording) -> None:
         self.recording = recording
         self._rows: dict[int, Ints] = {}
+        self._kept: tuple[int, int, int, Floats] = (-1, 0, 0, np.empty((0, 0, 4)))
         self._known = {name: np.empty(0) for name in CURVES}
 
     @property
@@ -103,10 +106,9 @@ class Scene:
         """What faults did to each message of each link in a step, (e); empty where they did nothing, or none tells."""
         found = [""] * len(self.links)
         for agent, receipts in enumerate(self.recording.receipts):
-            told = receipts.told(step)
-            rows = self._rows_of(agent, receipts).tolist()
-            if told is not None and told.marks is not None and len(rows) == len(told.marks):
-                for row, mark in zip(rows, told.marks, strict=True):
+            marks, rows = receipts.marks(step), self._rows_of(agent, receipts)
+            if marks is not None and len(rows) == len(marks):
+                for row, mark in zip(rows.tolist(), marks, strict=True):
                     found[row] = mark
         return found
 
@@ -158,11 +160,19 @@ class Scene:
         A message that is found to be late was counted as lost before: a step's losses can then be below zero, and are
         shown as none.
         """
+        # A frame, its verdict and its curves each ask for some of the same latest steps.
+        told = int(np.count_nonzero(self.recording.estimates.seen(until)))
+        if (until, told) != self._kept[:2] or since < self._kept[2]:
+            first = max(min(since, until - _KEPT), 0)
+            self._kept = until, told, first, self._fresh(first, until)
+        return self._kept[3][:, since - self._kept[2] :]
+
+    def _fresh(self, since: int, until: int) -> Floats:
         found = np.full((len(self.links), until - since, 4), np.nan)
         for agent, receipts in enumerate(self.recording.receipts):
-            steps, fresh = receipts.fresh((*COUNTS, "latency"), since, until)
+            steps, fresh = receipts.fresh(since, until)
             rows = self._rows_of(agent, receipts)
-            found[rows[:, None], steps - since - 1] = fresh.transpose(2, 1, 0)[: len(rows)]
+            found[rows[:, None], steps - since - 1] = fresh.transpose(2, 0, 1)[: len(rows)]
         return np.asarray(np.maximum(found, 0.0))
 
     def _rows_of(self, agent: int, receipts: Receipts) -> Ints:

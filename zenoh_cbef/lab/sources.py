@@ -20,11 +20,13 @@ _KINDS = ("truth", "estimate", "event", "faults")
 """What a scene shows of a log; the messages of consensus, most of a log, are passed over."""
 _MORE = (*_KINDS, "beacon", "signal", "range")
 """What viewers show beside."""
-_AT_ONCE_SECONDS, _SHOWN_SECONDS, _YIELD_SECONDS = 0.3, 3.0, 0.001
+_AT_ONCE_SECONDS, _SHOWN_SECONDS = 0.3, 3.0
 """A log whose reading takes longer (CPU time) is shown before it is read to its end.
 
 The rest of it is read when a page has been shown, or none has come: reading would slow the page. Others may take the
-lock between two batches."""
+lock between two portions."""
+_PORTION_SECONDS, _YIELD_SECONDS = 0.004, 0.001
+"""How long a page waits at most for what is read, and how long it has to take its turn."""
 _END = object()
 
 
@@ -85,12 +87,14 @@ class LogSource:
             threading.Thread(target=self._read, daemon=True).start()
 
     def _read(self) -> None:
-        """Read the rest; between two batches the page is answered."""
+        """Read the rest; between two portions the page is answered."""
         self.shown.wait(_SHOWN_SECONDS)
         more = True
         while more and not self._closed.is_set():
             with self.lock:
-                more = next(self._rest, _END) is None
+                until = time.perf_counter() + _PORTION_SECONDS
+                while (more := next(self._rest, _END) is None) and time.perf_counter() < until:
+                    pass
             time.sleep(_YIELD_SECONDS)
         self.state = "log"
 

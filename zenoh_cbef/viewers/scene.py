@@ -12,7 +12,6 @@ from zenoh_cbef.analysis.chi2 import chi2_quantile
 from zenoh_cbef.analysis.metrics import Errors, analyze
 from zenoh_cbef.arrays import Floats, Ints
 from zenoh_cbef.log.read.parts import open_log
-from zenoh_cbef.log.read.receipts import COUNTS
 from zenoh_cbef.log.read.recording import Event, Recording, read_recording
 from zenoh_cbef.log.read.tables import Table
 from zenoh_cbef.log.read.trace import trace_of
@@ -178,10 +177,10 @@ def _delivered(recording: Recording, links: Ints, since: int, until: int) -> Flo
     share = np.full((len(links), until - since), np.nan)
     place = {(source, destination): row for row, (source, destination) in enumerate(links.tolist())}
     for agent, receipts in enumerate(recording.receipts):
-        known, new = receipts.fresh(COUNTS, since, until)
-        total = new.sum(axis=0)
+        known, new = receipts.fresh(since, until)
+        came, total = new[:, 0], new[:, :3].sum(axis=1)
         with np.errstate(divide="ignore", invalid="ignore"):
-            part = np.where(total > 0, new[0] / total, np.nan)
+            part = np.where(total > 0, came / total, np.nan)
         for at, source in enumerate(receipts.neighbours):
             if (source, agent) in place:
                 share[place[source, agent], known - since - 1] = part[:, at]

@@ -6,6 +6,7 @@ import { hands } from "./hands.js";
 import { MapView } from "./map.js";
 import { Menu } from "./menu.js";
 import { Opening } from "./opening.js";
+import { Pace } from "./pace.js";
 import { Panels } from "./panels.js";
 import { Parting } from "./parting.js";
 import { settled, standing } from "./standing.js";
@@ -14,19 +15,23 @@ import { Wire, exported } from "./wire.js";
 
 const TRAIL = 40;
 const SPEEDS = [0.02, 0.05, 0.1, 0.25, 0.5, 1, 2, 5, 10, 50];
+const IDLE_MS = 300; // after so long a run is asked for its events although no step is wanted
 const SLOW_STEPS = 3; // steps a second below which passing messages are drawn
-const CURVES_MS = 150;
 
 const $ = (id) => document.getElementById(id);
 const state = { scene: null, frame: null, step: 1, newest: 0, follows: true, plays: true, speed: 1, known: 0, events: 0, whole: 0, round: 0 };
 const trails = { truth: [], agents: [], step: 0 };
 
 const map = new MapView($("canvas"));
-const beside = new Beside($("beside"), () => { state.redraw = true; });
+const beside = new Beside($("beside"), redraw);
 const curves = new Curves($("curves"), (time) => seek(Math.round(time / state.scene.dt)));
 const panels = new Panels($("agents"), document.querySelector("#faults ul"), document.querySelector("#events ol"), pick);
-const parting = new Parting(map, $("cut"), $("side"), $("agents"), { inject, tell, redraw: () => { state.redraw = true; } });
+const parting = new Parting(map, $("cut"), $("side"), $("agents"), { inject, tell, redraw });
 const menu = new Menu($("menu"), inject, (agent) => parting.choose(agent));
+
+function redraw() {
+  pace.redraw();
+}
 
 function tell(words, level = "bad") {
   $("notice").textContent = words;
@@ -83,6 +88,7 @@ function controls() {
   $("play").textContent = state.plays ? "Pause" : "Play";
   $("play").setAttribute("aria-pressed", String(state.plays));
   $("live").setAttribute("aria-pressed", String(state.follows));
+  pace.wake();
 }
 
 function seek(step) {
@@ -94,7 +100,7 @@ function seek(step) {
 function round() {
   const next = state.round + 1;
   if (next > state.scene.rounds) forward();
-  else { seek(state.step); state.redraw = true; }
+  else { seek(state.step); redraw(); }
   state.round = next > state.scene.rounds ? 1 : next;
 }
 
@@ -123,7 +129,7 @@ async function order(ask) {
 function pick(picked, x, y) {
   if (picked?.agent !== undefined && parting.toggles(picked.agent)) return;
   map.chosen = picked?.agent ?? null;
-  state.redraw = true;
+  redraw();
   if (!picked) return;
   const neighbours = state.scene.links.filter(([source]) => source === picked.agent).map(([, destination]) => destination);
   menu.open(picked, x, y, state.scene.live && state.state === "goes on", neighbours);
@@ -156,7 +162,7 @@ function question(elapsed) {
     if (state.step >= state.newest && !(scene.live && state.state === "goes on")) { state.plays = false; controls(); }
   }
   const fresh = follows || state.frame === null || state.step !== state.frame.step;
-  const idle = ["goes on", "is read"].includes(state.state) && performance.now() - state.asked > 400;
+  const idle = ["goes on", "is read"].includes(state.state) && performance.now() - state.asked > IDLE_MS;
   if (!fresh && !idle) return null;
   state.asked = performance.now();
   const table = { ask: "frame", curves: state.known, events: state.events, beside: beside.known, marks: true };
@@ -200,19 +206,17 @@ function trace({ arrays, step }) {
   trails.step = step;
 }
 
-let drawnCurves = 0;
+/** Whether time passes on the page itself, between two steps. */
+const slow = () => state.plays && !state.follows && state.speed / state.scene.dt < SLOW_STEPS;
 
 function draw() {
   const { frame, scene } = state;
+  if (!frame) return;
   const time = frame.step * scene.dt;
-  panels.drawFaults(frame.faults, time);
-  const slow = state.plays && !state.follows && state.speed / scene.dt < SLOW_STEPS;
   map.marks = frame.marks;
-  const phase = state.round ? (state.round - 0.5) / scene.rounds : slow ? state.whole : null;
+  const phase = state.round ? (state.round - 0.5) / scene.rounds : slow() ? state.whole : null;
   map.draw(frame.arrays, trails, parting.marked(standing(scene, frame.arrays, frame.faults, time)), phase);
   beside.draw();
-  panels.draw(frame.arrays);
-  panels.drawEvents(time);
   const [level, words] = frame.verdict;
   if ($("verdict").textContent !== words) $("verdict").textContent = words;
   $("verdict").dataset.level = level;
@@ -222,36 +226,38 @@ function draw() {
     + (state.held ? ", run held" : "")
     + (state.round ? `, round ${state.round} of ${scene.rounds}` : "")
     + ({ ended: ", ended", "is read": ", the log is being read" }[frame.state] ?? "");
-  if (performance.now() - drawnCurves > CURVES_MS) {
-    drawnCurves = performance.now();
-    Object.assign(curves, { time, spans: frame.faults });
-    curves.refresh();
-    state.late = false;
-  } else state.late = true;
+}
+
+function sides() {
+  const { frame, scene } = state;
+  if (!frame) return;
+  const time = frame.step * scene.dt;
+  panels.drawFaults(frame.faults, time);
+  panels.draw(frame.arrays);
+  panels.drawEvents(time);
+  Object.assign(curves, { time, spans: frame.faults });
+  curves.refresh();
 }
 
 /** What tests and benchmarks look at. */
 const counts = { frames: 0 };
 globalThis.lab = { state, counts, map, curves, beside, colour: (source, destination) => map.shown.get(`${source} ${destination}`) };
 
-async function cycle() {
-  let before = performance.now();
-  for (;;) {
-    await new Promise(requestAnimationFrame);
-    const now = performance.now();
-    const elapsed = Math.min((now - before) / 1000, 0.25);
-    before = now;
-    if (!state.scene || !frames.socket) continue;
-    const table = question(elapsed);
-    const answer = table && (await frames.ask(table).catch(() => null));
-    if (answer && answer.answer === "frame") { take(answer); counts.frames += 1; }
-    const moving = state.plays && !state.follows && state.speed / state.scene.dt < SLOW_STEPS;
-    if (state.frame && (answer || moving || state.redraw || state.late)) { state.redraw = false; draw(); }
-  }
-}
+const pace = new Pace(frames, {
+  asks: (elapsed) => state.scene && question(elapsed),
+  taken: (answer) => {
+    if (answer.answer !== "frame" || !state.scene) return;
+    take(answer);
+    counts.frames += 1;
+  },
+  plays: () => state.scene !== null && state.plays && !state.follows,
+  slides: () => state.scene !== null && slow(),
+  draw,
+  sides,
+});
 
 hands(map, {
-  redraw: () => { state.redraw = true; },
+  redraw,
   clicked: (picked, event) => pick(picked, event.clientX, event.clientY),
   draws: () => parting.draws,
   drawn: (from, to) => parting.drawn(from, to),
@@ -263,12 +269,12 @@ const steering = new Steering(state, inject);
 
 function solid() {
   $("view").setAttribute("aria-pressed", String(map.solid()));
-  state.redraw = true;
+  redraw();
 }
 
 const acts = {
   play, view: solid, back: () => seek(state.step - 1), on: forward, round, live: follow, hold: () => hold(!state.held),
-  fit: () => { map.fitted = true; state.redraw = true; }, cut: () => parting.act(),
+  fit: () => { map.fitted = true; redraw(); }, cut: () => parting.act(),
   undo: () => order("undo"), stop: () => order("stop"), choose: () => opening.show().catch(() => {}),
 };
 for (const [id, act] of Object.entries(acts)) $(id).addEventListener("click", () => (state.scene || id === "choose") && act());
@@ -289,5 +295,4 @@ addEventListener("keydown", (event) => {
 for (const one of SPEEDS) $("speed").add(new Option(`${one}×`, String(one), one === 1, one === 1));
 $("speed").addEventListener("change", () => { state.speed = Number($("speed").value); if (state.follows) seek(state.step); });
 $("step").addEventListener("input", () => seek(Number($("step").value)));
-new ResizeObserver(() => { state.redraw = true; }).observe($("canvas"));
-cycle();
+new ResizeObserver(redraw).observe($("canvas"));

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import gc
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 
@@ -172,11 +172,16 @@ class Decoder:
 
     def take(self, batch: list[RawMessage]) -> None:
         """Check, count and hand on the messages of a batch: those of one key at once."""
+        for _ in self.taking(batch):
+            pass
+
+    def taking(self, batch: list[RawMessage]) -> Iterator[None]:
+        """Do the same key by key: each time when those of one are handed on."""
         takers = self._takers
         for raw in batch:
             topic = raw.channel.topic
             (takers.get(topic) or self._taker(topic))(raw)
-        self._hand_on()
+        yield from self._handing_on()
 
     def _taker(self, topic: str) -> Callable[[RawMessage], None]:
         """What to do with a message of a key."""
@@ -195,14 +200,16 @@ class Decoder:
 
     def _take_event(self, place: _Place, raw: RawMessage) -> None:
         # What a process says of its numbers is true of those before.
-        self._hand_on()
+        for _ in self._handing_on():
+            pass
         self._take(place, [raw])
 
-    def _hand_on(self) -> None:
+    def _handing_on(self) -> Iterator[None]:
         for place in self._places:
             if place.waiting:
                 self._take(place, place.waiting)
                 place.waiting.clear()
+                yield
 
     def _refuse(self, raw: RawMessage, reason: BadMessage) -> None:
         self.tally.undecodable += 1

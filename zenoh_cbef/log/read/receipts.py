@@ -14,9 +14,7 @@ from zenoh_cbef.protocol.kinds import EstimateMessage
 
 COUNTS = ("received", "lost", "late")
 INJECTED = ("injected_lost", "injected_late", "corrupted", "duplicated")
-_LATENCY = "latency"
-_ALWAYS = (*COUNTS, _LATENCY)
-_FIELDS = (*_ALWAYS, *INJECTED)
+_PASSED = (*COUNTS, "latency")
 
 
 @dataclass(frozen=True)
@@ -62,18 +60,31 @@ class Receipts:
         marks = [one[FATES] for one in messages if FATES in one]
         if any(one["neighbours"] != self.neighbours for one in messages) or any(len(one) != width for one in marks):
             return None
-        names = [name for name in _FIELDS if name in _ALWAYS or any(name in one for one in messages)]
+        injected = [name for name in INJECTED if any(name in one for one in messages)]
         nothing = [None] * width
         try:
-            numbers = {name: floats([one.get(name, nothing) for one in messages]) for name in names}
+            passed = floats([[one.get(name, nothing) for name in _PASSED] for one in messages])
+            numbers = {name: floats([one.get(name, nothing) for one in messages]) for name in injected}
         except ValueError:  # lists of several sizes
             return None
-        if any(values.shape != (len(messages), width) for values in numbers.values()):
+        shape = (len(messages), width)
+        if passed.shape != (shape[0], len(_PASSED), width) or any(one.shape != shape for one in numbers.values()):
             return None
-        return numbers | {"seq": floats([[one["seq"]] for one in messages])}
+        return numbers | {"passed": passed.reshape(shape[0], -1), "seq": floats([[one["seq"]] for one in messages])}
 
     def _of(self, width: int) -> Table:
-        return Table(1, self._limit, seq=1, **dict.fromkeys(_FIELDS, width))
+        return Table(1, self._limit, seq=1, passed=len(_PASSED) * width, **dict.fromkeys(INJECTED, width))
+
+    def _numbers_of(self, name: str, until: int) -> Floats:
+        """What it told in each step up to `until`, (until, d), NaN where it said nothing."""
+        if name not in _PASSED:
+            return np.asarray(self._table.numbers(name, until)[0])
+        return self._passed(until)[:, _PASSED.index(name)]
+
+    def _passed(self, until: int) -> Floats:
+        """The counts since the start and the latency of each step up to `until`, (until, 4, d)."""
+        told = self._table.numbers("passed", until)[0]
+        return np.asarray(told.reshape(len(told), len(_PASSED), len(self.neighbours)))
 
     def steps(self, until: int) -> Ints:
         """The steps up to `until` of which the agent said something, (m,), ascending."""
@@ -81,31 +92,33 @@ class Receipts:
 
     def counts(self, name: str, until: int) -> Floats:
         """What it counted, or a latency in s, in these steps, (m, d); NaN where it said nothing."""
-        return np.asarray(self._table.numbers(name, until)[0, self.steps(until) - 1])
+        return np.asarray(self._numbers_of(name, until)[self.steps(until) - 1])
 
     def begun(self, until: int) -> Bools:
         """In which of these steps the agent counts anew, (m,): it was started again, and numbers from 0."""
         return np.asarray(np.diff(self.counts("seq", until)[:, 0], prepend=-1.0) <= 0.0)
 
-    def fresh(self, names: Sequence[str], since: int, until: int) -> tuple[Ints, Floats]:
-        """What the agent counted in steps since+1 to until, each by itself: those steps (m,), (names, m, d).
+    def fresh(self, since: int, until: int) -> tuple[Ints, Floats]:
+        """What the agent counted in steps since+1 to until, each by itself: those steps (m,), (m, 4, d).
 
-        Counts are those of the step alone; a latency, s, is that of the step. A step without an estimate is left out.
+        The four: how many messages came in time, were lost and came late in the step, and their latency in it, s. A
+        step without an estimate is left out.
         """
         seen = self._table.seen(until)[0]
         chosen = since + np.flatnonzero(seen[since:])
         # Counts are since the start: a step's own are what they grew by since the one before.
-        former = (
-            np.flatnonzero(seen[:since])[-1:] if since and not seen[since - 1] else np.arange(max(since - 1, 0), since)
-        )
+        told_before = since and seen[since - 1]
+        former = np.array([since - 1]) if told_before else np.flatnonzero(seen[:since])[-1:]
         rows = np.concatenate([former, chosen])
-        told = np.stack([self._table.numbers(name, until)[0, rows] for name in names])
+        told = self._passed(until)[rows]
         seq = self._table.numbers("seq", until)[0, rows, 0]
         again = seq[1:] <= seq[:-1]
-        for name, values in zip(names, told, strict=True):
-            if name != _LATENCY:
-                values[1:] -= np.where(again[:, None], 0.0, values[:-1])
-        return chosen + 1, told[:, len(former) :]
+        told[1:, : len(COUNTS)] -= np.where(again[:, None, None], 0.0, told[:-1, : len(COUNTS)])
+        return chosen + 1, told[len(former) :]
+
+    def marks(self, step: int) -> list[str] | None:
+        """What faults did to the messages of a step, a text for each neighbour; None where they touched none."""
+        return self._fates.get(step)
 
     def known(self, step: int) -> bool:
         """Whether the agent said something of a step that fits."""
@@ -115,6 +128,6 @@ class Receipts:
         """What its estimate of a step says; None where that is not known."""
         if not self.known(step):
             return None
-        rows = {name: self._table.numbers(name, step)[0, step - 1] for name in (*COUNTS, *INJECTED)}
+        rows = {name: self._numbers_of(name, step)[step - 1] for name in (*COUNTS, *INJECTED)}
         counts = {name: row.astype(np.int64).tolist() for name, row in rows.items() if not np.isnan(row).any()}
         return Receipt(self.neighbours, counts, self._fates.get(step))

@@ -205,14 +205,13 @@ def read_recording(
 
 
 def filling_recording(log: Log, kinds: Collection[str]) -> tuple[Recording, Iterator[None]]:
-    """A recording that is still empty, and what fills it, a batch of messages each time. Raises UserError."""
+    """A recording that is still empty, and what fills it, some messages of one key each time. Raises UserError."""
     recording = Recording(read_header(log))
     decoder = Decoder(recording.header, recording, kinds=kinds)
 
     def fill() -> Iterator[None]:
         for batch in log.batches():
-            decoder.take(batch)
-            yield
+            yield from decoder.taking(batch)
 
     return recording, fill()
 

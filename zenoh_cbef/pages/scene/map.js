@@ -5,6 +5,9 @@ import { outline } from "./ellipse.js";
 import { View } from "./view.js";
 
 const ESTIMATE = 6;
+const THIN = 1; // pixels: a browser that draws in software draws such a line in a tenth of the time of a wider one
+const BAND = 8; // points of a trail that fade alike, in one stroke
+const ALIKE = 32; // links of one look in one stroke: more of them cross each other too often
 const MILD = new Set(["coasting", "parted"]);
 
 export class MapView extends View {
@@ -43,7 +46,7 @@ export class MapView extends View {
     this.links(arrays, phase);
     this.trail(trails.truth, colours.ink, 2);
     const count = arrays.place.length / 3;
-    for (let agent = 0; agent < count; agent++) this.trail(trails.agents[agent] ?? [], hue(agent), 1.2);
+    for (let agent = 0; agent < count; agent++) this.trail(trails.agents[agent] ?? [], hue(agent), THIN);
     for (let agent = 0; agent < count; agent++) this.estimate(arrays, agent);
     this.agents(arrays, marks);
     this.target(arrays);
@@ -61,10 +64,17 @@ export class MapView extends View {
     }
   }
 
+  /** A line through places, and not through those that are nowhere. */
   stroke(points) {
     const c = this.context;
+    let drawn = false;
     c.beginPath();
-    points.forEach(([x, y], place) => (place ? c.lineTo(x, y) : c.moveTo(x, y)));
+    for (const [x, y] of points) {
+      const there = Number.isFinite(x);
+      if (there && drawn) c.lineTo(x, y);
+      else if (there) c.moveTo(x, y);
+      drawn = there;
+    }
     c.stroke();
   }
 
@@ -109,25 +119,47 @@ export class MapView extends View {
 
   /** Each direction of a link beside the other; its colour says what the receiver lost and had late in this step. */
   links(arrays, phase) {
-    const { context: c, colours } = this;
+    const [looks, passing] = [new Map(), []];
     this.scene.links.forEach(([source, destination], row) => {
-      const [came, lost, late] = [0, 1, 2].map((one) => arrays.links[4 * row + one]);
-      const total = came + lost + late;
-      const [from, to] = this.beside(arrays, source, destination);
-      const bad = total > 0 ? lost / total : 0;
-      const slow = total > 0 ? late / total : 0;
-      const silent = total === 0;
-      const colour = !(total > 0) ? colours.rule : bad > 0 ? colours.lost : slow > 0 ? colours.late : colours.good;
-      this.shown.set(`${source} ${destination}`, colour);
-      c.strokeStyle = colour;
-      c.globalAlpha = silent ? 0.5 : bad > 0 || slow > 0 ? 0.35 + 0.65 * Math.max(bad, slow) : 0.4;
-      c.lineWidth = bad > 0 || slow > 0 ? 1.4 + 1.8 * Math.max(bad, slow) : 1.2;
-      if (bad >= 1 || silent) c.setLineDash([5, 5]);
-      this.stroke([from, to]);
-      c.setLineDash([]);
-      c.globalAlpha = 1;
-      if (phase !== null && total > 0) this.message(from, to, phase, came, lost, late, this.marks?.[row]);
+      const counts = [0, 1, 2].map((one) => arrays.links[4 * row + one]);
+      const ends = this.beside(arrays, source, destination);
+      const look = this.look(...counts);
+      this.shown.set(`${source} ${destination}`, look.colour);
+      const key = `${look.colour} ${look.bad} ${look.dashed}`;
+      if (!looks.has(key)) looks.set(key, { ...look, lines: [] });
+      looks.get(key).lines.push(ends);
+      if (phase !== null && counts[0] + counts[1] + counts[2] > 0) passing.push([...ends, phase, ...counts, this.marks?.[row]]);
     });
+    for (const look of [...looks.values()].sort((one, other) => one.bad - other.bad)) this.alike(look);
+    for (const one of passing) this.message(...one);
+  }
+
+  /** How a link looks. bad: the share of what came too late or not at all, in quarters. */
+  look(came, lost, late) {
+    const { colours } = this;
+    const total = came + lost + late;
+    if (!(total > 0)) return { colour: colours.rule, bad: 0, dashed: total === 0 };
+    const share = Math.ceil((4 * Math.max(lost, late)) / total) / 4;
+    return { colour: lost > 0 ? colours.lost : late > 0 ? colours.late : colours.good, bad: share, dashed: lost >= total };
+  }
+
+  /** Draw links of one look. */
+  alike({ colour, bad, dashed, lines }) {
+    const c = this.context;
+    c.strokeStyle = colour;
+    c.globalAlpha = bad > 0 ? 0.35 + 0.65 * bad : dashed ? 0.5 : 0.4;
+    c.lineWidth = bad > 0 ? 1.4 + 1.8 * bad : THIN;
+    if (dashed) c.setLineDash([5, 5]);
+    for (let first = 0; first < lines.length; first += ALIKE) {
+      c.beginPath();
+      for (const [from, to] of lines.slice(first, first + ALIKE)) {
+        c.moveTo(...from);
+        c.lineTo(...to);
+      }
+      c.stroke();
+    }
+    c.setLineDash([]);
+    c.globalAlpha = 1;
   }
 
   beside(arrays, source, destination) {
@@ -158,12 +190,13 @@ export class MapView extends View {
 
   trail(points, colour, width) {
     const c = this.context;
+    const places = points.map((one) => this.pixel(one));
     c.strokeStyle = colour;
     c.lineWidth = width;
-    for (let at = 1; at < points.length; at++) {
-      if (!Number.isFinite(points[at][0]) || !Number.isFinite(points[at - 1][0])) continue;
-      c.globalAlpha = (0.75 * at) / points.length;
-      this.stroke([this.pixel(points[at - 1]), this.pixel(points[at])]);
+    for (let first = 0; first + 1 < places.length; first += BAND) {
+      const band = places.slice(first, first + BAND + 1);
+      c.globalAlpha = (0.75 * (first + band.length / 2)) / places.length;
+      this.stroke(band);
     }
     c.globalAlpha = 1;
   }
@@ -175,7 +208,7 @@ export class MapView extends View {
     const [x, y] = this.pixel(arrays.estimate, ESTIMATE * agent);
     c.strokeStyle = hue(agent);
     c.fillStyle = hue(agent);
-    c.lineWidth = 1.2;
+    c.lineWidth = THIN;
     const ellipse = outline(this, arrays.spread.subarray(6 * agent, 6 * agent + 6));
     if (ellipse) {
       c.beginPath();
