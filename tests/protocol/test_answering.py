@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 
+import pytest
 import zenoh
 
 from tests.protocol.conftest import Pair
@@ -39,3 +40,22 @@ def test_more_questions_than_can_wait_hold_nothing_up_and_those_that_are_dropped
     assert heard == b"heard"
     assert all(answers[-PLACES:])
     assert 1 <= sum(map(len, answers)) <= PLACES + 2
+
+
+def test_a_question_that_cannot_be_answered_leaves_the_others_their_answers(
+    pair: Pair, capsys: pytest.CaptureFixture[str]
+) -> None:
+    here, there = pair
+
+    def reply(query: zenoh.Query) -> None:
+        query.reply(KEY, str(1 // int(query.parameters.get("by") or "0")).encode())
+
+    def ask(by: int) -> list[bytes]:
+        return [one.ok.payload.to_bytes() for one in there.get(f"{KEY}?by={by}", timeout=60.0) if one.ok]
+
+    answering, until = Answering(here, KEY, reply), time.monotonic() + 60.0
+    while not ask(1):
+        assert time.monotonic() < until
+    assert (ask(0), ask(1)) == ([], [b"1"])
+    answering.undeclare()
+    assert "ZeroDivisionError" in capsys.readouterr().err

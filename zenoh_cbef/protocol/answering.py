@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import traceback
 from collections.abc import Callable
 from contextlib import suppress
 
@@ -32,8 +33,16 @@ class Answering:
     def _run(self) -> None:
         with suppress(zenoh.ZError):  # there are no more questions
             while True:
-                with self._receive() as query, suppress(zenoh.ZError):  # the process that asked may be gone
-                    self._answer(query)
+                with self._receive() as query:
+                    self._answer_one(query)
+
+    def _answer_one(self, query: zenoh.Query) -> None:
+        try:
+            self._answer(query)
+        except zenoh.ZError:
+            pass  # the process that asked may be gone
+        except Exception:  # noqa: BLE001 - one question that cannot be answered must not leave all others unanswered
+            traceback.print_exc()
 
     def undeclare(self) -> None:
         """Answer no more."""
