@@ -3,6 +3,8 @@
 import { hue } from "./colours.js";
 
 const MOST_EVENTS = 300;
+const MANY = 40; // agents of whom only the number is shown, and a sign where there is something to see
+const SIGNS = { acquiring: "?", coasting: "~", lost: "!", away: "×" };
 
 const short = (value, unit = "") => (Number.isFinite(value) ? `${Number(value.toPrecision(3))}${unit}` : "–");
 
@@ -18,6 +20,7 @@ export class Panels {
     this.scene = scene;
     this.told = [];
     this.events.replaceChildren();
+    this.agents.classList.toggle("many", scene.agents > MANY);
     this.agents.replaceChildren(...Array.from({ length: scene.agents }, (_, agent) => {
       const button = document.createElement("button");
       button.type = "button";
@@ -33,17 +36,21 @@ export class Panels {
   /** Say of each agent what its estimate is, and how far off. */
   draw(arrays) {
     const { truth, estimate, said } = arrays;
+    const count = this.agents.children.length;
     [...this.agents.children].forEach((button, agent) => {
       const there = Number.isFinite(estimate[6 * agent]);
-      const off = Math.hypot(...[0, 1, 2].map((axis) => estimate[6 * agent + axis] - truth[axis]));
-      const status = this.scene.statuses[said[3 * agent]] ?? "";
+      const off = short(Math.hypot(...[0, 1, 2].map((axis) => estimate[6 * agent + axis] - truth[axis])), " m");
+      const status = there ? this.scene.statuses[said[3 * agent]] ?? "" : "away";
       const name = this.scene.names[agent];
-      const words = there ? `${name} ${status} ${short(off, " m")}`.replace("  ", " ") : `${name} away`;
-      if (button.textContent !== words) {
-        button.textContent = words;
-        button.setAttribute("aria-label", there ? `agent ${name}: ${status}, error ${short(off, " m")}` : `agent ${name}: away`);
+      const whole = there ? `agent ${name}: ${status}, error ${off}` : `agent ${name}: away`;
+      const told = there ? `${name} ${status} ${off}` : `${name} away`;
+      const words = count > MANY ? `${name}${SIGNS[status] ?? ""}` : told.replace("  ", " ");
+      if (button.textContent !== words) button.textContent = words;
+      if (button.title !== whole) {
+        button.title = whole;
+        button.setAttribute("aria-label", whole);
       }
-      button.dataset.status = there ? status : "away";
+      button.dataset.status = status;
     });
   }
 
