@@ -7,8 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from zenoh_cbef.analysis.metrics import analyze
 from zenoh_cbef.scenario.load import load, parse
 from zenoh_cbef.scenario.plan import Plan
+from zenoh_cbef.simulator import simulate
 from zenoh_cbef.tracking.filters.around.doubted_noise import DoubtedNoise
 from zenoh_cbef.tracking.filters.base import Belief
 from zenoh_cbef.tracking.filters.kinds.sicf import SaturatedInformation
@@ -76,5 +78,24 @@ def test_noise_is_doubted_where_ranges_are_recorded_and_it_is_given():
     assert plan().sharing.payload_size == plan(defaults=5).sharing.payload_size + DoubtedNoise.more
     for kept in ({"defaults": 5}, {"range_std": "auto"}, {"kind": "kcf"}):
         assert not plan(**kept).settings.doubts_noise
-    for emulated in ([], ["sensor.real=true", "timing.mode=realtime"]):
-        assert not Plan(load("tracking", emulated).scenario).settings.doubts_noise
+    assert emulated("filter.range_std=0.2")
+    for kept in (
+        (),
+        ("sensor.real=true", "timing.mode=realtime", "filter.range_std=0.2"),
+        *(("filter.range_std=0.2", more) for more in ("filter.defaults=6", "target.motion=circle", "filter.kind=icf")),
+    ):
+        assert not emulated(*kept)
+
+
+def emulated(*keys):
+    return Plan(load("tracking", keys).scenario).settings.doubts_noise
+
+
+@pytest.mark.parametrize("told", [0.05, 0.2])
+def test_a_network_of_emulated_receivers_finds_out_that_their_noise_was_told_wrong(told):
+    def nees(rules):
+        runs = load("tracking", [f"filter.range_std={told}", f"filter.defaults={rules}"]).scenario
+        found = analyze(simulate([runs.model_copy(update={"seed": 3001 + seed}) for seed in range(3)]))
+        return np.mean([np.nanmean(run.nees[:, run.first :]) / 6.0 for run in found])
+
+    assert abs(np.log(nees(7))) < 0.3 < abs(np.log(nees(6)))

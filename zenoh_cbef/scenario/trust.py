@@ -43,11 +43,17 @@ def lasts(scenario: Scenario) -> bool:
 def doubts_noise(scenario: Scenario) -> bool:
     """Whether agents compare the noise that the scenario gives with half and double of it: where ranges are recorded.
 
-    Not of live receivers: of those a scenario often tells an acceleration that is too small. An estimate that lags has
-    large innovations, and to trust ranges less would make it lag the more.
+    And where a filter that saturates is told a noise of emulated ranges, of a target that moves as it assumes. Not of
+    live receivers: of those a scenario often tells an acceleration that is too small. An estimate that lags has large
+    innovations, and to trust ranges less would make it lag the more.
     """
     chosen = scenario.filter
-    return lasts(scenario) and chosen.range_std != "auto" and chosen.defaults > 5
+    if scenario.target.motion == "dataset":
+        return lasts(scenario) and chosen.range_std != "auto" and chosen.defaults > 5
+    told = isinstance(chosen.range_std, float) and chosen.defaults > 6 and not real(scenario)
+    able = abilities_of(chosen.kind)
+    known = able.biases and able.saturates and chosen.measurement == "range" and chosen.acceleration_std is None
+    return told and known and scenario.target.motion == "ncv" and chosen.motion in ("auto", "ncv")
 
 
 def may_be_biased(scenario: Scenario) -> bool:
