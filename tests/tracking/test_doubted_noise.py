@@ -79,12 +79,12 @@ def test_noise_is_doubted_where_ranges_are_recorded_and_it_is_given():
     for kept in ({"defaults": 5}, {"range_std": "auto"}, {"kind": "kcf"}):
         assert not plan(**kept).settings.doubts_noise
     assert emulated("filter.range_std=0.2")
-    for kept in (
+    for alike in (
         (),
         ("sensor.real=true", "timing.mode=realtime", "filter.range_std=0.2"),
         *(("filter.range_std=0.2", more) for more in ("filter.defaults=6", "target.motion=circle", "filter.kind=icf")),
     ):
-        assert not emulated(*kept)
+        assert not emulated(*alike)
 
 
 def emulated(*keys):
