@@ -47,6 +47,10 @@ BENCHMARKS = {
     "scale": ("scale", "links, messages, bytes and memory of n agents: formulas, counted runs; --agents 24,100"),
     "lab": ("lab", "the lab in headless Chromium: frames, from click to log, what a page costs a run, long logs"),
     "pictures": ("pictures", "not measured: the screenshots of the documentation, taken anew into docs/images"),
+    "bytes": (
+        "bytes",
+        "error against bytes on a link, by filter, L and precision; the figure of docs/bytes.md",
+    ),
     "seeds": ("seeds", "1000 seeds of a lossy run: CPU of simulation and analysis; the bits of single runs"),
     "sessions": ("sessions", "1200 sessions at one target"),
     "hosts": ("hosts", "agents on ten virtual hosts: start, links, memory, traffic, rate; --agents 100,300, as root"),

@@ -17,7 +17,7 @@ from zenoh_cbef.log.mcap.contents import Channel, RawMessage
 from zenoh_cbef.log.read.decoding import Decoder
 from zenoh_cbef.log.read.header import Header
 from zenoh_cbef.log.read.recording import Recording
-from zenoh_cbef.log.tools.playlist import step_of
+from zenoh_cbef.log.tools.playlist import step_in
 from zenoh_cbef.log.write.run_log import UNKNOWN, RunLog
 from zenoh_cbef.nodes.common.recording import Status
 from zenoh_cbef.nodes.recorder.overview import Overview
@@ -140,7 +140,7 @@ class Doors:
         key = material.key() if material.random.random() < 0.3 else key
         before = self._decoder.tally.recorded
         raw = RawMessage(Channel(1, key, "msgpack", "", "", b"", {}), 5, *_label(data), data)
-        step_of(data)
+        step_in(f"cbef/{RUN}/agent/0/round", data)
         self._decoder.take([raw])
         if len(self._recording.events) > 1000:
             self._recording.events.clear()

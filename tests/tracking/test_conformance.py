@@ -34,6 +34,18 @@ class Mean(InformationWeighted):
         return replace(found, state=found.state + 1e-9 * found.state.mean(axis=0))
 
 
+class Mislaid(InformationWeighted):
+    """Says that its payload is information where it is not: the matrix comes first."""
+
+    def update(self, belief, measurement):
+        found = super().update(belief, measurement)
+        return replace(found, payload=np.roll(found.payload, 3, axis=1))
+
+    def conclude(self, payload, update):
+        inner = replace(update, payload=np.roll(update.payload, -3, axis=1))
+        return super().conclude(np.roll(payload, -3, axis=1), inner)
+
+
 class Deaf(InformationWeighted):
     """A missing range is taken for a number."""
 
@@ -84,6 +96,7 @@ class Stubborn(InformationWeighted):
     [
         (Gambling, "second time.*draw nothing at random"),
         (Mean, "alone gives other bits"),
+        (Mislaid, "but payloads do not begin with information"),
         (Deaf, "in step 1 the payload is not finite"),
         (Talking, "without a range reports"),
         (Longer, "let both say the same"),

@@ -49,12 +49,16 @@ class Load:
 
 @dataclass(frozen=True)
 class Demand:
-    """A run's processes. agent: the mean of all; busiest: the agent with the most neighbours. router: None without."""
+    """A run's processes. agent: the mean of all; busiest: the agent with the most neighbours. router: None without.
+
+    link: bit/s between two neighbours, either way, with a step in each dt; most of a radio's or a modem's budget.
+    """
 
     agent: Load
     busiest: Load
     target: Load
     recorder: Load
+    link: float
     router: Load | None = None
 
 
@@ -81,11 +85,12 @@ def demand(plan: Plan, *, other: float | None = None, routed: bool = False) -> D
     heard = agents * (plan.rounds + 3) + 1
     every = agents * (plan.rounds * size.round + size.range + size.estimate + size.beacon) + size.truth
     recorder = Load(links, 0, heard, 0, every)
+    link = 8.0 * (plan.rounds * size.round + plan.sharing.uses_neighbour_ranges * size.range) / plan.scenario.dt
     if not routed:
-        return Demand(mean, busiest, target, recorder)
+        return Demand(mean, busiest, target, recorder, link)
     out = agents * mean.received + target.received + heard
     out_bytes = agents * mean.bytes_received + target.bytes_received + every
-    return Demand(mean, busiest, target, recorder, Load(agents + 2, out, heard, out_bytes, every))
+    return Demand(mean, busiest, target, recorder, link, Load(agents + 2, out, heard, out_bytes, every))
 
 
 def _agent(plan: Plan, size: _Sizes, degree: float, *, routed: bool) -> Load:

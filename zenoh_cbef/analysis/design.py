@@ -48,6 +48,7 @@ def design(plan: Plan, *, within: float = 0.01, skip: float = 0.25, search: bool
     return Design(
         name=scenario.name,
         filter=scenario.filter.kind,
+        precision=scenario.consensus.precision,
         agents=scenario.count,
         steps=scenario.length,
         skip=first,

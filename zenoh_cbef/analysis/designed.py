@@ -9,6 +9,7 @@ from zenoh_cbef.analysis.demand import Demand
 from zenoh_cbef.analysis.mixing import Scheme
 from zenoh_cbef.analysis.results import Number
 from zenoh_cbef.plain import Json
+from zenoh_cbef.tracking.compact import Precision
 
 
 @dataclass(frozen=True)
@@ -101,11 +102,12 @@ class Design:
     skip: steps before the scored window. within: wanted excess of the position RMSE over the centralised filter's.
     spectral_gap: by scheme. cannot: what is left out of account, in sentences. centralized: None, and rounds empty,
     where errors cannot be predicted. smallest: sufficient number of rounds; None where none is found.
-    demand: what the configured run asks of its processes.
+    demand: what the configured run asks of its processes. precision: in which numbers payloads travel.
     """
 
     name: str
     filter: str
+    precision: Precision
     agents: int
     steps: int
     skip: int

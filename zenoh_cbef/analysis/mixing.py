@@ -22,13 +22,18 @@ def configured_scheme(plan: Plan) -> Scheme:
     return "chebyshev" if plan.scenario.consensus.acceleration == "chebyshev" else "average"
 
 
-def with_scheme(plan: Plan, scheme: Scheme) -> Plan:
-    """The plan with another way of averaging, without trimming, which is not linear."""
+def with_scheme(plan: Plan, scheme: Scheme, *, linear: bool = False) -> Plan:
+    """The plan with another way of averaging, without trimming, which is not linear.
+
+    linear: without rounding of messages, too.
+    """
     settings = {
         "scheme": "running-sums" if scheme == "running-sums" else "average",
         "acceleration": "chebyshev" if scheme == "chebyshev" else "none",
         "trim": 0,
     }
+    if linear:
+        settings["precision"] = "float64"
     scenario = plan.scenario
     return Plan(scenario.model_copy(update={"consensus": scenario.consensus.model_copy(update=settings)}))
 
@@ -39,7 +44,7 @@ def mixing(plan: Plan, scheme: Scheme, most: int) -> Floats:
     Every stage is linear in the payloads, so its effect on unit payloads determines M. With faults each step
     has its own M, from the fates that the scenario's seed gives its messages.
     """
-    tracker, neighbours = batch_tracker([with_scheme(plan, scheme)])
+    tracker, neighbours = batch_tracker([with_scheme(plan, scheme, linear=True)])
     stage, scenario, count = tracker.consensus, plan.scenario, plan.scenario.count
     present = neighbours.present
     destination, _ = present.nonzero()

@@ -8,6 +8,7 @@ from zenoh_cbef.faults.injected import Injected, Told
 from zenoh_cbef.protocol.bodies import estimate_body, range_body
 from zenoh_cbef.protocol.messages import encode
 from zenoh_cbef.protocol.round_codec import RoundCodec
+from zenoh_cbef.protocol.short import HEAD_BYTES
 from zenoh_cbef.scenario.build import agent_tracker, fates_into
 from zenoh_cbef.scenario.paths import agent_positions
 from zenoh_cbef.scenario.plan import Plan
@@ -21,8 +22,10 @@ _PLACE = np.full(3, 0.5)
 
 
 def round_bytes(plan: Plan) -> int:
-    """Bytes of one consensus message."""
+    """Bytes of one consensus message; with less precision, of most of them."""
     width = plan.message_size
+    if plan.compact is not None:
+        return HEAD_BYTES + plan.compact.size
     return len(RoundCodec(plan.scenario.name, "agent/0", width).encode(0, _SENT, 1, 1, np.zeros(width)))
 
 

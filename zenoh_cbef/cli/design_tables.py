@@ -42,6 +42,11 @@ def design_lines(told: Design) -> Iterator[Fitting | str]:
         f"{number(agent.received)} (means); the recorder gets {recorder.received:g}, "
         f"{number(1e-3 * recorder.bytes_received)} kB (docs/scale.md)"
     )
+    if configured.rounds:
+        yield (
+            f"consensus.precision = {told.precision!r}: a message of {told.bytes.round[configured.scheme]} bytes, "
+            f"{number(1e-3 * told.demand.link, 'kbit/s')} on a link, either way (docs/bytes.md)"
+        )
     yield from (f"note: {sentence}" for sentence in told.cannot)
 
 

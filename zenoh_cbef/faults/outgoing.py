@@ -61,15 +61,25 @@ class Outgoing:
     """What the agents of a batch really send, the same in any batch.
 
     faults: all of a scenario; those of senders count. seed, agent: (n,). dt: s. displaced: for consensus messages.
+    rounded: what receivers take consensus messages to be, None where they are as they are.
     """
 
-    def __init__(self, faults: Sequence[Fault], *, seed: Seeds, agent: Ids, dt: float, displaced: Displaced) -> None:
+    def __init__(
+        self,
+        faults: Sequence[Fault],
+        *,
+        seed: Seeds,
+        agent: Ids,
+        dt: float,
+        displaced: Displaced,
+        rounded: Callable[[Floats], Floats] | None = None,
+    ) -> None:
         self._faults: list[tuple[int, SenderFault, NDArray[np.intp]]] = []
         for index, fault in enumerate(faults):
             if isinstance(fault, SenderFault) and (rows := np.flatnonzero(np.isin(agent, fault.agents))).size:
                 self._faults.append((index, fault, rows))
         self._seed, self._agent, self._dt = seed, agent, dt
-        self._displaced = displaced
+        self._displaced, self._rounded = displaced, rounded
         # The honest messages of each fault's rows, by step and round, as far back as it looks.
         self._honest: list[dict[tuple[int, int], Floats]] = [{} for _ in self._faults]
 
@@ -81,6 +91,8 @@ class Outgoing:
         """
         if self._faults:
             message = self._sent(step, round_, message, self._displaced)
+            if self._rounded is not None:
+                message = self._rounded(message)
         return message if is_within(message, LARGEST_SENT) else np.clip(message, -LARGEST_SENT, LARGEST_SENT)
 
     def ranges(self, step: int, ranges: Floats) -> Floats:

@@ -10,7 +10,7 @@ import zenoh
 from zenoh_cbef.arrays import Floats
 from zenoh_cbef.protocol.memory import Memory
 from zenoh_cbef.protocol.messages import VERSION
-from zenoh_cbef.protocol.round_codec import RoundCodec
+from zenoh_cbef.protocol.short import Codec
 
 
 class Outbox:
@@ -53,7 +53,7 @@ class Outbox:
         self.sent += 1
         return data
 
-    def send_round(self, codec: RoundCodec, step: int, round_: int, payload: Floats) -> None:
+    def send_round(self, codec: Codec, step: int, round_: int, payload: Floats) -> None:
         """Publish one consensus message; payload: d numbers."""
         data = codec.encode(self.sent, self._clock(), step, round_, payload)
         self._memory.keep(self.sent, step, data)

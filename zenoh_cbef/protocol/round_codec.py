@@ -2,7 +2,7 @@
 
 An agent reads one message per neighbour and round, so this is the network's innermost loop. Integers are written
 in their widest form, which makes the layout constant; the general decoder reads a message with another layout, so
-both accept the same messages.
+both accept the same messages. Where payloads travel in few bits, messages are short.py's in place of these.
 """
 
 from __future__ import annotations

@@ -8,6 +8,7 @@ from pydantic import Field, model_validator
 
 from zenoh_cbef.quantities import Chance
 from zenoh_cbef.scenario.table import Eigenvalue, Table
+from zenoh_cbef.tracking.compact import Precision
 
 
 class Consensus(Table):
@@ -18,6 +19,7 @@ class Consensus(Table):
     lag: how many steps after its own a message is used, predicted forward; 0: in its own round.
     isolate: whether agents leave out neighbours whose messages their own prediction rules out; auto: where the scenario
     has agents that send wrong values, and trim is 0.
+    precision: in which numbers payloads travel, see tracking/compact.py.
     """
 
     rounds: Annotated[int, Field(ge=0, le=10_000)] = 10
@@ -28,6 +30,7 @@ class Consensus(Table):
     scheme: Literal["auto", "average", "running-sums"] = "auto"
     trim: Annotated[int, Field(ge=0, le=1000)] = 0
     lag: Annotated[int, Field(ge=0, le=100)] = 0
+    precision: Precision = "float64"
     isolate: Annotated[bool | Literal["auto"], Field(description="true, false or 'auto'")] = "auto"
 
     @model_validator(mode="after")
@@ -59,6 +62,11 @@ class Consensus(Table):
             raise ValueError(
                 "consensus.scheme = 'running-sums' cannot be accelerated; "
                 "set consensus.acceleration = 'none', or consensus.scheme = 'average'"
+            )
+        if self.scheme == "running-sums" and self.precision.startswith("int"):
+            raise ValueError(
+                f"consensus.precision = {self.precision!r} leaves too little of the shares in running sums; set "
+                "consensus.precision = 'float32', or consensus.scheme = 'average'"
             )
         if self.trim and (self.scheme == "running-sums" or self.acceleration != "none"):
             raise ValueError(

@@ -14,7 +14,7 @@ from zenoh_cbef.scenario.model import Scenario
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.tracking import graph
 from zenoh_cbef.tracking.backwards import Backwards, OneMotion, SeveralMotions
-from zenoh_cbef.tracking.consensus import Average, Chebyshev, Consensus, RunningSums
+from zenoh_cbef.tracking.consensus import Average, Chebyshev, Consensus, Rounding, RunningSums
 from zenoh_cbef.tracking.filters import Belief
 from zenoh_cbef.tracking.isolating import Isolating
 from zenoh_cbef.tracking.knowable import most_information
@@ -29,19 +29,25 @@ from zenoh_cbef.tracking.trimmed import TrimmedComponents, TrimmedMessages
 Seeds = NDArray[np.uint64]
 
 
+def _rounded(plan: Plan) -> Rounding | None:
+    """What receivers take messages to be; None where these are in all their bits."""
+    return None if plan.compact is None else plan.compact.rounded
+
+
 def _stage(plan: Plan, present: Bools, weights: Floats, bounds: Floats) -> Consensus:
     stage, payloads = plan.scenario.consensus, plan.payloads
+    rounded = _rounded(plan)
     if plan.sums:
-        return RunningSums(present)
+        return RunningSums(present, rounded)
     if stage.lag:
-        return StaleAverage(weights, plan.motion, stage.lag)
+        return StaleAverage(weights, plan.motion, stage.lag, rounded=rounded)
     if stage.trim and isinstance(payloads, InformationPayloads):
-        return TrimmedMessages(weights, stage.trim, payloads.distance)
+        return TrimmedMessages(weights, stage.trim, payloads.distance, rounded=rounded)
     if stage.trim:
-        return TrimmedComponents(weights, stage.trim)
+        return TrimmedComponents(weights, stage.trim, rounded=rounded)
     if stage.acceleration == "chebyshev":
-        return Chebyshev(weights, bounds[:, :1], bounds[:, 1:])
-    return Average(weights)
+        return Chebyshev(weights, bounds[:, :1], bounds[:, 1:], rounded=rounded)
+    return Average(weights, rounded=rounded)
 
 
 def _guarded(stage: Consensus, plan: Plan, present: Bools, names: Ids) -> Consensus:
@@ -161,4 +167,5 @@ def outgoing_of(plans: Sequence[Plan], agents: Sequence[int]) -> Outgoing:
         agent=np.tile(np.array(agents, dtype=np.int64), len(plans)),
         dt=first.scenario.dt,
         displaced=first.payloads.displaced,
+        rounded=_rounded(first),
     )

@@ -30,6 +30,7 @@ def check(plan: Plan) -> list[str]:
     _check_epsilon(scenario, plan.neighbours)
     check_faults(plan)
     _check_signal(scenario)
+    _check_precision(plan)
     _check_proportion(plan)
     warnings = _literal_gain(plan) if scenario.filter.kind == "cbef" else []
     warnings += _trimming(scenario, plan.neighbours) + _only_links(scenario, plan.edges) + _chebyshev(plan)
@@ -78,6 +79,17 @@ def _check_epsilon(scenario: Scenario, neighbours: graph.Neighbours) -> None:
             f"consensus.epsilon = {given} is at or above the stable limit 1/(largest degree) = {limit:.6g} "
             "of this graph; lower it, or leave it out"
         )
+
+
+def _check_precision(plan: Plan) -> None:
+    precision, chosen = plan.scenario.consensus.precision, plan.scenario.filter
+    if not precision.startswith("int") or plan.sharing.blocks or not plan.rounds:
+        return
+    what = "several motions" if plan.models else repr(chosen.kind)
+    raise UserError(
+        f"consensus.precision = {precision!r} is for payloads of information on one motion, as of 'sicf', 'icf' and "
+        f"'ci', and this filter is of {what}; set consensus.precision = 'float32'"
+    )
 
 
 def check_faults(plan: Plan) -> None:

@@ -20,6 +20,7 @@ def chosen_scheme(scenario: Scenario, *, information: bool) -> tuple[str, str]:
         "Neighbours' values are trimmed, which running sums cannot be.": stage.trim > 0,
         "No link has a fault, so averaging loses nothing.": not faulty,
         f"{kind} does not average information, and its exchange is defined by consensus weights.": not information,
+        "Of running sums in integers too little would be left of the shares.": stage.precision.startswith("int"),
         f"Running sums cannot be accelerated, and {stage.acceleration} was asked for.": stage.acceleration != "none",
     }
     for reason, holds in reasons.items():

@@ -12,6 +12,7 @@ from zenoh_cbef import streams
 from zenoh_cbef.arrays import Floats
 from zenoh_cbef.plugins import read_options
 from zenoh_cbef.testing.nonconforming import Nonconforming
+from zenoh_cbef.tracking.compact import FLOAT32, Compact
 from zenoh_cbef.tracking.filters.base import Belief, Filter, Kind, Update, filter_of
 from zenoh_cbef.tracking.filters.settings import FilterSettings
 from zenoh_cbef.tracking.motion import MotionSettings, make_motion
@@ -21,6 +22,7 @@ _AGENTS, _STEPS, _NEIGHBOURS, _DT, _STD = 7, 12, 2, 0.1, 0.1
 _NEGATIVE = -1e-9
 """A covariance's least eigenvalue in units of its largest one, as rounding leaves it."""
 
+_MOSTLY = 0.5
 _REMEDY = "correct conclude()"
 
 
@@ -135,8 +137,24 @@ def _check(kind: type[Kind], settings: FilterSettings) -> None:
         )
     if _through(kind.of(settings), begun, measured, rules).bits(slice(None)) != course.bits(slice(None)):
         raise Nonconforming("two filters of the same settings give different numbers; draw nothing at random")
+    _check_blocks(kind, settings, course)
     _check_batches(one, begun, measured, course, rules)
     _check_mixtures(one, course, rules)
+
+
+def _check_blocks(kind: type[Kind], settings: FilterSettings, course: _Course) -> None:
+    """What a filter says is information on states is so: nearly all payloads travel in 16 bits, and little changes."""
+    sharing = kind.sharing(settings)
+    if not sharing.blocks:
+        return
+    compact = Compact(sharing.payload_size, sharing.blocks, "int16")
+    payload = np.concatenate([update.payload for update in course.updates])
+    short = [compact.pack(row)[0] != FLOAT32 for row in payload]
+    if np.mean(short) < _MOSTLY:
+        raise Nonconforming(
+            f"sharing() says blocks = {sharing.blocks}, but payloads do not begin with information vectors and "
+            "positive definite matrices of so many states; leave blocks out, and payloads travel in float32 at least"
+        )
 
 
 def _begun(settings: FilterSettings) -> Belief:

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
 
 from zenoh_cbef.arrays import Bools, Floats
 from zenoh_cbef.tracking.linalg import neighbour_sum
+
+Rounding = Callable[[Floats], Floats]
+"""What receivers take messages (n, d) to be that travel in few bits."""
 
 
 class Consensus(Protocol):
@@ -31,34 +35,46 @@ class Consensus(Protocol):
 class Average:
     """y(l) = W y(l-1): with uniform weights the paper's x - epsilon sum_j (x - x_j).
 
-    weights: (n, m), zero where padded.
+    Where messages q(l) of y(l) are rounded, an agent adds sum_j w_ij (q_j - q_i) to its own y_i, which is not. What
+    rounding adds at one end of a link it takes at the other, so the network's sum is kept (Frasca, Carli, Fagnani,
+    Zampieri, Int. J. Robust Nonlinear Control 19(16), 2009).
+
+    weights: (n, m), zero where padded. rounded: None where messages are as they are.
     """
 
     weights: Floats
+    rounded: Rounding | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
         self._terms = np.empty((*self.weights.shape, 0))
 
     def start(self, payload: Floats) -> Floats:
         """The payload itself is sent."""
-        self._value = payload
-        return payload
+        return self._tell(payload)
+
+    def _tell(self, value: Floats) -> Floats:
+        """Keep the agents' values; returns the messages that they send of them."""
+        self._value = value
+        self._told = value if self.rounded is None else self.rounded(value)
+        return self._told
 
     def mix(self, received: Floats, delivered: Bools | None) -> Floats:
         """One multiplication by W; delivered: (n, m), or (n, m, d) where only components of messages count."""
+        return self._tell(self._averaged(received, delivered))
+
+    def _averaged(self, received: Floats, delivered: Bools | None) -> Floats:
         if self._terms.shape != received.shape:
             # Once, laid out as the messages are: a factor for each of their numbers halves a large batch's time.
             self._terms, self._factors = np.empty_like(received), np.empty_like(received)
             self._factors[...] = self.weights[:, :, None]
         # The own value stands in for a missing one, so its term is zero and the rows of W always sum to one. The sum
         # is never -0.0, which padding in a larger batch would turn into 0.0.
-        terms = np.subtract(received, self._value[:, None, :], out=self._terms)
+        terms = np.subtract(received, self._told[:, None, :], out=self._terms)
         terms *= self._factors
         if delivered is not None:
             terms[~delivered] = 0.0
         total = neighbour_sum(terms)
         total += self._value
-        self._value = total
         return total
 
     def result(self) -> Floats:
@@ -88,23 +104,23 @@ class Chebyshev(Average):
 
     def start(self, payload: Floats) -> Floats:
         """The payload itself is sent."""
-        self._value = self._previous = payload
+        self._previous = payload
         self._omega = np.ones_like(self._ratio)
         self._rounds = 0
-        return payload
+        return self._tell(payload)
 
     def mix(self, received: Floats, delivered: Bools | None) -> Floats:
         """One step of the recurrence y(l+1) = y(l-1) + omega (a(W)/a(1) y(l) - y(l-1))."""
         own = self._value
-        scaled = (super().mix(received, delivered) - self._middle * own) / self._gap
+        scaled = (self._averaged(received, delivered) - self._middle * own) / self._gap
         if self._rounds == 1:
             self._omega = 1.0 / (1.0 - 0.5 * self._ratio**2)
         elif self._rounds > 1:
             self._omega = 1.0 / (1.0 - 0.25 * self._ratio**2 * self._omega)
         following = self._previous + self._omega * (scaled - self._previous)
-        self._previous, self._value = own, following
+        self._previous = own
         self._rounds += 1
-        return following
+        return self._tell(following)
 
 
 @dataclass
@@ -121,20 +137,36 @@ class RunningSums:
     rho_ij is what i last heard of sigma_j. Only shares that are still on their way are missing, and they are missing in
     both parts of y: the ratio stays a convex combination of the payloads, and tends to their average. No weights.
 
-    present: (n, m), False where padded. Messages are one number longer than payloads, (n, d + 1).
+    Where messages are rounded, a share is what the rounded sum has grown by, and the agent keeps the rest: no mass is
+    made or lost.
+
+    present: (n, m), False where padded. Messages are one number longer than payloads, (n, d + 1). rounded: None where
+    messages are as they are.
     """
 
     present: Bools
+    rounded: Rounding | None = None
 
     def __post_init__(self) -> None:
         self._shares: Floats = self.present.sum(axis=1)[:, None] + 1.0
+        self._others: Floats = self._shares - 1.0
 
     def start(self, payload: Floats) -> Floats:
         """Begin again, with nothing heard from any neighbour; the first sum is y/D."""
         self._mass: Floats = np.concatenate([payload, np.ones((len(payload), 1))], axis=1)
-        self._share: Floats = self._mass / self._shares
-        self._sent = self._share
+        self._sent = np.zeros_like(self._mass)
         self._heard = np.zeros((self.present.size, self._mass.shape[1]))
+        return self._give()
+
+    def _give(self) -> Floats:
+        """Share what the agents hold; returns their sums of all shares."""
+        self._share: Floats = self._mass / self._shares
+        # A new array: the caller may still hold the message of the round before.
+        following = self._sent + self._share
+        if self.rounded is not None:
+            following = self.rounded(following)
+            self._share = self._mass - self._others * (following - self._sent)
+        self._sent = following
         return self._sent
 
     def mix(self, received: Floats, delivered: Bools | None) -> Floats:
@@ -149,10 +181,7 @@ class RunningSums:
         total = neighbour_sum(news.reshape(*self.present.T.shape, news.shape[1]).swapaxes(0, 1))
         self._heard[came] = messages.take(came, axis=0)
         self._mass = self._share + total
-        self._share = self._mass / self._shares
-        # A new array: the caller may still hold the message of the round before.
-        self._sent = self._sent + self._share
-        return self._sent
+        return self._give()
 
     def result(self) -> Floats:
         """The ratio; its divisor is positive, as an agent always keeps a share."""

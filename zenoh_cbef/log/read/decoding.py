@@ -36,7 +36,8 @@ from zenoh_cbef.protocol.kinds import (
     TruthMessage,
 )
 from zenoh_cbef.protocol.messages import BadMessage, decode_all
-from zenoh_cbef.protocol.round_codec import RoundCodec, Rounds
+from zenoh_cbef.protocol.round_codec import Rounds
+from zenoh_cbef.protocol.short import codec_of
 from zenoh_cbef.scenario.plan import Plan
 
 Logged = Sequence[int]
@@ -116,7 +117,7 @@ class _Place:
             raise BadMessage("an agent that the run does not have")
         self.key, self.at, self.kind = key, found, found.kind
         self.of_agent = agent_named(found.owner) is not None and found.kind != "event"
-        self.codec = RoundCodec(run, found.owner, plan.message_size)
+        self.codec = codec_of(run, found.owner, plan.message_size, plan.compact)
         self.waiting: list[RawMessage] = []
 
 

@@ -12,6 +12,7 @@ from zenoh_cbef.log.read.header import read_header
 from zenoh_cbef.log.read.parts import Log
 from zenoh_cbef.protocol.keys import address
 from zenoh_cbef.protocol.messages import BadMessage
+from zenoh_cbef.protocol.short import ENCODING, SCHEMA
 
 _NAMED = 100
 
@@ -56,6 +57,8 @@ class _Checker:
         for channel in {id(raw.channel): raw.channel for raw in batch}.values():
             found = address(channel.topic)
             promised = (f"cbef.{found.kind.capitalize()}", "jsonschema", "msgpack") if found else None
+            if found and found.kind == "round" and channel.message_encoding == ENCODING:
+                promised = SCHEMA, "", ENCODING
             if channel.schema_name == "cbef.Unknown":
                 continue  # its messages are refused one by one
             if promised != (channel.schema_name, channel.schema_encoding, channel.message_encoding):

@@ -17,6 +17,7 @@ from zenoh_cbef.log.read.parts import Log
 from zenoh_cbef.log.tools.output import OutputLog
 from zenoh_cbef.protocol.keys import address
 from zenoh_cbef.protocol.messages import BadMessage, unpack
+from zenoh_cbef.protocol.short import ENCODING
 
 _SAMPLES = 10_000
 _MOST_AHEAD = 1 << 20
@@ -183,7 +184,7 @@ def _sender(message: RawMessage, owners: dict[str, str | None]) -> str | None:
     """The sender of a message; None where it has no envelope."""
     topic = message.channel.topic
     if topic not in owners:
-        found = address(topic) if message.channel.message_encoding == "msgpack" else None
+        found = address(topic) if message.channel.message_encoding in {"msgpack", ENCODING} else None
         owners[topic] = found.owner if found else None
     owner = owners[topic]
     if owner == "":

@@ -13,6 +13,7 @@ from zenoh_cbef.log.read.parts import Log
 from zenoh_cbef.plain import count_in
 from zenoh_cbef.protocol.keys import address, matches
 from zenoh_cbef.protocol.messages import BadMessage, unpack
+from zenoh_cbef.protocol.short import is_short, step_of
 
 _BEGIN_STEPS = ("truth", "beacon")
 
@@ -99,7 +100,7 @@ class Playlist:
             topic = message.channel.topic
             key = self._keys.get(topic)
             if key is not None:
-                step = step_of(message.data) if topic in self._begin else 0
+                step = step_in(topic, message.data) if topic in self._begin else 0
                 yield Item(key, message.log_time, message.data, step)
 
 
@@ -112,8 +113,10 @@ def _any(topic: str, expressions: Sequence[str], whole: Sequence[re.Pattern[str]
     )
 
 
-def step_of(data: bytes) -> int:
+def step_in(topic: str, data: bytes) -> int:
     """The step of a message, 0 where it has none."""
+    if is_short(data, address(topic)):
+        return step_of(data)
     try:
         return count_in(unpack(data), "k") or 0
     except BadMessage:

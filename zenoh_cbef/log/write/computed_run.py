@@ -14,7 +14,7 @@ from zenoh_cbef.log.write.run_log import RunLog
 from zenoh_cbef.protocol.bodies import estimate_body, range_body, smoothed_body
 from zenoh_cbef.protocol.keys import Keys
 from zenoh_cbef.protocol.messages import encode
-from zenoh_cbef.protocol.round_codec import RoundCodec
+from zenoh_cbef.protocol.short import codec_of
 from zenoh_cbef.scenario.build import fates_into
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.simulator import Step
@@ -73,7 +73,8 @@ class ComputedRun:
         self._sent: Counter[tuple[str, str]] = Counter()
         self._now = 0
         width = plan.message_size
-        self._codecs = [RoundCodec(run, f"agent/{agent}", width) for agent in range(plan.scenario.count)]
+        names = (f"agent/{agent}" for agent in range(plan.scenario.count))
+        self._codecs = [codec_of(run, name, width, plan.compact) for name in names]
         self._received = _Received(plan, neighbours)
 
     def say(self, sender: str, key: str, moment: int, body: Mapping[str, object]) -> None:

@@ -20,6 +20,7 @@ from zenoh_cbef.protocol.fields import LONGEST
 from zenoh_cbef.protocol.keys import Address, address
 from zenoh_cbef.protocol.kinds import MESSAGE_KINDS
 from zenoh_cbef.protocol.messages import BadMessage, json_schema, unpack
+from zenoh_cbef.protocol.short import ENCODING, SCHEMA, is_short, numbered
 from zenoh_cbef.scenario.model import Record
 
 UNKNOWN = "unknown"
@@ -35,8 +36,11 @@ at most three digits.
 """
 
 
-_Named = dict[bool, set[tuple[str, bool]]]
-"""Keys of processes with chosen names (False), and keys that no run has; with whether their messages are of ours."""
+_MSGPACK = "msgpack"
+
+_Named = dict[bool, set[tuple[str, str]]]
+"""Keys of processes with chosen names (False), and keys that no run has; with the encoding of their messages, "" of
+others."""
 
 
 class _Part:
@@ -51,7 +55,7 @@ class _Part:
             chunk_bytes=settings.chunk_bytes,
             library=f"zenoh-cbef {__version__}",
         )
-        self.channels: dict[tuple[str, bool], tuple[Address, int]] = {}
+        self.channels: dict[tuple[str, str], tuple[Address, int]] = {}
         self._schemas: dict[str, int] = {}
         self.head_bytes = 0
 
@@ -67,25 +71,29 @@ class _Part:
         self.writer.flush()
         self.head_bytes = self.writer.bytes_written
 
-    def register(self, key: str, named: _Named, *, known: bool) -> tuple[Address, int] | None:
-        """The address and the channel of a key; None where the log, with the keys that it names so far, has no room."""
+    def register(self, key: str, named: _Named, encoding: str) -> tuple[Address, int] | None:
+        """The address and the channel of a key; None where the log, with the keys that it names so far, has no room.
+
+        encoding: of its messages, "" where they are not ours.
+        """
         at = address(key)
         free = at is None or at.chosen
         others = named[at is None]
-        if len(key) > _LONGEST_KEY or (free and (key, known) not in others and len(others) == _FREE):
+        if len(key) > _LONGEST_KEY or (free and (key, encoding) not in others and len(others) == _FREE):
             return None
         if free:
-            others.add((key, known))
-        found = at if known else None
+            others.add((key, encoding))
+        found = at if encoding else None
         at = found or _NOWHERE
         kind = at.kind
-        schema = self._schemas.get(kind)
+        name = SCHEMA if encoding == ENCODING else f"cbef.{kind.capitalize()}"
+        schema = self._schemas.get(name)
         if schema is None:
             text = json.dumps(json_schema(MESSAGE_KINDS[kind]) if found else {})
-            schema = self.writer.register_schema(f"cbef.{kind.capitalize()}", "jsonschema", text.encode())
-            self._schemas[kind] = schema
-        channel = self.writer.register_channel(key, "msgpack" if found else "", schema)
-        self.channels[key, known] = at, channel
+            language, text = ("", "") if name == SCHEMA else ("jsonschema", text)
+            schema = self._schemas[name] = self.writer.register_schema(name, language, text.encode())
+        channel = self.writer.register_channel(key, encoding if found else "", schema)
+        self.channels[key, encoding] = at, channel
         return at, channel
 
     def close(self, end: Mapping[str, str]) -> None:
@@ -98,18 +106,27 @@ class _Label(NamedTuple):
     seq: int
     sent: int
     sender: str
+    encoding: str = _MSGPACK
 
 
-def _label(data: bytes) -> _Label | None:
+def _label(key: str, data: bytes) -> _Label | None:
     """What an MCAP record repeats of a message; None where it is no message of ours."""
     try:
         message = unpack(data)
     except BadMessage:
-        return None
+        return _short_label(key, data)
     seq, sent, sender = message.get("seq"), message.get("sent"), message.get("from")
     if type(seq) is not int or type(sent) is not int or type(sender) is not str:
         return None
     return _Label(seq, sent, sender) if 0 <= seq < _MOST and 0 <= sent < _MOST and len(sender) <= LONGEST else None
+
+
+def _short_label(key: str, data: bytes) -> _Label | None:
+    at = address(key)
+    if at is None or not is_short(data, at):
+        return None
+    seq, sent = numbered(data)
+    return _Label(seq, sent, at.owner, ENCODING) if sent < _MOST else None
 
 
 class RunLog:
@@ -173,9 +190,9 @@ class RunLog:
 
     def add(self, key: str, data: bytes, log_time: int) -> str:
         """Write one message as it came; returns its kind, UNKNOWN where it is no message of ours."""
-        label, part = _label(data), self._part
-        known = label is not None
-        place = part.channels.get((key, known)) or part.register(key, self._named, known=known)
+        label, part = _label(key, data), self._part
+        encoding = "" if label is None else label.encoding
+        place = part.channels.get((key, encoding)) or part.register(key, self._named, encoding)
         if place is None:
             self.foreign += 1
             return UNKNOWN
@@ -225,14 +242,8 @@ class RunLog:
 
     def wants(self, key: str, sender: str, data: bytes) -> bool:
         """Whether a message is one of a sender's that are missing."""
-        try:
-            message = unpack(data)
-        except BadMessage:
-            return False
-        number, found = message.get("seq"), self._sequences.find(key, sender)
-        if message.get("from") != sender or not isinstance(number, int):
-            return False
-        return found is not None and found.lacks(number)
+        label, found = _label(key, data), self._sequences.find(key, sender)
+        return label is not None and label.sender == sender and found is not None and found.lacks(label.seq)
 
     def _fail(self, error: OSError) -> None:
         self.failure = f"cannot write {self._part.active}: {error.strerror}"

@@ -30,7 +30,7 @@ from zenoh_cbef.nodes.common.rejections import Rejections
 from zenoh_cbef.nodes.common.standstill import die, stand_still
 from zenoh_cbef.nodes.common.succession import Succession
 from zenoh_cbef.protocol.bodies import estimate_body, range_body
-from zenoh_cbef.protocol.round_codec import RoundCodec
+from zenoh_cbef.protocol.short import codec_of
 from zenoh_cbef.protocol.slow import SLOW
 from zenoh_cbef.scenario.build import agent_tracker, fates_into, outgoing_of, smoother_of
 from zenoh_cbef.scenario.injected import read_tables, with_faults
@@ -88,7 +88,7 @@ class Agent:
         if smoother is not None:
             self._afterwards = Afterwards(node, agent, smoother, may_drop=realtime, keep=_KEPT_BYTES)
         node.archive.serve(node.keys.of_agent(agent))
-        self._codec = RoundCodec(node.identity.run, node.identity.sender, plan.message_size)
+        self._codec = codec_of(node.identity.run, node.identity.sender, plan.message_size, plan.compact)
         self._realtime = realtime
         # Where a step's rounds last longer than the step, late neighbours hold an agent up, too.
         measurable = realtime and self.plan.slot * (self.plan.rounds + 1) <= scenario.dt * (1.0 + 1e-9)

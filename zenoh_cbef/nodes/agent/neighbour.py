@@ -17,7 +17,7 @@ from zenoh_cbef.nodes.common.rejections import Rejections
 from zenoh_cbef.protocol.kinds import RangeMessage
 from zenoh_cbef.protocol.mailbox import CAPACITY, Mailbox
 from zenoh_cbef.protocol.messages import nil_to_nan
-from zenoh_cbef.protocol.round_codec import RoundCodec
+from zenoh_cbef.protocol.short import codec_of
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.tracking.moderation import LARGEST_SENT, is_within
 
@@ -69,7 +69,7 @@ class Neighbourhood:
 
         run, keys = node.identity.run, node.keys
         self._round_boxes = [
-            inbox(agent, keys.round(agent), RoundCodec(run, f"agent/{agent}", width).decode, rounds + 1)
+            inbox(agent, keys.round(agent), codec_of(run, f"agent/{agent}", width, plan.compact).decode, rounds + 1)
             for agent in (self.ids if rounds else [])
         ]
         self._range_boxes = [

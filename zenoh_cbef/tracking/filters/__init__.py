@@ -103,7 +103,8 @@ def sharing_of(kind: str, settings: FilterSettings) -> Sharing:
     shared = InteractingModels.sharing(settings, one) if settings.models else one(settings)
     if settings.bias != "none":
         biased = BiasedInformation.sharing(settings)
-        shared = biased if settings.bias == "estimate" else shared.longer(biased.payload_size + AutoBias.more)
+        both = replace(shared.longer(biased.payload_size + AutoBias.more), blocks=shared.blocks + biased.blocks)
+        shared = biased if settings.bias == "estimate" else both
     more = settings.recovers * Recovering.more + settings.distrusts * Distrusting.more
     more += (
         (settings.lasting and settings.learns_noise)

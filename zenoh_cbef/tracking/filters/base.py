@@ -100,12 +100,15 @@ class Sharing:
     """What the agents of a filter exchange. Its class tells it, so it is known before any filter is made.
 
     payload_size: length d of the payload vector. cooperates: whether payloads are exchanged with neighbours at all.
-    uses_neighbour_ranges: whether agents need their neighbours' positions and ranges before the update.
+    uses_neighbour_ranges: whether agents need their neighbours' positions and ranges before the update. blocks: sizes s
+    of the states of which a payload begins with information, vector and upper triangle of a matrix that is as a rule
+    positive definite, block after block; they may travel as integers.
     """
 
     payload_size: int
     cooperates: bool = True
     uses_neighbour_ranges: bool = False
+    blocks: tuple[int, ...] = ()
 
     def longer(self, numbers: int) -> Sharing:
         """The same with more numbers at the end of a payload."""

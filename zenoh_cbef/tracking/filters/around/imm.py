@@ -48,9 +48,12 @@ class InteractingModels:
 
     @classmethod
     def sharing(cls, settings: FilterSettings, of_one: Callable[[FilterSettings], Sharing]) -> Sharing:
-        """All models' payloads, and a number for each; of_one: what the filter of one motion exchanges."""
+        """All models' payloads, and a number for each; of_one: what the filter of one motion exchanges.
+
+        No matrix of them may be rounded: from x^T O x, far larger than the least cost, c would lose its digits.
+        """
         each = [of_one(replace(settings, motion=motion)) for motion in settings.models]
-        return replace(each[0], payload_size=sum(one.payload_size + 1 for one in each))
+        return replace(each[0], payload_size=sum(one.payload_size + 1 for one in each), blocks=())
 
     @classmethod
     def of(cls, settings: FilterSettings, of_one: Callable[[FilterSettings], Filter]) -> Self:

@@ -68,7 +68,8 @@ class SquaredInformation:
     @classmethod
     def sharing(cls, settings: FilterSettings) -> Sharing:
         """Information vector and the upper triangle of the information matrix of (x, e)."""
-        return Sharing(packed_size(settings.motion.size + 1), cooperates=settings.network_size > 1)
+        size = settings.motion.size + 1
+        return Sharing(packed_size(size), cooperates=settings.network_size > 1, blocks=(size,))
 
     @classmethod
     def of(cls, settings: FilterSettings, xi: float) -> Self:

@@ -53,7 +53,8 @@ class CovarianceIntersection:
     @classmethod
     def sharing(cls, settings: FilterSettings) -> Sharing:
         """Information vector and the upper triangle of the information matrix; only differences need more."""
-        return Sharing(packed_size(settings.motion.size), uses_neighbour_ranges=settings.differenced)
+        size = settings.motion.size
+        return Sharing(packed_size(size), uses_neighbour_ranges=settings.differenced, blocks=(size,))
 
     @classmethod
     def of(cls, settings: FilterSettings) -> Self:

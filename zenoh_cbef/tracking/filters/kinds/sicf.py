@@ -58,7 +58,8 @@ class SaturatedInformation:
     @classmethod
     def sharing(cls, settings: FilterSettings) -> Sharing:
         """Information vector and the upper triangle of the information matrix; an agent alone exchanges nothing."""
-        return Sharing(packed_size(settings.motion.size), cooperates=settings.network_size > 1)
+        size = settings.motion.size
+        return Sharing(packed_size(size), cooperates=settings.network_size > 1, blocks=(size,))
 
     @classmethod
     def of(cls, settings: FilterSettings) -> Self:

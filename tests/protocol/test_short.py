@@ -1,0 +1,66 @@
+"""Consensus messages of few bytes: read as they were written, by none but their readers, and never beyond the run."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.examples import examples
+from zenoh_cbef.protocol.keys import address
+from zenoh_cbef.protocol.messages import BadMessage, unpack
+from zenoh_cbef.protocol.round_codec import RoundCodec
+from zenoh_cbef.protocol.short import HEAD_BYTES, ShortCodec, is_short, numbered, step_of
+from zenoh_cbef.tracking.compact import Compact
+
+COMPACT = Compact(14, (4,), "int12")
+CODEC = ShortCodec(COMPACT)
+AT = address("cbef/run/agent/3/round")
+NUMBERS = st.tuples(
+    st.integers(0, 2**32 - 1), st.integers(0, 2**63 - 1), st.integers(0, 2**32 - 1), st.integers(0, 10_000)
+)
+
+
+@given(NUMBERS, st.lists(st.floats(-1e30, 1e30), min_size=14, max_size=14))
+@examples(100)
+def test_a_message_is_read_as_it_was_written_alone_and_among_others(numbers, values):
+    payload = COMPACT.rounded(np.array([values]))
+    seq, sent, step, round_ = numbers
+    data = CODEC.encode(seq, sent, step, round_, payload)
+    assert CODEC.decode(data) == (step, round_, sent, payload.tobytes())
+    many = CODEC.decode_all([data, CODEC.encode(0, 1, 2, 3, np.zeros(14)), data])
+    assert many.payload[2].tobytes() == payload.tobytes()
+    assert (many.seq[2], many.sent[2], many.step[2], many.round[2]) == numbers
+    assert is_short(data, AT)
+    assert (*numbered(data), step_of(data)) == (seq, sent, step)
+
+
+@given(st.binary(max_size=200))
+@examples(200)
+def test_hostile_bytes_are_refused(data):
+    try:
+        _, _, _, payload = CODEC.decode(data)
+    except BadMessage:
+        return
+    assert np.isfinite(np.frombuffer(payload)).all()
+
+
+def test_neither_kind_of_message_is_taken_for_the_other():
+    short = CODEC.encode(0, 1, 2, 3, np.zeros(14))
+    long = RoundCodec("run", "agent/3", 14).encode(0, 1, 2, 3, np.zeros(14))
+    with pytest.raises(BadMessage):
+        unpack(short)
+    with pytest.raises(BadMessage):
+        CODEC.decode(long)
+    assert not is_short(long, AT)
+    assert not is_short(short, address("cbef/run/agent/3/estimate"))
+    damaged = bytes(byte ^ 0xFF for byte in short[:8]) + short[8:]
+    with pytest.raises(BadMessage):
+        CODEC.decode(damaged)
+
+
+def test_a_message_of_a_plane_is_a_fraction_of_one_in_all_bits():
+    # x, 4 rows: 28 bytes of integers with the code, and the head.
+    assert HEAD_BYTES + COMPACT.size == 46
+    assert len(RoundCodec("run", "agent/3", 14).encode(0, 1, 2, 3, np.zeros(14))) == 187

@@ -1,0 +1,95 @@
+"""Consensus messages of few bytes, where `consensus.precision` has payloads travel in few bits.
+
+    code (1 byte), seq (4), sent (8), k (4), l (2), all little-endian; the payload as tracking/compact.py has it
+
+Run and sender are those of the key, which names both. The code says how the payload is laid out; none begins a msgpack
+map, so no reader takes such a message for one of another kind.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Sequence
+from typing import Protocol
+
+import numpy as np
+
+from zenoh_cbef.arrays import Floats
+from zenoh_cbef.protocol.keys import Address
+from zenoh_cbef.protocol.messages import BadMessage
+from zenoh_cbef.protocol.round_codec import RoundCodec, Rounds
+from zenoh_cbef.tracking.compact import Compact, is_code
+
+ENCODING, SCHEMA = "cbef.short", "cbef.Short"
+"""The message encoding of their channels in logs, and the name of its schema, which is empty."""
+
+_HEAD = struct.Struct("<BIQIH")
+HEAD_BYTES = _HEAD.size - 1
+"""Bytes before a payload and its code."""
+_ROW = np.dtype([("code", "u1"), ("seq", "<u4"), ("sent", "<u8"), ("step", "<u4"), ("round", "<u2")])
+_MOST = 1 << 63
+
+
+def is_short(data: bytes, at: Address | None) -> bool:
+    """Whether a message on a key is one of these, as far as its beginning tells."""
+    return at is not None and at.kind == "round" and len(data) > _HEAD.size and is_code(data[0])
+
+
+def numbered(data: bytes) -> tuple[int, int]:
+    """Number of a message, and when it was sent, ns."""
+    _, seq, sent, _, _ = _HEAD.unpack_from(data)
+    return seq, sent
+
+
+def step_of(data: bytes) -> int:
+    """The step of a message."""
+    return int(_HEAD.unpack_from(data)[3])
+
+
+class Codec(Protocol):
+    """Reads and writes one sender's round messages."""
+
+    def encode(self, seq: int, sent: int, step: int, round_: int, payload: Floats) -> bytes:
+        """One message; payload: d numbers."""
+
+    def decode(self, data: bytes) -> tuple[int, int, int, bytes]:
+        """Step, round, sending time (ns) and payload: d float64. Raises BadMessage."""
+
+    def decode_all(self, messages: Sequence[bytes]) -> Rounds:
+        """Many messages at once. Raises BadMessage where any is not as promised."""
+
+
+def codec_of(run: str, sender: str, width: int, compact: Compact | None) -> Codec:
+    """The codec of a sender; width: numbers in a message. compact: None where they travel in all their bits."""
+    return RoundCodec(run, sender, width) if compact is None else ShortCodec(compact)
+
+
+class ShortCodec:
+    """Reads and writes round messages of few bytes."""
+
+    def __init__(self, compact: Compact) -> None:
+        self._compact = compact
+
+    def encode(self, seq: int, sent: int, step: int, round_: int, payload: Floats) -> bytes:
+        """One message; payload: d numbers, rounded before."""
+        packed = self._compact.pack(payload)
+        return _HEAD.pack(packed[0], seq & 0xFFFFFFFF, sent, step, round_) + packed[1:]
+
+    def decode(self, data: bytes) -> tuple[int, int, int, bytes]:
+        """Step, round, sending time (ns) and payload: d float64. Raises BadMessage."""
+        rounds = self.decode_all([data])
+        return int(rounds.step[0]), int(rounds.round[0]), int(rounds.sent[0]), rounds.payload.tobytes()
+
+    def decode_all(self, messages: Sequence[bytes]) -> Rounds:
+        """Many messages at once. Raises BadMessage where any is not as promised."""
+        if min(map(len, messages)) <= _HEAD.size:
+            raise BadMessage("too short")
+        heads = np.frombuffer(b"".join(data[: _HEAD.size] for data in messages), _ROW)
+        if (heads["sent"] >= _MOST).any():
+            raise BadMessage("field sent is not as promised")
+        try:
+            payload = self._compact.unpack([data[:1] + data[_HEAD.size :] for data in messages])
+        except ValueError as error:
+            raise BadMessage(str(error)) from None
+        seq, sent = heads["seq"].astype(np.uint32), heads["sent"].astype(np.uint64)
+        return Rounds(seq, sent, heads["step"].astype(np.uint32), heads["round"].astype(np.uint32), payload)
