@@ -13,7 +13,6 @@ from zenoh_cbef.scenario import bending, network, start, trust
 from zenoh_cbef.scenario.model import Scenario
 from zenoh_cbef.scenario.motion import assumed_models, assumed_motion, plain_motion, switches
 from zenoh_cbef.scenario.plausible import Plausible, plausible_ranges
-from zenoh_cbef.scenario.reading import payloads_of
 from zenoh_cbef.scenario.scheme import chosen_scheme
 from zenoh_cbef.tracking import graph
 from zenoh_cbef.tracking.compact import Compact, compact_of
@@ -28,7 +27,7 @@ from zenoh_cbef.tracking.filters import (
     sharing_of,
 )
 from zenoh_cbef.tracking.motion import LinearMotion, Motion, begun
-from zenoh_cbef.tracking.payloads import InformationPayloads, Payloads
+from zenoh_cbef.tracking.payloads import InformationPayloads, Payloads, SeveralPayloads, StatePayloads
 from zenoh_cbef.tracking.ranging import Space
 from zenoh_cbef.tracking.weights import spectrum_bounds, weight_matrix
 
@@ -184,7 +183,14 @@ class Plan:
     @cached_property
     def payloads(self) -> Payloads:
         """How to read the payloads of the scenario's filter."""
-        return payloads_of(self)
+        axes, size, kind = self.space.axes, self.motion.size, self.scenario.filter.kind
+        if not self.abilities.information:
+            return StatePayloads(axes)
+        if self.models:
+            return SeveralPayloads(tuple(InformationPayloads(axes, one.size) for one in self.models))
+        omega = float(self.scenario.count) if self.scenario.filter.omega is None else self.scenario.filter.omega
+        size += self.bias == "estimate" or self.squares  # The bias's common part is a state, so is a square.
+        return InformationPayloads(axes, size, (1.0, omega) if kind == "hcmci" else (1.0,))
 
     @cached_property
     def rounds(self) -> int:
