@@ -286,8 +286,7 @@ class Plan:
     @cached_property
     def initial_covariance(self) -> Floats:
         """Covariance of the initial position and velocity along the axes, (s, s). Before a first fix it is wide."""
-        std = start.first_std(self.scenario, fixed=self.first_fix_steps > 0)
-        return np.asarray(np.diag(std[self.space.kept] ** 2))
+        return np.asarray(np.diag(start.first_std(self.scenario, fixed=self.first_fix_steps > 0)[self.space.kept] ** 2))
 
     @cached_property
     def initial_belief(self) -> Belief:
