@@ -62,7 +62,7 @@ def _run(folder: Path, name: str, *settings: str) -> Iterator[None]:
                 time.sleep(0.05)
             yield
             if run.poll() is None:
-                subprocess.run(command("stop", "--run", name), stdout=subprocess.DEVNULL, check=False)
+                subprocess.run(command("stop", "--run", name), capture_output=True, check=False)
             run.wait(60)
         finally:
             run.terminate()

@@ -92,6 +92,45 @@ class Opened:
         self.lab.communicate(timeout=100)
 
 
+def held_and_taken_on_by_steps(opened: Opened) -> None:
+    """The run stands still, takes a single step, and goes on."""
+    page = opened.page
+    page.click("#hold")
+    opened.until("lab.state.held && document.querySelector('#hold').textContent === 'Let run go on'")
+    opened.until(STANDS)
+    stood = page.evaluate("lab.state.newest")
+    page.keyboard.press("ArrowRight")
+    opened.until(f"lab.state.newest === {stood + 1}")
+    opened.until(STANDS)
+    assert page.evaluate("lab.state.newest") == stood + 1
+    page.keyboard.press("h")
+    opened.until(f"lab.state.newest > {stood + 3}")
+
+
+def touched_by_keyboard(opened: Opened) -> None:
+    """A link loses messages, two agents are parted from the others, the target is sent down: all without a mouse."""
+    page = opened.page
+    # Orders by keyboard: the menu of an agent leads to those of its links.
+    page.focus("#agents button")
+    page.keyboard.press("Enter")
+    page.get_by_role("menuitem", name=re.compile("^link to ")).first.press("Enter")
+    page.locator("#menu input").first.fill("60")
+    page.locator("#menu input").first.press("Enter")
+    opened.until("document.querySelector('#faults').textContent.includes('loss 60 %')")
+    # A partition by keyboard: one side is chosen at the agents' buttons.
+    page.focus("#agents button:first-child")
+    page.keyboard.press("Enter")
+    page.get_by_role("menuitem", name="part it and others").press("Enter")
+    page.keyboard.press("Tab")
+    page.keyboard.press(" ")
+    assert page.inner_text("#side output") == "choose agents to cut off: 0, 1"
+    assert page.locator("#agents button[aria-pressed=true]").count() == 2
+    page.keyboard.press("s")
+    page.keyboard.press("p")
+    opened.until("document.querySelector('#verdict').textContent.includes('2 parts')")
+    assert page.is_hidden("#side")
+
+
 def test_a_run_is_started_cut_by_mouse_healed_steered_ended_exported_and_proved(world, browser):
     keys = ("steps=100000", "consensus.rounds=3", "target.motion=manual")
     opened = Opened(world, browser, "tracking", *(part for key in keys for part in ("--set", key)))
@@ -113,35 +152,8 @@ def test_a_run_is_started_cut_by_mouse_healed_steered_ended_exported_and_proved(
     page.mouse.move(x + 60, y - 40, steps=5)
     page.mouse.up()
     opened.until("Math.hypot(...lab.state.frame.arrays.truth.subarray(0, 2)) > 0.5")
-    page.click("#hold")
-    opened.until("lab.state.held && document.querySelector('#hold').textContent === 'Let run go on'")
-    opened.until(STANDS)
-    stood = page.evaluate("lab.state.newest")
-    page.keyboard.press("ArrowRight")
-    opened.until(f"lab.state.newest === {stood + 1}")
-    opened.until(STANDS)
-    assert page.evaluate("lab.state.newest") == stood + 1
-    page.keyboard.press("h")
-    opened.until(f"lab.state.newest > {stood + 3}")
-    # Orders by keyboard: the menu of an agent leads to those of its links.
-    page.focus("#agents button")
-    page.keyboard.press("Enter")
-    page.get_by_role("menuitem", name=re.compile("^link to ")).first.press("Enter")
-    page.locator("#menu input").first.fill("60")
-    page.locator("#menu input").first.press("Enter")
-    opened.until("document.querySelector('#faults').textContent.includes('loss 60 %')")
-    # A partition by keyboard: one side is chosen at the agents' buttons.
-    page.focus("#agents button:first-child")
-    page.keyboard.press("Enter")
-    page.get_by_role("menuitem", name="part it and others").press("Enter")
-    page.keyboard.press("Tab")
-    page.keyboard.press(" ")
-    assert page.inner_text("#side output") == "choose agents to cut off: 0, 1"
-    assert page.locator("#agents button[aria-pressed=true]").count() == 2
-    page.keyboard.press("s")
-    page.keyboard.press("p")
-    opened.until("document.querySelector('#verdict').textContent.includes('2 parts')")
-    assert page.is_hidden("#side")
+    held_and_taken_on_by_steps(opened)
+    touched_by_keyboard(opened)
     page.click("#stop")
     opened.until("lab.state.state === 'ended'")
     opened.until("document.querySelector('#notice').textContent.startsWith('the run has ended')")

@@ -54,3 +54,16 @@ def test_a_lab_that_is_killed_or_whose_starter_is_leaves_nothing_behind(world, m
         for pid in filter(is_there, started):
             os.kill(pid, signal.SIGKILL)
     assert not known_runs()
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("--set", "nonsense=1"), "starting tracking\nzenoh-cbef: tracking: nonsense is not a key of a scenario"),
+        (("--beside", "none.mcap"), "zenoh-cbef: there is no log none.mcap"),
+    ],
+)
+def test_a_lab_that_cannot_begin_says_why_once_and_starts_no_run(world, words, said):
+    called = world.call("lab", "tracking", *words, "--no-browser")
+    assert called.returncode == 2
+    assert called.stderr.startswith(said)

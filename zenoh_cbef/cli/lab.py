@@ -72,12 +72,12 @@ def _lab(
 
             served = held.enter_context(Foxglove(bench, LOOPBACK[0], foxglove_port, guard if controls else None))
             told.append(f"viewers connect to ws://{LOOPBACK[0]}:{served.port}; a layout: {urljoin(url, LAYOUT)}")
+        if beside is not None:
+            bench.put_beside(beside)
         if what is not None and (ctx.joining.connect or ctx.joining.config):
             bench.join(what)
         elif what is not None:
             _open(bench, what, overrides or [])
-        if beside is not None:
-            bench.put_beside(beside)
         Serving(bench, guard, lambda: _ready(told, url if browser else None)).run(listening)
 
 

@@ -80,7 +80,7 @@ class Bench:
             if begun.poll() is not None or time.monotonic() > until:
                 begun.terminate()
                 said = (begun.communicate()[1] or "").strip().splitlines()
-                raise UserError(" ".join(said[-_TOLD_LINES:]).removeprefix("error: ") or "the run did not start")
+                raise UserError(" ".join(said[-_TOLD_LINES:]).removeprefix("zenoh-cbef: ") or "the run did not start")
             time.sleep(0.05)
         # Its words are read, so that it never waits for a reader; its input stays open until this process ends.
         if begun.stderr is not None:
