@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from tests.netlab.conftest import AGENTS
+from tests.netlab.forking import forking_commands
 
 PAGE = (Path(__file__).resolve().parents[2] / "docs" / "hosts.md").read_text(encoding="utf-8")
 PATH = f"{Path(sys.executable).parent}:{os.environ['PATH']}"
@@ -22,14 +23,15 @@ def blocks(heading: str) -> list[str]:
 class Shell:
     """Runs lines on hosts and leaves nothing behind."""
 
-    def __init__(self, lab, folder: Path) -> None:
+    def __init__(self, lab, folder: Path, commands: Path) -> None:
         self._lab, self._folder = lab, folder
+        self._path = f"{commands}:{PATH}"
         self.started: list[subprocess.Popen[str]] = []
 
     def start(self, host: str, script: str) -> subprocess.Popen[str]:
         words = self._lab.command(host, ["bash", "-euc", script])
         process = subprocess.Popen(
-            words, cwd=self._folder, env=os.environ | {"PATH": PATH}, text=True, stdin=subprocess.DEVNULL,
+            words, cwd=self._folder, env=os.environ | {"PATH": self._path}, text=True, stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
         )  # fmt: skip
         self.started.append(process)
@@ -43,12 +45,13 @@ class Shell:
 
 @pytest.fixture
 def shell(lab, tmp_path):
-    one = Shell(lab, tmp_path)
-    yield one
-    for host in lab.hosts:
-        lab.kill(host)
-    for process in one.started:
-        process.communicate(timeout=100)
+    with forking_commands(tmp_path / "bin") as commands:
+        one = Shell(lab, tmp_path, commands)
+        yield one
+        for host in lab.hosts:
+            lab.kill(host)
+        for process in one.started:
+            process.communicate(timeout=100)
 
 
 def test_two_laptops(shell, lab):

@@ -22,6 +22,7 @@ from tests.within import within
 WITHIN = {"analyze", "cat", "check", "compare", "export", "filter", "info", "merge", "recover", "reestimate", "sim"}
 WITHIN |= {"certs", "doctor", "fault", "health", "run", "status", "stop", "timeline", "verify"}
 """Verbs that look at files alone: a test needs no process of theirs, whose start takes longer than their work."""
+ON_HOST = ["ip", "netns", "exec"]
 COMMAND = [sys.executable, "-m", "zenoh_cbef"]
 PLACES = os.environ.get("PYTHONPATH")
 SMALL = ["steps=40", "agents.count=4", "network.graph=ring", "consensus.rounds=3"]
@@ -75,8 +76,10 @@ class World:
         self._started: list[Process] = []
 
     def start(self, *arguments: str, prefix: Sequence[str] = ()) -> Process:
-        fresh = prefix or os.environ.get("PYTHONPATH") != PLACES  # a fork has imported from other places
-        process = self._popen(*prefix, *COMMAND, *arguments) if fresh else Forked(arguments, self.folder)
+        space = Path("/run/netns") / prefix[-1] if [*prefix[:-1]] == ON_HOST else None
+        # A fork has imported from other places.
+        fresh = (prefix and space is None) or os.environ.get("PYTHONPATH") != PLACES
+        process = self._popen(*prefix, *COMMAND, *arguments) if fresh else Forked(arguments, self.folder, space)
         self._started.append(process)
         return process
 

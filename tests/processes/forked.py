@@ -5,33 +5,61 @@ They are as real as those that a shell starts, and begin in a hundredth of the t
 
 from __future__ import annotations
 
+import math
 import os
 import signal
 import subprocess
 import threading
-from collections.abc import Sequence
+import time
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import IO
 
-from zenoh_cbef.nodes.launch.children import Nursery
+from tests.processes.nursery import NAME, SPACE
+from zenoh_cbef.nodes.launch.children import Child, Nursery
 from zenoh_cbef.nodes.launch.nursery import VERBS
+
+_forking = threading.Lock()
 
 
 @cache
 def _nursery() -> Nursery:
     """This worker's: it ends with the worker."""
-    return Nursery((*VERBS, "run", "fleet", "replay", "reestimate")).__enter__()
+    return Nursery((*VERBS, "run", "fleet", "replay", "reestimate", "router", "status"), NAME).__enter__()
+
+
+def fork_on(
+    command: Sequence[str], folder: Path, environment: Mapping[str, str], space: Path | None, streams: Sequence[int]
+) -> Child:
+    """Start the process of a command line, in a network namespace where one is given."""
+    with _forking:
+        place = {} if space is None else {SPACE: str(space)}
+        return _nursery().fork(command, {**environment, **place}, folder, streams)
+
+
+def wait_for(child: Child, timeout: float = math.inf) -> int | None:
+    """The exit status of a process; None where it does not end within so many seconds."""
+    until = time.monotonic() + timeout
+    while (status := poll(child)) is None and time.monotonic() < until:
+        time.sleep(0.01)
+    return status
+
+
+def poll(child: Child) -> int | None:
+    """The exit status of a process, None while it runs. The nursery answers one thread at a time."""
+    with _forking:
+        return child.poll()
 
 
 class Forked:
     """A process of a command line, with what tests use of `subprocess.Popen`."""
 
-    def __init__(self, command: Sequence[str], folder: Path) -> None:
+    def __init__(self, command: Sequence[str], folder: Path, space: Path | None = None) -> None:
         (out, told), (err, complained) = os.pipe(), os.pipe()
         with Path(os.devnull).open("rb") as nothing:
-            self._child = _nursery().fork(command, {}, folder, [nothing.fileno(), told, complained])
+            self._child = fork_on(command, folder, {}, space, [nothing.fileno(), told, complained])
         for end in (told, complained):
             os.close(end)
         self.pid = self._child.pid
@@ -46,10 +74,10 @@ class Forked:
         return status
 
     def poll(self) -> int | None:
-        return self._child.poll()
+        return poll(self._child)
 
     def wait(self, timeout: float = 100) -> int:
-        status = self._child.wait(timeout)
+        status = wait_for(self._child, timeout)
         if status is None:
             raise subprocess.TimeoutExpired(str(self.pid), timeout)
         return status
@@ -73,7 +101,8 @@ class Forked:
         return texts[0], texts[1]
 
     def send_signal(self, number: int) -> None:
-        self._child.send(number)
+        with _forking:
+            self._child.send(number)
 
     def terminate(self) -> None:
         self.send_signal(signal.SIGTERM)

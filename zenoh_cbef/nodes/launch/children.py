@@ -58,18 +58,19 @@ class Nursery:
     """Starts processes. Use as a context manager: leaving it ends the nursery, not the processes.
 
     All of them have one standard input, which ends with this process: their leash. verbs: those that begin at once;
-    others are imported by each process.
+    others are imported by each process. program: the module that is the nursery, None: this program's.
     """
 
-    def __init__(self, verbs: Sequence[str] = VERBS) -> None:
-        self._verbs = verbs
+    def __init__(self, verbs: Sequence[str] = VERBS, program: str | None = None) -> None:
+        self._verbs, self._program = verbs, program
 
     def __enter__(self) -> Self:
         self._statuses: dict[int, int | None] = {}
         self._orders, theirs = socket.socketpair()
         self._leash, self._hold = os.pipe()
         with theirs:
-            self.pid = fork_here(theirs, self._verbs) or _begun(theirs, self._verbs)
+            forked = None if self._program else fork_here(theirs, self._verbs)
+            self.pid = forked or _begun(theirs, self._verbs, self._program or NAME)
         return self
 
     def __exit__(
@@ -130,11 +131,11 @@ class Nursery:
         return pid, status
 
 
-def _begun(orders: socket.socket, verbs: Sequence[str]) -> int:
+def _begun(orders: socket.socket, verbs: Sequence[str], program: str) -> int:
     """Begin a nursery from nothing, for a caller that has threads; its pid."""
     return os.posix_spawn(
         sys.executable,
-        [sys.executable, "-m", NAME, ROOM, *verbs],
+        [sys.executable, "-m", program, ROOM, *verbs],
         # One thread per process: the matrices are six by six, and cores are few.
         os.environ | {"OPENBLAS_NUM_THREADS": "1"},
         file_actions=[

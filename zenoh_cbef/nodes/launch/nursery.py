@@ -112,7 +112,7 @@ def _fork(text: bytes, streams: list[int]) -> int:
     pid = os.fork()
     if pid == 0:
         try:
-            _become(streams, **json.loads(text))
+            become(streams, **json.loads(text))
         except BaseException:  # noqa: BLE001 - nothing of the parent may go on in the child
             traceback.print_exc()
         finally:
@@ -122,7 +122,7 @@ def _fork(text: bytes, streams: list[int]) -> int:
     return pid
 
 
-def _become(streams: list[int], command: list[str], environment: dict[str, str], folder: str) -> NoReturn:
+def become(streams: list[int], command: list[str], environment: dict[str, str], folder: str) -> NoReturn:
     """Be the process of a command line, in the folder and the environment of the process that asked for it."""
     os.setsid()
     signal.set_wakeup_fd(-1)
