@@ -6,13 +6,14 @@ process, whose nursery forks the verb on the host where the script runs, and it 
 
 from __future__ import annotations
 
+import fcntl
 import json
 import os
 import socket
 import sys
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from tests.processes.forked import fork_on, wait_for
@@ -40,7 +41,7 @@ def _serve(caller: socket.socket) -> None:
     with caller:
         _, streams, _, _ = socket.recv_fds(caller, 1, 3)
         for stream in streams:  # a process that this one starts at the same time would hold them open
-            os.set_inheritable(stream, False)
+            fcntl.fcntl(stream, fcntl.F_SETFD, fcntl.FD_CLOEXEC)
         length = int.from_bytes(_exactly(caller, 4), "big")
         pid, folder, environment, words = json.loads(_exactly(caller, length))
         child = fork_on(words, Path(folder), environment, Path(f"/proc/{pid}/ns/net"), streams)
@@ -48,7 +49,8 @@ def _serve(caller: socket.socket) -> None:
             os.close(stream)
         status = wait_for(child)
         assert status is not None
-        caller.sendall((status if status >= 0 else 128 - status).to_bytes(4, "big", signed=True))
+        with suppress(BrokenPipeError):  # the test has ended the script
+            caller.sendall((status if status >= 0 else 128 - status).to_bytes(4, "big", signed=True))
 
 
 @contextmanager

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
+from collections.abc import Callable
 
 import zenoh
 
@@ -63,18 +64,28 @@ def serve_claims(session: zenoh.Session, key: str, claims: Claims) -> Answering:
     return Answering(session, key, reply)
 
 
-def claim(session: zenoh.Session, key: str, presence: Presence, name: str, patience: float) -> bool | None:
-    """Claim a name until this session ends. Returns whether it is ours; None if the target is silent for `patience` s.
+def claim(
+    session: zenoh.Session,
+    claims: str,
+    presence: Presence,
+    name: str,
+    patience: float,
+    *,
+    stopped: Callable[[], bool] = lambda: False,
+) -> bool | None:
+    """Claim a name until this session ends. Returns whether it is ours; None if no target says so.
+
+    The target is asked for `patience` s, and until `stopped` says that this process is to end. claims: the key.
 
     A claim alone is not a process that takes part, so the claim of a process that does not get the name has no effect.
     """
     life = str(session.zid())
     presence.announce(_token(name, life))
     until, pause = time.monotonic() + patience, _AGAIN_SECONDS
-    while time.monotonic() < until:
+    while time.monotonic() < until and not stopped():
         # A process that gives up asks again, which a target that hundreds ask at once would never get over.
         left = min(max(_ASK_SECONDS, until - time.monotonic()), _LONGEST_SECONDS)
-        for reply in session.get(f"{key}?name={name};life={life}", timeout=left):
+        for reply in session.get(f"{claims}?name={name};life={life}", timeout=left):
             if reply.ok is not None and (holder := reply.ok.payload.to_bytes()):
                 return holder == life.encode()
         time.sleep(pause)

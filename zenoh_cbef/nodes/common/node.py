@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 from types import FrameType, TracebackType
 from typing import Self
 
-from zenoh_cbef.errors import UserError
+from zenoh_cbef.errors import Interrupted, UserError
 from zenoh_cbef.machine import require
 from zenoh_cbef.nodes.common.ending import Ending
 from zenoh_cbef.protocol.addresses import reached_at, with_ports
@@ -158,7 +158,10 @@ class Node:
         Peers do not relay, so only the target is sure to see both.
         """
         run, name = self.identity.run, f"{self.identity.role}/{self.identity.name}"
-        ours = claim(self.session, self.keys.claims, self.presence, name, self.identity.patience)
+        patience, claims = self.identity.patience, self.keys.claims
+        ours = claim(self.session, claims, self.presence, name, patience, stopped=lambda: self.stopping)
+        if ours is None and self.stopping:
+            raise Interrupted
         if ours is None:
             raise UserError(f"the target of run {run!r} does not answer any more; start it again, or check --connect")
         if not ours:
