@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from tests.processes.target.test_receivers import block
-from tests.receiver.frames import mavlink_message
+from tests.receiver.cable import Cable
+from tests.receiver.frames import linktrack_frame, mavlink_message
 
 PLACES = [(0.0, 0.0, 2.0), (8.0, 0.0, 0.5), (8.0, 6.0, 2.5), (0.0, 6.0, 1.0)]
 
@@ -69,6 +70,63 @@ def test_a_stream_of_lines_over_udp_is_tracked(world, free_port):
         assert distances.min() - 0.01 < known.min() <= known.max() < distances.max() + 0.01
 
 
+def lines_of(metres):
+    """What a DWM1001 says to `lec`, of anchors AA00 to AA03."""
+    told = ",".join(f"AN{each},AA0{each},0,0,0,{one:.2f}" for each, one in enumerate(metres))
+    return f"DIST,{len(metres)},{told}\n".encode()
+
+
+def replugged(port, over):
+    """A DWM1001 that rests, plugged in and out until the test is over; ranges of every second cable are 1 cm longer."""
+    number = 0
+    while not over.is_set():
+        cable = Cable(port, over)
+        cable.plug()
+        for _ in range(20):
+            if not over.wait(0.03):
+                cable.write(lines_of([math.dist(REST, at) + 0.01 * (number % 2) for at in PLACES]))
+        cable.close()
+        number += 1
+
+
+REST = (4.0, 3.0, 1.0)
+LIVE = """name = "live"
+steps = 120
+agents = {count = 4, labels = ["AA00", "AA01", "AA02", "AA03"], positions = %s}
+timing.mode = "realtime"
+filter = {motion = "stationary", range_std = 0.05}
+"""
+
+
+def test_a_dwm1001_goes_on_whenever_it_is_plugged_in_again(world, free_port):
+    (world.folder / "live.toml").write_text(LIVE % [list(place) for place in PLACES])
+    router = f"tcp/127.0.0.1:{free_port}"
+    join = ["--run", world.run, "--client", "--connect", router, "--patience", "100"]
+    started = world.start("router", "--listen", router)
+    assert started.stdout.readline()
+    over = threading.Event()
+    tag = threading.Thread(target=replugged, args=(world.folder / "ttyUSB0", over))
+    tag.start()
+    try:
+        receiver = world.start("receive", "serial:ttyUSB0", "--format", "dwm1001", *join)
+        processes = [world.start("record", *join, "--output", str(world.log))]
+        processes += [world.start("agent", str(agent), *join) for agent in range(4)]
+        processes.append(world.start("target", "live.toml", *join, "--receivers"))
+        for process in [*processes, receiver]:
+            out, err = process.communicate(timeout=250)
+            assert process.returncode == 0, err
+        assert " 0 of unknown anchors" in out
+    finally:
+        over.set()
+        tag.join()
+    assert world.call("export", str(world.log), "--output", "live.npz").returncode == 0
+    arrays = np.load(world.folder / "live.npz")
+    for heard, at in zip(arrays["ranges"], PLACES, strict=True):
+        expected = {round(math.dist(REST, at) + more, 2) for more in (0.0, 0.01)}
+        assert set(np.round(heard[np.isfinite(heard)], 6)) == expected, "ranges of cables that follow one another"
+    assert np.linalg.norm(arrays["estimates"][:, -1, :3] - REST, axis=1).max() < 0.2
+
+
 DT, STEPS, ANCHORS = 0.25, 24, 4
 RECORDED = """name = "recorded"
 dt = 0.25
@@ -119,7 +177,20 @@ def over_udp(ranges, port):
             tag.sendto(b"".join(mavlink_message(ms, anchor, mm) for ms, anchor, mm in told), ("127.0.0.1", port))
 
 
-@pytest.mark.parametrize("kind", ["udp", "file"])
+def over_serial(ranges, port):
+    """Frames of LinkTrack; the cable is taken out within one, a third on the way, and plugged in again: returns it."""
+    cable, third = Cable(port), len(ranges) // 3
+    cable.plug()
+    for number, (ms, anchor, mm) in enumerate(ranges):
+        frame = linktrack_frame(ms, {anchor: mm})
+        if number == third:
+            cable.unplug(frame[: len(frame) // 2])
+            cable.plug()
+        cable.write(frame)
+    return cable
+
+
+@pytest.mark.parametrize("kind", ["udp", "file", "serial"])
 def test_a_recording_that_is_received_in_lockstep_has_the_bits_of_its_run(world, free_port, kind):
     ranges = recording(world.folder)
     router = f"tcp/127.0.0.1:{free_port}"
@@ -132,11 +203,16 @@ def test_a_recording_that_is_received_in_lockstep_has_the_bits_of_its_run(world,
     source, form = {
         "udp": (f"udp:127.0.0.1:{port}", "mavlink"),
         "file": ("file:set/ranges.csv", "auto"),
+        "serial": ("serial:ttyUSB0", "linktrack"),
     }[kind]
+
+    cables = []
 
     def talk():
         if kind == "udp":
             over_udp(ranges, port)
+        elif kind == "serial":
+            cables.append(over_serial(ranges, world.folder / "ttyUSB0"))
 
     talking = threading.Thread(target=talk, daemon=True)
     try:
@@ -152,6 +228,8 @@ def test_a_recording_that_is_received_in_lockstep_has_the_bits_of_its_run(world,
         assert "late" not in out
     finally:
         talking.join()
+        for cable in cables:
+            cable.close()
     assert world.call("sim", "recorded.toml", "--output", "expected.npz").returncode == 0
     assert world.call("export", str(world.log), "--output", "received.npz").returncode == 0
     expected, received = (np.load(world.folder / f"{name}.npz") for name in ("expected", "received"))
