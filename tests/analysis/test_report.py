@@ -263,13 +263,15 @@ def test_paths_begin_with_the_first_fix_and_the_map_has_the_names_of_the_agents(
 
     page = page_of(analysis, tmp_path)
 
-    line = page.plots()["top"]["data"][0]
-    assert (line["name"], np.isnan(numbers(line["x"])).any()) == ("agent north", True)
+    pale, line = page.plots()["top"]["data"][:2]
+    assert [one["name"] for one in (pale, line)] == ["agent north"] * 2
+    assert pale["opacity"] < line["opacity"] == 1.0
+    assert np.isin(analysis.trace.estimates[0, :, 0].astype(np.float32), numbers(pale["x"])).all()
     drawn = np.isin(analysis.trace.estimates[0, :, 0].astype(np.float32), numbers(line["x"]))
     assert not drawn[acquiring].any()
     assert drawn[~acquiring].all()
     central = next(one for one in page.plots()["top"]["data"] if one["name"] == "centralised filter")
-    assert len(numbers(central["x"])) == 60 - acquiring.sum()
+    assert len(numbers(central["x"])) == 60
     assert b'"names":["north","south","east"]' in replayed(analysis)
 
 

@@ -18,7 +18,7 @@ from zenoh_cbef.pages.packing import framed
 from zenoh_cbef.plain import read_toml
 from zenoh_cbef.protocol.slow import SLOW
 from zenoh_cbef.scenario.load import parse
-from zenoh_cbef.tracking.status import ACQUIRING
+from zenoh_cbef.tracking.status import ACQUIRING, FAINT
 
 FAULTS = (
     'fault=[{kind="loss", probability=0.3, from=1.0, until=2.0}, {kind="outage", agents=[3], from=2.5, until=3.0},'
@@ -108,10 +108,9 @@ def test_a_trail_ends_where_the_step_is(scene, trace):
     assert trail["steps"][0] == 9
     rows = trail["steps"].astype(int) - 1
     np.testing.assert_array_equal(trail["truth"], trace.truth[rows, :3])
-    known = np.moveaxis(trace.estimates[:, rows, :3], 0, 1).copy()
-    known[trace.diagnostics.status.T[rows] == ACQUIRING] = np.nan
-    np.testing.assert_array_equal(trail["estimates"], known)
-    assert np.isnan(trail["estimates"]).any()
+    np.testing.assert_array_equal(trail["estimates"][:, :, :3], np.moveaxis(trace.estimates[:, rows, :3], 0, 1))
+    drawn = np.where(trace.diagnostics.status.T[rows] == ACQUIRING, FAINT, 1.0)
+    np.testing.assert_array_equal(trail["estimates"][:, :, 3], drawn)
     assert np.isfinite(scene.trail(39, 3, 3)["estimates"]).any()
     assert len(scene.trail(1, 12, 5)["steps"]) == 1
 
@@ -170,7 +169,7 @@ def test_a_page_gets_what_it_asks_for(bench, trace):
     assert (told["step"], told["curves"], told["number"]) == (20, [30, 40], 1)
     np.testing.assert_array_equal(arrays["estimate"], trace.estimates[:, 19].astype(np.float32))
     assert arrays["curve error"].shape == (10,)
-    assert arrays["trail estimates"].shape[1:] == (4, 3)
+    assert arrays["trail estimates"].shape[1:] == (4, 4)
     assert [one["words"] for one in told["faults"]] == ["loss 30 %", "outage of agent 3", "crash of agent 1"]
     assert "trail truth" not in read(page.answer({"ask": "frame", "step": 1}))[1]
 

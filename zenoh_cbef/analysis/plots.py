@@ -26,7 +26,7 @@ from zenoh_cbef.analysis.figures import (
     thinned,
 )
 from zenoh_cbef.analysis.metrics import Analysis
-from zenoh_cbef.analysis.standing import begun, paths_of
+from zenoh_cbef.analysis.standing import begun, paths_by_stroke, paths_of
 from zenoh_cbef.arrays import Floats
 from zenoh_cbef.pages.parts import Plot
 from zenoh_cbef.trace import Links
@@ -209,16 +209,13 @@ def _scene(analysis: Analysis, axes: int) -> list[Plot]:
     width, paths, plots = 1.0 if len(names) > 12 else 1.5, paths_of(trace), []
     for agent, (name, way) in enumerate(zip(names, trace.positions, strict=True)):
         colour, dash = agent_style(agent)
-        plots.append(_path(paths[agent, :, :axes], colour, dash, width) | _owned(agent, name))
+        for stroke, path in paths_by_stroke(trace, agent):
+            plots.append(_path(path[:, :axes], colour, dash, width) | _owned(agent, name) | {"opacity": stroke})
         known = way[np.isfinite(way).all(axis=1)]
         if len(known) and np.ptp(known, axis=0).max() > 0.0:
             plots.append(_path(way[:, :axes], colour, "dot", 1.0) | _owned(agent, name))
     # Broad and pale, so that neither an estimate that lies on it nor one that buries it hides the other.
-    truth = _path(trace.truth[:, :axes], MUTED, "solid", 6.0) | {
-        "name": "truth",
-        "meta": "muted",
-        "opacity": 0.45,
-    }
+    truth = _path(trace.truth[:, :axes], MUTED, "solid", 6.0) | {"name": "truth", "meta": "muted", "opacity": 0.45}
     central = _path(analysis.centralized_states[begun(paths) :, :axes], INK, "dash", 1.5)
     known = [truth] if np.isfinite(trace.truth).all(axis=1).any() else []
     plots += [*known, central | {"name": "centralised filter", "meta": "ink"}]

@@ -7,6 +7,7 @@ import numpy as np
 from zenoh_cbef.analysis.faulted import fault_words
 from zenoh_cbef.analysis.figures import agent_names
 from zenoh_cbef.analysis.metrics import Analysis
+from zenoh_cbef.analysis.standing import strokes_of
 from zenoh_cbef.analysis.verdict import RECENT, WINDOW, Moment, Verdict, parts, verdict
 from zenoh_cbef.arrays import Bools, Floats, Ints
 from zenoh_cbef.pages.packing import framed
@@ -40,6 +41,7 @@ def replayed(analysis: Analysis) -> bytes:
         "place": np.moveaxis(trace.positions[:, rows if moves else rows[:1]], 0, 1),
         "estimate": np.moveaxis(trace.estimates[:, rows, :3], 0, 1),
         "spread": np.moveaxis(covariances[:, :, _UPPER[0], _UPPER[1]], 0, 1),
+        "drawn": strokes_of(trace)[:, rows].T,
         "status": trace.diagnostics.status[:, rows].T.astype(np.float64),
         "passed": np.moveaxis(counts, 1, 0),
     }

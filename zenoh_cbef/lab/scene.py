@@ -12,8 +12,9 @@ from zenoh_cbef.log.read.receipts import Receipts
 from zenoh_cbef.log.read.recording import Recording
 from zenoh_cbef.scenario.paths import places_at
 from zenoh_cbef.scenario.plan import Plan
+from zenoh_cbef.scenario.start import unguided_seconds
 from zenoh_cbef.tracking.diagnostics import NAMES
-from zenoh_cbef.tracking.status import STATUSES, settled
+from zenoh_cbef.tracking.status import STATUSES, strokes
 
 CURVES = ("error", "disagreement", "claimed", "nis", "lost", "late", "latency")
 """The curves of the whole network: root mean square position error (m), disagreement (m) and claimed position error
@@ -85,7 +86,8 @@ class Scene:
         """The numbers of one step, NaN where there is nothing.
 
         truth: (6). place: (n, 3), m, of the agents. estimate: (n, 6). spread: (n, 6), m^2, the upper triangle of the
-        position's covariance, row by row. said: (n, 3): status, s that it has lasted, NIS. links: (e, 4): how many
+        position's covariance, row by row. said: (n, 3): status, s that it has lasted, NIS. drawn: (n), how
+        strongly the path is drawn there, 0 to 1. links: (e, 4): how many
         messages came in time, were lost and came late in this step, and their mean latency, s.
         """
         recording, dt = self.recording, self.plan.scenario.dt
@@ -99,6 +101,7 @@ class Scene:
             "estimate": recording.estimates.numbers("state", row + 1)[:, row],
             "spread": covariance[:, _UPPER[0], _UPPER[1]],
             "said": said[:, told],
+            "drawn": self._drawn(said),
             "links": self.fresh(row, row + 1)[:, 0],
         }
 
@@ -115,17 +118,21 @@ class Scene:
     def trail(self, step: int, length: int, most: int) -> Arrays:
         """Where target and agents' estimates were in the steps before one, oldest first.
 
-        length: how many steps back. most: how many points. steps: (t). truth: (t, 3), m. estimates: (t, n, 3), m, NaN
-        while an agent has no first fix.
+        length: how many steps back. most: how many points. steps: (t). truth: (t, 3), m. estimates: (t, n, 4), m,
+        and how strongly the path is drawn there, 0 to 1.
         """
         first, told = max(step - length, 0), self.recording.estimates
         steps = np.unique(np.linspace(first, max(step - 1, first), most).astype(np.int64))
-        estimates = np.empty((0, 0, 3))
+        estimates = np.empty((0, 0, 4))
         if step:
-            status = told.numbers("said", step)[:, steps, NAMES.index("status")]
-            estimates = settled(told.numbers("state", step)[:, steps, :3], status)
+            places = told.numbers("state", step)[:, steps, :3]
+            estimates = np.concatenate([places, self._drawn(told.numbers("said", step)[:, steps])[..., None]], axis=2)
         truth = self.recording.truth.numbers("state", step)[0, steps, :3] if step else np.empty((0, 3))
         return {"steps": (steps + 1).astype(np.float64), "truth": truth, "estimates": np.moveaxis(estimates, 0, 1)}
+
+    def _drawn(self, said: Floats) -> Floats:
+        status, seconds = (said[..., NAMES.index(name)] for name in ("status", "status_seconds"))
+        return strokes(status, seconds, unguided_seconds(self.plan.scenario, self.plan.first_fix_steps))
 
     def curves(self, since: int, until: int) -> Arrays:
         """The curves over steps since+1 to until, each (until - since,); those of a step are found once."""

@@ -50,6 +50,11 @@ def unknown(scenario: Scenario) -> bool:
     return scenario.target.motion == "dataset" and scenario.filter.initial_position is None
 
 
+def unguided_seconds(scenario: Scenario, fix: int) -> float:
+    """For how long, s, estimates are of no place: until a first fix of so many steps, where no guess is given."""
+    return fix * scenario.dt if unknown(scenario) else 0.0
+
+
 def _adds_up(scenario: Scenario) -> bool:
     """Whether what agents know of the target can be added up for a fix, and none of them lies."""
     return abilities_of(scenario.filter.kind).biases and not trust.suspects(scenario)

@@ -18,12 +18,17 @@ CUT = 9.0
 """Where a NIS is cut off, so that a single outlier does not decide: three standard deviations."""
 
 
-def settled(values: Floats, status: Floats) -> Floats:
-    """Values (..., axes) as a path to be drawn: NaN where the agent says `acquiring`, as no first fix is found yet.
+FAINT = 0.4
 
-    status: (...), NaN of a filter that does not say.
+
+def strokes(status: Floats, seconds: Floats, fix: float) -> Floats:
+    """How strongly the path of estimates is drawn, (...): 0 before the first fix, FAINT while it is proved, then 1.
+
+    status, seconds: (...), what agents say, NaN of a filter that does not say. fix: how long the first fix takes, s; 0
+    where it begins with a guess that was given.
     """
-    return np.where((status == ACQUIRING)[..., None], np.nan, values)
+    fixed = seconds >= fix * (1.0 - 1e-9)
+    return np.where(status == ACQUIRING, np.where(fixed, FAINT, 0.0), 1.0)
 
 
 _MEMORY = 120.0

@@ -9,7 +9,7 @@ import { Opening } from "./opening.js";
 import { Pace } from "./pace.js";
 import { Panels } from "./panels.js";
 import { Parting } from "./parting.js";
-import { settled, standing } from "./standing.js";
+import { standing } from "./standing.js";
 import { Steering } from "./steering.js";
 import { Wire, exported } from "./wire.js";
 
@@ -196,12 +196,12 @@ function trace({ arrays, step }) {
     const [truth, estimates, count] = [arrays["trail truth"], arrays["trail estimates"], arrays["trail steps"].length];
     const times = Array.from({ length: count }, (_, at) => at);
     trails.truth = times.map((at) => point(truth, 3 * at));
-    trails.agents = Array.from({ length: agents }, (_, agent) => times.map((at) => point(estimates, 3 * (at * agents + agent))));
+    trails.agents = Array.from({ length: agents }, (_, agent) => times.map((at) => [...point(estimates, 4 * (at * agents + agent)), estimates[4 * (at * agents + agent) + 3]]));
   }
   if (step !== trails.step) {
     trails.truth = [...trails.truth, point(arrays.truth, 0)].slice(-TRAIL);
     trails.agents = Array.from({ length: agents }, (_, agent) =>
-      [...(trails.agents[agent] ?? []), settled(state.scene, arrays.said[3 * agent], point(arrays.estimate, 6 * agent))].slice(-TRAIL));
+      [...(trails.agents[agent] ?? []), [...point(arrays.estimate, 6 * agent), arrays.drawn[agent]]].slice(-TRAIL));
   }
   trails.step = step;
 }

@@ -188,14 +188,15 @@ export class MapView extends View {
     c.fill();
   }
 
+  /** A way. points: x, y, z, and how strongly it is drawn there, 0 to 1; as strongly as it can be where that is left out. */
   trail(points, colour, width) {
     const c = this.context;
-    const places = points.map((one) => this.pixel(one));
+    const places = points.map((one) => (one[3] === 0 ? [NaN, NaN] : this.pixel(one)));
     c.strokeStyle = colour;
     c.lineWidth = width;
     for (let first = 0; first + 1 < places.length; first += BAND) {
       const band = places.slice(first, first + BAND + 1);
-      c.globalAlpha = (0.75 * (first + band.length / 2)) / places.length;
+      c.globalAlpha = (0.75 * (points[first][3] || 1) * (first + band.length / 2)) / places.length;
       this.stroke(band);
     }
     c.globalAlpha = 1;

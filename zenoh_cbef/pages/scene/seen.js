@@ -5,7 +5,7 @@ import { hands } from "./hands.js";
 import { Heat } from "./heat.js";
 import { MapView } from "./map.js";
 import { unpacked } from "./packed.js";
-import { settled, standing } from "./standing.js";
+import { standing } from "./standing.js";
 
 const TRAIL = 40;
 const PLAYED_MS = 15_000;
@@ -82,7 +82,7 @@ class Seen {
     const moments = Array.from({ length: this.at + 1 - first }, (_, place) => first + place);
     return {
       truth: moments.map((one) => part(arrays.truth, one, 3)),
-      agents: Array.from({ length: agents }, (_, agent) => moments.map((one) => one * agents + agent).map((at) => settled(this.told, arrays.status[at], part(arrays.estimate, at, 3)))),
+      agents: Array.from({ length: agents }, (_, agent) => moments.map((one) => one * agents + agent).map((at) => [...part(arrays.estimate, at, 3), arrays.drawn[at]])),
     };
   }
 

@@ -24,9 +24,6 @@ export function standing(scene, arrays, faults, time) {
   return words;
 }
 
-/** A place of an agent's trail: nowhere before its first fix. status: its number. */
-export const settled = (scene, status, place) => (scene.statuses[status] === "acquiring" ? [NaN, NaN, NaN] : place);
-
 /** The agents that are there in the parts that the network has fallen into, the largest first. */
 export function parts(scene, arrays) {
   const there = (agent) => Number.isFinite(arrays.estimate[6 * agent]);
