@@ -237,5 +237,9 @@ def test_a_report_plays_its_run_on_a_map_with_a_verdict_and_shows_each_link_over
     page.locator("canvas[data-what=lost]").click(position={"x": 0.1 * box["width"], "y": 2})
     assert page.inner_text("#clock") == "0.5 s, step 5"
     assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+    # Windows that leave hardly any map, or none.
+    for width in (100, 40):
+        page.set_viewport_size({"width": width, "height": 300})
+        page.evaluate("replay.draw()")
     assert complaints == []
     page.close()

@@ -37,6 +37,7 @@ export class MapView extends View {
    * phase: how far the step has gone, 0 to 1; null where no message is shown. */
   draw(arrays, trails, marks, phase) {
     this.resize();
+    if (!(this.width > 0 && this.height > 0)) return; // a page that is hidden, or being laid out
     this.now = this.axes();
     this.arrays = arrays;
     if (this.fitted) this.fit(arrays);

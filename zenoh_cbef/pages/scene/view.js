@@ -49,8 +49,8 @@ export class View {
     const vs = points.map((one) => one[1]);
     const [low, high, bottom, top] = [Math.min(...us), Math.max(...us), Math.min(...vs), Math.max(...vs)];
     const margin = 56;
-    const scale = Math.min(
-      (this.width - 2 * margin) / Math.max(high - low, 1e-6), (this.height - 2 * margin) / Math.max(top - bottom, 1e-6));
+    const [across, down] = [this.width, this.height].map((size) => Math.max(size - 2 * margin, size / 4));
+    const scale = Math.min(across / Math.max(high - low, 1e-6), down / Math.max(top - bottom, 1e-6));
     const centre = [(low + high) / 2, (bottom + top) / 2];
     // A moving target does not make the map tremble: it is fitted again where something would leave it.
     const inside = points.every(([u, v]) => {
