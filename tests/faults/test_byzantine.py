@@ -134,7 +134,7 @@ def test_trimming_holds_off_one_liar_of_ten_where_plain_averaging_is_lost():
 
 def test_components_of_information_must_not_be_trimmed_apart(monkeypatch):
     keys = ["agents.count=10", "network.probability=0.8", "consensus.trim=1"]
-    monkeypatch.setattr(build, "TrimmedMessages", lambda weights, trim, _: TrimmedComponents(weights, trim))
+    monkeypatch.setattr(build, "TrimmedMessages", lambda weights, trim, *_, **__: TrimmedComponents(weights, trim))
     [analysis] = analyze(simulate([load("tracking", keys).scenario]))
     assert pick(analysis.metrics, "ratio_to_centralized") > 10
 
