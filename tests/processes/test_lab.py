@@ -186,7 +186,8 @@ def test_a_log_is_wound_back_and_a_lost_server_is_said(world, browser):
     opened.until("lab.state.frame.step === 59")
     page.fill("#step", "35")
     opened.until("lab.state.frame.step === 35 && document.querySelector('#verdict').textContent.includes('2 parts')")
-    assert page.evaluate("document.querySelector('#faults li').dataset.on") == "true"
+    # The page draws its side panels after the map, in a frame of their own.
+    opened.until("document.querySelector('#faults li').dataset.on === 'true'")
     assert "step 35 of 60" in page.inner_text("#clock")
     page.keyboard.press("r")
     opened.until("document.querySelector('#clock').textContent.includes('step 35 of 60, round 1 of ')")
