@@ -13,6 +13,7 @@ from zenoh_cbef.lab.bench import Bench
 from zenoh_cbef.lab.judged import judged
 from zenoh_cbef.lab.scene import CURVES, Scene
 from zenoh_cbef.lab.sources import LogSource, Source
+from zenoh_cbef.lab.under_way import under_way
 from zenoh_cbef.log.read.trace import read_trace
 from zenoh_cbef.pages.packing import framed
 from zenoh_cbef.plain import read_toml
@@ -50,6 +51,22 @@ def scene(log) -> Scene:
 @pytest.fixture(scope="module")
 def trace(log):
     return read_trace(log)
+
+
+def test_what_is_shown_of_a_step_between_rounds_is_what_agents_tell_of_it_afterwards(scene):
+    rounds, told = scene.plan.rounds, 0
+    for step in range(5, 40):
+        whole, marks = under_way(scene, step, rounds)
+        later, afterwards = scene.frame(step), scene.marks(step)
+        for row, each in enumerate(afterwards):
+            if each:
+                told += 1
+                assert marks[row] == each, (step, row)
+                np.testing.assert_array_equal(whole["links"][row, :3], later["links"][row, :3])
+        np.testing.assert_array_equal(whole["truth"], later["truth"])
+        np.testing.assert_array_equal(whole["estimate"], scene.frame(step - 1)["estimate"])
+        assert [one[:-1] for one in marks] == under_way(scene, step, rounds - 1)[1]
+    assert told > 100
 
 
 def test_a_frame_holds_the_numbers_of_its_step(scene, trace):

@@ -93,7 +93,7 @@ class Opened:
 
 
 def held_and_taken_on_by_steps(opened: Opened) -> None:
-    """The run stands still, takes a single step, and goes on."""
+    """The run stands still, takes a single step and single rounds, and goes on."""
     page = opened.page
     page.click("#hold")
     opened.until("lab.state.held && document.querySelector('#hold').textContent === 'Let run go on'")
@@ -103,6 +103,20 @@ def held_and_taken_on_by_steps(opened: Opened) -> None:
     opened.until(f"lab.state.newest === {stood + 1}")
     opened.until(STANDS)
     assert page.evaluate("lab.state.newest") == stood + 1
+    clock = "document.querySelector('#clock').textContent"
+    for round_ in (1, 2):
+        page.keyboard.press("r")
+        opened.until(f"{clock}.includes('step {stood + 2} of 100000, run held after round {round_} of 3')")
+    opened.until(STANDS)
+    assert page.evaluate("lab.state.newest") == stood + 1
+    page.keyboard.press("r")
+    opened.until(f"lab.state.newest === {stood + 2} && !{clock}.includes('round')")
+    page.keyboard.press("r")
+    opened.until(f"{clock}.includes('step {stood + 3} of 100000, run held after round 1 of 3')")
+    page.keyboard.press("ArrowRight")
+    opened.until(f"lab.state.newest === {stood + 3}")
+    page.keyboard.press("r")
+    opened.until(f"{clock}.includes('step {stood + 4} of 100000, run held after round 1 of 3')")
     page.keyboard.press("h")
     opened.until(f"lab.state.newest > {stood + 3}")
 

@@ -113,7 +113,7 @@ def test_a_schema_tells_other_languages_what_is_checked() -> None:
     assert signal["required"] == ["from", "k", "run", "sent", "seq", "signal", "v"]
     assert signal["properties"]["k"] == signal["properties"]["seq"] == smoothed["properties"]["until"] == count
     assert signal["properties"]["at"] == {"type": "number", "minimum": 0, "exclusiveMaximum": 1e10}
-    assert signal["properties"]["signal"] == {"enum": ["start", "end"]}
+    assert signal["properties"]["signal"] == {"enum": ["start", "end", "round"]}
     assert (range_["properties"]["position"], estimate["properties"]["state"]) == (numbers(3), numbers(6))
     assert range_["properties"]["range"] == number_or_nil
     assert estimate["properties"]["neighbours"] == {"type": "array", "items": count}

@@ -57,10 +57,10 @@ BODY = {
     "truth": st.fixed_dictionaries({"k": COUNTS, "state": numbers(6)}),
     "beacon": st.fixed_dictionaries(
         {"k": COUNTS, "emitted": NUMBERS_OR_NIL, "arrived": NUMBERS_OR_NIL},
-        optional={"signal": st.sampled_from(["start", "end"]), "at": MOMENTS},
+        optional={"signal": st.sampled_from(["start", "end"]), "at": MOMENTS, "by_rounds": st.booleans()},
     ),
     "signal": st.fixed_dictionaries(
-        {"k": COUNTS, "signal": st.sampled_from(["start", "end"])}, optional={"at": MOMENTS}
+        {"k": COUNTS, "signal": st.sampled_from(["start", "end", "round"])}, optional={"at": MOMENTS, "l": COUNTS}
     ),
     "range": st.fixed_dictionaries({"k": COUNTS, "position": numbers(3), "range": NUMBERS_OR_NIL}),
     "round": st.fixed_dictionaries({"k": COUNTS, "l": COUNTS, "payload": PAYLOADS}),

@@ -10,6 +10,7 @@ from zenoh_cbef.errors import UserError
 from zenoh_cbef.lab.bench import Bench
 from zenoh_cbef.lab.judged import judged
 from zenoh_cbef.lab.sources import Source
+from zenoh_cbef.lab.under_way import under_way
 from zenoh_cbef.log.read.recording import Event
 from zenoh_cbef.pages.packing import framed
 from zenoh_cbef.plain import Json
@@ -35,7 +36,7 @@ class Page:
             "undo": lambda _: bench.undo(),
             "clear": lambda asked: bench.clear(_number(asked, "number")),
             "stop": lambda _: bench.stop(),
-            "hold": lambda asked: bench.hold(on=asked.get("on") is True, steps=_number(asked, "steps")),
+            "hold": self._hold,
         }
 
     def answer(self, asked: Asked) -> bytes:
@@ -70,6 +71,8 @@ class Page:
         newer = asked.get("after")
         if asked.get("ask") != "frame" or source is None or not isinstance(newer, int) or source.state != "goes on":
             return False
+        if "under" in asked:  # which round of the step after the newest is shown, the page knows alone
+            return False
         with source.lock:
             return source.scene.newest <= newer
 
@@ -78,6 +81,10 @@ class Page:
         if not isinstance(table, dict):
             raise UserError("the fault is no table; load the page again")
         return self._bench.inject(table, float(seconds) if isinstance(seconds, int | float) else None)
+
+    def _hold(self, asked: Asked) -> dict[str, object]:
+        steps, rounds = (_number({name: 0, **asked}, name) for name in ("steps", "rounds"))
+        return self._bench.hold(on=asked.get("on") is True, steps=steps, rounds=rounds)
 
     def _source(self) -> Source:
         source = self._bench.source
@@ -125,9 +132,19 @@ class Page:
             }
             if asked.get("marks") is True:
                 told["marks"] = scene.marks(step)
+            if (round_ := _between(asked.get("under"), newest)) is not None:
+                found, told["marks"] = under_way(scene, newest + 1, round_)
+                arrays |= found
+                told["under"] = round_
         if self._bench.beside is not None:
             told["beside"] = _beside(self._bench.beside, step * source.scene.plan.scenario.dt, asked, arrays)
         return framed(told, arrays)
+
+
+def _between(asked: object, newest: int) -> int | None:
+    """The round after which the step after the newest stands, where a page asks for that and it is not over."""
+    step, round_ = asked if isinstance(asked, list) and len(asked) == 2 else (None, None)
+    return round_ if step == newest + 1 and isinstance(round_, int) and round_ >= 0 else None
 
 
 def _beside(other: Source, time: float, asked: Asked, arrays: dict[str, Floats]) -> dict[str, object]:

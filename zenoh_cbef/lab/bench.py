@@ -110,9 +110,9 @@ class Bench:
         self._opened().stop()
         return {}
 
-    def hold(self, *, on: bool, steps: int) -> dict[str, object]:
-        """Let the run stand still after so many more steps, or go on. Raises UserError."""
-        return {"held": self._opened().hold(on=on, steps=steps)}
+    def hold(self, *, on: bool, steps: int, rounds: int) -> dict[str, object]:
+        """Let the run stand still after so many more steps, or rounds of one, or go on. Raises UserError."""
+        return {**self._opened().hold(on=on, steps=steps, rounds=rounds)}
 
     def scenario_text(self) -> str:
         """The scenario that repeats what is open, injected faults included. Raises UserError."""

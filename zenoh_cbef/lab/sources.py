@@ -14,6 +14,7 @@ from zenoh_cbef.lab.listening import Listener
 from zenoh_cbef.lab.scene import Scene
 from zenoh_cbef.log.read.parts import open_log
 from zenoh_cbef.log.read.recording import filling_recording
+from zenoh_cbef.protocol.questions import Holding
 from zenoh_cbef.protocol.session import Connection
 
 _KINDS = ("truth", "estimate", "event", "faults")
@@ -55,8 +56,8 @@ class Source(Protocol):
         """End the run. Raises UserError."""
         ...
 
-    def hold(self, *, on: bool, steps: int) -> bool:
-        """Let the run stand still after so many more steps, or go on; returns which. Raises UserError."""
+    def hold(self, *, on: bool, steps: int, rounds: int) -> Holding:
+        """Let the run stand still after so many more steps, or rounds of one, or go on. Raises UserError."""
         ...
 
     def close(self) -> None:
@@ -110,7 +111,7 @@ class LogSource:
         """Refuse."""
         raise UserError("this is a log; its run has ended")
 
-    def hold(self, *, on: bool, steps: int) -> bool:  # noqa: ARG002
+    def hold(self, *, on: bool, steps: int, rounds: int) -> Holding:  # noqa: ARG002
         """Refuse."""
         raise UserError("this is a log; its run has ended")
 
@@ -148,9 +149,9 @@ class RunSource:
         """End the run. Raises UserError."""
         self._listener.operator.stop()
 
-    def hold(self, *, on: bool, steps: int) -> bool:
-        """Let the run stand still after so many more steps, or go on; returns which. Raises UserError."""
-        return self._listener.operator.hold(on=on, steps=steps)
+    def hold(self, *, on: bool, steps: int, rounds: int) -> Holding:
+        """Let the run stand still after so many more steps, or rounds of one, or go on. Raises UserError."""
+        return self._listener.operator.hold(on=on, steps=steps, rounds=rounds)
 
     def close(self) -> None:
         """Leave the run, which goes on."""

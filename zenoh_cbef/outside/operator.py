@@ -15,7 +15,18 @@ from zenoh_cbef.protocol.control import ask_control
 from zenoh_cbef.protocol.keys import Keys
 from zenoh_cbef.protocol.lives import new_life
 from zenoh_cbef.protocol.presence import live_now
-from zenoh_cbef.protocol.questions import ADD, CLEAR, HOLD, LIST, STATUS, STOP, Answer, InjectedTable, Question
+from zenoh_cbef.protocol.questions import (
+    ADD,
+    CLEAR,
+    HOLD,
+    LIST,
+    STATUS,
+    STOP,
+    Answer,
+    Holding,
+    InjectedTable,
+    Question,
+)
 from zenoh_cbef.protocol.reach import wait_for_link, why_no_answer
 from zenoh_cbef.protocol.session import Connection, open_session
 
@@ -86,9 +97,9 @@ class Operator:
         """End the run. Returns the step after which it ends, None before the first."""
         return self._ask(STOP)["step"]
 
-    def hold(self, *, on: bool, steps: int = 0) -> bool:
-        """Let a run in lockstep stand still after so many more steps, or go on. Returns whether it stands still."""
-        return self._ask(HOLD, on=on, steps=steps)["held"]
+    def hold(self, *, on: bool, steps: int = 0, rounds: int = 0) -> Holding:
+        """Let a run in lockstep stand still after so many more steps, or rounds of a step, or go on."""
+        return self._ask(HOLD, on=on, steps=steps, rounds=rounds)
 
     def inject(self, fault: Mapping[str, object], seconds: float | None) -> tuple[int, float]:
         """Inject a fault for so many s, or for good. Returns its number and when it begins (run time, s)."""

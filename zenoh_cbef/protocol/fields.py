@@ -26,6 +26,7 @@ FARTHEST = 1e100
 
 START: Literal["start"] = "start"
 END: Literal["end"] = "end"
+ROUND: Literal["round"] = "round"
 
 _MOST = 1 << 63
 _FAR_FUTURE = 1e10
@@ -67,6 +68,10 @@ def _finite(values: Values) -> bool:
     return (
         are(values, float) and all(map(math.isfinite, values)) and -FARTHEST <= min(values) <= max(values) <= FARTHEST
     )
+
+
+def _flags(values: Values) -> bool:
+    return are(values, bool)
 
 
 def or_nil(test: Test) -> Test:
@@ -114,7 +119,7 @@ def _matrices(values: Values) -> bool:
 
 
 def _signals(values: Values) -> bool:
-    return are(values, str) and {*values} <= {START, END}
+    return are(values, str) and {*values} <= {START, END, ROUND}
 
 
 def _moments(values: Values) -> bool:
@@ -137,6 +142,7 @@ _DOUBLES: dict[str, Json] = {
 Count = Annotated[int, Field(_counts, {"type": "integer", "minimum": 0})]
 SmallCount = Annotated[int, Field(_small_counts, {"type": "integer", "minimum": 0})]
 Counts = Annotated[list[int], Field(lists_of(_small_counts), {"type": "array", "items": _INTEGER})]
+Flag = Annotated[bool, Field(_flags, {"type": "boolean"})]
 Number = Annotated[float, Field(_finite, {"type": "number"})]
 NumberOrNil = Annotated[float | None, Field(or_nil(_finite), {"type": ["number", "null"]})]
 NumbersOrNil = Annotated[
@@ -153,7 +159,7 @@ DoublesOrNil = Annotated[
 ]
 Matrix = Annotated[bytes, Field(_matrices, _DOUBLES)]
 Table = Annotated[Mapping[str, object], Field(_plain_tables, {"type": "object"})]
-Signal = Annotated[Literal["start", "end"], Field(_signals, {"enum": [START, END]})]
+Signal = Annotated[Literal["start", "end", "round"], Field(_signals, {"enum": [START, END, ROUND]})]
 Moment = Annotated[float, Field(_moments, {"type": "number", "minimum": 0, "exclusiveMaximum": _FAR_FUTURE})]
 
 

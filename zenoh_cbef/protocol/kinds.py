@@ -11,6 +11,7 @@ from zenoh_cbef.protocol.fields import (
     Doubles,
     DoublesOrNil,
     Field,
+    Flag,
     Matrix,
     Moment,
     NumberOrNil,
@@ -49,20 +50,26 @@ class BeaconMessage(StepMessage):
     """When a beacon was emitted and heard, s; nil where it was not.
 
     lists: how many lists of injected faults the target had published before, where there are any: in lockstep the agent
-    takes them in before it begins the step. signal, at: in older logs, which have no key for signals.
+    takes them in before it begins the step. by_rounds: in lockstep the agent waits before each round of the step for a
+    signal. signal, at: in older logs, which have no key for signals.
     """
 
     emitted: NumberOrNil
     arrived: NumberOrNil
     lists: NotRequired[Count]
+    by_rounds: NotRequired[Flag]
     signal: NotRequired[Signal]
     at: NotRequired[Moment]
 
 
 class SignalMessage(StepMessage):
-    """The run begins after a step, or ends before it. at: when step 0 is or was, s since the Unix epoch."""
+    """The run begins after a step, or ends before it, or agents may make rounds of it.
+
+    at: when step 0 is or was, s since the Unix epoch. l: the last round that they may make.
+    """
 
     signal: Signal
+    l: NotRequired[Count]  # noqa: E741 - the field's name in messages and logs
     at: NotRequired[Moment]
 
 

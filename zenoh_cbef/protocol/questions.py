@@ -15,6 +15,7 @@ from zenoh_cbef.protocol.fields import (
     Count,
     Counts,
     Field,
+    Flag,
     Table,
     Text,
     Texts,
@@ -85,13 +86,12 @@ _Time = Annotated[float, Field(_finite, {"type": "number"})]
 _TimeOrNil = Annotated[float | None, Field(or_nil(_finite), {"type": ["number", "null"]})]
 _StepOrNil = Annotated[int | None, Field(or_nil(_COUNT.hold), {"type": ["integer", "null"]})]
 _Agents = Annotated[int, Field(_few, {"type": "integer", "maximum": LONGEST})]
-_Flag = Annotated[bool, Field(lambda values: are(values, bool), {"type": "boolean"})]
 _Messages = Annotated[list[bytes], Field(lists_of(lambda values: are(values, bytes)), {"type": "array"})]
 _Apart = Annotated[list[tuple[str, str, bool]], Field(lists_of(_pairs), {"type": "array"})]
 _States = Annotated[list[tuple[int, list[float]]], Field(lists_of(_states), {"type": "array"})]
 
 InjectedTable = TypedDict(
-    "InjectedTable", {"kind": Text, "number": Count, "from": _Time, "until": NotRequired[_TimeOrNil], "active": _Flag}
+    "InjectedTable", {"kind": Text, "number": Count, "from": _Time, "until": NotRequired[_TimeOrNil], "active": Flag}
 )
 """A fault that was injected; its other keys are those of its kind."""
 
@@ -106,10 +106,14 @@ class Stopped(TypedDict):
 
 
 class Holding(TypedDict):
-    """Whether a run in lockstep stands still by order, and the last step that it began."""
+    """Whether a run in lockstep stands still by order, and the last step that it began.
 
-    held: _Flag
+    round: the last one of this step that agents were let make, where it goes by rounds and is not over.
+    """
+
+    held: Flag
     step: _StepOrNil
+    round: NotRequired[_StepOrNil]
 
 
 Added = TypedDict("Added", {"number": Count, "from": _Time})
@@ -143,11 +147,11 @@ class StatusAnswer(TypedDict):
     agents: _Agents
     steps: Count
     dt: _Time
-    planar: _Flag
+    planar: Flag
     step: _StepOrNil
     start: _Time
     time: _Time
-    stopping: _Flag
+    stopping: Flag
     target: Table
     live: Texts
     members: Counts

@@ -1,6 +1,7 @@
 // The page: asks for steps as fast as it draws them, never faster.
 
 import { Beside } from "./beside.js";
+import { clock } from "./clock.js";
 import { Curves } from "./curves.js";
 import { hands } from "./hands.js";
 import { MapView } from "./map.js";
@@ -11,16 +12,17 @@ import { Panels } from "./panels.js";
 import { Parting } from "./parting.js";
 import { standing } from "./standing.js";
 import { Steering } from "./steering.js";
+import { LENGTH, Trails } from "./trails.js";
 import { Wire, exported } from "./wire.js";
 
-const TRAIL = 40;
 const SPEEDS = [0.02, 0.05, 0.1, 0.25, 0.5, 1, 2, 5, 10, 50];
 const IDLE_MS = 300; // after so long a run is asked for its events although no step is wanted
+const AGAIN_MS = 100; // after so long a round is asked for that was ordered and has not begun
 const SLOW_STEPS = 3; // steps a second below which passing messages are drawn
 
 const $ = (id) => document.getElementById(id);
 const state = { scene: null, frame: null, step: 1, newest: 0, follows: true, plays: true, speed: 1, known: 0, events: 0, whole: 0, round: 0 };
-const trails = { truth: [], agents: [], step: 0 };
+const trails = new Trails();
 
 const map = new MapView($("canvas"));
 const beside = new Beside($("beside"), redraw);
@@ -66,7 +68,7 @@ async function start() {
   Object.assign(state, { scene, frame: null, known: 0, events: 0, newest: scene.newest, whole: 0, step: 1, held: false });
   const grows = scene.live || scene.state === "is read";
   Object.assign(state, { follows: grows, plays: grows, state: scene.state });
-  Object.assign(trails, { truth: [], agents: [], step: 0 });
+  trails.clear();
   if (!scene.live) state.step = scene.newest;
   document.title = `${scene.run} · zenoh-cbef lab`;
   $("run").textContent = scene.run;
@@ -96,8 +98,9 @@ function seek(step) {
   controls();
 }
 
-/** One round of consensus on: the messages of a step pass one after the other. */
+/** One round of consensus on: a held run makes it; of a step that is over its messages pass one after the other. */
 function round() {
+  if (state.held && state.step >= state.newest) { hold(true, 0, 1); return; }
   const next = state.round + 1;
   if (next > state.scene.rounds) forward();
   else { seek(state.step); redraw(); }
@@ -135,15 +138,18 @@ function pick(picked, x, y) {
   menu.open(picked, x, y, state.scene.live && state.state === "goes on", neighbours);
 }
 
-/** Let the run in lockstep stand still, or go on; held, it takes single steps. */
-async function hold(on, steps = 0) {
-  const answer = await orders.ask({ ask: "hold", on, steps }).catch(() => ({ error: "the server is gone" }));
+/** Let the run in lockstep stand still, or go on; held, it takes single steps, or single rounds of one.
+ * after: the step that was over when a round was ordered. */
+async function hold(on, steps = 0, rounds = 0, after = rounds ? state.newest : -1) {
+  const answer = await orders.ask({ ask: "hold", on, steps, rounds }).catch(() => ({ error: "the server is gone" }));
   tell(answer.error ?? "");
   if (answer.error) return;
-  state.held = answer.held;
+  const between = (answer.round ?? null) !== null && on && !steps;
+  Object.assign(state, { held: answer.held, under: between ? { step: answer.step, round: answer.round } : null, round: 0 });
   $("hold").setAttribute("aria-pressed", String(state.held));
   $("hold").textContent = state.held ? "Let run go on" : "Hold run";
   follow();
+  if (!between && answer.step <= after) setTimeout(() => state.held && hold(true, 0, 0, after), AGAIN_MS);
 }
 
 function forward() {
@@ -161,15 +167,18 @@ function question(elapsed) {
     state.step = Math.min(state.step + steps, state.newest);
     if (state.step >= state.newest && !(scene.live && state.state === "goes on")) { state.plays = false; controls(); }
   }
-  const fresh = follows || state.frame === null || state.step !== state.frame.step;
+  const between = follows && state.under;
+  const fresh = between ? between !== state.shown : follows || state.frame === null || state.step !== state.frame.step;
   const idle = ["goes on", "is read"].includes(state.state) && performance.now() - state.asked > IDLE_MS;
   if (!fresh && !idle) return null;
   state.asked = performance.now();
   const table = { ask: "frame", curves: state.known, events: state.events, beside: beside.known, marks: true };
+  if (between) table.under = [between.step, between.round];
+  state.shown = between;
   if (follows) table.after = state.newest;
   else table.step = state.step;
   const next = follows ? state.newest + 1 : state.step;
-  if (next !== trails.step && (next < trails.step || next > trails.step + 12)) table.trail = TRAIL;
+  if (trails.lack(next)) table.trail = LENGTH;
   return table;
 }
 
@@ -179,31 +188,14 @@ function take(frame) {
   if (state.state === "goes on" && frame.state === "ended") tell("the run has ended; wind it back, or export the session", "none");
   Object.assign(state, { frame, newest: frame.newest, state: frame.state });
   if (state.follows) state.step = frame.step;
+  if (state.under && state.under.step <= frame.newest) state.under = null;
   curves.take(frame.arrays, frame.curves[0], frame.newest);
   state.known = frame.newest;
   beside.take(frame, curves);
   panels.takeEvents(frame.events);
   state.events += frame.events.length;
   if (["ended", "log"].includes(frame.state) && state.follows) { state.follows = false; state.plays = false; controls(); }
-  trace(frame);
-}
-
-/** Lengthen the trails by a frame, or take whole ones in. */
-function trace({ arrays, step }) {
-  const agents = state.scene.agents;
-  const point = (values, at) => [values[at], values[at + 1], values[at + 2]];
-  if (arrays["trail steps"]) {
-    const [truth, estimates, count] = [arrays["trail truth"], arrays["trail estimates"], arrays["trail steps"].length];
-    const times = Array.from({ length: count }, (_, at) => at);
-    trails.truth = times.map((at) => point(truth, 3 * at));
-    trails.agents = Array.from({ length: agents }, (_, agent) => times.map((at) => [...point(estimates, 4 * (at * agents + agent)), estimates[4 * (at * agents + agent) + 3]]));
-  }
-  if (step !== trails.step) {
-    trails.truth = [...trails.truth, point(arrays.truth, 0)].slice(-TRAIL);
-    trails.agents = Array.from({ length: agents }, (_, agent) =>
-      [...(trails.agents[agent] ?? []), [...point(arrays.estimate, 6 * agent), arrays.drawn[agent]]].slice(-TRAIL));
-  }
-  trails.step = step;
+  if (frame.under === undefined) trails.take(frame, state.scene.agents);
 }
 
 /** Whether time passes on the page itself, between two steps. */
@@ -214,7 +206,7 @@ function draw() {
   if (!frame) return;
   const time = frame.step * scene.dt;
   map.marks = frame.marks;
-  const phase = state.round ? (state.round - 0.5) / scene.rounds : slow() ? state.whole : null;
+  const phase = frame.under ? 1 - 0.5 / frame.marks[0]?.length : state.round ? (state.round - 0.5) / scene.rounds : slow() ? state.whole : null;
   map.draw(frame.arrays, trails, parting.marked(standing(scene, frame.arrays, frame.faults, time)), phase);
   beside.draw();
   const [level, words] = frame.verdict;
@@ -222,10 +214,7 @@ function draw() {
   $("verdict").dataset.level = level;
   $("step").max = String(Math.max(frame.newest, 1));
   if (document.activeElement !== $("step") || state.follows) $("step").value = String(frame.step);
-  $("clock").textContent = `${time.toFixed(2)} s, step ${frame.step} of ${scene.live ? scene.steps : frame.newest}`
-    + (state.held ? ", run held" : "")
-    + (state.round ? `, round ${state.round} of ${scene.rounds}` : "")
-    + ({ ended: ", ended", "is read": ", the log is being read" }[frame.state] ?? "");
+  $("clock").textContent = clock(state);
 }
 
 function sides() {

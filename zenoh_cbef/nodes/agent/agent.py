@@ -61,14 +61,14 @@ class Agent:
         self.path = agent_positions(scenario, agent)[0]
         self.rejections = Rejections(node)
         self._news = News(node, self.rejections, self.inject, _LONGER * scenario.timing.patience)
-        self._lists = 0
+        self._lists, self._by_rounds = 0, False
         self._wrong_clocks = clocks_of(scenario.fault, agent)
         self._ahead_ns, self._isolated = 0, nan
         if self._wrong_clocks or realtime:
             node.clock = lambda: time.time_ns() + self._ahead_ns
         alarm, grace = Alarm(), 0.0 if realtime else node.grace * scenario.timing.patience
         self.beacons = beacon_inbox(node, agent, self.rejections, alarm, grace)
-        self.signals = Signals(node, agent, self.rejections, self.beacons)
+        self.signals = Signals(node, agent, self.rejections, self.beacons, grace)
         self.neighbourhood = Neighbourhood(
             node,
             plan,
@@ -182,6 +182,7 @@ class Agent:
             self._await(step)
         message = self.beacons.take(step, self._arrive(step, 0) if self._realtime else None)
         self._lists = 0 if message is None else message.get("lists", 0)
+        self._by_rounds = message is not None and message.get("by_rounds", False)
         # Alone behind a broken link it would run to the last step at once.
         if message is None and (self.signals.over(step) or (self.node.grace and not self._realtime)):
             return None
@@ -210,6 +211,8 @@ class Agent:
         outgoing, deadline = self.outgoing, None
         message = self.tracker.measure(self._measure(step, beacon, there=there))
         for round_ in range(1, self.plan.rounds + 1):
+            if self._by_rounds and not self._realtime:
+                self.signals.await_round(step, round_)
             sent = outgoing.message(step, round_, message)
             if there:
                 self._round_out.send_round(self._codec, step, round_, sent)

@@ -53,9 +53,15 @@ def _held(target: Asked, request: Request) -> Holding:
     """Let the run stand still, or go on."""
     if target.plan.realtime:
         raise UserError("a run in realtime cannot stand still; set timing.mode = 'lockstep'")
-    on, steps = request.get("on"), request.get("steps")
-    target.hold.order(on=on is True, steps=steps if isinstance(steps, int) and not isinstance(steps, bool) else 0)
-    return Holding(held=target.hold.on, step=target.step)
+    on, steps, rounds = request.get("on") is True, _count(request.get("steps")), _count(request.get("rounds"))
+    if rounds and target.injection is None:
+        raise UserError("a run is held between rounds only where the target sends the beacons; let it take whole steps")
+    target.hold.order(on=on, steps=steps, rounds=rounds)
+    return Holding(held=target.hold.on, step=target.step, round=target.hold.round)
+
+
+def _count(given: object) -> int:
+    return given if isinstance(given, int) and not isinstance(given, bool) and given > 0 else 0
 
 
 def _table(text: object) -> dict[str, Json]:

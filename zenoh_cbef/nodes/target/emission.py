@@ -31,12 +31,12 @@ class Emission:
         """The outboxes."""
         return [self._truth, *self._beacons]
 
-    def emit(self, world: World, step: int, lists: int) -> None:
-        """Publish a step. lists: how many lists of injected faults were published before it."""
+    def emit(self, world: World, step: int, lists: int, *, by_rounds: bool = False) -> None:
+        """Publish a step. lists: how many lists of injected faults were published before it. by_rounds: see Hold."""
         truth = world.truth[step - 1]
         if self._tells_truth and np.isfinite(truth).all():  # the truth of a real target is unknown
             self._truth.send(k=step, state=truth.tolist())
-        told = {"lists": lists} if lists else {}
+        told = ({"lists": lists} if lists else {}) | ({"by_rounds": True} if by_rounds else {})
         for agent, beacon in enumerate(self._beacons if self._tells_beacons else ()):
             emitted, arrived = world.emitted[agent, step - 1], world.arrived[agent, step - 1]
             beacon.send(k=step, emitted=nan_to_nil(emitted), arrived=nan_to_nil(arrived), **told)

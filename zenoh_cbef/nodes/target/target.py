@@ -22,12 +22,12 @@ from zenoh_cbef.nodes.target.linking import linked_by
 from zenoh_cbef.nodes.target.lookout import Lookout
 from zenoh_cbef.nodes.target.progress import Progress
 from zenoh_cbef.nodes.target.services import served
+from zenoh_cbef.nodes.target.signalling import Signalling
 from zenoh_cbef.nodes.target.strangers import Strangers
 from zenoh_cbef.nodes.target.survey import Survey
 from zenoh_cbef.outside.registry import registered
 from zenoh_cbef.protocol.claims import Claims
 from zenoh_cbef.protocol.directory import Directory
-from zenoh_cbef.protocol.fields import END, START
 from zenoh_cbef.protocol.scenario_service import ScenarioText
 from zenoh_cbef.protocol.slow import SLOW
 from zenoh_cbef.scenario import Scenario
@@ -57,10 +57,9 @@ class Target:
     receivers: bool = False
 
     def __post_init__(self) -> None:
-        agents = range(self.scenario.count)
         realtime = self.plan.realtime
         self._emission = Emission(self.node, self.plan, receivers=self.receivers)
-        self._signals = [self.node.outbox(self.node.keys.signal(agent)) for agent in agents]
+        self._signals = Signalling(self.node, self.scenario.count)
         keys = self.node.keys
         self.node.archive.serve(keys.truth, keys.faults, keys.all_beacons, keys.all_signals)
         grace = 0.0 if realtime else self.node.grace * self._patience
@@ -124,7 +123,7 @@ class Target:
 
     def run(self) -> int:
         """Emit all beacons; returns the last step emitted."""
-        realtime = self.plan.realtime
+        realtime, stopping = self.plan.realtime, lambda: self.node.stopping
         self._epoch = epoch = time.monotonic() + (self.scenario.timing.start_delay if realtime else 0.0)
         self.node.event("started", f"run {self.node.identity.run} started", at=self.start)
         self.progress.rejections.start()
@@ -134,14 +133,14 @@ class Target:
             clock = RealTime(epoch) if realtime else StepTime(self.scenario.dt, lambda: self.step or 0)
             self.injection = Injection(self.plan, clock)
         for agent in sorted(ready):
-            self._signal_start(agent, 0)
+            self._signals.start(agent, 0, self.start)
         for step in range(1, self.scenario.length + 1):
             if realtime:
                 self.progress.drain()
                 self._sleep_until(epoch + step * self.scenario.dt)
                 going_on = self._in_company()
             else:
-                self.hold.wait(self.survey.drain, lambda: self.node.stopping)
+                self.hold.wait(self.survey.drain, stopping)
                 going_on = self.progress.wait(step - WINDOW) and self._await_return(step)
                 self.following.wait(step, self.survey.drain)
             if self.node.stopping or not (going_on or self._agent_returns(step)):
@@ -152,11 +151,13 @@ class Target:
             self._announce_faults(step)
             self._admit(step)
             self.lookout.look(self.plan, self._taking_part(step), step)
-            self._emission.emit(self.world, step, self._faults_out.sent)
+            self._emission.emit(self.world, step, self._faults_out.sent, by_rounds=self.hold.by_rounds)
             if self._pace is not None:
                 self._pace.arrive(time.monotonic(), epoch + step * self.scenario.dt + self.plan.slot)
             self.progress.excuse(self.plan.absences.at(step), step)
             self.step = step
+            for round_ in self.hold.rounds(self.plan.rounds, self.survey.drain, stopping):
+                self._signals.round(step, round_)
         self._end(self.step)
         return self.step
 
@@ -185,10 +186,6 @@ class Target:
                 "fault", f"fault {index} ({kind}) {word} at step {step}", fault=index, step=step, on=index in on
             )
         self._active = on
-
-    def _signal_start(self, agent: int, step: int) -> None:
-        """Tell an agent that its first step is the one after this."""
-        self._signals[agent].send(k=step, signal=START, at=self.start)
 
     def _agent_returns(self, step: int) -> bool:
         gone = self.plan.absences.at(step - 1).nonzero()[0].tolist()
@@ -226,7 +223,7 @@ class Target:
                 self.node.event(
                     "joined", f"agent {agent} joined at step {step}", agent=agent, step=step, planned=planned
                 )
-                self._signal_start(agent, step - 1)
+                self._signals.start(agent, step - 1, self.start)
 
     def _in_company(self) -> bool:
         """Whether any agent takes part, or did so lately: a target without agents may be behind a broken link."""
@@ -244,9 +241,8 @@ class Target:
         self.progress.wait(last, even_stopping=True)
         if not self.plan.realtime:
             self.following.finish(last)
-        for signal in self._signals:
-            signal.send(k=last + 1, signal=END)
-        boxes = [*self._emission.boxes, *self._signals]
+        self._signals.end(last + 1)
+        boxes = [*self._emission.boxes, *self._signals.boxes]
         self.progress.rejections.report()
         self.node.last_words(
             "finished",

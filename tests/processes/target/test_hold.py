@@ -1,0 +1,76 @@
+"""A run in lockstep stands still by order, between steps and between the rounds of one, and stays what it is."""
+
+import time
+from collections.abc import Callable
+from functools import partial
+
+import zenoh
+
+from tests.processes.target.test_live_faults import wait_until_known
+from zenoh_cbef.lab.bench import reach
+from zenoh_cbef.log.read.trace import read_trace
+from zenoh_cbef.outside.operator import Operator
+from zenoh_cbef.protocol.keys import Keys
+from zenoh_cbef.protocol.messages import unpack
+
+AGENTS, ROUNDS = 4, 3
+
+
+def until(condition: Callable[[], bool], said: object) -> None:
+    limit = time.monotonic() + 100
+    while not condition():
+        assert time.monotonic() < limit, said
+        time.sleep(0.01)
+
+
+def test_a_held_run_makes_single_rounds_and_is_proved(world):
+    run = world.start_run("steps=100000")
+    wait_until_known(world.run)
+    world.wait_for_messages()
+    latest: dict[str, tuple[int, int]] = {}
+
+    def hear(sample: zenoh.Sample) -> None:
+        told = unpack(sample.payload.to_bytes())
+        latest[str(told["from"])] = int(str(told["k"])), int(str(told["l"]))
+
+    def all_at(step: int, round_: int) -> None:
+        """All agents have sent the messages of this round, and none of the next one."""
+        until(lambda: {*latest.values()} == {(step, round_)} and len(latest) == AGENTS, latest)
+
+    def stands_at(step: int, round_: int | None) -> bool:
+        told = operator.hold(on=True)
+        return (told["step"], told["round"]) == (step, round_)
+
+    with Operator(*reach(world.run)) as operator:
+        operator.session.declare_subscriber(Keys(world.run).round(0).replace("/0/", "/*/"), hear)
+        until(lambda: len(latest) == AGENTS, latest)
+        assert operator.hold(on=True)["held"]
+        until(lambda: len({*latest.values()}) == 1 and latest["agent/0"][1] == ROUNDS, latest)
+        operator.hold(on=True, rounds=1)
+        until(lambda: operator.hold(on=True)["round"] == 1, latest)
+        began = operator.hold(on=True)["step"]
+        assert began is not None
+        all_at(began, 1)
+        for number in range(1, 2 * ROUNDS - 1):
+            step, round_ = began + number // ROUNDS, number % ROUNDS + 1
+            operator.hold(on=True, rounds=1)
+            until(partial(stands_at, step, round_ if round_ < ROUNDS else None), latest)
+            all_at(step, round_)
+        # An order in the middle of a step begins with a later one; a single step ends the one that is under way.
+        _, since = operator.inject({"kind": "loss", "probability": 0.5}, None)
+        assert since > 0.1 * (began + 1)
+        operator.hold(on=True, steps=1)
+        all_at(began + 1, ROUNDS)
+        operator.hold(on=True, rounds=1)
+        all_at(began + 2, 1)
+        operator.hold(on=False)
+        until(lambda: min(latest.values()) > (began + 8, 0), latest)
+        operator.hold(on=True)
+        until(lambda: len({*latest.values()}) == 1 and latest["agent/0"][1] == ROUNDS, latest)
+        operator.hold(on=True, rounds=1)
+        # It is stopped in the middle of a step, which agents then end.
+        assert operator.stop() is not None
+    run.communicate(timeout=100)
+    proof = world.call("verify", str(world.log))
+    assert proof.returncode == 0, proof.stdout + proof.stderr
+    assert read_trace(world.log).scenario.fault[0].kind == "loss"
