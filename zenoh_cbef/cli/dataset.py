@@ -16,8 +16,14 @@ from zenoh_cbef.cli.recordings import summary_table, tell_findings
 from zenoh_cbef.datasets.findings import findings, summary
 from zenoh_cbef.datasets.picture import draw
 from zenoh_cbef.datasets.reading import read_files
+from zenoh_cbef.datasets.recorded import PREFIX, dataset_folder
 
-_Folder = Annotated[Path, typer.Argument(metavar="FOLDER", help="A dataset's folder.")]
+_Folder = Annotated[
+    Path,
+    typer.Argument(
+        metavar="FOLDER", help=f"A dataset's folder, or {PREFIX}NAME of the package.", parser=dataset_folder
+    ),
+]
 
 
 def _check(folder: _Folder, as_json: AsJson = False) -> None:

@@ -14,7 +14,7 @@ import numpy as np
 import tomli_w
 from pydantic import ValidationError
 
-from zenoh_cbef.datasets import read_dataset
+from zenoh_cbef.datasets import dataset_folder, read_dataset
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.plain import read_toml, whole
 from zenoh_cbef.scenario.library import Library
@@ -171,7 +171,7 @@ def _lay_out(scenario: Scenario, folder: Path) -> Scenario:
     # Agents on other hosts have no dataset folder: what they need of it travels in the resolved scenario.
     if scenario.target.motion != "dataset":
         return scenario.model_copy(update={"steps": scenario.length})
-    path = (folder / Path(scenario.target.path or "").expanduser()).resolve()
+    path = dataset_folder(scenario.target.path or "", folder).resolve()
     dataset = read_dataset(path)
     positions = [tuple(row) for row in dataset.anchors.tolist()]
     data = scenario.model_dump(by_alias=True)
