@@ -2,7 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 
 def counted(number: int, what: str, several: str = "") -> str:
     """A number of things, as in "1 message" and "2 messages"; several: the plural where it does not end in s."""
     return f"{number} {what if number == 1 else several or what + 's'}"
+
+
+def listed(words: Sequence[str]) -> str:
+    """One or more words as a list, as in "a", "a and b" and "a, b and c"."""
+    *before, last = words
+    return f"{', '.join(before)} and {last}" if before else last

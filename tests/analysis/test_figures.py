@@ -8,8 +8,10 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pytest
 
-from zenoh_cbef.analysis.figures import Chart, agent_style, has_lone_points, log_range, thinned
+from zenoh_cbef.analysis.figures import Chart, agent_style, has_lone_points, log_range, paper_charts, thinned
 from zenoh_cbef.analysis.metrics import Analysis, analyze
+from zenoh_cbef.analysis.plots import time_plot
+from zenoh_cbef.analysis.printed import drawn
 from zenoh_cbef.analysis.typeset import write_figures
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.scenario import Scenario
@@ -66,6 +68,24 @@ def test_a_run_without_any_value_still_gives_figures(analysis: Analysis, tmp_pat
     )
 
     assert len(write_figures(silent, tmp_path)) == 6
+
+
+def test_without_a_truth_the_claimed_error_takes_the_place_of_the_msee(tmp_path: Path) -> None:
+    [trace] = simulate([Scenario(steps=12)])
+    unknown = dataclasses.replace(trace, truth=np.full_like(trace.truth, np.nan))
+    written = write_figures(analyze([unknown])[0], tmp_path)
+
+    assert {path.stem for path in written} == {"innovation", "position-error"}
+
+
+def test_a_legend_of_long_names_stays_inside_of_the_figure() -> None:
+    names = [f"the anchor behind the {what}" for what in ("door", "window", "shelf", "lamp", "desk", "fan")]
+    figure = drawn(time_plot(paper_charts(found := analysis_of(agents={"count": 6, "labels": names}))[1], found))
+    figure.draw_without_rendering()
+    [legend] = figure.legends
+
+    assert legend.get_window_extent().x0 >= 0.0
+    assert legend.get_window_extent().x1 <= figure.bbox.width
 
 
 def test_without_matplotlib_the_error_names_the_remedy(

@@ -86,11 +86,12 @@ def test_what_cannot_be_used_is_left_out_and_told(tmp_path):
         (["--map", "rnage=d"], "is not MEANING=COLUMN"),
         (["--unit", "range=yd"], "is no unit"),
         (["--map", "ranges.range=nothing"], "has no such column"),
-        ([], "which column is range"),
+        (["--map", "t=when"], "which column is range.* --map ranges.range=COLUMN"),
+        ([], "which columns are t and range.* --map ranges.t=COLUMN --map ranges.range=COLUMN"),
     ],
 )
 def test_mistakes_are_told_with_the_remedy(tmp_path, words, said):
-    (tmp_path / "log.csv").write_text("t,anchor,quux\n0,a,1\n")
+    (tmp_path / "log.csv").write_text("when,anchor,quux\n0,a,1\n")
     with pytest.raises(UserError, match=said):
         imported(tmp_path / "log.csv", "--anchors", anchors_in(tmp_path), "-o", tmp_path / "set", *words)
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from zenoh_cbef.analysis.figures import INK, MUTED
+from zenoh_cbef.analysis.legends import legend_below
 from zenoh_cbef.analysis.plot_values import numbers_of, rgba_of, values_of
 from zenoh_cbef.arrays import Floats
 from zenoh_cbef.errors import UserError
@@ -276,12 +277,4 @@ def _legend(figure: Figure, axes: Axes, plot: Plot, style: Style) -> None:
         handles, names = handles[:1], [f"{len(names)} agents"]
     others, labels = axes.get_legend_handles_labels()
     if plot["layout"].get("showlegend") is not False and (names or labels):
-        figure.legend(
-            [*handles, *others],
-            [*names, *labels],
-            loc="outside lower center",
-            ncols=max(1, int(style.width * 1.15)),
-            frameon=False,
-            handlelength=1.8,
-            columnspacing=1.2,
-        )
+        legend_below(figure, [*handles, *others], [*names, *labels])

@@ -9,6 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal, get_args
 
 from zenoh_cbef import __version__
+from zenoh_cbef.analysis.coverage import truth_steps
+from zenoh_cbef.analysis.error_charts import error_charts
 from zenoh_cbef.analysis.figures import paper_charts
 from zenoh_cbef.analysis.metrics import Analysis
 from zenoh_cbef.analysis.plots import time_plot
@@ -37,12 +39,15 @@ _SPECIAL = {
 def write_figures(analysis: Analysis, folder: Path) -> list[Path]:
     """Write the paper's figures, one column wide, as innovation, msee and msee-average .png and .svg.
 
+    Without a truth there is no MSEE: the position error that the covariances claim takes its place.
     Raises MissingExtra where matplotlib is not installed.
     """
     from_extra("matplotlib", _WHAT)
     folder.mkdir(parents=True, exist_ok=True)
     written = []
-    for chart in paper_charts(analysis):
+    innovation, *errors = paper_charts(analysis)
+    claimed, *_ = error_charts(analysis)
+    for chart in (innovation, *(errors if truth_steps(analysis.trace).any() else (claimed,))):
         figure = drawn(time_plot(chart, analysis))
         written += [save(figure, folder / f"{chart.name}.{kind}", kind, chart.title) for kind in ("png", "svg")]
     return written

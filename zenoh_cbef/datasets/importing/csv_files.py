@@ -12,7 +12,7 @@ from zenoh_cbef.datasets.importing.columns import column_of, wide_columns
 from zenoh_cbef.datasets.importing.raw import Place, Raw
 from zenoh_cbef.datasets.importing.units import Units, decimal
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.words import counted
+from zenoh_cbef.words import counted, listed
 
 FILES = {
     "anchors": ("anchor", "beacon", "node", "station", "landmark"),
@@ -53,9 +53,9 @@ class Reading:
         """Take in a file of ranges: a row each, or a row for each moment and a column for each anchor."""
         sheet = self._sheet(path)
         wide = wide_columns(sheet.heads, self.mapped)
-        at = self._place("t", sheet, "ranges")
-        named = None if wide else self._place("anchor", sheet, "ranges")
-        cells = wide or {"": self._place("range", sheet, "ranges")}
+        at, *others = self._places(["t"] if wide else ["t", "anchor", "range"], sheet, "ranges")
+        named = None if wide else others[0]
+        cells = wide or {"": others[1]}
         scale = {place: self.units.length("ranges", "range", sheet.heads[place]) for place in cells.values()}
         seconds, unread = self._seconds(sheet, "ranges", at), 0
         for row, time in zip(sheet.rows, seconds, strict=True):
@@ -72,7 +72,7 @@ class Reading:
     def read_anchors(self, path: Path, raw: Raw) -> None:
         """Take in the places of the anchors."""
         sheet = self._sheet(path)
-        named = self._place("anchor", sheet, "anchors")
+        named, *_ = self._places(["anchor", "x", "y"], sheet, "anchors")
         for row, place in zip(sheet.rows, self._positions(sheet, "anchors", raw), strict=True):
             if place is None:
                 raise UserError(f"{path} has a row without three numbers: {','.join(row):.60}; correct it")
@@ -83,7 +83,8 @@ class Reading:
     def read_truth(self, path: Path, raw: Raw) -> None:
         """Take in the target's true positions."""
         sheet = self._sheet(path)
-        seconds = self._seconds(sheet, "truth", self._place("t", sheet, "truth"))
+        at, *_ = self._places(["t", "x", "y"], sheet, "truth")
+        seconds = self._seconds(sheet, "truth", at)
         rows = list(zip(seconds, self._positions(sheet, "truth", raw), strict=True))
         raw.truth += [(float(time), place) for time, place in rows if time is not None and place is not None]
         if len(raw.truth) < len(rows):
@@ -108,14 +109,16 @@ class Reading:
             del rows[0]
         return Sheet(path, heads, [(row + [""] * len(heads))[: len(heads)] for row in rows])
 
-    def _place(self, meaning: str, sheet: Sheet, file: str) -> int:
-        found = column_of(meaning, sheet.heads, self.mapped, file)
-        if found is None:
+    def _places(self, meanings: Sequence[str], sheet: Sheet, file: str) -> list[int]:
+        """Where the columns of these meanings are. Raises UserError, which names all that are not found."""
+        found = [column_of(meaning, sheet.heads, self.mapped, file) for meaning in meanings]
+        lacking = [meaning for meaning, place in zip(meanings, found, strict=True) if place is None]
+        if lacking:
+            asked = "columns are" if lacking[1:] else "column is"
+            remedy = " ".join(f"--map {file}.{meaning}=COLUMN" for meaning in lacking)
             heads = ", ".join(sheet.heads)
-            raise UserError(
-                f"{sheet.path}: which column is {meaning}? It has {heads}; say --map {file}.{meaning}=COLUMN"
-            )
-        return found
+            raise UserError(f"{sheet.path}: which {asked} {listed(lacking)}? It has {heads}; say {remedy}")
+        return [place for place in found if place is not None]
 
     @staticmethod
     def _number(row: Sequence[str], place: int) -> Decimal | None:
@@ -130,7 +133,7 @@ class Reading:
         return [None if time is None else time * scale for time in times]
 
     def _positions(self, sheet: Sheet, file: str, raw: Raw) -> list[Place | None]:
-        axes = [self._place(axis, sheet, file) for axis in "xy"]
+        axes = self._places("xy", sheet, file)
         height = column_of("z", sheet.heads, self.mapped, file)
         if height is None:
             raw.notes.append(f"{sheet.path.name} has no column z: it is taken for 0")
