@@ -6,6 +6,7 @@ import re
 import shutil
 import subprocess
 import sys
+from importlib import import_module
 from pathlib import Path
 from types import ModuleType
 from typing import get_args
@@ -191,6 +192,16 @@ def test_the_example_of_a_new_fault_works_in_a_copy_of_the_package(tmp_path):
             assert lost % (sent // 40) == 0, "a step is lost as a whole"
         else:
             assert lost == 0
+
+
+def test_the_reference_has_every_public_name(monkeypatch):
+    monkeypatch.syspath_prepend(ROOT / "docs" / "site")
+    page = import_module("api").page()
+    for module in ("zenoh_cbef", "zenoh_cbef.extending"):
+        for name in import_module(module).__all__:
+            assert f"### `{name}`\n" in page
+    assert " at 0x" not in page  # a default that is a function would differ from build to build
+    assert "ndarray(shape" not in page  # NumPy's own text
 
 
 def test_the_example_reader_needs_mcap_and_msgpack_alone_and_is_what_the_page_shows(tmp_path):

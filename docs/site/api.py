@@ -3,60 +3,51 @@
 from __future__ import annotations
 
 import inspect
+import re
 from collections.abc import Callable, Iterator
 from importlib import import_module
-from importlib.util import find_spec
-from types import ModuleType
 
-MODULES = ("zenoh_cbef", "zenoh_cbef.api", "zenoh_cbef.plugins", "zenoh_cbef.testing")
-"""The modules that a user imports; one that is not there yet is left out."""
+from zenoh_cbef.api.simulating import scenario
+
+MODULES = ("zenoh_cbef", "zenoh_cbef.extending", "zenoh_cbef.testing")
+"""The modules that a user imports."""
+
+_QUOTED = re.compile(r"(?<=: |> )'([^']*)'")
+_FUNCTION = re.compile(r"<function .*?>(?: at 0x[0-9a-f]+>)?")
 
 _HEAD = """# Python
 
 Made from the code: what a program may import, and what stays as it is from release to release. All other modules may
-change at any time. [From Python](../api.md) shows how they go together.
+change at any time. [From Python](../api.md) shows how the names of `zenoh_cbef` go together, and
+[plugins](../plugins.md) those of `zenoh_cbef.extending` and `zenoh_cbef.testing`.
 """
 
 
 def page() -> str:
     """The page as Markdown."""
-    parts, seen = [_HEAD], set()
+    parts = [_HEAD]
     for name in MODULES:
-        module = import_module(name) if find_spec(name) else None
-        told = [(one, thing) for one, thing in _public(module) if id(thing) not in seen] if module else []
-        seen |= {id(thing) for _, thing in told}
-        if module and told:
-            parts.append(f"## `{name}`\n\n{_doc(module)}\n")
-            parts += [_entry(one, thing, 3) for one, thing in told]
-    if len(parts) == 1:
-        parts.append("This version has no such names: programs call the verbs, and read what they export.")
+        module = import_module(name)
+        parts.append(f"## `{name}`\n\n{_doc(module)}\n")
+        parts += [_entry(one, getattr(module, one), 3) for one in module.__all__]
     return "\n".join(parts)
 
 
-def _public(module: ModuleType) -> Iterator[tuple[str, object]]:
-    for name in getattr(module, "__all__", ()):
-        thing = getattr(module, name)
-        if not inspect.ismodule(thing):
-            yield name, thing
-
-
-def _entry(name: str, thing: object, level: int) -> str:
+def _entry(name: str, thing: Callable[..., object], level: int) -> str:
     head = f"{'#' * level} `{name}`\n"
+    if inspect.ismodule(thing):  # zenoh_cbef.scenario is the function, too
+        thing = scenario
+    if not getattr(thing, "__module__", "").startswith("zenoh_cbef"):
+        return f"{head}\n`{str(thing).replace('~', '')}`\n"  # a name for a type of NumPy
     if inspect.isclass(thing):
         return "\n".join([head, _signature(name, thing), _doc(thing), "", *_members(name, thing, level)])
-    if callable(thing):
-        return "\n".join([head, _signature(name, thing), _doc(thing), ""])
-    return f"{head}\n`{type(thing).__name__}`\n"
+    return "\n".join([head, _signature(name, thing), _doc(thing), ""])
 
 
 def _members(name: str, cls: type, level: int) -> Iterator[str]:
     """Public methods, properties and fields of a class that this package defines."""
-    fields = {one: said for one, said in inspect.get_annotations(cls).items() if not one.startswith("_")}
-    if fields:
-        yield "| field | type |\n|---|---|\n" + "".join(
-            f"| `{one}` | `{_type(said)}` |\n" for one, said in fields.items()
-        )
-    for one, member in vars(cls).items():
+    fields = inspect.get_annotations(cls)
+    for one, member in list(vars(cls).items()):
         plain = getattr(member, "__func__", member)
         if one.startswith("_") or one in fields:
             continue
@@ -66,16 +57,11 @@ def _members(name: str, cls: type, level: int) -> Iterator[str]:
             yield f"{'#' * (level + 1)} `{name}.{one}`\n\n{_doc(getattr(member, 'fget', None) or member.func)}\n"
 
 
-def _type(said: object) -> str:
-    return str(getattr(said, "__name__", said) if isinstance(said, type) else said).replace("|", "\\|")
-
-
 def _signature(name: str, thing: Callable[..., object]) -> str:
-    try:
-        said = inspect.signature(thing)
-    except (TypeError, ValueError):
+    if getattr(thing, "_is_protocol", False) or (inspect.isclass(thing) and issubclass(thing, Exception)):
         return ""
-    return f"```python\n{name}{said}\n```\n"
+    plain = _FUNCTION.sub("...", _QUOTED.sub(r"\1", str(inspect.signature(thing))))
+    return f"```python\n{name}{plain}\n```\n"
 
 
 def _doc(thing: object) -> str:
