@@ -1,7 +1,11 @@
-"""The lab joins a run that this host does not know of, by its endpoint."""
+"""The lab joins a run that this host does not know of, by its endpoint, and a run with certificates."""
 
 import json
 import re
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
 
 import pytest
 
@@ -16,12 +20,49 @@ def test_a_run_of_another_host_is_joined_by_its_endpoint(world, monkeypatch, tmp
     world.wait_for_messages()
     [endpoint] = known_runs()[world.run].endpoints[:1]
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))  # as on another host
-    lab = world.start("lab", world.run, "--connect", endpoint, "--no-browser")
+    with talking(world, "--connect", endpoint) as ask:
+        told = ask(ask="scene")
+    assert (told["run"], told["live"], told["state"]) == (world.run, True, "goes on")
+    assert told["agents"] == 4
+
+
+def test_with_certificates_the_operators_sees_the_run_and_orders_and_no_other_does(world):
+    assert world.call("certs", "new", "certs", "--agents", "4").returncode == 0
+    world.start_run("steps=100000", "zenoh.tls=certs")
+    world.wait_for_messages()
+    bare = world.start("lab", world.run, "--no-browser")
+    _, said = bare.communicate(timeout=100)
+    assert bare.returncode == 2
+    assert "asks for a certificate; give --tls" in said
+    with talking(world, "--tls", "certs") as ask:
+        until_agents_are_seen(ask)
+        assert ask(ask="fault", table={"kind": "outage", "agents": [1]})["fault"] == 0
+    other = ("--ca", "certs/ca.pem", "--cert", "certs/record.pem", "--key", "certs/record.key")
+    with talking(world, *other) as ask:
+        until_agents_are_seen(ask)
+        assert "does this certificate (--tls) allow the question" in ask(ask="stop")["error"]
+
+
+@contextmanager
+def talking(world, *words: str) -> Iterator[Callable[..., dict[str, Any]]]:
+    """A lab that looks at the test's run, asked over its WebSocket."""
+    lab = world.start("lab", world.run, *words, "--no-browser")
     assert lab.stderr is not None
     url = next(found[1] for line in lab.stderr if (found := re.search(r"http:(//\S+)", line)))
     with client.connect("ws:" + url.replace("/?", "/talk?")) as socket:
-        socket.send(json.dumps({"ask": "scene"}))
-        data = socket.recv(timeout=100)
-        told = json.loads(data[4 : 4 + int.from_bytes(data[:4], "little")])
-    assert (told["run"], told["live"], told["state"]) == (world.run, True, "goes on")
-    assert told["agents"] == 4
+
+        def ask(**table: object) -> dict[str, Any]:
+            socket.send(json.dumps(table))
+            data = socket.recv(timeout=100)
+            told: dict[str, Any] = json.loads(data[4 : 4 + int.from_bytes(data[:4], "little")])
+            return told
+
+        yield ask
+    lab.terminate()
+    lab.communicate(timeout=100)
+
+
+def until_agents_are_seen(ask: Callable[..., dict[str, Any]]) -> None:
+    until = time.monotonic() + 100
+    while "of 4 agents" not in str((told := ask(ask="frame"))["verdict"]):
+        assert time.monotonic() < until, told

@@ -57,7 +57,7 @@ def _lab(
 
     def reach(run: str) -> tuple[str, Connection]:
         name, connection = locate(run, ctx.joining)
-        return name, replace(connection, mode="client")
+        return name, replace(connection, mode="client", detour=True)
 
     follow_parent()
     bench = Bench(purposes(), reach, measured=foxglove)

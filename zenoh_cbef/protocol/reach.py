@@ -53,7 +53,8 @@ def why_no_answer(session: zenoh.Session, connection: Connection, run: str) -> s
     if linked(session):
         runs = runs_on(session)
         if run in runs:
-            return "its target is there but says nothing; has it been stopped, or is its host overloaded?"
+            allowed = " does this certificate (--tls) allow the question," if connection.tls else ""
+            return f"its target is there but says nothing; has it been stopped,{allowed} or is its host overloaded?"
         there = f"there is {', '.join(sorted(runs))}" if runs else "no run is on"
         return f"{there} at {_names(connection)}; check --run, or start 'zenoh-cbef target' first"
     for endpoint in connection.connect:

@@ -241,6 +241,8 @@ def _mistake(error: str, connection: Connection, *, unreached: bool) -> UserErro
     """What to tell of an error of Zenoh, which has one type and a text for all."""
     endpoints = ", ".join(connection.listen)
     if unreached:
+        if connection.tls is None and (asking := [one for one in connection.connect if one.startswith(SCHEMES)]):
+            return UserError(f"{asking[0]} asks for a certificate; give --tls and your folder of 'certs new'")
         routers = ", ".join(connection.connect) or "the endpoints of its configuration"
         return UserError(
             f"no router answers at {routers}; start 'zenoh-cbef router', and check --connect"
