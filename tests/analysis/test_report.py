@@ -275,6 +275,23 @@ def test_paths_begin_with_the_first_fix_and_the_map_has_the_names_of_the_agents(
     assert b'"names":["north","south","east"]' in replayed(analysis)
 
 
+def test_verdicts_faults_and_notes_call_agents_by_their_names() -> None:
+    agents = {"count": 4, "labels": ["door", "lamp", "desk", "fan"]}
+    on = {"probability": 0.5, "kind": "loss"}
+    faults = [
+        {"kind": "crash", "agents": [1], "from": 0.5},
+        {**on, "links": "agent:2"},
+        {**on, "links": [[0, 3]]},
+        {**on, "links": {"between": [[0, 1], [2, 3]]}},
+    ]
+
+    told = replayed(analyze([trace_of(steps=20, agents=agents, fault=faults)])[0]).decode("utf-8", errors="replace")
+
+    assert "away: agent lamp" in told
+    for words in ("crash of agent lamp", "at agent desk", "of door\\u2013fan", "between door, lamp and desk, fan"):
+        assert words in told
+
+
 def test_the_path_of_a_run_that_ends_before_its_first_fix_is_drawn_whole(tmp_path: Path) -> None:
     [analysis] = analyze([trace_of(steps=5)])
     assert (analysis.trace.diagnostics.status == ACQUIRING).all()

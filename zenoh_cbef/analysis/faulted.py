@@ -6,16 +6,21 @@ from collections.abc import Sequence
 
 from zenoh_cbef.faults import Absence, Fault, LinkFault, SenderFault, SensorFault
 from zenoh_cbef.faults.base import Between
+from zenoh_cbef.scenario import Scenario
 
 
-def fault_words(fault: Fault) -> dict[str, object]:
-    """One fault: kind, words, from and until (s; until null for good), the agents that it names, and what it touches.
+def faults_of(scenario: Scenario) -> list[dict[str, object]]:
+    """Each fault: kind, words, from and until (s; until null for good), the agents that it names, and what it touches.
 
-    touches: agents that are away, "lies" or "receiver"; or links.
+    touches: agents that are away, "lies" or "receiver"; or links. The words have the agents' names.
     """
+    return [_told(fault, scenario.agents.names) for fault in scenario.fault]
+
+
+def _told(fault: Fault, names: Sequence[str]) -> dict[str, object]:
     touched: dict[type[Fault], str] = {Absence: "away", SenderFault: "lies", SensorFault: "receiver"}
     touches = next((word for kind, word in touched.items() if isinstance(fault, kind)), "links")
-    words = f"{fault.kind.replace('-', ' ')}{_amount(fault)}{_where(fault)}"
+    words = f"{fault.kind.replace('-', ' ')}{_amount(fault)}{_where(fault, names)}"
     span = {"from": fault.since, "until": fault.until}
     return {"kind": fault.kind, "words": words, **span, "agents": sorted(fault.named()), "touches": touches}
 
@@ -27,18 +32,18 @@ def _amount(fault: Fault) -> str:
     return ""
 
 
-def _where(fault: Fault) -> str:
+def _where(fault: Fault, names: Sequence[str]) -> str:
     if not isinstance(fault, LinkFault):
         agents = sorted(fault.named())
-        return f" of agent {_listed(agents)}" if agents else ""
+        return f" of agent {_listed(agents, names)}" if agents else ""
     links = fault.links
     if isinstance(links, str):
-        return "" if links == "all" else f" at agent {links.removeprefix('agent:')}"
+        return "" if links == "all" else f" at agent {names[int(links.removeprefix('agent:'))]}"
     if isinstance(links, Between):
-        return " between " + " and ".join(map(_listed, links.between))
+        return " between " + " and ".join(_listed(group, names) for group in links.between)
     pairs = sorted({(min(pair), max(pair)) for pair in links})
-    return " of " + ", ".join(f"{first}\u2013{second}" for first, second in pairs)
+    return " of " + ", ".join(f"{names[first]}\u2013{names[second]}" for first, second in pairs)
 
 
-def _listed(agents: Sequence[int]) -> str:
-    return ", ".join(map(str, agents))
+def _listed(agents: Sequence[int], names: Sequence[str]) -> str:
+    return ", ".join(names[agent] for agent in agents)

@@ -26,7 +26,8 @@ def misfit_note(trace: Trace, first: int, nees: Honesty | None) -> str:
     offs, usual = _offsets(trace, first)
     bad = np.flatnonzero(offs > _SHARE * usual)
     if bad.size:
-        who = ", ".join(map(str, bad[:8])) + (f" and {counted(bad.size - 8, 'other')}" if bad.size > 8 else "")
+        names = [trace.scenario.agents.names[agent] for agent in bad[:8]]
+        who = ", ".join(names) + (f" and {counted(bad.size - 8, 'other')}" if bad.size > 8 else "")
         wrong.append(f"half of the ranges of agent {who} are off by {offs[bad].min():.3g} m and more of {usual:.3g} m")
     if nees and nees.average is not None and nees.average > _ABSURD * nees.dimension:
         wrong.append(f"NEES is {nees.average:.3g}, where {nees.dimension:g} is expected")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from zenoh_cbef.analysis.faulted import fault_words
+from zenoh_cbef.analysis.faulted import faults_of
 from zenoh_cbef.analysis.figures import agent_names
 from zenoh_cbef.analysis.metrics import Analysis
 from zenoh_cbef.analysis.standing import strokes_of
@@ -29,7 +29,7 @@ def replayed(analysis: Analysis) -> bytes:
         "names": agent_names(analysis),
         "links": links.tolist(),
         "statuses": STATUSES,
-        "faults": [fault_words(fault) for fault in trace.scenario.fault],
+        "faults": faults_of(trace.scenario),
         "counted": trace.passing is not None,
         "verdicts": [list(one) for one in _verdicts(analysis, until, links, counts)],
     }
@@ -78,6 +78,7 @@ def _verdicts(analysis: Analysis, until: Ints, links: Ints, counts: Floats) -> l
             float(analysis.disagreement[row]),
             parts(links, came, there[:, row]),
             late[-1] if late else "",
+            trace.scenario.agents.names,
         )
         found.append(verdict(moment))
     return found

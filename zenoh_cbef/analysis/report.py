@@ -167,7 +167,8 @@ def _honesty(analysis: Analysis) -> Table:
     metrics = analysis.metrics
     rows = [["disagreement of the agents", f"{number(metrics.disagreement)} m"]]
     if metrics.left_out:
-        rows.append(["left out: agents that send wrong values", ", ".join(map(str, metrics.left_out))])
+        names = agent_names(analysis)
+        rows.append(["left out: agents that send wrong values", ", ".join(names[agent] for agent in metrics.left_out)])
     if metrics.unobservable_steps:
         rows.append(["position not determined", spelt(metrics.unobservable_steps)])
     found_in = [("NEES", metrics.nees, why_no_nees), ("NIS", metrics.nis, why_no_nis)]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -37,6 +38,7 @@ class Moment:
 
     states, seconds: (n,), status and for how long, s. there: (n,). error, claimed: (w,), of the network, m. apart: m.
     parts: in how many parts the network is. slow: the process that lately said that it does not keep up, or empty.
+    names: n, what the reader calls the agents.
     """
 
     states: Floats
@@ -47,6 +49,7 @@ class Moment:
     apart: float
     parts: int
     slow: str
+    names: Sequence[str]
 
 
 def verdict(moment: Moment) -> Verdict:
@@ -65,7 +68,7 @@ def verdict(moment: Moment) -> Verdict:
     elif np.isfinite(apart) and np.isfinite(claimed) and apart > _APART * claimed:
         level, words = "bad", f"the agents disagree by {number(apart, 'm')}; {words}"
     shown = f", error {number(now, 'm')}" if np.isfinite(now) else ""
-    away = _away(there)
+    away = _away(there, moment.names)
     return Verdict("doubt" if away and level == "good" else level, f"{words}{shown}{away}")
 
 
@@ -76,9 +79,9 @@ def parts(links: Ints, came: Bools, there: Bools) -> int:
     return sum(bool(there[part].any()) for part in components(len(there), links[came]))
 
 
-def _away(there: Bools) -> str:
-    gone = np.flatnonzero(~there).tolist()
-    return f"; away: agent {', '.join(map(str, gone[:5]))}{' ...' * (len(gone) > 5)}" if gone else ""
+def _away(there: Bools, names: Sequence[str]) -> str:
+    gone = [names[agent] for agent in np.flatnonzero(~there).tolist()]
+    return f"; away: agent {', '.join(gone[:5])}{' ...' * (len(gone) > 5)}" if gone else ""
 
 
 def _standing(states: Floats, seconds: Floats) -> tuple[str, str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from zenoh_cbef.analysis.faulted import fault_words
+from zenoh_cbef.analysis.faulted import faults_of
 from zenoh_cbef.arrays import Floats
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.lab.bench import Bench
@@ -126,7 +126,7 @@ class Page:
                 "newest": newest,
                 "state": source.state,
                 "verdict": [level, words],
-                "faults": [fault_words(fault) for fault in scene.plan.scenario.fault],
+                "faults": faults_of(scene.plan.scenario),
                 "curves": [known, newest],
                 "events": _events(scene.recording.events, asked.get("events"), scene.plan.scenario.dt),
             }
@@ -161,7 +161,7 @@ def _beside(other: Source, time: float, asked: Asked, arrays: dict[str, Floats])
         return {
             "step": step,
             "verdict": list(judged(scene, step)),
-            "faults": [fault_words(fault) for fault in scene.plan.scenario.fault],
+            "faults": faults_of(scene.plan.scenario),
             "curves": [known, scene.newest],
         }
 

@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from zenoh_cbef.analysis.faulted import fault_words
+from zenoh_cbef.analysis.faulted import faults_of
 from zenoh_cbef.arrays import Floats, Ints
 from zenoh_cbef.log.read.receipts import Receipts
 from zenoh_cbef.log.read.recording import Recording
@@ -69,7 +69,7 @@ class Scene:
             "links": self.links.tolist(),
             "statuses": STATUSES,
             "steered": scenario.target.motion == "manual",
-            "faults": [fault_words(fault) for fault in scenario.fault],
+            "faults": faults_of(scenario),
         }
 
     @property
