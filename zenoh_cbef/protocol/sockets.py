@@ -42,9 +42,9 @@ def links_of(session: zenoh.Session) -> dict[str, list[zenoh.Link]]:
     return found
 
 
-def on_link_change(session: zenoh.Session, action: Callable[[], None]) -> None:
-    """Call an action, from a background thread, whenever a link is made or ends."""
-    session.info.declare_link_events_listener(lambda _event: action())
+def on_link_change(session: zenoh.Session, action: Callable[[str], None]) -> None:
+    """Call an action, from a background thread, whenever a link is made or ends, with the id of its other end."""
+    session.info.declare_link_events_listener(lambda event: action(str(event.link.zid)))
 
 
 def end_link(link: zenoh.Link) -> None:

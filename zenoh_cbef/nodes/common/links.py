@@ -15,7 +15,7 @@ from zenoh_cbef.protocol.detour import Detour
 from zenoh_cbef.protocol.directory import MOST_ENDPOINTS, Place, ask_directory
 from zenoh_cbef.protocol.introducing import introduce, life_at
 from zenoh_cbef.protocol.keys import agent_named
-from zenoh_cbef.protocol.lives import connects, site_of
+from zenoh_cbef.protocol.lives import connects, is_life, site_of
 from zenoh_cbef.protocol.sockets import end_link, links_of, on_link_change
 
 _SOON, _LATER, _CALM = 0.25, 2.0, 5.0
@@ -73,7 +73,7 @@ class Links:
         """Make the links, and keep them from now on."""
         if not self._connection.told:
             return
-        on_link_change(self._node.session, self._changed.set)
+        on_link_change(self._node.session, self._heed)
         self._node.on_stop(self._changed.set)
         if self._near is not None:
             self._near.on_change = self._changed.set
@@ -81,6 +81,11 @@ class Links:
         thread = threading.Thread(target=self._run, daemon=True)
         self._node.await_at_end(thread)
         thread.start()
+
+    def _heed(self, other: str) -> None:
+        # Sessions that introduce two processes come and go in great number.
+        if is_life(other):
+            self._changed.set()
 
     def _run(self) -> None:
         pause, due = _SOON, 0.0
@@ -119,10 +124,11 @@ class Links:
         return not self._places or not all(self._detours.get(self._places[life].name) for life in unlinked)
 
     def _tend(self) -> None:
+        links = links_of(self._node.session).keys()
         for life, place in self._wanted().items():
             if self._node.stopping:
                 return
-            if life not in links_of(self._node.session):
+            if life not in links:
                 self._try(place)
             elif self._attempts.pop(life, _Attempts()).said:
                 self._node.event("linked", f"{_named(self._name)} has a link to {_named(place.name)} now")
