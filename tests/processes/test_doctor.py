@@ -45,6 +45,14 @@ def test_too_few_files_and_no_place_for_logs_are_problems(world):
     assert levels(found["files"]) == levels(found["disk"]) == ["problem"]
 
 
+def test_more_agents_than_a_run_of_processes_has_are_a_problem_and_what_they_need_is_told(world):
+    found = examine(world, "--agents", "1200", status=2)
+    assert levels(found["agents"]) == ["problem"]
+    assert "at most 1000 agents as processes" in found["agents"][0]["text"]
+    assert "with 1200 agents may need 1201" in found["links"][0]["text"]
+    assert levels(examine(world, "--agents", "24", status=0)["agents"]) == ["ok"]
+
+
 def test_a_warning_is_an_exit_status_only_where_it_is_wanted(world):
     key = world.folder / "certificates" / "operator.key"
     assert world.call("certs", "new", "certificates", "--agents", "1").returncode == 0

@@ -17,7 +17,16 @@ from zenoh_cbef.cli.joining import Joining, JoiningCommand, JoiningContext
 from zenoh_cbef.cli.offer import verb
 from zenoh_cbef.cli.options import MOST_AGENTS, AsJson
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.outside.doctor import OK, PROBLEM, WARNING, Finding, check_endpoints, check_host, check_size
+from zenoh_cbef.outside.doctor import (
+    OK,
+    PROBLEM,
+    WARNING,
+    Finding,
+    check_count,
+    check_endpoints,
+    check_host,
+    check_size,
+)
 from zenoh_cbef.outside.doctor_run import check_run
 from zenoh_cbef.outside.registry import known_runs
 
@@ -32,7 +41,6 @@ def _doctor(
         int | None,
         typer.Option(
             min=1,
-            max=MOST_AGENTS,
             help=f"How many agents this host is to run; default: those of --run, else {_AGENTS}.",
         ),
     ] = None,
@@ -67,6 +75,7 @@ def _findings(joining: Joining, run: str | None, agents: int | None, output: Pat
         return
     yield from check_host(output, tls=connection.tls)
     if run is None or agents is not None:
+        yield check_count(agents or _AGENTS, MOST_AGENTS)
         yield from check_size(agents or _AGENTS)
     troubles = list(check_endpoints(connection.connect))
     yield from troubles

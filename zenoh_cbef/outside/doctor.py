@@ -58,11 +58,18 @@ def check_host(output: Path, *, tls: Tls | None = None) -> Iterator[Finding]:
     yield _multicast()
 
 
+def check_count(agents: int, most: int) -> Finding:
+    """Whether a run may have so many agents as processes, of which it has at most `most`."""
+    many = f"a run has at most {most} agents as processes, and {agents} are more; take fewer, or simulate them: 'sim'"
+    return _room("agents", many if agents > most else "", f"{agents}, of at most {most} that a run has as processes")
+
+
 def check_size(agents: int) -> Iterator[Finding]:
     """Whether this host has room for all processes of a run of so many agents: more than it needs, if it has some."""
     links, processes = agents + 1, agents + 2
     yield _room("files", files_short(links), f"with {agents} agents a process may need {files_needed(links)}")
-    yield Finding("links", OK, f"a process takes {MOST_LINKS}, and with {agents} agents may need {links}")
+    few = f"a process takes {MOST_LINKS} links, and with {agents} agents may need {links}"
+    yield _room("links", f"{few}; take fewer agents" if links > MOST_LINKS else "", few)
     yield _room("memory", memory_short(processes), f"enough for {processes} processes on this host", WARNING)
     yield _room("threads", threads_short(processes), f"this user may have those of {processes} processes", WARNING)
     yield _room("ports", ports_short(processes), f"enough for {processes} processes that take any", WARNING)
