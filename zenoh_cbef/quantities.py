@@ -56,6 +56,9 @@ Agent = Annotated[int, Field(ge=0, lt=10**6)]
 
 Count = Annotated[int, Field(ge=1, le=1000)]
 
+AgentCount = Annotated[int, Field(ge=1, le=10**9)]
+"""How many agents: what fits into memory, which is said before a simulation, and fewer as processes."""
+
 SEEDS = 2**64
 """How many seeds there are; after the last comes the first."""
 

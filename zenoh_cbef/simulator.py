@@ -11,7 +11,7 @@ import numpy as np
 from zenoh_cbef.arrays import Bools, Floats
 from zenoh_cbef.faults import Fate, Fates
 from zenoh_cbef.scenario import Scenario
-from zenoh_cbef.scenario.build import batch_tracker, fates_of, outgoing_of, smoother_of
+from zenoh_cbef.scenario.build import batch_parts, fates_of, outgoing_of, smoother_of
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.scenario.plausible import taken
 from zenoh_cbef.scenario.size import refuse_a_trace_beyond_memory
@@ -69,6 +69,13 @@ def heard_in(plan: Plan, world: World) -> Heard:
     return Heard(world.positions, ranges, np.where(np.isfinite(age), age, 0.0))
 
 
+def _together(runs: Sequence[Heard]) -> Heard:
+    """The rows of all runs."""
+    if len(runs) == 1:
+        return runs[0]
+    return Heard(*(np.concatenate([getattr(one, name) for one in runs]) for name in vars(runs[0])))
+
+
 def _all_fates(plans: Sequence[Plan], neighbours: Neighbours) -> Fates:
     count = plans[0].scenario.count
     rows, _ = np.nonzero(neighbours.present)
@@ -78,26 +85,22 @@ def _all_fates(plans: Sequence[Plan], neighbours: Neighbours) -> Fates:
 
 
 class Simulation:
-    """A batch of runs, step by step."""
+    """A batch of runs, step by step. keeps_sent: whether a `Step` has the messages; they take memory."""
 
-    def __init__(self, plans: Sequence[Plan], heard: Sequence[Heard]) -> None:
+    def __init__(self, plans: Sequence[Plan], heard: Sequence[Heard], *, keeps_sent: bool = True) -> None:
         self.plan, self.scenario = plans[0], plans[0].scenario
-        self.rounds = self.plan.rounds
-        self.tracker, self.neighbours = batch_tracker(plans)
-        self.heard = Heard(
-            np.concatenate([one.positions for one in heard]),
-            np.concatenate([one.ranges for one in heard]),
-            np.concatenate([one.age for one in heard]),
-        )
+        self.rounds, self._keeps_sent = self.plan.rounds, keeps_sent or self.scenario.consensus.lag > 0
+        self.heard = _together(heard)
+        hears = np.asarray(np.isfinite(self.heard.ranges).any(axis=1))
+        self.tracker, self.neighbours = batch_parts(plans, _BLOCK, hears)
         self.counts = LinkCounts(self.neighbours.present)
         self._fates = _all_fates(plans, self.neighbours)
         self._outgoing = outgoing_of(plans, range(self.scenario.count))
-        # What was sent in the steps from the one whose messages are used to the present one.
         self.absences, self._runs = self.plan.absences, len(plans)
         self._initial = self.tracker.belief
         self._estimate: Estimate | None = None
+        # Of the steps from the one whose messages are used to the present one.
         self._sent: deque[list[Floats]] = deque(maxlen=1 + self.scenario.consensus.lag)
-        self._sources = np.ascontiguousarray(self.neighbours.index.T)
         self._agents = np.tile(np.arange(self.scenario.count), len(plans))
         self._links = np.flatnonzero(self.neighbours.present)
         self._noted, self.smoother = list[Fate](), smoother_of(self.plan)
@@ -106,11 +109,12 @@ class Simulation:
         for step in range(1, self.scenario.length + 1):
             yield self._step(step)
 
-    def _delivered(self, step: int, round_: int) -> Bools:
+    def _delivered(self, step: int, round_: int) -> Bools | None:
+        """Which messages are delivered, (n, m); None for all."""
         present = self.neighbours.present
         self.counts.sent()
         if self._fates.quiet:
-            return present
+            return None
         fate = self._fates.of(step, round_)
         self.counts.add(fate)
         self._noted.append(fate)
@@ -125,8 +129,8 @@ class Simulation:
         if not self.plan.sharing.uses_neighbour_ranges:
             empty = np.empty((len(position), 0, 3)), np.empty((len(position), 0))
             return Measurement(position, range_, age, *empty, step=step, agent=self._agents)
-        delivered = self._delivered(step, 0)
-        index = self.neighbours.index
+        delivered, index = self._delivered(step, 0), self.neighbours.index
+        delivered = self.neighbours.present if delivered is None else delivered
         return Measurement(
             position,
             range_,
@@ -150,10 +154,6 @@ class Simulation:
         belief = belief_from(self.tracker.space, known, covariance, told, self._initial)
         self.tracker.adopt(belief, np.tile(self.absences.reborn(step), self._runs))
 
-    def _received(self, round_: int) -> Floats:
-        """The messages of all rows' neighbours (N, m, d), laid out neighbour by neighbour."""
-        return self._sent[0][round_ - 1].take(self._sources, axis=0).swapaxes(0, 1)
-
     @np.errstate(all="ignore")  # liars' messages can make a tracker overflow, which looks at its results
     def _step(self, step: int) -> Step:
         self._noted = []
@@ -164,11 +164,13 @@ class Simulation:
         sent: list[Floats] = []
         self._sent.append(sent)
         used = step - self.scenario.consensus.lag
-        nothing = np.zeros_like(self.neighbours.present)
         for round_ in range(1, self.rounds + 1):
-            sent.append(self._outgoing.message(step, round_, message))
-            delivered = self._delivered(used, round_) if used >= 1 else nothing
-            message = self.tracker.exchange(self._received(round_), delivered)
+            message = self._outgoing.message(step, round_, message)
+            if self._keeps_sent:
+                sent.append(message)
+                message = self._sent[0][round_ - 1]
+            delivered = self._delivered(used, round_) if used >= 1 else np.zeros_like(self.neighbours.present)
+            message = self.tracker.exchange(message, delivered)
         estimate = self._estimate = self.tracker.conclude()
         absent = np.tile(self.absences.at(step), self._runs)
         return Step(sent, estimate, told, self._noted, absent, self._smoothed(step))
@@ -218,7 +220,7 @@ def _simulate_block(
     *,
     keep_payloads: bool,
 ) -> list[Trace]:
-    simulation = Simulation(plans, heard)
+    simulation = Simulation(plans, heard, keeps_sent=keep_payloads)
     results = _Results(simulation)
     for k, step in enumerate(simulation):
         results.put(k, step, keep_payloads=keep_payloads)

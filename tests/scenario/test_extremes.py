@@ -91,3 +91,29 @@ def test_more_than_the_memory_that_is_left_is_not_simulated(monkeypatch):
 def test_the_last_seed_is_a_seed():
     last = load("tracking", ["seed=18446744073709551615", "steps=3"]).scenario
     assert np.isfinite(simulate([last])[0].estimates).all()
+
+
+def test_as_many_agents_as_fit_are_simulated_and_no_more_as_processes():
+    many = ["agents.count=1500", "network.graph=grid", "steps=2", "consensus.rounds=1"]
+    loaded = load("tracking", many)
+    assert check(loaded.plan) == check(load("tracking", [*many, "agents.count=900"]).plan)
+    assert np.isfinite(simulate([loaded.scenario])[0].estimates).all()
+    with pytest.raises(UserError, match=r"1500 agents are too many for processes.*'sim'"):
+        size.refuse_too_many_processes(loaded.scenario)
+
+
+@pytest.mark.parametrize("graph", ["erdos-renyi", "complete", "geometric"])
+def test_a_network_far_beyond_memory_is_refused_at_once(graph):
+    over = ["agents.count=900000000", f"network.graph={graph}", "steps=1000"]
+    with pytest.raises(UserError, match="900000000 agents in 1000 steps take about .* TB of memory"):
+        check(load("tracking", over).plan)
+
+
+def test_of_many_agents_a_few_may_be_out_of_reach_and_of_few_none():
+    apart = [[place, 0.0, 0.1 * place**2] for place in range(1200)] + [[1e6, 0.0, 0.0]]
+    keys = ["agents.count=1201", f"agents.positions={apart}", "steps=3"]
+    chain = [[place, place + 1] for place in range(1199)]
+    scenario = load("tracking", [*keys, f"network.edges={chain}"])
+    assert any("1 agent of 1201 cannot reach the others" in each for each in check(scenario.plan))
+    with pytest.raises(UserError, match=r"falls apart: agents \[1101\] cannot reach agents 0 and 1100 more"):
+        check(load("tracking", [*keys, f"network.edges={chain[:1100]}"]).plan)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from tests.simulator.made import FAULTS, FILTERS, LOSS, assert_same, scenario
+from zenoh_cbef import simulator
 from zenoh_cbef.scenario import network
 from zenoh_cbef.scenario.build import agent_tracker, fates_into, outgoing_of
 from zenoh_cbef.scenario.plan import Plan
@@ -44,6 +45,33 @@ def test_a_run_is_the_same_alone_and_in_a_batch(kind, stage, fault):
         if expected.payloads is not None:
             assert alone.payloads is not None
             assert alone.payloads.tobytes() == expected.payloads.tobytes()
+
+
+@pytest.mark.parametrize(("kind", "stage", "fault"), met(STAGES))
+def test_a_run_is_the_same_in_parts(kind, stage, fault, monkeypatch):
+    assert_same_in_parts(scenario(filter=FILTERS[kind], consensus=STAGES[stage], fault=FAULTS[fault]), monkeypatch)
+
+
+@pytest.mark.parametrize(
+    "more", [{"lag_seconds": 1.0}, {"motion": "imm"}, {"bias": "estimate"}, {"planar_height": 0.4}]
+)
+def test_a_run_that_smooths_and_forgets_is_the_same_in_parts(more, monkeypatch):
+    crash = {"kind": "crash", "agents": [1], "from": 2.3, "until": 2.6}
+    heard = {"reach": 6.0}
+    assert_same_in_parts(scenario(filter={"kind": "sicf", **more}, fault=[crash], sensor=heard, steps=40), monkeypatch)
+
+
+def assert_same_in_parts(one, monkeypatch):
+    [expected] = simulate([one], keep_payloads=True)
+    monkeypatch.setattr(simulator, "_BLOCK", 2)
+    [parts] = simulate([one], keep_payloads=True)
+    assert_same(parts, expected)
+    assert (parts.payloads is None) == (expected.payloads is None)
+    if parts.payloads is not None and expected.payloads is not None:
+        assert parts.payloads.tobytes() == expected.payloads.tobytes()
+    assert (parts.smoothed is None) == (expected.smoothed is None)
+    if parts.smoothed is not None and expected.smoothed is not None:
+        assert parts.smoothed.states.tobytes() == expected.smoothed.states.tobytes()
 
 
 class Agent:

@@ -17,7 +17,7 @@ from zenoh_cbef.nodes.launch.attempts import launch
 from zenoh_cbef.protocol.names import checked
 from zenoh_cbef.scenario.calling import What, described
 from zenoh_cbef.scenario.load import Loaded, to_toml
-from zenoh_cbef.scenario.size import refuse_a_trace_beyond_memory
+from zenoh_cbef.scenario.size import refuse_a_trace_beyond_memory, refuse_too_many_processes
 
 
 def run(
@@ -37,6 +37,7 @@ def run(
     was logged is in its log.
     """
     loaded = described(what, values)
+    refuse_too_many_processes(loaded.scenario)
     warn_of(loaded.plan)
     refuse_a_trace_beyond_memory(loaded.plan)
     require(links=loaded.scenario.count + 1, processes=loaded.scenario.count + 2)

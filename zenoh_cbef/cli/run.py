@@ -36,7 +36,7 @@ from zenoh_cbef.protocol.names import check_run
 from zenoh_cbef.protocol.session import Connection
 from zenoh_cbef.protocol.slow import REMEDY
 from zenoh_cbef.scenario.load import Loaded, load, to_toml
-from zenoh_cbef.scenario.size import refuse_a_trace_beyond_memory
+from zenoh_cbef.scenario.size import refuse_a_trace_beyond_memory, refuse_too_many_processes
 from zenoh_cbef.words import counted
 
 _ROOMY = 130
@@ -124,6 +124,7 @@ def run_processes(
 
     arguments: what tells the target the scenario that `loaded` is. log: None for a folder of its own in logs/.
     """
+    refuse_too_many_processes(loaded.scenario)
     tell_beforehand(loaded.plan)
     refuse_a_trace_beyond_memory(loaded.plan)
     warn_of_exposure(Connection(listen=loaded.scenario.zenoh.listen))

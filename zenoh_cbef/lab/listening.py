@@ -23,6 +23,7 @@ from zenoh_cbef.protocol.session import Connection
 from zenoh_cbef.scenario.legacy import as_meant
 from zenoh_cbef.scenario.load import parse
 from zenoh_cbef.scenario.plan import Plan
+from zenoh_cbef.scenario.size import refuse_too_many_processes
 
 _CAPACITY = 1 << 15
 """Messages that wait while the page is served: some seconds of three hundred agents."""
@@ -50,6 +51,7 @@ class Listener:
             session, keys = self.operator.session, run_keys.Keys(self.run)
             told = fetch_scenario(session, self.run, self._connection, patience=self._patience)
             scenario = parse(as_meant(read_toml(told.resolved)), f"the scenario of run {self.run!r}")
+            refuse_too_many_processes(scenario)
             self.recording = Recording(Header(self.run, Plan(scenario), None))
             hear_faults = self._hearing(FAULTS, self.recording.take_faults)
             heard = {

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,11 +16,12 @@ from zenoh_cbef.scenario.model import Scenario
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.tracking import graph
 from zenoh_cbef.tracking.backwards import Backwards, OneMotion, SeveralMotions
-from zenoh_cbef.tracking.consensus import Average, Chebyshev, Consensus, Rounding, RunningSums
+from zenoh_cbef.tracking.consensus import Average, Chebyshev, Consensus, Rounding, RunningSums, Workspace
 from zenoh_cbef.tracking.filters import Belief
 from zenoh_cbef.tracking.isolating import Isolating
 from zenoh_cbef.tracking.knowable import most_information
 from zenoh_cbef.tracking.motion import LinearMotion
+from zenoh_cbef.tracking.parts import Part, Parts
 from zenoh_cbef.tracking.payloads import InformationPayloads
 from zenoh_cbef.tracking.smoothing import FixedLag
 from zenoh_cbef.tracking.stale import StaleAverage
@@ -34,20 +37,22 @@ def _rounded(plan: Plan) -> Rounding | None:
     return None if plan.compact is None else plan.compact.rounded
 
 
-def _stage(plan: Plan, present: Bools, weights: Floats, bounds: Floats) -> Consensus:
+def _stage(
+    plan: Plan, present: Bools, weights: Floats, bounds: Floats, workspace: Workspace | None = None
+) -> Consensus:
     stage, payloads = plan.scenario.consensus, plan.payloads
     rounded = _rounded(plan)
     if plan.sums:
         return RunningSums(present, rounded)
     if stage.lag:
-        return StaleAverage(weights, plan.motion, stage.lag, rounded=rounded)
+        return StaleAverage(weights, plan.motion, stage.lag, rounded=rounded, workspace=workspace)
     if stage.trim and isinstance(payloads, InformationPayloads):
-        return TrimmedMessages(weights, stage.trim, payloads.distance, rounded=rounded)
+        return TrimmedMessages(weights, stage.trim, payloads.distance, rounded=rounded, workspace=workspace)
     if stage.trim:
-        return TrimmedComponents(weights, stage.trim, rounded=rounded)
+        return TrimmedComponents(weights, stage.trim, rounded=rounded, workspace=workspace)
     if stage.acceleration == "chebyshev":
-        return Chebyshev(weights, bounds[:, :1], bounds[:, 1:], rounded=rounded)
-    return Average(weights, rounded=rounded)
+        return Chebyshev(weights, bounds[:, :1], bounds[:, 1:], rounded=rounded, workspace=workspace)
+    return Average(weights, rounded=rounded, workspace=workspace)
 
 
 def _guarded(stage: Consensus, plan: Plan, present: Bools, names: Ids) -> Consensus:
@@ -84,26 +89,67 @@ def agent_tracker(plan: Plan, agent: int) -> tuple[Tracker, list[int]]:
 
 def batch_tracker(plans: Sequence[Plan]) -> tuple[Tracker, graph.Neighbours]:
     """All agents of runs that differ only in their seed, as one batch of a disconnected graph."""
-    first, neighbours = plans[0], graph.stack([one.neighbours for one in plans])
-    width = neighbours.index.shape[1]
-    weights = [np.pad(one.weights, ((0, 0), (0, width - one.weights.shape[1]))) for one in plans]
-    bounds = np.concatenate([one.bounds for one in plans])
-    beliefs = [one.initial_belief for one in plans]
-    tracker = Tracker(
-        first.filter,
-        _guarded(
-            _stage(first, neighbours.present, np.concatenate(weights), bounds),
-            first,
-            neighbours.present,
-            neighbours.index % first.scenario.count,
-        ),
-        first.space,
-        Belief(
+    batch = _Batch.of(plans)
+    return batch.tracker(slice(None), batch.neighbours), batch.neighbours
+
+
+def batch_parts(plans: Sequence[Plan], size: int, hears: Bools) -> tuple[Parts, graph.Neighbours]:
+    """The same, as parts of so many agents each. hears: (n,), which agents ever measure a range.
+
+    Those of a part have as many neighbours each, as far as possible, as a part's arrays are as wide as the most of
+    them need; and they all hear or all do not, so that what only ranges ask for is left out.
+    """
+    batch = _Batch.of(plans)
+    neighbours = batch.neighbours
+    if len(hears) <= size:
+        every = np.arange(len(hears), dtype=np.intp)
+        return Parts([Part(batch.tracker(slice(None), neighbours), every, neighbours)]), neighbours
+    degree = neighbours.degree
+    # Rows with the same first neighbour have others in common: what one reads is in the cache for the next.
+    order = np.lexsort((neighbours.index[:, 0] if neighbours.index.size else degree, degree, hears))
+    parts, workspace = list[Part](), Workspace()
+    for start in range(0, len(order), size):
+        rows = order[start : start + size]
+        width = int(degree[rows].max())
+        own = graph.Neighbours(neighbours.index[rows, :width], neighbours.present[rows, :width])
+        parts.append(Part(batch.tracker(rows, own, workspace), rows, own))
+    return Parts(parts), neighbours
+
+
+@dataclass(frozen=True)
+class _Batch:
+    """All agents of runs, what they begin with and how they average: weights (n, m), bounds (n, 2)."""
+
+    plan: Plan
+    neighbours: graph.Neighbours
+    weights: Floats
+    bounds: Floats
+    states: Floats
+    covariances: Floats
+
+    @classmethod
+    def of(cls, plans: Sequence[Plan]) -> Self:
+        neighbours = graph.stack([one.neighbours for one in plans])
+        width = neighbours.index.shape[1]
+        beliefs = [one.initial_belief for one in plans]
+        return cls(
+            plans[0],
+            neighbours,
+            np.concatenate([np.pad(one.weights, ((0, 0), (0, width - one.weights.shape[1]))) for one in plans]),
+            np.concatenate([one.bounds for one in plans]),
             np.concatenate([one.state for one in beliefs]),
             np.concatenate([one.known_covariance for one in beliefs]),
-        ),
-    )
-    return tracker, neighbours
+        )
+
+    def tracker(
+        self, rows: slice | NDArray[np.intp], own: graph.Neighbours, workspace: Workspace | None = None
+    ) -> Tracker:
+        """The tracker of some rows, whose neighbours are `own`; workspace: shared with other rows."""
+        plan, width = self.plan, own.index.shape[1]
+        stage = _stage(plan, own.present, self.weights[rows, :width], self.bounds[rows], workspace)
+        names = own.index % plan.scenario.count
+        begin = Belief(self.states[rows], self.covariances[rows])
+        return Tracker(plan.filter, _guarded(stage, plan, own.present, names), plan.space, begin)
 
 
 def smoother_of(plan: Plan) -> FixedLag | None:

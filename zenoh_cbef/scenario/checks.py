@@ -14,25 +14,29 @@ from zenoh_cbef.scenario.model import Scenario
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.tracking import graph
 from zenoh_cbef.tracking.linalg import neighbour_sum, outer
+from zenoh_cbef.words import counted
 
 _PROPORTION = 1e7
 _CHEBYSHEV_LEFT = 0.25
 """The share of the disagreement, by the bound of its polynomial, that Chebyshev acceleration may leave: on grids and
 paths of 6 to 300 agents it was lost from 0.39 on, worse than plain averaging mostly from 0.23 on, and better below."""
 _NOTHING_LEFT = 50.0
+_APART = 0.01
+"""Which share of the agents may be apart from the others: of many that are placed at random some always are."""
+_NAMED = 1000
 
 
 def check(plan: Plan) -> list[str]:
     """Warnings about a scenario, one sentence each. Raises UserError where it cannot work."""
     scenario = plan.scenario
     size.refuse_beyond_memory(size.world_bytes(scenario), scenario)
-    _check_edges(scenario, plan.edges)
+    warnings = _check_edges(scenario, plan.edges)
     _check_epsilon(scenario, plan.neighbours)
     check_faults(plan)
     _check_signal(scenario)
     _check_precision(plan)
     _check_proportion(plan)
-    warnings = _literal_gain(plan) if scenario.filter.kind == "cbef" else []
+    warnings += _literal_gain(plan) if scenario.filter.kind == "cbef" else []
     warnings += _trimming(scenario, plan.neighbours) + _only_links(scenario, plan.edges) + _chebyshev(plan)
     warnings += _faults_of_no_link(scenario, plan.edges) + _recorded_truth(scenario)
     return warnings + sight.warnings(plan) + proportions.warnings(plan)
@@ -54,7 +58,7 @@ def _recorded_truth(scenario: Scenario) -> list[str]:
     return [f"{folder / 'truth.csv'} covers {known} of {len(times)} steps ({seconds}): only these are scored"]
 
 
-def _check_edges(scenario: Scenario, edges: graph.Edges) -> None:
+def _check_edges(scenario: Scenario, edges: graph.Edges) -> list[str]:
     count = scenario.count
     if len(edges) and (edges.max() >= count or (edges[:, 0] == edges[:, 1]).any()):
         bad = next(edge for edge in edges.tolist() if edge[1] >= count or edge[0] == edge[1])
@@ -62,11 +66,19 @@ def _check_edges(scenario: Scenario, edges: graph.Edges) -> None:
             f"network.edges: {bad} does not join two of the {count} agents 0 to {count - 1}; correct that edge"
         )
     parts = graph.components(count, edges)
-    if len(parts) > 1:
+    apart = count - max(map(len, parts))
+    if apart > (_APART * count if count > size.PROCESSES else 0):
         raise UserError(
-            f"the network falls apart: agents {parts[1]} cannot reach agents {parts[0]}; "
+            f"the network falls apart: agents {_named(parts[1])} cannot reach agents {_named(parts[0])}; "
             "add edges, or choose another network.graph, probability or radius"
         )
+    many = f"{counted(apart, 'agent')} of {count}"
+    warning = f"{many} cannot reach the others, and track without them; raise network.radius, or add edges"
+    return [warning] if apart else []
+
+
+def _named(agents: list[int]) -> str:
+    return str(agents) if len(agents) <= _NAMED else f"{agents[0]} and {len(agents) - 1} more"
 
 
 def _check_epsilon(scenario: Scenario, neighbours: graph.Neighbours) -> None:

@@ -11,6 +11,7 @@ from zenoh_cbef.faults import AnyFault
 from zenoh_cbef.quantities import (
     Acceleration,
     Agent,
+    AgentCount,
     Chance,
     Count,
     Duration,
@@ -89,7 +90,7 @@ class Target(Table):
 class Agents(Table):
     """Where the agents are. `positions` overrides `placement`; a formation moves with `velocity`."""
 
-    count: Count | None = None
+    count: AgentCount | None = None
     placement: Literal["uniform"] = "uniform"
     low: Corner = -10.0
     high: Corner = 10.0
@@ -133,10 +134,11 @@ class Sensor(Table):
     """The receivers: ranges (m) with noise, bias, outliers (exponential, mean outlier_scale) and drop-outs.
 
     real: ranges are measured and not emulated, so the filter is to be wary of more than these keys say; a dataset's are
-    in any case.
+    in any case. reach: up to which distance (m) receivers hear the target; None: however far it is.
     """
 
     real: bool = False
+    reach: Length | None = None
     range_std: Length = 0.1
     bias: Annotated[
         Metres | tuple[Metres, ...], Field(description="a number, or a list with a number for each agent")

@@ -22,6 +22,8 @@ _REMEDY = {
 }
 
 _MOMENTS = 2000
+_PLACES = 2_000_000
+"""At so many places of agents the geometry is looked at: of many agents at fewer moments."""
 _DILUTED = 15.0
 _NEAR = 1e-12
 
@@ -95,7 +97,7 @@ def _weak_geometry(plan: Plan) -> list[str]:
     """Agents that are so nearly on one line or in one plane that ranges say little about one direction."""
     if plan.recorded:
         return []
-    moments = min(plan.scenario.length, _MOMENTS)
+    moments = max(1, min(plan.scenario.length, _MOMENTS, _PLACES // plan.scenario.count))
     path = target_path(plan.scenario.model_copy(update={"steps": moments}))[1:, :3]
     away = path - paths.agent_positions(plan.scenario.model_copy(update={"steps": moments}))
     rows = away / np.maximum(np.linalg.norm(away, axis=2, keepdims=True), _NEAR)

@@ -97,4 +97,6 @@ def _sensed(scenario: Scenario, distances: Floats) -> Floats:
         ranges += np.where(hit, sensor.outlier_scale * streams.exponential(key("outlier size"), steps), 0.0)
     ranges = np.maximum(ranges, 0.0)
     heard = streams.uniform(key("dropout"), steps) >= sensor.dropout_probability
+    if sensor.reach is not None:
+        heard &= distances <= sensor.reach
     return np.where(heard, ranges, np.nan)

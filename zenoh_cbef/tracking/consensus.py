@@ -31,6 +31,20 @@ class Consensus(Protocol):
         """The mixed payload (n, d)."""
 
 
+class Workspace:
+    """Room for the terms of one part of a large batch, which its parts use in turn: it stays in a core's cache."""
+
+    def __init__(self) -> None:
+        self._room = np.empty(0)
+
+    def of(self, rows: int, width: int, length: int) -> Floats:
+        """An array (n, m, d) of any content, laid out neighbour by neighbour as messages are."""
+        size = rows * width * length
+        if self._room.size < size:
+            self._room = np.empty(size)
+        return self._room[:size].reshape(width, rows, length).swapaxes(0, 1)
+
+
 @dataclass
 class Average:
     """y(l) = W y(l-1): with uniform weights the paper's x - epsilon sum_j (x - x_j).
@@ -39,11 +53,12 @@ class Average:
     rounding adds at one end of a link it takes at the other, so the network's sum is kept (Frasca, Carli, Fagnani,
     Zampieri, Int. J. Robust Nonlinear Control 19(16), 2009).
 
-    weights: (n, m), zero where padded. rounded: None where messages are as they are.
+    weights: (n, m), zero where padded. rounded: None where messages are as they are. workspace: of a batch in parts.
     """
 
     weights: Floats
     rounded: Rounding | None = field(default=None, kw_only=True)
+    workspace: Workspace | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
         self._terms = np.empty((*self.weights.shape, 0))
@@ -63,19 +78,28 @@ class Average:
         return self._tell(self._averaged(received, delivered))
 
     def _averaged(self, received: Floats, delivered: Bools | None) -> Floats:
-        if self._terms.shape != received.shape:
-            # Once, laid out as the messages are: a factor for each of their numbers halves a large batch's time.
-            self._terms, self._factors = np.empty_like(received), np.empty_like(received)
-            self._factors[...] = self.weights[:, :, None]
         # The own value stands in for a missing one, so its term is zero and the rows of W always sum to one. The sum
         # is never -0.0, which padding in a larger batch would turn into 0.0.
-        terms = np.subtract(received, self._told[:, None, :], out=self._terms)
-        terms *= self._factors
-        if delivered is not None:
+        terms = self._weighed(received)
+        if delivered is not None and not delivered.all():
             terms[~delivered] = 0.0
         total = neighbour_sum(terms)
         total += self._value
         return total
+
+    def _weighed(self, received: Floats) -> Floats:
+        """w_ij (q_j - q_i), (n, m, d)."""
+        if self.workspace is not None:
+            terms = np.subtract(received, self._told[:, None, :], out=self.workspace.of(*received.shape))
+            terms *= self.weights[:, :, None]
+            return terms
+        if self._terms.shape != received.shape:
+            # Once, laid out as the messages are: a factor for each of their numbers halves a large batch's time.
+            self._terms, self._factors = np.empty_like(received), np.empty_like(received)
+            self._factors[...] = self.weights[:, :, None]
+        terms = np.subtract(received, self._told[:, None, :], out=self._terms)
+        terms *= self._factors
+        return terms
 
     def result(self) -> Floats:
         """The value after the last round."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 from zenoh_cbef.arrays import Bools, Floats, Ids, Ints
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.streams import Keys, stream, uniform
+from zenoh_cbef.tracking.near import pairs_within
 
 Edges = Ints
 
@@ -57,16 +59,13 @@ class Neighbours:
 
 def neighbours(count: int, edges: Edges) -> Neighbours:
     """Neighbour lists of an undirected graph of `count` agents with edges (m, 2)."""
-    lists: list[list[int]] = [[] for _ in range(count)]
-    for first, second in edges.tolist():
-        lists[first].append(second)
-        lists[second].append(first)
-    width = max((len(one) for one in lists), default=0)
+    both = np.concatenate([edges, edges[:, ::-1]])
+    both = both[np.lexsort((both[:, 1], both[:, 0]))]
+    degree = np.bincount(both[:, 0], minlength=count)
+    width = int(degree.max(initial=0))
     index = np.repeat(np.arange(count, dtype=np.intp)[:, None], width, axis=1)
-    present = np.zeros((count, width), dtype=bool)
-    for agent, one in enumerate(lists):
-        index[agent, : len(one)] = sorted(one)
-        present[agent, : len(one)] = True
+    present = np.arange(width) < degree[:, None]
+    index[present] = both[:, 1]
     return Neighbours(index, present)
 
 
@@ -85,28 +84,21 @@ def stack(blocks: list[Neighbours]) -> Neighbours:
 
 def components(count: int, edges: Edges) -> list[list[int]]:
     """The connected components, each ascending, by least member."""
-    label = list(range(count))
-
-    def root(agent: int) -> int:
-        while label[agent] != agent:
-            label[agent] = label[label[agent]]
-            agent = label[agent]
-        return agent
-
-    for first, second in edges.tolist():
-        low, high = sorted((root(first), root(second)))
-        label[high] = low
-    groups: dict[int, list[int]] = {}
-    for agent in range(count):
-        groups.setdefault(root(agent), []).append(agent)
-    return list(groups.values())
-
-
-def _grid(count: int) -> list[tuple[int, int]]:
-    # The rows are as long as a near-square allows; the last row may be shorter.
-    columns = isqrt(count - 1) + 1 if count > 1 else 1
-    right = [(agent, agent + 1) for agent in range(count - 1) if (agent + 1) % columns]
-    return right + [(agent, agent + columns) for agent in range(count - columns)]
+    label = np.arange(count)
+    first, second = edges.T
+    while True:
+        # Every component takes the least number among its neighbours', then each agent that of its own.
+        low, following = np.minimum(label[first], label[second]), label.copy()
+        np.minimum.at(following, label[first], low)
+        np.minimum.at(following, label[second], low)
+        while not np.array_equal(shorter := following[following], following):
+            following = shorter
+        if np.array_equal(following, label):
+            break
+        label = following
+    order = np.argsort(label, kind="stable")
+    ends = np.flatnonzero(np.diff(label[order])) + 1
+    return [group.tolist() for group in np.split(order, ends)] if count else []
 
 
 @lru_cache(maxsize=256)
@@ -141,12 +133,6 @@ def _chosen(key: Keys, pairs: tuple[Ids, Ids], probability: float, draw: int) ->
     return chosen
 
 
-def _geometric(positions: Floats, radius: float) -> Edges:
-    first, second = np.triu_indices(len(positions), 1)
-    near = np.sum((positions[first] - positions[second]) ** 2, axis=1) <= radius * radius
-    return np.stack([first[near], second[near]], axis=1).astype(np.int64)
-
-
 def make_edges(kind: str, positions: Floats, *, seed: int, probability: float, radius: float) -> Edges:
     """The edges (m, 2) of a graph over agents at positions (n, 3), lower end first, sorted.
 
@@ -156,18 +142,41 @@ def make_edges(kind: str, positions: Floats, *, seed: int, probability: float, r
     if kind == "erdos-renyi":
         return _erdos_renyi(count, probability, seed)
     if kind == "geometric":
-        return _geometric(positions, radius)
-    every = range(count)
-    pairs = {
-        "ring": [(agent, (agent + 1) % count) for agent in every] if count > 2 else [(0, 1)][: count - 1],
-        "path": [(agent, agent + 1) for agent in range(count - 1)],
-        "star": [(0, agent) for agent in range(1, count)],
-        "grid": _grid(count),
-        "complete": [(first, second) for first in every for second in range(first + 1, count)],
-    }[kind]
-    return canonical_edges(pairs)
+        return pairs_within(positions, radius)
+    return _REGULAR[kind](count)
 
 
-def canonical_edges(pairs: list[tuple[int, int]]) -> Edges:
+def canonical_edges(pairs: Sequence[tuple[int, int]] | Edges) -> Edges:
     """Edges with the lower end first, each once, sorted; (m, 2)."""
-    return np.array(sorted({(min(pair), max(pair)) for pair in pairs}), dtype=np.int64).reshape(-1, 2)
+    ends = np.sort(np.asarray(pairs, dtype=np.int64).reshape(-1, 2), axis=1)
+    return np.asarray(np.unique(ends, axis=0), dtype=np.int64)
+
+
+def _ring(count: int) -> Edges:
+    agents = np.arange(count if count > 2 else count - 1)
+    return canonical_edges(np.stack([agents, (agents + 1) % count], axis=1))
+
+
+def _path(count: int) -> Edges:
+    agents = np.arange(count - 1)
+    return np.stack([agents, agents + 1], axis=1)
+
+
+def _star(count: int) -> Edges:
+    others = np.arange(1, count)
+    return np.stack([np.zeros_like(others), others], axis=1)
+
+
+def _grid(count: int) -> Edges:
+    # The rows are as long as a near-square allows; the last row may be shorter.
+    columns = isqrt(count - 1) + 1 if count > 1 else 1
+    path = _path(count)
+    below = np.arange(max(0, count - columns))
+    return canonical_edges(np.concatenate([path[path[:, 1] % columns > 0], np.stack([below, below + columns], axis=1)]))
+
+
+def _complete(count: int) -> Edges:
+    return np.stack(np.triu_indices(count, 1), axis=1).astype(np.int64)
+
+
+_REGULAR = {"ring": _ring, "path": _path, "star": _star, "grid": _grid, "complete": _complete}

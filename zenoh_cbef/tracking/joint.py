@@ -101,6 +101,9 @@ class _Joint:
 
     def begin(self, initial: Belief, tied: tuple[Floats, Floats, Floats] | None = None) -> None:
         """Start from a belief about (p, v). tied: what agents (r n) know of their biases given that, see `Belief`."""
+        self._biased = self._plain = initial
+        if self.settings.bias == "none":
+            return  # A matrix of all agents' biases is not for many agents.
         size, prior = self.settings.motion.size, np.zeros(1 + self.agents)
         prior[0], prior[1:] = self.settings.common_bias_std**2, self.settings.own_bias_std**2
         covariance = np.zeros((len(initial.state), size + len(prior), size + len(prior)))
@@ -115,7 +118,7 @@ class _Joint:
             covariance[:, size + 1 :, size + 1 :] = cross @ slope.swapaxes(1, 2) + given[:, :, None] * np.eye(
                 self.agents
             )
-        self._biased, self._plain = Belief(state, covariance), initial
+        self._biased = Belief(state, covariance)
 
     def learn(self, innovation: Floats, nis: Floats) -> None:
         """Learn the noise from innovations (r, n) and their NIS."""

@@ -12,6 +12,7 @@ from zenoh_cbef.scenario import Scenario
 from zenoh_cbef.scenario.legacy import as_meant
 from zenoh_cbef.scenario.load import parse
 from zenoh_cbef.scenario.plan import Plan
+from zenoh_cbef.scenario.size import refuse_too_many_processes
 
 
 @dataclass(frozen=True)
@@ -38,4 +39,6 @@ def read_header(log: Log) -> Header:
         data = read_toml(attached.decode())
     except ValueError as error:
         raise UserError(f"the scenario in {log.path} is damaged: {error}") from None
-    return Header(described["run"], Plan(parse(as_meant(data), f"the scenario in {log.path}")), log.metadata.get(END))
+    scenario = parse(as_meant(data), f"the scenario in {log.path}")
+    refuse_too_many_processes(scenario)
+    return Header(described["run"], Plan(scenario), log.metadata.get(END))

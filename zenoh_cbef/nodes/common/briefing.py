@@ -19,6 +19,7 @@ from zenoh_cbef.scenario import Scenario
 from zenoh_cbef.scenario.load import parse
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.scenario.plugged import stamped
+from zenoh_cbef.scenario.size import refuse_too_many_processes
 
 HERE = "here"
 """Kind of the event with which a process says where it is."""
@@ -56,6 +57,7 @@ def brief(node: Node) -> Briefing:
     except ValueError as error:
         raise UserError(f"the scenario of run {run!r} is no scenario: {error}; is its target a zenoh-cbef?") from None
     scenario = stamped(parse(tables, f"the scenario of run {run!r}"))
+    refuse_too_many_processes(scenario)
     if max(text.agents, default=0) >= scenario.count:
         raise UserError(f"run {run!r} tells of agents that its scenario does not have; is its target a zenoh-cbef?")
     return Briefing(text, Plan(scenario), measure_clock(node.session, run))

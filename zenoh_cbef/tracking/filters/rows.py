@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from typing import TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from zenoh_cbef.arrays import Bools, Floats
 from zenoh_cbef.tracking.filters.base import Belief, Bias
 from zenoh_cbef.tracking.status import Status
 
 _Said = TypeVar("_Said", Bias, Status)
+
+Rows = NDArray[np.intp]
 
 
 def chosen(old: Belief, new: Belief, rows: Bools) -> Belief:
@@ -35,4 +39,47 @@ def chosen(old: Belief, new: Belief, rows: Bools) -> Belief:
         tuple(chosen(*pair, rows) for pair in zip(old.parts, new.parts, strict=True)),
         pick_all(old.status, new.status),
         pick_any(old.chance, new.chance),
+    )
+
+
+def some(belief: Belief, rows: Rows) -> Belief:
+    """Some rows of a belief, in their order."""
+    return _combined([belief], lambda each: each[0][rows])
+
+
+def together(beliefs: Sequence[Belief], rows: Sequence[Rows]) -> Belief:
+    """The belief of a batch, of whose parts each has the beliefs of some rows."""
+    back = np.argsort(np.concatenate(list(rows)))
+    return _combined(beliefs, lambda each: np.concatenate(list(each))[back])
+
+
+def _combined(beliefs: Sequence[Belief], how: Callable[[Sequence[Floats]], Floats]) -> Belief:
+    """A belief whose arrays are made of those of others, which have the same ones."""
+
+    def all_of(each: Sequence[tuple[Floats, ...]]) -> tuple[Floats, ...]:
+        return tuple(map(how, zip(*each, strict=True)))
+
+    def any_of(each: Sequence[Floats | None]) -> Floats | None:
+        known = [one for one in each if one is not None]
+        return how(known) if known else None
+
+    def said_of(each: Sequence[_Said | None]) -> _Said | None:
+        known = [one for one in each if one is not None]
+        return (
+            type(known[0])(**{name: how([vars(one)[name] for one in known]) for name in vars(known[0])})
+            if known
+            else None
+        )
+
+    ties = [one.tied for one in beliefs if one.tied is not None]
+    first, second, third = all_of(ties) if ties else (None, None, None)
+    return Belief(
+        how([one.state for one in beliefs]),
+        any_of([one.covariance for one in beliefs]),
+        said_of([one.bias for one in beliefs]),
+        all_of([one.memory for one in beliefs]),
+        tuple(_combined(parts, how) for parts in zip(*(one.parts for one in beliefs), strict=True)),
+        said_of([one.status for one in beliefs]),
+        any_of([one.chance for one in beliefs]),
+        None if first is None or second is None or third is None else (first, second, third),
     )

@@ -206,12 +206,10 @@ class FirstFix(Wrapping):
         """What the squared ranges start from, carried to a step."""
         if self.search is None:
             return prior
-        state, covariance = self.search
-        count = len(prior.state)
-        wide = Belief(np.repeat(state, count, axis=0), np.repeat(covariance, count, axis=0))
+        wide, count = Belief(*self.search), len(prior.state)
         for _ in range(step):
             wide = Belief(*predict(self.motion, wide))
-        return wide
+        return Belief(np.repeat(wide.state, count, axis=0), np.repeat(wide.known_covariance, count, axis=0))
 
     def _frame(self, prior: Belief) -> Frame:
         return Frame(prior.state[:, : self.space.axes], np.sqrt(prior.known_covariance[:, 0, 0]))

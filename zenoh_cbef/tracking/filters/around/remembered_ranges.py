@@ -91,6 +91,9 @@ class Remembered:
 
         constant: variance of an error that all ranges of an agent share, m^2.
         """
+        if not self.measured.any():  # as in most parts of a large network
+            count, size = self.state.shape
+            return np.zeros((count, size)), np.zeros((count, size, size))
         noise = self._noise(weight, variance, wandering, axes)
         if constant:
             noise += constant * (self.measured[:, :, None] & self.measured[:, None])

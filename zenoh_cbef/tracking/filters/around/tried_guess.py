@@ -67,6 +67,8 @@ class TriedGuess(FirstFix):
         if self._asks(seen.steps):
             fits = self._fitting(rows, seen)[:, None]
             payload = self._filled(np.concatenate([fits, rows.newest], axis=1) if self.careful else fits)
+        elif not (left > 0.0).any():
+            payload = self._moving(prior, rows)
         else:
             wide = self._wide(prior, seen.steps)
             begins = left == self._squared_steps
@@ -93,10 +95,11 @@ class TriedGuess(FirstFix):
                 fix = self._ahead(fix, payload[:, 1:])
             return replace(fix, memory=(*known, *history[2:], correction, left))
         squares, squared = left > 0.0, self._squared(step)
-        mixed, own = (_sound(part, squares, squared.unknowns) for part in (payload, update.payload))
-        resting = self._fix_at_rest(mixed, own, prior, step)
         mixed, own = (_sound(part, ~squares, self.motion.size) for part in (payload, update.payload))
-        fix = _either(squares, resting, self._fix_moving(mixed, own))
+        fix = self._fix_moving(mixed, own)
+        if squares.any():
+            mixed, own = (_sound(part, squares, squared.unknowns) for part in (payload, update.payload))
+            fix = _either(squares, self._fix_at_rest(mixed, own, prior, step), fix)
         if step >= self.steps:
             return Belief(fix.state, fix.covariance, parts=(self._tied(fix, Seen(*history[2:5])),))
         # A guess is tried once: below zero there is nothing left to be tried.
