@@ -105,7 +105,7 @@ def test_as_many_agents_as_fit_are_simulated_and_no_more_as_processes():
 @pytest.mark.parametrize("graph", ["erdos-renyi", "complete", "geometric"])
 def test_a_network_far_beyond_memory_is_refused_at_once(graph):
     over = ["agents.count=900000000", f"network.graph={graph}", "steps=1000"]
-    with pytest.raises(UserError, match="900000000 agents in 1000 steps take about .* TB of memory"):
+    with pytest.raises(UserError, match=r"900000000 agents in 1000 steps take about .* TB of memory"):
         check(load("tracking", over).plan)
 
 
