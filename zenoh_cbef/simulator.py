@@ -25,7 +25,7 @@ from zenoh_cbef.tracking.smoothing import Smoothed
 from zenoh_cbef.tracking.tracker import Estimate
 
 _BLOCK = 360
-"""Agents of one batch: for this many, the data of a round fits into a core's own cache."""
+"""Agents of one batch, or part: for this many, the data of a round fits into a core's own cache."""
 
 
 @dataclass(frozen=True)
@@ -99,7 +99,6 @@ class Simulation:
         self.absences, self._runs = self.plan.absences, len(plans)
         self._initial = self.tracker.belief
         self._estimate: Estimate | None = None
-        # Of the steps from the one whose messages are used to the present one.
         self._sent: deque[list[Floats]] = deque(maxlen=1 + self.scenario.consensus.lag)
         self._agents = np.tile(np.arange(self.scenario.count), len(plans))
         self._links = np.flatnonzero(self.neighbours.present)
@@ -129,7 +128,7 @@ class Simulation:
         if not self.plan.sharing.uses_neighbour_ranges:
             empty = np.empty((len(position), 0, 3)), np.empty((len(position), 0))
             return Measurement(position, range_, age, *empty, step=step, agent=self._agents)
-        delivered, index = self._delivered(step, 0), self.neighbours.index
+        index, delivered = self.neighbours.index, self._delivered(step, 0)
         delivered = self.neighbours.present if delivered is None else delivered
         return Measurement(
             position,
