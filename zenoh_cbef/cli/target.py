@@ -20,7 +20,6 @@ from zenoh_cbef.protocol.session import Connection
 from zenoh_cbef.scenario.checks import check
 from zenoh_cbef.scenario.load import load
 from zenoh_cbef.scenario.model import Zenoh
-from zenoh_cbef.scenario.size import refuse_too_many_processes
 from zenoh_cbef.words import counted
 
 _PORT = 7447
@@ -74,7 +73,6 @@ def _target(
         found = read_measurements(beacons)
         loaded = found.loaded(overrides or ())
         world = found.world(loaded.scenario)
-    refuse_too_many_processes(loaded.scenario)
     for warning in check(loaded.plan):
         sys.stderr.write(f"warning: {warning}\n")
     if wait_for is not None and loaded.scenario.timing.mode != "realtime":

@@ -33,6 +33,7 @@ from zenoh_cbef.protocol.slow import SLOW
 from zenoh_cbef.scenario import Scenario
 from zenoh_cbef.scenario.load import Loaded, to_toml
 from zenoh_cbef.scenario.plan import Plan
+from zenoh_cbef.scenario.size import refuse_too_many_processes
 from zenoh_cbef.scenario.world import World, make_world
 
 _LAST_WORD_SECONDS, _ALONE_SECONDS = 5.0, 30.0
@@ -268,6 +269,7 @@ def run_target(
 
     world: what is measured, None for what the scenario says. receivers, wait_for: see Target.
     """
+    refuse_too_many_processes(loaded.scenario)
     require(links=loaded.scenario.count + loaded.scenario.record.awaited)
     with Node(identity) as node:
         node.refuse_twin()
