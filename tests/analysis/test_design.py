@@ -122,7 +122,7 @@ def foretold(scenarios):
     ],
 )
 def test_predictions_agree_with_simulations_over_seeds(overrides):
-    scenarios = [tracking(f"seed={seed}", *overrides) for seed in range(1, 6)]
+    scenarios = [tracking(f"seed={seed}", "steps=150", *overrides) for seed in range(1, 11)]
     before, after = foretold(scenarios), [one.metrics for one in analyze(simulate(scenarios))]
 
     def both(name):
@@ -138,7 +138,7 @@ def test_predictions_agree_with_simulations_over_seeds(overrides):
 
 
 def test_under_loss_the_error_is_predicted_and_its_small_excess_to_a_factor_of_two():
-    scenarios = [tracking(f"seed={seed}", "consensus.rounds=4", LOSS, "steps=120") for seed in range(1, 13)]
+    scenarios = [tracking(f"seed={seed}", "consensus.rounds=4", LOSS, "steps=80") for seed in range(1, 19)]
     before, after = foretold(scenarios), [one.metrics for one in analyze(simulate(scenarios))]
     predicted = np.sqrt(np.mean([one.position_rmse**2 for one in before]))
     assert predicted == pytest.approx(np.sqrt(np.mean([pick(one, "position_rmse") ** 2 for one in after])), rel=0.08)

@@ -36,7 +36,7 @@ def path_of(trace: Trace) -> SmoothedPath:
 
 @pytest.mark.parametrize(("fault", "most"), [("fault=[]", 1.02), (LOSS, 1.05)])
 def test_agents_smooth_as_well_as_a_centralised_smoother(fault, most):
-    found = [one.metrics for one in analyze(run("steps=150", "filter.lag_seconds=1", fault, seeds=range(1, 9)))]
+    found = [one.metrics for one in analyze(run("steps=90", "filter.lag_seconds=1", fault, seeds=range(1, 9)))]
     assert np.median([pick(one, "smoothed.ratio_to_centralized") for one in found]) < most
     better = [pick(one, "smoothed.position_rmse") / pick(one, "position_rmse") for one in found]
     assert 0.4 < np.median(better) < 0.7

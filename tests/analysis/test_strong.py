@@ -180,7 +180,7 @@ def test_heavy_tails_leave_out_a_wrong_range():
     assert np.linalg.norm(gaussian - truth) > 1.0
 
 
-def errors(overrides, seeds=3, steps=80):
+def errors(overrides, seeds=3, steps=60):
     scenario = load("tracking", [f"steps={steps}", *overrides]).scenario
     traces = simulate([scenario.model_copy(update={"seed": 1001 + more}) for more in range(seeds)])
     states, covariances = strong(*told(traces, steps))

@@ -4,6 +4,7 @@ import functools
 import io
 import re
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import pytest
@@ -46,6 +47,7 @@ def status(target: Whereabouts = NOWHERE) -> RunStatus:
 
 
 @functools.cache
+@cache
 def tables() -> dict[str, Fitting]:
     traces = simulate([load("tracking", [*LOSSY, f"seed={seed}"]).scenario for seed in (1, 2)])
     analyses = analyze(traces)

@@ -32,7 +32,7 @@ LIAR = 'fault=[{kind="byzantine", agents=[1], mode="constant", magnitude=1.0}]'
 
 
 def errors(*overrides):
-    scenario = load("tracking", ["steps=80", *overrides]).scenario
+    scenario = load("tracking", ["steps=60", *overrides]).scenario
     found = analyze(simulate([scenario.model_copy(update={"seed": seed}) for seed in range(1, 5)]))
     return np.array([[pick(one.metrics, "position_rmse"), pick(one.metrics, "nees.average") / 6.0] for one in found])
 
@@ -41,10 +41,14 @@ FAST = "consensus.acceleration='chebyshev'"
 PLAIN = "consensus.scheme='average'"
 
 
-@pytest.mark.parametrize("overrides", [[], [LOSS, PLAIN], [FAST]], ids=["clean", "loss", "fast"])
-def test_few_bits_cost_less_than_a_hundredth_of_the_error(overrides):
+@pytest.mark.parametrize(
+    ("overrides", "precisions"),
+    [([], FEWER), ([LOSS, PLAIN], ["int12"]), ([FAST], ["int12"])],
+    ids=["clean", "loss", "fast"],
+)
+def test_few_bits_cost_less_than_a_hundredth_of_the_error(overrides, precisions):
     plain = errors(*overrides)
-    for precision in FEWER:
+    for precision in precisions:
         found = errors(f"consensus.precision='{precision}'", *overrides)
         assert np.median(found[:, 0] / plain[:, 0]) < 1.01, precision
         assert np.mean(found[:, 1] / plain[:, 1]) < 1.02, precision
@@ -78,15 +82,15 @@ def test_rounding_keeps_the_sum_of_the_network(scheme):
 )
 def test_a_log_is_short_sound_equal_bit_for_bit_and_can_be_read(tmp_path, precision, overrides):
     setting = f"consensus.precision='{precision}'"
-    log = open_log(made_log(tmp_path / "run.mcap", "steps=40", "agents.count=5", setting, *overrides))
+    log = open_log(made_log(tmp_path / "run.mcap", "steps=20", "agents.count=5", setting, *overrides))
     assert verify(log.path).result == "equal"
     assert not check_log(log).wrong
     header = read_header(log)
     decoder = Decoder(header, kinds={"round"})
     decoder.take_all(log)
-    assert decoder.tally.recorded == 40 * 5 * header.plan.rounds
+    assert decoder.tally.recorded == 20 * 5 * header.plan.rounds
     shown = list(lines(log, Selection(include=(re.compile(".*/agent/3/round"),))))
-    assert len(shown) == 40 * header.plan.rounds
+    assert len(shown) == 20 * header.plan.rounds
     assert all('"payload":[' in one for one in shown)
 
 

@@ -183,7 +183,7 @@ def test_learned_noise_stays_within_a_factor_of_thirty():
 
 
 def rmse(bias, *overrides):
-    scenario = load("tracking", [f"filter.bias={bias}", "steps=200", *overrides]).scenario
+    scenario = load("tracking", [f"filter.bias={bias}", "steps=140", *overrides]).scenario
     return analyze(simulate([scenario]))[0].metrics
 
 

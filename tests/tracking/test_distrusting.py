@@ -101,7 +101,7 @@ def test_no_agent_distrusts_where_all_are_surprised_or_no_neighbour_is_heard(hea
 
 
 def test_one_round_a_step_is_enough_to_stand_out():
-    keys = ["steps=90", "consensus.rounds=1", 'fault=[{kind="sensor-bias", bias=2.0, agents=[3], from=3.0}]']
+    keys = ["steps=75", "consensus.rounds=1", 'fault=[{kind="sensor-bias", bias=2.0, agents=[3], from=3.0}]']
     scenario = load("tracking", keys).scenario
     distrust = np.array(
         [
@@ -117,7 +117,7 @@ def test_one_round_a_step_is_enough_to_stand_out():
 def test_the_network_is_better_off_and_says_who_was_wrong(tmp_path):
     fault = 'fault=[{kind="sensor-bias", bias=2.0, agents=[3], from=3.0, until=6.0}]'
     # A redescending weight leaves little of the error to distrust.
-    scenario = load("tracking", [fault, "steps=100", "filter.saturation=bounded"]).scenario
+    scenario = load("tracking", [fault, "steps=62", "filter.saturation=bounded"]).scenario
     assert Plan(scenario).distrusts_own
     trusting = scenario.model_copy(update={"filter": scenario.filter.model_copy(update={"distrust": False})})
     runs, others = (

@@ -17,7 +17,7 @@ from zenoh_cbef.tracking.filters.kinds.sicf import SaturatedInformation
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
 from zenoh_cbef.tracking.ranging import Measurement, Space
 
-TRUE, AGENTS, STEPS = 0.1, 8, 300
+TRUE, AGENTS, STEPS = 0.1, 8, 200
 MOTION = NearlyConstantVelocity(0.1, 0.5)
 
 

@@ -47,7 +47,7 @@ def test_what_a_fix_says_of_the_state_and_of_a_constant_given_the_state_is_what_
 
 
 def consistency(rules):
-    scenario = load("tracking", ["sensor.bias_std=0.5", f"filter.defaults={rules}", "steps=200"]).scenario
+    scenario = load("tracking", ["sensor.bias_std=0.5", f"filter.defaults={rules}", "steps=120"]).scenario
     runs = analyze(simulate([scenario.model_copy(update={"seed": 2001 + seed}) for seed in range(4)]))
     nees = np.array([np.nanmean(run.nees[:, run.first :]) / 6.0 for run in runs])
     return nees, np.array([run.metrics.position_rmse for run in runs])
