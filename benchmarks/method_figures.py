@@ -114,6 +114,11 @@ def scale(folder: Path) -> Table:
         xycoords=("data", "axes fraction"),
     )
     save(figure, folder, "scale")
+    return _scale_table(found, crossing)
+
+
+def _scale_table(found: list[studies.Scale], crossing: float) -> Table:
+    """The numbers of the figure; crossing: the side, m, at which the median of the largest eigenvalue passes 2."""
     rows = [
         [
             f"{one.side:g}",

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import pytest
 
@@ -150,17 +152,16 @@ def test_the_second_half_is_gauss_newton_on_all_ranges_and_older_ones_count_less
         own = Measurement(agents[[k]], ranges[[k]], ages[[k]], np.empty((1, 0, 3)), np.empty((1, 0)))
         update = filter_.update(belief, own)
         belief = filter_.conclude(update.payload, update)
-        measured = [j for j in range(k + 1) if np.isfinite(ranges[j])]
+        measured = np.flatnonzero(np.isfinite(ranges[: k + 1])).tolist()
         matrix, residuals = np.linalg.inv(covariance), np.zeros(6)
         old = [ages[j] + (k - j) * dt for j in range(k + 1)]
         wandered = way(acceleration, dt, old) if guesses else np.diag((0.5 * acceleration * np.array(old) ** 2) ** 2)
         rows, equivalents, noise = [], [], []
         for j in measured:
-            age = old[j]
-            row = slopes(lambda x, j=j, age=age: old_range(x, agents[j], age), state)
+            row = slopes(partial(old_range, agent=agents[j], age=old[j]), state)
             alone = std**2 + len(measured) * bias**2
             variance = alone + wandered[j, j]
-            innovation = ranges[j] - old_range(state, agents[j], age)
+            innovation = ranges[j] - old_range(state, agents[j], old[j])
             spread = np.sqrt(row @ known @ row + variance + (row @ correction) ** 2)
             weight = min(1.0, xi * spread / abs(innovation))
             rows.append(row)

@@ -132,37 +132,28 @@ def test_a_loop_goes_on_until_ctrl_c_and_ends_cleanly(recorded, listener):
     assert listener.heard[: 2 * len(once)] == once + once
 
 
+def drain(leader: int, seen: bytearray) -> None:
+    """Read what a terminal shows until it is closed."""
+    while True:
+        try:
+            seen.extend(os.read(leader, 4096))
+        except OSError:
+            return
+
+
 def test_keys_of_a_terminal_are_obeyed(recorded, listener):
     leader, follower = pty.openpty()
     seen = bytearray()
-
-    def drain() -> None:
-        while True:
-            try:
-                seen.extend(os.read(leader, 4096))
-            except OSError:
-                return
-
+    endpoint = f"tcp/127.0.0.1:{listener.port}"
     replay = subprocess.Popen(
-        [
-            *COMMAND,
-            "replay",
-            str(recorded.log),
-            "-p",
-            "--wait",
-            "--linger",
-            "60",
-            "--listen",
-            f"tcp/127.0.0.1:{listener.port}",
-        ],
+        [*COMMAND, "replay", str(recorded.log), "-p", "--wait", "--linger", "60", "--listen", endpoint],
         stdin=follower,
         stdout=subprocess.DEVNULL,
         stderr=follower,
         start_new_session=True,
     )
     os.close(follower)
-    reader = threading.Thread(target=drain, daemon=True)
-    reader.start()
+    threading.Thread(target=drain, args=(leader, seen), daemon=True).start()
     try:
         steps = logged(recorded)
         listener.ask()

@@ -25,7 +25,7 @@ def wait_for(world, condition, *options: str) -> dict:
 
 
 def test_status_tells_who_is_where_and_how_well_they_track(world):
-    run = world.start_run("timing.mode=realtime", "dt=0.1", "steps=5000")
+    run = world.start_run("timing.mode=realtime", "dt=0.4", "steps=5000")
     wait_until_known(world.run)
     world.wait_for_messages()
     status = wait_for(
@@ -68,7 +68,11 @@ def test_status_tells_who_is_where_and_how_well_they_track(world):
     assert stopped.returncode == 0, stopped.stderr
     assert "ends after its present step" in stopped.stdout
     run.communicate(timeout=100)
-    # What status said is what the log holds.
+    assert_the_log_holds(world, early, status)
+
+
+def assert_the_log_holds(world, early, status):
+    """What status said of agents early in the run, and of where they are."""
     trace = read_trace(world.log)
     events: list[Any] = list(trace.events)
     here = {event["from"]: event["data"] for event in events if event["kind"] == "here"}
