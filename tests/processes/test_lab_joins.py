@@ -1,7 +1,9 @@
 """The lab joins a run that this host does not know of, by its endpoint, and a run with certificates."""
 
 import json
+import os
 import re
+import signal
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -15,15 +17,19 @@ client = pytest.importorskip("websockets.sync.client", reason="the extra 'lab' i
 pytest.importorskip("uvicorn", reason="the extra 'lab' is not installed")
 
 
-def test_a_run_of_another_host_is_joined_by_its_endpoint(world, monkeypatch, tmp_path):
+def test_a_run_of_another_host_is_joined_by_its_endpoint_and_its_loss_is_seen(world, monkeypatch, tmp_path):
     world.start_run("steps=100000")
     world.wait_for_messages()
     [endpoint] = known_runs()[world.run].endpoints[:1]
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))  # as on another host
     with talking(world, "--connect", endpoint) as ask:
         told = ask(ask="scene")
-    assert (told["run"], told["live"], told["state"]) == (world.run, True, "goes on")
-    assert told["agents"] == 4
+        assert (told["run"], told["live"], told["state"]) == (world.run, True, "goes on")
+        assert told["agents"] == 4
+        os.kill(world.pid_of("target"), signal.SIGKILL)
+        until = time.monotonic() + 100
+        while (state := ask(ask="frame", after=1 << 30)["state"]) != "is out of reach":
+            assert time.monotonic() < until, state
 
 
 def test_with_certificates_the_operators_sees_the_run_and_orders_and_no_other_does(world):

@@ -9,7 +9,7 @@ from zenoh_cbef.arrays import Floats
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.lab.bench import Bench
 from zenoh_cbef.lab.judged import judged
-from zenoh_cbef.lab.sources import Source
+from zenoh_cbef.lab.sources import LIVE, Source
 from zenoh_cbef.lab.under_way import under_way
 from zenoh_cbef.log.read.recording import Event
 from zenoh_cbef.pages.packing import framed
@@ -69,7 +69,7 @@ class Page:
         """Whether a page asks for a frame newer than there is."""
         source = self._bench.source
         newer = asked.get("after")
-        if asked.get("ask") != "frame" or source is None or not isinstance(newer, int) or source.state != "goes on":
+        if asked.get("ask") != "frame" or source is None or not isinstance(newer, int) or source.state not in LIVE:
             return False
         if "under" in asked:  # which round of the step after the newest is shown, the page knows alone
             return False

@@ -13,7 +13,7 @@ from zenoh_cbef.extras import from_extra
 from zenoh_cbef.lab.answers import Page
 from zenoh_cbef.lab.bench import Bench
 from zenoh_cbef.lab.guard import Guard
-from zenoh_cbef.lab.sources import Source
+from zenoh_cbef.lab.sources import LIVE, Source
 from zenoh_cbef.plain import read_json
 from zenoh_cbef.viewers.colours import TRAIL
 from zenoh_cbef.viewers.drawing import Drawing
@@ -151,7 +151,7 @@ class _Shower:
         """Send what is new of a run, or the next step of a log."""
         scene, live = self._source.scene, self._source.live
         with self._source.lock:
-            ended = self._source.state != "goes on"
+            ended = self._source.state not in LIVE
             newest = scene.newest if ended else self._growing.settled(min(self.shown, scene.newest), scene.newest)
         wanted = {topic for topic, channel in self.channels.items() if channel.has_sinks()}
         if not wanted:

@@ -9,6 +9,8 @@ from contextlib import suppress
 from types import TracebackType
 from typing import Self
 
+import zenoh
+
 import zenoh_cbef.protocol.keys as run_keys
 from zenoh_cbef.log.read.header import Header
 from zenoh_cbef.log.read.recording import Recording
@@ -34,7 +36,7 @@ class Listener:
 
     lock: held while the recording changes. measured: whether ranges and beacons are heard, too.
     news: told of each change. refused: how many messages were not as their keys promise. Raises UserError where the
-    run does not answer.
+    run does not answer. there: whether the target is seen: it was not killed, and no link to it is broken.
     """
 
     def __init__(self, run: str, connection: Connection, patience: float, *, measured: bool = False) -> None:
@@ -44,6 +46,7 @@ class Listener:
         self.lock, self.refused = threading.Lock(), 0
         self.news = threading.Condition(self.lock)
         self._over = threading.Event()
+        self.there = True
 
     def __enter__(self) -> Self:
         self.operator.__enter__()
@@ -65,6 +68,7 @@ class Listener:
                     keys.all_beacons: self._hearing(BEACON, self.recording.take_beacons),
                     keys.all_ranges: self._hearing(RANGE, self.recording.take_ranges),
                 }
+            self._seen = session.liveliness().declare_subscriber(keys.target_live, self._note, history=True)
             boxes = [(Mailbox(session, key, _CAPACITY), hear) for key, hear in heard.items()]
             for data in ask_latest(session, keys.faults):
                 hear_faults(keys.faults, data)
@@ -81,6 +85,11 @@ class Listener:
     ) -> None:
         self._over.set()
         self.operator.__exit__(kind, value, trace)
+
+    def _note(self, sample: zenoh.Sample) -> None:
+        with self.lock:
+            self.there = sample.kind == zenoh.SampleKind.PUT
+            self.news.notify_all()
 
     @property
     def ended(self) -> bool:

@@ -31,6 +31,10 @@ _PORTION_SECONDS, _YIELD_SECONDS = 0.004, 0.001
 _END = object()
 
 
+LIVE = frozenset({"goes on", "is out of reach"})
+"""States of a run of which more may come."""
+
+
 class Source(Protocol):
     """A scene, and what can be done to it. lock: held while the scene is read. shown: set when a page has a frame."""
 
@@ -41,7 +45,7 @@ class Source(Protocol):
 
     @property
     def state(self) -> str:
-        """What the page calls it: "log", "is read" (a log), "goes on" or "ended"."""
+        """What the page calls it: "log", "is read" (a log), "goes on", "is out of reach" or "ended"."""
         ...
 
     def inject(self, fault: Mapping[str, object], seconds: float | None) -> tuple[int, float]:
@@ -134,8 +138,10 @@ class RunSource:
 
     @property
     def state(self) -> str:
-        """Whether the run goes on."""
-        return "ended" if self._listener.ended else "goes on"
+        """Whether the run goes on, as far as can be seen from here."""
+        if self._listener.ended:
+            return "ended"
+        return "goes on" if self._listener.there else "is out of reach"
 
     def inject(self, fault: Mapping[str, object], seconds: float | None) -> tuple[int, float]:
         """Inject a fault; returns its number and from when it is on (run time, s). Raises UserError."""

@@ -1,6 +1,6 @@
 // Which moment of a run the page shows, in words.
 
-const STATES = { ended: ", ended", "is read": ", the log is being read" };
+const STATES = { ended: ", ended", "is out of reach": ", out of reach", "is read": ", the log is being read" };
 
 /** frame.under: the round after which the step after the newest stands, where the run is held in the middle of it. */
 export function clock({ frame, scene, held, round }) {

@@ -18,6 +18,11 @@ import { Wire, exported } from "./wire.js";
 const SPEEDS = [0.02, 0.05, 0.1, 0.25, 0.5, 1, 2, 5, 10, 50];
 const IDLE_MS = 300; // after so long a run is asked for its events although no step is wanted
 const AGAIN_MS = 100; // after so long a round is asked for that was ordered and has not begun
+const NEWS = { // what is told when a run comes into a state
+  ended: ["the run has ended; wind it back, or export the session", "none"],
+  "is out of reach": ["the run's target is not there: it was killed, or the link to it is broken; once it is back this page goes on"],
+  "goes on": [""],
+};
 const SLOW_STEPS = 3; // steps a second below which passing messages are drawn
 
 const $ = (id) => document.getElementById(id);
@@ -165,11 +170,11 @@ function question(elapsed) {
     const steps = Math.floor(state.whole);
     state.whole -= steps;
     state.step = Math.min(state.step + steps, state.newest);
-    if (state.step >= state.newest && !(scene.live && state.state === "goes on")) { state.plays = false; controls(); }
+    if (state.step >= state.newest && !(scene.live && state.state !== "ended")) { state.plays = false; controls(); }
   }
   const between = follows && state.under;
   const fresh = between ? between !== state.shown : follows || state.frame === null || state.step !== state.frame.step;
-  const idle = ["goes on", "is read"].includes(state.state) && performance.now() - state.asked > IDLE_MS;
+  const idle = !["ended", "log"].includes(state.state) && performance.now() - state.asked > IDLE_MS;
   if (!fresh && !idle) return null;
   state.asked = performance.now();
   const table = { ask: "frame", curves: state.known, events: state.events, beside: beside.known, marks: true };
@@ -185,7 +190,7 @@ function question(elapsed) {
 function take(frame) {
   if (frame.error) { tell(frame.error); return; }
   if (frame.number !== state.scene.number) { start(); return; }
-  if (state.state === "goes on" && frame.state === "ended") tell("the run has ended; wind it back, or export the session", "none");
+  if (frame.state !== state.state && frame.state in NEWS) tell(...NEWS[frame.state]);
   Object.assign(state, { frame, newest: frame.newest, state: frame.state });
   if (state.follows) state.step = frame.step;
   if (state.under && state.under.step <= frame.newest) state.under = null;
