@@ -137,12 +137,12 @@ def touched_by_keyboard(opened: Opened) -> None:
     page.get_by_role("menuitem", name="part it and others").press("Enter")
     page.keyboard.press("Tab")
     page.keyboard.press(" ")
-    assert page.inner_text("#side output") == "choose agents to cut off: 0, 1"
-    assert page.locator("#agents button[aria-pressed=true]").count() == 2
+    opened.until("document.querySelector('#side output').textContent === 'choose agents to cut off: 0, 1'")
+    opened.until("document.querySelectorAll('#agents button[aria-pressed=true]').length === 2")
     page.keyboard.press("s")
     page.keyboard.press("p")
     opened.until("document.querySelector('#verdict').textContent.includes('2 parts')")
-    assert page.is_hidden("#side")
+    opened.until("document.querySelector('#side').hidden")
 
 
 def test_a_run_is_started_cut_by_mouse_healed_steered_ended_exported_and_proved(world, browser):
@@ -153,13 +153,13 @@ def test_a_run_is_started_cut_by_mouse_healed_steered_ended_exported_and_proved(
     page.mouse.click(*opened.middle(first, second))
     page.get_by_role("menuitem", name="cut", exact=True).click()
     opened.until(f"{opened.link(first, second)}.came === 0 && {opened.link(first, second)}.lost === 3")
-    assert page.evaluate("document.querySelector('#faults li').textContent").startswith("partition of")
-    assert page.evaluate(f"lab.colour({first}, {second})") == page.evaluate("lab.map.colours.lost")
+    opened.until("document.querySelector('#faults li')?.textContent.startsWith('partition of')")
+    opened.until(f"lab.colour({first}, {second}) === lab.map.colours.lost")
     opened.until("lab.curves.values.lost.at(-1) > 0")
     page.click("#undo")
     opened.until(f"{opened.link(first, second)}.came === 3")
     opened.until("lab.curves.values.lost.at(-1) === 0")
-    assert page.evaluate(f"lab.colour({first}, {second})") == page.evaluate("lab.map.colours.good")
+    opened.until(f"lab.colour({first}, {second}) === lab.map.colours.good")
     page.mouse.move(*opened.target())
     page.mouse.down()
     x, y = opened.target()
@@ -201,14 +201,14 @@ def test_a_log_is_wound_back_and_a_lost_server_is_said(world, browser):
     page.fill("#step", "35")
     opened.until("lab.state.frame.step === 35 && document.querySelector('#verdict').textContent.includes('2 parts')")
     # The page draws its side panels after the map, in a frame of their own.
-    opened.until("document.querySelector('#faults li').dataset.on === 'true'")
-    assert "step 35 of 60" in page.inner_text("#clock")
+    opened.until("document.querySelector('#faults li')?.dataset.on === 'true'")
+    opened.until("document.querySelector('#clock').textContent.includes('step 35 of 60')")
     page.keyboard.press("r")
     opened.until("document.querySelector('#clock').textContent.includes('step 35 of 60, round 1 of ')")
-    assert {"x", "-"} & set("".join(page.evaluate("lab.state.frame.marks")))
+    opened.until("/[x-]/.test(lab.state.frame.marks.join(''))")
     page.keyboard.press("Home")
     opened.until("lab.state.frame.step === 1")
-    assert page.evaluate("document.documentElement.scrollHeight <= innerHeight")
+    opened.until("document.documentElement.scrollHeight <= innerHeight")
     page.set_viewport_size({"width": 390, "height": 844})
     opened.until("document.documentElement.scrollWidth <= innerWidth")
     # Playing ends at the last step.
@@ -239,19 +239,23 @@ def test_a_report_plays_its_run_on_a_map_with_a_verdict_and_shows_each_link_over
     page.goto(f"file://{tmp_path / 'report.html'}")
     page.wait_for_function("globalThis.replay && document.querySelector('.js-plotly-plot')")
     assert page.evaluate("replay.count") == 40
+
+    def shows(where: str, what: str) -> None:
+        page.wait_for_function(f"document.querySelector('{where}').textContent.startsWith('{what}')")
+
     page.fill("#moment", "26")
-    assert page.inner_text("#verdict").startswith("the network is in 2 parts")
-    assert page.inner_text("#clock") == "2.7 s, step 27"
-    assert page.evaluate("replay.map.shown.get('0 2') === replay.map.colours.lost")
-    assert page.evaluate("replay.map.shown.get('0 1') === replay.map.colours.good")
+    shows("#verdict", "the network is in 2 parts")
+    shows("#clock", "2.7 s, step 27")
+    page.wait_for_function("replay.map.shown.get('0 2') === replay.map.colours.lost")
+    page.wait_for_function("replay.map.shown.get('0 1') === replay.map.colours.good")
     page.keyboard.press("Tab")
     page.locator("#map").press("ArrowLeft")
-    assert page.inner_text("#clock") == "2.6 s, step 26"
+    shows("#clock", "2.6 s, step 26")
     box = page.locator("canvas[data-what=lost]").bounding_box()
     assert box is not None
     page.locator("canvas[data-what=lost]").click(position={"x": 0.1 * box["width"], "y": 2})
-    assert page.inner_text("#clock") == "0.5 s, step 5"
-    assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+    shows("#clock", "0.5 s, step 5")
+    page.wait_for_function("document.documentElement.scrollWidth <= innerWidth")
     # Windows that leave hardly any map, or none.
     for width in (100, 40):
         page.set_viewport_size({"width": width, "height": 300})
