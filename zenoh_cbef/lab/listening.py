@@ -9,8 +9,6 @@ from contextlib import suppress
 from types import TracebackType
 from typing import Self
 
-import zenoh
-
 import zenoh_cbef.protocol.keys as run_keys
 from zenoh_cbef.log.read.header import Header
 from zenoh_cbef.log.read.recording import Recording
@@ -20,6 +18,7 @@ from zenoh_cbef.protocol.kinds import BEACON, ESTIMATE, EVENT, FAULTS, RANGE, TR
 from zenoh_cbef.protocol.mailbox import Mailbox
 from zenoh_cbef.protocol.memory import ask_latest
 from zenoh_cbef.protocol.messages import BadMessage, decode
+from zenoh_cbef.protocol.presence import follow_token
 from zenoh_cbef.protocol.scenario_service import fetch_scenario
 from zenoh_cbef.protocol.session import Connection
 from zenoh_cbef.scenario.legacy import as_meant
@@ -68,7 +67,7 @@ class Listener:
                     keys.all_beacons: self._hearing(BEACON, self.recording.take_beacons),
                     keys.all_ranges: self._hearing(RANGE, self.recording.take_ranges),
                 }
-            self._seen = session.liveliness().declare_subscriber(keys.target_live, self._note, history=True)
+            follow_token(session, keys.target_live, self._note)
             boxes = [(Mailbox(session, key, _CAPACITY), hear) for key, hear in heard.items()]
             for data in ask_latest(session, keys.faults):
                 hear_faults(keys.faults, data)
@@ -86,9 +85,9 @@ class Listener:
         self._over.set()
         self.operator.__exit__(kind, value, trace)
 
-    def _note(self, sample: zenoh.Sample) -> None:
+    def _note(self, there: bool) -> None:
         with self.lock:
-            self.there = sample.kind == zenoh.SampleKind.PUT
+            self.there = there
             self.news.notify_all()
 
     @property

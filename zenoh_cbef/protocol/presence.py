@@ -22,6 +22,15 @@ def live_now(session: zenoh.Session, expression: str) -> set[str]:
     return {str(reply.ok.key_expr).removeprefix(prefix) for reply in replies if reply.ok is not None}
 
 
+def follow_token(session: zenoh.Session, key: str, note: Callable[[bool], None]) -> None:
+    """Say whether a process is there, by its token, whenever that changes, as long as the session is open."""
+
+    def change(sample: zenoh.Sample) -> None:
+        note(sample.kind == zenoh.SampleKind.PUT)
+
+    session.liveliness().declare_subscriber(key, change, history=True)
+
+
 class Presence:
     """Which processes are there: the liveliness tokens of a run, ours and others', updated in the background."""
 
