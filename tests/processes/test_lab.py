@@ -10,7 +10,9 @@ import pytest
 from tests.log.made import made_log
 from zenoh_cbef.analysis.metrics import analyze
 from zenoh_cbef.analysis.report import write_report
+from zenoh_cbef.lab.bench import reach
 from zenoh_cbef.log.read.trace import read_trace
+from zenoh_cbef.outside.operator import Operator
 from zenoh_cbef.plain import read_toml
 from zenoh_cbef.scenario.load import parse
 from zenoh_cbef.simulator import simulate
@@ -92,23 +94,31 @@ class Opened:
         self.lab.communicate(timeout=100)
 
 
+def held_at(opened: Opened) -> tuple[int | None, int | None]:
+    """Where the held run itself stands: the step that it began last, and the round after which it stands in it."""
+    opened.until(STANDS)
+    with Operator(*reach(opened.page.evaluate("lab.state.scene.run")), patience=100.0) as operator:
+        told = operator.hold(on=True)
+    return told["step"], told["round"]
+
+
 def held_and_taken_on_by_steps(opened: Opened) -> None:
     """The run stands still, takes a single step and single rounds, and goes on."""
     page = opened.page
     page.click("#hold")
     opened.until("lab.state.held && document.querySelector('#hold').textContent === 'Let run go on'")
-    opened.until(STANDS)
-    stood = page.evaluate("lab.state.newest")
+    opened.until("document.querySelector('#clock').ariaLive === 'polite'")
+    stood, _ = held_at(opened)
+    assert stood is not None
+    opened.until(f"lab.state.newest === {stood}")
     page.keyboard.press("ArrowRight")
     opened.until(f"lab.state.newest === {stood + 1}")
-    opened.until(STANDS)
-    assert page.evaluate("lab.state.newest") == stood + 1
+    assert held_at(opened) == (stood + 1, None)
     clock = "document.querySelector('#clock').textContent"
     for round_ in (1, 2):
         page.keyboard.press("r")
         opened.until(f"{clock}.includes('step {stood + 2} of 100000, run held after round {round_} of 3')")
-    opened.until(STANDS)
-    assert page.evaluate("lab.state.newest") == stood + 1
+    assert held_at(opened) == (stood + 2, 2)
     page.keyboard.press("r")
     opened.until(f"lab.state.newest === {stood + 2} && !{clock}.includes('round')")
     page.keyboard.press("r")
@@ -118,7 +128,8 @@ def held_and_taken_on_by_steps(opened: Opened) -> None:
     page.keyboard.press("r")
     opened.until(f"{clock}.includes('step {stood + 4} of 100000, run held after round 1 of 3')")
     page.keyboard.press("h")
-    opened.until(f"lab.state.newest > {stood + 3}")
+    opened.until(f"lab.state.newest > {stood + 4}")
+    opened.until("document.querySelector('#clock').ariaLive === 'off'")
 
 
 def touched_by_keyboard(opened: Opened) -> None:

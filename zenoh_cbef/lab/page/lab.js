@@ -219,6 +219,8 @@ function draw() {
   $("verdict").dataset.level = level;
   $("step").max = String(Math.max(frame.newest, 1));
   if (document.activeElement !== $("step") || state.follows) $("step").value = String(frame.step);
+  // A screen reader says where time stands, not how it passes.
+  $("clock").ariaLive = state.held || !(state.plays || state.follows) ? "polite" : "off";
   $("clock").textContent = clock(state);
 }
 
