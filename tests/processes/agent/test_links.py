@@ -1,4 +1,4 @@
-"""An agent and processes that are not what they say: one that gives another's address, and one that is no neighbour."""
+"""An agent and processes that are not what they say: with another's address, no neighbours, or without a name."""
 
 import time
 from collections.abc import Callable
@@ -50,3 +50,28 @@ def test_a_wrong_address_is_told_and_a_stranger_is_cut_off(world: World) -> None
         assert introduce(stranger.listen[0], agent, stranger, lambda: linked(second, life))
         Presence(second, keys.all_live).enter("agent/2")  # which is no neighbour of agent 0
         assert until(lambda: not linked(second, life))
+
+
+def test_a_link_over_which_no_name_comes_is_made_again(world: World) -> None:
+    target, agent = (f"tcp/127.0.0.1:{unused_port()}" for _ in range(2))
+    keys, join = Keys(world.run), ["--run", world.run, "--patience", "100"]
+    world.start("target", "tracking", *settings(), *join, "--listen", target)
+    world.start("agent", "0", *join, "--connect", target, "--listen", agent)
+    mute = with_ports(Connection([target], life=new_life(["tcp/8.8.8.8:1"])))  # so the agent connects
+    made: list[str] = []
+    with open_session(mute) as session:
+        session.info.declare_link_events_listener(
+            lambda event: made.append(str(event.link.zid)) if event.kind == zenoh.SampleKind.PUT else None
+        )
+        presence = Presence(session, keys.all_live)
+        assert claim(session, keys.claims, presence, "agent/1", 100.0)
+        own = Place("agent/1", str(session.zid()), own_host(), tuple(mute.listen))
+        life = life_at(agent, mute)
+
+        def linked_twice() -> bool:
+            ask_directory(session, keys.links("agent/1"), own)
+            return made.count(life) > 1
+
+        assert until(linked_twice, 100.0), made
+        presence.enter("agent/1")
+        assert until(lambda: linked(session, life))

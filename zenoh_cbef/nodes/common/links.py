@@ -7,7 +7,10 @@ import time
 from collections import defaultdict
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
+from math import inf
 from typing import Protocol
+
+import zenoh
 
 from zenoh_cbef.nodes.common.node import Node
 from zenoh_cbef.protocol.addresses import is_loopback, own_host, reached_at
@@ -24,6 +27,8 @@ _TRIES = 3
 """After how many tries a process says that it cannot link to another."""
 _MOST_CUTS = 3
 """How often a link to the same process is ended: one that its user names with --connect comes back each time."""
+_UNHEARD_SECONDS = 5.0
+"""How long the name of a process at the other end of a link may take to come, s; each further time twice as long."""
 
 
 class Near(Protocol):
@@ -50,6 +55,14 @@ class _Attempts:
     why: str = ""
 
 
+@dataclass
+class _Mute:
+    """A link over which the name of the process at its other end has not come: how often it was ended, and when to."""
+
+    ends: int = 0
+    due: float = inf
+
+
 class Links:
     """Keeps the links of a process that has its name, in a thread that ends with the process.
 
@@ -67,6 +80,7 @@ class Links:
         self._detour = Detour(node.session, node.presence, node.keys, self._name, self._connection)
         self._attempts: defaultdict[str, _Attempts] = defaultdict(_Attempts)
         self._cuts: defaultdict[str, int] = defaultdict(int)
+        self._mute: defaultdict[str, _Mute] = defaultdict(_Mute)
         self._changed = threading.Event()
 
     def keep(self) -> None:
@@ -124,18 +138,36 @@ class Links:
         return not self._places or not all(self._detours.get(self._places[life].name) for life in unlinked)
 
     def _tend(self) -> None:
-        links = links_of(self._node.session).keys()
+        links = links_of(self._node.session)
         for life, place in self._wanted().items():
             if self._node.stopping:
                 return
+            if life not in links or place.name in self._node.presence:
+                self._mute[life].due = inf
+            else:
+                self._doubt(life, links[life][0])
             if life not in links:
                 self._try(place)
-            elif self._attempts.pop(life, _Attempts()).said:
+                continue
+            if self._attempts.pop(life, _Attempts()).said:
                 self._node.event("linked", f"{_named(self._name)} has a link to {_named(place.name)} now")
         linked = links_of(self._node.session).keys()
         far = {place.name for life, place in self._places.items() if life not in linked}
         self._detour.lead({name: mutual for name, mutual in self._detours.items() if name in far})
         self._cut()
+
+    def _doubt(self, life: str, link: zenoh.Link) -> None:
+        """End a link over which its other end's name does not come, so that it is made anew.
+
+        Of hundreds of links that are made at once, Zenoh leaves one now and then so. As the process at its other end
+        is not there for this one without its name, nothing is lost with the link.
+        """
+        mute, now = self._mute[life], time.monotonic()
+        if mute.due == inf:
+            mute.due = now + _UNHEARD_SECONDS * 2.0**mute.ends
+        elif now > mute.due:
+            mute.ends, mute.due = mute.ends + 1, inf
+            end_link(link)
 
     def _cut(self) -> None:
         """End links to agents that are no neighbours, or not near any more."""
