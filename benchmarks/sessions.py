@@ -17,7 +17,7 @@ from zenoh_cbef.nodes.launch.ports import free_ports
 from zenoh_cbef.protocol.session import Connection, open_session
 
 SESSIONS = 1200
-_READY_SECONDS = 30.0
+_READY_SECONDS = 120.0
 
 
 def _client(endpoint: str) -> zenoh.Session:
