@@ -19,6 +19,7 @@ def came_between_sites(trace: Trace, steps: slice) -> list[int]:
         (one in SITES[0]) != (two in SITES[0])
         for one, two in zip(trace.links.source, trace.links.destination, strict=True)
     ]
+    assert trace.passing is not None
     inside = np.isin(trace.passing.until, np.arange(trace.estimates.shape[1])[steps])
     counts = trace.passing.counts[between][:, inside]
     return [int(one) for one in np.nansum(counts[:, :, [0, 2]], axis=(1, 2))]
