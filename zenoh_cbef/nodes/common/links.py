@@ -10,8 +10,6 @@ from dataclasses import dataclass
 from math import inf
 from typing import Protocol
 
-import zenoh
-
 from zenoh_cbef.nodes.common.node import Node
 from zenoh_cbef.protocol.addresses import is_loopback, own_host, reached_at
 from zenoh_cbef.protocol.detour import Detour
@@ -144,8 +142,8 @@ class Links:
                 return
             if life not in links or place.name in self._node.presence:
                 self._mute[life].due = inf
-            else:
-                self._doubt(life, links[life][0])
+            elif self._is_mute(life):
+                end_link(links[life][0])
             if life not in links:
                 self._try(place)
                 continue
@@ -156,8 +154,8 @@ class Links:
         self._detour.lead({name: mutual for name, mutual in self._detours.items() if name in far})
         self._cut()
 
-    def _doubt(self, life: str, link: zenoh.Link) -> None:
-        """End a link over which its other end's name does not come, so that it is made anew.
+    def _is_mute(self, life: str) -> bool:
+        """Whether a link is to end, to be made anew, as the name of the process at its other end does not come.
 
         Of hundreds of links that are made at once, Zenoh leaves one now and then so. As the process at its other end
         is not there for this one without its name, nothing is lost with the link.
@@ -167,7 +165,8 @@ class Links:
             mute.due = now + _UNHEARD_SECONDS * 2.0**mute.ends
         elif now > mute.due:
             mute.ends, mute.due = mute.ends + 1, inf
-            end_link(link)
+            return True
+        return False
 
     def _cut(self) -> None:
         """End links to agents that are no neighbours, or not near any more."""
