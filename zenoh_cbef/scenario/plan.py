@@ -16,16 +16,8 @@ from zenoh_cbef.scenario.plausible import Plausible, plausible_ranges
 from zenoh_cbef.scenario.scheme import chosen_scheme
 from zenoh_cbef.tracking import graph
 from zenoh_cbef.tracking.compact import Compact, compact_of
-from zenoh_cbef.tracking.filters import (
-    Abilities,
-    Belief,
-    Filter,
-    FilterSettings,
-    Sharing,
-    abilities_of,
-    make_filter,
-    sharing_of,
-)
+from zenoh_cbef.tracking.filters import Abilities, Filter, FilterSettings, abilities_of, make_filter, sharing_of
+from zenoh_cbef.tracking.filters.base import Belief, Sharing
 from zenoh_cbef.tracking.motion import LinearMotion, Motion, begun
 from zenoh_cbef.tracking.payloads import InformationPayloads, Payloads, SeveralPayloads, StatePayloads
 from zenoh_cbef.tracking.ranging import Space
@@ -151,6 +143,7 @@ class Plan:
             judges_agents=chosen.status_rules > 1,
             reacquires=(window := start.window(scenario, self.settling_steps)),
             spreading=start.spreading(scenario, window),
+            bends=chosen.defaults > 7,
             supposes=start.supposes(scenario, window),
             anywhere=start.anywhere(scenario, self.motion, self.space),
             bias=self.bias,

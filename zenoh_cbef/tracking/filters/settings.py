@@ -26,9 +26,9 @@ class FilterSettings:
     if they acquire, track, coast, or have lost the target; judges_agents: whether that counts agents that do not
     fit, or ranges, and whether only those that hear ranges vote for another fix. reacquires: how many steps another
     fix takes, 0 for none; spreading: in how many steps all agents know a decision; anywhere: where that fix looks
-    for the target, like search. supposes: whether all tell each other what they measured where ranges of one
-    do not fit. bias: none, estimate or auto; likelihoods: whether auto weighs it by these, or by
-    the NIS; common_bias_std, own_bias_std: its prior, m.
+    for the target, like search. bends: whether agents coast no further than ranges are straight lines. supposes:
+    whether all tell each other what they measured where ranges of one do not fit. bias: none, estimate or auto;
+    likelihoods: whether auto weighs it by these, or by the NIS; common_bias_std, own_bias_std: its prior, m.
     told_biases: whether they are constant, and as large as told: a
     first fix says what it knows of them, and none is forgotten. first_fix: over how many steps the initial estimate, a
     guess, is improved by least squares on the first ranges; 0: it is none. squared_fix: how many of these steps are
@@ -59,6 +59,7 @@ class FilterSettings:
     judges_agents: bool = True
     reacquires: int = 0
     spreading: int = 1
+    bends: bool = False
     supposes: bool = False
     anywhere: tuple[Floats, Floats] | None = None
     bias: str = "none"

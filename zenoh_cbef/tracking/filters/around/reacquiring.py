@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from zenoh_cbef.arrays import Bools, Floats
+from zenoh_cbef.tracking.filters.around.drifted import drifted
 from zenoh_cbef.tracking.filters.around.first_fix import FirstFix
 from zenoh_cbef.tracking.filters.around.knowing import Knowing
 from zenoh_cbef.tracking.filters.around.moved import moved
@@ -81,8 +82,8 @@ class Reacquiring(Wrapping):
     A filter linearises at its estimate. After a long silence that is far off, as it is when the target is lost; the
     covariance then gets too small at a wrong place, and the filter stays there. So agents keep the ranges of the last
     2 W steps, and look for the target as in a first fix, on squared ranges for W/5 steps and by Gauss-Newton for the
-    rest of W, if more than half of them want to: those that have coasted until the claimed error was twenty times the
-    usual one and hear ranges again, and those that have lost the target for 3 W steps. The former start from where they
+    rest of W, if more than half of them want to: those that have coasted too far (drifted.py) and hear ranges again,
+    and those that have lost the target for 3 W steps. The former start from where they
     have coasted to, with the covariance that they have then, the latter from anywhere.
 
     All have to begin in the same step, or payloads of two kinds would be averaged. So a fix begins after a step that W
@@ -235,19 +236,20 @@ class Reacquiring(Wrapping):
         former, fixing = Status(*before.kept), search.fixing
         status = inner.status or former
         settled = ~fixing & (status.which != ACQUIRING)
+        astray = drifted(self.settings, inner, status, search.positions[:, -1])
         if self.settings.judges_agents:
             wanted = average > _ANY
         else:
             wanted = np.abs(average) > np.where(self._decides(search.step), _MOST, _ANY)
         search = self._left_behind(search, inner)
-        if search.idle and inner.status and not np.logical_or.reduce(settled & (wanted | status.adrift)):
+        if search.idle and inner.status and not np.logical_or.reduce(settled & (wanted | astray)):
             return replace(inner, memory=tuple(vars(search).values()), parts=(inner,))
         place = search.step % self.window
         ends = place == 0.0
         vote = ~fixing & (settled & ~apart & wanted | (search.vote > 0.0))
         begins, done = ends & vote, ends & fixing
         search = self._started(search, begins)
-        adrift = np.where(settled, np.where(status.adrift, _WINDOWS, search.adrift), 0.0)
+        adrift = np.where(settled, np.where(astray, _WINDOWS, search.adrift), 0.0)
         # An agent that was alone in its wish has its neighbours' estimate by now.
         adrift = np.where(begins, 0.0, adrift - (ends & ~status.coasts & (adrift > 0.0)))
         halfway = fixing & (place == self.window // _SQUARED_SHARE)

@@ -1,0 +1,40 @@
+"""How far a network may coast: as long as ranges are straight lines over what its estimate leaves open."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from zenoh_cbef.arrays import Bools, Floats
+from zenoh_cbef.tracking.filters.base import Belief
+from zenoh_cbef.tracking.filters.settings import FilterSettings
+from zenoh_cbef.tracking.ranging import Space, own_range
+from zenoh_cbef.tracking.status import Status
+
+
+def drifted(settings: FilterSettings, belief: Belief, status: Status, position: Floats) -> Bools:
+    """Which agents have coasted too far to linearise at their estimate, (n,). position: theirs, (n, 3), m.
+
+    Those whose claimed error is twenty times the usual one, or over whose claimed error ranges bend.
+    """
+    coasts = status.coasts
+    if not settings.bends or not np.logical_or.reduce(coasts):
+        return status.adrift
+    bends = bent(settings.space, belief.state, belief.known_covariance, position, settings.range_std)
+    return status.adrift | coasts & bends
+
+
+def bent(space: Space, state: Floats, covariance: Floats, position: Floats, range_std: float) -> Bools:
+    """Whether a range bends by more than its noise over what an estimate leaves open, (n,).
+
+        tr(G P)/2 > sigma,   G = (I - u u^T)/d: the second derivative of the range d in direction u
+
+    state (n, s), covariance (n, s, s): of the estimate. position: of the agents, (n, 3), m. range_std: sigma, m.
+    """
+    axes = space.axes
+    distance, row = own_range(space, state, position, np.zeros(len(state)))
+    known, along = covariance[:, :axes, :axes], row[:, :axes]
+    total = known[:, 0, 0]
+    for axis in range(1, axes):
+        total = total + known[:, axis, axis]
+    across = total - np.add.reduce(along * np.add.reduce(known * along[:, None], axis=2), axis=1)
+    return np.asarray(across > 2.0 * range_std * distance)
