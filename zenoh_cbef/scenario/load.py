@@ -15,6 +15,7 @@ import tomli_w
 from pydantic import ValidationError
 
 from zenoh_cbef.datasets import dataset_folder, read_dataset
+from zenoh_cbef.datasets.scatter import scatter
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.plain import read_toml, whole
 from zenoh_cbef.scenario.library import Library
@@ -191,4 +192,7 @@ def _lay_out(scenario: Scenario, folder: Path) -> Scenario:
         )
     if scenario.filter.acceleration_interval is None:
         data["filter"]["acceleration_interval"] = dataset.interval
+    if scenario.filter.range_std == "auto" and "range_std" not in scenario.sensor.model_fields_set:
+        # A noise learned from far below the true one comes too late for the first fix.
+        data["sensor"]["range_std"] = max(scenario.sensor.range_std, scatter(dataset) or 0.0)
     return parse(data, str(path))
