@@ -41,6 +41,7 @@ def _doctor(
         int | None,
         typer.Option(
             min=1,
+            max=1_000_000,
             help=f"How many agents this host is to run; default: those of --run, else {_AGENTS}.",
         ),
     ] = None,

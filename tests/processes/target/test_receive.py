@@ -91,7 +91,8 @@ def replugged(port, over):
 
 REST = (4.0, 3.0, 1.0)
 LIVE = """name = "live"
-steps = 120
+dt = 0.25
+steps = 60
 agents = {count = 4, labels = ["AA00", "AA01", "AA02", "AA03"], positions = %s}
 timing.mode = "realtime"
 filter = {motion = "stationary", range_std = 0.05}
