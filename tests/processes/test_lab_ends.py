@@ -46,7 +46,7 @@ def test_a_lab_that_is_killed_or_whose_starter_is_leaves_nothing_behind(world, m
             assert time.monotonic() < until
             time.sleep(0.1)
         os.kill(lab if killed == "lab" else starter.pid, signal.SIGKILL)
-        until = time.monotonic() + 120
+        until = time.monotonic() + 300
         while left := [pid for pid in started if is_there(pid)]:
             assert time.monotonic() < until, left
             time.sleep(0.1)
