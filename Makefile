@@ -42,7 +42,7 @@ types: install  ## mypy, strict
 
 # A file's tests stay with one worker, as they share runs.
 unit: install  ## all tests; one worker more than there are cores, as many tests wait
-	$(BIN)/pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder
+	$(BIN)/pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder || { [ $$? -eq 1 ] && $(BIN)/python -m tests.alone; }
 
 fast: install  ## the tests that start no process
 	$(BIN)/pytest -n $(CORES) --dist worksteal -m "not processes" $(LEAN)
