@@ -3,6 +3,9 @@
 A change that alters a bit of lockstep on purpose records them anew, and the changelog says so.
 """
 
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -14,13 +17,21 @@ from zenoh_cbef.tracking.filters import KINDS
 LOGS = sorted((Path(__file__).parent / "golden").glob("*.mcap"))
 # Processors differ in the last bits of logarithms and matrix products: those with AVX-512 from those without.
 VECTORS = np.show_config(mode="dicts")["SIMD Extensions"].get("found", [])
-HAS_AVX512 = not {"X86_V4", "AVX512_SKX"}.isdisjoint(VECTORS)
+AVX512 = [name for name in VECTORS if name.startswith(("X86_V4", "AVX512"))]
 FROM_AVX2 = {"supposing"}  # all other runs come from a processor with AVX-512
+# What NumPy and OpenBLAS read as they start: a processor with AVX-512 then computes as one without.
+AS_AVX2 = {"NPY_DISABLE_CPU_FEATURES": " ".join(AVX512), "OPENBLAS_CORETYPE": "Haswell"}
 
 
 @pytest.mark.parametrize("log", LOGS, ids=lambda path: path.stem)
 def test_a_run_of_before_comes_out_the_same(log):
-    alike = (log.stem not in FROM_AVX2) == HAS_AVX512
+    if AVX512 and log.stem in FROM_AVX2:
+        command = [sys.executable, "-m", "zenoh_cbef", "verify", str(log)]
+        done = subprocess.run(command, env={**os.environ, **AS_AVX2}, capture_output=True, text=True, check=False)
+        assert done.stdout.startswith("equal bit for bit: 600 messages"), done.stdout + done.stderr
+        return
+    # No setting gives a processor without AVX-512 the other's last bits.
+    alike = bool(AVX512) or log.stem in FROM_AVX2
     verdict = verify(log, tolerance=0.0 if alike else 1e-9)
     assert verdict.result == "equal", verdict.text
     assert verdict.compared >= 24
