@@ -22,7 +22,7 @@ from zenoh_cbef.protocol.session import Connection, open_session
 KEYS = Keys("test")
 
 
-def until(condition: Callable[[], bool], seconds: float = 20.0) -> bool:
+def until(condition: Callable[[], bool], seconds: float = 100.0) -> bool:
     end = time.monotonic() + seconds
     while not condition() and time.monotonic() < end:
         time.sleep(0.01)
@@ -36,6 +36,19 @@ class End:
     session: zenoh.Session
     presence: Presence
     detour: Detour
+
+    def lead(self, name: str, *, mutual: bool) -> bool:
+        """Ask for a detour to another process until there is one, as links do: one question can go unanswered."""
+
+        def led() -> bool:
+            self.detour.lead({name: mutual})
+            return self.detour.heard() == [name]
+
+        return until(led)
+
+    def is_told(self, life: str, name: str) -> bool:
+        """Whether the name and the life of another process come in, which each may do first."""
+        return until(lambda: name in self.presence and self.presence.life(name) == life)
 
 
 @pytest.fixture
@@ -70,17 +83,15 @@ def test_messages_names_and_questions_go_through_the_target(ends: dict[str, End]
     assert ask_latest(first.session, KEYS.round(2)) == []
     assert not ends["record/record"].presence.names() & {"agent/1", "agent/2"}
 
-    first.detour.lead({"agent/2": False})
-    assert first.detour.heard() == ["agent/2"]
+    assert first.lead("agent/2", mutual=False)
     assert until(lambda: publisher.matching_status.matching)  # type: ignore[attr-defined]  # as in relay.py
     publisher.put(b"after")
     assert mailbox.receive() == b"after"
-    assert ask_latest(first.session, KEYS.round(2)) == [b"kept"]
+    assert until(lambda: ask_latest(first.session, KEYS.round(2)) == [b"kept"])
     assert "agent/2" not in first.presence  # which does not hear us yet
 
-    first.detour.lead({"agent/2": True})
-    assert first.presence.wait(lambda live: "agent/2" in live, 100.0)
-    assert first.presence.life("agent/2") == str(second.session.zid())
+    assert first.lead("agent/2", mutual=True)
+    assert first.is_told(str(second.session.zid()), "agent/2")
     assert "record/record" not in first.presence
     second.presence.leave("agent/2")
     assert first.presence.wait(lambda live: "agent/2" not in live, 100.0)
@@ -92,8 +103,8 @@ def test_messages_names_and_questions_go_through_the_target(ends: dict[str, End]
 
 def test_a_recorder_hears_events_and_an_agent_that_its_last_words_were_heard(ends: dict[str, End]) -> None:
     agent, recorder = ends["agent/1"], ends["record/record"]
-    recorder.detour.lead({"agent/1": True})
-    agent.detour.lead({"record/record": True})
+    assert recorder.lead("agent/1", mutual=True)
+    assert agent.lead("record/record", mutual=True)
     mailbox = Mailbox(recorder.session, KEYS.all_events)
     publisher = agent.session.declare_publisher(KEYS.event("agent/1"), allowed_destination=zenoh.Locality.REMOTE)
     assert until(lambda: publisher.matching_status.matching)  # type: ignore[attr-defined]
