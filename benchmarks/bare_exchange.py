@@ -16,7 +16,8 @@ import zenoh
 
 from benchmarks.common import children, end_with_parent
 from zenoh_cbef.nodes.launch.ports import free_ports
-from zenoh_cbef.protocol.session import ONE_RUNTIME, Connection, open_session, yield_to_others
+from zenoh_cbef.protocol.runtimes import ONE_RUNTIME
+from zenoh_cbef.protocol.session import Connection, open_session, yield_to_others
 
 _PATIENCE_SECONDS = 120.0
 RUNTIMES = {"merged runtime": {"ZENOH_RUNTIME": ONE_RUNTIME}, "default runtime": {}}

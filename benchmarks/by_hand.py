@@ -11,7 +11,7 @@ from pathlib import Path
 from benchmarks.common import children
 from zenoh_cbef.nodes.common.node import LEASH, RUN
 from zenoh_cbef.nodes.launch.ports import free_ports
-from zenoh_cbef.protocol.session import ONE_RUNTIME
+from zenoh_cbef.protocol.runtimes import ONE_RUNTIME, RUNTIME
 from zenoh_cbef.scenario.load import load
 
 
@@ -55,7 +55,7 @@ def by_hand(
     for agent in agents:
         lower = [endpoints[f"agent {a}"] for a, b in edges if b == agent and a in agents]
         commands[f"agent {agent}"] = (["agent", str(agent)], [*hubs, *lower])
-    environment = {LEASH: RUN, "ZENOH_RUNTIME": ONE_RUNTIME}
+    environment = {LEASH: RUN, RUNTIME: ONE_RUNTIME}
     with children() as family:
         pids = {}
         for process, (command, connect) in commands.items():

@@ -23,7 +23,8 @@ from zenoh_cbef.machine import (
     threads_short,
 )
 from zenoh_cbef.protocol.reach import unreachable, wait_for_link
-from zenoh_cbef.protocol.session import MOST_LINKS, Connection, open_session
+from zenoh_cbef.protocol.runtimes import MOST_LINKS
+from zenoh_cbef.protocol.session import Connection, open_session
 from zenoh_cbef.protocol.tls import Tls
 
 OK, WARNING, PROBLEM = "ok", "warning", "problem"

@@ -19,6 +19,7 @@ from zenoh_cbef.protocol.access import access_control
 from zenoh_cbef.protocol.keys import Keys
 from zenoh_cbef.protocol.linger import let_go_at_once
 from zenoh_cbef.protocol.messages import LARGEST
+from zenoh_cbef.protocol.runtimes import MOST_LINKS, have_room
 from zenoh_cbef.protocol.tls import SCHEMES, Tls
 
 _ENDPOINT = re.compile(r"^(tcp|udp|tls|quic|ws|unixsock-stream)/[^\s]+$")
@@ -28,8 +29,6 @@ _MEET_ALL_SECONDS = 0.5
 _ROUTER_RETRY_SECONDS = 0.2
 _OPEN_MS = 1500
 """How long a link may take to open before it is tried again; a session that closes waits for as long."""
-MOST_LINKS = 10_000
-"""Links that a process accepts: ten for each agent that a scenario can have."""
 _SCOUT_MS = 20
 """How long Zenoh may hold up the opening of a session for its first link: by default half a second, at random, also
 where the link is there. Processes wait for the links that they need themselves."""
@@ -41,11 +40,6 @@ _SIZE_LIMIT: Json = {
     "size_limit": LARGEST,
 }
 """Zenoh drops larger messages as they come in, before they fill mailboxes."""
-ONE_RUNTIME = "(rx:(handover:app),acc:(handover:app),tx:(handover:app),net:(handover:app),app:(worker_threads:1))"
-"""Value of ZENOH_RUNTIME that merges Zenoh's runtimes into one worker thread: faster where cores are few.
-
-Not for sessions with gossip, whose churn can stall a single worker.
-"""
 
 
 @dataclass(frozen=True)
@@ -122,6 +116,7 @@ def open_joined(
         if connection.tls and not endpoint.startswith(SCHEMES):
             raise UserError(f"{endpoint} asks for no certificate; with --tls write tls/{endpoint.partition('/')[2]}")
     config = _config(connection)
+    have_room()
     zenoh.init_log_from_env_or("off")
     until = time.monotonic() + patience
     while True:

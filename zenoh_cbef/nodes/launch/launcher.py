@@ -20,7 +20,7 @@ from zenoh_cbef.nodes.common.node import LEASH, RUN
 from zenoh_cbef.nodes.common.recording import Status
 from zenoh_cbef.nodes.launch.children import Child, Nursery
 from zenoh_cbef.nodes.launch.ports import free_ports
-from zenoh_cbef.protocol.session import ONE_RUNTIME
+from zenoh_cbef.protocol.runtimes import ONE_RUNTIME, RUNTIME
 from zenoh_cbef.scenario.load import Loaded
 
 _POLITE_SECONDS = 6.0
@@ -127,7 +127,7 @@ class Launcher:
         self._commands[name] = command
         place = self._ending(name)
         place.unlink(missing_ok=True)
-        environment = {LEASH: RUN, PLACE: str(place), "ZENOH_RUNTIME": ONE_RUNTIME}
+        environment = {LEASH: RUN, PLACE: str(place), RUNTIME: ONE_RUNTIME}
         output = self._reports[1] if name == "recorder" else None
         child = self._nursery.start(command, environment, self._words(name), output)
         if name.startswith("agent"):
