@@ -43,7 +43,7 @@ BENCHMARKS = {
     "held-out": ("held_out", "made-up sets of the same kinds, with known biases"),
     "faults": ("random_faults", "200 random fault scenarios as processes, each proved by verify"),
     "fault-cost": ("fault_cost", "what faults cost a round of a scenario that has none"),
-    "stress": ("stress", "scenarios that lose trackers; --case NAME, --seeds 50"),
+    "stress": ("stress", "scenarios that lose trackers; --case NAME, --seeds 50, --set filter.defaults=8"),
     "scale": ("scale", "links, messages, bytes and memory of n agents: formulas, counted runs; --agents 24,100"),
     "lab": ("lab", "the lab in headless Chromium: frames, from click to log, what a page costs a run, long logs"),
     "pictures": ("pictures", "not measured: the screenshots of the documentation, taken anew into docs/images"),
@@ -64,7 +64,7 @@ _OPTIONS = {
     "scale": ("agents",),
     "hosts": ("agents",),
     "soak": ("minutes",),
-    "stress": ("case", "seeds", "search", "first"),
+    "stress": ("case", "seeds", "search", "first", "set"),
 }
 
 
@@ -79,6 +79,9 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=50, help="stress: how many seeds of each case")
     parser.add_argument("--agents", help="scale, hosts: how many agents runs have; default: 24,100 and 100")
     parser.add_argument("--first", type=int, default=1001, help="stress: the first seed")
+    parser.add_argument(
+        "--set", action="append", default=[], metavar="KEY=VALUE", help="stress: a key of all cases; may be repeated"
+    )
     parser.add_argument("--search", type=int, default=0, help="stress: try so many random cases, keep what it finds")
     parser.add_argument("--write", type=Path, help="filters: the page to bring up to date")
     arguments = parser.parse_args()

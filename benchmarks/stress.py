@@ -91,11 +91,11 @@ def cases() -> dict[str, Mapping[str, object]]:
     return found
 
 
-def scenario_of(case: Mapping[str, object]) -> Scenario:
-    """`tracking` with the keys of a case."""
+def scenario_of(case: Mapping[str, object], more: Sequence[str] = ()) -> Scenario:
+    """`tracking` with the keys of a case, and more of them after those."""
     overrides = case.get("set", [])
     assert isinstance(overrides, list)
-    return load("tracking", overrides).scenario
+    return load("tracking", [*overrides, *more]).scenario
 
 
 def scores(scenario: Scenario, wrong: str = "", seeds: int = SEEDS, first: int = FIRST) -> Scores:
@@ -173,10 +173,18 @@ def _wrongly(run: Analysis, best: float) -> float:
     return float((off & (np.isnan(said) | (said == TRACKING))).mean())
 
 
-def run(
-    repeats: int, case: str | None = None, seeds: int = SEEDS, search: int = 0, first: int = FIRST
+def run(  # noqa: PLR0917 - one for each option
+    repeats: int,
+    case: str | None = None,
+    seeds: int = SEEDS,
+    search: int = 0,
+    first: int = FIRST,
+    set: Sequence[str] = (),  # noqa: A002 - the option's name
 ) -> Iterator[Table]:
-    """One row per case; nothing is timed. search: try so many random cases instead, and keep what loses the network."""
+    """One row per case; nothing is timed. search: try so many random cases instead, and keep what loses the network.
+
+    set: keys of the scenario, KEY=VALUE, that hold in all cases.
+    """
     del repeats
     if search:
         finder = importlib.import_module("benchmarks.stress_search")
@@ -188,5 +196,6 @@ def run(
     if case is not None and case not in known:
         raise UserError(f"there is no case {case!r} in {CASES.name}; there are {', '.join(known)}")
     for name in known if case is None else [case]:
-        found = scores(scenario_of(known[name]), str(known[name].get("wrong", "")), seeds, first)
-        yield plain_table(f"stress: {name}, {len(found.network)} seeds from {first}", COLUMNS, [found.row(name)])
+        found = scores(scenario_of(known[name], set), str(known[name].get("wrong", "")), seeds, first)
+        which = ", ".join([name, *set, f"{len(found.network)} seeds from {first}"])
+        yield plain_table(f"stress: {which}", COLUMNS, [found.row(name)])

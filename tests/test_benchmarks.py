@@ -214,7 +214,7 @@ def test_a_crash_is_told_as_one():
 def test_every_case_of_stress_is_a_scenario_and_a_lost_network_is_counted():
     for case in stress.cases().values():
         stress.scenario_of(case)
-    scenario = stress.scenario_of({"set": ["steps=60", "consensus.rounds=0"]})
+    scenario = stress.scenario_of({"set": ["steps=60"]}, ["consensus.rounds=0"])
     found = stress.scores(scenario, seeds=2)
     assert (found.lost(found.network), found.lost(found.twin), found.lost(found.strong)) == (2, 0, 0)
     assert (replace(found, tracking=np.array([0.4, 0.6])).unaware, replace(found, network=found.twin).unaware) == (1, 0)

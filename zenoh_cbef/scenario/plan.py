@@ -103,6 +103,11 @@ class Plan:
         return trust.bias(self.scenario, unfit=unfit)
 
     @cached_property
+    def joint_biases(self) -> bool:
+        """Whether agents estimate all biases together, in the shared state."""
+        return self.bias == "estimate" and trust.shares_biases(self.scenario)
+
+    @cached_property
     def squares(self) -> bool:
         """Whether agents share squared ranges, which the network linearises after it has averaged them."""
         unfit = self.bias != "none" or self.models or self.distrusts_others or not self.abilities.biases
@@ -148,9 +153,10 @@ class Plan:
             anywhere=start.anywhere(scenario, self.motion, self.space),
             bias=self.bias,
             likelihoods=trust.rules(scenario) > 1,
-            common_bias_std=1.5 * range_std if chosen.bias_common_std is None else chosen.bias_common_std,
+            common_bias_std=trust.common_bias_std(scenario, range_std, joint=self.joint_biases),
             own_bias_std=trust.own_bias_std(scenario, range_std),
             told_biases=self.bias != "none" and trust.tells_biases(scenario),
+            joint_biases=self.joint_biases,
             learns_noise=chosen.range_std == "auto",
             lasting=trust.lasts(scenario) and not self.models and not self.squares,
             doubts_noise=trust.doubts_noise(scenario) and not self.models and not self.squares,
@@ -182,7 +188,8 @@ class Plan:
         if self.models:
             return SeveralPayloads(tuple(InformationPayloads(axes, one.size) for one in self.models))
         omega = float(self.scenario.count) if self.scenario.filter.omega is None else self.scenario.filter.omega
-        size += self.bias == "estimate" or self.squares  # The bias's common part is a state, so is a square.
+        # Of biases the common part is a state, or all of them are; so is a square.
+        size += self.scenario.count if self.joint_biases else self.bias == "estimate" or self.squares
         return InformationPayloads(axes, size, (1.0, omega) if kind == "hcmci" else (1.0,))
 
     @cached_property

@@ -7,6 +7,7 @@ import numpy as np
 from zenoh_cbef.faults import SenderFault, SensorFault
 from zenoh_cbef.scenario.model import Scenario
 from zenoh_cbef.tracking.filters import abilities_of
+from zenoh_cbef.tracking.filters.around import joint_biases
 
 _XI = {1: 1.5, 2: 2.0}
 """Saturation level by the saturation's power, in standard deviations.
@@ -81,6 +82,22 @@ def bias(scenario: Scenario, *, unfit: bool) -> str:
     if unfit or not may_be_biased(scenario):
         return "none"
     return "estimate" if tells_biases(scenario) else "auto"
+
+
+def shares_biases(scenario: Scenario) -> bool:
+    """Whether agents estimate all biases together: where they are few, and the scenario tells all that is constant."""
+    sensor, chosen = scenario.sensor, scenario.filter
+    told = tells_biases(scenario) and not np.any(np.array(sensor.bias)) and not _at_fault(scenario)
+    few = 1 < scenario.count <= joint_biases.MOST and scenario.consensus.rounds > 0
+    return told and few and chosen.defaults > 8 and chosen.bias_common_std is None
+
+
+def common_bias_std(scenario: Scenario, range_std: float, *, joint: bool) -> float:
+    """Prior standard deviation of what all agents' biases have in common, m; nothing where each is a state (joint)."""
+    given = scenario.filter.bias_common_std
+    if given is not None:
+        return given
+    return 0.0 if joint else 1.5 * range_std
 
 
 def own_bias_std(scenario: Scenario, range_std: float) -> float:

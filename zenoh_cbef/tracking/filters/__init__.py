@@ -17,6 +17,7 @@ from zenoh_cbef.tracking.filters.around.distrusting import Distrusting
 from zenoh_cbef.tracking.filters.around.doubted_noise import DoubtedNoise
 from zenoh_cbef.tracking.filters.around.evidence import Evidence
 from zenoh_cbef.tracking.filters.around.imm import InteractingModels
+from zenoh_cbef.tracking.filters.around.joint_biases import JointBiases
 from zenoh_cbef.tracking.filters.around.knowing import Knowing
 from zenoh_cbef.tracking.filters.around.lasting_errors import LastingErrors
 from zenoh_cbef.tracking.filters.around.learned_noise import LearnedNoise
@@ -102,7 +103,7 @@ def sharing_of(kind: str, settings: FilterSettings) -> Sharing:
     one = SquaredInformation.sharing if settings.squares else kind_of(kind).sharing
     shared = InteractingModels.sharing(settings, one) if settings.models else one(settings)
     if settings.bias != "none":
-        biased = BiasedInformation.sharing(settings)
+        biased = (JointBiases if settings.joint_biases else BiasedInformation).sharing(settings)
         both = replace(shared.longer(biased.payload_size + AutoBias.more), blocks=shared.blocks + biased.blocks)
         shared = biased if settings.bias == "estimate" else both
     more = settings.recovers * Recovering.more + settings.distrusts * Distrusting.more
@@ -124,8 +125,7 @@ def make_filter(kind: str, settings: FilterSettings) -> Filter:
     else:
         chosen = InteractingModels.of(settings, one) if settings.models else one(settings)
     if settings.bias != "none":
-        biased = BiasedInformation.of(settings, xi)
-        chosen = biased if settings.bias == "estimate" else AutoBias(chosen, biased, Evidence(settings.likelihoods))
+        chosen = _biased(settings, chosen, xi)
     # Recovery widens the belief that the filter goes on from, so nothing else may stand between the two.
     if settings.recovers:
         chosen = Recovering(chosen)
@@ -145,6 +145,14 @@ def make_filter(kind: str, settings: FilterSettings) -> Filter:
     elif settings.learns_noise:
         chosen = LearnedNoise(chosen, settings.range_std)
     return _knowing(kind, settings, chosen, xi) if settings.says_status else chosen
+
+
+def _biased(settings: FilterSettings, plain: Filter, xi: float) -> Filter:
+    """The filter that estimates biases, or weighs them beside the plain one."""
+    if settings.joint_biases:
+        return JointBiases.of(settings, xi)
+    biased = BiasedInformation.of(settings, xi)
+    return biased if settings.bias == "estimate" else AutoBias(plain, biased, Evidence(settings.likelihoods))
 
 
 def _knowing(kind: str, settings: FilterSettings, chosen: Filter, xi: float) -> Filter:

@@ -30,11 +30,12 @@ class FilterSettings:
     whether all tell each other what they measured where ranges of one do not fit. bias: none, estimate or auto;
     likelihoods: whether auto weighs it by these, or by the NIS; common_bias_std, own_bias_std: its prior, m.
     told_biases: whether they are constant, and as large as told: a
-    first fix says what it knows of them, and none is forgotten. first_fix: over how many steps the initial estimate, a
-    guess, is improved by least squares on the first ranges; 0: it is none. squared_fix: how many of these steps are
-    on squared ranges. tries_guess: whether the guess is tried before the network searches. search: where squared
-    ranges look for the target, state (1, s) and covariance (1, s, s); None: around the guess. models: the motions
-    between which the target switches, the most agile one last; none: it moves by `motion` alone. leaving: the
+    first fix says what it knows of them, and none is forgotten. joint_biases:
+    whether agents estimate all biases together, which have no common part then. first_fix: over how many steps the
+    initial estimate, a guess, is improved by least squares on the first ranges; 0: it is none. squared_fix: how many of
+    these steps are on squared ranges. tries_guess: whether the guess is tried before the network searches. search:
+    where squared ranges look for the target, state (1, s) and covariance (1, s, s); None: around the guess. models: the
+    motions between which the target switches, the most agile one last; none: it moves by `motion` alone. leaving: the
     probability that it leaves its motion in a step. middle: a point near all agents, the same for all, m. squares:
     whether agents share squared ranges, and linearise what averaging leaves. outliers: what share of the ranges are
     too long, and by how much (m) on average, where the scenario tells so and a first fix takes it into account.
@@ -67,6 +68,7 @@ class FilterSettings:
     common_bias_std: float = 0.0
     own_bias_std: float = 0.0
     told_biases: bool = False
+    joint_biases: bool = False
     learns_noise: bool = False
     lasting: bool = False
     doubts_noise: bool = False

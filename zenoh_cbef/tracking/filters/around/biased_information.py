@@ -160,6 +160,22 @@ class BiasedInformation:
             (state, covariance, own, own_variance, cross),
         )
 
+    def moved(self, memory: tuple[Floats, ...], place: Belief) -> tuple[Floats, ...]:
+        """What a belief carries on, at another place; biases stay as they are."""
+        state, covariance, own, own_variance, cross = (np.array(each) for each in memory)
+        state[:, :-1], cross[:, :-1] = place.state, 0.0
+        covariance[:, :-1] = covariance[:, :, :-1] = 0.0
+        covariance[:, :-1, :-1] = place.known_covariance
+        return state, covariance, own, own_variance, cross
+
+    def widened(self, memory: tuple[Floats, ...], factor: Floats) -> tuple[Floats, ...]:
+        """The same with the covariance of all but biases multiplied by factors (n,)."""
+        state, covariance, own, own_variance, cross = memory
+        scale = np.repeat(np.sqrt(factor)[:, None], state.shape[1], axis=1)
+        scale[:, -1] = 1.0  # The common bias.
+        covariance = covariance * (scale[:, :, None] * scale[:, None, :])
+        return state, covariance, own, own_variance, cross * scale
+
     def _predicted(self, belief: Belief) -> tuple[Floats, ...]:
         """State (n, s + 1) and covariance of (p, v, c), mean and variance (n,) of d_i, their covariance (n, s + 1)."""
         state, covariance, own, own_variance, cross = belief.memory or self._prior(belief)

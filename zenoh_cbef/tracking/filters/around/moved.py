@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
-
 from zenoh_cbef.tracking.filters.around.auto_bias import AutoBias
 from zenoh_cbef.tracking.filters.around.biased_information import BiasedInformation
 from zenoh_cbef.tracking.filters.around.imm import InteractingModels
+from zenoh_cbef.tracking.filters.around.joint_biases import JointBiases
 from zenoh_cbef.tracking.filters.around.recovering import Recovering
 from zenoh_cbef.tracking.filters.around.wrapping import Wrapping
 from zenoh_cbef.tracking.filters.base import Belief, Filter
@@ -27,12 +26,8 @@ def moved(chosen: Filter, belief: Belief, place: Belief) -> Belief:
     if isinstance(chosen, AutoBias):
         plain, biased = belief.parts
         return replace(there, parts=(moved(chosen.plain, plain, place), moved(chosen.biased, biased, place)))
-    if isinstance(chosen, BiasedInformation):
-        state, covariance, own, own_variance, cross = (np.array(each) for each in belief.memory)
-        state[:, :-1], cross[:, :-1] = place.state, 0.0
-        covariance[:, :-1] = covariance[:, :, :-1] = 0.0
-        covariance[:, :-1, :-1] = place.known_covariance
-        return replace(there, memory=(state, covariance, own, own_variance, cross))
+    if isinstance(chosen, BiasedInformation | JointBiases):
+        return replace(there, memory=chosen.moved(belief.memory, place))
     if isinstance(chosen, InteractingModels):
         chance, parts = chosen.switching.begun(place.state, place.known_covariance)
         return replace(there, chance=chance, parts=tuple(Belief(*one) for one in parts))

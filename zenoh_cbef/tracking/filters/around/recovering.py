@@ -10,6 +10,7 @@ from zenoh_cbef.arrays import Floats
 from zenoh_cbef.tracking.filters.around.auto_bias import AutoBias
 from zenoh_cbef.tracking.filters.around.biased_information import BiasedInformation
 from zenoh_cbef.tracking.filters.around.imm import InteractingModels
+from zenoh_cbef.tracking.filters.around.joint_biases import JointBiases
 from zenoh_cbef.tracking.filters.around.wrapping import Wrapping, resumed
 from zenoh_cbef.tracking.filters.base import Belief, Filter, Update
 from zenoh_cbef.tracking.ranging import Measurement
@@ -63,12 +64,8 @@ def widened(chosen: Filter, belief: Belief, factor: Floats) -> Belief:
     if isinstance(chosen, AutoBias):
         plain, biased = belief.parts
         return replace(wide, parts=(widened(chosen.plain, plain, factor), widened(chosen.biased, biased, factor)))
-    if isinstance(chosen, BiasedInformation):
-        state, covariance, own, own_variance, cross = belief.memory
-        scale = np.repeat(np.sqrt(factor)[:, None], state.shape[1], axis=1)
-        scale[:, -1] = 1.0  # The common bias.
-        covariance = covariance * (scale[:, :, None] * scale[:, None, :])
-        return replace(wide, memory=(state, covariance, own, own_variance, cross * scale))
+    if isinstance(chosen, BiasedInformation | JointBiases):
+        return replace(wide, memory=chosen.widened(belief.memory, factor))
     if isinstance(chosen, InteractingModels) and belief.chance is not None:
         parts = tuple(widened(*each, factor) for each in zip(chosen.filters, belief.parts, strict=True))
         return Belief(*chosen.mixture(belief.chance, parts), chance=belief.chance, parts=parts)

@@ -1,0 +1,134 @@
+"""Agents that estimate all biases together are a centralised Kalman filter of target and biases."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from zenoh_cbef.scenario.load import load
+from zenoh_cbef.scenario.plan import Plan
+from zenoh_cbef.tracking.filters import Belief, FilterSettings, make_filter
+from zenoh_cbef.tracking.filters.around.moved import moved
+from zenoh_cbef.tracking.filters.around.recovering import widened
+from zenoh_cbef.tracking.motion import NearlyConstantVelocity
+from zenoh_cbef.tracking.ranging import Measurement, Space
+
+COUNT, STD, BETA = 4, 0.1, 0.5
+MOTION = NearlyConstantVelocity(0.5, 0.5, 3)
+SETTINGS = FilterSettings(
+    MOTION, Space(), STD, np.inf, COUNT, bias="estimate", own_bias_std=BETA, told_biases=True, joint_biases=True
+)
+FILTER = make_filter("icf", SETTINGS)
+
+
+def begun(random):
+    """One fix of all agents, and what each knows of its own bias given that."""
+    root = random.normal(size=(6, 6))
+    state, covariance = random.normal(size=(1, 6)), (root @ root.T / 6.0 + np.eye(6))[None]
+    tied = random.normal(size=COUNT), 0.3 * random.normal(size=(COUNT, 6)), random.uniform(0.05, 0.2, COUNT)
+    return Belief(np.repeat(state, COUNT, axis=0), np.repeat(covariance, COUNT, axis=0), tied=tied)
+
+
+def heard(random, agents=slice(None)):
+    """Ranges of a step, of which the second is missing."""
+    places, ranges = random.normal(scale=6.0, size=(COUNT, 3)), random.uniform(4.0, 9.0, COUNT)
+    ranges[1] = np.nan
+    number = np.arange(COUNT)[agents]
+    none = np.empty((len(number), 0, 3)), np.empty((len(number), 0))
+    return Measurement(places[agents], ranges[agents], np.full(len(number), 0.05), *none, agent=number)
+
+
+def averaged(belief, measurement, chosen=FILTER):
+    """What agents believe that learn the exact average."""
+    update = chosen.update(belief, measurement)
+    return chosen.conclude(np.repeat(update.payload.mean(axis=0)[None], COUNT, axis=0), update)
+
+
+def kalman(mean, covariance, measurement, motion):
+    """A step of the centralised filter of (p, v, d_1 ... d_n), in covariance form."""
+    step = np.eye(6 + COUNT)
+    step[:6, :6] = motion.transition
+    mean, covariance = step @ mean, step @ covariance @ step.T
+    covariance[:6, :6] += motion.process_noise
+    there = [agent for agent in range(COUNT) if np.isfinite(measurement.range[agent])]
+    rows, rest = np.zeros((len(there), 6 + COUNT)), np.zeros(len(there))
+    for place, agent in enumerate(there):
+        age = measurement.age[agent]
+        offset = mean[:3] - age * mean[3:6] - measurement.position[agent]
+        distance = np.linalg.norm(offset)
+        rows[place, :3], rows[place, 3:6] = offset / distance, -age * offset / distance
+        rows[place, 6 + agent] = 1.0
+        rest[place] = measurement.range[agent] - distance - mean[6 + agent]
+    gain = covariance @ rows.T @ np.linalg.inv(rows @ covariance @ rows.T + STD**2 * np.eye(len(there)))
+    return mean + gain @ rest, covariance - gain @ rows @ covariance
+
+
+@pytest.mark.parametrize(("known", "q"), [(False, 0.5), (True, 1e-5)])
+def test_with_an_exact_average_it_is_the_centralised_filter_of_target_and_all_biases(known, q):
+    """Where biases are known by a fix, what moves the target in the first step moves what they all are given it."""
+    random, motion = np.random.default_rng(3), NearlyConstantVelocity(0.5, q, 3)
+    chosen = make_filter("icf", replace(SETTINGS, motion=motion))
+    belief = begun(random)
+    offset, slope, given = belief.tied
+    if not known:
+        belief, offset, slope = replace(belief, tied=None), np.zeros(COUNT), np.zeros((COUNT, 6))
+        given = np.full(COUNT, BETA**2)
+    first = belief.known_covariance[0]
+    mean, cross = np.concatenate([belief.state[0], offset + slope @ belief.state[0]]), slope @ first
+    covariance = np.block([[first, cross.T], [cross, cross @ slope.T + np.diag(given)]])
+    for _ in range(4):
+        measurement = heard(random)
+        belief = averaged(belief, measurement, chosen)
+        mean, covariance = kalman(mean, covariance, measurement, motion)
+        np.testing.assert_allclose(belief.memory[0][0], mean, rtol=1e-5, atol=1e-5)
+        np.testing.assert_allclose(belief.memory[1][0], covariance, rtol=1e-5, atol=1e-5)
+        np.testing.assert_allclose(belief.state[0], mean[:6], rtol=1e-5, atol=1e-5)
+        np.testing.assert_allclose(belief.bias.value, mean[6:], rtol=1e-5, atol=1e-5)
+        np.testing.assert_allclose(belief.bias.std, np.sqrt(np.diag(covariance)[6:]), rtol=1e-5)
+
+
+def test_an_agent_is_a_batch_of_one_and_alone_it_goes_on_by_prediction():
+    random = np.random.default_rng(5)
+    belief = averaged(begun(random), heard(random))
+    for agent in range(COUNT):
+        one = slice(agent, agent + 1)
+        mine = Belief(belief.state[one], belief.covariance[one], memory=tuple(each[one] for each in belief.memory))
+        whole = FILTER.update(belief, heard(np.random.default_rng(6)))
+        alone = FILTER.update(mine, heard(np.random.default_rng(6), one))
+        np.testing.assert_array_equal(alone.payload, whole.payload[one])
+        kept = FILTER.conclude(alone.payload, alone)
+        np.testing.assert_array_equal(kept.state, MOTION.predict_state(mine.state))
+
+
+def test_a_move_and_a_recovery_leave_the_biases_alone():
+    random = np.random.default_rng(8)
+    belief = averaged(begun(random), heard(random))
+    place = Belief(belief.state + 9.0, 4.0 * belief.known_covariance)
+    there, wide = moved(FILTER, belief, place), widened(FILTER, belief, np.full(COUNT, 4.0))
+    for after in (there, wide):
+        np.testing.assert_array_equal(after.memory[0][:, 6:], belief.memory[0][:, 6:])
+        np.testing.assert_array_equal(after.memory[1][:, 6:, 6:], belief.memory[1][:, 6:, 6:])
+        np.testing.assert_allclose(after.memory[1][:, :6, :6], after.known_covariance)
+    np.testing.assert_array_equal(there.memory[0][:, :6], place.state)
+
+
+def test_few_agents_of_whose_biases_the_scenario_tells_estimate_them_together():
+    for more, together in (
+        ((), True),
+        (("agents.count=12",), True),
+        (("agents.count=13",), False),
+        (("sensor.bias=0.2",), False),
+        (("filter.bias_common_std=0.1",), False),
+        (("filter.defaults=8",), False),
+        (("filter.bias=none",), False),
+        (("filter.kind=ci",), False),
+        (("consensus.rounds=0",), False),
+    ):
+        plan = Plan(load("tracking", ["sensor.bias_std=0.5", *more]).scenario)
+        assert plan.settings.joint_biases is together
+        if together:
+            size = 6 + plan.scenario.count
+            assert plan.sharing.blocks == (size,)
+    assert not Plan(load("tracking").scenario).settings.joint_biases

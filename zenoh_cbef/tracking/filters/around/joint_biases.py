@@ -1,0 +1,196 @@
+"""The information-weighted consensus filter of a few agents that estimate all biases together, in the shared state."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Self
+
+import numpy as np
+
+from zenoh_cbef.arrays import Bools, Floats
+from zenoh_cbef.tracking.filters.base import Belief, Bias, Sharing, Update
+from zenoh_cbef.tracking.filters.information_form import (
+    belief_of,
+    informing,
+    pack,
+    packed_size,
+    saturated_precision,
+    saturation,
+    told,
+    unless_alone,
+    variance_of,
+)
+from zenoh_cbef.tracking.filters.rows import Rows
+from zenoh_cbef.tracking.filters.settings import FilterSettings
+from zenoh_cbef.tracking.linalg import inverse, matvec, outer
+from zenoh_cbef.tracking.motion import LinearMotion, linear
+from zenoh_cbef.tracking.ranging import Measurement, Space, own_range
+
+MOST = 12
+"""The most agents of which all biases travel in each message: its length grows with the square of their number."""
+
+_LEAST = 1e-9
+"""Least variance of a bias given the state, over the range noise's."""
+
+
+@dataclass(frozen=True)
+class JointBiases:
+    """sicf or icf with ranges r_i = |p - p_i| + d_i + v_i and constant biases d_i ~ N(0, beta^2), all in the state.
+
+    The network shares y = (p, v, d_1 ... d_n), so nothing is left out of a centralised Kalman filter: biases that were
+    learned against the same p are correlated, and where steps are long, so that p is little known beforehand, that
+    matters most. A filter whose agents keep their biases to themselves takes them for independent, and becomes too sure
+    of all of them at a wrong place.
+
+        V_i = P^-1 y/n + w F^T (z + F y)/sigma^2,   O_i = P^-1/n + w F^T F/sigma^2,   F = (H, e_i)
+
+    averaged and concluded as in sicf. An agent begins with what it alone knows: the fix N(x, P), which is the
+    network's, and d_i | x ~ N(a + b^T x, s) of its own ranges, (0, 0, beta^2) without them. So in the first step
+
+        V_i = (P^-1 x/n, 0) + a T^T/s + ...,   O_i = (P^-1/n, 0) + T^T T/s + ...,   T = (-b, e_i)
+
+    range_std: sigma (m). network_size: n. own_std: beta, m. xi: saturation level in standard deviations. power, widens:
+    as in sicf.
+    """
+
+    motion: LinearMotion
+    space: Space
+    range_std: float
+    network_size: int
+    own_std: float
+    xi: float = np.inf
+    power: int = 1
+    widens: bool = False
+
+    @classmethod
+    def sharing(cls, settings: FilterSettings) -> Sharing:
+        """Information vector and the upper triangle of the information matrix of (p, v) and all biases."""
+        size = settings.motion.size + settings.network_size
+        return Sharing(packed_size(size), cooperates=settings.network_size > 1, blocks=(size,))
+
+    @classmethod
+    def of(cls, settings: FilterSettings, xi: float) -> Self:
+        """The filter of these settings. xi: saturation level in standard deviations."""
+        return cls(
+            motion=linear(settings.motion),
+            space=settings.space,
+            range_std=settings.range_std,
+            network_size=settings.network_size,
+            own_std=settings.own_bias_std,
+            xi=xi,
+            power=settings.power,
+            widens=settings.widens,
+        )
+
+    @cached_property
+    def _transition(self) -> Floats:
+        size = self.motion.size
+        transition = np.eye(size + self.network_size)
+        transition[:size, :size] = self.motion.transition
+        return transition
+
+    @cached_property
+    def _process_noise(self) -> Floats:
+        return np.pad(self.motion.process_noise, ((0, self.network_size), (0, self.network_size)))
+
+    def update(self, belief: Belief, measurement: Measurement) -> Update:
+        """The agent's share of the network's information on (p, v, d)."""
+        own = self._own(measurement)
+        state, covariance, begins = belief.memory or self._begun(belief, own)
+        state = matvec(self._transition, state)
+        covariance = self._transition @ covariance @ self._transition.T + self._process_noise
+        vector, matrix = self._share(state, covariance, begins > 0.0, own)
+        size, count = self.motion.size, np.arange(len(state))
+        measured = np.isfinite(measurement.range)
+        variance = variance_of(measurement, self.range_std)
+        predicted, gradient = own_range(self.space, state[:, :size], measurement.position, measurement.age)
+        row = np.pad(gradient, ((0, 0), (0, self.network_size)))
+        row[count, size + own] = 1.0
+        innovation = np.where(measured, measurement.range - predicted - state[count, size + own], 0.0)
+        spread = np.sqrt(np.add.reduce(row * matvec(covariance, row), axis=1) + variance)
+        weight = saturation(innovation, self.xi * spread, self.power)
+        weighed = np.where(measured, weight, 0.0)
+        precision = saturated_precision(weighed, informing(measurement, variance), spread, widens=self.widens)
+        equivalent = innovation + np.add.reduce(row * state, axis=1)
+        payload = pack(
+            vector + (precision * equivalent)[:, None] * row, matrix + precision[:, None, None] * outer(row, row)
+        )
+        kept = state, covariance, own.astype(np.float64), begins
+        return Update(payload, told(measured, innovation, weight, spread), kept)
+
+    def conclude(self, payload: Floats, update: Update) -> Belief:
+        """State, covariance and biases from the averaged information, of which the network has n times as much."""
+        *prior, own, begins = update.kept
+        averaged = belief_of(payload, update.payload, self.motion.size + self.network_size)
+        averaged = Belief(averaged.state, averaged.known_covariance / self.network_size)
+        if self.network_size > 1:
+            averaged = unless_alone(averaged, payload, replace(update, kept=tuple(prior)))
+        state, covariance = averaged.state, averaged.known_covariance
+        size, count = self.motion.size, np.arange(len(state))
+        place = size + own.astype(np.intp)
+        bias = Bias(state[count, place], np.sqrt(np.maximum(covariance[count, place, place], 0.0)), np.ones(len(state)))
+        return Belief(
+            np.ascontiguousarray(state[:, :size]),
+            np.ascontiguousarray(covariance[:, :size, :size]),
+            bias,
+            (state, covariance, np.zeros_like(begins)),
+        )
+
+    def _begun(self, belief: Belief, own: Rows) -> tuple[Floats, Floats, Floats]:
+        """What an agent knows that has an estimate of the target, and perhaps a tied bias: state, covariance, 1."""
+        size, count = self.motion.size, np.arange(len(belief.state))
+        state = np.pad(belief.state, ((0, 0), (0, self.network_size)))
+        covariance = np.zeros((len(state), state.shape[1], state.shape[1]))
+        covariance[:, :size, :size] = belief.known_covariance
+        biases = np.arange(size, state.shape[1])
+        covariance[:, biases, biases] = self.own_std**2
+        if belief.tied is not None:
+            offset, slope, given = belief.tied
+            cross, place = matvec(belief.known_covariance, slope), size + own
+            state[count, place] = offset + np.add.reduce(slope * belief.state, axis=1)
+            covariance[count, place, :size] = covariance[count, :size, place] = cross
+            covariance[count, place, place] = given + np.add.reduce(slope * cross, axis=1)
+        return state, covariance, np.ones(len(state))
+
+    def moved(self, memory: tuple[Floats, ...], place: Belief) -> tuple[Floats, ...]:
+        """What a belief carries on, at another place; biases stay as they are."""
+        state, covariance, begins = (np.array(each) for each in memory)
+        size = self.motion.size
+        state[:, :size] = place.state
+        covariance[:, :size] = covariance[:, :, :size] = 0.0
+        covariance[:, :size, :size] = place.known_covariance
+        return state, covariance, begins
+
+    def widened(self, memory: tuple[Floats, ...], factor: Floats) -> tuple[Floats, ...]:
+        """The same with the covariance of the target multiplied by factors (n,)."""
+        state, covariance, begins = memory
+        scale = np.ones_like(state)
+        scale[:, : self.motion.size] = np.sqrt(factor)[:, None]
+        return state, covariance * (scale[:, :, None] * scale[:, None, :]), begins
+
+    def _share(self, state: Floats, covariance: Floats, begins: Bools, own: Rows) -> tuple[Floats, Floats]:
+        """The agent's share of what the network knew before its ranges: vector and matrix."""
+        matrix = inverse(covariance) / self.network_size
+        vector = matvec(matrix, state)
+        if not np.logical_or.reduce(begins):
+            return vector, matrix
+        size, count, place = self.motion.size, np.arange(len(state)), self.motion.size + own
+        known = inverse(covariance[:, :size, :size])
+        cross = covariance[count, place, :size]
+        slope = matvec(known, cross)
+        given = covariance[count, place, place] - np.add.reduce(slope * cross, axis=1)
+        precision = 1.0 / np.maximum(given, _LEAST * self.range_std**2)
+        row = np.zeros_like(state)
+        row[:, :size], row[count, place] = -slope, 1.0
+        first = precision[:, None, None] * outer(row, row)
+        first[:, :size, :size] += known / self.network_size
+        alone = (precision * np.add.reduce(row * state, axis=1))[:, None] * row
+        alone[:, :size] += matvec(known, state[:, :size]) / self.network_size
+        return np.where(begins[:, None], alone, vector), np.where(begins[:, None, None], first, matrix)
+
+    def _own(self, measurement: Measurement) -> Rows:
+        """The agents' places among the biases, (n,)."""
+        if measurement.agent is None:
+            raise ValueError("agents that estimate all biases together have to know their numbers")
+        return measurement.agent.astype(np.intp) % self.network_size
