@@ -1,0 +1,279 @@
+"""A ring in a file that processes map: what one process says, for recorders on its host.
+
+The writer stores a message's bytes, then their length and checksum, then one word, the head: how far it has written
+since it began. A reader looks no further than the head, so a message is there whole or not at all, whenever the writer
+is killed; and what it left is there after its death, as the file holds it. The checksum covers the place, too, so where
+a processor shows the stores in another order, or the bytes are an older lap's, the reader finds nothing there yet.
+
+A reader's place is in the file as well: the next recorder goes on from there. The writer writes over nothing that a
+reader still needs.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import mmap
+import os
+import struct
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import NamedTuple
+from zlib import crc32
+
+_MAGIC = int.from_bytes(b"cbefrng1", "little")
+_WORD = 8
+_AT_MAGIC, _AT_SIZE, _AT_HEAD, _AT_LEFT, _AT_NAMES = range(5)
+"""Words at the beginning of the file: what it is, bytes of the ring, the head, whether its writer has left it for good,
+and bytes of the names."""
+_SLOTS, _SLOT_WORDS, _FIRST_SLOT = 8, 8, 32
+"""Readers that a ring can have: for each a line of eight words, its tag (0: free) and its place."""
+_NAMES_BYTE, DATA_BYTE = 1024, 4096
+"""Where the names of what is in the ring begin, and where the ring."""
+_FRAME = struct.Struct("=II")
+_KIND_SHIFT, _LENGTH = 24, (1 << 24) - 1
+_SKIP = 255
+LEAST_BYTES = 1 << 12
+
+
+class RingError(Exception):
+    """The file is no ring, or the ring has no room for another reader."""
+
+
+def _frame_bytes(length: int) -> int:
+    """Bytes that a message of so many takes: with its frame, up to a whole word."""
+    return (_FRAME.size + length + _WORD - 1) & -_WORD
+
+
+def _checksum(data: bytes, place: int, kind: int) -> int:
+    return crc32(data, (place ^ kind << _KIND_SHIFT) & 0xFFFFFFFF)
+
+
+def _is_held(file: int) -> bool:
+    """Whether another open file holds the lock of this one's."""
+    try:
+        fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except OSError:
+        return True
+    fcntl.flock(file, fcntl.LOCK_UN)
+    return False
+
+
+def is_written(path: Path) -> bool:
+    """Whether the process that writes a ring, or holds another file of the folder, is still there."""
+    try:
+        file = os.open(path, os.O_RDWR | os.O_CLOEXEC)
+    except OSError:
+        return False
+    try:
+        return _is_held(file)
+    finally:
+        os.close(file)
+
+
+class RingWriter:
+    """The end that one thread writes to.
+
+    path: the file, which is there under this name when it is complete. names: what kinds of
+    messages there are. size: bytes of the ring, of which the host gives all at once, so that a full disk cannot end the
+    writer later. is_read: whether the reader with a tag is alive. Raises OSError.
+    """
+
+    def __init__(self, path: Path, names: Sequence[str], size: int, is_read: Callable[[int], bool]) -> None:
+        self.path, self._is_read = path, is_read
+        self._size = max(size, LEAST_BYTES) & -_WORD
+        text = "\n".join(names).encode()
+        if len(text) > DATA_BYTE - _NAMES_BYTE or len(names) >= _SKIP:
+            raise OSError("the names of what is in a ring have no room in it")
+        new = path.with_suffix(".new")
+        self._file = os.open(new, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600)
+        try:
+            left = DATA_BYTE + self._size
+            while left:
+                left -= os.write(self._file, bytes(min(left, 1 << 20)))
+            fcntl.flock(self._file, fcntl.LOCK_EX)
+            self._map = mmap.mmap(self._file, DATA_BYTE + self._size)
+            self._words = memoryview(self._map).cast("Q")
+            self._words[_AT_SIZE], self._words[_AT_NAMES] = self._size, len(text)
+            self._map[_NAMES_BYTE : _NAMES_BYTE + len(text)] = text
+            self._words[_AT_MAGIC] = _MAGIC
+            new.rename(path)
+        except BaseException:
+            os.close(self._file)
+            new.unlink(missing_ok=True)
+            raise
+        self._head, self._until = 0, self._size
+
+    def write(self, kind: int, data: bytes) -> bool:
+        """Leave a message of a kind, a number of `names`; False where there is no room for it."""
+        head, need = self._head, _frame_bytes(len(data))
+        at = head % self._size
+        rest = self._size - at
+        skip = rest if need > rest else 0
+        if head + skip + need > self._until and not self._make_room(head + skip + need):
+            return False
+        if skip:
+            _FRAME.pack_into(self._map, DATA_BYTE + at, _SKIP << _KIND_SHIFT, _checksum(b"", head, _SKIP))
+            head, at = head + skip, 0
+        at += DATA_BYTE
+        begin = at + _FRAME.size
+        self._map[begin : begin + len(data)] = data
+        _FRAME.pack_into(self._map, at, kind << _KIND_SHIFT | len(data), _checksum(data, head, kind))
+        self._head = head + need
+        self._words[_AT_HEAD] = self._head  # one store of a word: the message is there
+        return True
+
+    @property
+    def readers(self) -> bool:
+        """Whether any reader of the ring is alive."""
+        return any(self._is_read(tag) for tag, _ in self._places())
+
+    def _places(self) -> list[tuple[int, int]]:
+        """Tag and word of the place of each reader."""
+        starts = range(_FIRST_SLOT, _FIRST_SLOT + _SLOTS * _SLOT_WORDS, _SLOT_WORDS)
+        return [(self._words[start], start + 1) for start in starts if self._words[start]]
+
+    def _make_room(self, until: int) -> bool:
+        """Learn how far readers have got. One that is gone is forgotten where another has got further."""
+        places = self._places()
+        if any(until - self._words[at] > self._size for _, at in places):
+            living = [at for tag, at in places if self._is_read(tag)]
+            gone = [at for _, at in places if at not in living]
+            for at in gone if living else ():
+                self._words[at - 1] = 0
+            places = self._places()
+        read = min((self._words[at] for _, at in places), default=0)
+        self._until = read + self._size
+        return until <= self._until
+
+    def leave(self) -> None:
+        """Say that no more comes: readers hear the rest elsewhere, or there is none."""
+        self._words[_AT_LEFT] = 1
+
+    def close(self, *, remove: bool) -> None:
+        """Let go of the ring. remove: the file, too, as no reader is left."""
+        self._words.release()
+        self._map.close()
+        if remove:
+            self.path.unlink(missing_ok=True)
+        os.close(self._file)
+
+
+class Said(NamedTuple):
+    """A message from a ring: the name of its kind, and its bytes."""
+
+    name: str
+    data: bytes
+
+
+class RingReader:
+    """The end of one reader. tag: which, any number but 0; one reader at a time. Raises RingError, OSError.
+
+    A reader whose tag the ring does not know begins with the oldest message that no reader has taken.
+    """
+
+    def __init__(self, path: Path, tag: int, is_read: Callable[[int], bool]) -> None:
+        self.path, self._tag = path, tag
+        self._file = os.open(path, os.O_RDWR | os.O_CLOEXEC)
+        try:
+            length = os.fstat(self._file).st_size
+            if length <= DATA_BYTE:
+                raise RingError(f"{path} is no ring")
+            self._map = mmap.mmap(self._file, length)
+        except BaseException:
+            os.close(self._file)
+            raise
+        self._words = memoryview(self._map).cast("Q") if not length % _WORD else None
+        self._size = length - DATA_BYTE
+        if self._words is None or self._words[_AT_MAGIC] != _MAGIC or self._words[_AT_SIZE] != self._size:
+            self.close()
+            raise RingError(f"{path} is no ring")
+        text = self._map[_NAMES_BYTE : _NAMES_BYTE + min(self._words[_AT_NAMES], DATA_BYTE - _NAMES_BYTE)]
+        self._names = text.decode(errors="replace").split("\n")
+        try:
+            self._slot = self._claim(tag, is_read)
+        except RingError:
+            self.close()
+            raise
+        self._place = self._words[self._slot + 1]
+
+    def _claim(self, tag: int, is_read: Callable[[int], bool]) -> int:
+        words = self._known()
+        starts = range(_FIRST_SLOT, _FIRST_SLOT + _SLOTS * _SLOT_WORDS, _SLOT_WORDS)
+        for start in starts:
+            if words[start] == tag:
+                return start
+        oldest = min((words[start + 1] for start in starts if words[start]), default=0)
+        for start in starts:
+            if not words[start] or not is_read(words[start]):
+                words[start] = 0
+                words[start + 1] = oldest
+                words[start] = tag
+                return start
+        raise RingError(f"{self.path} has {_SLOTS} readers")
+
+    def _known(self) -> memoryview[int]:
+        if self._words is None:
+            raise RingError(f"{self.path} is no ring")
+        return self._words
+
+    def read(self, most: int) -> list[Said]:
+        """The next messages, at most so many. What is not whole yet is not there."""
+        found: list[Said] = []
+        place, head = self._place, self._known()[_AT_HEAD]
+        if head - place > self._size:  # The writer forgot a reader that was taken for dead.
+            place = head
+        while place < head and len(found) < most:
+            at = DATA_BYTE + place % self._size
+            begin = at + _FRAME.size
+            word, checksum = _FRAME.unpack_from(self._map, at)
+            kind, length = word >> _KIND_SHIFT, word & _LENGTH
+            data = self._map[begin : begin + length]
+            if len(data) != length or _checksum(data, place, kind) != checksum:
+                break
+            if kind == _SKIP:
+                place += self._size - place % self._size
+                continue
+            place += _frame_bytes(length)
+            if kind < len(self._names):
+                found.append(Said(self._names[kind], data))
+        self._place = place
+        return found
+
+    def pass_over(self) -> None:
+        """Go on behind what cannot be read."""
+        self._place = self._known()[_AT_HEAD]
+
+    def save(self) -> None:
+        """Note in the ring that what was read is safe: the writer may write over it, the next reader goes on here."""
+        words = self._known()
+        words[self._slot + 1] = self._place
+        words[self._slot] = self._tag
+
+    @property
+    def waiting(self) -> int:
+        """Bytes that were not read yet."""
+        return int(self._known()[_AT_HEAD]) - self._place
+
+    @property
+    def share(self) -> float:
+        """The part of the ring that is not free."""
+        return (int(self._known()[_AT_HEAD]) - int(self._known()[self._slot + 1])) / self._size
+
+    @property
+    def left(self) -> bool:
+        """Whether the writer has left the ring for good."""
+        return bool(self._known()[_AT_LEFT])
+
+    @property
+    def written(self) -> bool:
+        """Whether the writer is still there."""
+        return _is_held(self._file)
+
+    def close(self) -> None:
+        """Let go of the ring; the place that was saved stays in it."""
+        if self._words is not None:
+            self._words.release()
+        self._map.close()
+        with suppress(OSError):
+            os.close(self._file)
