@@ -1,16 +1,22 @@
 """Names that any process may announce where links have no certificates; tokens of real sessions."""
 
-from threading import Event, Thread
+import threading
+import time
+from threading import Event, Lock, Thread
 
 import pytest
+from zenoh import ZError
 
 from tests.processes.conftest import unused_port
+from tests.protocol.conftest import Pair
 from zenoh_cbef.protocol import presence
 from zenoh_cbef.protocol.keys import Keys
 from zenoh_cbef.protocol.presence import Presence
 from zenoh_cbef.protocol.session import Connection, open_session
 
 LIVE = Keys("test").all_live
+MANY = 1000
+"""More than the places that Zenoh gives a callback, 256, and what waits on the way to it."""
 MADE_UP = ["agent/1000", "agent/x", "nonsense/deep/er", "life/made-up/1", "over/record/a", "ready/agent/1", "heard/x/1"]
 
 
@@ -55,3 +61,62 @@ def test_who_waits_without_an_end_is_told_of_every_change() -> None:
         seen.announce("agent/1")
         waits.join(20)
         assert not waits.is_alive()
+
+
+def test_any_number_of_names_may_wait_for_a_lock_that_is_held_while_a_name_is_announced(pair: Pair) -> None:
+    here, there = pair
+    seen, other = (Presence(session, LIVE) for session in pair)
+    lock, came, announced, heard = Lock(), Event(), Event(), set[str]()
+
+    def note(name: str, _joined: bool) -> None:
+        with lock:
+            heard.add(name)
+
+    def announce() -> None:
+        seen.announce("agent/2")
+        announced.set()
+
+    seen.on_change(note)
+    here.declare_subscriber("after/names", lambda _: came.set())
+    names = {f"heard/agent/1/{number}" for number in range(MANY)}
+    with lock:
+        for name in names:
+            other.announce(name)
+        until = time.monotonic() + 100.0
+        while not came.wait(0.1) and time.monotonic() < until:
+            there.put("after/names", b"")
+        assert came.is_set(), "what is sent after the names comes"
+        Thread(target=announce, daemon=True).start()
+        assert announced.wait(100.0)
+    until = time.monotonic() + 100.0
+    while heard != names | {"agent/2"} and time.monotonic() < until:
+        time.sleep(0.01)
+    assert heard == names | {"agent/2"}
+
+
+def test_its_thread_ends_with_its_session() -> None:
+    before = set(threading.enumerate())
+    with open_session(Connection()) as session:
+        Presence(session, LIVE)
+        [its] = [one for one in threading.enumerate() if one.name == "presence" and one not in before]
+    its.join(100.0)
+    assert not its.is_alive()
+
+
+def test_a_listener_that_fails_does_not_end_what_others_are_told(capfd: pytest.CaptureFixture[str]) -> None:
+    told: list[str] = []
+
+    def fail(name: str, _joined: bool) -> None:
+        told.append(name)
+        raise ZError(name) if name == "agent/1" else RuntimeError(name)
+
+    with open_session(Connection()) as session:
+        seen = Presence(session, LIVE)
+        seen.on_change(fail)
+        for name in ("agent/1", "agent/2", "agent/3"):
+            seen.announce(name)
+        until = time.monotonic() + 100.0
+        while len(told) < 3 and time.monotonic() < until:
+            time.sleep(0.01)
+        assert sorted(told) == ["agent/1", "agent/2", "agent/3"]
+    assert "RuntimeError: agent/2" in capfd.readouterr().err

@@ -17,16 +17,24 @@ def test_a_process_comes_and_goes_and_leaves_and_is_known_by_its_life(pair: Pair
     seen.on_change(lambda name, joined: changes.append((name, joined)))
     assert (seen.life("agent/3"), seen.is_over("agent/3")) == ("", False)
 
+    def told(number: int) -> None:
+        """Wait for so many changes: listeners are told of one after those that wait for it."""
+        until = time.monotonic() + 100.0
+        while len(changes) < number and time.monotonic() < until:
+            time.sleep(0.01)
+
     other.enter("agent/3")
     assert seen.wait(lambda live: "agent/3" in live, 100.0)
     assert "agent/3" in seen
     assert "agent/4" not in seen
     first = seen.life("agent/3")
     assert first == str(pair[1].zid())
+    told(2)
     assert changes == [(f"life/agent/3/{first}", True), ("agent/3", True)], "the life is told first"
 
     other.withdraw()
     assert seen.wait(lambda live: not live, 100.0)
+    told(4)
     assert changes[2:] == [("agent/3", False), (f"life/agent/3/{first}", False)], "the latest first"
     assert not seen.is_over("agent/3"), "a link may have broken"
 

@@ -82,7 +82,7 @@ class Detour:
         if mutual and name not in self._tokens:
             tokens = [f"heard/{self._own}/*", f"life/{name}/*", f"over/{name}"]
             self._tokens[name] = [self._presence.follow(client, one) for one in tokens]
-            # Its name comes last: who sees it may rely on the rest. Each of these is taken in by a thread of its own.
+            # Its name comes last: who sees it may rely on the rest. Each of these comes by a thread of its own.
             life = f"life/{name}/"
             self._presence.wait(lambda live: any(one.startswith(life) for one in live), _ASK_SECONDS)
             self._tokens[name].append(self._presence.follow(client, name))

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import threading
+import traceback
 from collections import defaultdict
 from collections.abc import Callable
+from queue import SimpleQueue
 
 import zenoh
 
@@ -32,7 +34,12 @@ def follow_token(session: zenoh.Session, key: str, note: Callable[[bool], None])
 
 
 class Presence:
-    """Which processes are there: the liveliness tokens of a run, ours and others', updated in the background."""
+    """Which processes are there: the liveliness tokens of a run, ours and others', updated in the background.
+
+    Zenoh gives a callback of Python 256 places. While they are full it receives nothing else, and whatever declares a
+    token waits: where a listener waits for a lock that the declaring thread holds, for good. So Zenoh's callback puts
+    tokens into a queue without a limit, and a thread of ours works it off.
+    """
 
     def __init__(self, session: zenoh.Session, expression: str) -> None:
         self._session = session
@@ -43,11 +50,23 @@ class Presence:
         self._over: set[str] = set()
         self._changed = threading.Condition()
         self._listeners: list[Callable[[str, bool], None]] = []
-        self._subscriber = self.follow(session, "**")
+        self._waiting: SimpleQueue[zenoh.Sample | None] = SimpleQueue()
+        threading.Thread(target=self._work_off, name="presence", daemon=True).start()
+        until_closed = zenoh.handlers.Callback(self._waiting.put, drop=lambda: self._waiting.put(None))
+        session.liveliness().declare_subscriber(self._prefix + "**", until_closed, history=True)
 
     def follow(self, session: zenoh.Session, names: str) -> zenoh.Subscriber[None]:
         """Take in what a session, ours or another one, sees of these names, until the subscriber is undeclared."""
-        return session.liveliness().declare_subscriber(self._prefix + names, self._notice, history=True)
+        return session.liveliness().declare_subscriber(self._prefix + names, self._waiting.put, history=True)
+
+    def _work_off(self) -> None:
+        while (sample := self._waiting.get()) is not None:
+            try:
+                self._notice(sample)
+            except zenoh.ZError:
+                pass  # a listener found the session closed
+            except Exception:  # noqa: BLE001 - a listener that fails must not end what all others are told
+                traceback.print_exc()
 
     def _notice(self, sample: zenoh.Sample) -> None:
         name = str(sample.key_expr).removeprefix(self._prefix)
