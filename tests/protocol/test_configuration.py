@@ -55,6 +55,7 @@ def test_settings_are_handed_on() -> None:
     assert config["scouting"]["multicast"]["enabled"] is True
     assert config["scouting"]["gossip"]["enabled"] is False
     assert config["transport"]["link"]["tx"]["lease"] == 700
+    assert config["transport"]["unicast"]["open_timeout"] == 10_000, "a link that hundreds make at once takes long"
 
 
 def test_a_client_listens_nowhere_unless_told_to_and_does_not_wait_in_zenoh() -> None:

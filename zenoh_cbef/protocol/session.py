@@ -27,8 +27,12 @@ _LOCAL = re.compile(r"^(unixsock-stream/|\w+/(127\.[\d.]+|localhost|\[::1\]):)")
 _MEET_SECONDS = 1.0
 _MEET_ALL_SECONDS = 0.5
 _ROUTER_RETRY_SECONDS = 0.2
-_OPEN_MS = 1500
-"""How long a link may take to open before it is tried again; a session that closes waits for as long."""
+_OPEN_MS, _LISTENER_OPEN_MS = 1500, 10_000
+"""How long a link may take to open before it is tried again; a session that closes waits for as long.
+
+Longer for processes that listen, of which hundreds link at once: a link whose time is up between the last two steps of
+its opening stays in Zenoh's tables, sends, and is never read.
+"""
 _SCOUT_MS = 20
 """How long Zenoh may hold up the opening of a session for its first link: by default half a second, at random, also
 where the link is there. Processes wait for the links that they need themselves."""
@@ -193,7 +197,7 @@ def _config(connection: Connection) -> zenoh.Config:
         "connect/retry": {"period_init_ms": 50, "period_max_ms": 400, "period_increase_factor": 1.5},
         "listen/exit_on_failure": True,
         "transport/link/tx/lease": connection.lease_ms,
-        "transport/unicast/open_timeout": _OPEN_MS,
+        "transport/unicast/open_timeout": _LISTENER_OPEN_MS if connection.listen else _OPEN_MS,
         "transport/unicast/max_sessions": MOST_LINKS,
         "transport/unicast/accept_pending": MOST_LINKS,
         "transport/shared_memory/enabled": False,
