@@ -37,7 +37,8 @@ class Hall:
         assert self.presence.wait(lambda live: not claims & live, 100.0)
 
     def want(self, session: zenoh.Session, name: str = "agent/1", patience: float = 20.0) -> bool | None:
-        return claim(session, KEYS.claims, Presence(session, KEYS.all_live), name, patience)
+        presence = Presence(session, KEYS.all_live)
+        return claim(session, KEYS.claims, presence, name, patience, connection=self.there)
 
 
 @pytest.fixture

@@ -125,7 +125,8 @@ def test_the_directory_tells_both_ends_of_a_detour_and_when_the_other_listens() 
         places = []
         for number, session in enumerate(sessions, 1):
             name = f"agent/{number}"
-            assert claim(session, KEYS.claims, Presence(session, KEYS.all_live), name, 100.0)
+            presence = Presence(session, KEYS.all_live)
+            assert claim(session, KEYS.claims, presence, name, 100.0, connection=Connection([place]))
             places.append(Place(name, str(session.zid()), "host", ()))
         first, second, third = places
         assert directory.tell(first) == Told([], {})

@@ -11,6 +11,8 @@ import zenoh
 from zenoh_cbef.protocol.answering import Answering
 from zenoh_cbef.protocol.keys import can_be_claimed
 from zenoh_cbef.protocol.presence import Presence
+from zenoh_cbef.protocol.renewing import Renewal
+from zenoh_cbef.protocol.session import Connection
 
 _ASK_SECONDS, _LONGEST_SECONDS = 1.0, 10.0
 _AGAIN_SECONDS, _SLOWEST_SECONDS = 0.02, 0.5
@@ -71,23 +73,26 @@ def claim(
     name: str,
     patience: float,
     *,
+    connection: Connection,
     stopped: Callable[[], bool] = lambda: False,
 ) -> bool | None:
     """Claim a name until this session ends. Returns whether it is ours; None if no target says so.
 
-    The target is asked for `patience` s, and until `stopped` says that this process is to end. claims: the key.
+    The target is asked for `patience` s, and until `stopped` says that this process is to end; over a new link where
+    the one that is there is mute. claims: the key. connection: of the session.
 
     A claim alone is not a process that takes part, so the claim of a process that does not get the name has no effect.
     """
     life = str(session.zid())
     presence.announce(_token(name, life))
-    until, pause = time.monotonic() + patience, _AGAIN_SECONDS
+    until, pause, renewal = time.monotonic() + patience, _AGAIN_SECONDS, Renewal(session, connection)
     while time.monotonic() < until and not stopped():
         # A process that gives up asks again, which a target that hundreds ask at once would never get over.
         left = min(max(_ASK_SECONDS, until - time.monotonic()), _LONGEST_SECONDS)
         for reply in session.get(f"{claims}?name={name};life={life}", timeout=left):
             if reply.ok is not None and (holder := reply.ok.payload.to_bytes()):
                 return holder == life.encode()
+        renewal.note_silence()
         time.sleep(pause)
         pause = min(2.0 * pause, _SLOWEST_SECONDS)
     return None

@@ -17,6 +17,7 @@ from zenoh_cbef.protocol.fields import Counts, field_of
 from zenoh_cbef.protocol.keys import Keys
 from zenoh_cbef.protocol.messages import VERSION, BadMessage, unpack
 from zenoh_cbef.protocol.reach import why_no_answer
+from zenoh_cbef.protocol.renewing import Renewal
 from zenoh_cbef.protocol.session import Connection
 
 _TIME_ONLY = "only=time"
@@ -81,8 +82,11 @@ def fetch_scenario(
     patience: float,
     stopped: Callable[[], bool] = lambda: False,
 ) -> ScenarioText:
-    """Ask for the scenario, again and again for `patience` s. Raises UserError where no target gives a valid answer."""
-    until = time.monotonic() + patience
+    """Ask for the scenario, again and again for `patience` s, over a new link where the one that is there is mute.
+
+    Raises UserError where no target gives a valid answer.
+    """
+    until, renewal = time.monotonic() + patience, Renewal(session, connection)
     while not stopped():
         left = min(max(_ASK_SECONDS, until - time.monotonic()), _LONGEST_SECONDS)
         answers = _ask(session, Keys(run).scenario, left)
@@ -96,6 +100,7 @@ def fetch_scenario(
             return texts[0]
         if time.monotonic() > until:
             break
+        renewal.note_silence()
         time.sleep(0.03)
     raise UserError(f"no target of run {run!r} answers: {why_no_answer(session, connection, run)}")
 

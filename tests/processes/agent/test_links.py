@@ -37,7 +37,8 @@ def test_a_wrong_address_is_told_and_a_stranger_is_cut_off(world: World) -> None
     events: list[bytes] = []
     with outsider(target) as listener, open_session(liar) as first, open_session(stranger) as second:
         listener.declare_subscriber(keys.event("agent/0"), lambda sample: events.append(sample.payload.to_bytes()))
-        assert claim(first, keys.claims, Presence(first, keys.all_live), "agent/1", 100.0)
+        presence = Presence(first, keys.all_live)
+        assert claim(first, keys.claims, presence, "agent/1", 100.0, connection=liar)
         lie = Place("agent/1", str(first.zid()), own_host(), (target,))
 
         def told() -> bool:
@@ -64,7 +65,7 @@ def test_a_link_over_which_no_name_comes_is_made_again(world: World) -> None:
             lambda event: made.append(str(event.link.zid)) if event.kind == zenoh.SampleKind.PUT else None
         )
         presence = Presence(session, keys.all_live)
-        assert claim(session, keys.claims, presence, "agent/1", 100.0)
+        assert claim(session, keys.claims, presence, "agent/1", 100.0, connection=mute)
         own = Place("agent/1", str(session.zid()), own_host(), tuple(mute.listen))
         life = life_at(agent, mute)
 

@@ -159,7 +159,8 @@ class Node:
         """
         run, name = self.identity.run, f"{self.identity.role}/{self.identity.name}"
         patience, claims = self.identity.patience, self.keys.claims
-        ours = claim(self.session, claims, self.presence, name, patience, stopped=lambda: self.stopping)
+        about, stopped = self.identity.connection, lambda: self.stopping
+        ours = claim(self.session, claims, self.presence, name, patience, connection=about, stopped=stopped)
         if ours is None and self.stopping:
             raise Interrupted
         if ours is None:
