@@ -51,6 +51,9 @@ Chance = Annotated[float, _within(1e-9, 1.0)]
 Factor = Annotated[float, _within(1e-6, 1e12)]
 """A multiple of something, above zero."""
 
+Deviations = Annotated[float, _within(0.0, 100.0)]
+"""How many standard deviations."""
+
 Agent = Annotated[int, Field(ge=0, lt=10**6)]
 """A number that may be an agent's; whether the scenario has it, its check says."""
 

@@ -95,6 +95,7 @@ def scenarios(draw: st.DrawFn) -> dict[str, Any]:
     kind = draw(st.sampled_from([one for one in KINDS if one != "cbef"]))
     scheme = draw(st.sampled_from(["auto", "average", "running-sums"]))
     whole = kind in {"sicf", "icf", "ci"} and scheme != "running-sums"
+    quiet = {"trigger": 0.3, "isolate": False} if whole and draw(st.booleans()) else {}
     return {
         "seed": draw(st.integers(0, 2**63 - 1)),
         "steps": 10,
@@ -104,6 +105,7 @@ def scenarios(draw: st.DrawFn) -> dict[str, Any]:
             "rounds": draw(st.integers(1, 3)),
             "scheme": scheme,
             "precision": draw(st.sampled_from(_PRECISIONS if whole else _PRECISIONS[:2])),
+            **quiet,
         },
         "filter": {"kind": kind},
         "fault": draw(st.lists(faults(), min_size=1, max_size=5)),

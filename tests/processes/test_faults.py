@@ -68,6 +68,14 @@ def test_what_liars_lead_an_honest_agent_to_send_is_bounded_as_in_the_simulator(
     assert run(world, FLOOD_OF_LIES).messages.rejected == 0
 
 
+def test_silent_agents_give_the_simulators_bits(world):
+    stage = {"rounds": 4, "precision": "int12", "trigger": 0.3}
+    run(world, EVERY_KIND | {"consensus": stage})
+    silent = read_trace(world.log).diagnostics.silent
+    assert (silent[:, 10:] > 0.0).any()
+    assert (silent[:, 10:] < 3.0).any()
+
+
 @examples(2, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(scenario=scenarios())
 def test_random_faulty_scenarios_run_as_processes_and_verify(tmp_path_factory, scenario):

@@ -11,7 +11,7 @@ from tests.examples import examples
 from zenoh_cbef.protocol.keys import address
 from zenoh_cbef.protocol.messages import BadMessage, unpack
 from zenoh_cbef.protocol.round_codec import RoundCodec
-from zenoh_cbef.protocol.short import HEAD_BYTES, ShortCodec, is_short, numbered, step_of
+from zenoh_cbef.protocol.short import HEAD_BYTES, SILENT_BYTES, ShortCodec, is_short, numbered, step_of
 from zenoh_cbef.tracking.compact import Compact
 
 COMPACT = Compact(14, (4,), "int12")
@@ -34,6 +34,21 @@ def test_a_message_is_read_as_it_was_written_alone_and_among_others(numbers, val
     assert (many.seq[2], many.sent[2], many.step[2], many.round[2]) == numbers
     assert is_short(data, AT)
     assert (*numbered(data), step_of(data)) == (seq, sent, step)
+
+
+def test_silence_has_no_payload_and_is_refused_where_agents_always_speak():
+    quiet = ShortCodec(Compact(14, (4,), "int12", silences=True))
+    payload = COMPACT.rounded(np.linspace(1.0, 2.0, 14)[None])
+    silence, told = quiet.encode(7, 8, 9, 3, np.full(14, np.nan)), quiet.encode(8, 9, 9, 4, payload)
+    assert len(silence) == SILENT_BYTES
+    assert is_short(silence, AT)
+    assert (*numbered(silence), step_of(silence)) == (7, 8, 9)
+    many = quiet.decode_all([silence, told, silence])
+    assert many.round.tolist() == [3, 4, 3]
+    assert np.isnan(many.payload[[0, 2]]).all()
+    assert many.payload[1].tobytes() == payload.tobytes()
+    with pytest.raises(BadMessage, match="silence, which the run does not have"):
+        CODEC.decode(silence)
 
 
 @given(st.binary(max_size=200))

@@ -20,7 +20,11 @@ from zenoh_cbef.tracking.ranging import Measurement
 STAGES = {
     f"{weights} {acceleration}": {"weights": weights, "acceleration": acceleration, "scheme": "average"}
     for weights, acceleration in itertools.product(["uniform", "metropolis"], ["none", "chebyshev"])
-} | {"running sums": {"scheme": "running-sums"}, "trimmed": {"trim": 1}}
+} | {
+    "running sums": {"scheme": "running-sums"},
+    "trimmed": {"trim": 1},
+    "triggered": {"trigger": 0.2, "precision": "int12"},
+}
 
 
 def met(stages):
@@ -164,6 +168,7 @@ SAYING: dict[str, dict] = {
     "distrust": {"filter": {"kind": "sicf", "distrust": True}},
     "maneuver": {"filter": {"kind": "icf", "motion": "imm", "distrust": True, "range_std": "auto"}},
     "status": {"filter": {"kind": "hcmci"}},
+    "silent": {"consensus": {"trigger": 0.3}},
     "status_seconds": {"filter": {"kind": "sicf", "bias": "auto", "range_std": "auto", "recovery": True}},
 }
 

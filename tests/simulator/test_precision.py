@@ -77,8 +77,15 @@ def test_rounding_keeps_the_sum_of_the_network(scheme):
 
 @pytest.mark.parametrize(
     ("precision", "overrides"),
-    [("int12", []), ("int8", [LOSS]), ("float32", [LIAR]), ("int16", [LIAR]), ("float32", ["filter.kind='kcf'"])],
-    ids=["int12", "loss", "liar", "liar16", "states"],
+    [
+        ("int12", []),
+        ("int8", [LOSS]),
+        ("float32", [LIAR]),
+        ("int16", [LIAR]),
+        ("float32", ["filter.kind='kcf'"]),
+        ("float64", [LOSS, "consensus.trigger=0.3"]),
+    ],
+    ids=["int12", "loss", "liar", "liar16", "states", "silent"],
 )
 def test_a_log_is_short_sound_equal_bit_for_bit_and_can_be_read(tmp_path, precision, overrides):
     setting = f"consensus.precision='{precision}'"
@@ -91,7 +98,9 @@ def test_a_log_is_short_sound_equal_bit_for_bit_and_can_be_read(tmp_path, precis
     assert decoder.tally.recorded == 20 * 5 * header.plan.rounds
     shown = list(lines(log, Selection(include=(re.compile(".*/agent/3/round"),))))
     assert len(shown) == 20 * header.plan.rounds
-    assert all('"payload":[' in one for one in shown)
+    spoken = sum('"payload":[' in one for one in shown)
+    assert spoken == len(shown) if header.scenario.consensus.trigger == 0.0 else 20 < spoken < len(shown)
+    assert spoken + sum('"payload":null' in one for one in shown) == len(shown)
 
 
 def test_where_integers_are_unsound_a_sentence_names_the_remedy():

@@ -31,6 +31,7 @@ def with_scheme(plan: Plan, scheme: Scheme, *, linear: bool = False) -> Plan:
         "scheme": "running-sums" if scheme == "running-sums" else "average",
         "acceleration": "chebyshev" if scheme == "chebyshev" else "none",
         "trim": 0,
+        "trigger": 0.0,
     }
     if linear:
         settings["precision"] = "float64"

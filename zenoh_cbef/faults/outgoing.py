@@ -87,12 +87,15 @@ class Outgoing:
         """What is sent in a round, (n, d), in place of the honest messages (n, d).
 
         It is bounded for honest agents, too: receivers reject more, and what liars say, or a filter that diverges, may
-        lead an honest agent there.
+        lead an honest agent there. NaN, silence, stays NaN.
         """
         if self._faults:
+            silent = np.isnan(message[:, 0])
             message = self._sent(step, round_, message, self._displaced)
+            silent |= np.isnan(message[:, 0])
             if self._rounded is not None:
-                message = self._rounded(message)
+                message = self._rounded(np.where(silent[:, None], 0.0, message))
+            message = np.where(silent[:, None], np.nan, message) if silent.any() else message
         return message if is_within(message, LARGEST_SENT) else np.clip(message, -LARGEST_SENT, LARGEST_SENT)
 
     def ranges(self, step: int, ranges: Floats) -> Floats:

@@ -2,8 +2,9 @@
 
     code (1 byte), seq (4), sent (8), k (4), l (2), all little-endian; the payload as tracking/compact.py has it
 
-Run and sender are those of the key, which names both. The code says how the payload is laid out; none begins a msgpack
-map, so no reader takes such a message for one of another kind.
+Of an agent that keeps silent in a round (tracking/triggered.py) the message has code 1 and no payload: lockstep waits
+for every message. Run and sender are those of the key, which names both. The code says how the payload is laid out;
+none begins a msgpack map, so no reader takes such a message for one of another kind.
 """
 
 from __future__ import annotations
@@ -28,11 +29,16 @@ HEAD_BYTES = _HEAD.size - 1
 """Bytes before a payload and its code."""
 _ROW = np.dtype([("code", "u1"), ("seq", "<u4"), ("sent", "<u8"), ("step", "<u4"), ("round", "<u2")])
 _MOST = 1 << 63
+_SILENT = 1
+SILENT_BYTES = _HEAD.size
+"""Bytes of a message that stands for silence."""
 
 
 def is_short(data: bytes, at: Address | None) -> bool:
     """Whether a message on a key is one of these, as far as its beginning tells."""
-    return at is not None and at.kind == "round" and len(data) > _HEAD.size and is_code(data[0])
+    if at is None or at.kind != "round":
+        return False
+    return data[0] == _SILENT if len(data) == _HEAD.size else len(data) > _HEAD.size and is_code(data[0])
 
 
 def numbered(data: bytes) -> tuple[int, int]:
@@ -71,24 +77,31 @@ class ShortCodec:
         self._compact = compact
 
     def encode(self, seq: int, sent: int, step: int, round_: int, payload: Floats) -> bytes:
-        """One message; payload: d numbers, rounded before."""
+        """One message; payload: d numbers, rounded before, or NaN: silence."""
+        if payload.flat[0] != payload.flat[0]:
+            return _HEAD.pack(_SILENT, seq & 0xFFFFFFFF, sent, step, round_)
         packed = self._compact.pack(payload)
         return _HEAD.pack(packed[0], seq & 0xFFFFFFFF, sent, step, round_) + packed[1:]
 
     def decode(self, data: bytes) -> tuple[int, int, int, bytes]:
-        """Step, round, sending time (ns) and payload: d float64. Raises BadMessage."""
+        """Step, round, sending time (ns) and payload: d float64, NaN for silence. Raises BadMessage."""
         rounds = self.decode_all([data])
         return int(rounds.step[0]), int(rounds.round[0]), int(rounds.sent[0]), rounds.payload.tobytes()
 
     def decode_all(self, messages: Sequence[bytes]) -> Rounds:
         """Many messages at once. Raises BadMessage where any is not as promised."""
-        if min(map(len, messages)) <= _HEAD.size:
+        if min(map(len, messages)) < _HEAD.size:
             raise BadMessage("too short")
         heads = np.frombuffer(b"".join(data[: _HEAD.size] for data in messages), _ROW)
         if (heads["sent"] >= _MOST).any():
             raise BadMessage("field sent is not as promised")
+        silent = np.array([len(data) == _HEAD.size and data[0] == _SILENT for data in messages])
+        if silent.any() and not self._compact.silences:
+            raise BadMessage("silence, which the run does not have")
+        payload = np.full((len(messages), self._compact.width), np.nan)
+        told = [messages[row] for row in np.flatnonzero(~silent).tolist()]
         try:
-            payload = self._compact.unpack([data[:1] + data[_HEAD.size :] for data in messages])
+            payload[~silent] = self._compact.unpack([data[:1] + data[_HEAD.size :] for data in told])
         except ValueError as error:
             raise BadMessage(str(error)) from None
         seq, sent = heads["seq"].astype(np.uint32), heads["sent"].astype(np.uint64)

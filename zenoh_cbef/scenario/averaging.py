@@ -6,9 +6,9 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from zenoh_cbef.quantities import Chance
+from zenoh_cbef.quantities import Chance, Deviations
 from zenoh_cbef.scenario.table import Eigenvalue, Table
-from zenoh_cbef.tracking.compact import Precision
+from zenoh_cbef.tracking.compact import Compact, Precision
 
 
 class Consensus(Table):
@@ -20,6 +20,8 @@ class Consensus(Table):
     isolate: whether agents leave out neighbours whose messages their own prediction rules out; auto: where the scenario
     has agents that send wrong values, and trim is 0.
     precision: in which numbers payloads travel, see tracking/compact.py.
+    trigger: how far an agent's value may be from what it sent last while it keeps silent, see tracking/triggered.py; 0:
+    agents send in every round.
     """
 
     rounds: Annotated[int, Field(ge=0, le=10_000)] = 10
@@ -31,7 +33,14 @@ class Consensus(Table):
     trim: Annotated[int, Field(ge=0, le=1000)] = 0
     lag: Annotated[int, Field(ge=0, le=100)] = 0
     precision: Precision = "float64"
+    trigger: Deviations = 0.0
     isolate: Annotated[bool | Literal["auto"], Field(description="true, false or 'auto'")] = "auto"
+
+    def compact(self, width: int, blocks: tuple[int, ...]) -> Compact | None:
+        """How payloads of so many numbers travel, see Compact; None: as they are, in every round."""
+        if self.precision == "float64" and not self.trigger:
+            return None
+        return Compact(width, blocks, self.precision, silences=self.trigger > 0.0)
 
     @model_validator(mode="after")
     def _plain_with_lag(self) -> Consensus:
@@ -39,6 +48,17 @@ class Consensus(Table):
             raise ValueError(
                 f"consensus.lag = {self.lag} needs plain averaging, as only that intersects covariances; set "
                 "consensus.acceleration = 'none', consensus.trim = 0 and consensus.scheme = 'average' or 'auto'"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _plain_with_trigger(self) -> Consensus:
+        plain = self.scheme != "running-sums" and self.acceleration == "none" and not (self.trim or self.lag)
+        if self.trigger and (self.isolate is True or not plain):
+            raise ValueError(
+                f"consensus.trigger = {self.trigger:g} needs plain averaging, in which a message may stand for later "
+                "ones; set consensus.acceleration = 'none', consensus.trim = 0, consensus.lag = 0, consensus.isolate = "
+                "false and consensus.scheme = 'average' or 'auto'"
             )
         return self
 

@@ -27,6 +27,7 @@ from zenoh_cbef.tracking.smoothing import FixedLag
 from zenoh_cbef.tracking.stale import StaleAverage
 from zenoh_cbef.tracking.switching import Switching
 from zenoh_cbef.tracking.tracker import Tracker
+from zenoh_cbef.tracking.triggered import Triggered
 from zenoh_cbef.tracking.trimmed import TrimmedComponents, TrimmedMessages
 
 Seeds = NDArray[np.uint64]
@@ -40,18 +41,24 @@ def _rounded(plan: Plan) -> Rounding | None:
 def _stage(
     plan: Plan, present: Bools, weights: Floats, bounds: Floats, workspace: Workspace | None = None
 ) -> Consensus:
+    if plan.sums:
+        return RunningSums(present, _rounded(plan))
+    return _averaging(plan, weights, bounds, workspace)
+
+
+def _averaging(plan: Plan, weights: Floats, bounds: Floats, workspace: Workspace | None) -> Average:
     stage, payloads = plan.scenario.consensus, plan.payloads
     rounded = _rounded(plan)
-    if plan.sums:
-        return RunningSums(present, rounded)
     if stage.lag:
         return StaleAverage(weights, plan.motion, stage.lag, rounded=rounded, workspace=workspace)
-    if stage.trim and isinstance(payloads, InformationPayloads):
-        return TrimmedMessages(weights, stage.trim, payloads.distance, rounded=rounded, workspace=workspace)
     if stage.trim:
-        return TrimmedComponents(weights, stage.trim, rounded=rounded, workspace=workspace)
+        if not isinstance(payloads, InformationPayloads):
+            return TrimmedComponents(weights, stage.trim, rounded=rounded, workspace=workspace)
+        return TrimmedMessages(weights, stage.trim, payloads.distance, rounded=rounded, workspace=workspace)
     if stage.acceleration == "chebyshev":
         return Chebyshev(weights, bounds[:, :1], bounds[:, 1:], rounded=rounded, workspace=workspace)
+    if stage.trigger:
+        return Triggered(weights, stage.trigger, plan.sharing.blocks, rounded=rounded, workspace=workspace)
     return Average(weights, rounded=rounded, workspace=workspace)
 
 

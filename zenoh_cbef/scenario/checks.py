@@ -94,13 +94,21 @@ def _check_epsilon(scenario: Scenario, neighbours: graph.Neighbours) -> None:
 
 
 def _check_precision(plan: Plan) -> None:
-    precision, chosen = plan.scenario.consensus.precision, plan.scenario.filter
-    if not precision.startswith("int") or plan.sharing.blocks or not plan.rounds:
+    stage, chosen = plan.scenario.consensus, plan.scenario.filter
+    whole = stage.precision.startswith("int")
+    if stage.trigger and plan.isolates:
+        raise UserError(
+            f"consensus.trigger = {stage.trigger:g}: agents that leave out liars judge what each says in every round; "
+            "set consensus.trigger = 0, or consensus.isolate = false"
+        )
+    if not (whole or stage.trigger) or plan.sharing.blocks or not plan.rounds:
         return
     what = "several motions" if plan.models else repr(chosen.kind)
+    key = f"consensus.precision = {stage.precision!r}" if whole else f"consensus.trigger = {stage.trigger:g}"
+    remedy = "consensus.precision = 'float32'" if whole else "consensus.trigger = 0"
     raise UserError(
-        f"consensus.precision = {precision!r} is for payloads of information on one motion, as of 'sicf', 'icf' and "
-        f"'ci', and this filter is of {what}; set consensus.precision = 'float32'"
+        f"{key} is for payloads of information on one motion, as of 'sicf', 'icf' and 'ci', and this filter is of "
+        f"{what}; set {remedy}"
     )
 
 

@@ -15,7 +15,7 @@ from zenoh_cbef.scenario.motion import assumed_models, assumed_motion, plain_mot
 from zenoh_cbef.scenario.plausible import Plausible, plausible_ranges
 from zenoh_cbef.scenario.scheme import chosen_scheme
 from zenoh_cbef.tracking import graph
-from zenoh_cbef.tracking.compact import Compact, compact_of
+from zenoh_cbef.tracking.compact import Compact
 from zenoh_cbef.tracking.filters import Abilities, Filter, FilterSettings, abilities_of, make_filter, sharing_of
 from zenoh_cbef.tracking.filters.base import Belief, Sharing
 from zenoh_cbef.tracking.motion import LinearMotion, Motion, begun
@@ -226,7 +226,7 @@ class Plan:
     @cached_property
     def compact(self) -> Compact | None:
         """How payloads travel in few bits; None: in all 64."""
-        return compact_of(self.message_size, self.sharing.blocks, self.scenario.consensus.precision)
+        return self.scenario.consensus.compact(self.message_size, self.sharing.blocks)
 
     @cached_property
     def edges(self) -> graph.Edges:

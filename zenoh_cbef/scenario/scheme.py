@@ -21,6 +21,7 @@ def chosen_scheme(scenario: Scenario, *, information: bool) -> tuple[str, str]:
         "No link has a fault, so averaging loses nothing.": not faulty,
         f"{kind} does not average information, and its exchange is defined by consensus weights.": not information,
         "Of running sums in integers too little would be left of the shares.": stage.precision.startswith("int"),
+        "Agents that keep silent send no sums.": stage.trigger > 0.0,
         f"Running sums cannot be accelerated, and {stage.acceleration} was asked for.": stage.acceleration != "none",
     }
     for reason, holds in reasons.items():

@@ -36,8 +36,8 @@ PRECISIONS: tuple[Precision, ...] = get_args(Precision)
 _Bytes = NDArray[np.uint8]
 _Whole = NDArray[np.int64]
 
-FLOAT32 = 32
-"""The code of a message in float32. That of one in integers is their bits, plus one where states take four bytes."""
+FLOAT32, FLOAT64 = 32, 64
+"""The codes of messages in floats. That of one in integers is their bits, plus one where states take four bytes."""
 
 _BITS = {"int8": 8, "int12": 12, "int16": 16}
 _FINEST = 32.0
@@ -52,19 +52,17 @@ _LARGEST = 3e38
 
 def is_code(code: int) -> bool:
     """Whether a message of some precision begins with this byte."""
-    return code == FLOAT32 or code & ~1 in _BITS.values()
-
-
-def compact_of(width: int, blocks: tuple[int, ...], precision: Precision) -> Compact | None:
-    """How payloads travel with a precision; None: as they are."""
-    return None if precision == "float64" else Compact(width, blocks, precision)
+    return code in (FLOAT32, FLOAT64) or code & ~1 in _BITS.values()
 
 
 class Compact:
-    """Payloads of `width` numbers, of which the first are information on states: `blocks` has how many each time."""
+    """Payloads of `width` numbers, of which the first are information on states: `blocks` has how many each time.
 
-    def __init__(self, width: int, blocks: tuple[int, ...], precision: Precision) -> None:
-        self.width, self.precision = width, precision
+    silences: whether agents keep silent in some rounds.
+    """
+
+    def __init__(self, width: int, blocks: tuple[int, ...], precision: Precision, *, silences: bool = False) -> None:
+        self.width, self.precision, self.silences = width, precision, silences
         self._bits = [bits for bits in _BITS.values() if blocks and bits >= _BITS.get(precision, FLOAT32)]
         sizes = [size + size * (size + 1) // 2 for size in blocks]
         self._blocks = [*zip(blocks, accumulate(sizes, initial=0), strict=False)]
@@ -73,7 +71,7 @@ class Compact:
     @property
     def size(self) -> int:
         """Bytes of a message, with its code; seldom more: a filter that has just begun may need more bits."""
-        return self._size(self._bits[0] if self._bits else FLOAT32)
+        return self._size(self._bits[0] if self._bits else FLOAT64 if self.precision == "float64" else FLOAT32)
 
     def rounded(self, payload: Floats) -> Floats:
         """What receivers of payloads (n, d) take them to be. Rounded ones stay as they are, to the bit."""
@@ -104,8 +102,8 @@ class Compact:
 
     def _size(self, code: int) -> int:
         bits, long = code & ~1, code & 1
-        if code == FLOAT32:
-            return 1 + 4 * self.width
+        if code == (FLOAT64 if self.precision == "float64" else FLOAT32):
+            return 1 + code // 8 * self.width
         if bits not in self._bits:
             raise ValueError(f"a payload in a layout {code} that the run does not have")
         entries = -(-self._entries // 2) * 3 if bits == _BITS["int12"] else self._entries * bits // 8
@@ -113,6 +111,9 @@ class Compact:
 
     def _packed(self, payload: Floats) -> list[tuple[int, Bools, _Bytes]]:
         """By code: which payloads (n,) have it, and their bytes without it."""
+        if self.precision == "float64":
+            data = np.ascontiguousarray(payload, "<f8").view(np.uint8)
+            return [(FLOAT64, np.ones(len(payload), dtype=bool), data)]
         payload = np.clip(payload, -_LARGEST, _LARGEST)
         tried = self._tried(payload)
         chosen = np.where((payload == payload.astype(np.float32)).all(axis=1), FLOAT32, 0)
@@ -171,8 +172,8 @@ class Compact:
 
     def _unpacked(self, code: int, data: _Bytes) -> Floats:
         """The payloads of messages of one code, without it."""
-        if code == FLOAT32:
-            return np.ascontiguousarray(data).view("<f4").astype(np.float64)
+        if code in (FLOAT32, FLOAT64):
+            return np.ascontiguousarray(data).view(f"<f{code // 8}").astype(np.float64)
         bits, long = code & ~1, code & 1
         end = data.shape[1] - 3 * (self.width - self._first_other)
         middle = end - self._states * (4 if long else 2)

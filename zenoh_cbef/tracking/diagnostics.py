@@ -32,7 +32,8 @@ class Diagnostics:
     bias_std: constant error of the agent's ranges as it estimates it, and its standard deviation, m. bias_weight: how
     far the state relies on that estimate, 0 to 1. maneuver: probability of the most agile of several motions, before
     the step's ranges. isolated: the neighbour that the agent isolated last, by its number. status: what the estimate
-    is, as a number of `status.STATUSES`. status_seconds: how long it has been so, s.
+    is, as a number of `status.STATUSES`. status_seconds: how long it has been so, s. silent: in how many
+    rounds of the step the agent kept silent.
     """
 
     innovation: Floats
@@ -47,6 +48,7 @@ class Diagnostics:
     isolated: FloatsIfAny
     status: FloatsIfAny
     status_seconds: FloatsIfAny
+    silent: FloatsIfAny
 
     @classmethod
     def of(cls, *shape: int, **known: Numbers) -> Self:

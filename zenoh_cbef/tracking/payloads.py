@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from zenoh_cbef.arrays import Floats
-from zenoh_cbef.tracking.linalg import inverse, matvec, unpack_upper
+from zenoh_cbef.tracking.linalg import inverse, matvec, pack_upper, unpack_upper
 
 
 class Payloads(Protocol):
@@ -82,6 +82,11 @@ class InformationPayloads:
     def length(self) -> int:
         """Numbers of all pairs together."""
         return len(self.factors) * self._packed
+
+    @property
+    def unit(self) -> Floats:
+        """The payload of one pair that says x = 0 with a unit matrix, as a stand-in."""
+        return np.concatenate([np.zeros(self.size), pack_upper(np.eye(self.size)[None])[0]])
 
     @property
     def _packed(self) -> int:

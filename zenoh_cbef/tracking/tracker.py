@@ -23,6 +23,7 @@ from zenoh_cbef.tracking.moderation import (
 )
 from zenoh_cbef.tracking.newcomer import merged
 from zenoh_cbef.tracking.ranging import Measurement, Space
+from zenoh_cbef.tracking.triggered import Triggered
 
 
 @dataclass(frozen=True)
@@ -98,6 +99,8 @@ class Tracker:
         covariance, bias, diagnostics = self.belief.covariance, self.belief.bias, update.diagnostics
         if isinstance(self.consensus, Isolating):
             diagnostics = replace(diagnostics, isolated=self.consensus.judge())
+        if isinstance(self.consensus, Triggered):
+            diagnostics = replace(diagnostics, silent=self.consensus.silent)
         if bias is not None:
             diagnostics = replace(diagnostics, bias=bias.value, bias_std=bias.std, bias_weight=bias.weight)
         if (status := self.belief.status) is not None:

@@ -47,7 +47,8 @@ def _codecs(log: Log) -> Callable[[RawMessage], dict[str, object]]:
             raise BadMessage("the log does not say how its payloads are laid out")
         step, round_, sent, payload = ShortCodec(known).decode(message.data)
         numbers = {"seq": message.sequence, "sent": sent, "k": step, "l": round_}
-        return {**numbers, "payload": np.frombuffer(payload).tolist()}
+        told = np.frombuffer(payload)
+        return {**numbers, "payload": None if np.isnan(told[0]) else told.tolist()}  # NaN: the agent keeps silent
 
     return decoded
 
