@@ -55,5 +55,9 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 
 def pytest_collection_finish() -> None:
-    """Thousands of collected tests live to the end: the collector of garbage need not look through them."""
+    """Thousands of collected tests live to the end: the collector of garbage need not look through them.
+
+    It looks seldom through what comes after them, too: else it takes a fifteenth of the time of all tests.
+    """
     gc.freeze()
+    gc.set_threshold(50_000, 20, 50)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from zenoh_cbef.analysis.metrics import analyze
+from tests import unaided
 from zenoh_cbef.scenario.load import load
 from zenoh_cbef.simulator import simulate
 from zenoh_cbef.tracking.filters.around.remembered_ranges import Remembered, Wandering
@@ -48,9 +48,9 @@ def test_what_a_fix_says_of_the_state_and_of_a_constant_given_the_state_is_what_
 
 def consistency(rules):
     scenario = load("tracking", ["sensor.bias_std=0.5", f"filter.defaults={rules}", "steps=120"]).scenario
-    runs = analyze(simulate([scenario.model_copy(update={"seed": 2001 + seed}) for seed in range(4)]))
+    runs = unaided.errors(simulate([scenario.model_copy(update={"seed": 2001 + seed}) for seed in range(4)]))
     nees = np.array([np.nanmean(run.nees[:, run.first :]) / 6.0 for run in runs])
-    return nees, np.array([run.metrics.position_rmse for run in runs])
+    return nees, np.array([unaided.position_rmse(run) for run in runs])
 
 
 def test_biases_as_large_as_told_leave_the_network_honest():

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import replace
 
 import numpy as np
 
 from zenoh_cbef.arrays import Floats
 from zenoh_cbef.tracking.central_models import CentralModels
+from zenoh_cbef.tracking.copying import replace
 from zenoh_cbef.tracking.filters import FilterSettings, make_filter, sharing_of
 from zenoh_cbef.tracking.filters.around.auto_bias import mixed
 from zenoh_cbef.tracking.filters.around.biased_information import forgetting

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
 
 from zenoh_cbef.arrays import Bools, Floats
+from zenoh_cbef.tracking.copying import replace
 
 STATUSES = ("acquiring", "tracking", "coasting", "lost")
 """What a status is called, by the number that travels and that logs hold."""

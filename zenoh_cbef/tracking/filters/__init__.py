@@ -6,11 +6,11 @@ A kind of another package is named by its class, see plugins.py.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 
 import numpy as np
 
 from zenoh_cbef.plugins import Plugin, find, told_options
+from zenoh_cbef.tracking.copying import replace
 from zenoh_cbef.tracking.filters.around.auto_bias import AutoBias
 from zenoh_cbef.tracking.filters.around.biased_information import BiasedInformation
 from zenoh_cbef.tracking.filters.around.distrusting import Distrusting

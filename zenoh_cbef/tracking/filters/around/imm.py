@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
 
 from zenoh_cbef.arrays import Floats
+from zenoh_cbef.tracking.copying import replace
 from zenoh_cbef.tracking.filters.base import Belief, Filter, Sharing, Update
 from zenoh_cbef.tracking.filters.information_form import saturated_precision, unchanged, variance_of
 from zenoh_cbef.tracking.filters.settings import FilterSettings

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from zenoh_cbef.arrays import Bools, Floats
+from zenoh_cbef.tracking.copying import replace
 from zenoh_cbef.tracking.filters.around.drifted import drifted
 from zenoh_cbef.tracking.filters.around.first_fix import FirstFix
 from zenoh_cbef.tracking.filters.around.knowing import Knowing
@@ -110,11 +111,10 @@ class Reacquiring(Wrapping):
         """Around a filter that says its status. payload_size: of that filter."""
         guesses, ever = settings.guesses and (1, 1), np.iinfo(np.int64).max
         fix = FirstFix.of(settings, around, xi, payload_size)
-        fix = replace(fix, steps=ever, search=settings.anywhere, guesses=guesses)
-        squares, refines = replace(fix, squared=ever), replace(fix, squared=0)
+        squares = replace(fix, steps=ever, search=settings.anywhere, guesses=guesses, squared=ever)
         if settings.anywhere is None:
             raise ValueError("a filter that looks for its target again has to know where that may be")
-        return cls(around, settings, squares, refines, settings.reacquires, settings.anywhere)
+        return cls(around, settings, squares, replace(squares, squared=0), settings.reacquires, settings.anywhere)
 
     def update(self, belief: Belief, measurement: Measurement) -> Update:
         """The filter's update, or that of a fix, and the vote."""

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from zenoh_cbef.arrays import Bools, Floats, Ints
+from zenoh_cbef.tracking.copying import replace
 from zenoh_cbef.tracking.filters.around.doubts import SLOT, Doubts
 from zenoh_cbef.tracking.filters.around.hypotheses import Hypotheses, Told, belief_at, speed_of
 from zenoh_cbef.tracking.filters.around.moved import moved

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import ClassVar
 
+from zenoh_cbef.tracking.copying import replace
 from zenoh_cbef.tracking.filters.base import Sharing
 from zenoh_cbef.tracking.filters.kinds.ci import CovarianceIntersection
 from zenoh_cbef.tracking.filters.settings import FilterSettings
