@@ -10,9 +10,11 @@ import pytest
 
 import tests.examples  # noqa: F401 - sets how many random examples there are
 
-# A shell starts what runs in its background with Ctrl-C ignored, and processes hand that on: tests of Ctrl-C need it.
+# A shell starts what runs in its background with Ctrl-C ignored, nohup without hang-ups, and processes hand that on:
+# tests of both need them.
 if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 HERE = Path(__file__).parent
 WITH_PROCESSES = (

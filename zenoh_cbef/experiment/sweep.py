@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import threading
 import warnings
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager
@@ -158,6 +159,7 @@ def _outcomes(parallel: Callable[[Tasks], Generator[Done]], tasks: Tasks) -> Ite
 
     The workers ignore Ctrl-C, as they would print tracebacks: this process ends them.
     """
+    let_joblib_drop_work()
     resource_tracker.ensure_running()  # its first start would let interrupts through again
     with ExitStack() as stack, warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of work that is lost, when it is interrupted
@@ -166,6 +168,18 @@ def _outcomes(parallel: Callable[[Tasks], Generator[Done]], tasks: Tasks) -> Ite
         with closing(parallel(tasks)) as outcomes:
             stack.close()
             yield from outcomes
+
+
+def let_joblib_drop_work() -> None:
+    """From now on joblib's own thread prints no traceback where Ctrl-C took work away before it could hand it on."""
+    before = threading.excepthook
+
+    def tell(failed: threading.ExceptHookArgs) -> None:
+        name = None if failed.thread is None else failed.thread.name
+        if not (name == "ExecutorManagerThread" and failed.exc_type is KeyError):
+            before(failed)
+
+    threading.excepthook = tell
 
 
 @contextmanager

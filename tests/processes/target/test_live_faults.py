@@ -85,8 +85,15 @@ def test_in_lockstep_injected_faults_begin_with_a_step_for_all_and_the_log_is_pr
         assert done.returncode == 0, done.stderr
         return done.stdout
 
+    def pass_by(moment: float) -> None:
+        until = time.monotonic() + 100
+        while json.loads(world.call("status", "--run", world.run, "--json").stdout)["time"] < moment:
+            assert time.monotonic() < until, "the run stands still"
+
     fault("add", "loss", "probability=1", "links=agent:1")
     fault("add", "sensor-bias", "agents=[2]", "bias=3.0")
+    # An agent that crashes with the first step of the loss would lose nothing.
+    pass_by(json.loads(fault("list", "--json"))[0]["from"] + 1.0)
     fault("add", "crash", "agents=[0]", "--for", "2")
     fault("clear", "0")
     listed = json.loads(fault("list", "--json"))
@@ -94,10 +101,7 @@ def test_in_lockstep_injected_faults_begin_with_a_step_for_all_and_the_log_is_pr
     unknown = world.call("fault", "list", "--run", "nobody")
     assert unknown.returncode == 2
     assert "no run 'nobody' goes on on this host (there " in unknown.stderr
-    until = time.monotonic() + 100
-    while json.loads(world.call("status", "--run", world.run, "--json").stdout)["time"] < listed[2]["until"] + 2.0:
-        assert time.monotonic() < until, "the run stands still"
-
+    pass_by(listed[2]["until"] + 2.0)
     run.terminate()
     run.communicate(timeout=120)
     assert run.returncode == 130
