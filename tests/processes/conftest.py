@@ -3,6 +3,7 @@
 import itertools
 import json
 import os
+import random
 import signal
 import socket
 import subprocess
@@ -11,6 +12,7 @@ import threading
 import time
 import uuid
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -25,6 +27,8 @@ WITHIN |= {"certs", "doctor", "fault", "health", "run", "status", "stop", "timel
 ON_HOST = ["ip", "netns", "exec"]
 COMMAND = [sys.executable, "-m", "zenoh_cbef"]
 PLACES = os.environ.get("PYTHONPATH")
+CHANCE = random.SystemRandom()
+"""Not that of a seed, which tests that run beside this one could have, too."""
 SMALL = ["steps=40", "agents.count=4", "network.graph=ring", "consensus.rounds=3"]
 
 
@@ -181,10 +185,16 @@ def world(tmp_path: Path):
     one.end()
 
 
-def unused_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
+def unused_port(kind: socket.SocketKind = socket.SOCK_STREAM) -> int:
+    """A port of loopback that no program has, nor takes by chance until the test does.
+
+    The kernel gives outgoing connections, of which there are hundreds at a time, ports from 32768 on.
+    """
+    while True:
+        port = CHANCE.randrange(10_000, 32_768)
+        with suppress(OSError), socket.socket(type=kind) as probe:
+            probe.bind(("127.0.0.1", port))
+            return port
 
 
 @pytest.fixture

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import socket
 import time
 from collections.abc import Callable
 
@@ -11,6 +10,7 @@ import zenoh
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.processes.conftest import unused_port
 from zenoh_cbef.protocol.memory import Archive, Memory, ask_latest, ask_numbers, ask_since
 from zenoh_cbef.protocol.session import Connection, open_session
 
@@ -84,9 +84,7 @@ def told(ask: Callable[[], list[bytes]], expected: list[bytes]) -> None:
 
 
 def test_who_missed_messages_asks_for_their_numbers_or_steps() -> None:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        here = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+    here = f"tcp/127.0.0.1:{unused_port()}"
     with open_session(Connection(listen=[here])) as sender, open_session(Connection(connect=[here])) as other:
         archive = Archive(sender)
         memory = archive.open(KEY)

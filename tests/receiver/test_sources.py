@@ -9,6 +9,7 @@ import tty
 
 import pytest
 
+from tests.processes.conftest import unused_port
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.nodes.receiver.sources import Mark, bytes_of
 
@@ -43,9 +44,7 @@ def test_a_serial_port_that_was_unplugged_is_opened_again(tmp_path):
 
 
 def test_a_datagram_is_whole_and_silence_is_told():
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
+    port = unused_port(socket.SOCK_DGRAM)
     heard = bytes_of(f"udp:127.0.0.1:{port}", lambda: False)
     assert next(heard) is Mark.SILENT
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as tag:

@@ -8,6 +8,7 @@ import time
 import numpy as np
 import pytest
 
+from tests.processes.conftest import unused_port
 from tests.processes.target.test_receivers import block
 from tests.receiver.cable import Cable
 from tests.receiver.frames import linktrack_frame, mavlink_message
@@ -36,9 +37,7 @@ def send(port, over):
 def test_a_stream_of_lines_over_udp_is_tracked(world, free_port):
     (world.folder / "live.toml").write_text(block("toml", 'name = "live"'))
     router = f"tcp/127.0.0.1:{free_port}"
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
+    port = unused_port(socket.SOCK_DGRAM)
     join = ["--run", world.run, "--client", "--connect", router, "--patience", "60"]
     started = world.start("router", "--listen", router)
     assert started.stdout.readline()
@@ -198,9 +197,7 @@ def test_a_recording_that_is_received_in_lockstep_has_the_bits_of_its_run(world,
     join = ["--run", world.run, "--client", "--connect", router, "--patience", "100"]
     started = world.start("router", "--listen", router)
     assert started.stdout.readline()
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
+    port = unused_port(socket.SOCK_DGRAM)
     source, form = {
         "udp": (f"udp:127.0.0.1:{port}", "mavlink"),
         "file": ("file:set/ranges.csv", "auto"),
