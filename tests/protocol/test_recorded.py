@@ -4,7 +4,7 @@ import pytest
 import zenoh
 
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.protocol.recorded import belongs, covering, recorded_keys
+from zenoh_cbef.protocol.recorded import apart, belongs, covering, recorded_keys
 
 EVENTS, SIGNALS = "cbef/mine/event/**", "cbef/mine/beacon/*/signal"
 
@@ -58,3 +58,17 @@ def test_a_key_is_covered_by_any_expression_that_includes_it() -> None:
     assert covers("//") is False
     with pytest.raises(zenoh.ZError):
         covering(["//"])
+
+
+@pytest.mark.parametrize(
+    ("wanted", "own", "others"),
+    [
+        ([], ["agent/**"], ["target/**", "beacon/**", "event/**", "faults"]),
+        (["agent/0/**", "target/**"], ["agent/0/**"], ["target/**", "event/**", "beacon/*/signal"]),
+        (["*/7/**"], ["agent/7/**"], ["beacon/7/**", "event/**", "beacon/*/signal"]),
+        (["*/*/round"], [], ["*/*/round", "event/**", "beacon/*/signal"]),
+    ],
+)
+def test_what_agents_publish_is_told_apart(wanted: list[str], own: list[str], others: list[str]) -> None:
+    found = apart("mine", recorded_keys("mine", wanted))
+    assert found == ([f"cbef/mine/{one}" for one in own], [f"cbef/mine/{one}" for one in others])

@@ -62,6 +62,11 @@ class Mailbox:
                 if data is not None:
                     take(data)
 
+    def close(self) -> None:
+        """Take in no more, and forget what has come. No thread may be receiving."""
+        with suppress(zenoh.ZError):
+            self._subscriber.undeclare()
+
     def wake(self) -> None:
         """Make a receive in another thread return None."""
         with self._lock:

@@ -36,6 +36,8 @@ class Outbox:
         self.key, self._memory = key, memory
         self._clock = clock
         self.sent = 0
+        self.leave: Callable[[bytes], None] | None = None
+        """Leaves a message for recorders on this host, before it is sent."""
         self._envelope = {"v": VERSION, "run": run, "from": sender}
         self._pack = msgpack.Packer().pack
         self._publisher = session.declare_publisher(
@@ -49,6 +51,8 @@ class Outbox:
         data: bytes = self._pack({**self._envelope, "seq": self.sent, "sent": self._clock(), **body})
         step = body.get("k")
         self._memory.keep(self.sent, step if isinstance(step, int) else None, data)
+        if self.leave is not None:
+            self.leave(data)
         self._publisher.put(data)
         self.sent += 1
         return data
@@ -57,5 +61,7 @@ class Outbox:
         """Publish one consensus message; payload: d numbers."""
         data = codec.encode(self.sent, self._clock(), step, round_, payload)
         self._memory.keep(self.sent, step, data)
+        if self.leave is not None:
+            self.leave(data)
         self._publisher.put(data)
         self.sent += 1

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Collection, Sequence
 
 import zenoh
 
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.protocol.keys import Keys, address
+
+_OF_AN_AGENT = re.compile(r"\*/(\d+)/\*\*")
 
 
 def recorded_keys(run: str, wanted: Sequence[str]) -> list[str]:
@@ -38,6 +41,27 @@ def recorded_keys(run: str, wanted: Sequence[str]) -> list[str]:
         if not any(known.includes(always) for known in found):
             found = [*(known for known in found if not always.includes(known)), always]
     return [str(known) for known in found]
+
+
+def apart(run: str, expressions: Sequence[str]) -> tuple[list[str], list[str]]:
+    """Recorded key expressions in two parts: those of what agents publish of their own, and the others.
+
+    All keys of a run become those that a run has. An expression of both kinds that is not cut so is among the others.
+    """
+    root = Keys(run).root
+    own: list[str] = []
+    others: list[str] = []
+    for one in expressions:
+        below = one.removeprefix(f"{root}/")
+        if below == "**":
+            own.append(f"{root}/agent/**")
+            others += [f"{root}/{part}" for part in ("target/**", "beacon/**", "event/**", "faults")]
+        elif share := _OF_AN_AGENT.fullmatch(below):
+            own.append(f"{root}/agent/{share[1]}/**")
+            others.append(f"{root}/beacon/{share[1]}/**")
+        else:
+            (own if below.startswith("agent/") else others).append(one)
+    return own, others
 
 
 def belongs(key: str, expression: str, expressions: Collection[str]) -> bool:

@@ -180,7 +180,8 @@ class Record(Table):
     """The log. flush_seconds bounds what a killed recorder loses; required: whether a run waits for `recorders`.
 
     rotate_bytes, rotate_seconds: when a new file begins, 0 for never. on_full: what `run` does when the recorder can no
-    longer write the log.
+    longer write the log. rings: agents leave what they say in memory that recorders on their host read; ring_bytes: how
+    much an agent.
     """
 
     compression: Literal["zstd", "lz4", "none"] = "zstd"
@@ -191,6 +192,8 @@ class Record(Table):
     rotate_bytes: Annotated[int, Field(ge=0, le=10**15)] = 0
     rotate_seconds: Seconds = 0.0
     on_full: Literal["go-on", "stop"] = "go-on"
+    rings: bool = False
+    ring_bytes: Annotated[int, Field(ge=1 << 16, le=1 << 30)] = 1 << 21
 
     @property
     def awaited(self) -> int:

@@ -16,6 +16,7 @@ from zenoh_cbef.nodes.agent.afterwards import Afterwards
 from zenoh_cbef.nodes.agent.entrance import Entrance, Entry
 from zenoh_cbef.nodes.agent.neighbour import Neighbourhood
 from zenoh_cbef.nodes.agent.news import News
+from zenoh_cbef.nodes.agent.own_ring import OwnRing
 from zenoh_cbef.nodes.agent.signals import Signals
 from zenoh_cbef.nodes.agent.vicinity import Vicinity
 from zenoh_cbef.nodes.common.alarm import Alarm
@@ -30,6 +31,7 @@ from zenoh_cbef.nodes.common.rejections import Rejections
 from zenoh_cbef.nodes.common.standstill import die, stand_still
 from zenoh_cbef.nodes.common.succession import Succession
 from zenoh_cbef.protocol.bodies import estimate_body, range_body
+from zenoh_cbef.protocol.outbox import Outbox
 from zenoh_cbef.protocol.short import codec_of
 from zenoh_cbef.protocol.slow import SLOW
 from zenoh_cbef.scenario.build import agent_tracker, fates_into, outgoing_of, smoother_of
@@ -88,6 +90,9 @@ class Agent:
         if smoother is not None:
             self._afterwards = Afterwards(node, agent, smoother, may_drop=realtime, keep=_KEPT_BYTES)
         node.archive.serve(node.keys.of_agent(agent))
+        self._ring = None
+        if scenario.record.rings:
+            self._ring = OwnRing(node, agent, self._boxes(), scenario.record, may_wait=not realtime)
         self._codec = codec_of(node.identity.run, node.identity.sender, plan.message_size, plan.compact)
         self._realtime = realtime
         # Where a step's rounds last longer than the step, late neighbours hold an agent up, too.
@@ -100,6 +105,8 @@ class Agent:
         """All steps until the target ends the run; returns the last one."""
         self._epoch = entry.epoch
         self._news.begin()
+        if self._ring is not None:
+            self._ring.begin()
         last, length = entry.before, self.scenario.length
         # One more than there are steps: leaving before all are done would look like a death to the others.
         for step in range(entry.before + 1, length + 2):
@@ -236,22 +243,25 @@ class Agent:
         text = f"agent {self.agent} leaves out agent {neighbour:.0f}, whose messages are not plausible"
         self.node.event("isolated", text, agent=self.agent, neighbour=int(neighbour), step=step)
 
+    def _boxes(self) -> list[Outbox]:
+        boxes = [self._range_out, self._round_out, self._estimate_out]
+        return boxes if self._afterwards is None else [*boxes, self._afterwards.box]
+
     def finish(self, last: int) -> None:
         """Say what is left to say, and what was done and sent, so that the log can be checked for completeness."""
-        boxes = [self._range_out, self._round_out, self._estimate_out]
-        if self._afterwards is not None:
-            boxes.append(self._afterwards.box)
-            if self._is_there(last):
-                self._afterwards.finish()
+        if self._afterwards is not None and self._is_there(last):
+            self._afterwards.finish()
         self.rejections.report()
         self.node.last_words(
             "finished",
             f"agent {self.agent} ended after step {last}",
             step=last,
-            sent={box.key: box.sent for box in boxes},
+            sent={box.key: box.sent for box in self._boxes()},
             rejected=self.rejections.total,
             **({} if self._pace is None else self._pace.finish()),
         )
+        if self._ring is not None:
+            self._ring.end()
 
 
 def run_agent(identity: Identity, report: Callable[[str], None] = lambda _: None) -> int:

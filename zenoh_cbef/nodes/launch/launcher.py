@@ -20,6 +20,7 @@ from zenoh_cbef.nodes.common.node import LEASH, RUN
 from zenoh_cbef.nodes.common.recording import Status
 from zenoh_cbef.nodes.launch.children import Child, Nursery
 from zenoh_cbef.nodes.launch.ports import free_ports
+from zenoh_cbef.protocol.ring_folder import clear_rings
 from zenoh_cbef.protocol.runtimes import ONE_RUNTIME, RUNTIME
 from zenoh_cbef.scenario.load import Loaded
 
@@ -93,6 +94,8 @@ class Launcher:
     def _clear(self) -> None:
         self.kill()
         self._nursery.__exit__(None, None, None)
+        if self._loaded.scenario.record.rings:
+            clear_rings(self._run)
         for end in self._reports:
             os.close(end)
         self._folder.cleanup()

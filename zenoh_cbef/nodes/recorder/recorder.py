@@ -5,12 +5,8 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import asdict
-from datetime import UTC, datetime
 from pathlib import Path
-from platform import node as host_name
 
-from zenoh_cbef import __version__
 from zenoh_cbef.log.write.run_log import RunLog
 from zenoh_cbef.machine import require
 from zenoh_cbef.nodes.common.briefing import Briefing, brief, introduce
@@ -18,7 +14,9 @@ from zenoh_cbef.nodes.common.links import Links
 from zenoh_cbef.nodes.common.node import Identity, Node
 from zenoh_cbef.nodes.common.recording import Status
 from zenoh_cbef.nodes.recorder.acknowledgements import Acknowledgements
+from zenoh_cbef.nodes.recorder.at_source import AtSource, at_source
 from zenoh_cbef.nodes.recorder.attendance import Attendance, takes_part
+from zenoh_cbef.nodes.recorder.described import as_text, described
 from zenoh_cbef.nodes.recorder.handover import hand_over
 from zenoh_cbef.nodes.recorder.overview import Overview
 from zenoh_cbef.nodes.recorder.recovery import Recovery
@@ -49,11 +47,18 @@ class Recorder:
     """
 
     def __init__(
-        self, node: Node, log: RunLog, overview: Overview, mailboxes: Sequence[FairMailbox], scenario: Scenario
+        self,
+        node: Node,
+        log: RunLog,
+        overview: Overview,
+        mailboxes: Sequence[FairMailbox],
+        scenario: Scenario,
+        *,
+        source: AtSource | None = None,
     ) -> None:
-        self.node, self.log, self.overview = node, log, overview
+        self.node, self.log, self.overview, self._source = node, log, overview, source
         self._mailboxes, self._settings = mailboxes, scenario.record
-        self._covers = covering([mailbox.key for mailbox in mailboxes])
+        self._covers = covering([mailbox.key for mailbox in mailboxes] + (source.expressions if source else []))
         self._lock = threading.Lock()
         self._done = threading.Event()
         self._full_since: dict[FairMailbox, float] = {}
@@ -70,7 +75,13 @@ class Recorder:
         """Record until all processes have left, or until told to stop."""
         threads = [threading.Thread(target=self._tick, args=(sync, report), daemon=True)]
         threads.append(threading.Thread(target=self._recovery.run, args=(self._done,), daemon=True))
-        threads += [threading.Thread(target=self._drain, args=(one,), daemon=True) for one in self._mailboxes[1:]]
+        threads += [
+            threading.Thread(target=self._drain, args=(one, self._done.is_set), daemon=True)
+            for one in self._mailboxes[1:]
+        ]
+        if self._source is not None:
+            given = (self._done, self._lock, self._write, self._drain)
+            threads.append(threading.Thread(target=self._source.run, args=given, daemon=True))
         for thread in threads:
             thread.start()
         try:
@@ -86,11 +97,14 @@ class Recorder:
         for mailbox in self._mailboxes:
             for _ in range(0, _CAPACITY, _PORTION):  # a flood has no end
                 self._write_waiting(mailbox, mailbox.poll_from())
+        if self._source is not None:
+            self._source.finish(self._lock, self._write)
 
-    def _drain(self, mailbox: FairMailbox) -> None:
-        while not self._done.is_set():
+    def _drain(self, mailbox: FairMailbox, ended: Callable[[], bool]) -> None:
+        while not ended():
             self._write_waiting(mailbox, mailbox.receive_from())
             time.sleep(_GATHER_SECONDS)
+        self._write_waiting(mailbox, mailbox.poll_from())
 
     def _wake(self) -> None:
         for mailbox in self._mailboxes:
@@ -105,7 +119,7 @@ class Recorder:
         with self._lock:
             while received is not None:
                 if not self._shared or belongs(received[0], mailbox.key, self._shared):
-                    self._write(*received)
+                    self._write_heard(*received)
                 left -= 1
                 received = mailbox.poll_from() if left else None
             if left:
@@ -119,6 +133,8 @@ class Recorder:
             if time.monotonic() - flushed >= seconds:
                 with self._lock:
                     self.log.flush(sync=sync)
+                    if self._source is not None:
+                        self._source.rings.save()
                 flushed = time.monotonic()
             self._warn()
             self._acknowledgements.catch_up()
@@ -150,6 +166,10 @@ class Recorder:
             status.messages, status.missing = self.log.count, self.log.missing
             status.dropped, status.failure, status.foreign = self.log.dropped, self.log.failure, self.log.foreign
         return status
+
+    def _write_heard(self, key: str, data: bytes) -> None:
+        if self._source is None or self._source.lets_in(key, data):
+            self._write(key, data)
 
     def _write(self, key: str, data: bytes) -> None:
         kind = self.log.add(key, data, time.time_ns())
@@ -197,6 +217,9 @@ class Recorder:
         """Whether all processes have left and all that they say they sent has come, or we are told to stop."""
         promised = ((key, sender, count) for sender, sent in self._promised.items() for key, count in sent.items())
         lacking = any(self.log.lacks(*one) for one in promised)
+        if self._source is not None:
+            with self._lock:
+                lacking |= self._source.rings.waiting
         return self.node.stopping or self._attendance.over(lacking=lacking, step=self.overview.reached)
 
 
@@ -227,9 +250,10 @@ def run_recorder(
             node.claim_name()
             Links(node).keep()
         log = RunLog(path, settings)
-        log.describe(source=text.source, resolved=text.resolved, run=_described(identity, scenario, expressions))
+        log.describe(source=text.source, resolved=text.resolved, run=described(identity, scenario, expressions))
         overview = _overview(node, Status(identity.run, str(path), scenario.length), briefing, expressions)
-        recorder = Recorder(node, log, overview, mailboxes, scenario)
+        source, mailboxes = at_source(node, log, scenario, mailboxes, _CAPACITY)
+        recorder = Recorder(node, log, overview, mailboxes, scenario, source=source)
         node.presence.announce(f"record/{identity.name}")
         if "target/target" in node.presence:  # a replay's subscribers get the recorded messages only
             introduce(identity, briefing.clock, recorder.say)
@@ -238,7 +262,9 @@ def run_recorder(
         finally:
             status = recorder.status()
             finished = recorder.target_ended == scenario.length
-            log.close({"status": "finished" if finished else "stopped", **_text(status)})
+            log.close({"status": "finished" if finished else "stopped", **as_text(status)})
+            if source is not None:
+                source.close()
         status = recorder.status()
         status.state = "done"
         report(status)
@@ -257,19 +283,3 @@ def _overview(node: Node, status: Status, briefing: Briefing, expressions: Seque
         overview.heard = dict.fromkeys((agent for agent in agents if covers(node.keys.estimate(agent))), 0)
     serve_reached(node.session, node.keys, f"record/{node.identity.name}", lambda: overview.heard)
     return overview
-
-
-def _described(identity: Identity, scenario: Scenario, expressions: Sequence[str]) -> dict[str, str]:
-    return {
-        "run": identity.run,
-        "name": scenario.name,
-        "seed": str(scenario.seed),
-        "version": __version__,
-        "host": host_name(),
-        "started": datetime.now(UTC).isoformat(),
-        "keys": " ".join(expressions),
-    }
-
-
-def _text(status: Status) -> dict[str, str]:
-    return {name: str(value) for name, value in asdict(status).items() if name != "state"}

@@ -1,0 +1,69 @@
+"""The ring in which an agent leaves what it publishes, for recorders on its host."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from functools import partial
+
+from zenoh_cbef.nodes.common.node import Node
+from zenoh_cbef.nodes.common.ring_place import ring_folder
+from zenoh_cbef.protocol.outbox import Outbox
+from zenoh_cbef.protocol.ring import RingWriter
+from zenoh_cbef.scenario.model import Record
+
+RING = "ring"
+"""Kind of the event with which an agent says that recorders hear it over Zenoh, and not by its ring."""
+_PATIENCE_SECONDS, _LOOK_SECONDS = 1.0, 0.001
+
+
+class OwnRing:
+    """What boxes publish is first left in the ring, by the thread that sends.
+
+    may_wait: whether the agent waits for a reader when the ring is full, once and for a second at most. An agent whose
+    ring cannot be made, or is full, says so in an event, and is heard over Zenoh from then on.
+    """
+
+    def __init__(self, node: Node, agent: int, boxes: Sequence[Outbox], settings: Record, *, may_wait: bool) -> None:
+        self._node, self._agent, self._boxes, self._may_wait = node, agent, boxes, may_wait
+        self._ring: RingWriter | None = None
+        self._trouble = ""
+        try:
+            folder = ring_folder(node)
+            path = folder.ring(agent, str(node.session.zid()))
+            self._ring = RingWriter(path, [box.key for box in boxes], settings.ring_bytes, folder.is_read)
+        except OSError as error:
+            self._trouble = f"agent {agent} has no ring ({error.strerror or error}); recorders hear it over Zenoh"
+            return
+        self._folder = folder
+        for kind, box in enumerate(boxes):
+            box.leave = partial(self._leave, kind)
+
+    def begin(self) -> None:
+        """Say what went wrong, now that recorders hear the agent."""
+        if self._trouble:
+            self._node.event(RING, self._trouble, agent=self._agent)
+
+    def _leave(self, kind: int, data: bytes) -> None:
+        ring = self._ring
+        if ring is None or ring.write(kind, data) or (ring.readers and self._wrote_later(ring, kind, data)):
+            return
+        for box in self._boxes:
+            box.leave = None
+        ring.leave()
+        text = f"the ring of agent {self._agent} is full; recorders hear it over Zenoh from now on"
+        self._node.event(RING, text, agent=self._agent)
+
+    def _wrote_later(self, ring: RingWriter, kind: int, data: bytes) -> bool:
+        until = time.monotonic() + (_PATIENCE_SECONDS if self._may_wait else 0.0)
+        while time.monotonic() < until and not self._node.stopping:
+            time.sleep(_LOOK_SECONDS)
+            if ring.write(kind, data):
+                return True
+        return False
+
+    def end(self) -> None:
+        """Nothing more comes. A recorder that reads the ring removes it when it has read it all."""
+        if self._ring is not None:
+            self._ring.close(remove=not self._ring.readers)
+            self._folder.tidy()

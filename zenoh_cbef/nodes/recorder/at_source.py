@@ -1,0 +1,143 @@
+"""Recording at the source: agents of this host are read from their rings, and heard over Zenoh where one has none."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import Counter
+from collections.abc import Callable, Sequence
+
+from zenoh_cbef.log.write.run_log import RunLog
+from zenoh_cbef.nodes.common.node import Node
+from zenoh_cbef.nodes.recorder.rings import Rings
+from zenoh_cbef.protocol.fair_mailbox import FairMailbox
+from zenoh_cbef.protocol.recorded import apart, covering
+from zenoh_cbef.scenario import Scenario
+
+_GATHER_SECONDS = 0.01
+_LOOK_SECONDS = 0.2
+_LAST_SECONDS = 10.0
+
+Drain = Callable[[FairMailbox, Callable[[], bool]], None]
+"""Writes what comes to a mailbox, until a condition holds."""
+
+
+class AtSource:
+    """Writes what agents leave in their rings, and subscribes to what agents publish while any of them has no ring.
+
+    As long as the recorder subscribes to an agent's key, Zenoh brings it each message of the key a second time.
+    expressions: what agents publish. It begins with the subscription, so that none is missed.
+    """
+
+    def __init__(self, node: Node, rings: Rings, expressions: Sequence[str], capacity: int) -> None:
+        self.rings = rings
+        self.expressions = list(expressions)
+        self._node, self._capacity = node, capacity
+        self._boxes: list[FairMailbox] = []
+        self._threads: list[threading.Thread] = []
+        self._early: list[tuple[str, bytes]] = []
+        self._repeated: Counter[tuple[str, bytes]] = Counter()
+        self._subscribe()
+
+    def _subscribe(self) -> None:
+        self._boxes = [FairMailbox(self._node.session, one, self._capacity) for one in self.expressions]
+
+    def take_over(self, mailboxes: Sequence[FairMailbox]) -> None:
+        """End mailboxes whose keys are subscribed to a second time by now; what came to them is written first."""
+        for mailbox in mailboxes:
+            while (one := mailbox.poll_from()) is not None:
+                self._early.append(one)
+            mailbox.close()
+        self._repeated.update(self._early)
+
+    def lets_in(self, key: str, data: bytes) -> bool:
+        """Whether a message that came over Zenoh is to be recorded. The caller has the log's lock."""
+        if self._repeated and self._repeated[key, data] > 0:
+            self._repeated[key, data] -= 1
+            return False
+        return self.rings.lets_in(key, data)
+
+    def run(
+        self, done: threading.Event, lock: threading.Lock, write: Callable[[str, bytes], None], drain: Drain
+    ) -> None:
+        """Write what comes, until done."""
+        looked = -_LOOK_SECONDS
+        with lock:
+            for one in self._early:
+                if self.rings.lets_in(*one):
+                    write(*one)
+        self._follow(done, drain)
+        while not done.wait(_GATHER_SECONDS):
+            self.write_waiting(lock, write)
+            if time.monotonic() - looked > _LOOK_SECONDS:
+                looked = time.monotonic()
+                with lock:
+                    lacks = self.rings.lacks
+                if lacks and not self._boxes:
+                    self._subscribe()
+                    self._follow(done, drain)
+                elif not lacks and self._boxes:
+                    self._unsubscribe()
+        self._unsubscribe()
+        for thread in self._threads:
+            thread.join()
+
+    def write_waiting(self, lock: threading.Lock, write: Callable[[str, bytes], None]) -> bool:
+        """Write what is in the rings, at most a portion of each; whether there was anything."""
+        with lock:
+            self.rings.look()
+            found = self.rings.read()
+            for key, data in found:
+                write(key, data)
+        return bool(found)
+
+    def finish(self, lock: threading.Lock, write: Callable[[str, bytes], None]) -> None:
+        """Write what is left. Agents that go on would keep the recorder for ever."""
+        until = time.monotonic() + _LAST_SECONDS
+        while self.write_waiting(lock, write) and time.monotonic() < until:
+            pass
+
+    def close(self) -> None:
+        """All that was written is safe: let go of the rings."""
+        self.rings.save()
+        self.rings.close()
+
+    def _follow(self, done: threading.Event, drain: Drain) -> None:
+        for box in self._boxes:
+
+            def ended(box: FairMailbox = box) -> bool:
+                return done.is_set() or box not in self._boxes
+
+            def follow(box: FairMailbox = box, ended: Callable[[], bool] = ended) -> None:
+                drain(box, ended)
+                box.close()
+
+            self._threads = [thread for thread in self._threads if thread.is_alive()]
+            self._threads.append(threading.Thread(target=follow, daemon=True))
+            self._threads[-1].start()
+
+    def _unsubscribe(self) -> None:
+        ended, self._boxes = self._boxes, []
+        for box in ended:
+            box.wake()
+
+
+def at_source(
+    node: Node, log: RunLog, scenario: Scenario, mailboxes: list[FairMailbox], capacity: int
+) -> tuple[AtSource | None, list[FairMailbox]]:
+    """What reads agents' rings, where the scenario has them, and the mailboxes of everything else."""
+    own, others = apart(node.identity.run, [mailbox.key for mailbox in mailboxes])
+    if not scenario.record.rings or not own or "target/target" not in node.presence:  # a replay has no agents
+        return None, mailboxes
+    covers, keys = covering(own), node.keys
+    ids = [
+        agent
+        for agent in range(scenario.count)
+        if any(map(covers, (keys.range(agent), keys.round(agent), keys.estimate(agent), keys.smoothed(agent))))
+    ]
+    kept = [mailbox for mailbox in mailboxes if mailbox.key in others]
+    known = {mailbox.key for mailbox in kept}
+    kept += [FairMailbox(node.session, one, capacity) for one in others if one not in known]
+    source = AtSource(node, Rings(node, log, covers, ids), own, capacity)
+    source.take_over([mailbox for mailbox in mailboxes if mailbox not in kept])
+    return source, kept

@@ -1,0 +1,157 @@
+"""The rings that agents of this host leave their messages in, as one recorder reads them."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Collection
+from contextlib import suppress
+
+from zenoh_cbef.log.write.run_log import RunLog
+from zenoh_cbef.nodes.common.node import Node
+from zenoh_cbef.nodes.common.ring_place import ring_folder
+from zenoh_cbef.protocol.keys import address
+from zenoh_cbef.protocol.ring import RingError, RingReader
+from zenoh_cbef.protocol.ring_folder import RingFolder, RingName, tag_of
+
+_LOOK_SECONDS = 0.05
+_PORTION = 2000
+_STUCK_SECONDS = 5.0
+
+
+class _Open:
+    """A ring that is being read."""
+
+    def __init__(self, name: RingName, reader: RingReader) -> None:
+        self.name, self.reader = name, reader
+        self.left = False
+        self._stuck_since: float | None = None
+
+    def read(self) -> list[tuple[str, bytes]]:
+        """The next messages. What cannot be read for seconds, as no process writes it any more, is passed over."""
+        found = [(said.name, said.data) for said in self.reader.read(_PORTION)]
+        if found or not self.reader.waiting:
+            self._stuck_since = None
+        elif self._stuck_since is None:
+            self._stuck_since = time.monotonic()
+        elif time.monotonic() - self._stuck_since > _STUCK_SECONDS:
+            self.reader.pass_over()
+        return found
+
+
+class Rings:
+    """Reads the rings of a run's agents, and knows which agents have one. Used under the log's lock.
+
+    covers: tells of a key whether it is recorded. agents: those whose messages are.
+    """
+
+    def __init__(self, node: Node, log: RunLog, covers: Callable[[str], bool], agents: Collection[int]) -> None:
+        self._node, self._log, self._covers, self._agents = node, log, covers, agents
+        self._tag = tag_of(node.identity.sender)
+        self._open: dict[RingName, _Open] = {}
+        self._done: set[RingName] = set()
+        self._refused: set[RingName] = set()
+        self._lives: dict[int, str] = {}
+        self._looked = -1.0
+        self._taken: dict[str, bool] = {}
+        self._folder: RingFolder | None = None
+        self._held: int | None = None
+        with suppress(OSError):  # without a folder it has no rings
+            self._folder = ring_folder(node)
+            self._held = self._folder.enter(self._tag)
+
+    def look(self, *, now: bool = False) -> None:
+        """Open rings that have come since."""
+        if self._folder is None or self._held is None:
+            return
+        if not now and time.monotonic() - self._looked < _LOOK_SECONDS:
+            return
+        self._looked = time.monotonic()
+        for name, path in self._folder.rings():
+            if name in self._open or name in self._done or name in self._refused:
+                continue
+            self._refused.add(name)
+            if name.agent in self._agents:
+                with suppress(RingError, OSError), self._folder.alone():
+                    self._open[name] = _Open(name, RingReader(path, self._tag, self._folder.is_read))
+                    self._refused.discard(name)
+
+    def read(self) -> list[tuple[str, bytes]]:
+        """What agents have left since; of an agent's rings the oldest first."""
+        found, busy = [], set()
+        for ring in list(self._open.values()):
+            if ring.name.agent in busy:
+                continue
+            ring.left = ring.reader.left  # before it is read: what is there now is all
+            got = ring.read()
+            found += [one for one in got if self._takes(one[0])]
+            if ring.reader.waiting or (not ring.left and ring.reader.written):
+                busy.add(ring.name.agent)
+        return found
+
+    def _takes(self, key: str) -> bool:
+        taken = self._taken.get(key)
+        if taken is None:
+            at = address(key)
+            taken = self._taken[key] = at is not None and at.agent in self._agents and self._covers(key)
+        return taken
+
+    def save(self) -> None:
+        """What was read is safe in the file. Rings that end are removed."""
+        for name, ring in list(self._open.items()):
+            ring.reader.save()
+            if not ring.reader.waiting and not ring.reader.written:
+                with suppress(OSError):
+                    ring.reader.path.unlink()
+                ring.reader.close()
+                del self._open[name]
+                self._done.add(name)
+
+    @property
+    def waiting(self) -> bool:
+        """Whether anything is left to read."""
+        return any(ring.reader.waiting for ring in self._open.values())
+
+    @property
+    def share(self) -> float:
+        """The part of the fullest ring that is not free."""
+        return max((ring.reader.share for ring in self._open.values()), default=0.0)
+
+    def has(self, agent: int) -> bool:
+        """Whether all that an agent's process says comes by a ring, as far as is known of it."""
+        life = self._node.presence.life(f"agent/{agent}")
+        if not life or self._lives.get(agent) != life:
+            self.look(now=True)
+            if life:
+                self._lives[agent] = life
+        return any(name not in self._open or not self._open[name].left for name in self._of(agent, life))
+
+    def _of(self, agent: int, life: str) -> list[RingName]:
+        """The rings of an agent's process, of any where its life is not known."""
+        known = (*self._open, *self._done)
+        return [name for name in known if name.agent == agent and life in ("", name.life)]
+
+    @property
+    def lacks(self) -> bool:
+        """Whether any agent has to be heard over Zenoh."""
+        return not all(map(self.has, self._agents))
+
+    def lets_in(self, key: str, data: bytes) -> bool:
+        """Whether a message that came over Zenoh is to be recorded: it does not come by a ring."""
+        at = address(key)
+        if at is None or at.agent not in self._agents or at.owner != f"agent/{at.agent}":
+            return True
+        if self.has(at.agent):
+            return False
+        if not self._of(at.agent, self._node.presence.life(at.owner)):
+            return True
+        # It left its ring when that was full: what is in the ring came over Zenoh, too.
+        return self._log.wants(key, at.owner, data) or self._log.lacks(key, at.owner, 1)
+
+    def close(self) -> None:
+        """Let go of all rings; another recorder goes on from what was saved."""
+        for ring in self._open.values():
+            ring.reader.close()
+        if self._folder is not None and self._held is not None:
+            os.close(self._held)
+            self._folder.tidy()
