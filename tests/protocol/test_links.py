@@ -49,7 +49,7 @@ def links(session: zenoh.Session, other: zenoh.Session | None = None) -> list[ze
     return [one for one in session.info.links() if other is None or str(one.zid) == str(other.zid())]
 
 
-def met(session: zenoh.Session, count: int, seconds: float = 100.0) -> bool:
+def met(session: zenoh.Session, count: int, seconds: float = 10.0) -> bool:
     until = time.monotonic() + seconds
     while len(links(session)) != count and time.monotonic() < until:
         time.sleep(0.01)
@@ -61,9 +61,7 @@ def test_who_is_introduced_has_one_link_and_a_third_process_hears_nothing(hall: 
     assert all(met(one, 1) for one in (first, second, third))
     assert connects(str(second.zid()), str(first.zid()))  # it came later
     for _ in range(3):  # a link that has ended can be made again
-        until = time.monotonic() + 100.0
-        while not introduce(later.listen[0], earlier.listen[0], later, lambda: bool(links(second, first))):
-            assert time.monotonic() < until
+        assert introduce(later.listen[0], earlier.listen[0], later, lambda: bool(links(second, first)))
         assert met(first, 2)
         assert met(second, 2)
         end_link(links(second, first)[0])
@@ -75,10 +73,7 @@ def test_who_is_introduced_has_one_link_and_a_third_process_hears_nothing(hall: 
 
 def test_the_process_that_listens_somewhere_is_known_by_its_life(hall: Hall) -> None:
     session, connection = hall.agent()
-    until = time.monotonic() + 100.0
-    while not (life := life_at(connection.listen[0], connection)) and time.monotonic() < until:
-        time.sleep(0.01)  # a busy process answers late
-    assert life == str(session.zid()) == connection.life
+    assert life_at(connection.listen[0], connection) == str(session.zid()) == connection.life
     assert life_at(f"tcp/127.0.0.1:{unused_port()}", connection) == ""
     with socket.create_server(("127.0.0.1", 0)) as mute:
         assert life_at(f"tcp/127.0.0.1:{mute.getsockname()[1]}", connection) == ""

@@ -17,19 +17,18 @@ KEY = "cbef/test/agent/3/round"
 
 def meet(there: zenoh.Session, mailbox: Mailbox) -> None:
     """Wait until what one session sends gets to the other's mailbox."""
-    until = time.monotonic() + 100
+    until = time.monotonic() + 20
     while mailbox.poll() != b"hello":
         assert time.monotonic() < until
         there.put(KEY, b"hello")
         time.sleep(0.02)
-    # Where processes are busy some of these are still on their way.
-    there.put(KEY, b"met", congestion_control=zenoh.CongestionControl.BLOCK)
-    while mailbox.poll() != b"met":
-        assert time.monotonic() < until
+    time.sleep(0.05)
+    while mailbox.poll() is not None:
+        pass
 
 
 def eventually(what: Callable[[], object]) -> object:
-    until = time.monotonic() + 100
+    until = time.monotonic() + 20
     while (found := what()) is None and time.monotonic() < until:
         time.sleep(0.01)
     return found
@@ -57,7 +56,7 @@ def test_a_wake_up_ends_the_waiting_of_another_thread(pair: Pair, key: str) -> N
         with ThreadPoolExecutor(1) as pool:
             waiting = pool.submit(waits)
             mailbox.wake()
-            assert waiting.result(100) is None
+            assert waiting.result(20) is None
     mailbox.wake()
     mailbox.wake()
     here.put(KEY, b"after")

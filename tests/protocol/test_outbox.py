@@ -23,7 +23,7 @@ KEY = "cbef/test/agent/3/round"
 
 def heard_by(pair: Pair, relay: Relay) -> Mailbox:
     mailbox = Mailbox(pair[0], KEY)
-    until = time.monotonic() + 100
+    until = time.monotonic() + 20
     while not relay.heard and time.monotonic() < until:
         time.sleep(0.01)
     assert relay.heard
@@ -32,7 +32,7 @@ def heard_by(pair: Pair, relay: Relay) -> Mailbox:
 
 def taken(mailbox: Mailbox) -> bytes:
     """The next message; empty where none comes."""
-    until = time.monotonic() + 100
+    until = time.monotonic() + 20
     while (data := mailbox.poll()) is None and time.monotonic() < until:
         time.sleep(0.01)
     return data or b""

@@ -59,7 +59,7 @@ def test_who_waits_without_an_end_is_told_of_every_change() -> None:
         waits.start()
         assert looked.wait(100)
         seen.announce("agent/1")
-        waits.join(100)
+        waits.join(20)
         assert not waits.is_alive()
 
 

@@ -33,10 +33,10 @@ def test_a_port_that_is_listened_at_is_reached_and_others_are_not(listener: sock
         f"ws/127.0.0.1:{port}?a=b",
         f"tcp/127.0.0.1:{port}#x",
     ):
-        assert unreachable(endpoint, 100.0) is None
+        assert unreachable(endpoint) is None
     closed = unused_port()
     for protocol in ("tcp", "tls", "ws"):
-        told = unreachable(f"{protocol}/127.0.0.1:{closed}", 100.0)
+        told = unreachable(f"{protocol}/127.0.0.1:{closed}")
         assert told == (
             f"no process listens at {protocol}/127.0.0.1:{closed}; check --connect, and start 'zenoh-cbef target' first"
         )
@@ -101,7 +101,7 @@ def test_a_link_is_waited_for_and_runs_behind_it_are_named(pair: Pair) -> None:
     assert why_no_answer(there, connection, "mine").startswith("no run is on at tcp/a:1, tcp/b:2; check --run")
     for run in ("other", "another"):
         Presence(here, Keys(run).all_live).announce("target/target")
-    until = time.monotonic() + 100
+    until = time.monotonic() + 20
     while runs_on(there) != {"other", "another"}:
         assert time.monotonic() < until
     told = why_no_answer(there, Connection(), "mine")

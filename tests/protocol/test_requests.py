@@ -28,7 +28,7 @@ def test_a_request_is_answered_or_refused_with_the_sentence_of_the_run(pair: Pai
 
     assert ask_control(pair[1], KEY, STOP, timeout=0.2) is None
     service = serve_control(pair[0], KEY, answer)
-    until = time.monotonic() + 100
+    until = time.monotonic() + 20
     while ask_control(pair[1], KEY, STOP, timeout=1.0) is None:
         assert time.monotonic() < until
     assert asked[-1] == {"v": 1, "ask": "stop"}
@@ -55,7 +55,7 @@ def test_a_replay_obeys_orders_in_their_order_and_tells_its_state(pair: Pair) ->
         return {"time": 12.5}
 
     service = serve_replay(pair[0], "test", obey)
-    until = time.monotonic() + 100
+    until = time.monotonic() + 20
     while not list(pair[1].get("cbef/test/replay")):
         assert time.monotonic() < until
     [reply] = pair[1].get("cbef/test/replay?seek=12.5;rate=2;pause", timeout=100.0)

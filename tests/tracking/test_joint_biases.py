@@ -120,6 +120,8 @@ def test_few_agents_of_whose_biases_the_scenario_tells_estimate_them_together():
         (("agents.count=12",), True),
         (("agents.count=13",), False),
         (("sensor.bias=0.2",), False),
+        (('fault=[{kind="sensor-dropout",probability=0.5}]',), True),
+        (('fault=[{kind="sensor-bias",bias=3.0,agents=[1]}]',), False),
         (("filter.bias_common_std=0.1",), False),
         (("filter.defaults=8",), False),
         (("filter.bias=none",), False),

@@ -107,7 +107,7 @@ def _path(truth: Floats) -> Floats:
 
 def cannot(plan: Plan) -> list[str]:
     """What the prediction does not take into account, one sentence each."""
-    scenario, recorded = plan.scenario, plan.recorded
+    scenario, recorded = plan.scenario, plan.scenario.target.motion == "dataset"
     chosen, sensor = scenario.filter, scenario.sensor
     said = {
         f"The error of {chosen.kind} is not predicted, as it is no linear average of information; try 'sim'.": (

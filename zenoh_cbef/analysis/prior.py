@@ -15,7 +15,7 @@ def known_together(plan: Plan) -> Floats:
     Guesses of n agents that are independent of one another have a mean whose covariance is that of one over n. A
     position or a velocity that the scenario gives to all of them is no more certain than it says.
     """
-    if plan.recorded:
+    if plan.scenario.target.motion == "dataset":
         return plan.initial_covariance
     std = start.initial_std(plan.scenario) / np.sqrt(np.repeat(start.guesses(plan.scenario), 3))
     return np.asarray(np.diag((std**2)[plan.space.kept]))

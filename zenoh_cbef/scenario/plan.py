@@ -9,7 +9,7 @@ import numpy as np
 
 from zenoh_cbef.arrays import Floats
 from zenoh_cbef.faults import Absences
-from zenoh_cbef.scenario import bending, network, start, trust
+from zenoh_cbef.scenario import bending, near_plane, network, start, trust
 from zenoh_cbef.scenario.model import Scenario
 from zenoh_cbef.scenario.motion import assumed_models, assumed_motion, plain_motion, switches
 from zenoh_cbef.scenario.plausible import Plausible, plausible_ranges
@@ -34,11 +34,6 @@ class Plan:
     def realtime(self) -> bool:
         """Whether rounds have deadlines."""
         return self.scenario.timing.mode == "realtime"
-
-    @property
-    def recorded(self) -> bool:
-        """Whether the target is a recorded one."""
-        return self.scenario.target.motion == "dataset"
 
     @property
     def abilities(self) -> Abilities:
@@ -103,15 +98,17 @@ class Plan:
         return trust.bias(self.scenario, unfit=unfit)
 
     @cached_property
-    def joint_biases(self) -> bool:
-        """Whether agents estimate all biases together, in the shared state."""
-        return self.bias == "estimate" and trust.shares_biases(self.scenario)
-
-    @cached_property
     def squares(self) -> bool:
         """Whether agents share squared ranges, which the network linearises after it has averaged them."""
         unfit = self.bias != "none" or self.models or self.distrusts_others or not self.abilities.biases
         return not unfit and bending.after(self.scenario, self.plain_motion, self.range_std)
+
+    @cached_property
+    def plane(self) -> near_plane.Plane | None:
+        """The plane that agents are so near that they track target and mirror image until ranges tell them apart."""
+        single = self.models or self.squares or self.bias != "none" or self.distrusts_others or self.distrusts_own
+        fits = not single and self.abilities.biases and self.motion.size == 2 * self.space.axes
+        return near_plane.plane(self.scenario, self.range_std, self.space.axes) if fits else None
 
     @cached_property
     def power(self) -> int:
@@ -133,6 +130,7 @@ class Plan:
             leaving=chosen.switching,
             middle=start.middle(scenario)[: self.space.axes],
             squares=self.squares,
+            plane=self.plane,
             space=self.space,
             range_std=range_std,
             xi=self.xi,
@@ -152,11 +150,11 @@ class Plan:
             supposes=start.supposes(scenario, window),
             anywhere=start.anywhere(scenario, self.motion, self.space),
             bias=self.bias,
+            joint_biases=(joint := self.bias == "estimate" and trust.shares_biases(scenario)),
             likelihoods=trust.rules(scenario) > 1,
-            common_bias_std=trust.common_bias_std(scenario, range_std, joint=self.joint_biases),
+            common_bias_std=trust.common_bias_std(scenario, range_std, joint=joint),
             own_bias_std=trust.own_bias_std(scenario, range_std),
             told_biases=self.bias != "none" and trust.tells_biases(scenario),
-            joint_biases=self.joint_biases,
             learns_noise=chosen.range_std == "auto",
             lasting=trust.lasts(scenario) and not self.models and not self.squares,
             doubts_noise=trust.doubts_noise(scenario) and not self.models and not self.squares,
@@ -185,11 +183,12 @@ class Plan:
         axes, size, kind = self.space.axes, self.motion.size, self.scenario.filter.kind
         if not self.abilities.information:
             return StatePayloads(axes)
-        if self.models:
-            return SeveralPayloads(tuple(InformationPayloads(axes, one.size) for one in self.models))
+        if self.models or self.plane:
+            sizes = [one.size for one in self.models] or [size, size]
+            return SeveralPayloads(tuple(InformationPayloads(axes, one) for one in sizes))
         omega = float(self.scenario.count) if self.scenario.filter.omega is None else self.scenario.filter.omega
         # Of biases the common part is a state, or all of them are; so is a square.
-        size += self.scenario.count if self.joint_biases else self.bias == "estimate" or self.squares
+        size += self.scenario.count if self.settings.joint_biases else self.bias == "estimate" or self.squares
         return InformationPayloads(axes, size, (1.0, omega) if kind == "hcmci" else (1.0,))
 
     @cached_property

@@ -27,7 +27,9 @@ _MOST_STEPS = 10_000
 
 def warnings(plan: Plan) -> list[str]:
     """Warnings, a sentence each with its remedy."""
-    recorded = _recorded(plan) if plan.recorded else _emulated_noise(plan) + _out_of_plane(plan)
+    recorded = (
+        _recorded(plan) if plan.scenario.target.motion == "dataset" else _emulated_noise(plan) + _out_of_plane(plan)
+    )
     return _long_steps(plan) + _coarse(plan) + recorded
 
 

@@ -95,7 +95,7 @@ def determined(plan: Plan) -> bool:
 
 def _weak_geometry(plan: Plan) -> list[str]:
     """Agents that are so nearly on one line or in one plane that ranges say little about one direction."""
-    if plan.recorded:
+    if plan.scenario.target.motion == "dataset":
         return []
     moments = max(1, min(plan.scenario.length, _MOMENTS, _PLACES // plan.scenario.count))
     path = target_path(plan.scenario.model_copy(update={"steps": moments}))[1:, :3]

@@ -87,7 +87,8 @@ def bias(scenario: Scenario, *, unfit: bool) -> str:
 def shares_biases(scenario: Scenario) -> bool:
     """Whether agents estimate all biases together: where they are few, and the scenario tells all that is constant."""
     sensor, chosen = scenario.sensor, scenario.filter
-    told = tells_biases(scenario) and not np.any(np.array(sensor.bias)) and not _at_fault(scenario)
+    constant = not any(isinstance(one, SensorFault) and one.error > 0.0 for one in scenario.fault)
+    told = tells_biases(scenario) and not np.any(np.array(sensor.bias)) and constant
     few = 1 < scenario.count <= joint_biases.MOST and scenario.consensus.rounds > 0
     return told and few and chosen.defaults > 8 and chosen.bias_common_std is None
 

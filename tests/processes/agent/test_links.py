@@ -16,7 +16,7 @@ from zenoh_cbef.protocol.presence import Presence
 from zenoh_cbef.protocol.session import Connection, open_session
 
 
-def until(condition: Callable[[], bool], seconds: float = 100.0) -> bool:
+def until(condition: Callable[[], bool], seconds: float = 30.0) -> bool:
     end = time.monotonic() + seconds
     while not condition() and time.monotonic() < end:
         time.sleep(0.05)

@@ -162,7 +162,7 @@ def test_keys_of_a_terminal_are_obeyed(recorded, listener):
         os.write(leader, b"nn")
         listener.wait(first_of_step(steps, 2) + 2)
         os.write(leader, b"\x1b[A\x1b[A\x1b[B\x1b[A")
-        until = time.monotonic() + 100
+        until = time.monotonic() + 10
         while (rate := listener.ask()["rate"]) != pytest.approx(1.1**2) and time.monotonic() < until:
             time.sleep(0.02)
         assert rate == pytest.approx(1.1**2)

@@ -23,7 +23,7 @@ def told(traces: Sequence[Trace], steps: int) -> tuple[Known, Seen]:
     plan = traces[0].plan
     scenario, settings = plan.scenario, plan.settings
     count = scenario.count
-    emulated = not plan.recorded
+    emulated = plan.scenario.target.motion != "dataset"
     wrong = [wrong_ranges(trace) if emulated else None for trace in traces]
     ranges = np.stack(
         [

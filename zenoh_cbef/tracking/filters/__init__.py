@@ -21,6 +21,7 @@ from zenoh_cbef.tracking.filters.around.joint_biases import JointBiases
 from zenoh_cbef.tracking.filters.around.knowing import Knowing
 from zenoh_cbef.tracking.filters.around.lasting_errors import LastingErrors
 from zenoh_cbef.tracking.filters.around.learned_noise import LearnedNoise
+from zenoh_cbef.tracking.filters.around.mirror_images import MirrorImages
 from zenoh_cbef.tracking.filters.around.reacquiring import Reacquiring
 from zenoh_cbef.tracking.filters.around.recovering import Recovering
 from zenoh_cbef.tracking.filters.around.returning import Returning
@@ -106,6 +107,8 @@ def sharing_of(kind: str, settings: FilterSettings) -> Sharing:
         biased = (JointBiases if settings.joint_biases else BiasedInformation).sharing(settings)
         both = replace(shared.longer(biased.payload_size + AutoBias.more), blocks=shared.blocks + biased.blocks)
         shared = biased if settings.bias == "estimate" else both
+    if settings.plane:
+        shared = replace(shared.longer(shared.payload_size + MirrorImages.more), blocks=shared.blocks * 2)
     more = settings.recovers * Recovering.more + settings.distrusts * Distrusting.more
     more += (
         (settings.lasting and settings.learns_noise)
@@ -133,11 +136,7 @@ def make_filter(kind: str, settings: FilterSettings) -> Filter:
         chosen = Distrusting(chosen, settings.range_std)
     if settings.returns and settings.network_size > 1 and abilities_of(kind).biases and not settings.squares:
         chosen = Returning(chosen, settings.space, settings.range_std)
-    if settings.first_fix:
-        alone = replace(
-            settings, says_status=False, reacquires=0, supposes=False, learns_noise=False, doubts_noise=False
-        )
-        chosen = first_fix(settings, chosen, xi, sharing_of(kind, alone).payload_size)
+    chosen = _begun(kind, settings, chosen, xi)
     if settings.doubts_noise:
         chosen = DoubtedNoise(chosen, settings.range_std, settings.network_size, settings.first_fix)
     if settings.lasting:
@@ -153,6 +152,16 @@ def _biased(settings: FilterSettings, plain: Filter, xi: float) -> Filter:
         return JointBiases.of(settings, xi)
     biased = BiasedInformation.of(settings, xi)
     return biased if settings.bias == "estimate" else AutoBias(plain, biased, Evidence(settings.likelihoods))
+
+
+def _begun(kind: str, settings: FilterSettings, chosen: Filter, xi: float) -> Filter:
+    """A filter with its mirror image, where there is one, after a first fix."""
+    if settings.plane:
+        chosen = MirrorImages(chosen, settings)
+    if not settings.first_fix:
+        return chosen
+    alone = replace(settings, says_status=False, reacquires=0, supposes=False, learns_noise=False, doubts_noise=False)
+    return first_fix(settings, chosen, xi, sharing_of(kind, alone).payload_size)
 
 
 def _knowing(kind: str, settings: FilterSettings, chosen: Filter, xi: float) -> Filter:

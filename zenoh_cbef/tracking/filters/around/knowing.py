@@ -7,12 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from zenoh_cbef.arrays import Floats
+from zenoh_cbef.tracking.filters.around.mirror_images import undecided
 from zenoh_cbef.tracking.filters.around.wrapping import Wrapping
 from zenoh_cbef.tracking.filters.base import Belief, Bias, Update
 from zenoh_cbef.tracking.filters.information_form import unchanged
 from zenoh_cbef.tracking.filters.settings import FilterSettings
 from zenoh_cbef.tracking.ranging import Measurement
-from zenoh_cbef.tracking.status import CUT, Status, most_misfit
+from zenoh_cbef.tracking.status import ACQUIRING, CUT, LOST, Status, most_misfit
 
 _UNLIKELY = 4.0
 """How many of its prior standard deviations a bias is off that explains nothing."""
@@ -58,6 +59,9 @@ class Knowing(Wrapping):
         """The filter's belief, and what it is worth."""
         inner = self.filter.conclude(np.ascontiguousarray(payload[:, : -self.more]), update.parts[0])
         status = self._status(inner, payload, update)
+        if self.settings.plane:
+            rows = undecided(self.filter, inner) & (status.which != LOST)
+            status = status.told(rows, ACQUIRING, Status(*update.kept), self.settings.motion.dt)
         return Belief(inner.state, inner.covariance, inner.bias, parts=(inner,), status=status)
 
     def _misfit(self, fit: Floats, distrust: Floats, bias: Bias | None) -> Floats:

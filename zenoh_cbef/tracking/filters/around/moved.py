@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from zenoh_cbef.tracking.copying import replace
 from zenoh_cbef.tracking.filters.around.auto_bias import AutoBias
 from zenoh_cbef.tracking.filters.around.biased_information import BiasedInformation
 from zenoh_cbef.tracking.filters.around.imm import InteractingModels
 from zenoh_cbef.tracking.filters.around.joint_biases import JointBiases
+from zenoh_cbef.tracking.filters.around.mirror_images import MirrorImages
 from zenoh_cbef.tracking.filters.around.recovering import Recovering
 from zenoh_cbef.tracking.filters.around.wrapping import Wrapping
 from zenoh_cbef.tracking.filters.base import Belief, Filter
@@ -15,13 +18,16 @@ from zenoh_cbef.tracking.filters.base import Belief, Filter
 def moved(chosen: Filter, belief: Belief, place: Belief) -> Belief:
     """A belief of `chosen` with the state and covariance of another one.
 
-    Biases, learned noise, distrust, and how far biases are relied on stay; motions are as likely as at the start.
+    Biases, learned noise, distrust, and how far biases are relied on stay; motions, and mirror images, are as
+    likely as at the start.
     """
     there = replace(belief, state=place.state, covariance=place.covariance)
     if isinstance(chosen, Recovering):
         return moved(chosen.filter, belief, place)
     if isinstance(chosen, Wrapping):
-        return replace(there, parts=(moved(chosen.filter, belief.parts[0], place),))
+        inner = moved(chosen.filter, belief.parts[0], place)
+        memory = (np.zeros_like(belief.memory[0]),) if isinstance(chosen, MirrorImages) else belief.memory
+        return replace(there, memory=memory, parts=(inner, *_images(chosen, belief, place)))
     if isinstance(chosen, AutoBias):
         plain, biased = belief.parts
         return replace(there, parts=(moved(chosen.plain, plain, place), moved(chosen.biased, biased, place)))
@@ -31,3 +37,10 @@ def moved(chosen: Filter, belief: Belief, place: Belief) -> Belief:
         chance, parts = chosen.switching.begun(place.state, place.known_covariance)
         return replace(there, chance=chance, parts=tuple(Belief(*one) for one in parts))
     return there
+
+
+def _images(chosen: Wrapping, belief: Belief, place: Belief) -> tuple[Belief, ...]:
+    """The part of a filter of mirror images that is on the other side."""
+    if not isinstance(chosen, MirrorImages):
+        return ()
+    return (moved(chosen.filter, belief.parts[1], chosen.mirrored(place)),)

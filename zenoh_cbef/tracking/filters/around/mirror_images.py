@@ -1,0 +1,126 @@
+"""Agents near one plane: the target and its mirror image, two hypotheses until the ranges tell them apart."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from zenoh_cbef.arrays import Bools, Floats
+from zenoh_cbef.tracking.copying import replace
+from zenoh_cbef.tracking.filters.around.wrapping import Wrapping, resumed
+from zenoh_cbef.tracking.filters.base import Belief, Filter, Update
+from zenoh_cbef.tracking.filters.rows import chosen
+from zenoh_cbef.tracking.filters.settings import FilterSettings
+from zenoh_cbef.tracking.ranging import Measurement
+
+_CUT = 9.0
+"""Where a NIS is cut off, so that a single outlier does not decide."""
+
+_DECIDED = 5.0
+"""Logarithm of how many times likelier a hypothesis is that the network believes."""
+
+_MOST = 20.0
+"""Where that logarithm is cut off, so that a target which crosses the plane is not held on the wrong side for long."""
+
+_APART = 5.0
+"""From how many claimed position errors on two places are two."""
+
+
+@dataclass(frozen=True)
+class MirrorImages(Wrapping):
+    """Any filter of information twice, from an estimate and from its mirror image, in one payload, and one number more.
+
+        l_i = (min(z'^2/S', 9) + ln S' - min(z^2/S, 9) - ln S)/2       dashes: of the filter that began at the image
+        L <- cut(L + n times the average of l, 20)                     0 at first, as a guess proves nothing
+
+    Ranges of agents in one plane fit a place and its mirror image. Of agents near one, both fit for long, and a filter
+    that linearises at the wrong one stays there and is sure of it. So both go on, and L is the logarithm of how many
+    times likelier the network's ranges made the first. An agent reports the likelier one, and while |L| < 5, and the
+    two places are more than five claimed errors apart, it does not know which it is (`undecided`). It costs a second
+    filter's payload, so it is for agents near a plane alone, or near a line in a plane.
+    """
+
+    settings: FilterSettings
+
+    more = 1
+
+    def update(self, belief: Belief, measurement: Measurement) -> Update:
+        """Both filters' updates; what is told of ranges is of the likelier one."""
+        first, second = belief.parts if len(belief.parts) > 1 else (belief, self.mirrored(belief))
+        odds = belief.memory[0] if belief.memory else np.zeros(len(belief.state))
+        here, there = self.filter.update(first, measurement), self.filter.update(second, measurement)
+        gained = 0.5 * (_cost(there) - _cost(here))
+        payload = np.concatenate([here.payload, there.payload, gained[:, None]], axis=1)
+        return Update(payload, here.diagnostics.chosen(odds < 0.0, there.diagnostics), (odds,), (here, there))
+
+    def conclude(self, payload: Floats, update: Update) -> Belief:
+        """The likelier belief."""
+        here, there = update.parts
+        split, (odds,) = here.payload.shape[1], update.kept
+        first = self.filter.conclude(np.ascontiguousarray(payload[:, :split]), here)
+        second = self.filter.conclude(np.ascontiguousarray(payload[:, split:-1]), there)
+        gained = self.settings.network_size * np.nan_to_num(payload[:, -1])
+        odds = np.fmax(np.fmin(odds + gained, _MOST), -_MOST)
+        return self._joined(first, second, odds)
+
+    def resumed(self, belief: Belief) -> Belief:
+        """A belief of another filter and its mirror image."""
+        first, second = (resumed(self.filter, one) for one in (belief, self.mirrored(belief)))
+        return self._joined(first, second, np.zeros(len(belief.state)))
+
+    def _joined(self, first: Belief, second: Belief, odds: Floats) -> Belief:
+        said = chosen(_plain(first), _plain(second), odds < 0.0)
+        return replace(said, memory=(odds,), parts=(first, second))
+
+    def mirrored(self, belief: Belief) -> Belief:
+        """State and covariance of the mirror image."""
+        return mirrored(belief, *self._plane)
+
+    @cached_property
+    def _plane(self) -> tuple[Floats, Floats]:
+        plane = self.settings.plane
+        if plane is None:
+            raise ValueError("mirror images without a plane")
+        return np.array(plane[0]), np.array(plane[1])
+
+
+def mirrored(belief: Belief, point: Floats, normal: Floats) -> Belief:
+    """State and covariance of the mirror image. point, normal: of the plane, by the estimated axes, m and 1."""
+    axes = len(normal)
+    turn = np.eye(axes) - 2.0 * normal[:, None] * normal
+    whole = np.kron(np.eye(belief.state.shape[1] // axes), turn)
+    state = np.add.reduce(whole * belief.state[:, None, :], axis=2)
+    state[:, :axes] += 2.0 * np.add.reduce(point * normal) * normal
+    return Belief(state, whole @ belief.known_covariance @ whole.T)
+
+
+def undecided(around: Filter, belief: Belief) -> Bools:
+    """Which agents (n,) do not know on which side of a plane the target is."""
+    while isinstance(around, Wrapping) and belief.parts:
+        if isinstance(around, MirrorImages):
+            first, second = belief.parts
+            axes = around.settings.space.axes
+            offset = (first.state - second.state)[:, :axes]
+            covariance = belief.known_covariance
+            variance = covariance[:, 0, 0]
+            for axis in range(1, axes):
+                variance = variance + covariance[:, axis, axis]
+            apart = np.add.reduce(offset * offset, axis=1) > _APART**2 * variance
+            return np.asarray(apart & (np.abs(belief.memory[0]) < _DECIDED))
+        around, belief = around.filter, belief.parts[0]
+    return np.zeros(len(belief.state), dtype=bool)
+
+
+def _plain(belief: Belief) -> Belief:
+    return Belief(belief.state, belief.covariance, belief.bias)
+
+
+def _cost(update: Update) -> Floats:
+    """Twice the negative logarithm of how likely the own range was, (n,), but for a constant; 0 without one."""
+    told = update.diagnostics
+    there = np.isfinite(told.nis) & (told.nis > 0.0)
+    nis = np.where(there, told.nis, 1.0)
+    variance = np.where(there, told.innovation, 1.0) ** 2 / nis
+    return np.asarray(np.where(there, np.minimum(nis, _CUT) + np.log(variance), 0.0))
