@@ -20,6 +20,7 @@ from dataclasses import dataclass
 
 from zenoh_cbef.analysis.traffic import beacon_bytes, other_bytes, range_bytes, round_bytes, truth_bytes
 from zenoh_cbef.machine import files_needed, memory_needed
+from zenoh_cbef.protocol.short import SILENT_BYTES
 from zenoh_cbef.scenario.plan import Plan
 
 ENVELOPE = 12
@@ -85,12 +86,19 @@ def demand(plan: Plan, *, other: float | None = None, routed: bool = False) -> D
     heard = agents * (plan.rounds + 3) + 1
     every = agents * (plan.rounds * size.round + size.range + size.estimate + size.beacon) + size.truth
     recorder = Load(links, 0, heard, 0, every)
-    link = 8.0 * (plan.rounds * size.round + plan.sharing.uses_neighbour_ranges * size.range) / plan.scenario.dt
+    link = 8.0 * link_bytes(plan) / plan.scenario.dt
     if not routed:
         return Demand(mean, busiest, target, recorder, link)
     out = agents * mean.received + target.received + heard
     out_bytes = agents * mean.bytes_received + target.bytes_received + every
     return Demand(mean, busiest, target, recorder, link, Load(agents + 2, out, heard, out_bytes, every))
+
+
+def link_bytes(plan: Plan, *, rounds: int | None = None, silent: float = 0.0) -> float:
+    """Bytes from one neighbour to another in a step. rounds: None for the plan's. silent: in how many of them."""
+    rounds = plan.rounds if rounds is None else rounds
+    told = rounds * (round_bytes(plan) + ENVELOPE) - silent * (round_bytes(plan) - SILENT_BYTES)
+    return told + plan.sharing.uses_neighbour_ranges * (range_bytes(plan) + ENVELOPE)
 
 
 def _agent(plan: Plan, size: _Sizes, degree: float, *, routed: bool) -> Load:

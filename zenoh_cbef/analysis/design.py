@@ -11,6 +11,7 @@ from zenoh_cbef.analysis.designed import Bytes, Compared, Configured, Design, Ex
 from zenoh_cbef.analysis.mixing import SCHEMES, Scheme, configured_scheme, contraction, mixing, with_scheme
 from zenoh_cbef.analysis.observability import observability
 from zenoh_cbef.analysis.prediction import Clipping, Sight, propagate
+from zenoh_cbef.analysis.recommended import Recommended, recommended
 from zenoh_cbef.analysis.traffic import other_bytes, round_bytes
 from zenoh_cbef.arrays import Floats
 from zenoh_cbef.errors import UserError
@@ -28,11 +29,14 @@ _MOST_STATES = 240
 _PREDICTED = ("sicf", "icf", "hcmci", "ci", "local")
 
 
-def design(plan: Plan, *, within: float = 0.01, skip: float = 0.25, search: bool = True) -> Design:
+def design(
+    plan: Plan, *, within: float = 0.01, skip: float = 0.25, search: bool = True, kbits: float | None = None
+) -> Design:
     """Everything that `zenoh-cbef design` tells.
 
     within: wanted excess of the position RMSE over the centralised filter's. skip: share of steps left out at the
-    start. search: also predict other numbers of rounds and schemes than the configured ones.
+    start. search: also predict other numbers of rounds and schemes than the configured ones. kbits: recommend settings
+    for links that carry so many kbit/s.
     """
     scenario, rounds, scheme = plan.scenario, plan.rounds, configured_scheme(plan)
     first = min(int(skip * scenario.length), scenario.length - 1)
@@ -45,6 +49,7 @@ def design(plan: Plan, *, within: float = 0.01, skip: float = 0.25, search: bool
         if search and rounds:
             smallest = _search(predictor, within)
         expected = predictor.compared(scheme, rounds)
+    told = None if kbits is None or not rounds else _recommended(plan, kbits, smallest[scheme], predictor)
     return Design(
         name=scenario.name,
         filter=scenario.filter.kind,
@@ -63,7 +68,19 @@ def design(plan: Plan, *, within: float = 0.01, skip: float = 0.25, search: bool
         rounds=[] if predictor is None else _tried(predictor, cost),
         smallest=smallest,
         demand=demand(plan, other=cost.other),
+        recommended=told,
     )
+
+
+def _recommended(plan: Plan, kbits: float, enough: int | None, predictor: _Predictor | None) -> Recommended:
+    def ratio(rounds: int) -> float | None:
+        if predictor is None:
+            return None
+        scheme = configured_scheme(plan)
+        predictor.predict([(scheme, rounds)])
+        return predictor.compared(scheme, rounds).ratio_to_centralized
+
+    return recommended(plan, kbits, enough, ratio)
 
 
 def _tried(predictor: _Predictor, cost: Bytes) -> list[TriedRounds]:

@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass
 
 from zenoh_cbef.analysis.demand import Demand
 from zenoh_cbef.analysis.mixing import Scheme
+from zenoh_cbef.analysis.recommended import Recommended
 from zenoh_cbef.analysis.results import Number
 from zenoh_cbef.plain import Json
 from zenoh_cbef.tracking.compact import Precision
@@ -103,6 +104,7 @@ class Design:
     spectral_gap: by scheme. cannot: what is left out of account, in sentences. centralized: None, and rounds empty,
     where errors cannot be predicted. smallest: sufficient number of rounds; None where none is found.
     demand: what the configured run asks of its processes. precision: in which numbers payloads travel.
+    recommended: settings for a link of so many kbit/s, where the caller asks for them.
     """
 
     name: str
@@ -122,6 +124,7 @@ class Design:
     rounds: Sequence[TriedRounds]
     smallest: Mapping[Scheme, int | None]
     demand: Demand
+    recommended: Recommended | None = None
 
     def as_json(self) -> dict[str, Json]:
         """The design as `design --json` prints it."""

@@ -11,6 +11,7 @@ from zenoh_cbef.analysis.averages import last, rms, running_mean
 from zenoh_cbef.analysis.claimed import claimed_position_error
 from zenoh_cbef.analysis.consistency import agents_bands, chi2_band, described, nees_of
 from zenoh_cbef.analysis.coverage import estimated_steps, lacks, stretches, unseen_note
+from zenoh_cbef.analysis.demand import link_bytes
 from zenoh_cbef.analysis.misfit import misfit_note
 from zenoh_cbef.analysis.observability import unseen_steps
 from zenoh_cbef.analysis.receivers import bias_of, distrust_of
@@ -172,6 +173,7 @@ def _metrics(errors: Errors) -> Metrics:
     trace, window, counted = errors.trace, slice(errors.first, None), errors.counted
     traffic = trace.traffic
     share = traffic.agent_bytes / (trace.scenario.count * len(trace.time))
+    quiet = _quiet_rounds(trace)
     return Metrics(
         run=trace.name,
         filter=trace.scenario.filter.kind,
@@ -209,10 +211,19 @@ def _metrics(errors: Errors) -> Metrics:
         slow=slowness(trace),
         disagreement=rms(errors.disagreement[window]),
         bytes_per_step=None if traffic.agents_missing else share or None,
+        link_bytes_per_step=link_bytes(trace.plan, silent=quiet) or None,
+        precision=trace.scenario.consensus.precision,
+        silent=quiet / max(1, trace.plan.rounds) if trace.scenario.consensus.trigger else None,
         messages=Messages(traffic.sent, traffic.recorded, traffic.missing, traffic.rejected),
         gaps=traffic.gaps,
         links=_links(trace),
     )
+
+
+def _quiet_rounds(trace: Trace) -> float:
+    """In how many rounds of a step an agent kept silent, mean."""
+    silent = trace.diagnostics.silent
+    return float(np.nanmean(silent)) if np.isfinite(silent).any() else 0.0
 
 
 def _yardstick(errors: Errors, states: Floats, window: slice) -> Yardstick:

@@ -109,10 +109,13 @@ def _facts(analysis: Analysis) -> tuple[dict[str, str], dict[str, str]]:
     graph = "given edges" if network.edges is not None else network.graph
     chebyshev = ", Chebyshev" if consensus.acceleration == "chebyshev" else ""
     how = "running sums" if trace.plan.sums else f"{consensus.weights} weights"
+    metrics = analysis.metrics
+    quiet = "" if metrics.silent is None else f", silent in {100.0 * metrics.silent:.0f} % of the rounds"
     faults = [_fault(fault) for fault in scenario.fault]
     left = {
         "Filter": f"{scenario.filter.kind}, ξ = {trace.plan.xi:g}",
         "Consensus": f"{counted(consensus.rounds, 'round')}, {how}{chebyshev}",
+        "Messages": f"{consensus.precision}{quiet}, {number(metrics.link_bytes_per_step)} bytes a step on a link",
         "Agents": f"{len(trace.estimates)}, {scenario.agents.motion}",
         "Graph": f"{graph}, {counted(len(trace.edges), 'edge')}",
         "Target": scenario.target.motion,

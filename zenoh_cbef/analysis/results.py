@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 
 from zenoh_cbef.plain import Json
+from zenoh_cbef.tracking.compact import Precision
 
 Number = float | None
 """None where the run has nothing to compute it from."""
@@ -163,7 +164,9 @@ class Metrics:
     three times as far off as the strong one. status: of the whole run, by the name of what agents said their
     estimates were. smoothed, nees, nis, status, bias, distrust, slow: None where the run has none. misfit: a
     sentence where recorded ranges do not fit the positions, else empty. gaps: by key, the stretches of numbers that
-    are missing. bytes_per_step: of each agent.
+    are missing. bytes_per_step: of each agent. link_bytes_per_step: from one neighbour to another, one way.
+    precision: in which numbers payloads travel. silent: in which share of the rounds agents kept silent, None where
+    they never do.
     """
 
     run: str
@@ -202,6 +205,9 @@ class Metrics:
     slow: Slowness | None
     disagreement: Number
     bytes_per_step: Number
+    link_bytes_per_step: Number
+    precision: Precision
+    silent: Number
     messages: Messages
     gaps: Mapping[str, list[tuple[int, int]]]
     links: list[LinkMetrics]

@@ -22,10 +22,19 @@ Within = Annotated[
 ]
 
 
+Kbits = Annotated[
+    float | None,
+    typer.Option(
+        metavar="NUMBER", help="Recommend settings for links of so many kbit/s, either way.", min=1e-3, max=1e9
+    ),
+]
+
+
 def _design(
     scenario: ScenarioName = "tracking",
     overrides: Overrides = None,
     within: Within = "1%",
+    kbits: Kbits = None,
     as_json: AsJson = False,
     skip: Skip = 0.25,
 ) -> None:
@@ -34,7 +43,7 @@ def _design(
     plan = load(scenario, overrides or ()).plan
     warn(check(plan))
     refuse_a_trace_beyond_memory(plan)
-    told = design(plan, within=wanted, skip=skip)
+    told = design(plan, within=wanted, skip=skip, kbits=kbits)
     if as_json:
         print(json.dumps(told.as_json()))
         return

@@ -8,6 +8,7 @@ from rich.table import Table
 
 from zenoh_cbef.analysis.designed import Design
 from zenoh_cbef.analysis.mixing import Scheme
+from zenoh_cbef.analysis.recommended import Recommended
 from zenoh_cbef.cli.console import number
 from zenoh_cbef.cli.fitting import Fitting
 from zenoh_cbef.words import counted
@@ -47,7 +48,22 @@ def design_lines(told: Design) -> Iterator[Fitting | str]:
             f"consensus.precision = {told.precision!r}: a message of {told.bytes.round[configured.scheme]} bytes, "
             f"{number(1e-3 * told.demand.link, 'kbit/s')} on a link, either way (docs/bytes.md)"
         )
+    if told.recommended is not None:
+        yield _recommended(told.recommended)
     yield from (f"note: {sentence}" for sentence in told.cannot)
+
+
+def _recommended(told: Recommended) -> str:
+    keys = [f"--set consensus.rounds={told.rounds}", f"--set consensus.precision='\"{told.precision}\"'"]
+    if told.trigger:
+        keys.append(f"--set consensus.trigger={told.trigger:g}")
+    short = ""
+    if not told.fits:
+        keys.append(f"--set dt={told.dt:g}")
+        short = "no round fits into a step; a longer one has room: "
+    reached = "" if told.ratio is None else f", expected position RMSE / centralised {told.ratio:.4f}"
+    most = f"{number(told.link, 'kbit/s')} at most"
+    return f"for a link of {told.kbits:g} kbit/s: {short}{' '.join(keys)} ({most}{reached})"
 
 
 def _observability(told: Design) -> Fitting:

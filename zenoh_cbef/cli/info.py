@@ -13,8 +13,9 @@ from zenoh_cbef.cli.console import console
 from zenoh_cbef.cli.fitting import Fitting
 from zenoh_cbef.cli.offer import verb
 from zenoh_cbef.cli.options import AsJson, LogFile
-from zenoh_cbef.log.common.naming import END, RUN
+from zenoh_cbef.log.common.naming import END, RESOLVED, RUN
 from zenoh_cbef.log.read.parts import open_log
+from zenoh_cbef.plain import read_toml
 
 _FOREIGN = "none, as this is no log of zenoh-cbef"
 
@@ -72,6 +73,19 @@ def _describe(path: Path) -> _Described:
     )
 
 
+def _payloads(path: Path) -> str:
+    """In which numbers payloads travel, as the scenario has it; "" for the usual ones, and where it does not say."""
+    try:
+        stage = read_toml(open_log(path).attachments[RESOLVED].decode())["consensus"]
+    except (KeyError, ValueError):
+        return ""
+    told = stage if isinstance(stage, dict) else {}
+    precision, trigger = told.get("precision", "float64"), told.get("trigger", 0.0)
+    if precision == "float64" and not trigger:
+        return ""
+    return f"{precision}, agents silent within {trigger:g} deviations" if trigger else str(precision)
+
+
 def _info(log: LogFile = Path("logs/latest"), as_json: AsJson = False) -> None:
     """Describe a log, complete or cut off: what it holds, of which run, and whether anything is wrong with it."""
     found = _describe(log)
@@ -79,12 +93,14 @@ def _info(log: LogFile = Path("logs/latest"), as_json: AsJson = False) -> None:
         print(json.dumps(asdict(found)))
         return
     started = datetime.fromtimestamp(found.start / 1e9, UTC).isoformat(timespec="milliseconds")
+    payloads = _payloads(log) if found.run else ""
     lines = {
         "file": f"{', '.join(found.parts)} ({found.bytes} bytes)",
         "state": found.state,
         "written by": found.library,
         "run": ", ".join(f"{name} {value}" for name, value in found.run.items()) or _FOREIGN,
         **({"ended": found.ended} if found.run else {}),
+        **({"payloads": payloads} if payloads else {}),
         "messages": f"{found.messages} in {found.duration:.3f} s from {started}",
         "attachments": ", ".join(f"{name} ({size} bytes)" for name, size in found.attachments.items()) or "-",
     }

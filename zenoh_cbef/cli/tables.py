@@ -73,6 +73,10 @@ def _inside(found: Honesty) -> Told:
 
 def _on_links(metrics: Metrics) -> Iterator[tuple[str | Told, ...]]:
     links = metrics.links
+    if metrics.precision != "float64" or metrics.silent is not None:
+        silent = "" if metrics.silent is None else f"silent {metrics.silent:.0%}"
+        size = Told(number(metrics.link_bytes_per_step, "B"))
+        yield "on a link, a step", size, Told(metrics.precision), Told(silent)
     sent, lost, late = sum(one.sent for one in links), sum(one.lost for one in links), sum(one.late for one in links)
     yield "on links", Told(f"{sent} sent"), Told(f"{lost} lost"), Told(f"{late} late")
     lost, late = sum(one.injected_lost + one.corrupted for one in links), sum(one.injected_late for one in links)

@@ -16,6 +16,7 @@ from zenoh_cbef.log.read.parts import find_log
 from zenoh_cbef.log.read.trace import read_trace
 from zenoh_cbef.nodes.launch.attempts import launch
 from zenoh_cbef.plain import Json
+from zenoh_cbef.protocol.short import SILENT_BYTES
 from zenoh_cbef.scenario import Scenario
 from zenoh_cbef.scenario.checks import check
 from zenoh_cbef.scenario.load import Loaded, to_toml
@@ -43,7 +44,7 @@ def simulated(scenario: Scenario, seeds: Sequence[int], skip: float) -> list[Out
         with np.errstate(all="ignore"):
             analyses = analyze(simulate([one.scenario for one in plans]), skip)
         sent = _bytes(Plan(scenario))  # not of a run: which runs are in a batch would decide
-        return outcomes + [outcome_of(one, sent) for one in analyses]
+        return outcomes + [outcome_of(one, sent - _unsaid(one)) for one in analyses]
     except Exception as error:  # noqa: BLE001 - one run's failure is reported, and the others go on
         if len(plans) == 1:
             return [*outcomes, Outcome(plans[0].scenario.seed, error=described(error))]
@@ -142,3 +143,9 @@ def described(error: Exception) -> str:
 def _bytes(plan: Plan) -> float:
     """Bytes that an agent would publish in a step, which a simulation does not send."""
     return other_bytes(plan) + plan.rounds * round_bytes(plan)
+
+
+def _unsaid(analysis: Analysis) -> float:
+    """Of those, the ones that agents which kept silent did not publish."""
+    plan = analysis.trace.plan
+    return (analysis.metrics.silent or 0.0) * plan.rounds * (round_bytes(plan) - SILENT_BYTES)

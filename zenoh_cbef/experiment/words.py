@@ -11,7 +11,9 @@ _KEYS = {
     "agents.count": "agents",
     "consensus.acceleration": "acceleration of consensus",
     "consensus.rounds": "consensus rounds",
+    "consensus.precision": "numbers of payloads",
     "consensus.scheme": "averaging",
+    "consensus.trigger": "trigger of messages",
     "dt": "time step (s)",
     "filter.kind": "filter",
     "filter.motion": "assumed motion",
@@ -62,6 +64,7 @@ MEASURED = (
     Measured("nees.average", "NEES", "Do the agents know how large their errors are?"),
     Measured("links.missed", "share of messages lost or late", "How many messages do not come in time?"),
     Measured("bytes_per_step", "bytes per agent and step", "How much is sent?"),
+    Measured("link_bytes_per_step", "bytes per step on a link", "How much does a link carry?"),
 )
 """The metrics of tables and figures, one figure for each question."""
 
