@@ -18,6 +18,7 @@ from zenoh_cbef.machine import require
 from zenoh_cbef.nodes.common.ending import Ending
 from zenoh_cbef.protocol.addresses import reached_at, with_ports
 from zenoh_cbef.protocol.claims import claim
+from zenoh_cbef.protocol.closing import close_soon
 from zenoh_cbef.protocol.keys import Keys
 from zenoh_cbef.protocol.lives import new_life
 from zenoh_cbef.protocol.mailbox import Mailbox
@@ -127,7 +128,7 @@ class Node:
         self.stop()
         for action in self._on_close:
             action()
-        self.session.close()
+        close_soon(self.session, self.identity.connection)
         # Python ends threads at its exit by unwinding them, which aborts the process inside a call of Zenoh.
         for reader in self._readers:
             reader.join(_JOIN_SECONDS)

@@ -1,0 +1,27 @@
+"""A session ends soon, though a process that it was told to link to takes its connection and never answers."""
+
+from __future__ import annotations
+
+import socket
+
+import pytest
+
+from tests.processes.conftest import unused_port
+from zenoh_cbef.protocol import session as sessions
+from zenoh_cbef.protocol.closing import close_soon
+from zenoh_cbef.protocol.reach import wait_for_link
+from zenoh_cbef.protocol.session import Connection, open_session
+
+
+def test_a_session_that_waits_for_an_answer_is_closed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sessions, "_LISTENER_OPEN_MS", 3_600_000)  # for which Zenoh would wait
+    place = f"tcp/127.0.0.1:{unused_port()}"
+    with socket.create_server(("127.0.0.1", 0)) as mute, open_session(Connection(listen=[place])) as other:
+        told = Connection([place, f"tcp/127.0.0.1:{mute.getsockname()[1]}"], ["tcp/127.0.0.1:0"])
+        session = open_session(told)
+        mute.settimeout(100.0)
+        with mute.accept()[0]:
+            assert wait_for_link(session, 100.0)
+            close_soon(session, told)
+            assert session.is_closed()
+            assert not other.is_closed()
