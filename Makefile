@@ -2,7 +2,9 @@
 PYTHON ?= $(shell for p in python3.13 python3.12 python3.11 python3.14 python3; do \
 	command -v $$p >/dev/null 2>&1 && $$p -c 'import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && echo $$p && break; done)
 BIN := .venv/bin
-PIP := .venv/bin/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
+PIP := .venv/bin/python -m pip install --quiet --no-compile --disable-pip-version-check --constraint constraints.txt
+# pip would compile one file after the other, also the half that no program here imports.
+COMPILE := .venv/bin/python -m compileall -q -q -j 0 -x '/(tests|pip|pymavlink)/' .venv/lib || true
 READY := .venv/.installed
 CORES ?= $(shell getconf _NPROCESSORS_ONLN)
 # Plug-ins that these tests do not use: each worker would import them, notebooks' with all of Jupyter.
@@ -31,6 +33,7 @@ $(READY): pyproject.toml constraints.txt
 	$(PIP) --upgrade pip
 	$(PIP) hatchling editables
 	$(PIP) --no-build-isolation --editable '.[report,lz4,experiment,viz,lab,foxglove,ros,pandas,xarray,receive]' --group dev --group docs
+	$(COMPILE)
 	touch $(READY)
 
 lint: install  ## ruff: lint and format

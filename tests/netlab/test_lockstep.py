@@ -16,12 +16,12 @@ def test_a_run_over_nine_hosts_equals_the_simulator(site, lab, world, way):
         assert world.call("certs", "new", "certificates", *hosts).returncode == 0
         run.secure(world.folder / "certificates")
     run.lease_ms = 20_000  # No link breaks here; a lockstep run has no use for one that seems to.
-    run.start(steps=60)
+    run.start(steps=30)
     run.finish()
     verdict = world.call("verify", str(world.log))
     assert verdict.stdout.startswith("equal bit for bit"), verdict.stdout
     metrics = json.loads(world.call("analyze", str(world.log), "--json").stdout)
-    assert metrics["steps"] == 60
+    assert metrics["steps"] == 30
     assert metrics["messages"]["missing"] == 0
 
 

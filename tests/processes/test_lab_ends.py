@@ -13,7 +13,8 @@ from zenoh_cbef.outside.registry import known_runs
 
 pytest.importorskip("uvicorn", reason="the extra 'lab' is not installed")
 
-WORDS = ("lab", "tracking", *settings("steps=100000"), "--no-browser")
+# In real time, as what is looked at comes after the run has begun, and lockstep would keep both cores busy until then.
+WORDS = ("lab", "tracking", *settings("steps=100000", "timing.mode=realtime", "dt=0.5"), "--no-browser")
 STARTER = "import subprocess, sys; lab = subprocess.Popen(sys.argv[1:]); print(lab.pid, flush=True); lab.wait()"
 
 

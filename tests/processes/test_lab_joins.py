@@ -16,9 +16,12 @@ from zenoh_cbef.outside.registry import known_runs
 client = pytest.importorskip("websockets.sync.client", reason="the extra 'lab' is not installed")
 pytest.importorskip("uvicorn", reason="the extra 'lab' is not installed")
 
+UNHURRIED = ("steps=100000", "timing.mode=realtime", "dt=0.2")
+"""A run that leaves the processor to the lab."""
+
 
 def test_a_run_of_another_host_is_joined_by_its_endpoint_and_its_loss_is_seen(world, monkeypatch, tmp_path):
-    world.start_run("steps=100000")
+    world.start_run(*UNHURRIED)
     world.wait_for_messages()
     [endpoint] = known_runs()[world.run].endpoints[:1]
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))  # as on another host
@@ -34,7 +37,7 @@ def test_a_run_of_another_host_is_joined_by_its_endpoint_and_its_loss_is_seen(wo
 
 def test_with_certificates_the_operators_sees_the_run_and_orders_and_no_other_does(world):
     assert world.call("certs", "new", "certs", "--agents", "4").returncode == 0
-    world.start_run("steps=100000", "zenoh.tls=certs")
+    world.start_run(*UNHURRIED, "zenoh.tls=certs")
     world.wait_for_messages()
     bare = world.start("lab", world.run, "--no-browser")
     _, said = bare.communicate(timeout=100)
