@@ -14,6 +14,7 @@ import msgpack
 from benchmarks.fuzz_material import AGENTS, KEYS, RUN, WIDTH, Material
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.mcap.contents import Channel, RawMessage
+from zenoh_cbef.log.mcap.heads import Batch
 from zenoh_cbef.log.read.decoding import Decoder
 from zenoh_cbef.log.read.header import Header
 from zenoh_cbef.log.read.recording import Recording
@@ -139,9 +140,10 @@ class Doors:
         _, key, data = material.message()
         key = material.key() if material.random.random() < 0.3 else key
         before = self._decoder.tally.recorded
-        raw = RawMessage(Channel(1, key, "msgpack", "", "", b"", {}), 5, *_label(data), data)
+        channel = Channel(1, key, "msgpack", "", "", b"", {})
+        raw = RawMessage(channel, 5, *_label(data), data)
         step_in(f"cbef/{RUN}/agent/0/round", data)
-        self._decoder.take([raw])
+        self._decoder.take(Batch.of([raw] * material.pick((1, 20)), {1: channel}))
         if len(self._recording.events) > 1000:
             self._recording.events.clear()
             self._recording.signals.clear()

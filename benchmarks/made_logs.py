@@ -8,6 +8,7 @@ from typing import Any
 
 from zenoh_cbef.log.write.run_log import RunLog
 from zenoh_cbef.protocol.bodies import estimate_body
+from zenoh_cbef.protocol.fields import START
 from zenoh_cbef.protocol.keys import Keys
 from zenoh_cbef.protocol.messages import encode, nan_to_nil
 from zenoh_cbef.protocol.round_codec import RoundCodec
@@ -48,6 +49,8 @@ class MadeLog:
         """Simulate the run and write all of it."""
         world = make_world(self.scenario)
         heard: Heard = heard_in(self.plan, world)
+        for agent in range(self.scenario.count):
+            self._send(self.keys.signal(agent), "target", k=0, signal=START, at=1e-9 * _START)
         for number, step in enumerate(Simulation([self.plan], [heard]), 1):
             self._send(self.keys.truth, "target", k=number, state=world.truth[number - 1].tolist())
             for agent in range(self.scenario.count):

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from zenoh_cbef.log.prove.reestimate import reestimate
+from zenoh_cbef.log.read.columns import Columns
 from zenoh_cbef.log.read.header import Header
 from zenoh_cbef.log.read.measurements import Measurements
 from zenoh_cbef.log.read.recording import Recording
@@ -27,11 +28,13 @@ def made_log(path: Path, *overrides: str) -> Path:
         if np.isfinite(state).all():
             data = encode("made", "target", row, now, {"k": row + 1, "state": state})
             truth = decode(TRUTH, data, run="made")
-            recording.take_truth(Address("made", "truth", "target"), [now], [truth])
+            recording.take_truth(Address("made", "truth", "target"), np.array([now], np.uint64), Columns.of([truth]))
         for agent in range(scenario.count):
             emitted, arrived = (nan_to_nil(each[agent, row]) for each in (world.emitted, world.arrived))
             body = {"k": row + 1, "emitted": emitted, "arrived": arrived}
             beacon = decode(BEACON, encode("made", "target", row, now, body), run="made")
-            recording.take_beacons(Address("made", "beacon", "", agent), [now], [beacon])
+            recording.take_beacons(
+                Address("made", "beacon", "", agent), np.array([now], np.uint64), Columns.of([beacon])
+            )
     reestimate(Measurements(to_toml(scenario), recording), loaded, "made", path)
     return path

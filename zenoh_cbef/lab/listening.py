@@ -9,7 +9,10 @@ from contextlib import suppress
 from types import TracebackType
 from typing import Self
 
+import numpy as np
+
 import zenoh_cbef.protocol.keys as run_keys
+from zenoh_cbef.log.read.decoding import Logged, in_columns
 from zenoh_cbef.log.read.header import Header
 from zenoh_cbef.log.read.recording import Recording
 from zenoh_cbef.outside.operator import Operator
@@ -57,15 +60,15 @@ class Listener:
             self.recording = Recording(Header(self.run, Plan(scenario), None))
             hear_faults = self._hearing(FAULTS, self.recording.take_faults)
             heard = {
-                keys.truth: self._hearing(TRUTH, self.recording.take_truth),
-                keys.all_estimates: self._hearing(ESTIMATE, self.recording.take_estimates),
+                keys.truth: self._hearing(TRUTH, in_columns(self.recording.take_truth)),
+                keys.all_estimates: self._hearing(ESTIMATE, in_columns(self.recording.take_estimates)),
                 keys.all_events: self._hearing(EVENT, self.recording.take_events),
                 keys.faults: hear_faults,
             }
             if self._measured:
                 heard |= {
-                    keys.all_beacons: self._hearing(BEACON, self.recording.take_beacons),
-                    keys.all_ranges: self._hearing(RANGE, self.recording.take_ranges),
+                    keys.all_beacons: self._hearing(BEACON, in_columns(self.recording.take_beacons)),
+                    keys.all_ranges: self._hearing(RANGE, in_columns(self.recording.take_ranges)),
                 }
             follow_token(session, keys.target_live, self._note)
             boxes = [(Mailbox(session, key, _CAPACITY), hear) for key, hear in heard.items()]
@@ -104,7 +107,7 @@ class Listener:
                     hear(*found)
 
     def _hearing(
-        self, kind: Kind[M], take: Callable[[run_keys.Address, Sequence[int], Sequence[M]], None]
+        self, kind: Kind[M], take: Callable[[run_keys.Address, Logged, Sequence[M]], None]
     ) -> Callable[[str, bytes], None]:
         """How a message of a kind is checked, and taken into the recording."""
 
@@ -118,7 +121,7 @@ class Listener:
                 self.refused += 1
                 return
             with self.lock:
-                take(at, [time.time_ns()], [message])
+                take(at, np.array([time.time_ns()], dtype=np.uint64), [message])
                 self.news.notify_all()
 
         return hear

@@ -77,12 +77,8 @@ class RoundCodec:
     def decode_all(self, messages: Sequence[bytes]) -> Rounds:
         """Many messages at once. Raises BadMessage where any is not as promised, or its payload immense."""
         if set(map(len, messages)) == {self._size}:
-            data = b"".join(messages)
-            read = np.frombuffer(data, self._row)
-            bytes_ = np.frombuffer(data, np.uint8).reshape(-1, self._size)
-            found = Rounds(*(read[name].astype(read[name].dtype.newbyteorder("=")) for name in Rounds._fields))
-            plain = ((bytes_[:, : self._values] & self._same) == self._header).all()
-            if plain and (np.abs(found.payload) <= LARGEST_SENT).all():
+            found = self.decode_table(np.frombuffer(b"".join(messages), np.uint8).reshape(-1, self._size))
+            if found is not None:
                 return found
         maps = [decode(ROUND, data, run=self._run, sender=self._sender) for data in messages]
         numbers = [(message["seq"], message["sent"], message["k"], message["l"]) for message in maps]
@@ -90,6 +86,14 @@ class RoundCodec:
         return Rounds(
             seq, sent, step, round_, np.stack([unpack_floats(message["payload"], self._width) for message in maps])
         )
+
+    def decode_table(self, table: NDArray[np.uint8]) -> Rounds | None:
+        """Messages of one size, (m, size); None where any of them is written otherwise, or not as promised."""
+        if table.shape[1] != self._size or ((table[:, : self._values] & self._same) != self._header).any():
+            return None
+        read = table.view(self._row)[:, 0]
+        found = Rounds(*(read[name].astype(read[name].dtype.newbyteorder("=")) for name in Rounds._fields))
+        return found if (np.abs(found.payload) <= LARGEST_SENT).all() else None
 
     def decode(self, data: bytes) -> tuple[int, int, int, bytes]:
         """Step, round, sending time (ns) and payload: d float64; the caller compares it with LARGEST_SENT.

@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from zenoh_cbef.arrays import Floats
 from zenoh_cbef.protocol.keys import Address
@@ -64,6 +65,9 @@ class Codec(Protocol):
     def decode_all(self, messages: Sequence[bytes]) -> Rounds:
         """Many messages at once. Raises BadMessage where any is not as promised."""
 
+    def decode_table(self, table: NDArray[np.uint8]) -> Rounds | None:
+        """The same of messages of one size (m, size); None where they have to be looked at one by one."""
+
 
 def codec_of(run: str, sender: str, width: int, compact: Compact | None) -> Codec:
     """The codec of a sender; width: numbers in a message. compact: None where they travel in all their bits."""
@@ -87,6 +91,10 @@ class ShortCodec:
         """Step, round, sending time (ns) and payload: d float64, NaN for silence. Raises BadMessage."""
         rounds = self.decode_all([data])
         return int(rounds.step[0]), int(rounds.round[0]), int(rounds.sent[0]), rounds.payload.tobytes()
+
+    def decode_table(self, table: NDArray[np.uint8]) -> Rounds | None:  # noqa: ARG002 - as other codecs have it
+        """Leave messages to `decode_all`: those of one size can have different codes."""
+        return None
 
     def decode_all(self, messages: Sequence[bytes]) -> Rounds:
         """Many messages at once. Raises BadMessage where any is not as promised."""

@@ -15,6 +15,7 @@ from tests.log.hand_made import KEYS, Maker
 from tests.log.made import made_log
 from zenoh_cbef.log.mcap.contents import Chunk, decompress
 from zenoh_cbef.log.mcap.reader import McapFile
+from zenoh_cbef.log.read.columns import Columns
 from zenoh_cbef.log.read.parts import open_log
 from zenoh_cbef.log.read.receipts import Receipt, Receipts
 from zenoh_cbef.log.read.recording import read_recording
@@ -99,7 +100,7 @@ def estimate(step: int, seq: int, received: int, **more):
 def test_an_agents_counts_are_kept_by_step_and_begin_anew_with_its_next_life():
     receipts, injected = Receipts(50), {"injected_lost": [0, 1], "fates": ["..", "x."]}
     messages = [estimate(1, 0, 5), estimate(2, 1, 9, **injected), estimate(7, 0, 2)]
-    receipts.put(np.array([1, 2, 7]), messages)
+    receipts.put(np.array([1, 2, 7]), Columns.of(messages), np.ones(3, dtype=bool))
     assert receipts.steps(50).tolist() == [1, 2, 7]
     assert receipts.begun(50).tolist() == [False, False, True]
     assert receipts.counts("received", 50)[:, 0].tolist() == [5, 9, 2]
@@ -113,7 +114,8 @@ def test_an_agents_counts_are_kept_by_step_and_begin_anew_with_its_next_life():
 @pytest.mark.parametrize("odd", [{"neighbours": [1, 3]}, {"lost": [1]}, {"latency": [1.0]}, {"fates": ["."]}])
 def test_counts_that_are_not_of_the_neighbours_are_left_out(odd):
     receipts = Receipts(50)
-    receipts.put(np.array([1, 2, 3]), [estimate(1, 0, 5), estimate(2, 1, 9) | odd, estimate(3, 2, 11)])
+    messages = Columns.of([estimate(1, 0, 5), estimate(2, 1, 9) | odd, estimate(3, 2, 11)])
+    receipts.put(np.array([1, 2, 3]), messages, np.ones(3, dtype=bool))
     assert receipts.steps(50).tolist() == [1, 3]
 
 

@@ -30,9 +30,9 @@ from zenoh_cbef.log.mcap.contents import (
     Record,
     Summary,
     decompress,
-    messages_in,
     parse_record,
 )
+from zenoh_cbef.log.mcap.heads import Batch, heads_in
 from zenoh_cbef.log.mcap.walk import IN_CHUNKS, RecordWalk, with_indexes
 from zenoh_cbef.log.mcap.writer import MAGIC
 from zenoh_cbef.words import counted
@@ -106,7 +106,7 @@ class McapFile:
         Of a chunk that is cut off and not compressed, the whole messages are yielded as well.
         """
         for found in self.batches():
-            yield from found
+            yield from found.messages()
 
     def messages_in_order(self) -> Iterator[RawMessage]:
         """Yield the same messages by log time; those of one time in file order.
@@ -119,18 +119,19 @@ class McapFile:
             starts[place], least = least, min(least, starts[place])
         held: list[RawMessage] = []
         for found, until in zip(self.batches(), starts, strict=True):
-            held += found
+            held += found.messages()
             held.sort(key=_LOG_TIME)
             ready = bisect_right(held, until, key=_LOG_TIME)
             yield from held[:ready]
             del held[:ready]
 
-    def batches(self) -> Iterator[list[RawMessage]]:
+    def batches(self) -> Iterator[Batch]:
         """Yield the messages of messages(), those of a chunk together."""
         declared = self._closing.declared if self._closing else Declarations()
         chunked, count, crc, checked, kept = False, 0, 0, 0, 0
+        nothing = Batch.of([], declared.channels)
         for record in self._walk.records():
-            found: list[RawMessage] = []
+            found: Batch | None = None
             chunked |= record.opcode == Opcode.CHUNK
             if record.opcode == Opcode.DATA_END:
                 self.closed = True
@@ -144,9 +145,9 @@ class McapFile:
                 found = self._messages_of(record, declared)
             crc, checked = self._crc(checked, record.end, crc), record.end
             kept = self._forget(kept, record.end)
-            count += len(found)
+            count += len(found or ())
             if _holds_messages(record):
-                yield found
+                yield found or nothing
         written = self._closing.statistics.message_count if self._closing else count
         if written != count:
             self._report(f"{count} of {counted(written, 'message')} that were written can be read")
@@ -185,7 +186,8 @@ class McapFile:
                         counts[declared.channels[number].topic] += (size - RECORD.size - 6) // 16
                 start, end = min(start, chunk.start_time), max(end, chunk.end_time)
             else:
-                for message in self._messages_of(record, declared):
+                found = self._messages_of(record, declared)
+                for message in found.messages() if found else ():
                     counts[message.channel.topic] += 1
                     start, end = min(start, message.log_time), max(end, message.log_time)
             chunks += chunk is not None
@@ -257,30 +259,30 @@ class McapFile:
             except ValueError as error:
                 self._report(f"{name} is damaged: {error}")
 
-    def _messages_of(self, record: Record, declared: Declarations) -> list[RawMessage]:
-        """Take the declarations and messages of a record of the data section."""
+    def _messages_of(self, record: Record, declared: Declarations) -> Batch | None:
+        """Take the declarations and messages of a record of the data section; None where it can hold none."""
         if record.opcode == Opcode.CHUNK:
             return self._chunk_messages(record, declared)
         if record.opcode in IN_CHUNKS and record.end <= self._data_end:
-            return messages_in(self._bytes, record, declared, self._report)
-        return []
+            return heads_in(self._bytes, record, declared, self._report)
+        return None
 
-    def _chunk_messages(self, record: Record, declared: Declarations) -> list[RawMessage]:
+    def _chunk_messages(self, record: Record, declared: Declarations) -> Batch | None:
         chunk = self._walk.chunk(record)
         if chunk is None:
-            return []
+            return None
         if record.end > self._data_end:
             cut = Record(record.opcode, chunk.data_start, self._data_end)
-            return [] if chunk.compression else messages_in(self._bytes, cut, declared, self._report)
+            return None if chunk.compression else heads_in(self._bytes, cut, declared, self._report)
         try:
             data = decompress(self._bytes[chunk.data_start : chunk.data_end], chunk)
         except (ValueError, RuntimeError, EOFError, MemoryError, zstandard.ZstdError) as error:
             self._report(f"chunk at byte {record.start} is damaged: {error}")
-            return []
+            return None
         if chunk.crc not in (0, zlib.crc32(data)):
             self._report(f"chunk at byte {record.start} fails its CRC")
-            return []
-        return messages_in(data, Record(record.opcode, 0, len(data)), declared, self._report)
+            return None
+        return heads_in(data, Record(record.opcode, 0, len(data)), declared, self._report)
 
 
 def _holds_messages(record: Record) -> bool:

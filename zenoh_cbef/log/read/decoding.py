@@ -4,43 +4,42 @@ from __future__ import annotations
 
 import gc
 from collections.abc import Callable, Collection, Iterator, Sequence
-from dataclasses import dataclass, field
-from functools import partial
 
-from zenoh_cbef.log.common.sequence import Sequences
+import numpy as np
+from numpy.typing import NDArray
+
+from zenoh_cbef.arrays import Ints
 from zenoh_cbef.log.mcap.contents import RawMessage
+from zenoh_cbef.log.mcap.heads import Batch
+from zenoh_cbef.log.read.columns import Columns, Reader
 from zenoh_cbef.log.read.header import Header
 from zenoh_cbef.log.read.parts import Log
-from zenoh_cbef.plain import counts_in
+from zenoh_cbef.log.read.tally import Tally
 from zenoh_cbef.protocol.keys import Address, address, agent_named
 from zenoh_cbef.protocol.kinds import (
     BEACON,
     ESTIMATE,
     EVENT,
     FAULTS,
+    MESSAGE_KINDS,
     RANGE,
     ROUND,
     SIGNAL,
     SMOOTHED,
     TRUTH,
-    BeaconMessage,
     Envelope,
-    EstimateMessage,
     EventMessage,
     FaultsMessage,
     Kind,
     M,
-    RangeMessage,
     SignalMessage,
-    SmoothedMessage,
-    TruthMessage,
 )
 from zenoh_cbef.protocol.messages import BadMessage, decode_all
 from zenoh_cbef.protocol.round_codec import Rounds
 from zenoh_cbef.protocol.short import codec_of
 from zenoh_cbef.scenario.plan import Plan
 
-Logged = Sequence[int]
+Logged = NDArray[np.uint64]
 
 _SEQUENCE = 0xFFFFFFFF
 """What of a number fits into an MCAP record."""
@@ -50,25 +49,25 @@ _MISLABELLED = "its record in the file has another number or time"
 class Sink:
     """Takes in the messages (m,) of a log, those of one key of a chunk at once, in order. logged: when, ns."""
 
-    def take_truth(self, at: Address, logged: Logged, messages: Sequence[TruthMessage]) -> None:
+    def take_truth(self, at: Address, logged: Logged, messages: Columns) -> None:
         """Take the truth."""
 
-    def take_beacons(self, at: Address, logged: Logged, messages: Sequence[BeaconMessage]) -> None:
+    def take_beacons(self, at: Address, logged: Logged, messages: Columns) -> None:
         """Take beacons for an agent."""
 
     def take_signals(self, at: Address, logged: Logged, messages: Sequence[SignalMessage]) -> None:
         """Take signals to an agent."""
 
-    def take_ranges(self, at: Address, logged: Logged, messages: Sequence[RangeMessage]) -> None:
+    def take_ranges(self, at: Address, logged: Logged, messages: Columns) -> None:
         """Take ranges of an agent."""
 
     def take_rounds(self, at: Address, logged: Logged, rounds: Rounds) -> None:
         """Take consensus messages of an agent."""
 
-    def take_estimates(self, at: Address, logged: Logged, messages: Sequence[EstimateMessage]) -> None:
+    def take_estimates(self, at: Address, logged: Logged, messages: Columns) -> None:
         """Take estimates of an agent."""
 
-    def take_smoothed(self, at: Address, logged: Logged, messages: Sequence[SmoothedMessage]) -> None:
+    def take_smoothed(self, at: Address, logged: Logged, messages: Columns) -> None:
         """Take smoothed estimates of an agent."""
 
     def take_faults(self, at: Address, logged: Logged, messages: Sequence[FaultsMessage]) -> None:
@@ -78,47 +77,19 @@ class Sink:
         """Take events."""
 
 
-@dataclass
-class Tally:
-    """What was counted in a log.
-
-    recorded: messages that are what their key promises; undecodable: the others. agent_bytes: of the recorded
-    messages that agents own, but for events. sequences: of the messages of a key's owner; of a key without an owner,
-    those of all senders that may use it.
-    """
-
-    recorded: int = 0
-    undecodable: int = 0
-    agent_bytes: int = 0
-    sequences: Sequences = field(default_factory=Sequences)
-
-    def hear(self, event: EventMessage) -> None:
-        """Take in an event: how many messages a process that ended sent, or which process a recorder lost sight of."""
-        told = event.get("data", {})
-        if event["kind"] in {"left", "returned"} and event["from"].startswith("record"):
-            for (_, sender), sequence in self.sequences:
-                if told.get("name") in (sender, f"{sender}/{sender}"):
-                    (sequence.cut_off if event["kind"] == "left" else sequence.heal)()
-        if event["kind"] == "finished":
-            for key, count in counts_in(told, "sent").items():
-                at = address(key)
-                if at and at.is_of(event["from"]):
-                    self.sequences.of(key, event["from"]).tell(count)
-
-
 class _Place:
-    """One key of the log: what it carries, and its messages of the present batch."""
+    """One key of the log: what it carries, and the how manieth key it is."""
 
-    def __init__(self, key: str, run: str, plan: Plan) -> None:
+    def __init__(self, key: str, run: str, plan: Plan, number: int) -> None:
         found = address(key)
         if found is None or found.run != run:
             raise BadMessage("a key that the run does not have")
         if found.agent >= plan.scenario.count:
             raise BadMessage("an agent that the run does not have")
-        self.key, self.at, self.kind = key, found, found.kind
+        self.key, self.at, self.kind, self.number = key, found, found.kind, number
         self.of_agent = agent_named(found.owner) is not None and found.kind != "event"
         self.codec = codec_of(run, found.owner, plan.message_size, plan.compact)
-        self.waiting: list[RawMessage] = []
+        self.reader = Reader(MESSAGE_KINDS[self.kind], run, found.owner)
 
 
 def _ignore(*_: object) -> None:
@@ -145,18 +116,17 @@ class Decoder:
         self.tally = Tally()
         self._run, self._plan = header.run, header.plan
         self._sink, self._kinds, self._refused = sink, kinds, refused
-        self._places: list[_Place] = []
-        self._takers: dict[str, Callable[[RawMessage], None]] = {}
-        self._by_kind: dict[str, Callable[[_Place, list[RawMessage]], None]] = {
-            TRUTH.name: self._handing(TRUTH, sink.take_truth),
-            BEACON.name: self._handing(BEACON, sink.take_beacons),
-            SIGNAL.name: self._handing(SIGNAL, sink.take_signals),
-            RANGE.name: self._handing(RANGE, sink.take_ranges),
+        self._places: dict[str, _Place | BadMessage] = {}
+        self._by_kind: dict[str, Callable[[_Place, Batch, Ints], None]] = {
+            TRUTH.name: self._columns(sink.take_truth),
+            BEACON.name: self._columns(sink.take_beacons),
+            SIGNAL.name: self._maps(SIGNAL, sink.take_signals),
+            RANGE.name: self._columns(sink.take_ranges),
             ROUND.name: self._take_rounds,
-            ESTIMATE.name: self._handing(ESTIMATE, sink.take_estimates),
-            SMOOTHED.name: self._handing(SMOOTHED, sink.take_smoothed),
-            FAULTS.name: self._handing(FAULTS, sink.take_faults),
-            EVENT.name: self._handing(EVENT, self._hear),
+            ESTIMATE.name: self._columns(sink.take_estimates),
+            SMOOTHED.name: self._columns(sink.take_smoothed),
+            FAULTS.name: self._maps(FAULTS, sink.take_faults),
+            EVENT.name: self._maps(EVENT, self._hear),
         }
 
     def take_all(self, log: Log) -> None:
@@ -171,75 +141,95 @@ class Decoder:
             if collecting:
                 gc.enable()
 
-    def take(self, batch: list[RawMessage]) -> None:
+    def take(self, batch: Batch) -> None:
         """Check, count and hand on the messages of a batch: those of one key at once."""
         for _ in self.taking(batch):
             pass
 
-    def taking(self, batch: list[RawMessage]) -> Iterator[None]:
+    def taking(self, batch: Batch) -> Iterator[None]:
         """Do the same key by key: each time when those of one are handed on."""
-        takers = self._takers
-        for raw in batch:
-            topic = raw.channel.topic
-            (takers.get(topic) or self._taker(topic))(raw)
-        yield from self._handing_on()
+        events = [number for number, channel in batch.channels.items() if self._is_event(channel.topic)]
+        begin = 0
+        for row in np.flatnonzero(np.isin(batch.channel, events)).tolist():
+            # What a process says of its numbers is true of those before.
+            yield from self._handing_on(batch, begin, row)
+            yield from self._handing_on(batch, row, row + 1)
+            begin = row + 1
+        yield from self._handing_on(batch, begin, len(batch))
 
-    def _taker(self, topic: str) -> Callable[[RawMessage], None]:
-        """What to do with a message of a key."""
-        taker: Callable[[RawMessage], None]
-        try:
-            place = _Place(topic, self._run, self._plan)
-        except BadMessage as error:
-            taker = partial(self._refuse, reason=error)
-        else:
-            self._places.append(place)
-            taker = partial(self._take_event, place) if place.kind == "event" else place.waiting.append
-            if self._kinds is not None and place.kind not in self._kinds:
-                taker = _ignore
-        self._takers[topic] = taker
-        return taker
+    def _is_event(self, topic: str) -> bool:
+        place = self._places.get(topic)
+        found = place.at if isinstance(place, _Place) else address(topic)
+        return found is not None and found.kind == EVENT.name
 
-    def _take_event(self, place: _Place, raw: RawMessage) -> None:
-        # What a process says of its numbers is true of those before.
-        for _ in self._handing_on():
-            pass
-        self._take(place, [raw])
+    def _handing_on(self, batch: Batch, begin: int, end: int) -> Iterator[None]:
+        """Hand on a stretch of a batch."""
+        waiting: dict[tuple[float, _Place], list[Ints]] = {}
+        # The signals of all agents are one list, in which those of a chunk stand together. Older logs have them among
+        # the beacons.
+        own_keys = any(channel.topic.endswith(f"/{SIGNAL.name}") for channel in batch.channels.values())
+        by_chunk = SIGNAL.name if own_keys else BEACON.name
+        for rows in _by_channel(batch.channel, begin, end):
+            place = self._place(batch.channels[int(batch.channel[rows[0]])].topic)
+            if isinstance(place, BadMessage):
+                for row in rows.tolist():
+                    self._refuse(batch, row, place)
+            elif self._kinds is None or place.kind in self._kinds:
+                chunk = batch.chunk[rows] if place.kind == by_chunk else np.zeros(len(rows))
+                for each in sorted(set(chunk.tolist())):
+                    waiting.setdefault((each, place), []).append(rows[chunk == each])
+        for each, place in sorted(waiting, key=lambda one: (one[0], one[1].number)):
+            self._take(place, batch, np.sort(np.concatenate(waiting[each, place])))
+            yield
 
-    def _handing_on(self) -> Iterator[None]:
-        for place in self._places:
-            if place.waiting:
-                self._take(place, place.waiting)
-                place.waiting.clear()
-                yield
+    def _place(self, topic: str) -> _Place | BadMessage:
+        """What a key is, or why it is none of the run's."""
+        found = self._places.get(topic)
+        if found is None:
+            try:
+                found = _Place(topic, self._run, self._plan, len(self._places))
+            except BadMessage as error:
+                found = error
+            self._places[topic] = found
+        return found
 
-    def _refuse(self, raw: RawMessage, reason: BadMessage) -> None:
+    def _refuse(self, batch: Batch, row: int, reason: BadMessage) -> None:
         self.tally.undecodable += 1
-        self._refused(raw, reason)
+        self._refused(batch.message(row), reason)
 
-    def _take(self, place: _Place, batch: list[RawMessage]) -> None:
+    def _take(self, place: _Place, batch: Batch, rows: Ints) -> None:
         try:
-            self._by_kind[place.kind](place, batch)
+            self._by_kind[place.kind](place, batch, rows)
         except BadMessage as error:
-            if len(batch) == 1:
-                self._refuse(batch[0], error)
+            if len(rows) == 1:
+                self._refuse(batch, int(rows[0]), error)
                 return
-            for raw in batch:
-                self._take(place, [raw])
+            for half in np.array_split(rows, 2):
+                self._take(place, batch, half)
             return
-        self.tally.recorded += len(batch)
+        self.tally.recorded += len(rows)
         if place.of_agent:
-            self.tally.agent_bytes += sum(map(len, list(zip(*batch, strict=True))[-1]))
+            self.tally.agent_bytes += int((batch.end[rows] - batch.start[rows]).sum())
 
-    def _handing(
+    def _columns(self, take: Callable[[Address, Logged, Columns], None]) -> Callable[[_Place, Batch, Ints], None]:
+        """How messages of numbers are checked and handed on. It raises BadMessage."""
+
+        def handed(place: _Place, batch: Batch, rows: Ints) -> None:
+            messages = place.reader.read(batch, rows)
+            self._check(place, batch, rows, messages)
+            take(place.at, batch.log[rows], messages)
+
+        return handed
+
+    def _maps(
         self, kind: Kind[M], take: Callable[[Address, Logged, Sequence[M]], None]
-    ) -> Callable[[_Place, list[RawMessage]], None]:
-        """How messages of a kind are checked and handed on. It raises BadMessage."""
+    ) -> Callable[[_Place, Batch, Ints], None]:
+        """How messages of words are checked and handed on. It raises BadMessage."""
 
-        def handed(place: _Place, batch: list[RawMessage]) -> None:
-            _, logged, _, _, data = zip(*batch, strict=True)
-            messages = decode_all(kind, data, run=self._run, sender=place.at.owner)
-            self._check(place, batch, messages)
-            take(place.at, logged, messages)
+        def handed(place: _Place, batch: Batch, rows: Ints) -> None:
+            messages = decode_all(kind, batch.contents(rows), run=self._run, sender=place.at.owner)
+            self._check(place, batch, rows, Columns.of(messages))
+            take(place.at, batch.log[rows], messages)
 
         return handed
 
@@ -248,29 +238,45 @@ class Decoder:
             self.tally.hear(event)
         self._sink.take_events(at, logged, events)
 
-    def _check(self, place: _Place, batch: list[RawMessage], messages: Sequence[Envelope]) -> None:
+    def _check(self, place: _Place, batch: Batch, rows: Ints, messages: Columns) -> None:
         """Compare messages with the run and with their records, and count their numbers. Raises BadMessage."""
-        _, _, times, numbers, _ = zip(*batch, strict=True)
-        steps = (step for one in messages if isinstance(step := one.get("k"), int))
-        self._check_steps(max(steps, default=0), ended=place.kind in {"beacon", "signal"})
-        labels = [(message["seq"] & _SEQUENCE, message["sent"]) for message in messages]
-        if labels != [*zip(numbers, times, strict=True)]:
-            raise BadMessage(_MISLABELLED)
-        for sender in dict.fromkeys(message["from"] for message in messages):
-            own = [n for n, message in zip(numbers, messages, strict=True) if message["from"] == sender]
+        if "k" in messages.names:
+            self._check_steps(int(messages.step.max()), ended=place.kind in {"beacon", "signal"})
+        self._check_labels(batch, rows, messages.seq, messages.sent)
+        numbers, senders = batch.number[rows], messages.senders()
+        for sender in dict.fromkeys(senders):
             if place.at.is_of(sender):
-                self.tally.sequences.of(place.key, sender).take_all(own)
+                own = numbers[[one == sender for one in senders]]
+                self.tally.sequences.of(place.key, sender).take_all(own.tolist())
 
-    def _take_rounds(self, place: _Place, batch: list[RawMessage]) -> None:
-        _, logged, times, numbers, data = zip(*batch, strict=True)
-        rounds = place.codec.decode_all(data)
+    def _take_rounds(self, place: _Place, batch: Batch, rows: Ints) -> None:
+        sizes = batch.end[rows] - batch.start[rows]
+        found = place.codec.decode_table(batch.table(rows, int(sizes[0]))) if (sizes == sizes[0]).all() else None
+        rounds = place.codec.decode_all(batch.contents(rows)) if found is None else found
         self._check_steps(int(rounds.step.max()))
-        if (rounds.seq & _SEQUENCE).tolist() != [*numbers] or rounds.sent.tolist() != [*times]:
+        self._check_labels(batch, rows, rounds.seq.astype(np.int64), rounds.sent.astype(np.int64))
+        self.tally.sequences.of(place.key, place.at.owner).take_all(batch.number[rows].tolist())
+        self._sink.take_rounds(place.at, batch.log[rows], rounds)
+
+    def _check_labels(self, batch: Batch, rows: Ints, seq: Ints, sent: Ints) -> None:
+        if (seq & _SEQUENCE != batch.number[rows]).any() or (sent.astype(np.uint64) != batch.publish[rows]).any():
             raise BadMessage(_MISLABELLED)
-        self.tally.sequences.of(place.key, place.at.owner).take_all([*numbers])
-        self._sink.take_rounds(place.at, logged, rounds)
 
     def _check_steps(self, last: int, *, ended: bool = False) -> None:
         # The signal that ends a run is numbered one past its last step.
         if last > self._plan.scenario.length + ended:
             raise BadMessage("a step that the run does not have")
+
+
+def in_columns(
+    take: Callable[[Address, Logged, Columns], None],
+) -> Callable[[Address, Logged, Sequence[Envelope]], None]:
+    """The same for messages that were read one by one."""
+    return lambda at, logged, messages: take(at, logged, Columns.of(messages))
+
+
+def _by_channel(channel: Ints, begin: int, end: int) -> list[Ints]:
+    """The rows of each channel in a stretch, in the order in which channels are met."""
+    order = np.argsort(channel[begin:end], kind="stable") + begin
+    groups = np.split(order, np.flatnonzero(np.diff(channel[order])) + 1) if len(order) else []
+    return sorted(groups, key=lambda rows: int(rows[0]))

@@ -11,6 +11,7 @@ from mcap import records
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.common.naming import ACTIVE, RUN, part_path
 from zenoh_cbef.log.mcap.contents import NotMcapError, RawMessage, Summary
+from zenoh_cbef.log.mcap.heads import Batch, gathered
 from zenoh_cbef.log.mcap.reader import McapFile
 from zenoh_cbef.plain import whole
 
@@ -89,10 +90,10 @@ class Log:
         for file in self.files.values():
             yield from file.messages()
 
-    def batches(self) -> Iterator[list[RawMessage]]:
-        """Yield all messages, those of a chunk together."""
+    def batches(self) -> Iterator[Batch]:
+        """Yield all messages, those of some chunks together."""
         for file in self.files.values():
-            yield from file.batches()
+            yield from gathered(file.batches())
 
     def messages_in_order(self) -> Iterator[RawMessage]:
         """Yield all messages by log time within each file."""

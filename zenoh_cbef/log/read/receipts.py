@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from zenoh_cbef.arrays import Bools, Floats, Ints
 from zenoh_cbef.faults.injected import FATES
-from zenoh_cbef.log.read.tables import Table, floats
-from zenoh_cbef.protocol.kinds import EstimateMessage
+from zenoh_cbef.log.read.columns import Columns
+from zenoh_cbef.log.read.tables import Table
 
 COUNTS = ("received", "lost", "late")
 INJECTED = ("injected_lost", "injected_late", "corrupted", "duplicated")
@@ -41,36 +40,32 @@ class Receipts:
         self._table = self._of(0)
         self._fates: dict[int, list[str]] = {}
 
-    def put(self, step: Ints, messages: Sequence[EstimateMessage]) -> None:
-        """Keep what some estimates (m,) say, each the first of its step."""
-        if not self.neighbours:
-            self.neighbours = next((one["neighbours"] for one in messages if one["neighbours"]), [])
-            self._table = self._of(len(self.neighbours)) if self.neighbours else self._table
-        numbers = self._numbers(messages)
-        if numbers is not None:
-            self._table.put(0, step, None, **numbers)
-            self._fates |= {one["k"]: one[FATES] for one in messages if FATES in one}
-        elif len(messages) > 1:
-            for place, one in enumerate(messages):
-                self.put(step[place : place + 1], [one])
-
-    def _numbers(self, messages: Sequence[EstimateMessage]) -> dict[str, Floats] | None:
-        """What estimates (m,) say, (m, d) for each field that any has; None where one of them does not fit."""
+    def put(self, step: Ints, messages: Columns, new: Bools) -> None:
+        """Keep what some estimates (m,) say of their steps (m,), those that are the first of theirs: new, (m,)."""
+        self._know(messages, new)
         width = len(self.neighbours)
-        marks = [one[FATES] for one in messages if FATES in one]
-        if any(one["neighbours"] != self.neighbours for one in messages) or any(len(one) != width for one in marks):
-            return None
-        injected = [name for name in INJECTED if any(name in one for one in messages)]
-        nothing = [None] * width
-        try:
-            passed = floats([[one.get(name, nothing) for name in _PASSED] for one in messages])
-            numbers = {name: floats([one.get(name, nothing) for one in messages]) for name in injected}
-        except ValueError:  # lists of several sizes
-            return None
-        shape = (len(messages), width)
-        if passed.shape != (shape[0], len(_PASSED), width) or any(one.shape != shape for one in numbers.values()):
-            return None
-        return numbers | {"passed": passed.reshape(shape[0], -1), "seq": floats([[one["seq"]] for one in messages])}
+        fits = new & (messages.numbers("neighbours", width) == self.neighbours).all(axis=1)
+        for name in ("neighbours", *_PASSED):
+            fits &= messages.sizes(name) == width
+        for name in (*INJECTED, FATES):
+            fits &= ~messages.has(name) | (messages.sizes(name) == width)
+        if not fits.any():
+            return
+        numbers = {name: messages.numbers(name, width)[fits] for name in INJECTED if name in messages.names}
+        numbers["passed"] = np.concatenate([messages.numbers(name, width)[fits] for name in _PASSED], axis=1)
+        self._table.put(0, step[fits], None, seq=messages.numbers("seq")[fits], **numbers)
+        if FATES in messages.names:
+            told = zip(step.tolist(), messages.texts(FATES), fits.tolist(), strict=True)
+            self._fates |= {k: marks for k, marks, fit in told if fit and marks is not None}
+
+    def _know(self, messages: Columns, new: Bools) -> None:
+        """Learn the ids of the neighbours."""
+        sizes = messages.sizes("neighbours")
+        naming = np.flatnonzero(new & (sizes > 0)).tolist()
+        if naming and not self.neighbours:
+            named = messages.numbers("neighbours", int(sizes[naming[0]]))[naming[0]]
+            self.neighbours = named.astype(np.int64).tolist()
+            self._table = self._of(len(named))
 
     def _of(self, width: int) -> Table:
         return Table(1, self._limit, seq=1, passed=len(_PASSED) * width, **dict.fromkeys(INJECTED, width))

@@ -7,31 +7,23 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from zenoh_cbef.arrays import Ints
-from zenoh_cbef.log.read.decoding import Decoder, Logged, Sink, Tally
+from zenoh_cbef.log.read.columns import Columns
+from zenoh_cbef.log.read.decoding import Decoder, Logged, Sink
 from zenoh_cbef.log.read.header import Header, read_header
 from zenoh_cbef.log.read.parts import Log
 from zenoh_cbef.log.read.receipts import Receipts
-from zenoh_cbef.log.read.tables import Stamps, Table, floats, stamps_of
+from zenoh_cbef.log.read.tables import Stamps, Table, stamps_of
+from zenoh_cbef.log.read.tally import Tally
 from zenoh_cbef.protocol.keys import Address
 from zenoh_cbef.protocol.kinds import (
-    BeaconMessage,
-    Envelope,
-    EstimateMessage,
     EventMessage,
     FaultsMessage,
-    RangeMessage,
     SignalMessage,
-    SmoothedMessage,
-    StepMessage,
-    TruthMessage,
 )
 from zenoh_cbef.protocol.round_codec import Rounds
 from zenoh_cbef.scenario.injected import read_tables, with_faults
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.tracking.diagnostics import NAMES
-
-_MATRIX = 8 * 36
 
 RoundsKept = Literal["none", "times", "payloads"]
 """What is kept of consensus messages, which are most of a log: all are checked and counted."""
@@ -97,7 +89,7 @@ class Recording(Sink):
 
     def take_events(self, at: Address, logged: Logged, messages: Sequence[EventMessage]) -> None:  # noqa: ARG002
         """Keep events."""
-        stamps = self._stamps(logged, messages)
+        stamps = self._stamps(logged, Columns.of(messages))
         self.events += map(Event, stamps.logged.tolist(), stamps.sent.tolist(), messages)
 
     def take_faults(self, at: Address, logged: Logged, messages: Sequence[FaultsMessage]) -> None:  # noqa: ARG002
@@ -105,19 +97,19 @@ class Recording(Sink):
         self._begin(messages[0]["sent"])
         self.faults = messages[-1]["tables"]
 
-    def take_ranges(self, at: Address, logged: Logged, messages: Sequence[RangeMessage]) -> None:
+    def take_ranges(self, at: Address, logged: Logged, messages: Columns) -> None:
         """Keep where an agent was."""
-        position = floats([one["position"] for one in messages])
-        self.ranges.put(at.agent, _steps(messages), self._stamps(logged, messages), position=position)
+        position = messages.numbers("position", 3)
+        self.ranges.put(at.agent, messages.step, self._stamps(logged, messages), position=position)
 
-    def take_truth(self, at: Address, logged: Logged, messages: Sequence[TruthMessage]) -> None:  # noqa: ARG002
+    def take_truth(self, at: Address, logged: Logged, messages: Columns) -> None:  # noqa: ARG002
         """Keep the truth."""
-        state = floats([one["state"] for one in messages])
-        self.truth.put(0, _steps(messages), self._stamps(logged, messages), state=state)
+        state = messages.numbers("state", 6)
+        self.truth.put(0, messages.step, self._stamps(logged, messages), state=state)
 
     def take_signals(self, at: Address, logged: Logged, messages: Sequence[SignalMessage]) -> None:  # noqa: ARG002
         """Keep signals."""
-        stamps = self._stamps(logged, messages)
+        stamps = self._stamps(logged, Columns.of(messages))
         for when, sent, one in zip(stamps.logged.tolist(), stamps.sent.tolist(), messages, strict=True):
             self.signals.append(Signal(when, sent, one["k"], one.get("at")))
 
@@ -137,53 +129,49 @@ class Recording(Sink):
         if self.first is None:
             self.first = sent
 
-    def _stamps(self, logged: Logged, messages: Sequence[Envelope]) -> Stamps:
-        self._begin(messages[0]["sent"])
-        return stamps_of(logged, [one["sent"] for one in messages])
+    def _stamps(self, logged: Logged, messages: Columns) -> Stamps:
+        self._begin(int(messages.sent[0]))
+        return stamps_of(logged, messages.sent)
 
-    def take_beacons(self, at: Address, logged: Logged, messages: Sequence[BeaconMessage]) -> None:
+    def take_beacons(self, at: Address, logged: Logged, messages: Columns) -> None:
         """Keep beacons for an agent."""
-        stamps = self._stamps(logged, messages)
-        if any("signal" in one for one in messages):  # Older logs have no keys for signals.
-            signal = np.array(["signal" in one for one in messages])
-            for place in np.flatnonzero(signal).tolist():
-                one = messages[place]
-                self.signals.append(Signal(int(stamps.logged[place]), int(stamps.sent[place]), one["k"], one.get("at")))
-            stamps, messages = stamps.chosen(~signal), [one for one in messages if "signal" not in one]
-        number = [self.senders.setdefault(one["from"], len(self.senders)) for one in messages]
-        heard = [[one["emitted"], one["arrived"], place] for one, place in zip(messages, number, strict=True)]
-        self.beacons.put(at.agent, _steps(messages), stamps, heard=floats(heard).reshape(-1, 3))
+        stamps, step = self._stamps(logged, messages), messages.step
+        is_beacon = ~messages.has("signal")
+        if not is_beacon.all():  # Older logs have no keys for signals.
+            moment = messages.numbers("at")[:, 0]
+            for place in np.flatnonzero(~is_beacon).tolist():
+                told = None if np.isnan(moment[place]) else float(moment[place])
+                self.signals.append(Signal(int(stamps.logged[place]), int(stamps.sent[place]), int(step[place]), told))
+        names = [name for name, kept in zip(messages.senders(), is_beacon.tolist(), strict=True) if kept]
+        for name in dict.fromkeys(names):
+            self.senders.setdefault(name, len(self.senders))
+        times = [messages.numbers(name)[is_beacon] for name in ("emitted", "arrived")]
+        number = np.array([[self.senders[name]] for name in names], dtype=np.float64).reshape(-1, 1)
+        heard = np.concatenate([*times, number], axis=1)
+        self.beacons.put(at.agent, step[is_beacon], stamps.chosen(is_beacon), heard=heard)
 
-    def take_estimates(self, at: Address, logged: Logged, messages: Sequence[EstimateMessage]) -> None:
+    def take_estimates(self, at: Address, logged: Logged, messages: Columns) -> None:
         """Keep estimates of an agent."""
-        stamps, step, agent = self._stamps(logged, messages), _steps(messages), at.agent
+        stamps, step, agent = self._stamps(logged, messages), messages.step, at.agent
         numbers = {
-            "state": floats([one["state"] for one in messages]),
-            "said": floats([[one.get(name) for name in NAMES] for one in messages]),
+            "state": messages.numbers("state", 6),
+            "said": np.concatenate([messages.numbers(name) for name in NAMES], axis=1),
         }
-        packed = [one["covariance"] for one in messages]
-        packed = [one if one is not None and len(one) == _MATRIX else None for one in packed]
-        if any(packed):
-            unknown = np.full(36, np.nan).tobytes()
-            joined = np.frombuffer(b"".join([one or unknown for one in packed]), "<f8")
-            numbers["covariance"] = joined.reshape(-1, 36)
+        if (messages.sizes("covariance") == 36).any():
+            numbers["covariance"] = messages.numbers("covariance", 36)
         new = self.estimates.put(agent, step, stamps, **numbers)
-        for one in messages:
-            if not one.keys() <= self.fields:
-                self.fields.update(one)
-        if not new.all():
-            step, messages = step[new], [one for one, is_new in zip(messages, new.tolist(), strict=True) if is_new]
-        self.receipts[agent].put(step, messages)
+        self.fields |= messages.names
+        self.receipts[agent].put(step, messages, new)
 
-    def take_smoothed(self, at: Address, logged: Logged, messages: Sequence[SmoothedMessage]) -> None:
+    def take_smoothed(self, at: Address, logged: Logged, messages: Columns) -> None:
         """Keep smoothed estimates of an agent."""
         self.smoothed.put(
             at.agent,
-            _steps(messages),
+            messages.step,
             self._stamps(logged, messages),
-            state=floats([one["state"] for one in messages]),
-            covariance=np.frombuffer(b"".join([one["covariance"] for one in messages]), "<f8").reshape(-1, 36),
-            until=floats([[one["until"]] for one in messages]),
+            state=messages.numbers("state", 6),
+            covariance=messages.numbers("covariance", 36),
+            until=messages.numbers("until"),
         )
 
 
@@ -214,7 +202,3 @@ def filling_recording(log: Log, kinds: Collection[str]) -> tuple[Recording, Iter
             yield from decoder.taking(batch)
 
     return recording, fill()
-
-
-def _steps(messages: Sequence[StepMessage]) -> Ints:
-    return np.array([one["k"] for one in messages], dtype=np.int64)

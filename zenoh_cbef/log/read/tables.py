@@ -25,9 +25,9 @@ class Stamps(NamedTuple):
         return Stamps(self.logged[which], self.sent[which])
 
 
-def stamps_of(logged: Sequence[int], sent: ArrayLike) -> Stamps:
+def stamps_of(logged: NDArray[np.uint64], sent: ArrayLike) -> Stamps:
     """The stamps of some messages (m,). A log time beyond 63 bits, which no clock shows, becomes the latest one."""
-    clipped = np.minimum(np.array(logged, dtype=np.uint64), np.uint64(_LATEST)).astype(np.int64)
+    clipped = np.minimum(logged, np.uint64(_LATEST)).astype(np.int64)
     return Stamps(clipped, np.asarray(sent, dtype=np.int64))
 
 

@@ -10,11 +10,11 @@ import numpy as np
 
 from zenoh_cbef.arrays import Bools, Floats
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.log.read.decoding import Tally
 from zenoh_cbef.log.read.parts import open_logs
 from zenoh_cbef.log.read.passing import passing_of
 from zenoh_cbef.log.read.receipts import COUNTS, INJECTED, Receipts
 from zenoh_cbef.log.read.recording import Recording, read_recording
+from zenoh_cbef.log.read.tally import Tally
 from zenoh_cbef.plain import count_in
 from zenoh_cbef.protocol.keys import Keys, agent_named
 from zenoh_cbef.protocol.kinds import EventMessage

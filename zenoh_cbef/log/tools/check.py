@@ -5,8 +5,11 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from zenoh_cbef.log.common.naming import END
 from zenoh_cbef.log.mcap.contents import RawMessage
+from zenoh_cbef.log.mcap.heads import Batch
 from zenoh_cbef.log.read.decoding import Decoder
 from zenoh_cbef.log.read.header import read_header
 from zenoh_cbef.log.read.parts import Log
@@ -44,17 +47,22 @@ class Findings:
 class _Checker:
     def __init__(self, findings: Findings) -> None:
         self.findings = findings
-        self._last = 0
+        self._last = np.uint64(0)
+        self._seen: set[int] = set()
 
     def refused(self, raw: RawMessage, reason: BadMessage) -> None:
         self.note(f"{raw.channel.topic}: {reason}")
 
-    def see(self, batch: list[RawMessage]) -> None:
-        """Check the record and the channel of a message."""
-        for raw in batch:
-            self.findings.out_of_order += raw.log_time < self._last
-            self._last = raw.log_time
-        for channel in {id(raw.channel): raw.channel for raw in batch}.values():
+    def see(self, batch: Batch) -> None:
+        """Check the records and the channels of messages."""
+        if not len(batch):
+            return
+        times = np.append(self._last, batch.log)
+        self.findings.out_of_order += int((times[1:] < times[:-1]).sum())
+        self._last = times[-1]
+        new = [one for one in dict.fromkeys(batch.channel.tolist()) if id(batch.channels[one]) not in self._seen]
+        for channel in map(batch.channels.__getitem__, new):
+            self._seen.add(id(channel))
             found = address(channel.topic)
             promised = (f"cbef.{found.kind.capitalize()}", "jsonschema", "msgpack") if found else None
             if found and found.kind == "round" and channel.message_encoding == ENCODING:
