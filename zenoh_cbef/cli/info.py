@@ -14,7 +14,7 @@ from zenoh_cbef.cli.fitting import Fitting
 from zenoh_cbef.cli.offer import verb
 from zenoh_cbef.cli.options import AsJson, LogFile
 from zenoh_cbef.log.common.naming import END, RESOLVED, RUN
-from zenoh_cbef.log.read.parts import open_log
+from zenoh_cbef.log.read.parts import Log, open_log
 from zenoh_cbef.plain import read_toml
 
 _FOREIGN = "none, as this is no log of zenoh-cbef"
@@ -53,8 +53,7 @@ class _Described:
         return "no end record" + ("" if self.complete else ": the recorder was killed, or the file is cut off")
 
 
-def _describe(path: Path) -> _Described:
-    file = open_log(path)
+def _describe(file: Log) -> _Described:
     summary = file.summary()
     return _Described(
         file=str(file.path),
@@ -73,10 +72,10 @@ def _describe(path: Path) -> _Described:
     )
 
 
-def _payloads(path: Path) -> str:
+def _payloads(file: Log) -> str:
     """In which numbers payloads travel, as the scenario has it; "" for the usual ones, and where it does not say."""
     try:
-        stage = read_toml(open_log(path).attachments[RESOLVED].decode())["consensus"]
+        stage = read_toml(file.attachments[RESOLVED].decode())["consensus"]
     except (KeyError, ValueError):
         return ""
     told = stage if isinstance(stage, dict) else {}
@@ -88,12 +87,13 @@ def _payloads(path: Path) -> str:
 
 def _info(log: LogFile = Path("logs/latest"), as_json: AsJson = False) -> None:
     """Describe a log, complete or cut off: what it holds, of which run, and whether anything is wrong with it."""
-    found = _describe(log)
+    file = open_log(log)
+    found = _describe(file)
     if as_json:
         print(json.dumps(asdict(found)))
         return
     started = datetime.fromtimestamp(found.start / 1e9, UTC).isoformat(timespec="milliseconds")
-    payloads = _payloads(log) if found.run else ""
+    payloads = _payloads(file) if found.run else ""
     lines = {
         "file": f"{', '.join(found.parts)} ({found.bytes} bytes)",
         "state": found.state,
