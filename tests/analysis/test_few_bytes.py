@@ -32,7 +32,7 @@ def test_the_bytes_of_a_step_are_those_of_the_messages_that_agents_send(tmp_path
     assert run.metrics.link_bytes_per_step == pytest.approx(sum(sent) / (100 * 5), rel=0.08)
     assert run.metrics.silent is not None
     assert 0.2 < run.metrics.silent < 0.8
-    assert _payloads(path) == "int12, agents silent within 0.1 deviations"
+    assert _payloads(open_log(path)) == "int12, agents silent within 0.1 deviations"
 
 
 def test_metrics_tell_what_a_link_carries_also_of_simulations():
