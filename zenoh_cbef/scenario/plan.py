@@ -147,6 +147,7 @@ class Plan:
             reacquires=(window := start.window(scenario, self.settling_steps)),
             spreading=start.spreading(scenario, window),
             bends=chosen.defaults > 7,
+            prompt=chosen.defaults > 8 and not trust.real(scenario),
             supposes=start.supposes(scenario, window),
             anywhere=start.anywhere(scenario, self.motion, self.space),
             bias=self.bias,

@@ -26,7 +26,8 @@ class FilterSettings:
     if they acquire, track, coast, or have lost the target; judges_agents: whether that counts agents that do not
     fit, or ranges, and whether only those that hear ranges vote for another fix. reacquires: how many steps another
     fix takes, 0 for none; spreading: in how many steps all agents know a decision; anywhere: where that fix looks
-    for the target, like search. bends: whether agents coast no further than ranges are straight lines. supposes:
+    for the target, like search. bends: whether agents coast no further than ranges are straight lines. prompt: whether
+    another fix begins soon after the target is lost, and has the first ranges after a silence to itself. supposes:
     whether all tell each other what they measured where ranges of one do not fit. bias: none, estimate or auto;
     likelihoods: whether auto weighs it by these, or by the NIS; common_bias_std, own_bias_std: its prior, m.
     told_biases: whether they are constant, and as large as told: a
@@ -62,6 +63,7 @@ class FilterSettings:
     reacquires: int = 0
     spreading: int = 1
     bends: bool = False
+    prompt: bool = False
     supposes: bool = False
     anywhere: tuple[Floats, Floats] | None = None
     bias: str = "none"

@@ -12,6 +12,7 @@ from zenoh_cbef.tracking.filters.around.drifted import drifted
 from zenoh_cbef.tracking.filters.around.first_fix import FirstFix
 from zenoh_cbef.tracking.filters.around.knowing import Knowing
 from zenoh_cbef.tracking.filters.around.moved import moved
+from zenoh_cbef.tracking.filters.around.patience import gives_up, left_to_a_fix
 from zenoh_cbef.tracking.filters.around.wrapping import Wrapping
 from zenoh_cbef.tracking.filters.base import Belief, Update
 from zenoh_cbef.tracking.filters.information_form import packed_size, predict, unchanged
@@ -23,9 +24,6 @@ from zenoh_cbef.tracking.status import ACQUIRING, COASTING, LOST, Status
 
 _SQUARED, _REFINED = 1e6, 2e6
 """What agents in the two parts of a fix put where others vote: an average tells a mixture."""
-
-_PATIENCE = 3.0
-"""For how many windows the target is lost before the network begins again: outliers come in bursts."""
 
 _SQUARED_SHARE = 5
 """What part of a fix is on squared ranges."""
@@ -84,7 +82,7 @@ class Reacquiring(Wrapping):
     covariance then gets too small at a wrong place, and the filter stays there. So agents keep the ranges of the last
     2 W steps, and look for the target as in a first fix, on squared ranges for W/5 steps and by Gauss-Newton for the
     rest of W, if more than half of them want to: those that have coasted too far (drifted.py) and hear ranges again,
-    and those that have lost the target for 3 W steps. The former start from where they
+    and those that have lost the target for long (patience.py). The former start from where they
     have coasted to, with the covariance that they have then, the latter from anywhere.
 
     All have to begin in the same step, or payloads of two kinds would be averaged. So a fix begins after a step that W
@@ -122,7 +120,8 @@ class Reacquiring(Wrapping):
         search = Search(*belief.memory) if belief.memory else self._begun(inner)
         step = search.step + 1.0 if measurement.step is None else np.full(len(search.step), float(measurement.step))
         search, heard = replace(search, step=step), self._unbiased(belief, measurement)
-        update, known = self.filter.update(inner, measurement), inner.status or Status.first(len(step))
+        left = left_to_a_fix(self.settings, measurement, (search.adrift > 0.0) | search.fixing)
+        update, known = self.filter.update(inner, left), inner.status or Status.first(len(step))
         tag = self._tag(search, known, np.isfinite(heard.range))
         payload, search = self._fixing(update.payload, search, heard)
         payload = np.concatenate([payload, tag[:, None]], axis=1)
@@ -180,7 +179,7 @@ class Reacquiring(Wrapping):
         return np.where(search.fixing, search.doing, np.where(known.which == ACQUIRING, 0.0, vote))
 
     def _wants(self, search: Search, known: Status, lately: Bools) -> Floats:
-        lost = (known.which == LOST) & (known.seconds >= _PATIENCE * self.window * self.settings.motion.dt)
+        lost = gives_up(self.settings, known, search.ranges)
         return np.where((search.adrift > 0.0) & lately | lost, 1.0, 0.0)
 
     def _fixing(self, payload: Floats, search: Search, heard: Measurement) -> tuple[Floats, Search]:

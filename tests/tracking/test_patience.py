@@ -1,0 +1,73 @@
+"""A network looks for a lost target soon, and a filter that has coasted too far leaves ranges to that fix."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from zenoh_cbef.scenario.load import load
+from zenoh_cbef.scenario.plan import Plan
+from zenoh_cbef.simulator import simulate
+from zenoh_cbef.tracking.filters.around.patience import gives_up, left_to_a_fix
+from zenoh_cbef.tracking.ranging import Measurement
+from zenoh_cbef.tracking.status import COASTING, LOST, Status
+
+WINDOW = 10
+DT = 0.25
+
+
+def settings_of(*overrides):
+    return Plan(load("tracking", [f"dt={DT}", *overrides]).scenario).settings
+
+
+def known(which, steps, latest):
+    return replace(Status.first(1), which=np.array([which]), seconds=np.array([steps * DT]), latest=np.array([latest]))
+
+
+@pytest.mark.parametrize(
+    ("which", "steps", "latest", "heard", "gives"),
+    [
+        (LOST, 4, 9.0, WINDOW, (False, False)),
+        (LOST, 5, 9.0, WINDOW, (True, False)),
+        (LOST, 5, 9.0, WINDOW - 1, (False, False)),
+        (LOST, 29, 1.0, WINDOW, (False, False)),
+        (LOST, 30, 1.0, 0, (True, True)),
+        (COASTING, 40, 9.0, WINDOW, (False, False)),
+    ],
+)
+def test_a_network_whose_ranges_do_not_fit_even_now_gives_up_soon(which, steps, latest, heard, gives):
+    ranges = np.where(np.arange(2 * WINDOW) < heard, 1.0, np.nan)[None]
+    status = known(which, steps, latest)
+    assert gives_up(settings_of(), status, ranges).tolist() == [gives[0]]
+    assert gives_up(settings_of("filter.defaults=8"), status, ranges).tolist() == [gives[1]]
+
+
+def test_of_real_receivers_nothing_is_sooner():
+    assert settings_of().prompt
+    assert not settings_of("sensor.real=true").prompt
+
+
+def test_a_filter_that_is_adrift_hears_no_ranges_where_it_would_learn_biases_from_them():
+    none = np.empty((2, 0, 3)), np.empty((2, 0))
+    measurement = Measurement(np.zeros((2, 3)), np.array([3.0, 4.0]), np.zeros(2), *none)
+    rows, biased = np.array([True, False]), settings_of("sensor.bias_std=0.5")
+    np.testing.assert_array_equal(left_to_a_fix(biased, measurement, rows).range, [np.nan, 4.0])
+    assert left_to_a_fix(settings_of(), measurement, rows) is measurement
+    assert left_to_a_fix(settings_of("sensor.bias_std=0.5", "filter.defaults=8"), measurement, rows) is measurement
+
+
+def test_biases_are_still_right_after_a_long_silence():
+    """At twenty seconds of silence, 2.5 s after which another fix is done; largest error of all agents."""
+    silence = 'fault=[{kind="sensor-dropout",probability=1.0,from=20.0,until=40.0}]'
+
+    def errors(rules):
+        keys = ["sensor.bias_std=0.5", silence, "steps=430", f"filter.defaults={rules}"]
+        traces = simulate([load("tracking", [*keys, f"seed={1001 + more}"]).scenario for more in range(5)])
+        return [np.linalg.norm((one.estimates - one.truth)[:, 425, :3], axis=1).max() for one in traces]
+
+    found, before = errors(9), errors(8)
+    assert np.median(found) < 0.8
+    assert max(found) < 2.5
+    assert max(before) > 2.5
