@@ -49,7 +49,7 @@ BENCHMARKS = {
     "pictures": ("pictures", "not measured: the screenshots of the documentation, taken anew into docs/images"),
     "bytes": (
         "bytes",
-        "error against bytes on a link, by filter, L and precision; the figure of docs/bytes.md",
+        "error against bytes on a link, by filter, L, precision and trigger; tables and figure of docs/bytes.md",
     ),
     "seeds": ("seeds", "1000 seeds of a lossy run: CPU of simulation and analysis; the bits of single runs"),
     "sessions": ("sessions", "1200 sessions at one target"),
