@@ -31,10 +31,10 @@ def state() -> tuple[str, ...]:
 
 
 def test_cables_and_switches_do_what_they_say(lab):
-    assert reaches(lab, "a0", "target")
+    assert in_time(lab, "a0", "target")
     lab.link("a0", up=False)
     assert not reaches(lab, "a0", "target")
-    assert reaches(lab, "a1", "target")
+    assert in_time(lab, "a1", "target")
     lab.link("a0", up=True)
     assert in_time(lab, "a0", "target")
     lab.mute("a0", on=True)
@@ -42,8 +42,8 @@ def test_cables_and_switches_do_what_they_say(lab):
     lab.mute("a0", on=False)
     assert in_time(lab, "a0", "target")
     lab.partition(["a0", "a1"])
-    assert reaches(lab, "a0", "a1")
-    assert reaches(lab, "a2", "target")
+    assert in_time(lab, "a0", "a1")
+    assert in_time(lab, "a2", "target")
     assert not reaches(lab, "a0", "target")
     lab.partition([])
     assert in_time(lab, "a0", "target")
@@ -77,7 +77,7 @@ def test_what_the_kernel_cannot_do_is_said(lab):
     assert can or "sch_netem" in problem or "no program" in problem
     if can:
         before = time.monotonic()
-        assert reaches(lab, "a0", "target")
+        assert in_time(lab, "a0", "target")
         assert time.monotonic() - before > 0.3
     with pytest.raises(netlab.LabError, match="no host 'nobody'"):
         lab.link("nobody", up=False)

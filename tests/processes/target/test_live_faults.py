@@ -19,6 +19,13 @@ def wait_until_known(run: str) -> None:
         time.sleep(0.05)
 
 
+def wait_until_after(world, seconds: float) -> None:
+    """Wait until the run has come so far; where it is busy it may not answer at once."""
+    until = time.monotonic() + 200
+    while (json.loads(world.call("status", "--run", world.run, "--json").stdout or "{}").get("time") or 0.0) < seconds:
+        assert time.monotonic() < until, "the run stands still"
+
+
 def test_faults_are_added_listed_and_cleared_while_the_run_goes_on(world):
     run = world.start_run("timing.mode=realtime", "steps=100000")
     wait_until_known(world.run)
@@ -45,9 +52,7 @@ def test_faults_are_added_listed_and_cleared_while_the_run_goes_on(world):
     assert "no injected fault 7" in fault("clear", "7", status=2)
     [after, _] = json.loads(fault("list", "--json"))
     assert after["until"] > after["from"]
-    until = time.monotonic() + 100
-    while json.loads(world.call("status", "--run", world.run, "--json").stdout)["time"] < after["until"] + 0.3:
-        assert time.monotonic() < until, "the run stands still"
+    wait_until_after(world, after["until"] + 0.3)
 
     run.terminate()
     _, err = run.communicate(timeout=120)
