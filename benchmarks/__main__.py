@@ -29,7 +29,8 @@ BENCHMARKS = {
     "startup": ("startup", "seconds to the first step, CPU of a simulation and of idle agents"),
     "rejoin": ("rejoin", "how soon all is as before after a crash and after a cut"),
     "joins": ("joins", "100 random joins, leaves, deaths and moves of agents by hand: links from sockets, tokens"),
-    "recorder": ("recorder_cost", "what the recorder costs the agents"),
+    "recorder": ("recorder_cost", "what the recorder costs the agents, over Zenoh and with rings"),
+    "ring-soak": ("ring_soak", "recorders and agents killed with all cores busy: what their rings lose; --kills 200"),
     "mcap": ("mcap_speed", "the log's writer and reader against the public library's"),
     "logs": ("log_speed", "a log of a million messages analysed and described; writing, 200-byte messages"),
     "fuzz": ("fuzz", "a million mutated messages, keys and texts through every decoder, 250 logs through every verb"),
@@ -63,6 +64,7 @@ _OPTIONS = {
     "filters": ("data", "write"),
     "scale": ("agents",),
     "hosts": ("agents",),
+    "ring-soak": ("minutes", "kills"),
     "soak": ("minutes",),
     "stress": ("case", "seeds", "search", "first", "set"),
 }
@@ -74,7 +76,8 @@ def main() -> None:
     parser.add_argument("--list", action="store_true", help="name them and stop")
     parser.add_argument("--repeats", type=int, default=5, help="how often what is timed is repeated")
     parser.add_argument("--data", type=Path, help="filters: the folder that holds the recorded sets")
-    parser.add_argument("--minutes", type=float, default=10.0, help="soak: how long the run is")
+    parser.add_argument("--minutes", type=float, default=10.0, help="soak, ring-soak: how long the run is, after kills")
+    parser.add_argument("--kills", type=int, default=200, help="ring-soak: how many recorders, and agents, are killed")
     parser.add_argument("--case", help="stress: the one case to run; default: all")
     parser.add_argument("--seeds", type=int, default=50, help="stress: how many seeds of each case")
     parser.add_argument("--agents", help="scale, hosts: how many agents runs have; default: 24,100 and 100")

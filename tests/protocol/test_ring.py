@@ -17,7 +17,7 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, rule
 
-from zenoh_cbef.protocol.ring import LEAST_BYTES, RingError, RingReader, RingWriter, is_written
+from zenoh_cbef.protocol.ring import LEAST_BYTES, RingError, RingReader, RingWriter, fill_of, is_written
 from zenoh_cbef.protocol.ring_folder import FOLDER, RingFolder, clear_rings, tag_of
 
 NAMES = ["range", "round"]
@@ -123,11 +123,14 @@ def test_a_full_ring_takes_nothing_and_loses_nothing(path: Path) -> None:
     reader = RingReader(path, HERE, alive)
     assert [int.from_bytes(data, "little") for _, data in read_all(reader)] == [*range(sent)]
     assert not writer.write(0, b"read, but not safe yet")
+    assert fill_of(path) > 0.9
     reader.save()
+    assert fill_of(path) == 0.0
     assert writer.write(1, b"room again")
     assert read_all(reader) == [("round", b"room again")]
     reader.close()
     writer.close(remove=True)
+    assert fill_of(path) == 0.0
 
 
 def test_a_dead_reader_holds_a_ring_up_only_while_no_other_reads_it(path: Path) -> None:

@@ -28,6 +28,7 @@ _AT_MAGIC, _AT_SIZE, _AT_HEAD, _AT_LEFT, _AT_NAMES = range(5)
 and bytes of the names."""
 _SLOTS, _SLOT_WORDS, _FIRST_SLOT = 8, 8, 32
 """Readers that a ring can have: for each a line of eight words, its tag (0: free) and its place."""
+_STARTS = range(_FIRST_SLOT, _FIRST_SLOT + _SLOTS * _SLOT_WORDS, _SLOT_WORDS)
 _NAMES_BYTE, DATA_BYTE = 1024, 4096
 """Where the names of what is in the ring begin, and where the ring."""
 _FRAME = struct.Struct("=II")
@@ -69,6 +70,17 @@ def is_written(path: Path) -> bool:
         return _is_held(file)
     finally:
         os.close(file)
+
+
+def fill_of(path: Path) -> float:
+    """The part of a ring that is not free; 0.0 where it is gone. For one who only looks."""
+    try:
+        with path.open("rb") as file:
+            words = memoryview(file.read(_NAMES_BYTE)).cast("Q")
+        places = [words[start + 1] for start in _STARTS if words[start]]
+        return (words[_AT_HEAD] - min(places, default=0)) / words[_AT_SIZE]
+    except (OSError, TypeError, IndexError, ZeroDivisionError):
+        return 0.0
 
 
 class RingWriter:
@@ -130,8 +142,7 @@ class RingWriter:
 
     def _places(self) -> list[tuple[int, int]]:
         """Tag and word of the place of each reader."""
-        starts = range(_FIRST_SLOT, _FIRST_SLOT + _SLOTS * _SLOT_WORDS, _SLOT_WORDS)
-        return [(self._words[start], start + 1) for start in starts if self._words[start]]
+        return [(self._words[start], start + 1) for start in _STARTS if self._words[start]]
 
     def _make_room(self, until: int) -> bool:
         """Learn how far readers have got. One that is gone is forgotten where another has got further."""
@@ -199,12 +210,11 @@ class RingReader:
 
     def _claim(self, tag: int, is_read: Callable[[int], bool]) -> int:
         words = self._known()
-        starts = range(_FIRST_SLOT, _FIRST_SLOT + _SLOTS * _SLOT_WORDS, _SLOT_WORDS)
-        for start in starts:
+        for start in _STARTS:
             if words[start] == tag:
                 return start
-        oldest = min((words[start + 1] for start in starts if words[start]), default=0)
-        for start in starts:
+        oldest = min((words[start + 1] for start in _STARTS if words[start]), default=0)
+        for start in _STARTS:
             if not words[start] or not is_read(words[start]):
                 words[start] = 0
                 words[start + 1] = oldest
@@ -254,11 +264,6 @@ class RingReader:
     def waiting(self) -> int:
         """Bytes that were not read yet."""
         return int(self._known()[_AT_HEAD]) - self._place
-
-    @property
-    def share(self) -> float:
-        """The part of the ring that is not free."""
-        return (int(self._known()[_AT_HEAD]) - int(self._known()[self._slot + 1])) / self._size
 
     @property
     def left(self) -> bool:

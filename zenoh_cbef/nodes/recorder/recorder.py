@@ -68,7 +68,8 @@ class Recorder:
         self._shared = [mailbox.key for mailbox in mailboxes] if len(mailboxes) > 1 else []
         self.target_ended: int | None = None
         self._attendance = Attendance(node, self._tell, scenario.timing.patience)
-        self._recovery = Recovery(node, log, self._lock, self._write)
+        believes = (lambda _: True) if source is None else source.rings.is_the_same
+        self._recovery = Recovery(node, log, self._lock, self._write, believes)
         node.on_stop(self._wake)
 
     def run(self, *, sync: bool, report: Callable[[Status], None]) -> None:

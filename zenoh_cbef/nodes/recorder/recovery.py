@@ -23,11 +23,19 @@ class Recovery:
     """Asks every sender that is there, once for each gap in its numbers, for what is missing.
 
     A message is missing after a broken link, or where the recorder did not keep up. lock: of the log; write: puts a
-    message into it.
+    message into it. believes: whether a sender that answers is the process whose messages are missing, asked with the
+    lock.
     """
 
-    def __init__(self, node: Node, log: RunLog, lock: threading.Lock, write: Callable[[str, bytes], None]) -> None:
-        self._node, self._log, self._lock, self._write = node, log, lock, write
+    def __init__(
+        self,
+        node: Node,
+        log: RunLog,
+        lock: threading.Lock,
+        write: Callable[[str, bytes], None],
+        believes: Callable[[str], bool] = lambda _: True,
+    ) -> None:
+        self._node, self._log, self._lock, self._write, self._believes = node, log, lock, write, believes
         self._asked: set[Gap] = set()
 
     def run(self, done: threading.Event) -> None:
@@ -56,6 +64,8 @@ class Recovery:
             if len(self._asked) >= _KEPT:
                 self._asked.clear()
             self._asked.add((sender, key, first, last))
+            if not self._believes(sender):
+                return
         for data in found:
             with self._lock:
                 if self._log.wants(key, sender, data):

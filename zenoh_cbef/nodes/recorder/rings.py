@@ -112,11 +112,6 @@ class Rings:
         """Whether anything is left to read."""
         return any(ring.reader.waiting for ring in self._open.values())
 
-    @property
-    def share(self) -> float:
-        """The part of the fullest ring that is not free."""
-        return max((ring.reader.share for ring in self._open.values()), default=0.0)
-
     def has(self, agent: int) -> bool:
         """Whether all that an agent's process says comes by a ring, as far as is known of it."""
         life = self._node.presence.life(f"agent/{agent}")
@@ -130,6 +125,14 @@ class Rings:
         """The rings of an agent's process, of any where its life is not known."""
         known = (*self._open, *self._done)
         return [name for name in known if name.agent == agent and life in ("", name.life)]
+
+    def is_the_same(self, sender: str) -> bool:
+        """Whether a sender is the only process of its name, as far as rings tell.
+
+        Where it is not, numbers that are missing may be of the process before, and what it answers is in its ring.
+        """
+        self.look(now=True)
+        return sum(f"agent/{name.agent}" == sender for name in (*self._open, *self._done)) < 2
 
     @property
     def lacks(self) -> bool:
