@@ -22,8 +22,14 @@ def settings_of(*overrides):
     return Plan(load("tracking", [f"dt={DT}", *overrides]).scenario).settings
 
 
-def known(which, steps, latest):
-    return replace(Status.first(1), which=np.array([which]), seconds=np.array([steps * DT]), latest=np.array([latest]))
+def known(which, steps, latest, fitted=121.0):
+    return replace(
+        Status.first(1),
+        heard=np.array([fitted]),
+        which=np.array([which]),
+        seconds=np.array([steps * DT]),
+        latest=np.array([latest]),
+    )
 
 
 @pytest.mark.parametrize(
@@ -42,6 +48,12 @@ def test_a_network_whose_ranges_do_not_fit_even_now_gives_up_soon(which, steps, 
     status = known(which, steps, latest)
     assert gives_up(settings_of(), status, ranges).tolist() == [gives[0]]
     assert gives_up(settings_of("filter.defaults=8"), status, ranges).tolist() == [gives[1]]
+
+
+def test_a_fix_that_did_not_help_is_not_made_again_soon():
+    ranges = np.ones((1, 2 * WINDOW))
+    assert gives_up(settings_of(), known(LOST, 5, 9.0, 119.0), ranges).tolist() == [False]
+    assert gives_up(settings_of(), known(LOST, 30, 9.0, 119.0), ranges).tolist() == [True]
 
 
 def test_of_real_receivers_nothing_is_sooner():

@@ -19,11 +19,15 @@ _SOON = 5.0
 _MISFIT = 3.6
 """The cut NIS of a range that does not fit: that of an agent whose target has come back to where it looks is small."""
 
+_HELD = 120.0
+"""How many of the network's ranges fitted since the last fix, as a fix that did not help is no reason for one more."""
+
 
 def gives_up(settings: FilterSettings, known: Status, ranges: Floats) -> Bools:
     """Which agents (n,) no longer wait for a lost target to come back. ranges: the latest of each, (n, 2 W).
 
-    Soon, by the ninth rules, if an agent's latest range does not fit, and it has enough of them for another fix.
+    Soon, by the ninth rules, if an agent's latest range does not fit, it has enough of them for another fix, and the
+    last one had helped.
     """
     window = ranges.shape[1] // 2
     steps = known.seconds / settings.motion.dt
@@ -31,7 +35,7 @@ def gives_up(settings: FilterSettings, known: Status, ranges: Floats) -> Bools:
     patient = steps >= _PATIENCE * window
     if settings.prompt:
         often = np.isfinite(ranges).sum(axis=1) >= window
-        patient |= (steps >= _SOON) & (known.latest > _MISFIT) & often
+        patient |= (steps >= _SOON) & (known.latest > _MISFIT) & often & (known.heard > _HELD)
     return np.asarray(long & patient)
 
 
