@@ -169,7 +169,10 @@ def draw(found: dict[tuple[int, Setting], Point], triggers: list[Point]) -> None
             right.annotate(f" {trigger:g}", (_curve([one])[0][0], _curve([one])[1][0]))
         left.set(xlabel="bytes per step on a link, one way", ylabel="position RMSE (m)", xscale="log")
         right.set(xlabel="the same; L = 8, int12, by trigger", ylabel="position RMSE (m)")
-        left.legend(frameon=False)
+        left.set_xticks([200, 500, 1000, 2000], ["200", "500", "1000", "2000"])
+        left.minorticks_off()
+        left.set_xlim(60)
+        left.legend(frameon=False, loc="lower left")
         save(figure, FOLDER, "bytes")
 
 
