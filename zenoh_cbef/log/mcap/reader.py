@@ -10,10 +10,11 @@ import struct
 import zlib
 from bisect import bisect_right
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from functools import cached_property
 from operator import attrgetter
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import zstandard
 from mcap import records
@@ -32,10 +33,12 @@ from zenoh_cbef.log.mcap.contents import (
     decompress,
     parse_record,
 )
-from zenoh_cbef.log.mcap.heads import Batch, heads_in
 from zenoh_cbef.log.mcap.walk import IN_CHUNKS, RecordWalk, with_indexes
 from zenoh_cbef.log.mcap.writer import MAGIC
 from zenoh_cbef.words import counted
+
+if TYPE_CHECKING:
+    from zenoh_cbef.log.mcap.heads import Batch
 
 MAX_DAMAGE = 1000
 _AT_ONCE = 1 << 24
@@ -129,7 +132,7 @@ class McapFile:
         """Yield the messages of messages(), those of a chunk together."""
         declared = self._closing.declared if self._closing else Declarations()
         chunked, count, crc, checked, kept = False, 0, 0, 0, 0
-        nothing = Batch.of([], declared.channels)
+        nothing = _heads_in(b"", Record(Opcode.CHUNK, 0, 0), declared, self._report)
         for record in self._walk.records():
             found: Batch | None = None
             chunked |= record.opcode == Opcode.CHUNK
@@ -264,7 +267,7 @@ class McapFile:
         if record.opcode == Opcode.CHUNK:
             return self._chunk_messages(record, declared)
         if record.opcode in IN_CHUNKS and record.end <= self._data_end:
-            return heads_in(self._bytes, record, declared, self._report)
+            return _heads_in(self._bytes, record, declared, self._report)
         return None
 
     def _chunk_messages(self, record: Record, declared: Declarations) -> Batch | None:
@@ -273,7 +276,7 @@ class McapFile:
             return None
         if record.end > self._data_end:
             cut = Record(record.opcode, chunk.data_start, self._data_end)
-            return None if chunk.compression else heads_in(self._bytes, cut, declared, self._report)
+            return None if chunk.compression else _heads_in(self._bytes, cut, declared, self._report)
         try:
             data = decompress(self._bytes[chunk.data_start : chunk.data_end], chunk)
         except (ValueError, RuntimeError, EOFError, MemoryError, zstandard.ZstdError) as error:
@@ -282,8 +285,15 @@ class McapFile:
         if chunk.crc not in (0, zlib.crc32(data)):
             self._report(f"chunk at byte {record.start} fails its CRC")
             return None
-        return heads_in(data, Record(record.opcode, 0, len(data)), declared, self._report)
+        return _heads_in(data, Record(record.opcode, 0, len(data)), declared, self._report)
 
 
 def _holds_messages(record: Record) -> bool:
     return record.opcode in (Opcode.CHUNK, Opcode.MESSAGE)
+
+
+def _heads_in(data: bytes | mmap.mmap, part: Record, declared: Declarations, report: Callable[[str], None]) -> Batch:
+    # A verb that describes a file reads no message, and so need not wait for NumPy.
+    from zenoh_cbef.log.mcap.heads import heads_in  # noqa: PLC0415
+
+    return heads_in(data, part, declared, report)

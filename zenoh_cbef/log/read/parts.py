@@ -5,15 +5,18 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from mcap import records
 
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.common.naming import ACTIVE, RUN, part_path
 from zenoh_cbef.log.mcap.contents import NotMcapError, RawMessage, Summary
-from zenoh_cbef.log.mcap.heads import Batch, gathered
 from zenoh_cbef.log.mcap.reader import McapFile
 from zenoh_cbef.plain import whole
+
+if TYPE_CHECKING:
+    from zenoh_cbef.log.mcap.heads import Batch
 
 
 def find_log(path: Path) -> Path:
@@ -92,6 +95,9 @@ class Log:
 
     def batches(self) -> Iterator[Batch]:
         """Yield all messages, those of some chunks together."""
+        # Verbs that read no message need not wait for NumPy.
+        from zenoh_cbef.log.mcap.heads import gathered  # noqa: PLC0415
+
         for file in self.files.values():
             yield from gathered(file.batches())
 
