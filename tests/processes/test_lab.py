@@ -3,6 +3,7 @@
 import re
 import shutil
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -167,6 +168,16 @@ def touched_by_keyboard(opened: Opened) -> None:
     opened.until("document.querySelector('#side').hidden")
 
 
+def finished_log(folder: Path) -> Path:
+    """The log of the only run: the page says that a run has ended before its recorder has written all."""
+    until = time.monotonic() + 100
+    while not (found := list(folder.glob("lab-*/run.mcap"))):
+        assert time.monotonic() < until, "the recorder does not end"
+        time.sleep(0.1)
+    [log] = found
+    return log
+
+
 def test_a_run_is_started_cut_by_mouse_healed_steered_ended_exported_and_proved(world, browser):
     keys = ("steps=100000", "consensus.rounds=3", "target.motion=manual")
     opened = Opened(world, browser, "tracking", *(part for key in keys for part in ("--set", key)))
@@ -201,7 +212,7 @@ def test_a_run_is_started_cut_by_mouse_healed_steered_ended_exported_and_proved(
     *_, dragged, nudged = [order.to for order in session.target.orders]
     assert dragged[0] > 0.5
     assert nudged[1] < dragged[1]
-    [log] = (world.folder / "logs").glob("lab-*/run.mcap")
+    log = finished_log(world.folder / "logs")
     proof = world.call("verify", str(log))
     assert proof.returncode == 0, proof.stdout + proof.stderr
     trace = read_trace(log)
