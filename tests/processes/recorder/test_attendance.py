@@ -1,14 +1,17 @@
 """When a recorder takes a run, or the replay of one, to be over; tokens of real sessions."""
 
 import time
+from functools import partial
+from threading import Timer
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 from tests.processes.conftest import unused_port
+from zenoh_cbef.nodes.common.node import Node
 from zenoh_cbef.nodes.recorder import attendance
-from zenoh_cbef.nodes.recorder.attendance import Attendance
+from zenoh_cbef.nodes.recorder.attendance import Attendance, led_by_a_target
 from zenoh_cbef.protocol.keys import Keys
 from zenoh_cbef.protocol.presence import Presence
 from zenoh_cbef.protocol.session import Connection, open_session
@@ -27,6 +30,7 @@ class Watched:
         self.told: list[tuple[str, str]] = []
         # All of a node that attendance looks at.
         node: Any = SimpleNamespace(presence=here, stopping=False, launched=False)
+        node.wait_for = partial(Node.wait_for, node)
         self.node = node
         self.watch(patience=30.0)
 
@@ -96,3 +100,13 @@ def test_without_a_target_agents_are_waited_for_while_they_get_on(watched, monke
         assert not watched.over()
         time.sleep(0.02)
     until_over(watched)
+
+
+@pytest.mark.parametrize(("leader", "led"), [("target/target", True), ("replay/replay", False)])
+def test_a_recorder_waits_for_the_name_of_who_told_it_the_scenario(watched, leader, led):
+    watched.others.announce("agent/3")
+    later = Timer(0.5, watched.others.announce, [leader])
+    later.start()
+    assert led_by_a_target(watched.node) is led
+    later.join()
+    assert leader in watched.node.presence

@@ -12,6 +12,7 @@ from zenoh_cbef.protocol.presence import Presence
 
 _GRACE_SECONDS = 2.0
 _LOST_SECONDS = 30.0
+_NAMED_SECONDS = 30.0
 _LEADING = ("target/", "replay/")
 _TAKING_PART = ("agent/", *_LEADING)
 
@@ -19,6 +20,15 @@ _TAKING_PART = ("agent/", *_LEADING)
 def takes_part(sender: str, presence: Presence) -> bool:
     """Whether a process, by its name in messages, is one of the run's: the target, or an agent that is there."""
     return sender == "target" or (agent_named(sender) is not None and sender in presence)
+
+
+def led_by_a_target(node: Node) -> bool:
+    """Whether a target leads what is recorded, and not a replay, which gives no names and has no agents to link to.
+
+    Waits for the name of the one or the other: each serves the scenario a moment before it announces itself.
+    """
+    node.wait_for(lambda live: any(name.startswith(_LEADING) for name in live), _NAMED_SECONDS)
+    return TARGET in node.presence
 
 
 class Attendance:

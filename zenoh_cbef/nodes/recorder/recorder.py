@@ -15,7 +15,7 @@ from zenoh_cbef.nodes.common.node import Identity, Node
 from zenoh_cbef.nodes.common.recording import Status
 from zenoh_cbef.nodes.recorder.acknowledgements import Acknowledgements
 from zenoh_cbef.nodes.recorder.at_source import AtSource, at_source
-from zenoh_cbef.nodes.recorder.attendance import Attendance, takes_part
+from zenoh_cbef.nodes.recorder.attendance import Attendance, led_by_a_target, takes_part
 from zenoh_cbef.nodes.recorder.described import as_text, described
 from zenoh_cbef.nodes.recorder.handover import hand_over
 from zenoh_cbef.nodes.recorder.overview import Overview
@@ -29,7 +29,6 @@ from zenoh_cbef.protocol.reached import serve_reached
 from zenoh_cbef.protocol.recorded import belongs, covering, recorded_keys
 from zenoh_cbef.protocol.slow import SLOW
 from zenoh_cbef.scenario import Scenario
-from zenoh_cbef.scenario.model import Record
 
 _CAPACITY = 1 << 17
 _REPORT_SECONDS = 0.2
@@ -245,18 +244,18 @@ def run_recorder(
         mailboxes = [FairMailbox(node.session, one, _CAPACITY) for one in expressions]
         briefing = brief(node)
         text, scenario = briefing.text, briefing.scenario
-        settings: Record = scenario.record
         require(links=scenario.count + 1)
-        if "target/target" in node.presence:  # a replay gives no names
+        led = led_by_a_target(node)
+        if led:
             node.claim_name()
             Links(node).keep()
-        log = RunLog(path, settings)
+        log = RunLog(path, scenario.record)
         log.describe(source=text.source, resolved=text.resolved, run=described(identity, scenario, expressions))
         overview = _overview(node, Status(identity.run, str(path), scenario.length), briefing, expressions)
         source, mailboxes = at_source(node, log, scenario, mailboxes, _CAPACITY)
         recorder = Recorder(node, log, overview, mailboxes, scenario, source=source)
         node.presence.announce(f"record/{identity.name}")
-        if "target/target" in node.presence:  # a replay's subscribers get the recorded messages only
+        if led:  # a replay's subscribers get the recorded messages only
             introduce(identity, briefing.clock, recorder.say)
         try:
             recorder.run(sync=sync, report=report)
