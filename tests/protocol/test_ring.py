@@ -1,4 +1,4 @@
-"""What a process leaves in its ring is there whole or not at all, once, and in order, whoever is killed meanwhile."""
+"""What a process leaves in its ring is there whole or not at all, once, and in order, also of killed processes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Agents leave what they say in rings: it is recorded once, without a second trip, whoever is killed meanwhile."""
+"""Agents leave what they say in rings: it is recorded once, without a second trip, also of killed processes."""
 
 from __future__ import annotations
 

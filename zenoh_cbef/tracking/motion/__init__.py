@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from zenoh_cbef.tracking.motion.acceleration import NearlyConstantAcceleration
-from zenoh_cbef.tracking.motion.base import LinearMotion, Motion, MotionSettings, begun, linear
+from zenoh_cbef.tracking.motion.base import LinearMotion, Motion, MotionSettings, begun, beside_constants, linear
 from zenoh_cbef.tracking.motion.decay import DecayingVelocity
 from zenoh_cbef.tracking.motion.jump import Jump
 from zenoh_cbef.tracking.motion.ncv import NearlyConstantVelocity
@@ -17,6 +17,7 @@ __all__ = [
     "MotionSettings",
     "NearlyConstantVelocity",
     "begun",
+    "beside_constants",
     "is_linear",
     "linear",
     "make_motion",

@@ -142,6 +142,14 @@ def linear(motion: Motion) -> LinearMotion:
     return motion
 
 
+def beside_constants(motion: LinearMotion, count: int) -> tuple[Floats, Floats]:
+    """Transition and process noise, (s + count, s + count) each, of a state and count numbers that stay as they are."""
+    size = motion.size
+    transition = np.eye(size + count)
+    transition[:size, :size] = motion.transition
+    return transition, np.pad(motion.process_noise, ((0, count), (0, count)))
+
+
 def begun(motion: Motion, state: Floats, covariance: Floats) -> tuple[Floats, Floats]:
     """States (n, s) and covariances (n, s, s) of a model from those of position and velocity, (n, 2 axes) and so on."""
     extra = np.array(motion.extra_std)

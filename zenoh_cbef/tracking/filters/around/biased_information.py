@@ -24,7 +24,7 @@ from zenoh_cbef.tracking.filters.information_form import (
 )
 from zenoh_cbef.tracking.filters.settings import FilterSettings
 from zenoh_cbef.tracking.linalg import inverse, matvec, outer
-from zenoh_cbef.tracking.motion import LinearMotion, linear
+from zenoh_cbef.tracking.motion import LinearMotion, beside_constants, linear
 from zenoh_cbef.tracking.ranging import Measurement, Space, own_range
 
 FORGETTING = 0.004
@@ -98,15 +98,8 @@ class BiasedInformation:
         )
 
     @cached_property
-    def _transition(self) -> Floats:
-        size = self.motion.size
-        transition = np.eye(size + 1)
-        transition[:size, :size] = self.motion.transition
-        return transition
-
-    @cached_property
-    def _process_noise(self) -> Floats:
-        return np.pad(self.motion.process_noise, ((0, 1), (0, 1)))
+    def _dynamics(self) -> tuple[Floats, Floats]:
+        return beside_constants(self.motion, 1)
 
     def update(self, belief: Belief, measurement: Measurement) -> Update:
         """The agent's share of the network's information on (p, v, c); kept: its own bias given that, (a, b, s)."""
@@ -180,13 +173,9 @@ class BiasedInformation:
     def _predicted(self, belief: Belief) -> tuple[Floats, ...]:
         """State (n, s + 1) and covariance of (p, v, c), mean and variance (n,) of d_i, their covariance (n, s + 1)."""
         state, covariance, own, own_variance, cross = belief.memory or self._prior(belief)
-        return (
-            matvec(self._transition, state),
-            self._transition @ covariance @ self._transition.T + self._process_noise,
-            own,
-            own_variance,
-            matvec(self._transition, cross),
-        )
+        transition, noise = self._dynamics
+        covariance = transition @ covariance @ transition.T + noise
+        return matvec(transition, state), covariance, own, own_variance, matvec(transition, cross)
 
     def _prior(self, belief: Belief) -> tuple[Floats, ...]:
         count, size = belief.state.shape

@@ -25,7 +25,7 @@ from zenoh_cbef.tracking.filters.information_form import (
 from zenoh_cbef.tracking.filters.rows import Rows
 from zenoh_cbef.tracking.filters.settings import FilterSettings
 from zenoh_cbef.tracking.linalg import inverse, matvec, outer
-from zenoh_cbef.tracking.motion import LinearMotion, linear
+from zenoh_cbef.tracking.motion import LinearMotion, beside_constants, linear
 from zenoh_cbef.tracking.ranging import Measurement, Space, own_range
 
 MOST = 12
@@ -85,22 +85,16 @@ class JointBiases:
         )
 
     @cached_property
-    def _transition(self) -> Floats:
-        size = self.motion.size
-        transition = np.eye(size + self.network_size)
-        transition[:size, :size] = self.motion.transition
-        return transition
-
-    @cached_property
-    def _process_noise(self) -> Floats:
-        return np.pad(self.motion.process_noise, ((0, self.network_size), (0, self.network_size)))
+    def _dynamics(self) -> tuple[Floats, Floats]:
+        return beside_constants(self.motion, self.network_size)
 
     def update(self, belief: Belief, measurement: Measurement) -> Update:
         """The agent's share of the network's information on (p, v, d)."""
         own = self._own(measurement)
         state, covariance, begins = belief.memory or self._begun(belief, own)
-        state = matvec(self._transition, state)
-        covariance = self._transition @ covariance @ self._transition.T + self._process_noise
+        transition, noise = self._dynamics
+        state = matvec(transition, state)
+        covariance = transition @ covariance @ transition.T + noise
         vector, matrix = self._share(state, covariance, begins > 0.0, own)
         size, count = self.motion.size, np.arange(len(state))
         measured = np.isfinite(measurement.range)
