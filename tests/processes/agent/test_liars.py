@@ -58,10 +58,16 @@ class Pair:
         self.neighbourhood.look_around()
         self._ear = self.sessions[0].declare_subscriber(KEYS.round(1), zenoh.handlers.FifoChannel(1000))
         self._codec = RoundCodec("test", "agent/1", WIDTH)
+        self._mouth = self.sessions[1].declare_publisher(KEYS.round(1))
+        until = time.monotonic() + 100.0
+        # What is sent before it knows who listens goes nowhere.
+        while not self._mouth.matching_status.matching:  # type: ignore[attr-defined]  # as in relay.py
+            assert time.monotonic() < until
+            time.sleep(0.01)
 
     def say(self, step: int, round_: int, value: float) -> None:
         data = self._codec.encode(0, time.time_ns(), step, round_, np.full(WIDTH, value))
-        self.sessions[1].put(KEYS.round(1), data)
+        self._mouth.put(data)
         while self._ear.handler.recv().payload.to_bytes() != data:  # until it has come
             pass
 
