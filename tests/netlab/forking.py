@@ -6,7 +6,6 @@ process, whose nursery forks the verb on the host where the script runs, and it 
 
 from __future__ import annotations
 
-import fcntl
 import json
 import os
 import socket
@@ -16,7 +15,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from tests.processes.forked import fork_on, wait_for
+from tests.processes.forked import begin, fork_on, wait_for
 
 _SCRIPT = """#!{python} -IS
 import json, os, socket, sys
@@ -40,8 +39,6 @@ def _exactly(caller: socket.socket, length: int) -> bytes:
 def _serve(caller: socket.socket) -> None:
     with caller:
         _, streams, _, _ = socket.recv_fds(caller, 1, 3)
-        for stream in streams:  # a process that this one starts at the same time would hold them open
-            fcntl.fcntl(stream, fcntl.F_SETFD, fcntl.FD_CLOEXEC)
         length = int.from_bytes(_exactly(caller, 4), "big")
         pid, folder, environment, words = json.loads(_exactly(caller, length))
         child = fork_on(words, Path(folder), environment, Path(f"/proc/{pid}/ns/net"), streams)
@@ -56,6 +53,7 @@ def _serve(caller: socket.socket) -> None:
 @contextmanager
 def forking_commands(folder: Path) -> Iterator[Path]:
     """A folder with `zenoh-cbef` for the search path of shells, which works until the block is left."""
+    begin()  # a nursery that began while streams arrive would hold them open, and the test would wait for their end
     folder.mkdir()
     place, script = folder / "socket", folder / "zenoh-cbef"
     script.write_text(_SCRIPT.format(python=sys.executable, place=str(place)))

@@ -30,6 +30,12 @@ def _nursery() -> Nursery:
     return Nursery((*VERBS, "run", "fleet", "replay", "reestimate", "router", "status"), NAME).__enter__()
 
 
+def begin() -> None:
+    """Begin the nursery now, where it has not begun."""
+    with _forking:
+        _nursery()
+
+
 def fork_on(
     command: Sequence[str], folder: Path, environment: Mapping[str, str], space: Path | None, streams: Sequence[int]
 ) -> Child:
