@@ -70,3 +70,30 @@ def test_ranges_that_nothing_explains_are_said_to_be_lost():
     wrong = heard.ranges + np.array([2.0, -3.0, 4.0, 0.0, -2.0, 3.0])[:, None]
     [trace] = simulate([one], heard=[Heard(heard.positions, wrong, heard.age)])
     assert (trace.diagnostics.status[:, 60:] == LOST).mean() > 0.5
+
+
+def test_a_network_whose_steps_are_long_for_the_motion_does_not_pause_for_it():
+    """Two receivers are wrong in turn, 10 m too long for twenty steps: both are far off what the others say."""
+    scenarios = {rules: runs("dt=2", "steps=100", f"filter.defaults={rules}", seeds=4, first=1003) for rules in (9, 10)}
+    heard = []
+    for scenario in scenarios[10]:
+        honest = heard_in(Plan(scenario), make_world(scenario))
+        ranges = honest.ranges.copy()
+        ranges[0, 58:78] += 10.0
+        ranges[5, 71:91] += 10.0
+        heard.append(Heard(honest.positions, ranges, honest.age))
+    before, today = (
+        np.array([off(trace)[:, -1].max() for trace in simulate(each, heard=heard)]) for each in scenarios.values()
+    )
+    assert before.max() > 50.0
+    assert today.max() < 25.0
+
+
+def test_they_do_where_ranges_stay_straight_or_the_scenario_tells_of_outliers():
+    def supposes(*keys):
+        return Plan(load("tracking", list(keys)).scenario).settings.supposes
+
+    assert supposes()
+    assert supposes("dt=2", "sensor.outlier_probability=0.1")
+    assert supposes("dt=2", "filter.defaults=9")
+    assert not supposes("dt=2")

@@ -33,6 +33,18 @@ def after(scenario: Scenario, motion: LinearMotion, range_std: float) -> bool:
     return mirrored(scenario, range_std, motion.axes) or bending(scenario, motion, range_std, scenario.dt)[1] > most
 
 
+def may_pause(scenario: Scenario, motion: LinearMotion, range_std: float) -> bool:
+    """Whether a filter may go by prediction for a step, while agents tell each other something else than its payload.
+
+    By the tenth rules not where ranges bend over how uncertain the position is by then: an agent would judge its next
+    range at a prior so wide that a wrong one fits, and the filter would follow it. Among outliers that the scenario
+    tells of filters are lost in such steps anyway, and what agents tell each other shows that.
+    """
+    if scenario.filter.defaults < 10 or start.among_outliers(scenario):
+        return True
+    return bending(scenario, motion, range_std, 2.0 * scenario.dt)[1] < MOST
+
+
 def mirrored(scenario: Scenario, range_std: float, axes: int) -> bool:
     """Whether agents are in one plane, or on one line in a plane, wherever a seed places them."""
     low, high = (corner[:axes] for corner in start.box(scenario))

@@ -148,7 +148,7 @@ class Plan:
             spreading=start.spreading(scenario, window),
             bends=chosen.defaults > 7,
             prompt=chosen.defaults > 8 and not trust.real(scenario),
-            supposes=start.supposes(scenario, window),
+            supposes=start.supposes(scenario, window) and bending.may_pause(scenario, self.plain_motion, range_std),
             anywhere=start.anywhere(scenario, self.motion, self.space),
             bias=self.bias,
             joint_biases=(joint := self.bias == "estimate" and trust.shares_biases(scenario)),
