@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -32,10 +33,12 @@ def by_hand(
     agents: Sequence[int],
     log: Path | None = None,
     watched: Mapping[str, str] | None = None,
+    watching: str = "benchmarks.watched",
 ) -> Iterator[ByHand]:
     """Start target, some agents, and a recorder where a log is given; all end with the block.
 
-    watched: the environment of agent 0, where it is to tell what its steps cost (benchmarks/watched.py).
+    watched: the environment of agent 0, where it is to tell what its steps cost, and watching: the
+    module that it then is.
     """
     plan = load(name, overrides).plan
     run = f"by-hand-{name}-{time.time_ns()}"
@@ -62,9 +65,18 @@ def by_hand(
             links = [part for endpoint in connect for part in ("--connect", endpoint)]
             watches = watched is not None and process == "agent 0"
             child = family.start(
-                "benchmarks.watched" if watches else "zenoh_cbef",
+                watching if watches else "zenoh_cbef",
                 [*command, *common, "--listen", endpoints[process], *links],
                 environment | dict(watched or {}),
             )
             pids[process] = child.pid
+            if command[0] == "agent":
+                _keep_to_core(child.pid, int(command[1]), len(agents))
         yield ByHand(run, pids, endpoints)
+
+
+def _keep_to_core(pid: int, agent: int, count: int) -> None:
+    """Bind an agent to a core as a run does, where cores are fewer than agents."""
+    cores = sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else []
+    if 0 < len(cores) < count:
+        os.sched_setaffinity(pid, {cores[agent % len(cores)]})

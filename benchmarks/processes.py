@@ -4,7 +4,20 @@ from __future__ import annotations
 
 import os
 import re
+from collections import defaultdict
 from pathlib import Path
+from typing import NamedTuple
+
+
+class Used(NamedTuple):
+    """What processes have used since they began.
+
+    main, others: CPU of their main and other threads, ns. waits: how often one of their threads has waited.
+    """
+
+    main: int
+    others: int
+    waits: int
 
 
 def cpu_seconds(pid: int) -> float:
@@ -48,3 +61,31 @@ def bytes_on(pid: int, device: str) -> tuple[int, int]:
             numbers = counts.split()
             return int(numbers[0]), int(numbers[8])
     return 0, 0
+
+
+def used_by(run: str) -> dict[str, Used]:
+    """What the processes of a run on this machine have used, by role: "agent", all of them together, "target", ..."""
+    found: dict[str, Used] = defaultdict(lambda: Used(0, 0, 0))
+    for place in Path("/proc").iterdir():
+        if place.name.isdecimal():
+            try:
+                words = (place / "cmdline").read_text().replace("\0", " ").split()
+                role = next((word for word in words if word in {"agent", "target", "record"}), "")
+                if run in words and role:
+                    found[role] = Used(*map(sum, zip(found[role], _used_by_threads(place), strict=True)))
+            except OSError:
+                continue
+    return dict(found)
+
+
+def _used_by_threads(process: Path) -> Used:
+    main = others = waits = 0
+    for thread in (process / "task").iterdir():
+        spent = int((thread / "schedstat").read_text().split()[0])
+        waited = re.search(r"^voluntary_ctxt_switches:\s+(\d+)", (thread / "status").read_text(), re.MULTILINE)
+        waits += int(waited[1]) if waited else 0
+        if thread.name == process.name:
+            main = spent
+        else:
+            others += spent
+    return Used(main, others, waits)

@@ -19,6 +19,7 @@ from benchmarks.__main__ import BENCHMARKS  # noqa: E402
 from benchmarks.common import analyses, at_least, below, children  # noqa: E402
 from benchmarks.fuzz_logs import fuzz_logs  # noqa: E402
 from benchmarks.fuzz_material import Material  # noqa: E402
+from benchmarks.watched_round import STEP, Stopwatch  # noqa: E402
 from zenoh_cbef.datasets import read_dataset  # noqa: E402
 from zenoh_cbef.scenario.load import load  # noqa: E402
 from zenoh_cbef.simulator import simulate  # noqa: E402
@@ -189,6 +190,25 @@ def test_a_slope_is_known_no_better_than_its_samples_allow():
     assert abs(rate) < half
     assert half > 0.002
     assert np.isnan(soak.slope(flat[:3])[0])
+
+
+def test_time_within_an_inner_place_is_not_counted_twice(monkeypatch):
+    now = [0]
+    monkeypatch.setattr("time.perf_counter_ns", lambda: now[0])
+    watch = Stopwatch()
+
+    def passes(nanoseconds, then=lambda: None):
+        now[0] += nanoseconds
+        then()
+        now[0] += nanoseconds
+
+    inner = watch.around(passes, "mix")
+    for count in (1, 2, 3):
+        watch.around(passes, "read")(10 * count, lambda: inner(1))
+        passes(50)
+        watch.enter(STEP)
+        watch.turn()
+    assert watch.medians() == {"mix": 2, "read": 40, STEP: 100}
 
 
 def test_whatever_is_fed_into_a_decoder_is_accepted_or_refused(tmp_path):
