@@ -45,10 +45,16 @@ _NOT_RUN = {"annotation", "returns", "decorator_list"}
 
 @dataclass(frozen=True)
 class Mutant:
-    """A file's mutant. number: of the node, in the order of the walk. way: of the node's changes."""
+    """A file's mutant. number: of the node, in the order of the walk. way: of the node's changes.
+
+    statement: the line where the innermost statement begins. called: it runs in calls alone, not as its file is
+    imported.
+    """
 
     path: Path
     line: int
+    statement: int
+    called: bool
     number: int
     way: int
     change: str
@@ -56,7 +62,7 @@ class Mutant:
     def tree(self) -> ast.Module:
         """The mutated source."""
         module = ast.parse(self.path.read_text(encoding="utf-8"))
-        target = list(_walk(module))[self.number]
+        target = list(_walk(module))[self.number].node
         changed = ast.copy_location(_changes(target)[self.way][1], target)
         _Replace(target, changed).visit(module)
         return ast.fix_missing_locations(module)
@@ -69,9 +75,9 @@ class Mutant:
 def mutants_of(path: Path) -> list[Mutant]:
     """All mutants of a source file."""
     return [
-        Mutant(path, getattr(node, "lineno", 0), number, way, told)
-        for number, node in enumerate(_walk(ast.parse(path.read_text(encoding="utf-8"))))
-        for way, (told, _) in enumerate(_changes(node))
+        Mutant(path, getattr(place.node, "lineno", 0), place.statement, place.called, number, way, told)
+        for number, place in enumerate(_walk(ast.parse(path.read_text(encoding="utf-8"))))
+        for way, (told, _) in enumerate(_changes(place.node))
     ]
 
 
@@ -83,15 +89,25 @@ class _Replace(ast.NodeTransformer):
         return self._new if node is self._old else self.generic_visit(node)
 
 
-def _walk(node: ast.AST) -> Iterator[ast.AST]:
+@dataclass(frozen=True)
+class _Place:
+    node: ast.AST
+    statement: int
+    called: bool
+
+
+def _walk(node: ast.AST, statement: int = 0, called: bool = False) -> Iterator[_Place]:
     """All that runs, without annotations and the sentences of errors."""
-    yield node
+    if isinstance(node, ast.stmt):
+        statement = node.lineno
+    yield _Place(node, statement, called)
     for name, value in ast.iter_fields(node):
         if name in _NOT_RUN or isinstance(node, ast.Raise):
             continue
+        inside = called or (name == "body" and isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef))
         for child in value if isinstance(value, list) else [value]:
             if isinstance(child, ast.AST):
-                yield from _walk(child)
+                yield from _walk(child, statement, inside)
 
 
 def _changes(node: ast.AST) -> list[Change]:

@@ -25,6 +25,8 @@ def test_absences_begin_end_and_forget():
     assert steps_where(absences.ended, 8) == [[], [], [], [], [], [], [1, 2], []]
     assert steps_where(absences.reborn, 8) == [[], [], [], [], [], [], [1], []]
     assert absences.return_of(1, 4) == 7
+    brief = Crash.model_validate({"kind": "crash", "agents": (1,), "from": 0.25, "until": 0.35})
+    assert steps_where(Absences([brief], agents=2, dt=0.1, steps=5).reborn, 5) == [[], [], [], [1], []]
     forever = Absences([Crash(kind="crash", agents=(0,))], agents=2, dt=0.1, steps=4)
     assert steps_where(forever.at, 4) == [[0]] * 4
     assert forever.return_of(0, 2) is None

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from zenoh_cbef.faults import Delay, Fates
+from zenoh_cbef.streams import normal, stream
 
 COUNT = 40_000
 
@@ -51,6 +52,12 @@ def test_pareto_delays_have_a_least_value_and_their_own_tail():
     for factor in (1.5, 2.0, 3.0):
         share = factor**-3.0
         assert abs((drawn > 4.0 * factor).mean() - share) < 5 * np.sqrt(share * (1 - share) / COUNT)
+
+
+def test_a_normal_delay_is_longer_where_its_draw_is_positive():
+    key = stream(np.full(9, 5, dtype=np.uint64), "delay/0/size", np.arange(9), np.arange(9) + 1)
+    drawn = delays(9, milliseconds=8.0, distribution="normal", std_ms=1.5)
+    np.testing.assert_allclose(drawn, 8.0 + 1.5 * normal(key, 1, 1), rtol=1e-12)
 
 
 def test_normal_delays_are_cut_off_at_zero():

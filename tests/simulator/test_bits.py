@@ -186,6 +186,9 @@ def test_what_only_some_filters_say_is_the_same_alone_and_in_a_batch_and_absent_
         there = np.ones((5, 10), dtype=bool)
         there[1, 3:6] = False
         assert np.isfinite(said[name][there]).all()
+        for found in (expected.estimates, expected.covariances):
+            assert np.isfinite(found[there]).all()
+            assert np.isnan(found[~there]).all()
         np.testing.assert_array_equal(said["nis_degrees"], there & np.isfinite(expected.ranges))
         for what, values in said.items():
             assert (values[~there] == 0).all() if what == "nis_degrees" else np.isnan(values[~there]).all(), what

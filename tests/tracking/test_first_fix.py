@@ -31,19 +31,23 @@ def squared(place, velocity, error):
     return (np.linalg.norm(place - AGE * velocity - AGENT) + error) ** 2 / UNIT**2
 
 
-def shared(*, xi=np.inf, agent=AGENT, speed=SPEED, range_=RANGE, variance=VARIANCE, space=None):
-    """What one agent of four shares of one range: information vector and matrix of (q, |q|^2, d|q|^2/dt)."""
+def shared(*, xi=np.inf, agent=AGENT, speed=SPEED, range_=RANGE, variance=VARIANCE, space=None, rate=True):
+    """What one agent of four shares of one range: information vector and matrix of (q, |q|^2, d|q|^2/dt).
+
+    Without rate: of (q, |q|^2).
+    """
     space = space or Space()
     axes = space.axes
-    payload = SquaredRanges(space, 4, xi).payload(
+    payload = SquaredRanges(space, 4, xi, rate).payload(
         Frame(MIDDLE[None, :axes], np.array([UNIT])),
         Belief(POINT[None, :axes], COVARIANCE[None, :axes, :axes]),
         Seen(agent[None, None], np.array([[AGE]]), np.array([[range_]])),
         variance=np.array([[variance]]),
         speed=np.array([speed]),
     )[0]
-    prior = np.diag([1.0] * axes + [100.0**-2] * 2) / 4
-    return payload[: axes + 2], unpack_upper(payload[None, axes + 2 :], axes + 2)[0] - prior
+    size = axes + 1 + rate
+    prior = np.diag([1.0] * axes + [100.0**-2] * (1 + rate)) / 4
+    return payload[:size], unpack_upper(payload[None, size:], size)[0] - prior
 
 
 @pytest.mark.parametrize("space", [Space(), Space(2.5)])
@@ -75,6 +79,13 @@ def test_a_rows_noise_is_that_of_the_range_and_of_the_motion_that_the_row_leaves
     assert 1.0 / matrix[3, 3] == pytest.approx(noise, rel=1e-9)
     row = np.array([*(-2.0 * at), 1.0, -AGE])
     np.testing.assert_allclose(matrix, np.outer(row, row) / noise, rtol=1e-9)
+
+
+def test_without_an_unknown_for_it_the_target_s_receding_is_noise_of_the_row():
+    (_, known), (_, noisy) = shared(), shared(rate=False)
+    receding = (2.0 * RANGE * SPEED * AGE / UNIT**2) ** 2
+    row = np.array([*(-2.0 * (AGENT - MIDDLE) / UNIT), 1.0])
+    np.testing.assert_allclose(noisy, np.outer(row, row) / (1.0 / known[3, 3] + receding), rtol=1e-9)
 
 
 def test_noise_far_beyond_the_range_counts_by_its_square_and_fast_motion_by_its_fourth_power():

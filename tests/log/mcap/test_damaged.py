@@ -122,6 +122,7 @@ def test_a_damaged_chunk_is_named_and_skipped(log: Path) -> None:
     assert 100 in lost
     assert len(lost) < 40
     assert any(sentence.startswith("chunk at byte") and "fails its CRC" in sentence for sentence in file.damage)
+    assert f"{600 - len(lost)} of 600 messages that were written can be read" in file.lost
 
 
 @examples(100)

@@ -172,6 +172,36 @@ def test_an_attachment_that_is_not_where_its_index_says_is_told(tmp_path):
     assert file.lost == [f"attachment at byte {start} is not where it should be"]
 
 
+def test_an_attachment_that_cannot_be_read_is_told(tmp_path):
+    path = tmp_path / "bent.mcap"
+    with McapWriter(path, library="test") as writer:
+        start = writer.bytes_written
+        writer.add_attachment("first", "text/plain", b"1")
+        writer.add_attachment("second", "text/plain", b"2")
+    data = bytearray(path.read_bytes())
+    data[data.index(b"first")] = 0xFF  # no UTF-8
+    path.write_bytes(data)
+    file = McapFile(path)
+    assert file.attachments == {"second": b"2"}
+    assert len(file.lost) == 1
+    assert file.lost[0].startswith(f"attachment at byte {start} is damaged: ")
+
+
+@pytest.mark.usefixtures("head")
+def test_a_data_section_without_its_closing_record_is_told_as_is_what_stands_in_its_place(tmp_path, head):
+    path = tmp_path / "sound.mcap"
+    data = bytearray(path.read_bytes())
+    start = data.index(RECORD.pack(0x0F, 4), len(head))
+    data[start] = 0x80
+    path.write_bytes(data)
+    file = McapFile(path)
+    assert [message.data for message in file.messages()] == [b"x"]
+    assert file.damage == [
+        f"record at byte {start} is of the unexpected kind 128",
+        f"the data section ends at byte {start + RECORD.size + 4} without its closing record",
+    ]
+
+
 def test_of_a_message_outside_of_chunks_that_is_cut_nothing_is_read(tmp_path):
     path, ends = tmp_path / "bare.mcap", []
     with path.open("wb") as stream:

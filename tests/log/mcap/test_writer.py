@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import resource
 import signal
+import stat
 import struct
 import subprocess
 import sys
@@ -16,6 +18,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.reader import NonSeekingReader, make_reader
 
+from zenoh_cbef.log.mcap import writer as writing
 from zenoh_cbef.log.mcap.reader import McapFile
 from zenoh_cbef.log.mcap.writer import Compression, McapWriter, _next_number
 
@@ -246,3 +249,22 @@ def test_a_file_that_is_removed_is_gone_also_after_it_was_closed(tmp_path):
         assert writer.gone is removed
         writer.close()
         assert writer.gone is removed
+
+
+def test_a_log_may_be_read_by_whom_the_umask_lets_and_run_by_none(tmp_path: Path) -> None:
+    os.umask(masked := os.umask(0))
+    McapWriter(tmp_path / "log.mcap", library="test").close()
+    assert stat.S_IMODE((tmp_path / "log.mcap").stat().st_mode) == 0o666 & ~masked
+
+
+def test_a_flush_that_is_to_reach_the_disk_syncs_what_it_has_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    synced: list[int] = []
+    monkeypatch.setattr(writing, "_sync_data", lambda file: synced.append(os.fstat(file).st_size))
+    with McapWriter(tmp_path / "log.mcap", library="test") as writer:
+        channel = writer.register_channel("a", "", 0)
+        for sync in (False, True):
+            writer.add_message(channel, 1, 1, 1, b"x" * 1000)
+            writer.flush(sync=sync)
+        assert synced == [writer.bytes_written]
