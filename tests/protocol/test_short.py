@@ -11,7 +11,17 @@ from tests.examples import examples
 from zenoh_cbef.protocol.keys import address
 from zenoh_cbef.protocol.messages import BadMessage, unpack
 from zenoh_cbef.protocol.round_codec import RoundCodec
-from zenoh_cbef.protocol.short import HEAD_BYTES, SILENT_BYTES, ShortCodec, is_short, numbered, step_of
+from zenoh_cbef.protocol.short import (
+    HEAD_BYTES,
+    SILENCE,
+    SILENT_BYTES,
+    ShortCodec,
+    framed,
+    is_short,
+    numbered,
+    packed,
+    step_of,
+)
 from zenoh_cbef.tracking.compact import Compact
 
 COMPACT = Compact(14, (4,), "int12")
@@ -49,6 +59,22 @@ def test_silence_has_no_payload_and_is_refused_where_agents_always_speak():
     assert many.payload[1].tobytes() == payload.tobytes()
     with pytest.raises(BadMessage, match="silence, which the run does not have"):
         CODEC.decode(silence)
+
+
+def test_messages_that_are_packed_together_are_those_of_senders_on_their_own():
+    codec = ShortCodec(compact := Compact(14, (4,), "int12", silences=True))
+    random = np.random.default_rng(1)
+    # Integers, floats where the matrix is not positive, a state that is far off, and silence.
+    payloads = np.concatenate([random.normal(size=(6, 4)), np.zeros((6, 10))], axis=1)
+    payloads[:, [4, 8, 11, 13]] = [[1.0], [-1.0], [1.0], [2.0], [1.0], [3.0]]
+    payloads[2, :4] *= 1e5
+    payloads = compact.rounded(payloads)
+    payloads[3] = np.nan
+    said = packed(compact, payloads)
+    assert len({one[0] for one in said}) == 4
+    alone = [codec.encode(row, 5, 6, 7, payload) for row, payload in enumerate(payloads)]
+    assert [framed(row, 5, 6, 7, one) for row, one in enumerate(said)] == alone
+    assert packed(compact, payloads[[3, 3]]) == [SILENCE] * 2
 
 
 @given(st.binary(max_size=200))

@@ -31,6 +31,8 @@ HEAD_BYTES = _HEAD.size - 1
 _ROW = np.dtype([("code", "u1"), ("seq", "<u4"), ("sent", "<u8"), ("step", "<u4"), ("round", "<u2")])
 _MOST = 1 << 63
 _SILENT = 1
+SILENCE = bytes((_SILENT,))
+"""What a message says that stands for silence."""
 SILENT_BYTES = _HEAD.size
 """Bytes of a message that stands for silence."""
 
@@ -74,6 +76,18 @@ def codec_of(run: str, sender: str, width: int, compact: Compact | None) -> Code
     return RoundCodec(run, sender, width) if compact is None else ShortCodec(compact)
 
 
+def packed(compact: Compact, payloads: Floats) -> list[bytes]:
+    """What a round's messages (n, d) say, rounded before, or NaN: silence; all at once, as one takes as long."""
+    spoken = payloads[:, 0] == payloads[:, 0]
+    told = iter(compact.pack_all(payloads[spoken]) if spoken.any() else ())
+    return [next(told) if one else SILENCE for one in spoken.tolist()]
+
+
+def framed(seq: int, sent: int, step: int, round_: int, said: bytes) -> bytes:
+    """One message; said: its code and payload."""
+    return _HEAD.pack(said[0], seq & 0xFFFFFFFF, sent, step, round_) + said[1:]
+
+
 class ShortCodec:
     """Reads and writes round messages of few bytes."""
 
@@ -82,10 +96,8 @@ class ShortCodec:
 
     def encode(self, seq: int, sent: int, step: int, round_: int, payload: Floats) -> bytes:
         """One message; payload: d numbers, rounded before, or NaN: silence."""
-        if payload.flat[0] != payload.flat[0]:
-            return _HEAD.pack(_SILENT, seq & 0xFFFFFFFF, sent, step, round_)
-        packed = self._compact.pack(payload)
-        return _HEAD.pack(packed[0], seq & 0xFFFFFFFF, sent, step, round_) + packed[1:]
+        silent = payload.flat[0] != payload.flat[0]
+        return framed(seq, sent, step, round_, SILENCE if silent else self._compact.pack(payload))
 
     def decode(self, data: bytes) -> tuple[int, int, int, bytes]:
         """Step, round, sending time (ns) and payload: d float64, NaN for silence. Raises BadMessage."""

@@ -82,8 +82,15 @@ class Compact:
 
     def pack(self, payload: Floats) -> bytes:
         """The message of one payload (d,) or (1, d)."""
-        ((code, _, data),) = self._packed(payload.reshape(1, -1))
-        return bytes((code,)) + data.tobytes()
+        return self.pack_all(payload.reshape(1, -1))[0]
+
+    def pack_all(self, payloads: Floats) -> list[bytes]:
+        """The messages of payloads (n, d)."""
+        messages = [b""] * len(payloads)
+        for code, rows, data in self._packed(payloads):
+            for row, one in zip(np.flatnonzero(rows).tolist(), data, strict=True):
+                messages[row] = bytes((code,)) + one.tobytes()
+        return messages
 
     def unpack(self, messages: Sequence[bytes]) -> Floats:
         """The payloads (m, d) of messages. Raises ValueError where one is none, or holds what is no number."""

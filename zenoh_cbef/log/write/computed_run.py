@@ -14,7 +14,8 @@ from zenoh_cbef.log.write.run_log import RunLog
 from zenoh_cbef.protocol.bodies import estimate_body, range_body, smoothed_body
 from zenoh_cbef.protocol.keys import Keys
 from zenoh_cbef.protocol.messages import encode
-from zenoh_cbef.protocol.short import codec_of
+from zenoh_cbef.protocol.round_codec import RoundCodec
+from zenoh_cbef.protocol.short import framed, packed
 from zenoh_cbef.scenario.build import fates_into
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.simulator import Step
@@ -72,9 +73,9 @@ class ComputedRun:
         self._rounds, self._shares_ranges = plan.rounds, plan.sharing.uses_neighbour_ranges
         self._sent: Counter[tuple[str, str]] = Counter()
         self._now = 0
-        width = plan.message_size
+        self._compact = plan.compact
         names = (f"agent/{agent}" for agent in range(plan.scenario.count))
-        self._codecs = [codec_of(run, name, width, plan.compact) for name in names]
+        self._codecs = [RoundCodec(run, name, plan.message_size) for name in names]
         self._received = _Received(plan, neighbours)
 
     def say(self, sender: str, key: str, moment: int, body: Mapping[str, object]) -> None:
@@ -90,11 +91,7 @@ class ComputedRun:
             body = range_body(number, positions[agent], step.told[agent])
             self.say(f"agent/{agent}", self._keys.range(agent), begin, body)
         for round_, sent in enumerate(step.sent, 1):
-            moment = begin + round_ * pause
-            for agent in there:
-                key = self._keys.round(agent)
-                seq = self._number(f"agent/{agent}", key, moment)
-                self._log.add(key, self._codecs[agent].encode(seq, self._now, number, round_, sent[agent]), self._now)
+            self._round(number, round_, sent, there, begin + round_ * pause)
         used = number - self._scenario.consensus.lag
         due = self._shares_ranges + (self._rounds if used >= 1 else 0)
         for agent, counts in enumerate(self._received.step(due, step.fates)):
@@ -107,6 +104,18 @@ class ComputedRun:
             elif self._absences.crashed(number)[agent]:
                 self._received.forget(agent)
                 self._forget(f"agent/{agent}")
+
+    def _round(self, number: int, round_: int, sent: Floats, there: Sequence[int], moment: int) -> None:
+        """The consensus messages of a round, of all agents (n, d), of which some are there."""
+        short = [] if self._compact is None else packed(self._compact, sent[there])
+        for place, agent in enumerate(there):
+            key = self._keys.round(agent)
+            seq = self._number(f"agent/{agent}", key, moment)
+            if self._compact is None:
+                data = self._codecs[agent].encode(seq, self._now, number, round_, sent[agent])
+            else:
+                data = framed(seq, self._now, number, round_, short[place])
+            self._log.add(key, data, self._now)
 
     def end(self, last: int) -> None:
         """What every process says when it ends."""
