@@ -47,6 +47,7 @@ BENCHMARKS = {
     "fault-cost": ("fault_cost", "what faults cost a round of a scenario that has none"),
     "stress": ("stress", "scenarios that lose trackers; --case NAME, --seeds 50, --set filter.defaults=8"),
     "scale": ("scale", "links, messages, bytes and memory of n agents: formulas, counted runs; --agents 24,100"),
+    "large": ("large", "simulations of 1000 to 100 000 agents: seconds of a step, memory, how both grow; --million"),
     "lab": ("lab", "the lab in headless Chromium: frames, from click to log, what a page costs a run, long logs"),
     "pictures": ("pictures", "not measured: the screenshots of the documentation, taken anew into docs/images"),
     "bytes": (
@@ -64,6 +65,7 @@ BENCHMARKS = {
 _OPTIONS = {
     "filters": ("data", "write"),
     "scale": ("agents",),
+    "large": ("million",),
     "hosts": ("agents",),
     "ring-soak": ("minutes", "kills"),
     "soak": ("minutes",),
@@ -82,6 +84,7 @@ def main() -> None:
     parser.add_argument("--case", help="stress: the one case to run; default: all")
     parser.add_argument("--seeds", type=int, default=50, help="stress: how many seeds of each case")
     parser.add_argument("--agents", help="scale, hosts: how many agents runs have; default: 24,100 and 100")
+    parser.add_argument("--million", action="store_true", help="large: a million agents, too")
     parser.add_argument("--first", type=int, default=1001, help="stress: the first seed")
     parser.add_argument(
         "--set", action="append", default=[], metavar="KEY=VALUE", help="stress: a key of all cases; may be repeated"

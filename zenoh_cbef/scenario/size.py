@@ -50,7 +50,7 @@ def _graph_bytes(scenario: Scenario) -> int:
     return _PAIR * pairs + (_SPECTRUM * count**2 if spectrum else 0)
 
 
-def _simulation_bytes(plan: Plan, runs: int = 1) -> int:
+def simulation_bytes(plan: Plan, runs: int = 1) -> int:
     """What runs of a scenario take as arrays that are analysed."""
     scenario = plan.scenario
     cells = scenario.count * scenario.length
@@ -61,7 +61,7 @@ def _simulation_bytes(plan: Plan, runs: int = 1) -> int:
 
 def refuse_a_trace_beyond_memory(plan: Plan, runs: int = 1) -> None:
     """Raise UserError where runs of a scenario cannot be simulated, or analysed, in this host's memory."""
-    refuse_beyond_memory(_simulation_bytes(plan, runs), plan.scenario, runs)
+    refuse_beyond_memory(simulation_bytes(plan, runs), plan.scenario, runs)
 
 
 def refuse_beyond_memory(needed: int, scenario: Scenario, runs: int = 1) -> None:
