@@ -151,7 +151,7 @@ class SmoothedPath:
             self.states[rows, one.step - 1] = one.state[rows]
             self.covariances[rows, one.step - 1] = one.covariance[rows]
 
-    def of(self, mine: slice) -> Self:
+    def of(self, mine: slice | Ints) -> Self:
         """Some rows of it."""
         return replace(self, states=self.states[mine], covariances=self.covariances[mine])
 
@@ -167,7 +167,7 @@ class Trace:
     events: what nodes reported, in order. unlogged: (n, K), measurements that were made, or may have been, and are not
     in `ranges`; None where there are none. told: whether the nodes' reports are there. complete: the log was closed,
     the run ended as planned, and nothing of it is missing. stopped: it was closed, nothing is missing, but the run was
-    stopped before its planned end.
+    stopped before its planned end. agents: (n,), by their numbers, of whom the rows are; None: of all.
     """
 
     name: str
@@ -192,6 +192,7 @@ class Trace:
     complete: bool = True
     stopped: bool = False
     passing: Passing | None = None
+    agents: Ints | None = None
 
     @property
     def scenario(self) -> Scenario:

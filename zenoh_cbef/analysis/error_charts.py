@@ -7,16 +7,16 @@ import numpy as np
 from zenoh_cbef.analysis.claimed import claimed_position_error
 from zenoh_cbef.analysis.consistency import chi2_band, trailing_mean
 from zenoh_cbef.analysis.coverage import truth_steps
-from zenoh_cbef.analysis.figures import Chart, Reference
+from zenoh_cbef.analysis.figures import Chart, Reference, few_lines
 from zenoh_cbef.analysis.metrics import Analysis
 
 _NIS_STEPS = 20
 
 
-def error_charts(analysis: Analysis) -> tuple[Chart, Chart, Chart, Chart]:
+def error_charts(analysis: Analysis) -> list[Chart]:
     """Describe the position error, NEES, NIS and disagreement of each agent or of all."""
     average = np.ma.masked_invalid(analysis.nees).mean(axis=0).filled(np.nan)
-    return (
+    charts = (
         _position_chart(analysis),
         Chart(
             "nees",
@@ -40,6 +40,7 @@ def error_charts(analysis: Analysis) -> tuple[Chart, Chart, Chart, Chart]:
             scored=True,
         ),
     )
+    return [few_lines(chart) for chart in charts]
 
 
 def _position_chart(analysis: Analysis) -> Chart:

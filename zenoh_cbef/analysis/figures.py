@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -11,7 +11,7 @@ from zenoh_cbef.analysis.metrics import Analysis
 from zenoh_cbef.arrays import Floats, Ints
 
 Dash = Literal["solid", "dash", "dot", "dashdot"]
-Role = Literal["network", "centralized", "bound"]
+Role = Literal["network", "centralized", "bound", "median", "most", "extreme"]
 
 INK, MUTED = "#16191d", "#6b737c"
 # Chosen from the usual colour-blind-safe sets for the largest least difference (CIE76 18) over normal vision,
@@ -22,6 +22,18 @@ ROLES: dict[Role, tuple[str, Dash]] = {
     "network": (INK, "solid"),
     "centralized": (INK, "dash"),
     "bound": (MUTED, "dot"),
+    "median": (COLOURS[0], "solid"),
+    "most": (COLOURS[0], "dash"),
+    "extreme": (COLOURS[0], "dot"),
+}
+MOST_SHOWN = 100
+"""Up to how many agents have a line, a row and a place on maps each; of more, percentiles are shown."""
+PERCENTILES: dict[str, tuple[float, Role]] = {
+    "largest": (1.0, "extreme"),
+    "90 % below": (0.9, "most"),
+    "median": (0.5, "median"),
+    "10 % below": (0.1, "most"),
+    "least": (0.0, "extreme"),
 }
 
 _POINTS, _POINTS_OF_ALL = 2000, 120_000
@@ -64,7 +76,7 @@ class Chart:
         return not any(np.isfinite(positive(values)).any() for values in self.values())
 
 
-def paper_charts(analysis: Analysis) -> tuple[Chart, Chart, Chart]:
+def paper_charts(analysis: Analysis) -> list[Chart]:
     """Describe the paper's figures: innovation per agent, MSEE per agent, average MSEE."""
     kind = analysis.trace.scenario.filter.kind
     unit = "m²" if kind == "cbef" else "m"
@@ -73,7 +85,7 @@ def paper_charts(analysis: Analysis) -> tuple[Chart, Chart, Chart]:
         Reference("posterior bound", "bound", analysis.bound_msee),
     )
     msee = "MSEE (m² + m²/s²)"
-    return (
+    charts = (
         Chart(
             "innovation",
             "(a) Innovation of each agent",
@@ -99,11 +111,33 @@ def paper_charts(analysis: Analysis) -> tuple[Chart, Chart, Chart]:
             (Reference("network", "network", analysis.msee_average), *references),
         ),
     )
+    return [few_lines(chart) for chart in charts]
+
+
+def percentiles(values: Floats) -> dict[str, Floats]:
+    """`PERCENTILES` of values (n, ...) over the agents that have one, as values of agents; NaN where none has."""
+    known = np.isfinite(values)
+    ordered, last = np.sort(np.where(known, values, np.nan), axis=0), known.sum(axis=0) - 1
+    found = {}
+    for name, (share, _) in PERCENTILES.items():
+        place = np.rint(share * np.maximum(last, 0)).astype(np.intp)
+        found[name] = np.asarray(np.take_along_axis(ordered, place[None], axis=0)[0])
+    return found
+
+
+def few_lines(chart: Chart) -> Chart:
+    """The same chart, with percentiles in place of the lines of very many agents."""
+    if chart.agents is None or len(chart.agents) <= MOST_SHOWN:
+        return chart
+    lines = [Reference(name, PERCENTILES[name][1], values) for name, values in percentiles(chart.agents).items()]
+    caption = f"{chart.caption} Percentiles of {len(chart.agents)} agents, at each step."
+    return replace(chart, agents=None, references=(*lines, *chart.references), caption=caption)
 
 
 def agent_names(analysis: Analysis) -> list[str]:
     """What figures and tables call the agents."""
-    return list(analysis.trace.scenario.agents.names)
+    names, agents = analysis.trace.scenario.agents.names, analysis.trace.agents
+    return list(names) if agents is None else [names[agent] for agent in agents.tolist()]
 
 
 def agent_style(agent: int) -> tuple[str, Dash]:

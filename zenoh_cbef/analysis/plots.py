@@ -17,6 +17,7 @@ from zenoh_cbef.analysis.figures import (
     ROLES,
     Chart,
     Dash,
+    Role,
     agent_names,
     agent_style,
     has_lone_points,
@@ -34,6 +35,7 @@ from zenoh_cbef.trace import Links
 _LARGEST = float(np.finfo(np.float32).max)
 _POINTS_OF_ALL = 3000
 """In a plot: with it a report of 24 agents is below three megabytes, most of them plotly.js."""
+_META: dict[Role, Plot] = {"network": {"meta": "ink"}, "centralized": {"meta": "ink"}, "bound": {"meta": "muted"}}
 _LOSS_COLOURS = ("#8b96a1", "#b99a58", "#e0a030", "#d97a2c", "#cc4a2c", "#9c1c3c")
 
 
@@ -45,7 +47,7 @@ def time_plot(chart: Chart, analysis: Analysis) -> Plot:
         data.append(series(time, values, points, agent_style(agent), width) | _owned(agent, names[agent]))
     for reference in chart.references:
         line = series(time, reference.values, points_each(1), ROLES[reference.role], 2.0)
-        data.append(line | {"name": reference.name, "meta": "muted" if reference.role == "bound" else "ink"})
+        data.append(line | {"name": reference.name} | _META.get(reference.role, {}))
     end = float(time[-1])
     shapes, notes = _faults(analysis, end)
     if chart.band:

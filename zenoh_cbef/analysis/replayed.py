@@ -7,6 +7,7 @@ import numpy as np
 from zenoh_cbef.analysis.faulted import faults_of
 from zenoh_cbef.analysis.figures import agent_names
 from zenoh_cbef.analysis.metrics import Analysis
+from zenoh_cbef.analysis.nearest import nearest
 from zenoh_cbef.analysis.standing import strokes_of
 from zenoh_cbef.analysis.verdict import RECENT, WINDOW, Moment, Verdict, parts, verdict
 from zenoh_cbef.arrays import Bools, Floats, Ints
@@ -20,18 +21,18 @@ _UPPER = np.triu_indices(3)
 
 
 def replayed(analysis: Analysis) -> bytes:
-    """The scene of a run with all its moments, as `scene/seen.js` plays it."""
-    trace = analysis.trace
-    until, counts = _passed(analysis)
+    """The scene of a run with all its moments, as `scene/seen.js` plays it; of a large network a part."""
+    near = nearest(analysis)
+    trace, (until, counts) = near.trace, _passed(near)
     rows, links = until - 1, np.stack([trace.links.source, trace.links.destination], axis=1)
     told = {
         "dt": trace.scenario.dt,
-        "names": agent_names(analysis),
+        "names": agent_names(near),
         "links": links.tolist(),
         "statuses": STATUSES,
         "faults": faults_of(trace.scenario),
         "counted": trace.passing is not None,
-        "verdicts": [list(one) for one in _verdicts(analysis, until, links, counts)],
+        "verdicts": [list(one) for one in _verdicts(analysis, until)],
     }
     moves = np.nanmax(np.ptp(trace.positions, axis=1), initial=0.0) > 0.0
     covariances = trace.covariances[:, rows]
@@ -59,15 +60,17 @@ def _passed(analysis: Analysis) -> tuple[Ints, Floats]:
     return until, np.full((len(trace.links.source), len(until), 4), np.nan)
 
 
-def _verdicts(analysis: Analysis, until: Ints, links: Ints, counts: Floats) -> list[Verdict]:
-    trace = analysis.trace
+def _verdicts(analysis: Analysis, until: Ints) -> list[Verdict]:
+    """What each moment looks like, of all agents."""
+    trace, passing = analysis.trace, analysis.trace.passing
+    links = np.stack([trace.links.source, trace.links.destination], axis=1)
     there = np.isfinite(trace.estimates[:, :, 0])
     error, claimed = (_mean_square(values) for values in (analysis.position_error, _claimed(trace.covariances)))
     slow = _slow(analysis)
     found = []
     for place, step in enumerate(until.tolist()):
         row, recent = step - 1, slice(max(step - WINDOW, 0), step)
-        came = _came(counts, place, step - (int(until[place - 1]) if place else 0))
+        stretch = step - (int(until[place - 1]) if place else 0)
         late = [name for at, name in slow if 0.0 <= trace.time[row] - at < AGAIN_SECONDS]
         moment = Moment(
             trace.diagnostics.status[:, row],
@@ -76,7 +79,7 @@ def _verdicts(analysis: Analysis, until: Ints, links: Ints, counts: Floats) -> l
             error[recent],
             claimed[recent],
             float(analysis.disagreement[row]),
-            parts(links, came, there[:, row]),
+            1 if passing is None else parts(links, _came(passing.counts, place, stretch), there[:, row]),
             late[-1] if late else "",
             trace.scenario.agents.names,
         )
@@ -85,7 +88,7 @@ def _verdicts(analysis: Analysis, until: Ints, links: Ints, counts: Floats) -> l
 
 
 def _came(counts: Floats, place: int, stretch: int) -> Bools:
-    """Which links carried messages lately, (e,): all, where no log tells."""
+    """Which links carried messages lately, (e,): all, where no agent tells."""
     lately = counts[:, max(place + 1 - -(-RECENT // stretch), 0) : place + 1, 0]
     return np.asarray(np.isnan(counts[:, :, 0]).all() | (np.nansum(lately, axis=1) > 0.0))
 

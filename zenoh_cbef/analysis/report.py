@@ -2,18 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+import numpy as np
 import tomli_w
 
 from zenoh_cbef.analysis.coverage import spelt, why_no_nees, why_no_nis
 from zenoh_cbef.analysis.error_charts import error_charts
 from zenoh_cbef.analysis.events_table import events_table
-from zenoh_cbef.analysis.figures import Chart, agent_names, agent_style, paper_charts
+from zenoh_cbef.analysis.figures import (
+    MOST_SHOWN,
+    PERCENTILES,
+    Chart,
+    agent_names,
+    agent_style,
+    paper_charts,
+    percentiles,
+)
 from zenoh_cbef.analysis.links_table import is_wide, links_table
 from zenoh_cbef.analysis.metrics import Analysis
 from zenoh_cbef.analysis.metrics import notes as noted
+from zenoh_cbef.analysis.nearest import nearest
 from zenoh_cbef.analysis.plots import network_plot, space_plot, time_plot, top_plot
 from zenoh_cbef.analysis.replayed import replayed
 from zenoh_cbef.extras import from_extra
@@ -32,19 +42,20 @@ def write_report(analysis: Analysis, path: Path) -> None:
     paper = _shown(paper_charts(analysis), analysis)
     first, *rest = error_charts(analysis)
     position, honest = _timed(first, analysis), _shown(rest, analysis)
-    maps, network = _maps(analysis), _network(analysis)
+    near = nearest(analysis)
+    maps, network = _maps(near), _network(near)
     text = render(
         "report.html",
         name=trace.name,
         lead=_lead(analysis),
         incomplete="" if trace.complete else f"{analysis.metrics.steps} of {trace.scenario.length} steps",
-        notes=[f"{said[0].upper()}{said[1:]}." for said in noted(analysis.metrics)],
+        notes=[f"{said[0].upper()}{said[1:]}." for said in [*noted(analysis.metrics), *_shown_in_part(analysis)]],
         facts=_facts(analysis),
         errors=errors_table(analysis),
         honesty=_honesty(analysis),
         traffic=_traffic(analysis),
         each_agent=_each_agent(analysis),
-        agents=_agents(analysis),
+        agents=_agents(near),
         paper=paper,
         position=position,
         maps=maps,
@@ -70,7 +81,8 @@ def _shown(charts: Sequence[Chart], analysis: Analysis) -> list[Figure]:
 
 def figures_of(analysis: Analysis) -> list[Figure]:
     """All figures of the report, in its order."""
-    return [*_shown([*paper_charts(analysis), *error_charts(analysis)], analysis), *_maps(analysis), _network(analysis)]
+    charts, near = [*paper_charts(analysis), *error_charts(analysis)], nearest(analysis)
+    return [*_shown(charts, analysis), *_maps(near), _network(near)]
 
 
 def _timed(chart: Chart, analysis: Analysis) -> Figure:
@@ -93,6 +105,13 @@ def _network(analysis: Analysis) -> Figure:
     plot = network_plot(analysis) if len(analysis.trace.links.source) else None
     caption = "Wider and redder: more messages lost or late. Point at an arrow for its counts."
     return Figure("network", "Links", caption, plot)
+
+
+def _shown_in_part(analysis: Analysis) -> list[str]:
+    """A sentence on what is drawn of a large network."""
+    count = len(analysis.trace.estimates)
+    drawn = f"maps show the {MOST_SHOWN} agents nearest to the target and the links between them, out of {count}"
+    return [f"{drawn}; charts and tables show percentiles of all"] if count > MOST_SHOWN else []
 
 
 def _lead(analysis: Analysis) -> str:
@@ -210,8 +229,18 @@ def _each_agent(analysis: Analysis) -> Table:
         columns["steps of distrust (%)"] = [share and 100.0 * share for share in metrics.distrust.agents]
     if metrics.slow:
         columns["rounds too late by itself (%)"] = [share and 100.0 * share for share in metrics.slow.agents]
+    if len(analysis.trace.estimates) > MOST_SHOWN:
+        return _of_many(columns)
     rows = zip(agent_names(analysis), *(map(number, values) for values in columns.values()), strict=True)
     return Table("Each agent", ["agent", *columns], list(rows))
+
+
+def _of_many(columns: Mapping[str, Sequence[float | None]]) -> Table:
+    """Percentiles in place of a row for each agent."""
+    count = max(map(len, columns.values()), default=0)
+    found = [percentiles(np.array(values, dtype=np.float64)) for values in columns.values()]
+    rows = [[name, *(number(float(one[name])) for one in found)] for name in PERCENTILES]
+    return Table(f"Percentiles of {count} agents", ["agents", *columns], rows)
 
 
 def _agents(analysis: Analysis) -> list[dict[str, str]]:
