@@ -2,7 +2,7 @@
 
 import threading
 
-from zenoh_cbef.experiment.sweep import let_joblib_drop_work
+from zenoh_cbef.experiment.cores import let_joblib_drop_work
 
 
 def test_only_work_that_was_taken_away_is_not_told(monkeypatch):

@@ -18,7 +18,7 @@ from zenoh_cbef.cli.fitting import Fitting
 from zenoh_cbef.cli.interrupts import INTERRUPTED
 from zenoh_cbef.cli.listing import list_named
 from zenoh_cbef.cli.offer import group
-from zenoh_cbef.cli.options import AsJson, Force, Skip
+from zenoh_cbef.cli.options import AsJson, Force, Jobs, Skip
 from zenoh_cbef.cli.places import new_folder_of
 from zenoh_cbef.cli.typesetting import AsTable, Typesetting
 from zenoh_cbef.errors import UserError
@@ -92,9 +92,7 @@ def _run(
     what: What,
     output: Folder = None,
     seeds: Seeds = None,
-    jobs: Annotated[
-        int, typer.Option(min=0, max=10_000, help="Processes that simulate at a time; 0: one per core.")
-    ] = 0,
+    jobs: Jobs = 0,
     dask: Annotated[
         str | None, typer.Option(metavar="ADDRESS", help="Simulate on the workers of this Dask scheduler.")
     ] = None,

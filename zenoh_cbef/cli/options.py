@@ -77,6 +77,7 @@ Skip = Annotated[
     float,
     typer.Option(min=0.0, max=0.99, help="Share of steps left out at the start of RMSE, NEES and ratios."),
 ]
+Jobs = Annotated[int, typer.Option(min=0, max=10_000, help="Processes that simulate at a time; 0: one per core.")]
 Run = Annotated[
     str,
     typer.Option(

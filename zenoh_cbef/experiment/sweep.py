@@ -2,30 +2,21 @@
 
 from __future__ import annotations
 
-import os
-import signal
-import threading
-import warnings
-from collections.abc import Callable, Generator, Iterator, Sequence
-from contextlib import ExitStack, closing, contextmanager
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
-from multiprocessing import resource_tracker
 from pathlib import Path
-from types import ModuleType
 
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.experiment.cells import Cell
+from zenoh_cbef.experiment.cores import at_once, spread
 from zenoh_cbef.experiment.engines import executed, simulated
 from zenoh_cbef.experiment.file import Experiment
 from zenoh_cbef.experiment.journal import Journal, key_of
 from zenoh_cbef.experiment.results import Outcome
 from zenoh_cbef.experiment.shards import WHOLE, Shard, lacking, shards_in
-from zenoh_cbef.extras import MissingExtra, from_extra
 from zenoh_cbef.words import counted
 
-# Rows times steps of one batch. Larger ones are no faster per run, as they leave the processor's caches.
-_BATCH = 100_000
 _NOTHING = "the run left no outcome"
 
 
@@ -49,7 +40,6 @@ class Work:
 
 
 Done = tuple[Work, list[Outcome]]
-Tasks = list[object]
 
 
 @dataclass(frozen=True)
@@ -119,32 +109,15 @@ class Sweep:
         seeds = [seed for seed in self._seeds(cell) if journal.outcome(key, seed) is None]
         most = 1
         if self.experiment.engine == "simulate":
-            most = max(1, _BATCH // (cell.scenario.count * cell.scenario.length))
+            most = at_once(cell.scenario)
         for start in range(0, len(seeds), most):
             yield Work(cell, key, seeds[start : start + most])
 
     def _spread(self, work: Sequence[Work], logs: Path) -> Iterator[Done]:
         do = partial(_do, engine=self.experiment.engine, skip=self.skip, logs=logs)
         # A run's processes fill the cores by themselves.
-        jobs = 1 if self.experiment.engine == "processes" else self.jobs or len(os.sched_getaffinity(0))
-        joblib = None if self.dask is None and min(jobs, len(work)) <= 1 else self._joblib()
-        if joblib is None:
-            yield from map(do, work)
-            return
-        with _back_end(joblib, self.dask):
-            jobs = jobs if self.dask is None else -1
-            parallel = joblib.Parallel(n_jobs=jobs, return_as="generator_unordered", batch_size=1)
-            yield from _outcomes(parallel, [joblib.delayed(do)(one) for one in work])
-
-    def _joblib(self) -> ModuleType | None:
-        """The module joblib, which spreads the work; None where it is not installed: one core then does all."""
-        try:
-            return from_extra("joblib", "simulating on several cores")
-        except MissingExtra as missing:
-            if self.dask is not None:
-                raise
-            self.tell(f"{missing}; until then one core simulates")
-            return None
+        jobs = 1 if self.experiment.engine == "processes" else self.jobs
+        return spread(do, work, jobs, dask=self.dask, tell=self.tell)
 
     def _outcomes(self, cell: Cell, journal: Journal) -> list[Outcome]:
         seeds = self._seeds(cell)
@@ -152,49 +125,6 @@ class Sweep:
             return [Outcome(seed, error=cell.error) for seed in seeds]
         key = key_of(cell.scenario, self.experiment.engine, self.skip)
         return [journal.outcome(key, seed) or Outcome(seed, error=_NOTHING) for seed in seeds]
-
-
-def _outcomes(parallel: Callable[[Tasks], Generator[Done]], tasks: Tasks) -> Iterator[Done]:
-    """The outcomes of the workers, as they come.
-
-    The workers ignore Ctrl-C, as they would print tracebacks: this process ends them.
-    """
-    let_joblib_drop_work()
-    resource_tracker.ensure_running()  # its first start would let interrupts through again
-    with ExitStack() as stack, warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of work that is lost, when it is interrupted
-        heard = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
-        stack.callback(signal.pthread_sigmask, signal.SIG_SETMASK, heard)
-        with closing(parallel(tasks)) as outcomes:
-            stack.close()
-            yield from outcomes
-
-
-def let_joblib_drop_work() -> None:
-    """From now on joblib's own thread prints no traceback where Ctrl-C took work away before it could hand it on."""
-    before = threading.excepthook
-
-    def tell(failed: threading.ExceptHookArgs) -> None:
-        name = None if failed.thread is None else failed.thread.name
-        if not (name == "ExecutorManagerThread" and failed.exc_type is KeyError):
-            before(failed)
-
-    threading.excepthook = tell
-
-
-@contextmanager
-def _back_end(joblib: ModuleType, dask: str | None) -> Iterator[None]:
-    """Tell joblib where to simulate."""
-    if dask is None:
-        yield
-        return
-    distributed = from_extra("distributed", "--dask")
-    try:
-        client = distributed.Client(dask, timeout=10)
-    except (OSError, ValueError, TimeoutError) as error:
-        raise UserError(f"no Dask scheduler answers at {dask}: {error}; start one, or leave out --dask") from None
-    with client, joblib.parallel_config("dask"):
-        yield
 
 
 def _do(work: Work, *, engine: str, skip: float, logs: Path) -> Done:

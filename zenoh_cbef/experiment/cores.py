@@ -1,0 +1,111 @@
+"""Work of many runs, spread over the cores of this host, or over the workers of a Dask scheduler."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+import warnings
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import ExitStack, closing, contextmanager
+from multiprocessing import resource_tracker
+from types import ModuleType
+from typing import TypeVar
+
+from zenoh_cbef.errors import UserError
+from zenoh_cbef.extras import MissingExtra, from_extra
+from zenoh_cbef.scenario import Scenario
+
+# Rows times steps of one batch. Larger ones are no faster per run, as they leave the processor's caches.
+_BATCH = 100_000
+
+Task = TypeVar("Task")
+Found = TypeVar("Found")
+
+
+def at_once(scenario: Scenario) -> int:
+    """How many seeds of a scenario are one batch."""
+    return max(1, _BATCH // (scenario.count * scenario.length))
+
+
+def workers(jobs: int) -> int:
+    """How many processes work at a time where so many are asked for; 0: one per core that this process may use."""
+    return jobs or len(os.sched_getaffinity(0))
+
+
+def spread(
+    do: Callable[[Task], Found],
+    work: Sequence[Task],
+    jobs: int,
+    *,
+    dask: str | None = None,
+    tell: Callable[[str], None],
+) -> Iterator[Found]:
+    """What `do` makes of each piece of work, as they get done; one piece is done in this process.
+
+    jobs: see `workers`. dask: the address of a Dask scheduler, whose workers do it in place of processes on this host.
+    tell gets a sentence where one core has to do the work of all.
+    """
+    few = min(workers(jobs), len(work)) <= 1
+    joblib = None if dask is None and few else _joblib(tell, required=dask is not None)
+    if joblib is None:
+        yield from map(do, work)
+        return
+    with _back_end(joblib, dask):
+        number = workers(jobs) if dask is None else -1
+        parallel = joblib.Parallel(n_jobs=number, return_as="generator_unordered", batch_size=1)
+        yield from _results(parallel, [joblib.delayed(do)(one) for one in work])
+
+
+def _joblib(tell: Callable[[str], None], *, required: bool) -> ModuleType | None:
+    """The module joblib, which spreads the work; None where it is not installed: one core then does all."""
+    try:
+        return from_extra("joblib", "simulating on several cores")
+    except MissingExtra as missing:
+        if required:
+            raise
+        tell(f"{missing}; until then one core simulates")
+        return None
+
+
+def _results(parallel: Callable[[list[object]], Generator[Found]], tasks: list[object]) -> Iterator[Found]:
+    """What the workers return, as it comes.
+
+    The workers ignore Ctrl-C, as they would print tracebacks: this process ends them.
+    """
+    let_joblib_drop_work()
+    resource_tracker.ensure_running()  # its first start would let interrupts through again
+    with ExitStack() as stack, warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of work that is lost, when it is interrupted
+        heard = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+        stack.callback(signal.pthread_sigmask, signal.SIG_SETMASK, heard)
+        with closing(parallel(tasks)) as results:
+            stack.close()
+            yield from results
+
+
+def let_joblib_drop_work() -> None:
+    """From now on joblib's own thread prints no traceback where Ctrl-C took work away before it could hand it on."""
+    before = threading.excepthook
+
+    def tell(failed: threading.ExceptHookArgs) -> None:
+        name = None if failed.thread is None else failed.thread.name
+        if not (name == "ExecutorManagerThread" and failed.exc_type is KeyError):
+            before(failed)
+
+    threading.excepthook = tell
+
+
+@contextmanager
+def _back_end(joblib: ModuleType, dask: str | None) -> Iterator[None]:
+    """Tell joblib where to simulate."""
+    if dask is None:
+        yield
+        return
+    distributed = from_extra("distributed", "--dask")
+    try:
+        client = distributed.Client(dask, timeout=10)
+    except (OSError, ValueError, TimeoutError) as error:
+        raise UserError(f"no Dask scheduler answers at {dask}: {error}; start one, or leave out --dask") from None
+    with client, joblib.parallel_config("dask"):
+        yield
