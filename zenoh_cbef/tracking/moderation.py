@@ -25,6 +25,10 @@ def is_within(values: Floats, limit: float) -> bool:
     """Whether no number is beyond a limit, and none is NaN."""
     if values.size > _MANY:  # without a copy, which would have to go through memory
         return bool(values.max() <= limit and values.min() >= -limit)
+    # A round asks twice. The sum of squares is one call, and nearly always far below; beyond, or where it is not
+    # finite, each number is looked at.
+    if np.vdot(values, values) < 0.25 * limit * limit:
+        return True
     return bool(np.maximum.reduce(np.abs(values), axis=None, initial=0.0) <= limit)
 
 

@@ -59,7 +59,7 @@ class Doubts:
     @property
     def none(self) -> bool:
         """Whether no agent tells, wishes to, or lately did, and none is left out."""
-        return not np.logical_or.reduce(self.doing + self.vote + self.rest + self.left + self.open)
+        return not np.count_nonzero(self.doing + self.vote + self.rest + self.left + self.open)
 
     def saying(self, status: Status) -> Self:
         """The same with what is said of the estimate."""

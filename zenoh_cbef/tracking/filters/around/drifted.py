@@ -17,7 +17,7 @@ def drifted(settings: FilterSettings, belief: Belief, status: Status, position: 
     Those whose claimed error is twenty times the usual one, or over whose claimed error ranges bend.
     """
     coasts = status.coasts
-    if not settings.bends or not np.logical_or.reduce(coasts):
+    if not settings.bends or not np.count_nonzero(coasts):
         return status.adrift
     bends = bent(settings.space, belief.state, belief.known_covariance, position, settings.range_std)
     return status.adrift | coasts & bends

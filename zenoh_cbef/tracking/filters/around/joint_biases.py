@@ -168,7 +168,7 @@ class JointBiases:
         """The agent's share of what the network knew before its ranges: vector and matrix."""
         matrix = inverse(covariance) / self.network_size
         vector = matvec(matrix, state)
-        if not np.logical_or.reduce(begins):
+        if not np.count_nonzero(begins):
             return vector, matrix
         size, count, place = self.motion.size, np.arange(len(state)), self.motion.size + own
         known = inverse(covariance[:, :size, :size])

@@ -71,7 +71,7 @@ class Search:
     @property
     def idle(self) -> bool:
         """Whether no agent is in a fix, wants one, or is adrift."""
-        return not np.logical_or.reduce(self.doing + self.vote + self.adrift)
+        return not np.count_nonzero(self.doing + self.vote + self.adrift)
 
 
 @dataclass(frozen=True)
@@ -136,10 +136,10 @@ class Reacquiring(Wrapping):
         own = payload[:, : -self.more]
         # Where others do something else nothing that was averaged is of use: as if no neighbour had been heard.
         alone = search.fixing | apart
-        if np.logical_or.reduce(alone):
+        if np.count_nonzero(alone):
             own = np.where(alone[:, None], before.payload, own)
         inner = self.filter.conclude(np.ascontiguousarray(own), before)
-        if np.logical_or.reduce(search.fixing):
+        if np.count_nonzero(search.fixing):
             search = self._concluded(search, payload, update, apart)
         return self._turned(inner, search, before, average, apart)
 
@@ -169,7 +169,7 @@ class Reacquiring(Wrapping):
     def _tag(self, search: Search, known: Status, heard: Bools) -> Floats:
         """What agents put into their payloads beside those of the filter or the fix, (n,)."""
         counted = self.settings.judges_agents
-        if search.idle and not counted and not np.logical_or.reduce(known.which == LOST):
+        if search.idle and not counted and not np.count_nonzero(known.which == LOST):
             return np.zeros(len(heard))
         lately = heard | np.isfinite(search.ranges[:, -self.window :]).any(axis=1)
         wish = self._wants(search, known, lately)
@@ -184,7 +184,7 @@ class Reacquiring(Wrapping):
 
     def _fixing(self, payload: Floats, search: Search, heard: Measurement) -> tuple[Floats, Search]:
         """The payload of those in a fix, and what that leaves; for all others the ranges of this step."""
-        if not np.logical_or.reduce(search.fixing):
+        if not np.count_nonzero(search.fixing):
             seen = (
                 np.concatenate([search.positions, heard.position[:, None]], axis=1),
                 np.concatenate([search.ages + self.settings.motion.dt, heard.age[:, None]], axis=1),
@@ -241,7 +241,7 @@ class Reacquiring(Wrapping):
         else:
             wanted = np.abs(average) > np.where(self._decides(search.step), _MOST, _ANY)
         search = self._left_behind(search, inner)
-        if search.idle and inner.status and not np.logical_or.reduce(settled & (wanted | astray)):
+        if search.idle and inner.status and not np.count_nonzero(settled & (wanted | astray)):
             return replace(inner, memory=tuple(vars(search).values()), parts=(inner,))
         place = search.step % self.window
         ends = place == 0.0
@@ -266,7 +266,7 @@ class Reacquiring(Wrapping):
     def _left_behind(self, search: Search, inner: Belief) -> Search:
         """Where agents that are adrift have coasted to without the ranges since, and the ranges without the oldest."""
         adrift, place = search.adrift > 0.0, (inner.state, inner.known_covariance)
-        if np.logical_or.reduce(adrift):
+        if np.count_nonzero(adrift):
             ahead = predict(self.settings.motion, Belief(search.place, search.place_covariance))
             place = _pick(adrift, ahead[0], place[0]), _pick(adrift, ahead[1], place[1])
         return replace(

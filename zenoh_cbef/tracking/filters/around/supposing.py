@@ -116,17 +116,17 @@ class Supposing(Wrapping):
         left = doubts.left > 0.0
         heard = replace(measurement, range=np.where(left, np.nan, measurement.range))
         update, status = self.filter.update(inner, heard), inner.status or Status.first(len(left))
-        if np.logical_or.reduce(left):
+        if np.count_nonzero(left):
             doubts = replace(doubts, own=self._own(doubts.own, inner, measurement))
         tells = doubts.doing > 0.0
         wish = np.where(status.wrong & ~left, 1.0, 0.0)
         tag = np.where(tells, _MARK, np.where(self._decides(doubts.step), wish, doubts.vote))
         payload = update.payload
-        if np.logical_or.reduce(tells):
+        if np.count_nonzero(tells):
             doubts = self._slot(doubts, inner, measurement)
             payload = np.where(tells[:, None], self._told(doubts), payload)
         diagnostics = update.diagnostics
-        if np.logical_or.reduce(left):
+        if np.count_nonzero(left):
             diagnostics = replace(diagnostics, distrust=np.where(left, 1.0, diagnostics.distrust))
         payload = np.concatenate([payload, tag[:, None]], axis=1)
         return Update(payload, diagnostics, tuple(vars(doubts).values()), (update,))
@@ -139,14 +139,14 @@ class Supposing(Wrapping):
         apart = np.where(tells, np.abs(average - tag) > _ANY * tag, np.abs(average) > 2.0)
         alone = tells | apart
         own = payload[:, :-1]
-        if np.logical_or.reduce(alone):
+        if np.count_nonzero(alone):
             own = np.where(alone[:, None], before.payload, own)
         inner = self.filter.conclude(np.ascontiguousarray(own), before)
-        if doubts.none and inner.status and not np.logical_or.reduce(average > _ANY):
+        if doubts.none and inner.status and not np.count_nonzero(average > _ANY):
             memory = tuple(vars(doubts.saying(inner.status)).values())
             return Belief(inner.state, inner.covariance, inner.bias, memory, (inner,), inner.status)
         apart |= unchanged(payload[:, :-1], update.payload[:, :-1])
-        if np.logical_or.reduce(tells):
+        if np.count_nonzero(tells):
             doubts, inner = self._compared(doubts, inner, payload, apart)
         return self._turned(doubts, inner, average, apart)
 
@@ -182,7 +182,7 @@ class Supposing(Wrapping):
 
     def _told(self, doubts: Doubts) -> Floats:
         """The payload of an agent that tells, or listens: zeros but for its own numbers at its own place."""
-        if np.logical_or.reduce(doubts.agent < 0.0):
+        if np.count_nonzero(doubts.agent < 0.0):
             raise ValueError("agents that tell what they measured need to know which they are")
         block, place = np.divmod(doubts.agent.astype(np.int64), self._each)
         speaks = doubts.doing == block + 1.0

@@ -68,7 +68,7 @@ class TriedGuess(FirstFix):
         if self._asks(seen.steps):
             fits = self._fitting(rows, seen)[:, None]
             payload = self._filled(np.concatenate([fits, rows.newest], axis=1) if self.careful else fits)
-        elif not (left > 0.0).any():
+        elif not np.count_nonzero(left > 0.0):
             payload = self._moving(prior, rows)
         else:
             wide = self._wide(prior, seen.steps)
@@ -98,7 +98,7 @@ class TriedGuess(FirstFix):
         squares, squared = left > 0.0, self._squared(step)
         mixed, own = (_sound(part, ~squares, self.motion.size) for part in (payload, update.payload))
         fix = self._fix_moving(mixed, own)
-        if squares.any():
+        if np.count_nonzero(squares):
             mixed, own = (_sound(part, squares, squared.unknowns) for part in (payload, update.payload))
             fix = _either(squares, self._fix_at_rest(mixed, own, prior, step), fix)
         if step >= self.steps:
