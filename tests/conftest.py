@@ -10,6 +10,8 @@ import pytest
 
 import tests.examples  # noqa: F401 - sets how many random examples there are
 
+gc.disable()  # until all tests are collected: nothing of that is garbage
+
 # A shell starts what runs in its background with Ctrl-C ignored, nohup without hang-ups, and processes hand that on:
 # tests of both need them.
 if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
@@ -62,4 +64,5 @@ def pytest_collection_finish() -> None:
     It looks seldom through what comes after them, too: else it takes a fifteenth of the time of all tests.
     """
     gc.freeze()
+    gc.enable()
     gc.set_threshold(50_000, 20, 50)

@@ -12,7 +12,7 @@ from zenoh_cbef.analysis.metrics import analyze
 from zenoh_cbef.scenario.load import load
 from zenoh_cbef.simulator import simulate
 
-SEEDS, STEPS, FIRST = 20, 200, 50
+SEEDS, STEPS, FIRST = 20, 140, 35
 # ANEES of twenty seeds lies in this band in 95 % of the steps for a consistent filter; agents that agree and steps
 # that follow each other fall out of it together, so 90 % is asked for.
 HONEST = 0.9

@@ -7,8 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from zenoh_cbef.analysis.metrics import analyze
-from zenoh_cbef.analysis.summary import pick
+from tests import unaided
 from zenoh_cbef.scenario.load import load
 from zenoh_cbef.simulator import simulate
 
@@ -16,7 +15,8 @@ from zenoh_cbef.simulator import simulate
 @cache
 def tracked(*overrides, name="tracking", seeds=20):
     """Runs of this many seeds, which tests share."""
-    return simulate([load(name, [f"seed={seed}", *overrides]).scenario for seed in range(seeds)])
+    length = () if name == "paper" else ("steps=200",)
+    return simulate([load(name, [f"seed={seed}", *length, *overrides]).scenario for seed in range(seeds)])
 
 
 @pytest.mark.parametrize("rounds", [1, 2, 3, 5])
@@ -37,8 +37,7 @@ def test_running_sums_keep_within_three_percent_of_centralised_when_a_third_is_l
     for probability, most in ((0.3, 1.03), (0.6, 1.07)):
         fault = f"fault=[{{kind='loss', probability={probability}}}]"
         traces = tracked("consensus.rounds=6", "steps=160", fault)
-        ratios = [pick(one.metrics, "ratio_to_centralized") for one in analyze(traces)]
-        assert np.median(ratios) < most
+        assert np.median(unaided.ratios_to_centralised(traces)) < most
 
 
 def test_the_papers_figure_falls_in_every_seed():
@@ -88,7 +87,7 @@ def test_the_scaled_filter_tracks_where_the_papers_own_cannot():
 
 def test_covariance_intersection_is_conservative_and_the_default_is_consistent():
     def nees(kind):
-        return np.array([pick(one.metrics, "nees.average") for one in analyze(tracked(f"filter.kind={kind}"))])
+        return np.array([unaided.nees(one) for one in unaided.errors(tracked(f"filter.kind={kind}"))])
 
     # The state has six components; the mean over twenty runs of a consistent filter is near six.
     assert 2.0 < nees("ci").mean() < 5.0

@@ -7,9 +7,8 @@ import re
 import numpy as np
 import pytest
 
+from tests import unaided
 from tests.log.made import made_log
-from zenoh_cbef.analysis.metrics import analyze
-from zenoh_cbef.analysis.summary import pick
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.prove.verify import verify
 from zenoh_cbef.log.read.decoding import Decoder
@@ -33,8 +32,8 @@ LIAR = 'fault=[{kind="byzantine", agents=[1], mode="constant", magnitude=1.0}]'
 
 def errors(*overrides):
     scenario = load("tracking", ["steps=60", *overrides]).scenario
-    found = analyze(simulate([scenario.model_copy(update={"seed": seed}) for seed in range(1, 5)]))
-    return np.array([[pick(one.metrics, "position_rmse"), pick(one.metrics, "nees.average") / 6.0] for one in found])
+    found = unaided.errors(simulate([scenario.model_copy(update={"seed": seed}) for seed in range(1, 5)]))
+    return np.array([[unaided.position_rmse(one), unaided.nees(one) / 6.0] for one in found])
 
 
 FAST = "consensus.acceleration='chebyshev'"

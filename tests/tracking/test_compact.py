@@ -54,7 +54,7 @@ def test_sender_and_receivers_take_a_payload_for_the_same_and_rounding_twice_is_
     compact = Compact(width, blocks, precision)
     rounded = compact.rounded(payload)
     assert compact.unpack([compact.pack(row) for row in payload]).tobytes() == rounded.tobytes()
-    assert compact.unpack([compact.pack(row) for row in rounded]).tobytes() == rounded.tobytes()
+    assert compact.unpack(compact.pack_all(rounded)).tobytes() == rounded.tobytes()
     assert compact.rounded(rounded).tobytes() == rounded.tobytes()
     for row, expected in zip(payload, rounded, strict=True):
         assert compact.rounded(row[None]).tobytes() == expected.tobytes()

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from zenoh_cbef.analysis.yardsticks import yardsticks
+from tests.unaided import centralised
 from zenoh_cbef.scenario.load import load
 from zenoh_cbef.simulator import simulate
 from zenoh_cbef.tracking.central_models import CentralModels, centralized_models
@@ -213,10 +213,10 @@ def test_a_circle_is_tracked_with_the_defaults_as_well_as_by_the_centralised_fil
     circle = ("target.motion=circle", "target.radius=5", "target.period=8", "steps=150")
     traces = simulate([load("tracking", (*circle, f"seed={seed}")).scenario for seed in (1001, 1002, 1003)])
     ratios = []
-    for trace, central in zip(traces, yardsticks(traces), strict=True):
+    for trace, central in zip(traces, centralised(traces), strict=True):
         truth = trace.truth[75:, :3]
         error = np.sqrt(np.mean(np.sum((trace.estimates[:, 75:, :3] - truth) ** 2, axis=2)))
-        ratios.append(error / np.sqrt(np.mean(np.sum((central.centralized[75:, :3] - truth) ** 2, axis=1))))
+        ratios.append(error / np.sqrt(np.mean(np.sum((central[75:, :3] - truth) ** 2, axis=1))))
         assert error < 0.15
         assert np.isfinite(trace.diagnostics.maneuver[:, trace.plan.first_fix_steps :]).all()
     assert np.median(ratios) < 1.02

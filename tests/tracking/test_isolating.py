@@ -149,7 +149,7 @@ def honest_central(trace):
 
 
 def test_one_liar_of_six_on_sparse_graphs_is_named_within_twenty_steps_and_does_no_harm():
-    one, honest, judged = load("tracking", [LIAR, "steps=120"]).scenario, [0, 1, 2, 4, 5], 0
+    one, honest, judged = load("tracking", [LIAR, "steps=90"]).scenario, [0, 1, 2, 4, 5], 0
     for trace in simulate([one.model_copy(update={"seed": seed}) for seed in range(1, 13)]):
         links = [set(link) for link in trace.edges.tolist()]
         if linked([link for link in links if 3 not in link]) != set(honest):

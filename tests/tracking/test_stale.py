@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from zenoh_cbef.analysis.metrics import analyze
-from zenoh_cbef.analysis.summary import pick
+from tests import unaided
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.scenario.load import load, parse
 from zenoh_cbef.simulator import simulate
@@ -63,11 +62,11 @@ def test_a_delay_up_to_the_lag_costs_nothing_more_and_one_beyond_cuts_all_agents
 
 
 def test_a_network_whose_messages_are_a_step_late_tracks_and_does_not_claim_too_much():
-    late, cut = (analyze(runs([delayed(90.0), f"consensus.lag={lag}"])) for lag in (1, 0))
-    error = [np.median([pick(run.metrics, "position_rmse") for run in each]) for each in (late, cut)]
+    late, cut = (unaided.errors(runs([delayed(90.0), f"consensus.lag={lag}"])) for lag in (1, 0))
+    error = [np.median([unaided.position_rmse(run) for run in each]) for each in (late, cut)]
     assert error[0] < 0.05 * error[1]
     # Never overconfident: a chi-squared mean of 6 is the most that an intersection may have.
-    assert np.mean([pick(run.metrics, "nees.average") for run in late]) < 6.0
+    assert np.mean([unaided.nees(run) for run in late]) < 6.0
 
 
 def test_a_late_network_is_the_same_alone_and_in_a_batch():

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from zenoh_cbef.analysis.metrics import analyze
-from zenoh_cbef.analysis.summary import pick
+from tests import unaided
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.scenario.checks import check
 from zenoh_cbef.scenario.load import load
@@ -70,7 +69,7 @@ def test_on_a_clean_network_silence_costs_less_than_a_hundredth_of_the_error():
     def found(*overrides):
         scenario = load("tracking", ["steps=60", *overrides]).scenario
         traces = simulate([scenario.model_copy(update={"seed": seed}) for seed in range(1, 7)])
-        runs = [(pick(one.metrics, "position_rmse"), pick(one.metrics, "nees.average")) for one in analyze(traces)]
+        runs = [(unaided.position_rmse(one), unaided.nees(one)) for one in unaided.errors(traces)]
         return np.array(runs), np.mean([trace.diagnostics.silent[:, 20:].mean() for trace in traces])
 
     plain, _ = found()

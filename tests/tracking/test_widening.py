@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from zenoh_cbef.analysis.yardsticks import yardsticks
+from tests.unaided import centralised
 from zenoh_cbef.scenario.load import load
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.simulator import simulate
@@ -58,7 +58,7 @@ def test_how_far_an_outlier_pulls_from_a_wide_prior(widens, least, most):
 def test_a_network_holds_turns_among_outliers_as_a_centralised_filter_does():
     traces = runs()
     assert np.median(errors(traces)) < 0.5
-    central = np.stack([one.centralized for one in yardsticks(traces)])[:, 40:, :3]
+    central = centralised(traces)[:, 40:, :3]
     truth = np.stack([trace.truth for trace in traces])[:, 40:, :3]
     yardstick = np.sqrt(np.mean(np.sum((central - truth) ** 2, axis=2), axis=1))
     assert np.median(errors(traces) / yardstick) < 1.2

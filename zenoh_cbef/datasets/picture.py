@@ -12,8 +12,9 @@ from zenoh_cbef.extras import from_extra
 def draw(dataset: Dataset, path: Path) -> Path:
     """Draw it, seen from above, as .png or .svg. Raises MissingExtra where matplotlib is not installed."""
     figures = from_extra("matplotlib.figure", "the picture")
-    figure = figures.Figure(figsize=(6.4, 5.2), layout="constrained")
-    axes = figure.subplots()
+    figure = figures.Figure(figsize=(6.4, 5.2))
+    # Margins that are given: to find them takes as long as the drawing.
+    axes = figure.subplots(gridspec_kw={"left": 0.13, "right": 0.98, "bottom": 0.1, "top": 0.95})
     found = fixes(dataset)
     if dataset.has_truth:
         axes.plot(dataset.truth[:, 0], dataset.truth[:, 1], color="0.75", lw=4, label="truth", zorder=1)
