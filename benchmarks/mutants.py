@@ -38,12 +38,18 @@ ROOT = Path(__file__).resolve().parents[1]
 TESTS = {
     "zenoh_cbef/faults": ("tests/faults", "tests/scenario/test_plugins.py"),
     "zenoh_cbef/log/mcap": ("tests/log/mcap", "tests/log/read/test_columns.py", "tests/log/tools"),
-    "zenoh_cbef/protocol": ("tests/protocol", "tests/log/write/test_run_log.py"),
+    "zenoh_cbef/protocol": (
+        "tests/protocol",
+        "tests/log/write/test_run_log.py",
+        "tests/processes/recorder/test_fetch.py",
+    ),
     "zenoh_cbef/tracking": ("tests/tracking", "tests/scenario/test_build.py", "tests/test_golden.py"),
 }
 """The tests that a package's mutants meet."""
 
 SLOW = (
+    "test_fleets_record_their_agents",
+    "test_where_no_recorder_stays",
     "test_access.py",
     "test_random_scenarios.py",
     "random_bit_flips",

@@ -8,7 +8,7 @@ import pytest
 
 from tests.processes.conftest import unused_port
 from zenoh_cbef.protocol import session as sessions
-from zenoh_cbef.protocol.closing import close_soon
+from zenoh_cbef.protocol.closing import _is_half_open, close_soon
 from zenoh_cbef.protocol.reach import wait_for_link
 from zenoh_cbef.protocol.session import Connection, open_session
 
@@ -25,3 +25,15 @@ def test_a_session_that_waits_for_an_answer_is_closed(monkeypatch: pytest.Monkey
             close_soon(session, told)
             assert session.is_closed()
             assert not other.is_closed()
+
+
+def test_a_socket_is_given_up_where_it_is_on_its_way_and_no_link() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server, socket.socket() as idle:
+        port = server.getsockname()[1]
+        with socket.create_connection(("127.0.0.1", port)) as caller:
+            own = caller.getsockname()[1]
+            assert _is_half_open(caller, set(), {port})
+            assert not _is_half_open(caller, {own}, {port})
+            assert not _is_half_open(caller, set(), {own})
+            assert not _is_half_open(server, set(), {port})
+            assert _is_half_open(idle, set(), {port})

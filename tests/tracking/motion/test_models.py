@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from math import factorial
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from zenoh_cbef.tracking.motion import MOTIONS, LinearMotion, MotionSettings, begun, linear, make_motion
-from zenoh_cbef.tracking.motion.decay import DecayingVelocity
+from zenoh_cbef.tracking.motion.decay import DecayingVelocity, _closed, _series
 from zenoh_cbef.tracking.motion.turn import CoordinatedTurn
 
 SETTINGS = MotionSettings(0.3, 0.8, velocity_time=4.0, turn_rate_std=0.7)
@@ -81,6 +82,13 @@ def test_the_noise_of_a_decaying_velocity_is_its_integral(dt):
     gain = np.stack([1.0 - np.exp(-s), np.exp(-s)])
     expected = 0.7**2 * dt * dt * (gain @ gain.T) / len(s)
     np.testing.assert_allclose(motion.process_noise[::3, ::3], expected, rtol=2e-6)
+
+
+def test_the_series_of_that_noise_is_taylors_of_the_closed_form():
+    step = 0.5
+    terms = [(2.0 * (-1.0) ** n - 0.5 * (-2.0) ** n) / factorial(n) * step**n for n in range(3, 8)]
+    assert _series(step)[0] == pytest.approx(sum(terms), rel=1e-12)
+    assert _series(step)[1:] == pytest.approx(_closed(step)[1:], rel=1e-12)
 
 
 def test_a_decaying_velocity_is_forgotten_and_its_spread_stays_bounded():

@@ -1,0 +1,54 @@
+"""What a filter knows of biases stays when its belief is moved to another place, or widened."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from zenoh_cbef.tracking.filters import FilterSettings
+from zenoh_cbef.tracking.filters.around.biased_information import BiasedInformation
+from zenoh_cbef.tracking.filters.around.joint_biases import JointBiases
+from zenoh_cbef.tracking.filters.base import Belief
+from zenoh_cbef.tracking.motion import NearlyConstantVelocity
+from zenoh_cbef.tracking.ranging import Space
+
+MOTION = NearlyConstantVelocity(0.1, 0.5)
+FILTER = BiasedInformation(MOTION, Space(), 0.1, 4, 0.5, 0.4)
+
+
+def memory():
+    """Of two agents: state and covariance of (p, v, c), the own bias and its variance, and their covariances."""
+    random = np.random.default_rng(3)
+    root = random.normal(size=(2, 7, 7))
+    return random.normal(size=(2, 7)), root @ root.swapaxes(1, 2), *random.normal(size=(2, 2)), root[:, 0]
+
+
+def test_another_place_owes_nothing_to_biases_and_leaves_them_as_they_are():
+    before, place = memory(), Belief(np.arange(12.0).reshape(2, 6), np.stack([np.eye(6), 4.0 * np.eye(6)]))
+    state, covariance, own, variance, cross = FILTER.moved(before, place)
+    np.testing.assert_array_equal(state[:, :6], place.state)
+    np.testing.assert_array_equal(covariance[:, :6, :6], place.known_covariance)
+    np.testing.assert_array_equal(state[:, 6], before[0][:, 6])
+    np.testing.assert_array_equal(covariance[:, 6, 6], before[1][:, 6, 6])
+    assert not covariance[:, 6, :6].any()
+    assert not covariance[:, :6, 6].any()
+    np.testing.assert_array_equal([own, variance, cross[:, 6]], [before[2], before[3], before[4][:, 6]])
+    assert not cross[:, :6].any()
+    # What was handed over is as it was.
+    for kept, once in zip(before, memory(), strict=True):
+        np.testing.assert_array_equal(kept, once)
+
+
+def test_a_belief_is_widened_in_all_but_biases():
+    before, factor = memory(), np.array([4.0, 9.0])
+    state, covariance, own, variance, cross = FILTER.widened(before, factor)
+    for now, once in ((state, before[0]), (own, before[2]), (variance, before[3])):
+        np.testing.assert_array_equal(now, once)
+    scale = np.ones((2, 7))
+    scale[:, :6] = np.sqrt(factor)[:, None]
+    np.testing.assert_allclose(covariance, before[1] * scale[:, :, None] * scale[:, None])
+    np.testing.assert_allclose(cross, before[4] * scale)
+
+
+def test_an_agent_alone_has_no_biases_to_share():
+    alone, two = (JointBiases.sharing(FilterSettings(MOTION, Space(), 0.1, 2.0, count)) for count in (1, 2))
+    assert (alone.cooperates, two.cooperates) == (False, True)
