@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from pydantic import TypeAdapter, ValidationError
 
-from zenoh_cbef.faults import AnyFault
+from zenoh_cbef.faults import AnyFault, Loss, kind_of
 from zenoh_cbef.faults.base import Between, Fault
 from zenoh_cbef.faults.outgoing import SenderFault
 from zenoh_cbef.faults.sensing import SensorFault
@@ -145,3 +145,14 @@ def test_a_kind_says_whom_it_names_and_what_it_does() -> None:
         one.until = 3.0
     times = np.array([0.9, 1.0, 1.9, 2.0])
     assert one.during(times).tolist() == [one.active(time) for time in times] == [False, True, True, False]
+
+
+def test_a_kind_is_found_by_its_name() -> None:
+    assert kind_of("loss") is Loss
+    with pytest.raises(ValueError, match="nothing"):
+        kind_of("nothing")
+
+
+def test_a_fault_of_another_package_that_was_read_stays_what_it_is() -> None:
+    one = Fault(kind="mine:Odd")
+    assert ANY.validate_python(one) is one

@@ -24,13 +24,14 @@ CHANNEL = Channel(1, "a", "", "", "", b"", {})
 WHOLE = RECORD.pack(5, MESSAGE.size + 1) + MESSAGE.pack(1, 7, 8, 9) + b"x"
 EMPTY = RECORD.pack(5, MESSAGE.size) + MESSAGE.pack(1, 2, 3, 4)
 SHORT = RECORD.pack(5, MESSAGE.size - 1) + MESSAGE.pack(1, 0, 0, 0)[:-1]
+THIRD = RECORD.pack(5, MESSAGE.size) + MESSAGE.pack(3, 2, 3, 4)
 STRANGE = RECORD.pack(5, MESSAGE.size) + MESSAGE.pack(2, 0, 0, 0)
 OTHER = RECORD.pack(0x80, 0)
 
 
 def declarations() -> Declarations:
     known = Declarations()
-    # More channels are known than have a message here.
+    # Of which one or both have a message here.
     known.channels.update({1: CHANNEL, 3: replace(CHANNEL, id=3)})
     return known
 
@@ -46,7 +47,7 @@ def one_by_one(data: bytes) -> tuple[list[RawMessage], list[str]]:
 
 
 @pytest.mark.parametrize(
-    "data", [WHOLE, EMPTY, WHOLE + EMPTY, EMPTY + OTHER, OTHER + WHOLE + WHOLE, OTHER * 5], ids=len
+    "data", [WHOLE, EMPTY, WHOLE + EMPTY, EMPTY + OTHER, OTHER + WHOLE + WHOLE, OTHER * 5, WHOLE + THIRD], ids=len
 )
 def test_a_sound_part_is_read_at_once(monkeypatch: pytest.MonkeyPatch, data: bytes) -> None:
     expected = one_by_one(data)

@@ -79,7 +79,10 @@ def test_a_record_that_claims_more_than_any_has_is_damaged(tmp_path, head):
 
 def test_a_file_of_nothing_but_its_magic_is_read(tmp_path):
     (tmp_path / "magic.mcap").write_bytes(MAGIC)
-    assert list(McapFile(tmp_path / "magic.mcap").messages()) == []
+    file = McapFile(tmp_path / "magic.mcap")
+    assert list(file.messages()) == []
+    summary = file.summary()
+    assert (summary.message_count, summary.start_time, summary.end_time, summary.chunks) == (0, 0, 0, 0)
 
 
 def parts(data: bytes) -> tuple[list[bytes], list[str]]:
