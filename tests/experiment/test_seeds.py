@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 
@@ -53,7 +54,12 @@ def test_figures_are_the_same_whatever_the_jobs_and_the_batches(scenario, monkey
 
 def test_what_fits_in_one_batch_stays_in_this_process(scenario, monkeypatch):
     done = list[int]()
-    monkeypatch.setattr(seeds, "analyze", lambda traces, _: done.append(os.getpid()) or [])
+
+    def note(*_: object) -> list[Metrics]:
+        done.append(os.getpid())
+        return []
+
+    monkeypatch.setattr(seeds, "analyze", note)
     figures(scenario, 2, 2)
     assert done == [os.getpid()]
 
@@ -64,7 +70,7 @@ def test_the_first_seed_that_diverges_is_told(scenario, monkeypatch):
             raise UserError(f"seed {trace.scenario.seed} diverges")
 
     monkeypatch.setattr(seeds, "refuse_divergence", refuse)
-    with pytest.raises(UserError, match="^seed 3 diverges"):
+    with pytest.raises(UserError, match=r"^seed 3 diverges"):
         figures(scenario, 9, 1)
 
 
@@ -72,13 +78,15 @@ def test_without_joblib_one_core_simulates_and_says_so(scenario, monkeypatch):
     monkeypatch.setitem(sys.modules, "joblib", None)
     told = list[str]()
     assert len(metrics_of(scenario, 5, 0.25, 2, progress=ignore, tell=told.append)) == 5
-    assert told == [
+    (sentence,) = told
+    assert sentence == (
         "simulating on several cores needs joblib; run: pip install 'zenoh-cbef[experiment]'; until then one core "
         "simulates"
-    ]
+    )
 
 
-def test_the_verb_spreads_seeds_over_jobs(scenario, monkeypatch, capsys):
+@pytest.mark.usefixtures("scenario")
+def test_the_verb_spreads_seeds_over_jobs(monkeypatch, capsys):
     words = ["sim", "tracking", "--seeds", "5", "--json", *(word for one in SHORT for word in ("--set", one))]
     one, two = (call(monkeypatch, capsys, *words, "--jobs", jobs) for jobs in ("1", "2"))
     assert one[:2] == two[:2]
@@ -88,15 +96,14 @@ def test_the_verb_spreads_seeds_over_jobs(scenario, monkeypatch, capsys):
 
 def children_of(process: int) -> set[int]:
     """The processes that this one has started and that are there."""
-    with open(f"/proc/{process}/task/{process}/children", encoding="ascii") as stream:
-        return {int(word) for word in stream.read().split()}
+    listed = Path(f"/proc/{process}/task/{process}/children").read_text(encoding="ascii")
+    return {int(word) for word in listed.split()}
 
 
 def gone(process: int) -> bool:
     """Whether a process has ended; one that waits to be collected has."""
     try:
-        with open(f"/proc/{process}/stat", encoding="utf-8") as stream:
-            return stream.read().rpartition(")")[2].split()[0] == "Z"
+        return Path(f"/proc/{process}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()[0] == "Z"
     except FileNotFoundError:
         return True
 
