@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import atexit
 import errno
+import gc
 import os
 import sys
 from importlib import import_module
@@ -35,6 +36,7 @@ def main() -> None:
     Exits with the verb's own status, 2 for a mistake or where something cannot be read or written, 130 after Ctrl-C,
     and 1 where the reader of a pipe has gone.
     """
+    gc.disable()  # What is imported stays: to look for circles in it takes an eighth of the time.
     _open_streams()
     leave_at_once()
     atexit.register(end_deaf)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import re
 import sys
 from functools import cache
@@ -100,6 +101,7 @@ class _Verbs(TyperGroup):
         if name is not None:
             found = load(name)
             known = found.commands.get(name, found)
+        _collect_from_here()
         raise_from_here()
         return name, known, rest
 
@@ -108,6 +110,13 @@ class _Verbs(TyperGroup):
             return super().invoke(ctx)
         except KeyboardInterrupt:
             raise Interrupted from None
+
+
+def _collect_from_here() -> None:
+    """Let Python look for circles again, but not in what was imported by now, where `main` let it not."""
+    if not gc.isenabled():
+        gc.freeze()
+        gc.enable()
 
 
 def _version(wanted: bool) -> None:

@@ -55,8 +55,10 @@ def _likeliest(taken: list[Taken], ahead: Floats) -> Taken:
     """What is said of the innovations by the motion that is likeliest before the step; of equal ones by the last."""
     last = len(taken) - 1
     chosen, runs = last - ahead[:, ::-1].argmax(axis=1), np.arange(len(ahead))
-    innovation, nis = (np.stack([getattr(one, part) for one in taken])[chosen, runs] for part in ("innovation", "nis"))
-    return replace(taken[0], innovation=np.abs(innovation), nis=nis)
+    innovation, spread = (
+        np.stack([getattr(one, part) for one in taken])[chosen, runs] for part in ("innovation", "spread")
+    )
+    return replace(taken[0], innovation=np.abs(innovation), spread=spread)
 
 
 def centralized_models(initial: Belief, models: CentralModels, steps: Iterable[Ranges]) -> Iterator[Belief]:

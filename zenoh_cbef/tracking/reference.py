@@ -33,18 +33,24 @@ class Ranges:
 class Taken:
     """All agents' ranges of a step taken in by the filter of one motion, for r runs.
 
-    prior, posterior: states (r, s) and covariances (r, s, s). innovation (m) and nis, its square in units of the
-    variance that was predicted: (r, n), 0 and NaN where nothing was measured. precision: of the ranges after the
+    prior, posterior: states (r, s) and covariances (r, s, s). innovation (m): (r, n), 0 where nothing was measured.
+    spread: its standard deviation as predicted, m, (r, n). measured: (r, n). precision: of the ranges after the
     saturation, 1/m^2, weight: that over what it was before, (r, n). pull: their part of the information vector, (r, s).
     """
 
     prior: Gaussian
     posterior: Gaussian
     innovation: Floats
-    nis: Floats
+    spread: Floats
+    measured: Bools
     weight: Floats
     precision: Floats
     pull: Floats
+
+    @property
+    def nis(self) -> Floats:
+        """The innovation squared in units of its predicted variance, (r, n), NaN where nothing was measured."""
+        return np.where(self.measured, (self.innovation / self.spread) ** 2, np.nan)
 
     @property
     def cost(self) -> Floats:
@@ -66,26 +72,25 @@ def taken_in(
     predicted, rows = own_range(space, np.repeat(state, agents, axis=0), seen.position.reshape(-1, 3), seen.age.ravel())
     rows, measured = rows.reshape(runs, agents, -1), np.isfinite(seen.range)
     innovation = np.where(measured, seen.range - predicted.reshape(runs, agents), 0.0)
-    spread = np.sqrt(np.sum(rows * (rows @ covariance), axis=2) + seen.std**2)
+    variance = seen.std**2
+    spread = np.sqrt(np.add.reduce(rows * (rows @ covariance), axis=2) + variance)
     weight = np.where(measured, saturation(innovation, xi * spread, power), 1.0)
-    precision = saturated_precision(np.where(measured, weight, 0.0), seen.std**2, spread, widens=widens)
+    precision = saturated_precision(np.where(measured, weight, 0.0), variance, spread, widens=widens)
     if widens:
-        weight = np.where(measured, precision * seen.std**2, 1.0)
+        weight = np.where(measured, precision * variance, 1.0)
     weighted = precision[:, :, None] * rows
-    updated = inverse(inverse(covariance) + np.swapaxes(weighted, 1, 2) @ rows)
-    pull = np.sum(weighted * innovation[:, :, None], axis=1)
-    nis = np.where(measured, (innovation / spread) ** 2, np.nan)
+    updated = inverse(inverse(covariance) + weighted.swapaxes(1, 2) @ rows)
+    pull = np.add.reduce(weighted * innovation[:, :, None], axis=1)
     posterior = state + matvec(updated, pull), updated
-    return Taken((state, covariance), posterior, innovation, nis, weight, precision, pull)
+    return Taken((state, covariance), posterior, innovation, spread, measured, weight, precision, pull)
 
 
 def each_step(*, positions: Floats, ranges: Floats, age: Floats, range_std: float) -> Iterator[Ranges]:
     """What r runs measured, step by step. positions: (r, n, K, 3), m. ranges, age: (r, n, K), m and s."""
     std = np.full(ranges.shape[:2], range_std)
+    known = np.where(np.isnan(age), 0.0, age)  # An age that is not known counts as none.
     for k in range(ranges.shape[2]):
-        # An age that is not known counts as none, as by nan_to_num, which takes longer.
-        heard = age[:, :, k]
-        yield Ranges(positions[:, :, k], ranges[:, :, k], np.where(np.isnan(heard), 0.0, heard), std)
+        yield Ranges(positions[:, :, k], ranges[:, :, k], known[:, :, k], std)
 
 
 def centralized_beliefs(

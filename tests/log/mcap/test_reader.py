@@ -8,12 +8,16 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from mcap.writer import CompressionType, IndexType, Writer
 
 from tests.log.mcap.made import altered, chance, rows
-from zenoh_cbef.log.mcap import reader
+from zenoh_cbef.arrays import Ints
+from zenoh_cbef.log.mcap import heads, reader
+from zenoh_cbef.log.mcap.contents import Record
 from zenoh_cbef.log.mcap.reader import McapFile
+from zenoh_cbef.log.mcap.walk import RecordWalk
 from zenoh_cbef.log.mcap.writer import McapWriter
 
 OFFICIAL = {"zstd": CompressionType.ZSTD, "lz4": CompressionType.LZ4, "none": CompressionType.NONE}
@@ -47,6 +51,47 @@ def test_reading_a_portion_at_once_changes_nothing(log: Path, monkeypatch: pytes
     file = altered(bent)
     list(file.messages())
     assert "the data section fails its CRC" in file.damage
+
+
+def test_indexes_save_the_walk_through_messages(log: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    wanted, walked = rows(McapFile(log)), []
+    walk = heads.record_places
+
+    def counted(data: bytes, part: Record) -> Ints | None:
+        walked.append(walk(data, part))
+        return walked[-1]
+
+    monkeypatch.setattr(heads, "record_places", counted)
+    assert rows(McapFile(log)) == wanted
+    assert all(found is not None for found in walked)
+    assert sum(len(found) for found in walked if found is not None) < len(wanted) / 2
+
+
+@pytest.mark.parametrize("change", [1, 9, -31, 1 << 40, 1 << 63])
+@pytest.mark.parametrize("which", [0, 1, -1])
+def test_an_index_that_lies_changes_nothing(
+    log: Path, monkeypatch: pytest.MonkeyPatch, change: int, which: int
+) -> None:
+    wanted, sound = rows(McapFile(log)), RecordWalk.entries
+
+    def wrong(self: RecordWalk, chunk: Record) -> bytes:
+        found = np.frombuffer(sound(self, chunk), "<u8").copy()
+        found[1::2][[which]] += np.uint64(change % (1 << 64))
+        return found.tobytes()
+
+    monkeypatch.setattr(RecordWalk, "entries", wrong)
+    file = McapFile(log)
+    assert rows(file) == wanted
+    assert file.damage == []
+
+
+@pytest.mark.parametrize("kept", [0, 16, 17, 160])
+def test_an_index_that_is_not_whole_changes_nothing(log: Path, monkeypatch: pytest.MonkeyPatch, kept: int) -> None:
+    wanted, sound = rows(McapFile(log)), RecordWalk.entries
+    monkeypatch.setattr(RecordWalk, "entries", lambda self, chunk: sound(self, chunk)[:kept])
+    file = McapFile(log)
+    assert rows(file) == wanted
+    assert file.damage == []
 
 
 def test_a_message_outside_of_chunks_waits_for_an_earlier_one_whatever_its_other_times(tmp_path: Path) -> None:

@@ -26,10 +26,12 @@ from zenoh_cbef.log.mcap.contents import (
 
 Bytes = NDArray[np.uint8]
 
-_AT_ONCE = 1 << 23
+_AT_ONCE = 1 << 24
 _HEAD = np.dtype(
     [("opcode", "u1"), ("length", "<u8"), ("channel", "<u2"), ("number", "<u4"), ("log", "<u8"), ("publish", "<u8")]
 )
+_ANY_HEAD = np.dtype([("opcode", "u1"), ("length", "<u8")])
+_ENTRY = np.dtype([("log", "<u8"), ("offset", "<u8")])
 _LENGTH = struct.Struct("<xQ")
 
 
@@ -99,9 +101,18 @@ class Batch:
         return [new(RawMessage, one) for one in columns]
 
 
-def heads_in(data: bytes | mmap.mmap, part: Record, declared: Declarations, report: Callable[[str], None]) -> Batch:
-    """As `messages_in`, by columns. What is not sound from end to end is read message by message."""
-    found = _sound(data, part, declared, report) if isinstance(data, bytes) else None
+def heads_in(
+    data: bytes | mmap.mmap,
+    part: Record,
+    declared: Declarations,
+    report: Callable[[str], None],
+    entries: bytes = b"",
+) -> Batch:
+    """As `messages_in`, by columns. What is not sound from end to end is read message by message.
+
+    entries: of the indexes of the part, where it has any.
+    """
+    found = _sound(data, part, declared, report, entries) if isinstance(data, bytes) else None
     return Batch.of(messages_in(data, part, declared, report), declared.channels) if found is None else found
 
 
@@ -119,9 +130,12 @@ def gathered(batches: Iterable[Batch]) -> Iterator[Batch]:
         yield _joined(waiting)
 
 
-def _sound(data: bytes, part: Record, declared: Declarations, report: Callable[[str], None]) -> Batch | None:
+def _sound(
+    data: bytes, part: Record, declared: Declarations, report: Callable[[str], None], entries: bytes
+) -> Batch | None:
     """The messages of a part whose records fill it, and whose channels were declared before; None for another part."""
-    places = _places(data, part)
+    places = _indexed(data, part, entries)
+    places = record_places(data, part) if places is None else places
     if places is None or len(data) < _HEAD.itemsize:
         return None
     is_message = np.frombuffer(data, np.uint8)[places] == int(Opcode.MESSAGE)
@@ -130,7 +144,8 @@ def _sound(data: bytes, part: Record, declared: Declarations, report: Callable[[
         return None
     heads = np.ndarray((len(data) - _HEAD.itemsize + 1,), _HEAD, data, strides=(1,))[records]
     length, channel = heads["length"].astype(np.int64), heads["channel"].astype(np.int64)
-    if (length < MESSAGE.size).any() or not declared.channels.keys() >= set(np.unique(channel).tolist()):
+    used = set(np.flatnonzero(np.bincount(channel)).tolist())
+    if (length < MESSAGE.size).any() or not declared.channels.keys() >= used:
         return None
     for place in places[~is_message].tolist():
         opcode, size = RECORD.unpack_from(data, place)
@@ -151,7 +166,33 @@ def _sound(data: bytes, part: Record, declared: Declarations, report: Callable[[
     )
 
 
-def _places(data: bytes, part: Record) -> Ints | None:
+def _indexed(data: bytes, part: Record, entries: bytes) -> Ints | None:
+    """As `record_places`, with what indexes say of the messages among them; None where that does not lead to the end.
+
+    It needs no trust: from each record its length leads to the next, so places that are wrong break the chain.
+    """
+    if not entries or len(entries) % _ENTRY.itemsize:
+        return None
+    named = np.sort(np.frombuffer(entries, _ENTRY)["offset"].astype(np.int64))
+    if named[0] < part.start or named[-1] > part.end - RECORD.size:
+        return None
+    heads = np.ndarray((len(data) - RECORD.size + 1,), _ANY_HEAD, data, strides=(1,))
+    length = heads["length"][named]
+    if (length > MAX_RECORD_BYTES).any():
+        return None
+    ends = np.concatenate([[part.start], named + RECORD.size + length.astype(np.int64)])
+    found = [named]
+    for hole in np.flatnonzero(ends != np.append(named, part.end)).tolist():
+        # Indexes tell of messages alone, and a channel is declared before its first message.
+        until = int(named[hole]) if hole < len(named) else part.end
+        between = record_places(data, Record(part.opcode, int(ends[hole]), until))
+        if between is None:
+            return None
+        found.append(between)
+    return np.sort(np.concatenate(found))
+
+
+def record_places(data: bytes, part: Record) -> Ints | None:
     """Where the records of a part begin; None where they do not fill it, or one is larger than any."""
     places: list[int] = []
     add, length_at, (_, position, end) = places.append, _LENGTH.unpack_from, part

@@ -33,7 +33,7 @@ from zenoh_cbef.log.mcap.contents import (
     decompress,
     parse_record,
 )
-from zenoh_cbef.log.mcap.walk import IN_CHUNKS, RecordWalk, with_indexes
+from zenoh_cbef.log.mcap.walk import IN_CHUNKS, RecordWalk, holds_messages, with_indexes
 from zenoh_cbef.log.mcap.writer import MAGIC
 from zenoh_cbef.words import counted
 
@@ -116,7 +116,7 @@ class McapFile:
 
         Holds what chunks overlap in time, which in a log that was written as messages came is a chunk or two.
         """
-        starts = [self._walk.start_time(record) for record in self._walk.records() if _holds_messages(record)]
+        starts = [self._walk.start_time(record) for record in self._walk.records() if holds_messages(record)]
         least = 1 << 64
         for place in reversed(range(len(starts))):
             starts[place], least = least, min(least, starts[place])
@@ -149,7 +149,7 @@ class McapFile:
             crc, checked = self._crc(checked, record.end, crc), record.end
             kept = self._forget(kept, record.end)
             count += len(found or ())
-            if _holds_messages(record):
+            if holds_messages(record):
                 yield found or nothing
         written = self._closing.statistics.message_count if self._closing else count
         if written != count:
@@ -285,15 +285,14 @@ class McapFile:
         if chunk.crc not in (0, zlib.crc32(data)):
             self._report(f"chunk at byte {record.start} fails its CRC")
             return None
-        return _heads_in(data, Record(record.opcode, 0, len(data)), declared, self._report)
+        part = Record(record.opcode, 0, len(data))
+        return _heads_in(data, part, declared, self._report, self._walk.entries(record))
 
 
-def _holds_messages(record: Record) -> bool:
-    return record.opcode in (Opcode.CHUNK, Opcode.MESSAGE)
-
-
-def _heads_in(data: bytes | mmap.mmap, part: Record, declared: Declarations, report: Callable[[str], None]) -> Batch:
+def _heads_in(
+    data: bytes | mmap.mmap, part: Record, declared: Declarations, report: Callable[[str], None], entries: bytes = b""
+) -> Batch:
     # A verb that describes a file reads no message, and so need not wait for NumPy.
     from zenoh_cbef.log.mcap.heads import heads_in  # noqa: PLC0415
 
-    return heads_in(data, part, declared, report)
+    return heads_in(data, part, declared, report, entries)

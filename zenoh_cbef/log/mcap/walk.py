@@ -26,7 +26,9 @@ _IN_DATA = {
     Opcode.METADATA,
     *IN_CHUNKS,
 }
-_LEAST_LENGTH: dict[int, int] = {Opcode.MESSAGE: MESSAGE.size, Opcode.MESSAGE_INDEX: 6}
+_ENTRIES = 6
+"""Bytes of a message index before its entries: the channel, and how many bytes of entries there are."""
+_LEAST_LENGTH: dict[int, int] = {Opcode.MESSAGE: MESSAGE.size, Opcode.MESSAGE_INDEX: _ENTRIES}
 # Between the opcode and the compression's name: the length, two times, the size, the CRC.
 _COMPRESSED_CHUNK = re.compile(rb"\x06(?=.{36}(?:\x04\0\0\0zstd|\x03\0\0\0lz4))", re.DOTALL)
 
@@ -89,12 +91,22 @@ class RecordWalk:
         if record.opcode == Opcode.CHUNK:
             return self.chunk(record) is not None
         if record.opcode == Opcode.MESSAGE_INDEX:
-            return self.number(record.start + 11, 4) + 6 == length
+            return self.number(record.start + 11, 4) + _ENTRIES == length
         if record.opcode == Opcode.DATA_END:
             return length == 4
         if record.opcode not in _IN_DATA or (record.opcode == Opcode.HEADER) != (record.start == len(MAGIC)):
             self._report(f"record at byte {record.start} is of the unexpected kind {record.opcode}")
         return True
+
+    def entries(self, chunk: Record) -> bytes:
+        """The entries of the message indexes behind a chunk, as far as these follow it: log times and offsets."""
+        found, position = [], chunk.end
+        while position < self._data_end and self._bytes[position] == Opcode.MESSAGE_INDEX:
+            begin, position = position + RECORD.size + _ENTRIES, self.end(position)
+            if not begin <= position <= self._data_end:
+                break
+            found.append(self._bytes[begin:position])
+        return b"".join(found)
 
     def start_time(self, record: Record) -> int:
         """The first log time (ns) of a chunk or message, by what it says; 0 where it is cut."""
@@ -114,6 +126,11 @@ class RecordWalk:
             return None
         name = self._bytes[record.start + _CHUNK.size : name_end].decode(errors="replace")
         return Chunk(start_time, end_time, name, size, crc, data_start, record.end)
+
+
+def holds_messages(record: Record) -> bool:
+    """Whether messages stand in a record, or it is one."""
+    return record.opcode in (Opcode.CHUNK, Opcode.MESSAGE)
 
 
 def with_indexes(places: Iterable[Record]) -> Iterator[tuple[Record, list[Record]]]:

@@ -43,6 +43,9 @@ class _Part(Protocol):
     def values(self, name: str) -> list[object]:
         """As `Columns.values`."""
 
+    def by_sender(self, rows: Ints) -> list[tuple[str, Ints]]:
+        """Who sent them, each with its own of these rows (m,)."""
+
 
 class Columns:
     """Checked messages (m,) of one kind, in order."""
@@ -83,6 +86,15 @@ class Columns:
     def senders(self) -> list[str]:
         """The sender of each."""
         return [str(one) for one in self.values("from")]
+
+    def by_sender(self) -> list[tuple[str, Ints]]:
+        """Who sent messages, in the order of their first, each with its rows, ascending."""
+        found: dict[str, list[Ints]] = {}
+        for rows, part in self._parts:
+            for name, own in part.by_sender(rows):
+                found.setdefault(name, []).append(own)
+        joined = [(name, np.sort(np.concatenate(own))) for name, own in found.items()]
+        return sorted(joined, key=lambda one: int(one[1][0]))
 
     def texts(self, name: str) -> list[list[str] | None]:
         """The list of texts of a field, message by message; None where a message lacks it."""
@@ -206,6 +218,9 @@ class _Rows:
             return [unpack(row.tobytes())[name] for row in self.rows]
         return [unpack(self.rows[0].tobytes())[name]] * len(self.rows)
 
+    def by_sender(self, rows: Ints) -> list[tuple[str, Ints]]:
+        return [(str(unpack(self.rows[0].tobytes())["from"]), rows)]  # Only numbers differ.
+
 
 @dataclass(frozen=True)
 class _Maps:
@@ -230,6 +245,10 @@ class _Maps:
 
     def values(self, name: str) -> list[object]:
         return [one.get(name) for one in self.maps]
+
+    def by_sender(self, rows: Ints) -> list[tuple[str, Ints]]:
+        names = np.array([str(one["from"]) for one in self.maps], dtype=object)
+        return [(name, rows[names == name]) for name in dict.fromkeys(names.tolist())]
 
 
 def _row(value: object) -> Sequence[object]:

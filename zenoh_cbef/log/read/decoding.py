@@ -243,11 +243,10 @@ class Decoder:
         if "k" in messages.names:
             self._check_steps(int(messages.step.max()), ended=place.kind in {"beacon", "signal"})
         self._check_labels(batch, rows, messages.seq, messages.sent)
-        numbers, senders = batch.number[rows], messages.senders()
-        for sender in dict.fromkeys(senders):
+        numbers = batch.number[rows]
+        for sender, own in messages.by_sender():
             if place.at.is_of(sender):
-                own = numbers[[one == sender for one in senders]]
-                self.tally.sequences.of(place.key, sender).take_all(own.tolist())
+                self.tally.sequences.of(place.key, sender).take_all(numbers[own].tolist())
 
     def _take_rounds(self, place: _Place, batch: Batch, rows: Ints) -> None:
         sizes = batch.end[rows] - batch.start[rows]
