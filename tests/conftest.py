@@ -1,6 +1,7 @@
 """Which tests start processes or open sessions: `make fast` leaves these out."""
 
 import gc
+import os
 import signal
 from collections import Counter
 from functools import cache
@@ -10,6 +11,8 @@ import pytest
 
 import tests.examples  # noqa: F401 - sets how many random examples there are
 
+# As in every process of a run. It is read when NumPy is imported, which no plug-in of these tests does before.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 gc.disable()  # until all tests are collected: nothing of that is garbage
 
 # A shell starts what runs in its background with Ctrl-C ignored, nohup without hang-ups, and processes hand that on:
