@@ -44,7 +44,7 @@ class _Part(Protocol):
         """As `Columns.values`."""
 
     def by_sender(self, rows: Ints) -> list[tuple[str, Ints]]:
-        """Who sent them, each with its own of these rows (m,)."""
+        """Their senders, each with its own of these rows (m,)."""
 
 
 class Columns:
@@ -88,7 +88,7 @@ class Columns:
         return [str(one) for one in self.values("from")]
 
     def by_sender(self) -> list[tuple[str, Ints]]:
-        """Who sent messages, in the order of their first, each with its rows, ascending."""
+        """The senders of messages, in the order of their first, each with its rows, ascending."""
         found: dict[str, list[Ints]] = {}
         for rows, part in self._parts:
             for name, own in part.by_sender(rows):
