@@ -14,6 +14,7 @@ from zenoh_cbef.cli.console import tell
 from zenoh_cbef.cli.joining import JoiningCommand, JoiningContext, Patience, identity_of
 from zenoh_cbef.cli.offer import verb
 from zenoh_cbef.cli.options import Run, Stay
+from zenoh_cbef.log.common.naming import free_path, left_active
 from zenoh_cbef.nodes.common.recording import Status
 from zenoh_cbef.nodes.recorder.recorder import run_recorder
 from zenoh_cbef.words import counted
@@ -48,10 +49,14 @@ def _record(
         elif sys.stderr.isatty():
             sys.stderr.write(f"\r{status.messages} messages, step {status.step} of {status.steps} ")
 
+    log = free_path(output)
+    if log != output:
+        tell(f"{left_active(output)} is there, of a recorder that was killed or still writes; this one writes {log}")
+        tell(f"to join them, when both have ended: zenoh-cbef merge {output} {log} -o FILE")
     identity = identity_of("record", name, run, ctx.joining.connection("record"), patience)
-    last = run_recorder(identity, output, keys=keys or (), sync=sync, report=report, stay=stay, say=tell)
+    last = run_recorder(identity, log, keys=keys or (), sync=sync, report=report, stay=stay, say=tell)
     if not status_json:
-        typer.echo(f"{counted(last.messages, 'message')} in {output}, {last.missing} missing")
+        typer.echo(f"{counted(last.messages, 'message')} in {log}, {last.missing} missing")
     if last.failure:
         lost = f"{last.dropped} messages are not in the log: " if last.dropped else ""
         sys.stderr.write(f"zenoh-cbef: {lost}{last.failure}\n")

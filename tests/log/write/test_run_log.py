@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from zenoh_cbef.errors import UserError
+from zenoh_cbef.log.common.naming import free_path
 from zenoh_cbef.log.mcap import pile
 from zenoh_cbef.log.mcap.reader import McapFile
 from zenoh_cbef.log.mcap.writer import McapWriter
@@ -157,6 +159,22 @@ def test_names_that_processes_chose_leave_room_for_the_keys_of_the_run(log):
     log.add("cbef/run/beacon/1", encode("run", "receiver/1", 2, 0, {"k": 1}), 0)
     assert log.gaps("target") == [("target", "cbef/run/beacon/1", 0, 2)]
     assert len(log.gaps()) == 2
+
+
+@pytest.mark.parametrize("left", ["run.mcap.active", "run.2.mcap.active"])
+def test_what_a_killed_recorder_left_is_not_written_over(tmp_path, left):
+    path = tmp_path / "run.mcap"
+    assert free_path(path) == path
+    if left != "run.mcap.active":
+        path.write_bytes(b"whole")
+    (tmp_path / left).write_bytes(b"precious")
+    if not path.exists():
+        with pytest.raises(UserError, match=rf"{left} is being written, or its recorder was killed"):
+            RunLog(path, Record())
+    (tmp_path / "run-2.mcap").write_bytes(b"of the recorder after it")
+    assert free_path(path) == tmp_path / "run-3.mcap"
+    RunLog(free_path(path), Record()).close({})
+    assert (tmp_path / left).read_bytes() == b"precious"
 
 
 def test_a_log_that_cannot_be_begun_leaves_no_file(tmp_path):

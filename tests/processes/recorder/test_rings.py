@@ -145,11 +145,11 @@ def test_a_recorder_that_is_killed_and_an_agent_lose_nothing_that_they_had_said(
     hosts.session.close()
     first.send_signal(signal.SIGKILL)
     first.wait()
-    last = hosts.join("record", "-o", "b.mcap")
-    hosts.wait_for("b.mcap")
+    last = hosts.join("record", "-o", "a.mcap")  # as what starts it again would
+    hosts.wait_for("a-2.mcap")
     os.kill(world.pid_of("agent 2"), signal.SIGKILL)
     hosts.end(*hosts.started[:2], last)
-    done = world.call("merge", "a.mcap", "b.mcap", "-o", "run.mcap")
+    done = world.call("merge", "a.mcap", "a-2.mcap", "-o", "run.mcap")
     assert done.returncode == 3, done.stderr  # a file that has no end
     numbers = numbers_in(world.log)
     assert once_each(numbers)

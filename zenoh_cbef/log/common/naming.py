@@ -23,3 +23,25 @@ END = "cbef.end"
 def part_path(path: Path, number: int) -> Path:
     """The file of a log's part, from 1: run.mcap, run.2.mcap, run.3.mcap."""
     return path if number == 1 else path.with_name(f"{path.stem}.{number}{path.suffix}")
+
+
+def left_active(path: Path) -> Path | None:
+    """The file of a log that is being written, or that a killed recorder left; None where each part is whole."""
+    number = 1
+    while True:
+        part = part_path(path, number)
+        active = part.with_name(part.name + ACTIVE)
+        if active.exists():
+            return active
+        if not part.exists():
+            return None
+        number += 1
+
+
+def free_path(path: Path) -> Path:
+    """The path, or one beside it, run-2.mcap, run-3.mcap, where a killed recorder left its file there."""
+    found, number = path, 1
+    while left_active(found) is not None or (number > 1 and found.exists()):
+        number += 1
+        found = path.with_name(f"{path.stem}-{number}{path.suffix}")
+    return found

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from zenoh_cbef import __version__
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.log.common.naming import ACTIVE, END, RESOLVED, RUN, SOURCE, part_path
+from zenoh_cbef.log.common.naming import ACTIVE, END, RESOLVED, RUN, SOURCE, left_active, part_path
 from zenoh_cbef.log.common.sequence import Sequences
 from zenoh_cbef.log.mcap.writer import McapWriter
 from zenoh_cbef.protocol.fields import LONGEST
@@ -136,7 +136,8 @@ class RunLog:
     (disk full) drops what it held and is named in `failure`; what was written before stays readable, and later writes
     are tried again. Where the file itself was removed, all that it held is lost, and a new one is tried. missing: gaps
     in the senders' numbers. dropped: messages that came and are not in the log. foreign: messages that were not
-    written, as they were on more keys than a log names that no run has, or whose names processes chose.
+    written, as they were on more keys than a log names that no run has, or whose names processes chose. Raises
+    UserError where a log is there, also one that a killed recorder left.
     """
 
     def __init__(self, path: Path, settings: Record) -> None:
@@ -144,6 +145,11 @@ class RunLog:
         for taken in (path, part_path(path, 2)):
             if taken.exists():
                 raise UserError(f"{taken} exists and logs are never overwritten; choose another name, or move it away")
+        if (left := left_active(path)) is not None:
+            raise UserError(
+                f"{left} is being written, or its recorder was killed, and logs are never overwritten; choose another "
+                "name, or 'recover' what is in it and move it away"
+            )
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             self._part = _Part(path, settings)
