@@ -70,9 +70,12 @@ class Stopwatch:
         return timed
 
     def medians(self) -> dict[str, float]:
-        """Nanoseconds of a round by place; of the first and of all other rounds' rest of the step the mean."""
-        found = {place: statistics.median(spent) for place, spent in self._rounds.items()}
+        """Nanoseconds of a round by place; of the first and of all other rounds' rest of the step the mean.
+
+        A round that was not at a place, as it had not to wait, counts as none there.
+        """
         count = len(self._rounds[MIX])
+        found = {place: statistics.median(spent + [0] * (count - len(spent))) for place, spent in self._rounds.items()}
         return found | {STEP: sum(self._rounds[STEP]) / count}
 
 

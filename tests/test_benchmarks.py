@@ -206,9 +206,11 @@ def test_time_within_an_inner_place_is_not_counted_twice(monkeypatch):
     for count in (1, 2, 3):
         watch.around(passes, "read")(10 * count, lambda: inner(1))
         passes(50)
+        if count == 3:
+            watch.around(passes, "wake-up")(1)
         watch.enter(STEP)
         watch.turn()
-    assert watch.medians() == {"mix": 2, "read": 40, STEP: 100}
+    assert watch.medians() == {"mix": 2, "read": 40, "wake-up": 0, STEP: 100}
 
 
 def test_whatever_is_fed_into_a_decoder_is_accepted_or_refused(tmp_path):
