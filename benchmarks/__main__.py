@@ -54,7 +54,7 @@ BENCHMARKS = {
         "bytes",
         "error against bytes on a link, by filter, L, precision and trigger; tables and figure of docs/bytes.md",
     ),
-    "seeds": ("seeds", "1000 seeds of a lossy run: CPU of simulation and analysis; the bits of single runs"),
+    "seeds": ("seeds", "1000 seeds, clean and lossy: CPU, the bits of single runs; beside Stone Soup and FilterPy"),
     "sessions": ("sessions", "1200 sessions at one target"),
     "hosts": ("hosts", "agents on ten virtual hosts: start, links, memory, traffic, rate; --agents 100,300, as root"),
     "sites": ("sites", "two sites on virtual hosts, a router each, and a cut between them; as root"),

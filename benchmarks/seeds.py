@@ -1,14 +1,16 @@
-"""A thousand seeds of a lossy run, simulated and analysed on one core; and whether single runs have the same bits."""
+"""A thousand seeds, clean and lossy, simulated and analysed on one core; the bits of single runs; other libraries."""
 
 from __future__ import annotations
 
 import hashlib
 import time
 from collections.abc import Iterator, Sequence
+from functools import partial
 
 import numpy as np
 from rich.table import Table
 
+from benchmarks.beside import compared
 from benchmarks.common import Row, below, results
 from zenoh_cbef.analysis.metrics import analyze
 from zenoh_cbef.scenario import Scenario
@@ -16,14 +18,23 @@ from zenoh_cbef.scenario.load import load
 from zenoh_cbef.simulator import simulate
 from zenoh_cbef.trace import Trace
 
-SEEDS, AT_ONCE, SINGLE = 1000, 60, 20
+SEEDS, AT_ONCE, SINGLE, BESIDE = 1000, 60, 20, 30
 LOSS = "fault=[{kind='loss', probability=0.3}]"
+CASES = {"clean": ([], 12.0), "30 % loss": ([LOSS], 15.0)}
+"""Settings, and the CPU that a thousand seeds should take, s."""
 
 
-def runs(seeds: Sequence[int]) -> list[Scenario]:
-    """`tracking` with every message lost with a probability of 30 %."""
-    scenario = load("tracking", [LOSS]).scenario
+def runs(seeds: Sequence[int], settings: Sequence[str]) -> list[Scenario]:
+    """`tracking` with these settings."""
+    scenario = load("tracking", settings).scenario
     return [scenario.model_copy(update={"seed": seed}) for seed in seeds]
+
+
+def analysed(seeds: Sequence[int], settings: Sequence[str]) -> list[Trace]:
+    """The runs, simulated as one batch and analysed."""
+    traces = simulate(runs(seeds, settings))
+    analyze(traces)
+    return traces
 
 
 def digest(trace: Trace) -> str:
@@ -32,26 +43,26 @@ def digest(trace: Trace) -> str:
     return hashlib.sha256(content).hexdigest()
 
 
-def in_batches(seeds: Sequence[int]) -> tuple[float, dict[int, str]]:
+def in_batches(seeds: Sequence[int], settings: Sequence[str]) -> tuple[float, dict[int, str]]:
     """CPU seconds of simulation and analysis, and the digests, by seed, of the runs that are looked at."""
     spent = 0.0
     digests: dict[int, str] = {}
     checked = set(seeds[:: max(1, len(seeds) // SINGLE)])
     for start in range(0, len(seeds), AT_ONCE):
         begin = time.process_time()
-        traces = simulate(runs(seeds[start : start + AT_ONCE]))
-        analyze(traces)
+        traces = analysed(seeds[start : start + AT_ONCE], settings)
         spent += time.process_time() - begin
         digests |= {one.scenario.seed: digest(one) for one in traces if one.scenario.seed in checked}
     return spent, digests
 
 
-def rows(seeds: Sequence[int]) -> list[Row]:
+def rows(seeds: Sequence[int], case: str) -> list[Row]:
     """CPU time against its target, and how many of the checked seeds have the bits of a single run."""
-    spent, digests = in_batches(seeds)
-    same = sum(digest(simulate(runs([seed]))[0]) == found for seed, found in digests.items())
+    settings, limit = CASES[case]
+    spent, digests = in_batches(seeds, settings)
+    same = sum(digest(simulate(runs([seed], settings))[0]) == found for seed, found in digests.items())
     return [
-        below(f"{len(seeds)} seeds, CPU of simulation and analysis", spent, 20.0, "s"),
+        below(f"{len(seeds)} seeds, {case}, CPU of simulation and analysis", spent, limit, "s"),
         Row(
             "seeds with the bits of a single run", f"{same}", f"{len(digests)} of {len(digests)}", same == len(digests)
         ),
@@ -59,6 +70,8 @@ def rows(seeds: Sequence[int]) -> list[Row]:
 
 
 def run(repeats: int) -> Iterator[Table]:
-    """Long enough not to be repeated."""
-    del repeats
-    yield results("tracking, 6 agents, 300 steps, L = 10, 30 % loss", rows(range(1, SEEDS + 1)))
+    """The thousand seeds once, as they take long; what stands beside other libraries `repeats` times, in turn."""
+    title = "tracking, 6 agents, 300 steps, L = 10"
+    yield results(title, [row for case in CASES for row in rows(range(1, SEEDS + 1), case)])
+    ours = partial(analysed, range(1, BESIDE + 1), CASES["clean"][0])
+    yield results(f"{title}, {BESIDE} seeds", list(compared(ours, "clean", repeats)))
