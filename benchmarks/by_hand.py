@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -10,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from benchmarks.common import children
+from zenoh_cbef.machine import keep_to_core
 from zenoh_cbef.nodes.common.node import LEASH, RUN
 from zenoh_cbef.nodes.launch.ports import free_ports
 from zenoh_cbef.protocol.runtimes import ONE_RUNTIME, RUNTIME
@@ -71,12 +71,5 @@ def by_hand(
             )
             pids[process] = child.pid
             if command[0] == "agent":
-                _keep_to_core(child.pid, int(command[1]), len(agents))
+                keep_to_core(child.pid, int(command[1]), len(agents))
         yield ByHand(run, pids, endpoints)
-
-
-def _keep_to_core(pid: int, agent: int, count: int) -> None:
-    """Bind an agent to a core as a run does, where cores are fewer than agents."""
-    cores = sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else []
-    if 0 < len(cores) < count:
-        os.sched_setaffinity(pid, {cores[agent % len(cores)]})

@@ -1,4 +1,4 @@
-"""Whether this host has enough open files, threads, ports, address space and memory left."""
+"""Whether this host has enough open files, threads, ports, address space and memory left, and which cores."""
 
 from __future__ import annotations
 
@@ -22,6 +22,24 @@ _UNLIMITED = resource.RLIM_INFINITY
 _MEMORY_INFO = Path("/proc/meminfo")
 _GROUPS = Path("/sys/fs/cgroup")
 _PORTS = Path("/proc/sys/net/ipv4/ip_local_port_range")
+
+
+def core_count() -> int:
+    """How many cores this process may use; those of the machine where the system does not tell its own."""
+    return len(_own_cores()) or os.cpu_count() or 1
+
+
+def keep_to_core(pid: int, place: int, count: int) -> None:
+    """Bind one process of so many to a core where cores are fewer: moving between them costs more than waiting."""
+    cores = _own_cores()
+    if 0 < len(cores) < count:
+        with suppress(OSError):  # it has ended already, which the caller will notice
+            os.sched_setaffinity(pid, {cores[place % len(cores)]})
+
+
+def _own_cores() -> list[int]:
+    """The cores that this process may use, in order; none where the system does not tell them, as macOS."""
+    return sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else []
 
 
 def files_needed(links: int) -> int:

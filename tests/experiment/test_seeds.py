@@ -64,6 +64,12 @@ def test_what_fits_in_one_batch_stays_in_this_process(scenario, monkeypatch):
     assert done == [os.getpid()]
 
 
+def test_where_the_system_tells_no_cores_of_a_process_those_of_the_machine_count(monkeypatch):
+    monkeypatch.delattr(os, "sched_getaffinity")
+    monkeypatch.setattr(os, "cpu_count", lambda: 5)
+    assert (cores.workers(0), cores.workers(2)) == (5, 2)
+
+
 def test_the_first_seed_that_diverges_is_told(scenario, monkeypatch):
     def refuse(trace):
         if trace.scenario.seed >= 3:

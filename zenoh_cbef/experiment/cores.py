@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import threading
 import warnings
@@ -14,6 +13,7 @@ from typing import TypeVar
 
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.extras import MissingExtra, from_extra
+from zenoh_cbef.machine import core_count
 from zenoh_cbef.scenario import Scenario
 
 # Rows times steps of one batch. Larger ones are no faster per run, as they leave the processor's caches.
@@ -30,7 +30,7 @@ def at_once(scenario: Scenario) -> int:
 
 def workers(jobs: int) -> int:
     """How many processes work at a time where so many are asked for; 0: one per core that this process may use."""
-    return jobs or len(os.sched_getaffinity(0))
+    return jobs or core_count()
 
 
 def spread(

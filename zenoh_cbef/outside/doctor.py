@@ -16,6 +16,7 @@ from zenoh_cbef import __version__
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.machine import (
     address_space_short,
+    core_count,
     files_needed,
     files_short,
     memory_short,
@@ -99,7 +100,7 @@ def _zenoh() -> Finding:
 
 
 def _cores() -> Finding:
-    count = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    count = core_count()
     if count == 1:
         return Finding("cores", WARNING, "one: all processes of this host share it; in realtime give them a longer dt")
     return Finding("cores", OK, f"{count}; agents on this host share them")

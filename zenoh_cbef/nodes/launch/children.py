@@ -43,13 +43,6 @@ class Child:
             with suppress(ProcessLookupError):
                 os.kill(self.pid, number)
 
-    def keep_to_core(self, place: int, count: int) -> None:
-        """Bind one of so many to a core where cores are fewer: moving between them costs more than waiting."""
-        cores = sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else []
-        if 0 < len(cores) < count:
-            with suppress(OSError):  # it has ended already, which the caller will notice
-                os.sched_setaffinity(self.pid, {cores[place % len(cores)]})
-
     def close(self) -> None:
         """It has no pipes of its own."""
 

@@ -15,6 +15,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
+from zenoh_cbef.machine import keep_to_core
 from zenoh_cbef.nodes.common.ending import PLACE, Ending, ending_at
 from zenoh_cbef.nodes.common.node import FLEET, LEASH
 from zenoh_cbef.nodes.launch.children import Child, Nursery
@@ -131,7 +132,7 @@ class Fleet:
         member.child = self._nursery.start([*member.command], environment, place, self._tell)
         member.stage, member.began = "starting", time.monotonic()
         member.starts += 1
-        member.child.keep_to_core(self.members.index(member), len(self.members))
+        keep_to_core(member.child.pid, self.members.index(member), len(self.members))
 
     def _place(self, member: Member) -> Path:
         return Path(self._folder.name) / f"agent-{member.agent}"

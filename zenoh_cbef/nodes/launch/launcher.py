@@ -15,6 +15,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
+from zenoh_cbef.machine import keep_to_core
 from zenoh_cbef.nodes.common.ending import PLACE, Ending, ending_at
 from zenoh_cbef.nodes.common.node import LEASH, RUN
 from zenoh_cbef.nodes.common.recording import Status
@@ -134,7 +135,7 @@ class Launcher:
         output = self._reports[1] if name == "recorder" else None
         child = self._nursery.start(command, environment, self._words(name), output)
         if name.startswith("agent"):
-            child.keep_to_core(int(name.removeprefix("agent ")), self._loaded.scenario.count)
+            keep_to_core(child.pid, int(name.removeprefix("agent ")), self._loaded.scenario.count)
         self._processes[name] = child
 
     def _words(self, name: str) -> Path:
