@@ -14,3 +14,8 @@ def listed(words: Sequence[str]) -> str:
     """One or more words as a list, as in "a", "a and b" and "a, b and c"."""
     *before, last = words
     return f"{', '.join(before)} and {last}" if before else last
+
+
+def first_of(words: Sequence[str], most: int) -> str:
+    """A list of at most so many of one or more words, as in "a, b and 3 more" of five; a lone last one is named."""
+    return listed(words if len(words) <= most + 1 else [*words[:most], f"{len(words) - most} more"])

@@ -80,7 +80,7 @@ def test_a_failure_of_a_shard_is_joined_and_no_longer_once_it_succeeds(tmp_path)
 
 def test_what_is_missing_names_few_shards(cells):
     every = {(cell.index, seed) for cell in cells for seed in range(1, 6)}
-    assert lacking(every, cells, 5, [Shard(2, 4)]) == "the shards 1/4, 2/4, 3/4, 4/4"
+    assert lacking(every, cells, 5, [Shard(2, 4)]) == "the shards 1/4, 2/4, 3/4 and 4/4"
     assert lacking({(0, 2)}, cells, 5, [Shard(1, 4)]) == "--shard 2/4"
     assert lacking(every, cells, 5, [Shard(1, 15)]).endswith("10/15 and 5 more")
 

@@ -115,5 +115,5 @@ def test_of_many_agents_a_few_may_be_out_of_reach_and_of_few_none():
     chain = [[place, place + 1] for place in range(1199)]
     scenario = load("tracking", [*keys, f"network.edges={chain}"])
     assert any("1 agent of 1201 cannot reach the others" in each for each in check(scenario.plan))
-    with pytest.raises(UserError, match=r"falls apart: agents \[1101\] cannot reach agents 0 and 1100 more"):
+    with pytest.raises(UserError, match=r"falls apart: agents 1101 cannot reach agents 0, 1, .*, 7 and 1093 more"):
         check(load("tracking", [*keys, f"network.edges={chain[:1100]}"]).plan)

@@ -139,8 +139,8 @@ REFUSED = {
 }
 
 IMPOSSIBLE = {
-    "agents.count = 3\nnetwork.edges = [[0, 1]]": "agents [2] cannot reach agents [0, 1]; add edges",
-    "agents.count = 2\nnetwork.edges = []": "agents [1] cannot reach agents [0]; add edges",
+    "agents.count = 3\nnetwork.edges = [[0, 1]]": "agents 2 cannot reach agents 0 and 1; add edges",
+    "agents.count = 2\nnetwork.edges = []": "agents 1 cannot reach agents 0; add edges",
     "agents.count = 2\nnetwork.edges = [[0, 1], [1, 1]]": "network.edges: [1, 1] does not join two of the 2 agents",
     "agents.count = 2\nnetwork.edges = [[0, 1], [1, 2]]": "network.edges: [1, 2] does not join two of the 2 agents 0 to 1",
     'network = {graph = "geometric", radius = 0.001}': "the network falls apart",

@@ -132,6 +132,11 @@ def test_the_network_is_better_off_and_says_who_was_wrong(tmp_path):
     page = Console(width=200, file=text)
     page.print(metrics_table(runs[0].metrics))
     assert re.search(r"agents that distrust their ranges +│ +3: \d+%", text.getvalue())
+    found = runs[0].metrics.distrust
+    assert found is not None
+    many = replace(found, agents=[0.0, *np.linspace(0.01, 0.2, 20)])
+    page.print(metrics_table(replace(runs[0].metrics, distrust=many)))
+    assert re.search(r"20: 20%, 19: 19%, .* and 12 more", text.getvalue())
     assert "steps of distrust (%)" in (tmp_path / "report.html").read_text()
     for run in runs:
         told = run.metrics.distrust

@@ -13,7 +13,7 @@ from zenoh_cbef.numbers import number
 from zenoh_cbef.protocol.slow import REMEDY
 from zenoh_cbef.tracking.graph import components
 from zenoh_cbef.tracking.status import STATUSES
-from zenoh_cbef.words import counted
+from zenoh_cbef.words import counted, first_of
 
 WINDOW = 40
 """Steps that overconfidence is judged by: one step's NEES scatters."""
@@ -81,7 +81,7 @@ def parts(links: Ints, came: Bools, there: Bools) -> int:
 
 def _away(there: Bools, names: Sequence[str]) -> str:
     gone = [names[agent] for agent in np.flatnonzero(~there).tolist()]
-    return f"; away: agent {', '.join(gone[:5])}{' ...' * (len(gone) > 5)}" if gone else ""
+    return f"; away: agent {first_of(gone, 5)}" if gone else ""
 
 
 def _standing(states: Floats, seconds: Floats) -> tuple[str, str]:

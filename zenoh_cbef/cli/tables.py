@@ -10,8 +10,10 @@ from zenoh_cbef.analysis.results import Bias, Distrust, Honesty, Metrics, Slowne
 from zenoh_cbef.analysis.summary import SUMMARIZED, Summary
 from zenoh_cbef.cli.console import number
 from zenoh_cbef.cli.fitting import Fitting, Told
-from zenoh_cbef.words import counted
+from zenoh_cbef.words import counted, first_of
 
+_NAMED = 8
+"""Agents of which a row speaks; of a large network all of them would fill the screen."""
 _FEW_SEEDS = 22
 """From so many seeds on, one of them is above what 90 % are below, with a probability of 90 %: 0.9^22 < 0.1."""
 
@@ -115,8 +117,10 @@ def _bias_cells(bias: Bias) -> tuple[str, Told, Told]:
 
 
 def _distrust_cells(distrust: Distrust) -> tuple[str, Told, Told]:
-    flagged = [f"{agent}: {share:.0%}" for agent, share in enumerate(distrust.agents) if share]
-    return ", ".join(flagged) or "none", Told("of the steps" if flagged else ""), Told("")
+    """The agents that distrust most of the time first."""
+    shares = {agent: share for agent, share in enumerate(distrust.agents) if share}
+    flagged = [f"{agent}: {shares[agent]:.0%}" for agent in sorted(shares, key=lambda agent: -shares[agent])]
+    return first_of(flagged, _NAMED) if flagged else "none", Told("of the steps" if flagged else ""), Told("")
 
 
 def _slow_cells(slow: Slowness) -> tuple[str, Told, Told]:
@@ -134,7 +138,7 @@ def _remarks(metrics: Metrics) -> list[list[str]]:
         last = [f"and {len(cells) - 2} more" if len(cells) > 3 else cells[2]] if len(cells) > 2 else []
         rows.append([*("undetermined in steps", *cells[:2], *last), *[""] * (3 - len(cells))])
     if metrics.left_out:
-        rows.append(["left out of all this", f"agent {', '.join(map(str, metrics.left_out))}", "", ""])
+        rows.append(["left out of all this", f"agent {first_of([*map(str, metrics.left_out)], _NAMED)}", "", ""])
     return rows
 
 

@@ -12,6 +12,7 @@ from zenoh_cbef.errors import UserError
 from zenoh_cbef.experiment.cells import Cell, seeds_of
 from zenoh_cbef.experiment.journal import JOURNAL
 from zenoh_cbef.plain import whole
+from zenoh_cbef.words import first_of
 
 _MOST = 1_000_000
 _TOLD = 10
@@ -64,5 +65,4 @@ def lacking(
     shards = [Shard(number, of) for number in range(1, of + 1)]
     runs = {one: [(cell.index, seed) for cell in cells for seed in one.seeds_of(cell, seeds)] for one in shards}
     names = [str(one) for one in shards if not missing.isdisjoint(runs[one])]
-    more = f" and {len(names) - _TOLD} more" if len(names) > _TOLD else ""
-    return f"--shard {names[0]}" if len(names) == 1 else f"the shards {', '.join(names[:_TOLD])}{more}"
+    return f"--shard {names[0]}" if len(names) == 1 else f"the shards {first_of(names, _TOLD)}"

@@ -14,7 +14,7 @@ from zenoh_cbef.scenario.model import Scenario
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.tracking import graph
 from zenoh_cbef.tracking.linalg import neighbour_sum, outer
-from zenoh_cbef.words import counted
+from zenoh_cbef.words import counted, first_of
 
 _PROPORTION = 1e7
 _CHEBYSHEV_LEFT = 0.25
@@ -23,7 +23,7 @@ paths of 6 to 300 agents it was lost from 0.39 on, worse than plain averaging mo
 _NOTHING_LEFT = 50.0
 _APART = 0.01
 """Which share of the agents may be apart from the others: of many that are placed at random some always are."""
-_NAMED = 1000
+_NAMED = 8
 
 
 def check(plan: Plan) -> list[str]:
@@ -78,7 +78,7 @@ def _check_edges(scenario: Scenario, edges: graph.Edges) -> list[str]:
 
 
 def _named(agents: list[int]) -> str:
-    return str(agents) if len(agents) <= _NAMED else f"{agents[0]} and {len(agents) - 1} more"
+    return first_of([*map(str, agents)], _NAMED)
 
 
 def _check_epsilon(scenario: Scenario, neighbours: graph.Neighbours) -> None:
