@@ -89,14 +89,27 @@ class Trying:
             items.sort(key=lambda item: (not is_near(item.path, mutant), self._reach.seconds[item.nodeid]))
             limit = sum(self._reach.seconds[item.nodeid] for item in items)
             if mutant is None:
-                found = in_fork(lambda: _passed(session, items), limit)  # noqa: B023 - is called at once
+                found = in_fork(lambda: self._passed(session, items), limit)  # noqa: B023 - is called at once
             elif not mutant.called or (str(mutant.path), mutant.statement) in self._reach.imported:
                 found = IMPORTED
             else:
                 own = functions[str(mutant.path)]
-                found = in_fork(lambda: _tried(session, items, mutant, own), limit)  # noqa: B023
+                found = in_fork(
+                    lambda: self._passed(session, items) if _mutated(mutant, own) else IMPORTED,  # noqa: B023
+                    limit,
+                )
             self._told(number, found)
         return True
+
+    def _passed(self, session: pytest.Session, items: list[pytest.Item]) -> int:
+        rest: list[Any] = [*items, None]
+        for item, following in pairwise(rest):
+            # A mutant that hangs does so in one test: the fork ends by the signal.
+            signal.setitimer(signal.ITIMER_REAL, 20 + 10 * self._reach.seconds[item.nodeid])
+            session.config.hook.pytest_runtest_protocol(item=item, nextitem=following)
+            if session.testsfailed:
+                return KILLED
+        return SURVIVES
 
     def _reaches(self, item: pytest.Item, mutant: Mutant) -> bool:
         return (str(mutant.path), mutant.statement) in self._reach.tests.get(item.nodeid, ())
@@ -137,21 +150,8 @@ def _ended(child: int, seconds: float) -> int:
     os.killpg(child, signal.SIGKILL)
     code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
     if code < 0:
-        return HANGS if -code in {signal.SIGKILL, signal.SIGXCPU} else KILLED
+        return HANGS if -code in {signal.SIGALRM, signal.SIGKILL, signal.SIGXCPU} else KILLED
     return code
-
-
-def _tried(session: pytest.Session, items: list[pytest.Item], mutant: Mutant, functions: list[FunctionType]) -> int:
-    return _passed(session, items) if _mutated(mutant, functions) else IMPORTED
-
-
-def _passed(session: pytest.Session, items: list[pytest.Item]) -> int:
-    rest: list[Any] = [*items, None]
-    for item, following in pairwise(rest):
-        session.config.hook.pytest_runtest_protocol(item=item, nextitem=following)
-        if session.testsfailed:
-            return KILLED
-    return SURVIVES
 
 
 def _mutated(mutant: Mutant, functions: list[FunctionType]) -> bool:

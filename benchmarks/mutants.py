@@ -167,7 +167,7 @@ def main() -> int:
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="at once (default: one for each core)")
     chosen = parser.parse_args()
     os.chdir(ROOT)
-    rows = []
+    rows, tried = [], commit()  # at the start: a checkout can move meanwhile
     for package, count, mutants in drawn(chosen.places, chosen.most, chosen.seed):
         found = counted(package, mutants, chosen.jobs)
         if found is None:
@@ -175,7 +175,7 @@ def main() -> int:
         killed = found[KILLED] + found[HANGS]
         share = f"{killed} ({killed / len(mutants):.0%})"
         rows.append(f"| `{package}` | {count} | {len(mutants)} | {share} | {found[HANGS]} | {found[SURVIVES]} |")
-    print(f"\nseed {chosen.seed}, commit {commit()}\n")
+    print(f"\nseed {chosen.seed}, commit {tried}\n")
     print(
         "| package | mutants | drawn | killed | of these hang | survive |", "|---|---|---|---|---|---|", *rows, sep="\n"
     )

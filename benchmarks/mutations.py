@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -41,6 +42,8 @@ OPERATORS: dict[type[ast.AST], type[ast.AST]] = {
 }
 NAMES = {"minimum": "maximum", "maximum": "minimum", "min": "max", "max": "min", "any": "all", "all": "any"}
 _NOT_RUN = {"annotation", "returns", "decorator_list"}
+_WAITS = re.compile(r"[A-Z_]+_(SECONDS|MS)")
+"""Names of the constants that say how long a process waits."""
 
 
 @dataclass(frozen=True)
@@ -97,7 +100,9 @@ class _Place:
 
 
 def _walk(node: ast.AST, statement: int = 0, called: bool = False) -> Iterator[_Place]:
-    """All that runs, without annotations and the sentences of errors."""
+    """All that runs, without annotations, the sentences of errors, and what `_is_left_out`."""
+    if _is_left_out(node):
+        return
     if isinstance(node, ast.stmt):
         statement = node.lineno
     yield _Place(node, statement, called)
@@ -108,6 +113,20 @@ def _walk(node: ast.AST, statement: int = 0, called: bool = False) -> Iterator[_
         for child in value if isinstance(value, list) else [value]:
             if isinstance(child, ast.AST):
                 yield from _walk(child, statement, inside)
+
+
+def _is_left_out(node: ast.AST) -> bool:
+    """Whether what is here is right in many ways, or not run; docs/mutants.md says why."""
+    match node:
+        case ast.Assign(targets=[ast.Name(id=name)]):
+            return _WAITS.fullmatch(name) is not None
+        case ast.Assign(targets=[ast.Tuple(elts=names)]):
+            return all(isinstance(one, ast.Name) and _WAITS.fullmatch(one.id) for one in names)
+        case ast.keyword(arg="strict") | ast.If(test=ast.Name(id="TYPE_CHECKING")):
+            return True
+        case ast.Expr(value=ast.Call(func=ast.Attribute(value=ast.Name(id="time"), attr="sleep"))):
+            return True
+    return False
 
 
 def _changes(node: ast.AST) -> list[Change]:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import struct
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from mcap import records
+from mcap.data_stream import RecordBuilder
 
 from zenoh_cbef.log.mcap import heads
 from zenoh_cbef.log.mcap.contents import (
@@ -18,7 +21,7 @@ from zenoh_cbef.log.mcap.contents import (
     Record,
     messages_in,
 )
-from zenoh_cbef.log.mcap.heads import Batch, gathered, heads_in
+from zenoh_cbef.log.mcap.heads import Batch, gathered, heads_in, record_places
 
 CHANNEL = Channel(1, "a", "", "", "", b"", {})
 WHOLE = RECORD.pack(5, MESSAGE.size + 1) + MESSAGE.pack(1, 7, 8, 9) + b"x"
@@ -36,18 +39,41 @@ def declarations() -> Declarations:
     return known
 
 
-def by_columns(data: bytes) -> tuple[list[RawMessage], list[str]]:
-    told: list[str] = []
-    return heads_in(data, Record(0, 0, len(data)), declarations(), told.append).messages(), told
+def declared(number: int, topic: str) -> bytes:
+    builder = RecordBuilder()
+    records.Channel(id=number, topic=topic, message_encoding="", metadata={}, schema_id=0).write(builder)
+    return bytes(builder.end())
 
 
-def one_by_one(data: bytes) -> tuple[list[RawMessage], list[str]]:
-    told: list[str] = []
-    return list(messages_in(data, Record(0, 0, len(data)), declarations(), told.append)), told
+NEW, CONTRADICTS = declared(9, "new"), declared(1, "another")
+
+
+def by_columns(data: bytes, entries: bytes = b"") -> tuple[list[RawMessage], list[str], dict[int, Channel]]:
+    told, known = list[str](), declarations()
+    found = heads_in(data, Record(0, 0, len(data)), known, told.append, entries)
+    return found.messages(), told, known.channels
+
+
+def one_by_one(data: bytes) -> tuple[list[RawMessage], list[str], dict[int, Channel]]:
+    told, known = list[str](), declarations()
+    return list(messages_in(data, Record(0, 0, len(data)), known, told.append)), told, known.channels
 
 
 @pytest.mark.parametrize(
-    "data", [WHOLE, EMPTY, WHOLE + EMPTY, EMPTY + OTHER, OTHER + WHOLE + WHOLE, OTHER * 5, WHOLE + THIRD], ids=len
+    "data",
+    [
+        WHOLE,
+        EMPTY,
+        WHOLE + EMPTY,
+        EMPTY + OTHER,
+        OTHER + WHOLE + WHOLE,
+        OTHER * 5,
+        WHOLE + THIRD,
+        NEW + WHOLE,
+        WHOLE + CONTRADICTS + EMPTY,
+        CONTRADICTS,
+    ],
+    ids=len,
 )
 def test_a_sound_part_is_read_at_once(monkeypatch: pytest.MonkeyPatch, data: bytes) -> None:
     expected = one_by_one(data)
@@ -71,6 +97,45 @@ def test_a_sound_part_is_read_at_once(monkeypatch: pytest.MonkeyPatch, data: byt
 )
 def test_a_part_that_is_not_sound_is_read_message_by_message(data: bytes) -> None:
     assert by_columns(data) == one_by_one(data)
+
+
+def indexed(*offsets: int) -> bytes:
+    """The entries of a message index: log times, which no reader of places looks at, and offsets."""
+    return b"".join(struct.pack("<QQ", 0, offset) for offset in offsets)
+
+
+def test_an_index_that_names_all_messages_spares_looking_for_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    data = WHOLE + EMPTY + WHOLE
+    places = 0, len(WHOLE), len(WHOLE + EMPTY)
+    expected = one_by_one(data)
+    monkeypatch.setattr(heads, "record_places", None)
+    for order in (places, places[::-1]):
+        assert by_columns(data, indexed(*order)) == expected
+
+
+def test_an_index_is_not_believed(monkeypatch: pytest.MonkeyPatch) -> None:
+    data = OTHER + WHOLE + NEW + EMPTY
+    first, last = len(OTHER), len(OTHER + WHOLE + NEW)
+    monkeypatch.setattr(heads, "messages_in", None)
+    expected, *_ = by_columns(data)
+    assert len(expected) == 2
+    for place in (*range(len(data) + 20), 1 << 40, (1 << 63) - 1, (1 << 64) - 1):
+        for entries in (indexed(place), indexed(first, place), indexed(place, last), indexed(first, last)[:-1]):
+            assert by_columns(data, entries)[0] == expected
+
+
+def test_the_longest_record_has_256_mebibytes() -> None:
+    longest = 1 << 28
+    for length, found in ((longest, [0]), (longest + 1, None)):
+        places = record_places(RECORD.pack(9, length), Record(0, 0, RECORD.size + length))
+        assert (None if places is None else places.tolist()) == found
+
+
+def test_batches_are_joined_until_they_have_16_mebibytes() -> None:
+    known = {1: CHANNEL}
+    small = batch(b"c", channels=known)
+    for size, joined in (((1 << 24) - 1, 1), (1 << 24, 2)):
+        assert len(list(gathered([replace(small, data=bytes(size)), small]))) == joined
 
 
 def batch(*contents: bytes, channels: dict[int, Channel]) -> Batch:

@@ -207,8 +207,9 @@ def record_places(data: bytes, part: Record) -> Ints | None:
 
 
 def _joined(batches: Sequence[Batch]) -> Batch:
+    first = batches[0]
     if len(batches) == 1:
-        return batches[0]
+        return first
     before = np.array([0, *accumulate(len(one.data) for one in batches[:-1])], dtype=np.int64)
     counts = [len(one) for one in batches]
     shift = np.repeat(before, counts)
@@ -219,4 +220,4 @@ def _joined(batches: Sequence[Batch]) -> Batch:
     columns["start"] += shift
     columns["end"] += shift
     chunk = np.repeat(np.arange(len(batches)), counts)
-    return Batch(b"".join(one.data for one in batches), batches[0].channels, **columns, chunk=chunk)
+    return Batch(b"".join(one.data for one in batches), first.channels, **columns, chunk=chunk)

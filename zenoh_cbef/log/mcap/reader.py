@@ -181,7 +181,7 @@ class McapFile:
         for record, indexes in with_indexes(self._walk.records()):
             chunk = self._walk.chunk(record)
             indexed = {self._walk.number(at.start + RECORD.size, 2): at.end - at.start for at in indexes}
-            if chunk and record.end <= self._data_end and indexed:
+            if chunk and indexed:
                 if not indexed.keys() <= declared.channels.keys():
                     self._chunk_messages(record, declared)
                 for number, size in indexed.items():

@@ -122,7 +122,7 @@ class RecordWalk:
         _, _, start_time, end_time, size, crc, name_length = _CHUNK.unpack_from(self._bytes, record.start)
         name_end = record.start + _CHUNK.size + name_length
         data_start = name_end + 8
-        if data_start > record.end or data_start + self.number(name_end, 8) != record.end:
+        if data_start + self.number(name_end, 8) != record.end:
             return None
         name = self._bytes[record.start + _CHUNK.size : name_end].decode(errors="replace")
         return Chunk(start_time, end_time, name, size, crc, data_start, record.end)
