@@ -43,7 +43,15 @@ TESTS = {
         "tests/log/write/test_run_log.py",
         "tests/processes/recorder/test_fetch.py",
     ),
-    "zenoh_cbef/tracking": ("tests/tracking", "tests/scenario/test_build.py", "tests/test_golden.py"),
+    "zenoh_cbef/tracking": (
+        "tests/tracking",
+        "tests/scenario/test_build.py",
+        "tests/test_golden.py",
+        "tests/simulator/test_bits.py",
+        "tests/simulator/test_precision.py",
+        "tests/simulator/test_stress_runs.py",
+        "tests/simulator/test_supposing.py",
+    ),
 }
 """The tests that a package's mutants meet."""
 

@@ -37,5 +37,12 @@ def test_a_run_of_before_comes_out_the_same(log):
     assert verdict.compared >= 24
 
 
+@pytest.mark.skipif(not AVX512, reason="the test above compares these runs here, bit for bit")
+@pytest.mark.parametrize("name", sorted(FROM_AVX2))
+def test_a_run_of_another_processor_comes_out_nearly_the_same(name):
+    verdict = verify(Path(__file__).parent / "golden" / f"{name}.mcap", tolerance=1e-7)
+    assert verdict.result == "equal", verdict.text
+
+
 def test_every_filter_kind_has_one():
     assert KINDS.keys() <= {log.stem for log in LOGS}
