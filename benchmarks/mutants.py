@@ -47,10 +47,7 @@ TESTS = {
         "tests/tracking",
         "tests/scenario/test_build.py",
         "tests/test_golden.py",
-        "tests/simulator/test_bits.py",
-        "tests/simulator/test_precision.py",
         "tests/simulator/test_stress_runs.py",
-        "tests/simulator/test_supposing.py",
     ),
 }
 """The tests that a package's mutants meet."""

@@ -43,7 +43,9 @@ OPERATORS: dict[type[ast.AST], type[ast.AST]] = {
 NAMES = {"minimum": "maximum", "maximum": "minimum", "min": "max", "max": "min", "any": "all", "all": "any"}
 _NOT_RUN = {"annotation", "returns", "decorator_list"}
 _WAITS = re.compile(r"[A-Z_]+_(SECONDS|MS)")
-"""Names of the constants that say how long a process waits."""
+_WAIT_KEYS = re.compile(r"period_\w+|.*/(delay|open_timeout)")
+"""Names of what says how long a process waits: constants, and settings of Zenoh."""
+_CLOCKS = {"monotonic", "time"}
 
 
 @dataclass(frozen=True)
@@ -110,7 +112,10 @@ def _walk(node: ast.AST, statement: int = 0, called: bool = False) -> Iterator[_
         if name in _NOT_RUN or isinstance(node, ast.Raise):
             continue
         inside = called or (name == "body" and isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef))
-        for child in value if isinstance(value, list) else [value]:
+        children = value if isinstance(value, list) else [value]
+        if isinstance(node, ast.Dict):
+            children = [child for key, child in zip(node.keys, children, strict=True) if not _is_wait(key)]
+        for child in children:
             if isinstance(child, ast.AST):
                 yield from _walk(child, statement, inside)
 
@@ -136,12 +141,22 @@ def _changes(node: ast.AST) -> list[Change]:
 def _of_operators(node: ast.AST) -> Iterator[Change]:
     match node:
         case ast.BinOp(op=op) | ast.BoolOp(op=op) | ast.AugAssign(op=op) | ast.Compare(ops=[op]):
-            if type(op) in OPERATORS:
+            if type(op) in OPERATORS and not (isinstance(node, ast.Compare) and _is_of_a_clock(node)):
                 other = OPERATORS[type(op)]()
                 told = f"{type(op).__name__} becomes {type(other).__name__}"
                 yield told, _with(node, **({"ops": [other]} if isinstance(node, ast.Compare) else {"op": other}))
         case ast.UnaryOp(op=ast.Not() | ast.USub() | ast.Invert(), operand=operand):
             yield f"{ast.unparse(node)} becomes {ast.unparse(operand)}", operand
+
+
+def _is_wait(key: ast.AST | None) -> bool:
+    return isinstance(key, ast.Constant) and _WAIT_KEYS.fullmatch(str(key.value)) is not None
+
+
+def _is_of_a_clock(node: ast.Compare) -> bool:
+    """Whether it compares a time of this moment: which side the moment itself is on makes no difference."""
+    called = [one.func for one in ast.walk(node) if isinstance(one, ast.Call)]
+    return any(isinstance(one, ast.Attribute) and one.attr in _CLOCKS for one in called)
 
 
 def _of_values(node: ast.AST) -> Iterator[Change]:
@@ -162,7 +177,7 @@ def _of_statements(node: ast.AST) -> Iterator[Change]:
     match node:
         case ast.If(test=test) | ast.While(test=test):
             yield f"{ast.unparse(test)} is denied", _with(node, test=ast.UnaryOp(ast.Not(), test))
-        case ast.Return(value=ast.expr() as value) if ast.unparse(value) != "None":
+        case ast.Return(value=ast.expr() as value) if ast.unparse(value) not in {"None", "False"}:
             yield f"returns None, not {ast.unparse(value)}", _with(node, value=ast.Constant(None))
         case ast.Expr(value=ast.Call()):
             yield f"without {ast.unparse(node)}", ast.Pass()

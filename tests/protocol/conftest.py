@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Iterator
 
 import pytest
@@ -12,6 +13,19 @@ from zenoh_cbef.protocol.reach import wait_for_link
 from zenoh_cbef.protocol.session import Connection, open_session
 
 Pair = tuple[zenoh.Session, zenoh.Session]
+
+
+@pytest.fixture(autouse=True)
+def threads(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No thread that the package starts holds up the end of its process."""
+    start = threading.Thread.start
+
+    def checked(self: threading.Thread) -> None:
+        work = getattr(self, "function", None) or getattr(self, "_target", None)
+        assert self.daemon or not str(getattr(work, "__module__", "")).startswith("zenoh_cbef")
+        start(self)
+
+    monkeypatch.setattr(threading.Thread, "start", checked)
 
 
 @pytest.fixture

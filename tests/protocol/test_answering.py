@@ -59,3 +59,20 @@ def test_a_question_that_cannot_be_answered_leaves_the_others_their_answers(
     assert (ask(0), ask(1)) == ([], [b"1"])
     answering.undeclare()
     assert "ZeroDivisionError" in capsys.readouterr().err
+
+
+def test_an_answer_that_is_being_given_is_given_to_its_end(pair: Pair) -> None:
+    here, there = pair
+    begun, ended = threading.Event(), threading.Event()
+
+    def reply(_: zenoh.Query) -> None:
+        begun.set()
+        time.sleep(0.05)
+        ended.set()
+
+    answering, until = Answering(here, KEY, reply), time.monotonic() + 60.0
+    while not begun.is_set() and time.monotonic() < until:
+        there.get(KEY, timeout=60.0)
+        begun.wait(0.05)
+    answering.undeclare()
+    assert ended.is_set()

@@ -22,8 +22,15 @@ def test_a_session_that_waits_for_an_answer_is_closed(monkeypatch: pytest.Monkey
         mute.settimeout(100.0)
         with mute.accept()[0]:
             assert wait_for_link(session, 100.0)
+            with socket.create_server(("127.0.0.1", 0)) as server:
+                calling = socket.create_connection(server.getsockname())
+                called, _ = server.accept()
             close_soon(session, told)
             assert session.is_closed()
+            with calling, called:  # no other connection of the process is touched
+                calling.sendall(b"x")
+                called.settimeout(10.0)
+                assert called.recv(1) == b"x"
             assert not other.is_closed()
 
 

@@ -10,9 +10,9 @@ import pytest
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.protocol.control import read_answer, read_request
 from zenoh_cbef.protocol.messages import VERSION, BadMessage
-from zenoh_cbef.protocol.questions import ADD, CLEAR, LIST, STATUS, STOP, Question
+from zenoh_cbef.protocol.questions import ADD, CLEAR, HOLD, LIST, STATUS, STOP, Question
 
-QUESTIONS: dict[str, Question] = {one.name: one for one in (STOP, ADD, CLEAR, LIST, STATUS)}
+QUESTIONS: dict[str, Question] = {one.name: one for one in (STOP, HOLD, ADD, CLEAR, LIST, STATUS)}
 FAULT = {"kind": "loss", "number": 0, "from": 1.0, "until": None, "active": True}
 TOLD = {
     "run": "mine",
@@ -40,6 +40,7 @@ TOLD = {
 }
 ANSWERS: dict[str, dict] = {
     "stop": {"step": 4},
+    "hold": {"held": True, "step": 4},
     "fault add": {"number": 1, "from": 2.5},
     "fault clear": {"ended": [0, 2]},
     "fault list": {"faults": json.dumps([FAULT, FAULT | {"until": 3}])},
@@ -64,6 +65,9 @@ NO_NUMBER: list[object] = [True, "1", None, float("nan"), float("inf"), [1]]
 NO_COUNT: list[object] = [True, "1", -1, 1.0, [1]]
 WRONG: dict[tuple[str, str], list[object]] = {
     ("stop", "step"): NO_COUNT,
+    ("hold", "held"): [None, 0, 1, "yes"],
+    ("hold", "step"): NO_COUNT,
+    ("hold", "round"): NO_COUNT,
     ("fault add", "number"): [*NO_COUNT, None],
     ("fault add", "from"): NO_NUMBER,
     ("fault clear", "ended"): [None, 1, [True], [-1], [None]],
@@ -100,6 +104,18 @@ WRONG: dict[tuple[str, str], list[object]] = {
         [[1, [0.0] * 6, 1]],
         [[1, (0.0,) * 5 + (float("-inf"),)]],
     ],
+    ("status", "apart"): [
+        None,
+        "agent/0",
+        ["agent/0"],
+        [["agent/0", "agent/1"]],
+        [["agent/0", "agent/1", True, True]],
+        [["agent/0", "agent/1", 1]],
+        [["agent/0", 1, True]],
+        [[1, "agent/1", True]],
+        [["agent/0", "agent/1", True], ["agent/0", "agent/2", None]],
+        [("agent/0", "agent/1", True), {}],
+    ],
     ("status", "faults"): [None, "[{}]", json.dumps([{"kind": "loss", "fault": -1}])],
 }  # fmt: skip
 
@@ -117,6 +133,11 @@ def test_the_largest_lists_and_counts_are_taken():
     assert answer("stop", step=None)["step"] is None
     assert answer("status", truth=[[0, [1e100, -1e100] * 3]])["truth"] == [[0, [1e100, -1e100] * 3]]
     assert answer("fault list", faults="[]")["faults"] == "[]"
+    for pairs in ([], [["agent/0", "agent/1", True], ["agent/0", "record/a", False]]):
+        assert answer("status", apart=pairs)["apart"] == pairs
+    for last in (None, 0, 7):
+        assert answer("hold", round=last)["round"] == last
+    assert answer("status", dt=1, time=True + 0.5)["dt"] == 1
 
 
 def test_what_an_answer_may_lack_is_checked_where_it_is_there():

@@ -133,3 +133,17 @@ def test_names_of_any_length_fit(run):
     data = codec.encode(1, 2, 3, 4, np.array([5.0]))
     assert decode(ROUND, data, run=run, sender=SENDER)["k"] == 3
     assert codec.decode(data)[:3] == (3, 4, 2)
+
+
+@pytest.mark.parametrize("numbers", [(0, 0, 0, 0), (2**63 - 1, 2**63 - 1, 2**32 - 1, 2**16 - 1)])
+def test_numbers_of_all_bits_need_no_general_decoder(
+    monkeypatch: pytest.MonkeyPatch, numbers: tuple[int, int, int, int]
+) -> None:
+    monkeypatch.setattr("zenoh_cbef.protocol.round_codec.decode", None)
+    codec, payload = RoundCodec(RUN, SENDER, 4), np.array([LARGEST_SENT, -LARGEST_SENT, 0.0, 1.0])
+    seq, sent, step, round_ = numbers
+    data = codec.encode(seq, sent, step, round_, payload)
+    assert codec.decode(data) == (step, round_, sent, payload.tobytes())
+    many = codec.decode_all([data, data])
+    assert [many.seq[1], many.sent[1], many.step[1], many.round[1]] == [seq, sent, step, round_]
+    assert many.payload[1].tobytes() == payload.tobytes()

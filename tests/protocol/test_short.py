@@ -105,3 +105,24 @@ def test_a_message_of_a_plane_is_a_fraction_of_one_in_all_bits():
     # x, 4 rows: 28 bytes of integers with the code, and the head.
     assert HEAD_BYTES + COMPACT.size == 46
     assert len(RoundCodec("run", "agent/3", 14).encode(0, 1, 2, 3, np.zeros(14))) == 187
+
+
+def test_what_one_message_of_many_has_wrong_refuses_all() -> None:
+    quiet = ShortCodec(Compact(14, (4,), "int12", silences=True))
+    sound, silence = quiet.encode(1, 2, 3, 4, np.zeros(14)), quiet.encode(1, 2, 3, 4, np.full(14, np.nan))
+    late = framed(1, 1 << 63, 3, 4, SILENCE)
+    assert quiet.decode_all([framed(1, (1 << 63) - 1, 3, 4, SILENCE)]).sent.tolist() == [(1 << 63) - 1]
+    for wrong, words in ((late, "field sent is not as promised"), (sound[: SILENT_BYTES - 1], "too short")):
+        for messages in ([wrong], [sound, wrong], [wrong, silence]):
+            with pytest.raises(BadMessage, match=words):
+                quiet.decode_all(messages)
+    with pytest.raises(BadMessage, match="silence, which the run does not have"):
+        CODEC.decode_all([sound, silence])
+    assert not is_short(silence[:-1], AT)
+    assert not is_short(b"\2" + silence[1:], AT)
+    assert not is_short(silence, None)
+
+
+def test_numbers_of_a_message_go_round_after_32_bits() -> None:
+    assert numbered(framed((1 << 32) + 5, 9, 3, 4, SILENCE)) == (5, 9)
+    assert numbered(framed((1 << 32) - 1, 9, 3, 4, SILENCE)) == ((1 << 32) - 1, 9)

@@ -10,7 +10,7 @@ import pytest
 from mcap import records
 from mcap.data_stream import RecordBuilder
 
-from zenoh_cbef.log.mcap import heads
+from zenoh_cbef.log.mcap import contents, heads
 from zenoh_cbef.log.mcap.contents import (
     MAX_RECORD_BYTES,
     MESSAGE,
@@ -124,6 +124,15 @@ def test_an_index_is_not_believed(monkeypatch: pytest.MonkeyPatch) -> None:
             assert by_columns(data, entries)[0] == expected
 
 
+def test_a_record_that_is_longer_than_any_is_not_passed_by_its_index(monkeypatch: pytest.MonkeyPatch) -> None:
+    data = EMPTY + WHOLE + EMPTY
+    for module in (heads, contents):
+        monkeypatch.setattr(module, "MAX_RECORD_BYTES", MESSAGE.size)
+    found = by_columns(data, indexed(0, len(EMPTY), len(EMPTY + WHOLE)))
+    assert found == one_by_one(data)
+    assert len(found[0]) == 2
+
+
 def test_the_longest_record_has_256_mebibytes() -> None:
     longest = 1 << 28
     for length, found in ((longest, [0]), (longest + 1, None)):
@@ -151,6 +160,9 @@ def test_batches_of_the_same_channels_are_joined_up_to_a_size(monkeypatch: pytes
     assert joined[1] is parts[2]
     monkeypatch.setattr(heads, "_AT_ONCE", 2)
     assert len(list(gathered(parts))) == 3
+    monkeypatch.setattr(heads, "_AT_ONCE", 3)
+    parts = [batch(one, channels=known) for one in (b"abc", b"de", b"fg")]
+    assert [len(one) for one in gathered(parts)] == [1, 2]
     assert list(gathered([])) == []
 
 

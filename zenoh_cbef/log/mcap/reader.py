@@ -5,6 +5,7 @@ The format is that of the MCAP specification (https://mcap.dev/spec).
 
 from __future__ import annotations
 
+import math
 import mmap
 import struct
 import zlib
@@ -116,8 +117,8 @@ class McapFile:
 
         Holds what chunks overlap in time, which in a log that was written as messages came is a chunk or two.
         """
-        starts = [self._walk.start_time(record) for record in self._walk.records() if holds_messages(record)]
-        least = 1 << 64
+        starts: list[float] = [*map(self._walk.start_time, filter(holds_messages, self._walk.records()))]
+        least = math.inf
         for place in reversed(range(len(starts))):
             starts[place], least = least, min(least, starts[place])
         held: list[RawMessage] = []
