@@ -3,6 +3,7 @@
 import json
 import os
 import re
+import runpy
 import shutil
 import subprocess
 import sys
@@ -165,6 +166,7 @@ for link in zip(links.source, links.destination, links.sent, links.lost, links.i
 """
 
 
+@pytest.mark.processes
 def test_the_example_of_a_new_fault_works_in_a_copy_of_the_package(tmp_path):
     page = read("docs/adding-a-fault.md")
     code, beginning = re.findall(r"^```python\n(.*?)^```", page, re.DOTALL | re.MULTILINE)
@@ -204,7 +206,7 @@ def test_the_reference_has_every_public_name(monkeypatch):
     assert "ndarray(shape" not in page  # NumPy's own text
 
 
-def test_the_example_reader_needs_mcap_and_msgpack_alone_and_is_what_the_page_shows(tmp_path):
+def test_the_example_reader_needs_mcap_and_msgpack_alone_and_is_what_the_page_shows(tmp_path, monkeypatch, capsys):
     example = ROOT / "docs" / "examples" / "read_log.py"
     code = example.read_text(encoding="utf-8")
     assert f"```python\n{code}```" in read("docs/log-format.md")
@@ -213,8 +215,9 @@ def test_the_example_reader_needs_mcap_and_msgpack_alone_and_is_what_the_page_sh
         "msgpack",
     }
     log = made_log(tmp_path / "run.mcap", "steps=7", "agents.count=3")
-    done = subprocess.run([sys.executable, example, log], capture_output=True, text=True, check=True)
-    lines = done.stdout.splitlines()
+    monkeypatch.setattr(sys, "argv", [str(example), str(log)])
+    runpy.run_path(str(example))
+    lines = capsys.readouterr().out.splitlines()
     assert [line.split()[0] for line in lines] == [
         "scenario.toml",
         "scenario.resolved.toml",

@@ -23,7 +23,12 @@ FROM_AVX2 = {"supposing"}  # all other runs come from a processor with AVX-512
 AS_AVX2 = {"NPY_DISABLE_CPU_FEATURES": " ".join(AVX512), "OPENBLAS_CORETYPE": "Haswell"}
 
 
-@pytest.mark.parametrize("log", LOGS, ids=lambda path: path.stem)
+def as_case(log):
+    """What needs a process of its own is no fast test."""
+    return pytest.param(log, id=log.stem, marks=pytest.mark.processes if AVX512 and log.stem in FROM_AVX2 else ())
+
+
+@pytest.mark.parametrize("log", [as_case(log) for log in LOGS])
 def test_a_run_of_before_comes_out_the_same(log):
     if AVX512 and log.stem in FROM_AVX2:
         command = [sys.executable, "-m", "zenoh_cbef", "verify", str(log)]

@@ -21,12 +21,14 @@ def run() -> zc.Run:
     return zc.simulate("tracking", seed=7, **SMALL)
 
 
+@pytest.mark.processes
 def test_importing_the_package_imports_neither_zenoh_nor_numpy() -> None:
     code = "import sys, zenoh_cbef; print(sorted({'zenoh', 'numpy', 'pydantic', 'matplotlib'} & sys.modules.keys()))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout == "[]\n"
 
 
+@pytest.mark.processes
 def test_simulating_needs_no_zenoh() -> None:
     code = "import sys, zenoh_cbef as zc; zc.simulate('tracking', steps=3).estimates; print('zenoh' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

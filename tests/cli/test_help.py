@@ -108,6 +108,7 @@ IMPORTED = (
 )
 
 
+@pytest.mark.processes
 @pytest.mark.parametrize("words", ["--help", "--version"])
 def test_help_imports_no_verb_and_nothing_that_takes_long(words):
     done = subprocess.run([sys.executable, "-c", IMPORTED, *words.split()], capture_output=True, text=True, check=False)
@@ -116,6 +117,7 @@ def test_help_imports_no_verb_and_nothing_that_takes_long(words):
     assert "zenoh_cbef.cli.verbs" in done.stderr.split()
 
 
+@pytest.mark.processes
 def test_a_verb_imports_no_other():
     script = "from zenoh_cbef.cli import verbs; verbs.load('check'); import sys; print(*sys.modules)"
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
@@ -177,6 +179,7 @@ def test_the_name_of_a_run_that_goes_on_is_completed(complete, monkeypatch, tmp_
     assert complete("zenoh-cbef status --run mi") == []
 
 
+@pytest.mark.processes
 @pytest.mark.skipif(not Path("/bin/bash").exists(), reason="this system has no bash there")
 def test_bash_completes_with_the_script_that_it_is_given(tmp_path):
     program = tmp_path / "zenoh-cbef"

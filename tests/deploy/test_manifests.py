@@ -156,6 +156,7 @@ def test_what_systemd_starts_the_command_line_takes(unit, tmp_path):
     parse(command)
 
 
+@pytest.mark.processes
 @pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="systemd-analyze is not installed")
 def test_systemd_takes_the_units_and_finds_them_confined(tmp_path):
     for unit in UNITS:

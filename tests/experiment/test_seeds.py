@@ -39,6 +39,18 @@ def figures(scenario: Scenario, count: int, jobs: int, progress: Callable[[int],
     return metrics_of(scenario, count, 0.25, jobs, progress=progress, tell=ignore)
 
 
+def test_figures_are_the_same_whatever_the_batches(scenario, monkeypatch):
+    scenario = scenario.model_copy(update={"seed": 2**64 - 3})
+    finished = list[int]()
+    parts = figures(scenario, 7, 1, finished.append)
+    assert [one.seed for one in parts] == [(2**64 - 3 + more) % 2**64 for more in range(7)]
+    assert finished == sorted(finished)
+    assert finished[-1] == 7
+    monkeypatch.setattr(cores, "_BATCH", 10**6)
+    assert figures(scenario, 7, 1) == parts
+
+
+@pytest.mark.processes
 @pytest.mark.parametrize("seed", [1, 2**64 - 3])
 def test_figures_are_the_same_whatever_the_jobs_and_the_batches(scenario, monkeypatch, seed):
     scenario = scenario.model_copy(update={"seed": seed})
@@ -91,6 +103,7 @@ def test_without_joblib_one_core_simulates_and_says_so(scenario, monkeypatch):
     )
 
 
+@pytest.mark.processes
 @pytest.mark.usefixtures("scenario")
 def test_the_verb_spreads_seeds_over_jobs(monkeypatch, capsys):
     words = ["sim", "tracking", "--seeds", "5", "--json", *(word for one in SHORT for word in ("--set", one))]
@@ -114,6 +127,7 @@ def gone(process: int) -> bool:
         return True
 
 
+@pytest.mark.processes
 def test_ctrl_c_ends_all_processes_in_one_word():
     words = [sys.executable, "-m", "zenoh_cbef", "sim", "tracking", "--seeds", "100000", "--jobs", "2"]
     process = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-import subprocess
+import runpy
 import sys
 from pathlib import Path
 
@@ -28,11 +28,12 @@ def test_the_example_is_short_needs_mcap_alone_and_is_what_the_page_shows():
 
 
 @pytest.mark.parametrize("bits", [8, 12, 16])
-def test_it_reads_states_certainties_and_silence(tmp_path, bits):
+def test_it_reads_states_certainties_and_silence(tmp_path, monkeypatch, capsys, bits):
     keys = f"consensus.precision='int{bits}'", "consensus.trigger=0.1", "steps=25", "agents.count=5"
     log = open_log(made_log(tmp_path / "run.mcap", *keys))
-    done = subprocess.run([sys.executable, EXAMPLE, log.path], capture_output=True, text=True, check=True)
-    told = {tuple(line.split()[:5]): line.split()[5:] for line in done.stdout.splitlines()}
+    monkeypatch.setattr(sys, "argv", [str(EXAMPLE), str(log.path)])
+    runpy.run_path(str(EXAMPLE))
+    told = {tuple(line.split()[:5]): line.split()[5:] for line in capsys.readouterr().out.splitlines()}
     assert len(told) == 25 * 5 * 10
     payloads = read_recording(log, read_header(log), rounds="payloads").rounds.numbers("payload", 25)
     kinds = set()

@@ -160,6 +160,7 @@ def test_a_message_that_does_not_fit_is_refused(path: Path) -> None:
     writer.close(remove=True)
 
 
+@pytest.mark.processes
 @pytest.mark.parametrize("at", [0, 1, 7, 100, 2000])
 def test_a_writer_that_is_killed_in_the_middle_of_a_message_leaves_all_before_it(path: Path, at: int) -> None:
     size = 1 << 14

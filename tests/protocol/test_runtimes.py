@@ -16,6 +16,7 @@ print(os.environ["ZENOH_RUNTIME"])
 """
 
 
+@pytest.mark.processes
 @pytest.mark.parametrize(("given", "taken"), [(None, ROOMY_RUNTIMES), (ONE_RUNTIME, ONE_RUNTIME)])
 def test_a_process_opens_its_first_session_with_room_for_all_its_links(given: str | None, taken: str) -> None:
     """Zenoh reads the variable, and panics at a value that it does not know."""

@@ -192,6 +192,7 @@ def test_a_missing_package_is_named(scene, tmp_path, monkeypatch, package):
     assert not list(tmp_path.iterdir()), "a refused export leaves nothing behind"
 
 
+@pytest.mark.processes
 def test_a_recording_of_rerun_holds_the_scene(scene, tmp_path: Path):
     pytest.importorskip("rerun", reason="rerun-sdk is large and not installed by 'make install'; see docs/replay.md")
     (path,) = write_rrd(scene, tmp_path / "run.rrd")

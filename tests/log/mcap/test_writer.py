@@ -183,6 +183,7 @@ while True:
 """
 
 
+@pytest.mark.processes
 @pytest.mark.parametrize("rounds", [1, 7, 50])
 def test_kill_9_keeps_what_was_flushed(tmp_path: Path, rounds: int) -> None:
     path = tmp_path / "log.mcap"
@@ -214,6 +215,7 @@ writer.close()
 """
 
 
+@pytest.mark.processes
 def test_a_full_disk_is_an_error_and_the_file_stays_readable(tmp_path: Path) -> None:
     path = tmp_path / "log.mcap"
     limit = 104_000

@@ -92,6 +92,7 @@ for limit in map(int, sys.argv[2:]):
 """
 
 
+@pytest.mark.processes
 def test_what_does_not_fit_on_a_full_disk_is_counted(tmp_path):
     limits = [2_000, 5_000, 20_011, 60_000]
     done = subprocess.run(
@@ -177,6 +178,7 @@ def test_what_a_killed_recorder_left_is_not_written_over(tmp_path, left):
     assert (tmp_path / left).read_bytes() == b"precious"
 
 
+@pytest.mark.processes
 def test_a_log_that_cannot_be_begun_leaves_no_file(tmp_path):
     script = (
         "import resource, sys; from pathlib import Path; from zenoh_cbef.log.write.run_log import RunLog;"
