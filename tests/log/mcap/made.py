@@ -11,6 +11,8 @@ from zenoh_cbef.log.mcap.reader import McapFile
 from zenoh_cbef.log.mcap.writer import Compression
 
 COMPRESSIONS: tuple[Compression, ...] = ("zstd", "lz4", "none")
+MESSAGES = 300
+"""In the log of the fixture."""
 
 
 def chance(seed: int) -> random.Random:

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.examples import TIMES, examples
-from tests.log.mcap.made import altered, chance, rows
+from tests.log.mcap.made import MESSAGES, altered, chance, rows
 from zenoh_cbef.log.mcap.contents import NotMcapError
 from zenoh_cbef.log.mcap.reader import McapFile
 from zenoh_cbef.log.mcap.writer import MAGIC, Compression, McapWriter
@@ -32,14 +32,14 @@ def test_random_cuts_leave_an_exact_prefix(log: Path) -> None:
         assert file.damage
         assert set(file.attachments.items()) <= {("first", b"seed = 1\n" * 20), ("middle", b"middle")}
         if cut > len(data) - 100:
-            assert len(found) == 600
+            assert len(found) == MESSAGES
 
 
 def test_a_cut_loses_no_complete_chunk_and_no_whole_message_that_is_not_compressed(log: Path) -> None:
     data, wanted = log.read_bytes(), rows(McapFile(log))
     half = len(data) // 2
     found = rows(altered(data[:half]))
-    assert 200 < len(found) < 400
+    assert MESSAGES // 3 < len(found) < 2 * MESSAGES // 3
     if log.stem == "none":
         last = wanted[len(found)][-1]
         assert last not in data[:half]
@@ -118,11 +118,11 @@ def test_a_damaged_chunk_is_named_and_skipped(log: Path) -> None:
     place = bent.index(b"100 100 100 ")
     bent[place] ^= 1
     file = altered(bent)
-    lost = set(range(600)) - {m.sequence for m in file.messages()}
+    lost = set(range(MESSAGES)) - {m.sequence for m in file.messages()}
     assert 100 in lost
     assert len(lost) < 40
     assert any(sentence.startswith("chunk at byte") and "fails its CRC" in sentence for sentence in file.damage)
-    assert f"{600 - len(lost)} of 600 messages that were written can be read" in file.lost
+    assert f"{MESSAGES - len(lost)} of {MESSAGES} messages that were written can be read" in file.lost
 
 
 @examples(100)
