@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeVar
+from typing import TypeGuard, TypeVar
 
 Node = TypeVar("Node", bound=ast.AST)
 Change = tuple[str, ast.AST]
@@ -116,7 +116,9 @@ def _walk(node: ast.AST, statement: int = 0, called: bool = False) -> Iterator[_
         if isinstance(node, ast.Dict):
             children = [child for key, child in zip(node.keys, children, strict=True) if not _is_wait(key)]
         for child in children:
-            if isinstance(child, ast.AST):
+            if _is_rest(child, node):
+                yield _Place(child, statement, inside)
+            elif isinstance(child, ast.AST):
                 yield from _walk(child, statement, inside)
 
 
@@ -147,6 +149,12 @@ def _of_operators(node: ast.AST) -> Iterator[Change]:
                 yield told, _with(node, **({"ops": [other]} if isinstance(node, ast.Compare) else {"op": other}))
         case ast.UnaryOp(op=ast.Not() | ast.USub() | ast.Invert(), operand=operand):
             yield f"{ast.unparse(node)} becomes {ast.unparse(operand)}", operand
+
+
+def _is_rest(node: object, call: ast.AST) -> TypeGuard[ast.UnaryOp]:
+    """Whether it is the length that NumPy finds out: any negative number stands for that."""
+    reshapes = isinstance(call, ast.Call) and isinstance(call.func, ast.Attribute) and call.func.attr == "reshape"
+    return reshapes and isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub)
 
 
 def _is_wait(key: ast.AST | None) -> bool:

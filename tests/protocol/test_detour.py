@@ -96,8 +96,10 @@ def test_messages_names_and_questions_go_through_the_target(ends: dict[str, End]
     second.presence.leave("agent/2")
     assert first.presence.wait(lambda live: "agent/2" not in live, 100.0)
 
+    second_session = vars(first.detour)["_client"]
     first.detour.lead({})
     assert first.detour.heard() == []
+    assert second_session.is_closed()
     assert until(lambda: not publisher.matching_status.matching)  # type: ignore[attr-defined]
 
 
@@ -113,6 +115,11 @@ def test_a_recorder_hears_events_and_an_agent_that_its_last_words_were_heard(end
     assert recorder.presence.wait(lambda live: "agent/1" in live, 100.0)
     recorder.presence.announce("heard/agent/1/7")
     assert agent.presence.wait(lambda live: {"record/record", "heard/agent/1/7"} <= live, 100.0)
+    second_session = vars(agent.detour)["_client"]
+    agent.detour.close()
+    assert second_session.is_closed()
+    agent.detour.lead({"record/record": True})
+    assert vars(agent.detour)["_client"] is None  # it has ended for good
 
 
 def test_the_directory_tells_both_ends_of_a_detour_and_when_the_other_listens() -> None:

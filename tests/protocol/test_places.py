@@ -9,7 +9,7 @@ import pytest
 
 from zenoh_cbef.protocol.addresses import with_ports
 from zenoh_cbef.protocol.directory import MOST_ENDPOINTS, Place, _packed, _read_answer, _read_question
-from zenoh_cbef.protocol.lives import is_life, new_life, router_life
+from zenoh_cbef.protocol.lives import connects, is_life, new_life, router_life
 from zenoh_cbef.protocol.messages import VERSION, BadMessage
 from zenoh_cbef.protocol.session import Connection
 
@@ -114,3 +114,24 @@ def test_a_process_that_nothing_was_said_to_listens_on_loopback_and_knows_that_i
 def test_a_detour_is_a_client_of_the_target_alone() -> None:
     detour = Connection(["tcp/10.0.0.2:1"], [ENDPOINT], life="c0").detour_by("tcp/10.0.0.1:1")
     assert detour == Connection(["tcp/10.0.0.1:1"], mode="client", gossip=False, detour=True)
+
+
+@pytest.mark.parametrize(("chosen", "first"), [(lambda most: most - 1, "f"), (lambda _: 0, "1")])
+def test_an_id_begins_with_no_zero_and_has_its_length_however_it_is_drawn(
+    monkeypatch: pytest.MonkeyPatch, chosen: Any, first: str
+) -> None:
+    monkeypatch.setattr("secrets.randbelow", chosen)
+    for life in (new_life([ENDPOINT]), router_life(carries=True), router_life(carries=False)):
+        assert (len(life), life[0]) == (32, first)
+
+
+def test_ids_are_compared_as_numbers_whose_least_byte_comes_first() -> None:
+    assert connects("01ff", "ff01") is True
+    assert connects("1ff", "ff01") is True  # Zenoh writes no leading zero
+    assert connects("ff01", "1ff") is False
+    assert connects("1ff", "01ff") is False
+    assert connects("2", "1") is True
+
+
+def test_the_longest_text_of_a_place_has_200_characters() -> None:
+    assert _read_question("agent/3", question(changed(2, "h" * 200)))[0].host == "h" * 200

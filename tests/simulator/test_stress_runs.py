@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from benchmarks.stress import cases, scenario_of
+from zenoh_cbef import simulator
 from zenoh_cbef.analysis.yardsticks import centralized_run
 from zenoh_cbef.scenario import Scenario
 from zenoh_cbef.scenario.load import load
@@ -29,6 +30,13 @@ MORE = {
     "silence and few bits": ["consensus.trigger=0.1", "consensus.precision='int12'", "filter.planar_height=0.4"],
     "running sums of few bits": ["consensus.scheme='running-sums'", "consensus.precision='float32'", LOSS],
     "delays and smoothing": ["filter.lag_seconds=1.0", "fault=[{kind='delay',milliseconds=100.0}]"],
+    "loss of a memory": [
+        "agents.count=9",
+        "filter.bias='auto'",
+        "fault=[{kind='crash',agents=[1,4],from=2.3,until=2.6},{kind='loss',probability=0.3}]",
+    ],
+    "liars that neighbours name": ["fault=[{kind='byzantine',agents=[3],mode='constant',magnitude=3.0}]"],
+    "half of the squared ranges": ["filter.range_std=0.2", "agents.low=[-10,-10,0]", "agents.high=[10,10,0]"],
     "many agents": ["agents.count=30", "network.graph='grid'", "filter.kind='cbef-scaled'"],
 }
 """Scenarios beside those of benchmarks/stress.toml: what is laid over the built-in `tracking`."""
@@ -68,5 +76,15 @@ RECORDED: dict[str, dict[str, float]] = json.loads(FILE.read_text(encoding="utf-
 
 @pytest.mark.parametrize("name", RECORDED)
 def test_a_hard_run_comes_out_as_before(name: str) -> None:
+    assert_as_before(name)
+
+
+@pytest.mark.parametrize("name", ["loss of a memory", "delays and smoothing", "several motions of few bits"])
+def test_a_hard_run_in_parts_comes_out_as_in_one(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(simulator, "_BLOCK", 2)
+    assert_as_before(name)
+
+
+def assert_as_before(name: str) -> None:
     # Processors differ in the last bits, and forty steps make more of that; most where numbers are rounded to few bits.
     assert numbers(name) == pytest.approx(RECORDED[name], rel=1e-3 if "few bits" in name else 1e-6, abs=1e-9)

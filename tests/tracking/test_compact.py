@@ -98,3 +98,14 @@ def test_bytes_that_are_no_payload_are_refused_and_others_are_finite(data):
         return
     assert found.shape == (1, 31)
     assert np.isfinite(found).all()
+
+
+@pytest.mark.parametrize("power", [206, -206])
+def test_numbers_that_are_too_far_apart_for_integers_travel_as_floats(power):
+    for far in (0, 1):
+        matrix = np.eye(2)
+        matrix[far, far] = 2.0**power
+        payload = np.concatenate([matrix @ [1.0, 1.0], matrix[np.triu_indices(2)]])[None]
+        rounded = Compact(5, (2,), "int16").rounded(payload)
+        # Floats of 32 bits go so far.
+        np.testing.assert_allclose(rounded, np.minimum(payload, 3e38), rtol=1e-3, atol=1e-37)

@@ -12,6 +12,7 @@ from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.tracking.filters import Belief, FilterSettings, make_filter
 from zenoh_cbef.tracking.filters.around.moved import moved
 from zenoh_cbef.tracking.filters.around.recovering import widened
+from zenoh_cbef.tracking.joint import _Joint
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
 from zenoh_cbef.tracking.ranging import Measurement, Space
 
@@ -134,3 +135,20 @@ def test_few_agents_of_whose_biases_the_scenario_tells_estimate_them_together():
             size = 6 + plan.scenario.count
             assert plan.sharing.blocks == (size,)
     assert not Plan(load("tracking").scenario).settings.joint_biases
+
+
+def test_what_a_first_fix_tells_of_biases_is_carried_over_with_its_correlations():
+    """Of x ~ N(m, P) and d_i = a_i + b_i^T x + e_i: the mean and covariance of (x, c, d)."""
+    random = np.random.default_rng(4)
+    one = begun(random)
+    offset, slope, given = (np.asarray(each) for each in one.tied)
+    settings = replace(SETTINGS, common_bias_std=0.7)
+    filter_ = _Joint(settings, np.inf, Belief(one.state[:1], one.known_covariance[:1]), COUNT)
+    filter_.begin(Belief(one.state[:1], one.known_covariance[:1]), (offset, slope, given))
+    found, covariance = filter_._biased, one.known_covariance[0]  # noqa: SLF001
+    np.testing.assert_allclose(found.state[0], [*one.state[0], 0.0, *(offset + slope @ one.state[0])])
+    expected = np.zeros((7 + COUNT, 7 + COUNT))
+    expected[:6, :6], expected[6, 6] = covariance, 0.7**2
+    expected[7:, :6], expected[:6, 7:] = slope @ covariance, covariance @ slope.T
+    expected[7:, 7:] = slope @ covariance @ slope.T + np.diag(given)
+    np.testing.assert_allclose(found.known_covariance[0], expected, atol=1e-12)

@@ -9,8 +9,9 @@ from benchmarks.stress import cases, scenario_of
 from zenoh_cbef.scenario.load import load
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.simulator import simulate
-from zenoh_cbef.tracking.filters.around.mirror_images import mirrored
-from zenoh_cbef.tracking.filters.base import Belief
+from zenoh_cbef.tracking.diagnostics import Diagnostics
+from zenoh_cbef.tracking.filters.around.mirror_images import _cost, mirrored
+from zenoh_cbef.tracking.filters.base import Belief, Update
 from zenoh_cbef.tracking.ranging import Space, own_range
 from zenoh_cbef.tracking.status import ACQUIRING, TRACKING
 
@@ -87,3 +88,12 @@ def test_a_mirror_image_is_as_far_from_the_plane_and_has_the_same_ranges_from_it
         row @ one.known_covariance[0] @ row.T for one, (_, row) in zip((belief, image), (here, there), strict=True)
     ]
     assert spreads[0] == pytest.approx(spreads[1])
+
+
+def test_how_unlikely_a_range_was_is_that_of_a_gaussian_with_a_cut_square_and_nothing_without_one():
+    told = Diagnostics.of(6)
+    told.nis[:], told.innovation[:] = [2.0, 400.0, np.nan, 0.0, np.inf, 0.5], [3.0, 10.0, 3.0, 3.0, 3.0, np.nan]
+    found = _cost(Update(np.zeros((6, 1)), told, (), ()))
+    assert found[0] == pytest.approx(2.0 + np.log(9.0 / 2.0))
+    assert found[1] - np.log(100.0 / 400.0) < 400.0
+    assert found[2:5].tolist() == [0.0] * 3

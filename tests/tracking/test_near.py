@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from zenoh_cbef.tracking import near as nearness
 from zenoh_cbef.tracking.graph import components, neighbours
 from zenoh_cbef.tracking.near import pairs_within
 
@@ -17,6 +18,24 @@ def test_pairs_are_all_that_are_near(count, radius, scale):
     first, second = np.triu_indices(count, 1)
     near = np.sum((points[first] - points[second]) ** 2, axis=1) <= radius * radius
     assert pairs_within(points, radius).tolist() == np.stack([first[near], second[near]], axis=1).tolist()
+
+
+@pytest.mark.parametrize("at_once", [1, 3, 50])
+def test_pairs_are_the_same_however_many_are_compared_at_once(monkeypatch, at_once):
+    points = np.random.default_rng(3).random((60, 3))
+    expected = pairs_within(points, 0.3).tolist()
+    many, repeat = list[int](), np.repeat
+
+    def counted(*what):
+        found = repeat(*what)
+        many.append(len(found))
+        return found
+
+    monkeypatch.setattr(nearness, "_AT_ONCE", at_once)
+    monkeypatch.setattr(np, "repeat", counted)
+    assert pairs_within(points, 0.3).tolist() == expected
+    assert len(many) > 2 * 27
+    assert max(many) <= at_once + 60
 
 
 def test_components_are_ascending_and_sorted_by_their_least_member():

@@ -95,3 +95,14 @@ def test_where_silence_would_mislead_a_sentence_names_the_remedy(keys, told):
     with pytest.raises(UserError, match=told):
         check(load("tracking", ["consensus.trigger=0.1", *keys]).plan)
     check(load("tracking", ["consensus.trigger=0.1", "fault=[{kind='loss', probability=0.3}]"]).plan)
+
+
+@pytest.mark.parametrize(("off", "near"), [(0.5, True), (0.5000001, False), (-0.5, True), (-0.6, False)])
+def test_a_number_is_near_up_to_the_trigger_or_that_share_of_a_larger_one(off, near):
+    stage = Triggered(metropolis_weights(LISTS), 0.5, (2,))
+    said = information(2)
+    for told, scale in ((0.0, 1.0), (-1.0, 1.0), (8.0, 8.0), (-8.0, 8.0)):
+        said[:, -1] = told
+        value = said.copy()
+        value[1, -1] += off * scale
+        assert stage._near(value, said).tolist() == [True, near]  # noqa: SLF001
