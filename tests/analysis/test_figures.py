@@ -7,7 +7,9 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
+from zenoh_cbef.analysis import typeset
 from zenoh_cbef.analysis.figures import Chart, agent_style, has_lone_points, log_range, paper_charts, thinned
 from zenoh_cbef.analysis.metrics import Analysis, analyze
 from zenoh_cbef.analysis.plots import time_plot
@@ -32,6 +34,18 @@ def written(analysis: Analysis, tmp_path_factory: pytest.TempPathFactory) -> lis
     return write_figures(analysis, tmp_path_factory.mktemp("run") / "figures")
 
 
+@pytest.fixture
+def sketched(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Figures are drawn once and not written, where a test looks at no file."""
+
+    def sketch(figure: Figure, path: Path, kind: str, _: str) -> Path:
+        if kind == "svg":
+            figure.draw_without_rendering()
+        return path
+
+    monkeypatch.setattr(typeset, "save", sketch)
+
+
 def test_three_figures_are_written_as_png_of_one_column_and_as_svg(written: list[Path]) -> None:
     names = ("innovation", "msee", "msee-average")
     assert [path.name for path in written] == [f"{name}{end}" for name in names for end in (".png", ".svg")]
@@ -52,6 +66,7 @@ def test_the_same_run_gives_the_same_files(written: list[Path], analysis: Analys
     assert [path.read_bytes() for path in again] == [path.read_bytes() for path in written]
 
 
+@pytest.mark.usefixtures("sketched")
 def test_figures_take_any_filter_and_size_and_labels_with_dollar_signs_are_no_formulas(tmp_path: Path) -> None:
     labels = [r"$\nonsense$", "_", *map(str, range(22))]
 
@@ -60,6 +75,7 @@ def test_figures_take_any_filter_and_size_and_labels_with_dollar_signs_are_no_fo
     )
 
 
+@pytest.mark.usefixtures("sketched")
 def test_a_run_without_any_value_still_gives_figures(analysis: Analysis, tmp_path: Path) -> None:
     nothing = np.full_like(analysis.msee, np.nan)
     diagnostics = dataclasses.replace(analysis.trace.diagnostics, innovation=nothing)
@@ -70,6 +86,7 @@ def test_a_run_without_any_value_still_gives_figures(analysis: Analysis, tmp_pat
     assert len(write_figures(silent, tmp_path)) == 6
 
 
+@pytest.mark.usefixtures("sketched")
 def test_without_a_truth_the_claimed_error_takes_the_place_of_the_msee(tmp_path: Path) -> None:
     [trace] = simulate([Scenario(steps=12)])
     unknown = dataclasses.replace(trace, truth=np.full_like(trace.truth, np.nan))

@@ -158,12 +158,12 @@ def test_of_the_largest_noise_the_velocity_jumps():
 
 def test_on_a_circle_it_is_better_than_any_acceleration_noise():
     circle = ["target.motion=circle", "target.radius=5", "target.period=8"]
-    scenario = load("tracking", ["steps=120", *circle]).scenario
-    traces = simulate([scenario.model_copy(update={"seed": 1001 + more}) for more in range(4)])
-    known, seen = told(traces, 120)
+    scenario = load("tracking", ["steps=80", *circle]).scenario
+    traces = simulate([scenario.model_copy(update={"seed": 1001 + more}) for more in range(3)])
+    known, seen = told(traces, 80)
     truth = np.stack([trace.truth for trace in traces])
     off = [
-        np.sqrt(np.mean(np.sum((strong(one, seen)[0] - truth)[:, 60:, :3] ** 2, axis=2)))
+        np.sqrt(np.mean(np.sum((strong(one, seen)[0] - truth)[:, 40:, :3] ** 2, axis=2)))
         for one in (known, replace(known, turn_rate_std=None))
     ]
     assert off[0] < 0.7 * off[1]

@@ -72,12 +72,12 @@ def test_a_filter_that_is_adrift_hears_no_ranges_where_it_would_learn_biases_fro
 
 def test_biases_are_still_right_after_a_long_silence():
     """At twenty seconds of silence, 2.5 s after which another fix is done; largest error of all agents."""
-    silence = 'fault=[{kind="sensor-dropout",probability=1.0,from=20.0,until=40.0}]'
+    silence = 'fault=[{kind="sensor-dropout",probability=1.0,from=10.0,until=30.0}]'
 
     def errors(rules):
-        keys = ["sensor.bias_std=0.5", silence, "steps=430", f"filter.defaults={rules}"]
+        keys = ["sensor.bias_std=0.5", silence, "steps=330", f"filter.defaults={rules}"]
         traces = simulate([load("tracking", [*keys, f"seed={1001 + more}"]).scenario for more in range(5)])
-        return [np.linalg.norm((one.estimates - one.truth)[:, 425, :3], axis=1).max() for one in traces]
+        return [np.linalg.norm((one.estimates - one.truth)[:, 325, :3], axis=1).max() for one in traces]
 
     found, before = errors(9), errors(8)
     assert np.median(found) < 0.8

@@ -17,7 +17,7 @@ from zenoh_cbef.tracking.ranging import Measurement
 
 TURNS = (
     "target.motion=waypoints", "target.speed=3", "target.waypoints=[[0,0,0],[6,6,0],[-6,6,3],[6,-6,-3],[0,0,0]]",
-    "sensor.outlier_probability=0.3", "sensor.outlier_scale=20", "steps=150",
+    "sensor.outlier_probability=0.3", "sensor.outlier_scale=20", "steps=110",
 )  # fmt: skip
 
 
