@@ -48,6 +48,7 @@ TESTS = {
         "tests/scenario/test_build.py",
         "tests/test_golden.py",
         "tests/simulator/test_stress_runs.py",
+        "tests/analysis/test_strokes.py",
     ),
 }
 """The tests that a package's mutants meet."""

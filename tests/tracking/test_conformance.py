@@ -10,6 +10,7 @@ from pydantic import BaseModel
 from zenoh_cbef.extending import Abilities, Belief
 from zenoh_cbef.testing import Nonconforming, check_filter
 from zenoh_cbef.tracking.filters import KINDS
+from zenoh_cbef.tracking.filters.base import filter_of
 from zenoh_cbef.tracking.filters.kinds.icf import InformationWeighted
 
 DICE = np.random.default_rng(1)
@@ -125,3 +126,11 @@ def test_options_are_the_filters_own():
         check_filter(Wide, widht=2.0)
     with pytest.raises(ValueError, match="which is no filter: it lacks of"):
         check_filter(Width)
+
+
+@pytest.mark.parametrize(
+    ("lacking", "told"), [("abilities", "lacks abilities, an"), ("sharing", r"lacks sharing\(\);")]
+)
+def test_a_class_that_lacks_one_thing_is_no_filter(lacking, told):
+    with pytest.raises(ValueError, match=told):
+        filter_of(type("Partial", (InformationWeighted,), {lacking: None}), "here:Partial")
