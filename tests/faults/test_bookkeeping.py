@@ -10,6 +10,7 @@ from zenoh_cbef.faults import Absences, AnyFault, Crash, Delay, Fates, Outage
 from zenoh_cbef.faults.base import Between, Fault
 from zenoh_cbef.faults.clock import Clock, ahead, clocks_of
 from zenoh_cbef.faults.injected import ABSENT, FATES, IN_TIME, Injected
+from zenoh_cbef.faults.partition import Partition
 
 ANY: TypeAdapter = TypeAdapter(AnyFault)
 SOURCE, DESTINATION = np.array([0, 1, 2]), np.array([1, 2, 0])
@@ -77,6 +78,8 @@ def test_who_keeps_asking_is_answered_over_all_links_that_exist_and_are_not_cut(
         [False, True, True],
         [True, False, False],
     ]
+    partition = Partition.model_validate({"kind": "partition", "from": 0.25, "until": 0.35})
+    assert [fates(partition).reaches(step).any() for step in (2, 3, 4)] == [True, False, True]
 
 
 def test_stretches_are_the_parts_of_a_run_without_the_same_agents():

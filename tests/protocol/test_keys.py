@@ -115,3 +115,12 @@ def test_agents_and_recorders_claim_their_names():
 def test_an_expression_stands_for_keys_as_zenoh_says(expression, inside, outside):
     assert all(matches(expression, key) for key in inside)
     assert not any(matches(expression, key) for key in outside)
+
+
+def test_what_all_agents_say_has_a_key_expression_of_each_kind():
+    keys = Keys("test")
+    for every, one, other in (
+        (keys.all_estimates, keys.estimate(3), keys.range(3)),
+        (keys.all_ranges, keys.range(3), keys.estimate(3)),
+    ):
+        assert (matches(every, one), matches(every, other)) == (True, False)

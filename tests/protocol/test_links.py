@@ -13,7 +13,7 @@ import zenoh
 from tests.processes.conftest import unused_port
 from zenoh_cbef.protocol.addresses import is_loopback, own_addresses, own_host, parts, reached_at, with_ports
 from zenoh_cbef.protocol.introducing import introduce, life_at
-from zenoh_cbef.protocol.lives import connects, new_life
+from zenoh_cbef.protocol.lives import connects, new_life, site_of
 from zenoh_cbef.protocol.session import Connection, open_session
 from zenoh_cbef.protocol.sockets import end_link
 
@@ -73,6 +73,7 @@ def test_who_is_introduced_has_one_link_and_a_third_process_hears_nothing(hall: 
 
 def test_the_process_that_listens_somewhere_is_known_by_its_life(hall: Hall) -> None:
     session, connection = hall.agent()
+    assert site_of(session) == "", "it is linked to no router"
     assert life_at(connection.listen[0], connection) == str(session.zid()) == connection.life
     assert life_at(f"tcp/127.0.0.1:{unused_port()}", connection) == ""
     with socket.create_server(("127.0.0.1", 0)) as mute:

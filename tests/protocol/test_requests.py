@@ -11,7 +11,8 @@ import pytest
 from tests.protocol.conftest import Pair
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.protocol.control import ask_control, serve_control
-from zenoh_cbef.protocol.questions import CLEAR, STOP
+from zenoh_cbef.protocol.fields import field_of
+from zenoh_cbef.protocol.questions import CLEAR, STOP, _Apart
 from zenoh_cbef.protocol.replay_service import serve_replay
 
 KEY = "cbef/test/control"
@@ -67,3 +68,11 @@ def test_a_replay_obeys_orders_in_their_order_and_tells_its_state(pair: Pair) ->
     assert reply.err is not None
     assert reply.err.payload.to_string() == "a rate is above 0"
     service.undeclare()
+
+
+@pytest.mark.parametrize("other", ["agent/1", "", 3, None, ["agent/1"]])
+def test_two_that_have_no_link_are_told_by_their_names(other: object) -> None:
+    status = field_of(_Apart)
+    assert status.hold([[["agent/0", other, True]]]) == isinstance(other, str)
+    assert status.hold([[[other, "agent/0", True]]]) == isinstance(other, str)
+    assert not status.hold([[["agent/0", "agent/1", 1]]])
