@@ -21,6 +21,7 @@ FAILED = "Can not create a new TCP listener: it did not work at io/link.rs:12."
         (HERE, "Address already IN USE", "a port of tcp/127.0.0.1:1, tcp/127.0.0.1:2 is in use"),
         (HERE, "bind (OS error 98)", "is in use; choose another with --listen"),
         (HERE, FAILED, "^cannot listen on tcp/127.0.0.1:1, tcp/127.0.0.1:2: it did not work; choose another"),
+        (Connection(), "outer: middle: inner at src/a.rs:3:1", "session: inner; check"),
         (HERE, "outer: inner!", "^Zenoh cannot open a session: inner; check --connect"),
         (Connection(), FAILED, "^Zenoh cannot open a session: it did not work; check"),
         (Connection(mode="router"), "outer: inner", "^this Zenoh cannot be a router: inner; check --config"),
@@ -40,6 +41,10 @@ def test_a_router_that_does_not_answer_is_named_and_certificates_where_there_are
     tls = Tls.of_folder(tmp_path, "agent-3")
     said = str(_mistake("connect", Connection(["tcp/a:1", "tcp/b:2"], mode="client"), unreached=True))
     assert said == "no router answers at tcp/a:1, tcp/b:2; start 'zenoh-cbef router', and check --connect"
+    said = str(_mistake("connect", Connection(["tls/a:1"], mode="client"), unreached=True))
+    assert said == "tls/a:1 asks for a certificate; give --tls and your folder of 'certs new'"
+    said = str(_mistake("connect", Connection(["tls/a:1"], mode="client", tls=tls), unreached=True))
+    assert said.startswith("no router answers at tls/a:1; ")
     said = str(_mistake("connect", Connection(mode="client", tls=tls), unreached=True))
     assert said.startswith("no router answers at the endpoints of its configuration; ")
     assert said.endswith(", --tls, and that the router's certificate names this host")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from typing import Any
 
@@ -12,7 +13,9 @@ from tests.protocol.conftest import Pair
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.protocol.control import ask_control, serve_control
 from zenoh_cbef.protocol.fields import field_of
-from zenoh_cbef.protocol.questions import CLEAR, STOP, _Apart
+from zenoh_cbef.protocol.log_service import _read
+from zenoh_cbef.protocol.messages import BadMessage
+from zenoh_cbef.protocol.questions import CLEAR, STOP, _Apart, _States, _Time
 from zenoh_cbef.protocol.replay_service import serve_replay
 
 KEY = "cbef/test/control"
@@ -76,3 +79,23 @@ def test_two_that_have_no_link_are_told_by_their_names(other: object) -> None:
     assert status.hold([[["agent/0", other, True]]]) == isinstance(other, str)
     assert status.hold([[[other, "agent/0", True]]]) == isinstance(other, str)
     assert not status.hold([[["agent/0", "agent/1", 1]]])
+
+
+def test_of_several_values_each_is_looked_at() -> None:
+    seconds, states, there = field_of(_Time), field_of(_States), [0.5] * 6
+    assert seconds.hold([1.0, 2])
+    assert states.hold([[[1, there], [2, there]]])
+    for wrong in (math.nan, True, "1"):
+        assert not seconds.hold([1.0, wrong])
+    for odd in ([2, there[1:]], [2, [*there[1:], "x"]], [-2, there], [2, there, 3], 2):
+        assert not states.hold([[[1, there], odd]])
+
+
+@pytest.mark.parametrize(
+    "changed", [{"names": ["a", 2]}, {"digests": [b"", "b"]}, {"sizes": [1, -2]}, {"sizes": [1]}, {"names": ["a"]}]
+)
+def test_an_offer_of_logs_has_a_name_a_size_and_a_digest_of_each(changed: dict[str, Any]) -> None:
+    whole = {"v": 1, "names": ["a", "b"], "sizes": [1, 2], "digests": ["0", "1"]}
+    assert _read("record", msgpack.packb(whole)).names == ("a", "b")
+    with pytest.raises(BadMessage):
+        _read("record", msgpack.packb(whole | changed))
