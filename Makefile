@@ -47,10 +47,10 @@ types: install  ## mypy, strict
 unit: install  ## all tests; one worker more than there are cores, as many tests wait
 	$(BIN)/pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder || { [ $$? -eq 1 ] && $(BIN)/python -m tests.alone; }
 
-fast: install  ## the tests that start no process
-	$(BIN)/pytest -n $(CORES) --dist worksteal -m "not processes" $(LEAN)
+fast: install  ## the tests that start no process and simulate no long runs (a minute)
+	$(BIN)/pytest -n $(WORKERS) --dist worksteal -m "not processes and not slow" $(LEAN)
 
-thorough: install  ## the same, with ten times as many random examples (minutes)
+thorough: install  ## all tests that start no process, with ten times as many random examples (minutes)
 	EXAMPLES=10 $(BIN)/pytest -n $(CORES) --dist worksteal -m "not processes" $(LEAN)
 
 coverage: install  ## which lines the fast tests run; processes are not counted

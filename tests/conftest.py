@@ -1,4 +1,4 @@
-"""Which tests start processes or open sessions: `make fast` leaves these out."""
+"""Which tests start processes or open sessions: `make fast` leaves these out, and those that are marked slow."""
 
 import gc
 import os
@@ -49,7 +49,7 @@ def is_long(path: Path) -> bool:
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
     """Do not even import the files of which no test is asked for."""
-    return True if config.option.markexpr == "not processes" and has_processes(collection_path) else None
+    return True if config.option.markexpr.startswith("not processes") and has_processes(collection_path) else None
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:

@@ -95,6 +95,7 @@ def test_every_part_has_a_level():
     assert {part_of(path) for path in FILES} <= LEVEL.keys()
 
 
+@pytest.mark.slow
 def test_imports_point_down():
     upward = [
         f"{place(path, line)}: {part_of(path)} imports {part}"

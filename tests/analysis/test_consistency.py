@@ -50,6 +50,7 @@ def test_with_one_round_they_are_somewhat_too_confident(kind):
     assert errors.mean > 1.05 * nees(kind).mean
 
 
+@pytest.mark.slow
 def test_covariance_intersection_is_too_modest_with_any_number_of_rounds():
     for overrides in ((), ("consensus.rounds=1",)):
         errors, innovations = nees("ci", *overrides), nis("ci", *overrides)
@@ -82,6 +83,7 @@ def test_filters_without_covariance_claim_nothing(kind):
     assert one.metrics.nis is None
 
 
+@pytest.mark.slow
 def test_the_nis_shows_a_wrong_noise_without_the_truth():
     honest = nis("icf").mean
     assert nis("icf", "filter.range_std=0.05").mean > 2.0 * honest

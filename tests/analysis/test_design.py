@@ -117,6 +117,7 @@ def foretold(scenarios):
     return [one for one in found if one is not None]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "overrides",
     [
@@ -143,6 +144,7 @@ def test_predictions_agree_with_simulations_over_seeds(overrides):
     assert np.mean([one.nees or np.nan for one in before]) == pytest.approx(claimed, rel=0.1)
 
 
+@pytest.mark.slow
 def test_under_loss_the_error_is_predicted_and_its_small_excess_to_a_factor_of_two():
     scenarios = [tracking(f"seed={seed}", "consensus.rounds=4", LOSS, "steps=80") for seed in range(1, 19)]
     before, after = foretold(scenarios), [one.metrics for one in analyze(simulate(scenarios))]

@@ -23,6 +23,7 @@ SHORT = ("consensus.precision='int12'", "consensus.trigger=0.1")
 LOSS = "fault=[{kind='loss', probability=0.3}]"
 
 
+@pytest.mark.slow
 def test_the_bytes_of_a_step_are_those_of_the_messages_that_agents_send(tmp_path):
     path = made_log(tmp_path / "run.mcap", "steps=40", "agents.count=5", *SHORT)
     [run] = analyze([read_trace(path)])
@@ -64,6 +65,7 @@ def test_the_table_has_a_row_of_it_that_fits_eighty_columns_and_none_for_the_usu
     assert max(map(len, told)) <= 80
 
 
+@pytest.mark.slow
 def test_settings_are_recommended_that_a_link_carries():
     plan = load("tracking").plan
     told = design(plan, kbits=40.0).recommended
@@ -83,6 +85,7 @@ def test_settings_are_recommended_that_a_link_carries():
     assert f"--set dt={slow.recommended.dt:g}" in said
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("keys", "precision", "trigger"),
     [

@@ -46,6 +46,7 @@ def sketched(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(typeset, "save", sketch)
 
 
+@pytest.mark.slow
 def test_three_figures_are_written_as_png_of_one_column_and_as_svg(written: list[Path]) -> None:
     names = ("innovation", "msee", "msee-average")
     assert [path.name for path in written] == [f"{name}{end}" for name in names for end in (".png", ".svg")]
@@ -60,12 +61,14 @@ def test_three_figures_are_written_as_png_of_one_column_and_as_svg(written: list
             assert drawing.get("width") == "252pt"
 
 
+@pytest.mark.slow
 def test_the_same_run_gives_the_same_files(written: list[Path], analysis: Analysis, tmp_path: Path) -> None:
     again = write_figures(analysis, tmp_path)
 
     assert [path.read_bytes() for path in again] == [path.read_bytes() for path in written]
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("sketched")
 def test_figures_take_any_filter_and_size_and_labels_with_dollar_signs_are_no_formulas(tmp_path: Path) -> None:
     labels = [r"$\nonsense$", "_", *map(str, range(22))]
@@ -75,6 +78,7 @@ def test_figures_take_any_filter_and_size_and_labels_with_dollar_signs_are_no_fo
     )
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("sketched")
 def test_a_run_without_any_value_still_gives_figures(analysis: Analysis, tmp_path: Path) -> None:
     nothing = np.full_like(analysis.msee, np.nan)

@@ -169,6 +169,7 @@ def test_the_reference_saturates_only_where_the_filter_does():
     assert errors["sicf"] < 0.5 * errors["icf"]
 
 
+@pytest.mark.slow
 def test_the_recommended_filter_is_near_the_centralised_one_and_honest():
     analyses = analyze(simulate([load("tracking", [f"seed={seed}", "steps=200"]).scenario for seed in range(12)]))
     ratios = [pick(one.metrics, "ratio_to_centralized") for one in analyses]
@@ -187,6 +188,7 @@ def circling():
     return analyze(simulate([loaded.model_copy(update={"seed": seed}) for seed in (1, 2)]))
 
 
+@pytest.mark.slow
 def test_a_twin_that_is_lost_with_the_network_is_told_and_so_is_what_can_be_reached(circling):
     for one in circling:
         metrics = one.metrics

@@ -1,5 +1,6 @@
 """Runs in which no agent is left whose errors count: there is nothing to average, and that is said."""
 
+import pytest
 from rich.console import Console
 
 from zenoh_cbef.analysis.metrics import analyze
@@ -16,6 +17,7 @@ LIARS_AND_DEAD = {
 }
 
 
+@pytest.mark.slow
 def test_tables_and_report_are_written_all_the_same(tmp_path):
     scenario = parse(LIARS_AND_DEAD, "test")
     analyses = analyze(simulate([scenario, scenario.model_copy(update={"seed": 2})]))

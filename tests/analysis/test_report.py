@@ -244,6 +244,7 @@ def test_fault_periods_are_shaded(tmp_path: Path) -> None:
     assert [note["text"] for note in layout["annotations"]] == ["loss"]
 
 
+@pytest.mark.slow
 def test_a_long_line_is_thinned_and_keeps_its_peak(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     # The strong yardstick of so many steps would take seconds, and is not looked at.
     monkeypatch.setattr("zenoh_cbef.analysis.yardsticks.DOUBT", np.inf)

@@ -34,6 +34,7 @@ def path_of(trace: Trace) -> SmoothedPath:
     return trace.smoothed
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("fault", "most"), [("fault=[]", 1.02), (LOSS, 1.05)])
 def test_agents_smooth_as_well_as_a_centralised_smoother(fault, most):
     found = [one.metrics for one in analyze(run("steps=90", "filter.lag_seconds=1", fault, seeds=range(1, 9)))]
@@ -76,6 +77,7 @@ def test_estimates_that_cannot_be_smoothed_are_refused_with_the_remedy():
         load("tracking", ["filter.kind=cbef-scaled", "filter.lag_seconds=1"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("motion", ["filter.motion=turn", "target.motion=circle"])
 def test_a_filter_that_knows_more_than_the_log_smooths_with_all_of_it(motion):
     (trace,) = run("steps=100", motion, "filter.lag_seconds=20")
@@ -100,6 +102,7 @@ def test_of_a_log_it_smooths_with_all_of_it_too(motion, tmp_path):
     assert smoothed_trace(whole, live)[0] is whole
 
 
+@pytest.mark.slow
 def test_the_path_of_a_filter_computed_again_has_no_gap_where_an_agent_was_away(tmp_path):
     fault = 'fault=[{kind="crash", agents=[2], from=1.0, until=2.0}]'
     log = made_log(tmp_path / "run.mcap", "steps=40", "target.motion=circle", fault)
@@ -124,6 +127,7 @@ def test_covariances_that_are_none_count_as_missing():
     assert np.isfinite(path_of(smoothed_run(trace)).covariances).all()
 
 
+@pytest.mark.slow
 def test_the_verbs_smooth(monkeypatch, capsys, tmp_path):
     log = made_log(tmp_path / "run.mcap", "steps=30")
     again = tmp_path / "again.mcap"

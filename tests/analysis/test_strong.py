@@ -156,6 +156,7 @@ def test_of_the_largest_noise_the_velocity_jumps():
     assert np.linalg.matrix_rank(noise[0]) == 3
 
 
+@pytest.mark.slow
 def test_on_a_circle_it_is_better_than_any_acceleration_noise():
     circle = ["target.motion=circle", "target.radius=5", "target.period=8"]
     scenario = load("tracking", ["steps=80", *circle]).scenario

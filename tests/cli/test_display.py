@@ -19,6 +19,7 @@ with display.live:
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("width", [80, 140])
 def test_a_run_is_told_whole_at_any_width(monkeypatch, width):
     monkeypatch.delenv("COLUMNS", raising=False)

@@ -77,6 +77,7 @@ def words(cell: object) -> list[str]:
     return (cell.plain if isinstance(cell, Text) else Text.from_markup(str(cell)).plain).split()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["metrics", "summary", "compare", "agents", "agents, brief", "links", "design 0"])
 def test_every_number_and_every_name_is_whole_at_any_width(name):
     fitting = tables()[name]

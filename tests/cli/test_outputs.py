@@ -51,6 +51,7 @@ def test_without_a_name_an_output_goes_beside_its_log_and_is_called_after_it(
     assert not [name for name in new if name.startswith("work")]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "name"),
     [

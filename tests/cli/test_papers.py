@@ -28,6 +28,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return place
 
 
+@pytest.mark.slow
 def test_a_figure_says_in_each_format_what_made_it(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PATH", "/nothing")  # no LaTeX is needed for PGF
     formats = [part for kind in ("pdf", "svg", "pgf", "png") for part in ("--format", kind)]
@@ -104,6 +105,7 @@ def test_tables_are_latex_or_csv(folder: Path) -> None:
     assert table[1][0] == "position RMSE (m)"
 
 
+@pytest.mark.slow
 def test_the_figures_and_the_table_of_an_experiment_are_printed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -104,6 +104,7 @@ def is_the_numbered_walk(folder):
     np.testing.assert_allclose(found.ranges, expected, atol=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_bag_of_ranges(tmp_path, kind):
     store = store_of(kind)
@@ -126,6 +127,7 @@ def test_a_bag_of_px4(tmp_path, kind):
     is_the_numbered_walk(tmp_path / "set")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_bag_of_ones_own_type(tmp_path, kind):
     path = tmp_path / ("own.bag" if kind == "bag" else "own")
@@ -150,6 +152,7 @@ def without_definitions(path):
     return path
 
 
+@pytest.mark.slow
 def test_a_bag_without_definitions_takes_them_from_files(tmp_path):
     path = write(tmp_path / "flight", "db3", store_of("db3"), by_numbers(UWB, of_px4), version=8)
     words = [without_definitions(path), "--anchors", numbered(tmp_path), "-o", tmp_path / "set"]
@@ -160,6 +163,7 @@ def test_a_bag_without_definitions_takes_them_from_files(tmp_path):
     is_the_numbered_walk(tmp_path / "set")
 
 
+@pytest.mark.slow
 def test_a_bag_without_definitions_needs_none_for_the_types_of_ros(tmp_path):
     store = store_of("db3")
     path = without_definitions(write(tmp_path / "walk", "db3", store, ranges_and_truth(store), version=8))

@@ -50,6 +50,7 @@ def test_lengths_in_another_unit_are_told(tmp_path, unit, known):
         assert f"anchors and truth look like {unit}" in said
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("divided", "known", "remedy"),
     [

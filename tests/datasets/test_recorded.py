@@ -42,6 +42,7 @@ def test_other_paths_start_from_the_base():
     assert dataset_folder("/my-set", Path("/data")) == Path("/my-set")
 
 
+@pytest.mark.slow
 def test_the_scenario_tracks_as_a_centralised_filter_does():
     [found] = analyze(simulate([load("lawnmower").scenario]))
     # The ranges' standard deviation is 1.5 m, and each node's are too long by a length of its own.

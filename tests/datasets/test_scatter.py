@@ -40,6 +40,7 @@ def test_a_learning_network_begins_there_unless_it_is_told_where():
     assert load("lawnmower").scenario.sensor.range_std == 0.1
 
 
+@pytest.mark.slow
 def test_a_noise_that_is_learned_costs_less_than_a_tenth():
     found, given = (simulate([load("lawnmower", keys).scenario]) for keys in (["filter.range_std=auto"], []))
     learned, known = (unaided.position_rmse(unaided.errors(each)[0]) for each in (found, given))

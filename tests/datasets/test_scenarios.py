@@ -23,6 +23,7 @@ from zenoh_cbef.simulator import heard_in, simulate
 MIRRORED, TWO = {0: 2, 1: 3, 2: 0, 3: 1}, {0: 1, 1: 0, 2: 2, 3: 3}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("how", "factor", "swapped", "said"),
     [
@@ -139,6 +140,7 @@ SETS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SETS)
 def test_recorded_sets_use_almost_all_of_their_ranges(name):
     if not (RECORDED / name).is_dir():

@@ -11,6 +11,7 @@ from zenoh_cbef.experiment.statistics import median_interval
 NUMBERS = st.floats(-1e6, 1e6, allow_nan=False)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [3, 7, 15, 51])
 def test_for_odd_numbers_the_interval_is_what_resampling_tends_to(count):
     values = np.random.default_rng(count).normal(size=count) ** 3

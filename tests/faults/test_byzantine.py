@@ -123,6 +123,7 @@ def test_averages_leave_liars_out():
     np.testing.assert_allclose(analysis.disagreement, np.sqrt(apart))
 
 
+@pytest.mark.slow
 def test_trimming_holds_off_one_liar_of_ten_where_plain_averaging_is_lost():
     keys = ["agents.count=10", "network.probability=0.8", "steps=150", 'fault=[{kind="byzantine", agents=[3]}]']
     plain, trimmed = (

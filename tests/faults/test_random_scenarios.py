@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 
 import numpy as np
+import pytest
 from hypothesis import HealthCheck, assume, given
 
 from tests.examples import examples
@@ -18,6 +19,7 @@ from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.simulator import simulate
 
 
+@pytest.mark.slow
 @examples(15, suppress_health_check=[HealthCheck.too_slow])
 @given(scenarios())
 def test_a_faulty_run_is_finite_and_the_same_alone_and_in_a_batch(given):

@@ -42,6 +42,7 @@ def bench(log):
     bench.close()
 
 
+@pytest.mark.slow
 def test_a_viewer_gets_the_channels_and_the_numbers_of_the_export(bench, shown):
     with Foxglove(bench, "127.0.0.1", 0, None) as served, closing(Viewer(served.port)) as viewer:
         assert viewer.info["capabilities"] == []

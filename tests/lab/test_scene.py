@@ -260,6 +260,7 @@ def test_a_log_beside_is_shown_at_the_same_time(bench, tmp_path):
     assert arrays["curve error"].shape == (0,)
 
 
+@pytest.mark.slow
 def test_a_long_log_is_shown_while_the_rest_of_it_is_read(tmp_path):
     long = made_log(tmp_path / "long.mcap", "steps=100", "agents.count=3", "record.chunk_bytes=1024")
     source = LogSource(long, at_once=0.0)

@@ -27,6 +27,7 @@ def test_the_example_is_short_needs_mcap_alone_and_is_what_the_page_shows():
     assert set(re.findall(r"^(?:from|import) (\w+)", code, re.MULTILINE)) - sys.stdlib_module_names == {"mcap"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("bits", [8, 12, 16])
 def test_it_reads_states_certainties_and_silence(tmp_path, monkeypatch, capsys, bits):
     keys = f"consensus.precision='int{bits}'", "consensus.trigger=0.1", "steps=25", "agents.count=5"

@@ -14,6 +14,7 @@ from zenoh_cbef.protocol.reach import wait_for_link
 from zenoh_cbef.protocol.session import Connection, open_session
 
 
+@pytest.mark.slow
 def test_a_session_that_waits_for_an_answer_is_closed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sessions, "_LISTENER_OPEN_MS", 3_600_000)  # for which Zenoh would wait
     monkeypatch.setattr(closing, "_PATIENCE_SECONDS", 0.2)

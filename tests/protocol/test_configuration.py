@@ -113,6 +113,7 @@ def test_a_port_in_use_is_told_and_so_is_a_place_where_nobody_can_listen() -> No
         open_session(Connection(listen=["tcp/192.0.2.1:1"]))
 
 
+@pytest.mark.slow
 def test_a_client_waits_for_its_router_and_is_told_where_none_answers() -> None:
     nowhere = f"tcp/127.0.0.1:{unused_port()}"
     begun = time.monotonic()

@@ -103,6 +103,7 @@ def test_messages_names_and_questions_go_through_the_target(ends: dict[str, End]
     assert until(lambda: not publisher.matching_status.matching)  # type: ignore[attr-defined]
 
 
+@pytest.mark.slow
 def test_a_recorder_hears_events_and_an_agent_that_its_last_words_were_heard(ends: dict[str, End]) -> None:
     agent, recorder = ends["agent/1"], ends["record/record"]
     assert recorder.lead("agent/1", mutual=True)

@@ -19,6 +19,7 @@ PARTS = st.one_of(
 )
 
 
+@pytest.mark.slow
 @given(RUNS, AGENTS)
 def test_every_key_of_a_run_is_read_as_what_it_was_made_of(run, agent):
     keys = Keys(run)

@@ -71,6 +71,7 @@ def test_who_is_introduced_has_one_link_and_a_third_process_hears_nothing(hall: 
     assert met(hall.sessions[0], 3)
 
 
+@pytest.mark.slow
 def test_the_process_that_listens_somewhere_is_known_by_its_life(hall: Hall) -> None:
     session, connection = hall.agent()
     assert site_of(session) == "", "it is linked to no router"

@@ -89,6 +89,7 @@ def way(target: tuple[zenoh.Session, int]) -> Iterator[Way]:
     made.close()
 
 
+@pytest.mark.slow
 def test_who_gets_no_scenario_over_its_link_makes_it_anew(target: tuple[zenoh.Session, int], way: Way) -> None:
     connection = Connection([way.endpoint], gossip=False, lease_ms=LEASE_MS)
     with open_session(connection) as session:
@@ -102,6 +103,7 @@ def test_who_gets_no_scenario_over_its_link_makes_it_anew(target: tuple[zenoh.Se
         service.undeclare()
 
 
+@pytest.mark.slow
 def test_who_is_told_nothing_of_the_name_that_it_claims_makes_its_link_anew(
     target: tuple[zenoh.Session, int], way: Way
 ) -> None:

@@ -266,6 +266,7 @@ def test_a_folder_names_the_rings_of_a_run_by_age(folder: RingFolder) -> None:
         writer.close(remove=True)
 
 
+@pytest.mark.slow
 def test_a_reader_of_a_name_is_alone_and_known_to_live(folder: RingFolder) -> None:
     tag = tag_of("record/record")
     assert not folder.is_read(tag)

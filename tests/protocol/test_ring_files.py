@@ -47,6 +47,7 @@ def test_a_ring_is_its_users_own_and_every_look_at_it_ends(tmp_path: Path) -> No
     assert open_below(tmp_path) == []
 
 
+@pytest.mark.slow
 def test_who_is_refused_as_a_reader_or_is_alone_no_more_holds_no_file(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -46,6 +46,7 @@ def told_by_sim(data):
             return {}, str(error)
 
 
+@pytest.mark.slow
 @examples(60)
 @given(st.randoms(use_true_random=False))
 def test_numbers_at_the_ends_of_their_ranges_give_a_result_or_a_sentence(random):

@@ -148,6 +148,7 @@ SCENARIOS = st.fixed_dictionaries(
 )
 
 
+@pytest.mark.slow
 @settings(deadline=None)
 @given(SCENARIOS)
 def test_a_scenario_written_as_toml_is_read_back_equal(data):

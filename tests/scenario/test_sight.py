@@ -68,6 +68,7 @@ def test_absences_that_leave_too_few_are_warned_of_by_their_steps():
     assert warning.startswith("from step 50 to 79 faults leave only 2 agents: ranges of 2 agents fit every point of a ")
 
 
+@pytest.mark.slow
 def test_an_analysis_names_the_steps_in_which_nothing_can_be_seen():
     faults = [away("crash", 0, 6.0), away("pause", 1, 1.0, 1.5)]
     [found] = analyze(simulate([scenario(fault=faults)]))

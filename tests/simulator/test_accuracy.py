@@ -32,6 +32,7 @@ def test_acceleration_keeps_estimates_finite_in_few_rounds_and_under_loss(rounds
     assert np.median(errors) < 0.15
 
 
+@pytest.mark.slow
 def test_running_sums_keep_within_three_percent_of_centralised_when_a_third_is_lost():
     # The figure to reach is 1.03 at 30 % loss and six rounds, 1.07 at 60 %, in the median of seeds.
     for probability, most in ((0.3, 1.03), (0.6, 1.07)):
@@ -51,6 +52,7 @@ def test_the_papers_figure_falls_in_every_seed():
     assert np.median(falls) > 20.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["tracking", "outliers"])
 def test_recommended_scenarios_track(name):
     kind = ("filter.kind=sicf",) if name == "tracking" else ()  # which is the default, and shared below
@@ -62,6 +64,7 @@ def position_rmse(trace):
     return float(np.sqrt(np.mean(np.sum((trace.estimates - trace.truth)[:, 75:, :3] ** 2, axis=2))))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "most"),
     [("icf", 0.15), ("hcmci", 0.15), ("ci", 0.2), ("kcf", 0.4), ("diffusion", 0.4), ("cbef-scaled", 0.5)],
@@ -85,6 +88,7 @@ def test_the_scaled_filter_tracks_where_the_papers_own_cannot():
         assert np.median([position_rmse(trace) for trace in simulate(literal)]) > 30.0
 
 
+@pytest.mark.slow
 def test_covariance_intersection_is_conservative_and_the_default_is_consistent():
     def nees(kind):
         return np.array([unaided.nees(one) for one in unaided.errors(tracked(f"filter.kind={kind}"))])

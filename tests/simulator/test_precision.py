@@ -40,6 +40,7 @@ FAST = "consensus.acceleration='chebyshev'"
 PLAIN = "consensus.scheme='average'"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("overrides", "precisions"),
     [([], FEWER), ([LOSS, PLAIN], ["int12"]), ([FAST], ["int12"])],
@@ -74,6 +75,7 @@ def test_rounding_keeps_the_sum_of_the_network(scheme):
         np.testing.assert_allclose(stage.result().sum(axis=0), payload.sum(axis=0), rtol=0, atol=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("precision", "overrides"),
     [

@@ -34,6 +34,7 @@ def biased():
     return {rules: simulate(runs(*BIASED, f"filter.defaults={rules}")) for rules in (4, 5)}
 
 
+@pytest.mark.slow
 def test_one_wrong_receiver_of_five_loses_fewer_networks(biased):
     lost = {rules: sum(off(trace)[:, -1].max() > 1.0 for trace in traces) for rules, traces in biased.items()}
     assert lost[4] >= 3
@@ -58,6 +59,7 @@ def test_where_all_is_well_no_agent_asks():
         assert old.estimates.tobytes() == new.estimates.tobytes()
 
 
+@pytest.mark.slow
 def test_a_receiver_that_is_right_again_takes_part_again():
     fault = 'fault=[{kind="sensor-bias",bias=3.0,agents=[1],until=6.0}]'
     for trace in simulate(runs("agents.count=5", "steps=200", fault, seeds=6)):

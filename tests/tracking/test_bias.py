@@ -191,6 +191,7 @@ def rmse(bias, *overrides):
     return unaided.position_rmse(unaided.errors(traces(bias, *overrides))[0])
 
 
+@pytest.mark.slow
 def test_without_a_bias_auto_changes_hardly_anything_and_with_one_it_gains():
     clean = rmse("auto") / rmse("none")
     assert clean == pytest.approx(1.0, abs=0.01)

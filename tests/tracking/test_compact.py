@@ -46,6 +46,7 @@ ANY = st.builds(
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("precision", FEWER)
 @given(some=SOME | ANY)
 @examples(60)

@@ -101,6 +101,7 @@ def test_no_agent_distrusts_where_all_are_surprised_or_no_neighbour_is_heard(hea
         np.testing.assert_array_equal(update.diagnostics.distrust, 0.0)
 
 
+@pytest.mark.slow
 def test_one_round_a_step_is_enough_to_stand_out():
     keys = ["steps=75", "consensus.rounds=1", 'fault=[{kind="sensor-bias", bias=2.0, agents=[3], from=3.0}]']
     scenario = load("tracking", keys).scenario
@@ -115,6 +116,7 @@ def test_one_round_a_step_is_enough_to_stand_out():
     assert np.delete(flagged, 3).max() == 0.0
 
 
+@pytest.mark.slow
 def test_the_network_is_better_off_and_says_who_was_wrong(tmp_path):
     fault = 'fault=[{kind="sensor-bias", bias=2.0, agents=[3], from=3.0, until=6.0}]'
     # A redescending weight leaves little of the error to distrust.

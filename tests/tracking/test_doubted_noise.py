@@ -91,6 +91,7 @@ def emulated(*keys):
     return Plan(load("tracking", keys).scenario).settings.doubts_noise
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("told", [0.05, 0.2])
 def test_a_network_of_emulated_receivers_finds_out_that_their_noise_was_told_wrong(told):
     def nees(rules):

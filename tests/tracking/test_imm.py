@@ -209,6 +209,7 @@ def test_a_liar_displaces_every_model_and_leaves_the_numbers_after_them():
         np.testing.assert_allclose(other.state[0, :3] - own.state[0, :3], [5.0, -3.0, 2.0], atol=1e-6)
 
 
+@pytest.mark.slow
 def test_a_circle_is_tracked_with_the_defaults_as_well_as_by_the_centralised_filter():
     circle = ("target.motion=circle", "target.radius=5", "target.period=8", "steps=150")
     traces = simulate([load("tracking", (*circle, f"seed={seed}")).scenario for seed in (1001, 1002, 1003)])

@@ -148,6 +148,7 @@ def honest_central(trace):
     return np.sqrt(((places - trace.truth[:, :3])[30:] ** 2).sum(axis=1).mean())
 
 
+@pytest.mark.slow
 def test_one_liar_of_six_on_sparse_graphs_is_named_within_twenty_steps_and_does_no_harm():
     one, honest, judged = load("tracking", [LIAR, "steps=90"]).scenario, [0, 1, 2, 4, 5], 0
     for trace in simulate([one.model_copy(update={"seed": seed}) for seed in range(1, 13)]):

@@ -35,6 +35,7 @@ def taught(residuals):
     return known
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("correlation", [0.0, 0.6, 0.9])
 def test_the_signs_of_residuals_tell_how_alike_they_are_in_spite_of_outliers(correlation):
     rng = np.random.default_rng(1)
@@ -106,6 +107,7 @@ def tracked(correlation, *, wrapped=True, learns=False, begin=STD, seed=3):
     return np.mean(nees[STEPS // 2 :]), np.median(begin * np.exp(known.scale))
 
 
+@pytest.mark.slow
 def test_a_network_with_lasting_errors_knows_how_far_it_may_be_off():
     seeds = (3, 4)
     sure = np.mean([tracked(0.9, wrapped=False, seed=seed)[0] for seed in seeds])

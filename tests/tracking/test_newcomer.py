@@ -1,4 +1,4 @@
-"""Whoever comes back begins with what its neighbours know."""
+"""An agent that comes back begins with what its neighbours know."""
 
 import numpy as np
 

@@ -70,6 +70,7 @@ def test_a_filter_that_is_adrift_hears_no_ranges_where_it_would_learn_biases_fro
     assert left_to_a_fix(settings_of("sensor.bias_std=0.5", "filter.defaults=8"), measurement, rows) is measurement
 
 
+@pytest.mark.slow
 def test_biases_are_still_right_after_a_long_silence():
     """At twenty seconds of silence, 2.5 s after which another fix is done; largest error of all agents."""
     silence = 'fault=[{kind="sensor-dropout",probability=1.0,from=10.0,until=30.0}]'

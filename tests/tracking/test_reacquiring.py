@@ -26,6 +26,7 @@ def silence(since: float, until: float) -> str:
     return f'fault=[{{kind="sensor-dropout",probability=1.0,from={since},until={until}}}]'
 
 
+@pytest.mark.slow
 def test_after_a_long_silence_the_target_is_tracked_within_seconds_of_ranges():
     quiet = silence(4.0, 20.0)
     found, before = runs(quiet, steps=250), runs(quiet, "filter.reacquire=false", steps=250)
@@ -39,6 +40,7 @@ def test_after_a_long_silence_the_target_is_tracked_within_seconds_of_ranges():
     assert late[0] < 0.5 * late[1]
 
 
+@pytest.mark.slow
 def test_a_network_that_holds_on_to_a_wrong_place_begins_again():
     wrong = "filter.start=given", "filter.initial_position=[30,-30,10]", "filter.acceleration_std=0.01"
     held, found = runs(*wrong, "filter.reacquire=false", steps=150), runs(*wrong, steps=150)
@@ -52,6 +54,7 @@ def test_a_network_that_holds_on_to_a_wrong_place_begins_again():
         assert errors(trace)[85:100].max() < 1.0
 
 
+@pytest.mark.slow
 def test_only_agents_that_hear_ranges_vote():
     deaf = 'fault=[{kind="sensor-dropout",probability=1.0,agents=[4,5,6,7,8,9]},'
     quiet = deaf + '{kind="sensor-dropout",probability=1.0,from=8.0,until=28.0}]'
@@ -63,6 +66,7 @@ def test_only_agents_that_hear_ranges_vote():
         assert (trace.diagnostics.status[:, 60:] != ACQUIRING).all(), "four of ten are no majority"
 
 
+@pytest.mark.slow
 def test_a_silence_that_the_filter_bridges_is_no_reason_for_another_fix():
     brief = silence(5.0, 7.0)
     for one, other in zip(runs(brief, steps=100), runs(brief, "filter.reacquire=false", steps=100), strict=True):
@@ -81,6 +85,7 @@ def test_an_agent_that_was_cut_off_does_not_make_the_others_begin_again():
 BIASED = ("sensor.bias=0.3", "filter.bias=estimate")
 
 
+@pytest.mark.slow
 def test_biases_are_still_known_after_another_fix():
     for trace in runs(silence(12.0, 26.0), *BIASED, steps=290, seeds=3):
         bias = trace.diagnostics.bias
@@ -88,6 +93,7 @@ def test_biases_are_still_known_after_another_fix():
         np.testing.assert_allclose(bias[:, 285], bias[:, 115], atol=0.1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "keys",
     [
@@ -132,6 +138,7 @@ def test_where_agents_lie_or_keep_to_themselves_there_is_no_other_fix():
     assert load("tracking", ["consensus.rounds=1", "agents.count=5"]).plan.settings.spreading == 5
 
 
+@pytest.mark.slow
 def test_a_network_that_tracks_among_forty_percent_of_wrong_ranges_does_not_begin_again():
     scenarios = [load("tracking", ["steps=250", f"seed={seed}"]).scenario for seed in (5001, 5011, 5012, 5019)]
     heard = []

@@ -61,6 +61,7 @@ def test_a_network_that_begins_elsewhere_finds_its_target_sooner(others):
     assert errors[1] < 0.2 * errors[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("bias", ["estimate", "auto"])
 def test_a_network_with_biased_receivers_finds_a_target_that_jumped_and_keeps_its_biases(bias):
     keys = [

@@ -197,6 +197,7 @@ def chain(before, after, count):
     return np.divmod(random.choice(9, count, p=joint.ravel()), 3)
 
 
+@pytest.mark.slow
 def test_two_steps_of_several_motions_have_the_moments_of_sampled_paths():
     random, count = np.random.default_rng(11), 300_000
     before, after = np.array([0.5, 0.3, 0.2]), np.array([0.2, 0.6, 0.2])

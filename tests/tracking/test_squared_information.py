@@ -163,12 +163,14 @@ def worst(trace):
     return np.sqrt(np.mean(np.sum((trace.estimates - trace.truth)[:, 75:, :3] ** 2, axis=2), axis=1)).max()
 
 
+@pytest.mark.slow
 def test_a_target_that_crosses_a_line_of_agents_is_not_taken_for_its_mirror_image():
     kept, lost = (worst(*traces_of(*LINE, *more, seeds=[1018])) for more in ([], ["filter.linearise=before"]))
     assert kept < 0.3
     assert lost > 5.0
 
 
+@pytest.mark.slow
 def test_long_steps_are_tracked_as_well_as_by_a_centralised_filter():
     """Linearised before averaging one of these seeds is lost. The network is honest about its errors, too."""
     # The NEES of one seed scatters by 0.3, the mean of 32 by 0.05.

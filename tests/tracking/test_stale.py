@@ -61,6 +61,7 @@ def test_a_delay_up_to_the_lag_costs_nothing_more_and_one_beyond_cuts_all_agents
         assert (one.links.sent == 38).all()
 
 
+@pytest.mark.slow
 def test_a_network_whose_messages_are_a_step_late_tracks_and_does_not_claim_too_much():
     late, cut = (unaided.errors(runs([delayed(90.0), f"consensus.lag={lag}"])) for lag in (1, 0))
     error = [np.median([unaided.position_rmse(run) for run in each]) for each in (late, cut)]

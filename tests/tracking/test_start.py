@@ -66,6 +66,7 @@ def test_from_the_first_step_on_agents_know_how_far_off_they_are(guess, until):
     assert found.max() < 1.35
 
 
+@pytest.mark.slow
 def test_among_outliers_the_first_step_claims_no_more_than_that_it_may_have_some():
     found = consistency("sensor.outlier_probability=0.3", base="outliers")
     assert 0.8 < found[0] < 1.3
@@ -76,6 +77,7 @@ def test_earlier_rules_left_the_targets_own_motion_out_of_the_claimed_error():
     assert consistency("filter.defaults=3").max() > 1.5
 
 
+@pytest.mark.slow
 def test_the_network_begins_as_well_as_one_that_knows_all():
     """The paper's MSEE over the first 20 steps: that of a filter with all guesses and all ranges."""
     runs = [load("tracking", ["steps=20"]).scenario.model_copy(update={"seed": 1 + k}) for k in range(60)]

@@ -67,6 +67,7 @@ def test_a_network_that_holds_on_to_a_wrong_place_says_that_it_is_lost():
     assert far_ones > 100
 
 
+@pytest.mark.slow
 def test_where_too_few_agents_fit_to_prove_a_place_it_is_not_tracked():
     """One receiver of five is 3 m too long: some networks follow it, so that two others do not fit."""
     one_biased = 'fault=[{kind="sensor-bias",bias=3.0,agents=[1]}]', "agents.count=5"

@@ -65,6 +65,7 @@ def test_of_a_neighbour_that_was_never_heard_silence_says_nothing():
     assert not np.array_equal(stage.result(), once)
 
 
+@pytest.mark.slow
 def test_on_a_clean_network_silence_costs_less_than_a_hundredth_of_the_error():
     def found(*overrides):
         scenario = load("tracking", ["steps=60", *overrides]).scenario

@@ -55,6 +55,7 @@ def test_how_far_an_outlier_pulls_from_a_wide_prior(widens, least, most):
     assert least < moved < most
 
 
+@pytest.mark.slow
 def test_a_network_holds_turns_among_outliers_as_a_centralised_filter_does():
     traces = runs()
     assert np.median(errors(traces)) < 0.5
@@ -64,5 +65,6 @@ def test_a_network_holds_turns_among_outliers_as_a_centralised_filter_does():
     assert np.median(errors(traces) / yardstick) < 1.2
 
 
+@pytest.mark.slow
 def test_by_the_rules_of_before_it_is_lost():
     assert np.median(errors(runs("filter.defaults=6"))) > 1.0

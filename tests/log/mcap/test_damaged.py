@@ -46,6 +46,7 @@ def test_a_cut_loses_no_complete_chunk_and_no_whole_message_that_is_not_compress
         assert found[-1][-1] in data[:half]
 
 
+@pytest.mark.slow
 def test_random_bit_flips_never_crash_and_never_go_unnoticed(log: Path) -> None:
     data, whole = log.read_bytes(), McapFile(log)
     wanted, extras = rows(whole), (whole.attachments, whole.metadata)

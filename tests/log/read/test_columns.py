@@ -131,6 +131,7 @@ def test_beacons_with_and_without_a_time_are_one_column() -> None:
     np.testing.assert_array_equal(columns.numbers("emitted")[:, 0], np.array(times, dtype=float))
 
 
+@pytest.mark.slow
 def test_a_file_by_columns_is_the_file_by_messages(tmp_path: Path) -> None:
     path = made_log(tmp_path / "run.mcap", "steps=30", "record.chunk_bytes=5000")
     single, batches = [*McapFile(path).messages()], [*McapFile(path).batches()]

@@ -216,6 +216,7 @@ def test_a_record_with_another_number_than_its_message_is_found(log: Path, tmp_p
     assert sum(count for sentence, count in found.wrong.items() if "another number or time" in sentence) == 2
 
 
+@pytest.mark.slow
 def test_a_rotated_log_is_read_as_one_and_each_part_by_itself(tmp_path: Path) -> None:
     maker = Maker(tmp_path / "run.mcap", "record.rotate_bytes=6000", "record.chunk_bytes=1024")
     for k in range(1, 51):
