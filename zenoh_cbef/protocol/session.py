@@ -24,7 +24,8 @@ from zenoh_cbef.protocol.tls import SCHEMES, Tls
 
 _ENDPOINT = re.compile(r"^(tcp|udp|tls|quic|ws|unixsock-stream)/[^\s]+$")
 _LOCAL = re.compile(r"^(unixsock-stream/|\w+/(127\.[\d.]+|localhost|\[::1\]):)")
-_MEET_SECONDS = 1.0
+_MEET_SECONDS = 2.0
+"""How long a process waits to learn whether a router is at the other end: on a busy machine a link takes a second."""
 _MEET_ALL_SECONDS = 0.5
 _ROUTER_RETRY_SECONDS = 0.2
 _OPEN_MS, _LISTENER_OPEN_MS = 1500, 10_000
