@@ -5,9 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from zenoh_cbef.arrays import Bools, Floats
+from zenoh_cbef.faults import MessageFault
 from zenoh_cbef.scenario.model import Scenario
 from zenoh_cbef.scenario.paths import agent_positions, placement
 from zenoh_cbef.tracking import graph, weights
+
+FEW = 12
+"""How many agents may put a number each into every payload."""
 
 
 def edges(scenario: Scenario) -> graph.Edges:
@@ -30,6 +34,13 @@ def edges(scenario: Scenario) -> graph.Edges:
 def by_radio(scenario: Scenario) -> bool:
     """Whether agents hear each other only while they are in range."""
     return scenario.network.graph == "radio" and scenario.network.edges is None
+
+
+def may_part(scenario: Scenario) -> bool:
+    """Whether some agents may be cut off from the others, and all are few enough to tell each other who is there."""
+    cuts = any(isinstance(fault, MessageFault) and fault.cuts for fault in scenario.fault) or by_radio(scenario)
+    few = 1 < scenario.count <= FEW and not scenario.consensus.trigger
+    return cuts and few and scenario.filter.defaults > 10
 
 
 def in_range(scenario: Scenario) -> Bools:

@@ -149,6 +149,7 @@ class Plan:
             bends=chosen.defaults > 7,
             prompt=chosen.defaults > 8 and not trust.real(scenario),
             supposes=start.supposes(scenario, window) and bending.may_pause(scenario, self.plain_motion, range_std),
+            cut_off=scenario.consensus.rounds if self.abilities.biases and network.may_part(scenario) else 0,
             anywhere=start.anywhere(scenario, self.motion, self.space),
             bias=self.bias,
             joint_biases=(joint := self.bias == "estimate" and trust.shares_biases(scenario)),
@@ -254,8 +255,7 @@ class Plan:
     @cached_property
     def absences(self) -> Absences:
         """When the scenario's agents are not there."""
-        scenario = self.scenario
-        return Absences(scenario.fault, agents=scenario.count, dt=scenario.dt, steps=scenario.length)
+        return start.absences(self.scenario)
 
     @cached_property
     def plausible(self) -> Plausible:

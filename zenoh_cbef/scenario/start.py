@@ -66,6 +66,11 @@ def settling_steps(scenario: Scenario) -> int:
     return max(20, int(np.ceil(5.0 * interval / scenario.dt)))
 
 
+def absences(scenario: Scenario) -> Absences:
+    """When the scenario's agents are not there."""
+    return Absences(scenario.fault, agents=scenario.count, dt=scenario.dt, steps=scenario.length)
+
+
 def fix_steps(scenario: Scenario, settling: int, absences: Absences) -> int:
     """How many steps a first fix takes that needs `settling` of them; 0 where the network begins without one."""
     chosen = scenario.filter

@@ -5,9 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from zenoh_cbef.arrays import Bools, Floats
-from zenoh_cbef.tracking.copying import replace
 from zenoh_cbef.tracking.filters.base import Belief
-from zenoh_cbef.tracking.ranging import Measurement
 
 LARGEST = 1e100
 """Beyond it squares of squares are no longer finite; in no unit is a place or a speed that large."""
@@ -59,14 +57,3 @@ def immoderate_belief(belief: Belief) -> Bools:
     for part in belief.parts:
         found = found | immoderate_belief(part)
     return found
-
-
-def unheard(measurement: Measurement) -> Measurement:
-    """The update of the same step as if nothing had been measured or heard."""
-    return replace(
-        measurement,
-        range=np.full_like(measurement.range, np.nan),
-        age=np.zeros_like(measurement.age),
-        neighbour_position=np.zeros_like(measurement.neighbour_position),
-        neighbour_range=np.full_like(measurement.neighbour_range, np.nan),
-    )

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zenoh_cbef.arrays import Bools, Floats, Ints
+from zenoh_cbef.tracking.copying import replace
 
 
 @dataclass(frozen=True)
@@ -20,7 +21,8 @@ class Measurement:
     the noise of the own range, where it differs from the filter's setting. step: its number, None where that is no
     matter. lasting: (n,), how many own ranges say as much as one whose error is independent; None: each does.
     followed: (n,), m^2, by how much an innovation's variance is smaller as the estimate follows such errors; None: not
-    at all. agent: (n,), the agents' numbers, None where those are no matter.
+    at all. agent: (n,), the agents' numbers, None where those are no matter. few: (n,), which agents hear so few others
+    that their ranges do not tell where the target is; None: none.
     """
 
     position: Floats
@@ -33,6 +35,18 @@ class Measurement:
     lasting: Floats | None = None
     followed: Floats | None = None
     agent: Ints | None = None
+    few: Bools | None = None
+
+
+def unheard(measurement: Measurement) -> Measurement:
+    """The update of the same step as if nothing had been measured or heard."""
+    return replace(
+        measurement,
+        range=np.full_like(measurement.range, np.nan),
+        age=np.zeros_like(measurement.age),
+        neighbour_position=np.zeros_like(measurement.neighbour_position),
+        neighbour_range=np.full_like(measurement.neighbour_range, np.nan),
+    )
 
 
 @dataclass(frozen=True)

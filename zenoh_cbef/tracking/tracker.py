@@ -20,10 +20,9 @@ from zenoh_cbef.tracking.moderation import (
     immoderate_belief,
     is_moderate,
     is_within,
-    unheard,
 )
 from zenoh_cbef.tracking.newcomer import merged
-from zenoh_cbef.tracking.ranging import Measurement, Space
+from zenoh_cbef.tracking.ranging import Measurement, Space, unheard
 from zenoh_cbef.tracking.triggered import Triggered
 
 

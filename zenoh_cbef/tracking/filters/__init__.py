@@ -13,6 +13,7 @@ from zenoh_cbef.plugins import Plugin, find, told_options
 from zenoh_cbef.tracking.copying import replace
 from zenoh_cbef.tracking.filters.around.auto_bias import AutoBias
 from zenoh_cbef.tracking.filters.around.biased_information import BiasedInformation
+from zenoh_cbef.tracking.filters.around.cut_off import CutOff
 from zenoh_cbef.tracking.filters.around.distrusting import Distrusting
 from zenoh_cbef.tracking.filters.around.doubted_noise import DoubtedNoise
 from zenoh_cbef.tracking.filters.around.evidence import Evidence
@@ -116,6 +117,7 @@ def sharing_of(kind: str, settings: FilterSettings) -> Sharing:
         + settings.says_status * Knowing.more
         + (settings.reacquires > 0) * Reacquiring.more
         + settings.supposes * Supposing.more
+        + CutOff.numbers(settings)
     )
     return shared.longer(more)
 
@@ -135,7 +137,7 @@ def make_filter(kind: str, settings: FilterSettings) -> Filter:
     if settings.distrusts:
         chosen = Distrusting(chosen, settings.range_std)
     if settings.returns and settings.network_size > 1 and abilities_of(kind).biases and not settings.squares:
-        chosen = Returning(chosen, settings.space, settings.range_std)
+        chosen = Returning(chosen, settings.space, settings.range_std, newcomers=settings.cut_off > 0)
     chosen = _begun(kind, settings, chosen, xi)
     if settings.doubts_noise:
         chosen = DoubtedNoise(chosen, settings.range_std, settings.network_size, settings.first_fix)
@@ -143,7 +145,9 @@ def make_filter(kind: str, settings: FilterSettings) -> Filter:
         chosen = LastingErrors.of(settings, chosen)
     elif settings.learns_noise:
         chosen = LearnedNoise(chosen, settings.range_std)
-    return _knowing(kind, settings, chosen, xi) if settings.says_status else chosen
+    if settings.says_status:
+        chosen = _knowing(kind, settings, chosen, xi)
+    return CutOff(chosen, settings) if settings.cut_off else chosen
 
 
 def _biased(settings: FilterSettings, plain: Filter, xi: float) -> Filter:
@@ -160,7 +164,9 @@ def _begun(kind: str, settings: FilterSettings, chosen: Filter, xi: float) -> Fi
         chosen = MirrorImages(chosen, settings)
     if not settings.first_fix:
         return chosen
-    alone = replace(settings, says_status=False, reacquires=0, supposes=False, learns_noise=False, doubts_noise=False)
+    alone = replace(
+        settings, says_status=False, reacquires=0, supposes=False, cut_off=0, learns_noise=False, doubts_noise=False
+    )
     return first_fix(settings, chosen, xi, sharing_of(kind, alone).payload_size)
 
 
@@ -169,6 +175,6 @@ def _knowing(kind: str, settings: FilterSettings, chosen: Filter, xi: float) -> 
     known = Knowing(chosen, settings)
     if not settings.reacquires:
         return known
-    size = sharing_of(kind, replace(settings, reacquires=0, supposes=False)).payload_size
+    size = sharing_of(kind, replace(settings, reacquires=0, supposes=False, cut_off=0)).payload_size
     searching = Reacquiring.of(settings, known, xi, size)
     return Supposing.of(settings, searching, size + Reacquiring.more) if settings.supposes else searching

@@ -28,10 +28,11 @@ class FilterSettings:
     fix takes, 0 for none; spreading: in how many steps all agents know a decision; anywhere: where that fix looks
     for the target, like search. bends: whether agents coast no further than ranges are straight lines. prompt: whether
     another fix begins soon after the target is lost, and has the first ranges after a silence to itself. supposes:
-    whether all tell each other what they measured where ranges of one do not fit. bias: none, estimate or auto;
-    likelihoods: whether auto weighs it by these, or by the NIS; common_bias_std, own_bias_std: its prior, m.
-    told_biases: whether they are constant, and as large as told: a
-    first fix says what it knows of them, and none is forgotten. joint_biases:
+    whether all tell each other what they measured where ranges of one do not fit. cut_off: how many
+    rounds a step has, where agents may be cut off from others and tell who is there; 0: they do not. bias: none,
+    estimate or auto; likelihoods: whether auto weighs it by these, or by the NIS; common_bias_std, own_bias_std: its
+    prior, m. told_biases: whether they are constant, and as large as told: a first fix says what it knows of them, and
+    none is forgotten. joint_biases:
     whether agents estimate all biases together, which have no common part then. first_fix: over how many steps the
     initial estimate, a guess, is improved by least squares on the first ranges; 0: it is none. squared_fix: how many of
     these steps are on squared ranges. tries_guess: whether the guess is tried before the network searches. search:
@@ -65,6 +66,7 @@ class FilterSettings:
     bends: bool = False
     prompt: bool = False
     supposes: bool = False
+    cut_off: int = 0
     anywhere: tuple[Floats, Floats] | None = None
     bias: str = "none"
     likelihoods: bool = True

@@ -33,7 +33,7 @@ class Knowing(Wrapping):
 
     From these sums and its covariance, which the network agrees on but for what consensus left, every agent decides
     what the estimate is (see Status). An agent that hears no neighbour goes on by prediction, so its ranges count as
-    none.
+    none, and so do those of a group that is too small to find the target.
     """
 
     settings: FilterSettings
@@ -47,6 +47,8 @@ class Knowing(Wrapping):
         update = self.filter.update(inner, measurement)
         degrees = update.diagnostics.nis_degrees
         heard = np.isfinite(update.diagnostics.nis) & (degrees > 0)
+        if measurement.few is not None:
+            heard &= ~measurement.few
         fit = np.where(heard, np.minimum(update.diagnostics.nis / np.maximum(degrees, 1), CUT), 0.0)
         if self.settings.judges_agents:
             counts = heard & (status.steps >= self.settings.first_fix)

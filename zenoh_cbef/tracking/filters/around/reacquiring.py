@@ -122,7 +122,7 @@ class Reacquiring(Wrapping):
         search, heard = replace(search, step=step), self._unbiased(belief, measurement)
         left = left_to_a_fix(self.settings, measurement, (search.adrift > 0.0) | search.fixing)
         update, known = self.filter.update(inner, left), inner.status or Status.first(len(step))
-        tag = self._tag(search, known, np.isfinite(heard.range))
+        tag = self._tag(search, known, np.isfinite(heard.range), measurement.few)
         payload, search = self._fixing(update.payload, search, heard)
         payload = np.concatenate([payload, tag[:, None]], axis=1)
         return Update(payload, update.diagnostics, tuple(vars(search).values()), (update,))
@@ -166,7 +166,7 @@ class Reacquiring(Wrapping):
             return measurement
         return replace(measurement, range=measurement.range - belief.bias.weight * belief.bias.value)
 
-    def _tag(self, search: Search, known: Status, heard: Bools) -> Floats:
+    def _tag(self, search: Search, known: Status, heard: Bools, few: Bools | None) -> Floats:
         """What agents put into their payloads beside those of the filter or the fix, (n,)."""
         counted = self.settings.judges_agents
         if search.idle and not counted and not np.count_nonzero(known.which == LOST):
@@ -175,12 +175,11 @@ class Reacquiring(Wrapping):
         wish = self._wants(search, known, lately)
         if counted:
             wish = np.where(lately, 2.0 * wish - 1.0, 0.0)
-        vote = np.where(self._decides(search.step), wish, search.vote)
+        vote = np.where(self._decides(search.step), wish, search.vote) * (1.0 if few is None else ~few)
         return np.where(search.fixing, search.doing, np.where(known.which == ACQUIRING, 0.0, vote))
 
     def _wants(self, search: Search, known: Status, lately: Bools) -> Floats:
-        lost = gives_up(self.settings, known, search.ranges)
-        return np.where((search.adrift > 0.0) & lately | lost, 1.0, 0.0)
+        return np.where((search.adrift > 0.0) & lately | gives_up(self.settings, known, search.ranges), 1.0, 0.0)
 
     def _fixing(self, payload: Floats, search: Search, heard: Measurement) -> tuple[Floats, Search]:
         """The payload of those in a fix, and what that leaves; for all others the ranges of this step."""
@@ -235,17 +234,19 @@ class Reacquiring(Wrapping):
         former, fixing = Status(*before.kept), search.fixing
         status = inner.status or former
         settled = ~fixing & (status.which != ACQUIRING)
+        # By the eleventh rules agents that begin anew do as the others do, and a group that is too small does nothing.
+        concerned = settled | (alike := self.settings.cut_off > 0)
         astray = drifted(self.settings, inner, status, search.positions[:, -1])
         if self.settings.judges_agents:
             wanted = average > _ANY
         else:
             wanted = np.abs(average) > np.where(self._decides(search.step), _MOST, _ANY)
         search = self._left_behind(search, inner)
-        if search.idle and inner.status and not np.count_nonzero(settled & (wanted | astray)):
+        if search.idle and inner.status and not np.count_nonzero(concerned & (wanted | astray)):
             return replace(inner, memory=tuple(vars(search).values()), parts=(inner,))
         place = search.step % self.window
         ends = place == 0.0
-        vote = ~fixing & (settled & ~apart & wanted | (search.vote > 0.0))
+        vote = ~fixing & (concerned & ~apart & wanted | (search.vote > 0.0) & ~alike)
         begins, done = ends & vote, ends & fixing
         search = self._started(search, begins)
         adrift = np.where(settled, np.where(astray, _WINDOWS, search.adrift), 0.0)

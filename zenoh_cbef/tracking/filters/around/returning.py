@@ -25,11 +25,13 @@ class Returning(Wrapping):
     The added term is the variance of what linearising leaves out (Bar-Shalom, Li and Kirubarajan, 2001, section 10.3).
     In the step after that the agent has its neighbours' estimate, and its range counts in full.
 
-    range_std: sigma (m), where a measurement does not say otherwise.
+    range_std: sigma (m), where a measurement does not say otherwise. newcomers: whether an agent that begins
+    with its neighbours' estimate takes them to have been alone.
     """
 
     space: Space
     range_std: float
+    newcomers: bool = False
 
     def update(self, belief: Belief, measurement: Measurement) -> Update:
         """The filter's update."""
@@ -46,6 +48,11 @@ class Returning(Wrapping):
         inner = self.filter.conclude(payload, update.parts[0])
         alone = unchanged(payload, update.payload).astype(np.float64)
         return replace(inner, memory=(alone,), parts=(inner,), chance=None)
+
+    def resumed(self, belief: Belief) -> Belief:
+        """A belief of neighbours, in the form that this filter carries from step to step."""
+        begun = super().resumed(belief)
+        return replace(begun, memory=(np.ones(len(belief.state)),)) if self.newcomers else begun
 
 
 def bend(space: Space, belief: Belief, measurement: Measurement) -> Floats:

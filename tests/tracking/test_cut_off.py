@@ -1,0 +1,169 @@
+"""Agents that are cut off from the others know that they are, and count their ranges once."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from zenoh_cbef.analysis.metrics import analyze
+from zenoh_cbef.scenario.load import load
+from zenoh_cbef.scenario.plan import Plan
+from zenoh_cbef.simulator import simulate
+from zenoh_cbef.tracking.filters import Belief
+from zenoh_cbef.tracking.filters.around.cut_off import CutOff, faintest
+from zenoh_cbef.tracking.filters.kinds.sicf import SaturatedInformation
+from zenoh_cbef.tracking.filters.settings import FilterSettings
+from zenoh_cbef.tracking.graph import components, make_edges, neighbours
+from zenoh_cbef.tracking.motion import NearlyConstantVelocity
+from zenoh_cbef.tracking.ranging import Measurement, Space, own_range
+from zenoh_cbef.tracking.status import COASTING, TRACKING
+from zenoh_cbef.tracking.weights import metropolis_weights, weight_matrix
+
+HALVES = 'fault=[{kind="partition",links={between=[[0,1,2],[3,4,5]]},from=6.0,until=20.0}]'
+PLACES = np.array([[-9.0, -7.0, 0.0], [8.0, -6.0, 0.0], [7.0, 8.0, 0.0], [-6.0, 9.0, 0.0], [0.0, -9.0, 0.0]])
+GROUPS = (np.array([0, 1, 2]), np.array([3, 4]))
+TOGETHER = (np.arange(5),)
+
+
+@pytest.fixture
+def five():
+    """Five agents in a plane."""
+    settings = FilterSettings(
+        motion=NearlyConstantVelocity(0.1, 1.0, 2),
+        space=Space(0.0),
+        range_std=0.1,
+        xi=np.inf,
+        network_size=5,
+        cut_off=10,
+    )
+    return CutOff(SaturatedInformation.of(settings), settings)
+
+
+def begun():
+    wide = np.diag([4.0, 3.0, 2.0, 1.0])
+    return Belief(np.tile([1.0, -2.0, 0.5, 0.2], (5, 1)), np.tile(wide, (5, 1, 1)))
+
+
+def heard(position=(1.3, -2.2, 0.0)):
+    distance = np.linalg.norm(PLACES - position, axis=1)
+    return Measurement(PLACES, distance, np.zeros(5), np.empty((5, 0, 3)), np.empty((5, 0)), agent=np.arange(5))
+
+
+def step(chosen, belief, groups):
+    """One step in which each group averages perfectly."""
+    update = chosen.update(belief, heard())
+    payload = update.payload.copy()
+    for group in groups:
+        payload[group] = payload[group].mean(axis=0)
+    return chosen.conclude(payload, update)
+
+
+def test_a_group_counts_its_ranges_once_each(five):
+    belief = begun()
+    for _ in range(6):
+        belief = step(five, belief, GROUPS)
+    motion, space = five.settings.motion, five.settings.space
+    after = step(five, belief, GROUPS)
+    for group in GROUPS:
+        state = motion.predict_state(belief.state)[group]
+        prior = motion.predict_covariance(belief.known_covariance, belief.state)[group[0]]
+        _, rows = own_range(space, state, PLACES[group], np.zeros(len(group)))
+        alone = np.linalg.inv(np.linalg.inv(prior) + rows.T @ rows / five.settings.range_std**2)
+        np.testing.assert_allclose(after.known_covariance[group], np.tile(alone, (len(group), 1, 1)), rtol=1e-9)
+
+
+def test_all_together_estimate_what_they_would_without_it(five):
+    belief, plain = begun(), begun()
+    for _ in range(4):
+        belief = step(five, belief, TOGETHER)
+        update = five.filter.update(plain, heard())
+        plain = five.filter.conclude(np.tile(update.payload.mean(axis=0), (5, 1)), update)
+        assert belief.state.tobytes() == plain.state.tobytes()
+
+
+def test_agents_that_go_fade_and_agents_that_come_back_are_heard_at_once(five):
+    belief = step(five, begun(), TOGETHER)
+    shares = []
+    for groups in (GROUPS, GROUPS, GROUPS, GROUPS, TOGETHER):
+        belief = step(five, belief, groups)
+        shares.append(belief.memory[1])
+    np.testing.assert_allclose(shares[3], [0.6, 0.6, 0.6, 0.4, 0.4])
+    np.testing.assert_allclose(shares[4], 1.0)
+
+
+@given(
+    st.integers(2, 12),
+    st.integers(1, 12),
+    st.sampled_from(["erdos-renyi", "path", "star", "ring"]),
+    st.integers(0, 999),
+)
+def test_on_no_connected_graph_an_agent_passes_for_gone(agents, rounds, kind, seed):
+    edges = make_edges(kind, np.zeros((agents, 3)), seed=seed, probability=0.3, radius=1.0)
+    near = neighbours(agents, edges)
+    assert len(components(agents, edges)) == 1
+    averaged = np.linalg.matrix_power(weight_matrix(near, metropolis_weights(near)), rounds)
+    known = np.ones((agents, agents))
+    for _ in range(100):
+        known = known / 4.0
+        np.fill_diagonal(known, 1.0)
+        known = averaged @ known
+        assert known.min() > faintest(agents, rounds)
+
+
+def nees(*overrides):
+    """The mean NEES over its ideal while agents say `tracking`, and how often they do and are a metre off, unawares."""
+    runs = analyze(simulate([load("tracking", [HALVES, *overrides, f"seed={1001 + k}"]).scenario for k in range(8)]))
+    told = [(run.metrics.status or {})["tracking"].nees or np.nan for run in runs]
+    off = [(run.position_error > 1.0) & (run.trace.diagnostics.status == TRACKING) for run in runs]
+    spread = [np.sqrt(np.trace(run.trace.covariances[:, :, :3, :3], axis1=2, axis2=3)) for run in runs]
+    sure = [(one & (run.position_error > 5.0 * std)).mean() for one, run, std in zip(off, runs, spread, strict=True)]
+    return np.mean(told) / 6.0, np.mean(sure)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("more", [(), ("consensus.rounds=3",), ("filter.kind=icf",)])
+def test_halves_of_a_network_are_as_sure_as_they_may_be(more):
+    before, falsely = nees("filter.defaults=10", *more)
+    assert before > 2.0
+    assert falsely > 0.003
+    today, falsely = nees(*more)
+    assert 0.8 < today < 1.4
+    assert falsely == 0.0
+
+
+@pytest.mark.parametrize(("rules", "said"), [(10, TRACKING), (11, COASTING)])
+def test_a_pair_does_not_say_that_it_tracks(rules, said):
+    pairs = 'fault=[{kind="partition",links={between=[[0,1],[2,3]]},from=6.0,until=12.0}]'
+    keys = (pairs, "agents.count=4", "network.edges=[[0,1],[1,2],[2,3]]", "steps=120", f"filter.defaults={rules}")
+    (trace,) = simulate([load("tracking", keys).scenario])
+    np.testing.assert_array_equal(trace.diagnostics.status[:, 55], TRACKING)
+    np.testing.assert_array_equal(trace.diagnostics.status[:, 115], said)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [1012, 1013])
+def test_agents_that_begin_anew_take_part_in_another_fix(seed):
+    keys = (
+        *("agents.count=5", f"seed={seed}", "steps=125"),
+        'fault=[{kind="crash",agents=[1,2],from=5.0,until=9.0}]',
+        *("target.motion=waypoints", "target.speed=8"),
+        "target.waypoints=[[-9,0,0],[0,9,2],[9,0,0],[0,-9,2],[-9,0,0]]",
+    )
+    (trace,) = simulate([load("tracking", keys).scenario])
+    error = np.linalg.norm((trace.estimates - trace.truth)[:, -1, :3], axis=1)
+    assert error.max() < 0.5
+
+
+def test_only_where_agents_may_be_cut_off_messages_tell_who_is_there():
+    def size(*overrides):
+        return Plan(load("tracking", overrides).scenario).message_size
+
+    for fault in (HALVES, 'fault=[{kind="crash",agents=[1],from=5.0,until=9.0}]'):
+        assert size(fault) == size(fault, "filter.defaults=10") + 6
+    assert size() == size("filter.defaults=10")
+    for more in ("consensus.trigger=0.1", "agents.count=13", "filter.kind=ci", "filter.kind=local"):
+        assert size(HALVES, more) == size(HALVES, more, "filter.defaults=10")
+    loss = 'fault=[{kind="loss",links="all",probability=0.3}]'
+    assert size(loss) == size(loss, "filter.defaults=10")
