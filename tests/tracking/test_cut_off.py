@@ -8,6 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from zenoh_cbef.analysis.metrics import analyze
+from zenoh_cbef.errors import UserError
+from zenoh_cbef.scenario.checks import check
 from zenoh_cbef.scenario.load import load
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.simulator import simulate
@@ -154,6 +156,15 @@ def test_agents_that_begin_anew_take_part_in_another_fix(seed):
     (trace,) = simulate([load("tracking", keys).scenario])
     error = np.linalg.norm((trace.estimates - trace.truth)[:, -1, :3], axis=1)
     assert error.max() < 0.5
+
+
+def test_agents_can_be_told_to_say_who_is_there_and_not_to():
+    assert Plan(load("tracking", ["filter.membership=true"]).scenario).settings.cut_off == 10
+    assert Plan(load("tracking", [HALVES, "filter.membership=false"]).scenario).settings.cut_off == 0
+    with pytest.raises(UserError, match=r"filter\.membership is for filters that take .* leave filter\.membership out"):
+        load("tracking", ["filter.membership=true", "filter.kind=ci"])
+    with pytest.raises(UserError, match=r"filter\.membership = true needs .* set consensus\.trigger = 0"):
+        check(Plan(load("tracking", ["filter.membership=true", "consensus.trigger=0.1"]).scenario))
 
 
 def test_only_where_agents_may_be_cut_off_messages_tell_who_is_there():

@@ -35,11 +35,20 @@ def check(plan: Plan) -> list[str]:
     check_faults(plan)
     _check_signal(scenario)
     _check_precision(plan)
+    _check_membership(scenario)
     _check_proportion(plan)
     warnings += _literal_gain(plan) if scenario.filter.kind == "cbef" else []
     warnings += _trimming(scenario, plan.neighbours) + _only_links(scenario, plan.edges) + _chebyshev(plan)
     warnings += _faults_of_no_link(scenario, plan.edges) + _recorded_truth(scenario)
     return warnings + sight.warnings(plan) + proportions.warnings(plan)
+
+
+def _check_membership(scenario: Scenario) -> None:
+    if scenario.filter.membership is True and scenario.consensus.trigger:
+        raise UserError(
+            "filter.membership = true needs agents that say something in every round; set consensus.trigger = 0, or "
+            "leave filter.membership out"
+        )
 
 
 def _recorded_truth(scenario: Scenario) -> list[str]:

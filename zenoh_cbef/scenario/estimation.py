@@ -35,6 +35,8 @@ class Filter(Table):
     standard deviations; auto: 2 where saturation redescends, otherwise 1.5. saturation auto: redescending where ranges
     are real, the scenario's sensor has outliers, or a first fix finds a target whose motion is ncv. distrust auto: on
     where ranges are real or receivers have faults.
+    membership: agents tell each other who is there, and a group that is cut off counts its ranges once; auto: where
+    faults cut links, or agents hear each other by radio, and there are at most twelve.
     omega: hcmci multiplies averaged measurements by it; None: the number of agents.
     measurement: the agent's own range, or differences with its neighbours', as cbef and cbef-scaled always have.
     motion: a model of tracking/motion; auto: it follows from the target. velocity_time: time constant of decay, s.
@@ -65,6 +67,7 @@ class Filter(Table):
     saturation: Literal["auto", "bounded", "redescending"] = "auto"
     recovery: bool = False
     distrust: Annotated[bool | Literal["auto"], Field(description="true, false or 'auto'")] = "auto"
+    membership: Annotated[bool | Literal["auto"], Field(description="true, false or 'auto'")] = "auto"
     omega: Factor | None = None
     measurement: Literal["range", "difference"] = "range"
     motion: str = "auto"
@@ -170,6 +173,15 @@ class Filter(Table):
             raise ValueError(
                 f"filter.distrust compares what neighbours say of their own ranges, so it is not for {self.kind!r} on "
                 f"{self.measurement}s; set filter.kind = 'sicf', or leave filter.distrust out"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _may_tell_members(self) -> Filter:
+        if self.membership is True and not self._abilities.biases:
+            raise ValueError(
+                f"filter.membership is for filters that take averages for the whole network's, not for {self.kind!r}; "
+                "set filter.kind = 'sicf' or 'icf', or leave filter.membership out"
             )
         return self
 

@@ -25,7 +25,7 @@ def with_faults(plan: Plan, tables: Sequence[Mapping[str, object]]) -> Plan:
     orders = [{key: value for key, value in one.items() if key != "kind"} for one in tables if one.get("kind") == STEER]
     data["target"]["orders"] = [*data["target"]["orders"], *orders]
     data["consensus"]["scheme"] = plan.scheme[0]
-    data["filter"] |= {"bias": plan.bias, "distrust": plan.distrusts_own}
+    data["filter"] |= {"bias": plan.bias, "distrust": plan.distrusts_own, "membership": plan.settings.cut_off > 0}
     extended = Plan(stamped(parse(data, "the fault")))
     check_faults(extended)
     return extended

@@ -36,10 +36,13 @@ def by_radio(scenario: Scenario) -> bool:
     return scenario.network.graph == "radio" and scenario.network.edges is None
 
 
-def may_part(scenario: Scenario) -> bool:
-    """Whether some agents may be cut off from the others, and all are few enough to tell each other who is there."""
+def tells_members(scenario: Scenario) -> bool:
+    """Whether agents tell each other who is there: if told to, or where they may be cut off from others and are few."""
+    chosen = scenario.filter.membership
+    if chosen != "auto":
+        return chosen
     cuts = any(isinstance(fault, MessageFault) and fault.cuts for fault in scenario.fault) or by_radio(scenario)
-    few = 1 < scenario.count <= FEW and not scenario.consensus.trigger
+    few = scenario.count <= FEW and not scenario.consensus.trigger
     return cuts and few and scenario.filter.defaults > 10
 
 

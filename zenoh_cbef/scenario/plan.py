@@ -149,7 +149,7 @@ class Plan:
             bends=chosen.defaults > 7,
             prompt=chosen.defaults > 8 and not trust.real(scenario),
             supposes=start.supposes(scenario, window) and bending.may_pause(scenario, self.plain_motion, range_std),
-            cut_off=scenario.consensus.rounds if self.abilities.biases and network.may_part(scenario) else 0,
+            cut_off=scenario.consensus.rounds * (self.abilities.biases and network.tells_members(scenario)),
             anywhere=start.anywhere(scenario, self.motion, self.space),
             bias=self.bias,
             joint_biases=(joint := self.bias == "estimate" and trust.shares_biases(scenario)),
