@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import time
+from collections import Counter
 from collections.abc import Callable, Collection
 from contextlib import suppress
 
@@ -79,13 +80,15 @@ class Rings:
     def read(self) -> list[tuple[str, bytes]]:
         """What agents have left since; of an agent's rings the oldest first."""
         found, busy = [], set()
+        # Whether a ring is still written takes two calls of the system: only another ring of its agent waits for it.
+        rings = Counter(name.agent for name in self._open)
         for ring in list(self._open.values()):
             if ring.name.agent in busy:
                 continue
             ring.left = ring.reader.left  # before it is read: what is there now is all
             got = ring.read()
             found += [one for one in got if self._takes(one[0])]
-            if ring.reader.waiting or (not ring.left and ring.reader.written):
+            if rings[ring.name.agent] > 1 and (ring.reader.waiting or (not ring.left and ring.reader.written)):
                 busy.add(ring.name.agent)
         return found
 
