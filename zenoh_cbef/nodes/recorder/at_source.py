@@ -15,8 +15,7 @@ from zenoh_cbef.protocol.recorded import apart, covering
 from zenoh_cbef.scenario import Scenario
 
 _GATHER_SECONDS = 0.05
-"""How often rings are read. What is in them is safe, and who wakes up seldom finds its code in a core's cache the longer.
-"""
+"""How often rings are read. What is in them is safe, and fewer wake-ups cost the agents less."""
 _LOOK_SECONDS = 0.2
 _LAST_SECONDS = 10.0
 
