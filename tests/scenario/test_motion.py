@@ -142,5 +142,5 @@ def test_what_does_not_fit_is_refused_with_a_remedy(sets):
 
 def test_biases_are_left_alone_where_the_motion_is_not_linear():
     biased = "sensor.bias=0.3"
-    assert plan(biased).bias == "auto"
+    assert plan(biased).bias == "estimate"
     assert plan(biased, "filter.motion=turn").bias == "none"

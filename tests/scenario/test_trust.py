@@ -66,7 +66,9 @@ TOLD = {"sensor": {"bias_std": 0.5}}
         ({**TOLD, "filter": {"bias": "none"}}, "none", 0.5),
         ({**TOLD, "filter": {"motion": "turn"}}, "none", 0.5),
         ({"sensor": {"bias_std": 0.5, "real": True}}, "auto", 0.015),
-        ({"sensor": {"bias": 0.3}}, "auto", 0.015),
+        ({"sensor": {"bias": 0.3}}, "estimate", 0.015),
+        ({"sensor": {"bias": 0.3}, "filter": {"defaults": 11}}, "auto", 0.015),
+        ({"sensor": {"bias": 0.3, "real": True}}, "auto", 0.015),
         ({}, "none", 0.015),
     ],
 )

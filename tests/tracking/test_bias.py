@@ -205,6 +205,19 @@ def test_without_a_bias_auto_changes_hardly_anything_and_with_one_it_gains():
     np.testing.assert_allclose(np.array(biased.bias.agents, dtype=float), 0.5, atol=0.2)
 
 
+def test_a_bias_that_all_receivers_have_is_estimated_with_the_size_that_the_scenario_tells():
+    """Ten times the noise, of which a prior of 1.5 times the noise knows nothing."""
+    keys = ("sensor.bias=-1", "steps=120")
+    plan, before = (load("tracking", [*keys, f"filter.defaults={rules}"]).plan for rules in (12, 11))
+    assert (plan.bias, plan.settings.common_bias_std) == ("estimate", 1.0)
+    assert (before.bias, before.settings.common_bias_std) == ("auto", 1.5 * plan.range_std)
+    assert load("tracking", ["sensor.bias=[1,0,0,0,0,0]"]).plan.bias == "auto"  # one of them has another
+    scenario = plan.scenario
+    runs = unaided.errors(simulate([scenario.model_copy(update={"seed": seed}) for seed in range(1001, 1005)]))
+    assert max(map(unaided.position_rmse, runs)) < 0.3
+    assert 3.0 < np.mean([*map(unaided.nees, runs)]) < 10.0
+
+
 def test_what_cannot_be_estimated_is_refused():
     with pytest.raises(UserError, match=r"filter\.bias = 'estimate' is not for 'kcf'"):
         load("tracking", ["filter.kind=kcf", "filter.bias=estimate"])

@@ -66,6 +66,7 @@ def test_a_network_that_begins_elsewhere_finds_its_target_sooner(others):
 def test_a_network_with_biased_receivers_finds_a_target_that_jumped_and_keeps_its_biases(bias):
     keys = [
         "sensor.bias=0.3",
+        "filter.defaults=11",  # which know nothing of that bias
         f"filter.bias={bias}",
         "filter.start=given",
         "filter.reacquire=false",  # or the network finds its target by another fix

@@ -64,8 +64,15 @@ def may_be_biased(scenario: Scenario) -> bool:
 
 
 def tells_biases(scenario: Scenario) -> bool:
-    """Whether the scenario tells how large the biases of its emulated receivers are."""
-    return scenario.sensor.bias_std > 0.0 and scenario.filter.defaults > 6 and not real(scenario)
+    """Whether the scenario tells how large the biases of its emulated receivers are: all of them, or their spread."""
+    drawn = scenario.sensor.bias_std > 0.0 and scenario.filter.defaults > 6
+    return (drawn or _common_bias(scenario) > 0.0) and not real(scenario)
+
+
+def _common_bias(scenario: Scenario) -> float:
+    """The size of the bias that a scenario gives all its receivers alike, m: agents may know that, not its sign."""
+    given = set(np.atleast_1d(scenario.sensor.bias).tolist())
+    return abs(given.pop()) if len(given) == 1 and scenario.filter.defaults > 11 else 0.0
 
 
 def bias(scenario: Scenario, *, unfit: bool) -> str:
@@ -98,7 +105,8 @@ def common_bias_std(scenario: Scenario, range_std: float, *, joint: bool) -> flo
     given = scenario.filter.bias_common_std
     if given is not None:
         return given
-    return 0.0 if joint else 1.5 * range_std
+    told = 0.0 if real(scenario) else _common_bias(scenario)
+    return 0.0 if joint else max(1.5 * range_std, told)
 
 
 def own_bias_std(scenario: Scenario, range_std: float) -> float:
