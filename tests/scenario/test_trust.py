@@ -69,13 +69,30 @@ TOLD = {"sensor": {"bias_std": 0.5}}
         ({"sensor": {"bias": 0.3}}, "estimate", 0.015),
         ({"sensor": {"bias": 0.3}, "filter": {"defaults": 11}}, "auto", 0.015),
         ({"sensor": {"bias": 0.3, "real": True}}, "auto", 0.015),
+        ({"sensor": {"bias": [3, 0, 0, 0, 0, 0]}}, "auto", 0.015),  # a single one is found by other means
+        ({"sensor": {"bias": [1, -1, 1, -1, 1, -1]}}, "estimate", 1.0),
+        ({"sensor": {"bias": [0.5, 0.5, 0.1, 0.9, 0.5, 0.9], "bias_std": 0.3}}, "estimate", 0.3606),
         ({}, "none", 0.015),
     ],
 )
 def test_a_bias_of_which_the_scenario_tells_is_estimated_with_what_it_tells(keys, bias, own):
     plan = Plan(parse(keys, "test"))
     assert plan.bias == bias
-    assert plan.settings.own_bias_std == pytest.approx(own)
+    assert plan.settings.own_bias_std == pytest.approx(own, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("bias", "together"),
+    [
+        (0.0, True),
+        (0.3, False),
+        ([3, 0, 0, 0, 0, 0], False),
+        ([1, -1, 1, -1, 1, -1], True),
+        ([2, 1, 3, 1, 3, 2], False),
+    ],
+)
+def test_biases_are_estimated_together_where_the_scenario_gives_them_nothing_in_common(bias, together):
+    assert Plan(parse({"sensor": {"bias": bias, "bias_std": 0.1}}, "test")).settings.joint_biases == together
 
 
 @pytest.mark.parametrize("kind", ["cbef", "cbef-scaled"])

@@ -64,15 +64,20 @@ def may_be_biased(scenario: Scenario) -> bool:
 
 
 def tells_biases(scenario: Scenario) -> bool:
-    """Whether the scenario tells how large the biases of its emulated receivers are: all of them, or their spread."""
+    """Whether the scenario tells how large the biases of its emulated receivers are."""
     drawn = scenario.sensor.bias_std > 0.0 and scenario.filter.defaults > 6
-    return (drawn or _common_bias(scenario) > 0.0) and not real(scenario)
+    return (drawn or any(_given_biases(scenario))) and not real(scenario)
 
 
-def _common_bias(scenario: Scenario) -> float:
-    """The size of the bias that a scenario gives all its receivers alike, m: agents may know that, not its sign."""
-    given = set(np.atleast_1d(scenario.sensor.bias).tolist())
-    return abs(given.pop()) if len(given) == 1 and scenario.filter.defaults > 11 else 0.0
+def _given_biases(scenario: Scenario) -> tuple[float, float]:
+    """The size of the bias that a scenario gives its receivers, and their spread about it, m, of most of them.
+
+    Agents may know these sizes, and no signs. Medians, as a single receiver that is wrong is found by other means.
+    """
+    if scenario.filter.defaults < 12 or real(scenario):
+        return 0.0, 0.0
+    given = np.atleast_1d(scenario.sensor.bias)
+    return abs(float(np.median(given))), float(np.median(np.abs(given - np.median(given))))
 
 
 def bias(scenario: Scenario, *, unfit: bool) -> str:
@@ -93,11 +98,17 @@ def bias(scenario: Scenario, *, unfit: bool) -> str:
 
 def shares_biases(scenario: Scenario) -> bool:
     """Whether agents estimate all biases together: where they are few, and the scenario tells all that is constant."""
-    sensor, chosen = scenario.sensor, scenario.filter
+    chosen = scenario.filter
     constant = not any(isinstance(one, SensorFault) and one.error > 0.0 for one in scenario.fault)
-    told = tells_biases(scenario) and not np.any(np.array(sensor.bias)) and constant
+    told = tells_biases(scenario) and constant and _are_independent(scenario)
     few = 1 < scenario.count <= joint_biases.MOST and scenario.consensus.rounds > 0
     return told and few and chosen.defaults > 8 and chosen.bias_common_std is None
+
+
+def _are_independent(scenario: Scenario) -> bool:
+    """Whether receivers' biases have nothing in common, and no single receiver has one of another size."""
+    common, spread = _given_biases(scenario)
+    return not common if spread else not np.any(np.array(scenario.sensor.bias))
 
 
 def common_bias_std(scenario: Scenario, range_std: float, *, joint: bool) -> float:
@@ -105,8 +116,7 @@ def common_bias_std(scenario: Scenario, range_std: float, *, joint: bool) -> flo
     given = scenario.filter.bias_common_std
     if given is not None:
         return given
-    told = 0.0 if real(scenario) else _common_bias(scenario)
-    return 0.0 if joint else max(1.5 * range_std, told)
+    return 0.0 if joint else max(1.5 * range_std, _given_biases(scenario)[0])
 
 
 def own_bias_std(scenario: Scenario, range_std: float) -> float:
@@ -114,7 +124,8 @@ def own_bias_std(scenario: Scenario, range_std: float) -> float:
     given, least = scenario.filter.bias_own_std, 0.15 * range_std
     if given is not None:
         return given
-    return max(least, scenario.sensor.bias_std) if tells_biases(scenario) else least
+    told = scenario.sensor.bias_std if tells_biases(scenario) else 0.0
+    return max(least, float(np.hypot(told, _given_biases(scenario)[1])))
 
 
 def saturation_power(scenario: Scenario, *, biased: bool, fixed: bool) -> int:
