@@ -1,4 +1,4 @@
-"""What `run` says as it goes: whole on a narrow terminal, with more of it on a wide one; how it counts Ctrl-C."""
+"""What `run` says as it goes: whole on a narrow terminal, with more of it on a wide one; who is too slow; how it counts Ctrl-C."""
 
 import os
 import signal
@@ -7,7 +7,10 @@ import sys
 import pytest
 
 from tests.terminal import Terminal
+from zenoh_cbef.cli.run import _Display
 from zenoh_cbef.cli.stops import StopRequests
+from zenoh_cbef.nodes.common.recording import Status
+from zenoh_cbef.protocol.slow import REMEDY
 
 SHOWN = """
 from zenoh_cbef.cli.run import _Display
@@ -29,6 +32,16 @@ def test_a_run_is_told_whole_at_any_width(monkeypatch, width):
         assert whole in screen.seen
     assert "…" not in screen.seen
     assert ("123456 messages" in screen.seen) == (width == 140)
+
+
+def test_processes_that_do_not_keep_up_are_named_once_with_the_remedy(capsys):
+    display, status = _Display(100), Status("mine", "run.mcap", 100, slow=["agent/10", "agent/2"])
+    display.show(status)
+    display.show(status)
+    assert capsys.readouterr().err == f"warning: agent 2 and agent 10 do not keep up with real time; {REMEDY}\n"
+    status.slow.append("target")
+    display.show(status)
+    assert capsys.readouterr().err == f"warning: target does not keep up with real time; {REMEDY}\n"
 
 
 def test_every_ctrl_c_of_a_run_is_counted_and_ends_nothing():

@@ -37,10 +37,12 @@ from zenoh_cbef.protocol.session import Connection
 from zenoh_cbef.protocol.slow import REMEDY
 from zenoh_cbef.scenario.load import Loaded, load, to_toml
 from zenoh_cbef.scenario.size import refuse_a_trace_beyond_memory, refuse_too_many_processes
-from zenoh_cbef.words import counted
+from zenoh_cbef.words import counted, first_of
 
 _ROOMY = 130
 """From this width on a terminal has room for all that is known of a run as it goes."""
+_NAMED = 10
+"""So many processes that do not keep up are named at once."""
 
 
 class _Display:
@@ -59,7 +61,7 @@ class _Display:
         self._progress = Progress(*columns, console=errors)
         self._task = self._progress.add_task("", total=steps, rate="-", error="-", messages=0, lost=0, late=0)
         self._began: tuple[float, int] | None = None
-        self._told, self._slow = time.monotonic(), False
+        self._told, self._slow = time.monotonic(), set[str]()
         self.live = Live(self._progress, console=errors, refresh_per_second=5, transient=True)
 
     def begin(self, endpoint: str) -> None:
@@ -85,10 +87,10 @@ class _Display:
             rate=number(rate),
             error=error,
         )
-        if status.slow and not self._slow:
-            self._slow = True
-            many = counted(status.slow, "process does", "processes do")
-            tell(f"warning: by now {many} not keep up with real time; {REMEDY}")
+        if slow := sorted({*status.slow} - self._slow, key=lambda one: (len(one), one)):
+            self._slow.update(slow)
+            names = first_of([one.replace("/", " ") for one in slow], _NAMED)
+            tell(f"warning: {names} {'does' if len(slow) == 1 else 'do'} not keep up with real time; {REMEDY}")
         if not errors.is_terminal and now - self._told > 5.0:
             self._told = now
             errors.print(f"step {status.step} of {status.steps}, error {error}, {status.messages} messages")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 
 @dataclass
@@ -13,7 +13,7 @@ class Status:
     (m) there. messages: recorded. lost, late: on links, as their receivers counted. missing: gaps in the sequence
     numbers of what was recorded. foreign: messages on more keys that no run
     has than a log names, not recorded. behind: how often the recorder fell behind. dropped: messages that could not be
-    written, and failure: why not. slow: how many processes have said that they do not keep up with real time.
+    written, and failure: why not. slow: the processes that have said that they do not keep up with real time.
     """
 
     run: str
@@ -30,5 +30,5 @@ class Status:
     dropped: int = 0
     foreign: int = 0
     failure: str = ""
-    slow: int = 0
+    slow: list[str] = field(default_factory=list)
     state: str = "recording"

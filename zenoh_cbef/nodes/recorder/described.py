@@ -28,4 +28,5 @@ def described(identity: Identity, scenario: Scenario, expressions: Sequence[str]
 
 def as_text(status: Status) -> dict[str, str]:
     """The last status, as the end record has it."""
-    return {name: str(value) for name, value in asdict(status).items() if name != "state"}
+    said = asdict(status) | {"slow": " ".join(status.slow)}
+    return {name: str(value) for name, value in said.items() if name != "state"}

@@ -31,12 +31,11 @@ class Overview:
         self._truth: dict[int, list[float]] = {}
         self._errors: dict[int, list[float]] = {}
         self._links: dict[int, tuple[int, int]] = {}
-        self._slow: set[str] = set()
 
     def note_slow(self, process: str) -> None:
         """A process of the run has said that it does not keep up."""
-        self._slow.add(process)
-        self.status.slow = len(self._slow)
+        if process not in self.status.slow:
+            self.status.slow.append(process)
 
     def see(self, kind: str, key: str, data: bytes) -> None:
         """Take one truth or estimate message into account."""
