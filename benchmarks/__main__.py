@@ -26,6 +26,7 @@ BENCHMARKS = {
     "accuracy": ("accuracy", "errors against the centralised filter, NEES, outliers, the paper's figures"),
     "lockstep": ("lockstep", "rounds per second of real agents against a bare exchange, 6 and 24 agents"),
     "round": ("round", "rounds per second against a bare exchange, by recorder; a round's CPU by process and place"),
+    "rivals": ("rivals", "rounds per second of the same consensus loop over ZeroMQ, MPI and Unix sockets, beside ours"),
     "step": ("step", "what a lockstep step and a round cost an agent: Python calls, CPU of its main thread"),
     "startup": ("startup", "seconds to the first step, CPU of a simulation and of idle agents"),
     "rejoin": ("rejoin", "how soon all is as before after a crash and after a cut"),

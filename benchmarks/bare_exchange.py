@@ -6,55 +6,38 @@ neighbour read in the main thread, batch scheduling, dropping instead of blockin
 
 from __future__ import annotations
 
-import json
 import sys
 import time
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Sequence
 
 import zenoh
 
-from benchmarks.common import children, end_with_parent
+from benchmarks.exchange_part import Outcome, Part, end_with_parent, part_of, timed
+from benchmarks.exchanging import exchanged, parts_of, slowest
+from zenoh_cbef.machine import yield_to_others
 from zenoh_cbef.nodes.launch.ports import free_ports
 from zenoh_cbef.protocol.runtimes import ONE_RUNTIME
-from zenoh_cbef.protocol.session import Connection, open_session, yield_to_others
+from zenoh_cbef.protocol.session import Connection, open_session
 
-_PATIENCE_SECONDS = 120.0
 RUNTIMES = {"merged runtime": {"ZENOH_RUNTIME": ONE_RUNTIME}, "default runtime": {}}
-
-
-@dataclass(frozen=True)
-class Part:
-    """One process of the exchange. ports: of all processes. size: bytes of a message."""
-
-    me: int
-    neighbours: list[int]
-    ports: list[int]
-    rounds: int
-    size: int
 
 
 def bare_rate(
     edges: Sequence[tuple[int, int]], count: int, *, rounds: int, size: int, environment: dict[str, str]
 ) -> float:
-    """Measure the slowest process's rounds per second from a tenth to the end. RuntimeError if it hangs."""
-    ports = free_ports(count)
-    with children() as family:
-        started = []
-        for agent in range(count):
-            near = [b if a == agent else a for a, b in edges if agent in (a, b)]
-            part = json.dumps(asdict(Part(agent, sorted(near), ports, rounds, size)))
-            started.append(family.start(__name__, [part], environment, listen_to=True))
-        until = time.monotonic() + _PATIENCE_SECONDS
-        return min(float(family.wait(child, until - time.monotonic())) for child in started)
+    """Measure the slowest process's rounds per second from a tenth to the end. RuntimeError if it hangs.
+
+    size: bytes of a message.
+    """
+    parts = parts_of(edges, [f"tcp/127.0.0.1:{port}" for port in free_ports(count)])
+    return slowest(exchanged(__name__, parts, [str(rounds), str(size)], environment=environment))
 
 
-def exchange(part: Part) -> float:
+def exchange(part: Part, rounds: int, size: int) -> float:
     """Be one process; returns its rounds per second."""
     yield_to_others()
-    endpoints = [f"tcp/127.0.0.1:{port}" for port in part.ports]
-    lower = [endpoints[other] for other in part.neighbours if other < part.me]
-    connection = Connection(connect=lower, listen=[endpoints[part.me]], gossip=False)
+    lower = [part.endpoints[other] for other in part.neighbours if other < part.me]
+    connection = Connection(connect=lower, listen=[part.endpoints[part.me]], gossip=False)
     with open_session(connection) as session:
         subscribers = [
             session.declare_subscriber(f"bare/{other}", zenoh.handlers.FifoChannel(64)) for other in part.neighbours
@@ -67,7 +50,7 @@ def exchange(part: Part) -> float:
         # Declarations travel in order: a process that sees our token knows our subscriptions.
         with session.liveliness().declare_token(f"bare-live/{part.me}"):
             _wait_for(session, {f"bare-live/{other}" for other in part.neighbours})
-            rate = _rounds(publisher, subscribers, part)
+            rate = timed(rounds, _turn(publisher, subscribers, bytes(size)))
             # The last messages are still on their way, and no process waits for a neighbour that closes.
             time.sleep(0.5)
     return rate
@@ -81,26 +64,25 @@ def _wait_for(session: zenoh.Session, needed: set[str]) -> None:
         time.sleep(0.02)
 
 
-def _rounds(
+def _turn(
     publisher: zenoh.Publisher,
     subscribers: Sequence[zenoh.Subscriber[zenoh.handlers.Handler[zenoh.Sample]]],
-    part: Part,
-) -> float:
+    data: bytes,
+) -> Callable[[int], None]:
     handlers = [subscriber.handler for subscriber in subscribers]
-    data, warm = bytes(part.size), part.rounds // 10
-    began = time.perf_counter()
-    for round_ in range(part.rounds):
-        if round_ == warm:
-            began = time.perf_counter()
+
+    def turn(_: int) -> None:
         publisher.put(data)
         for handler in handlers:
             sample = handler.try_recv()
             if sample is None:
                 sample = handler.recv()
             sample.payload.to_bytes()
-    return (part.rounds - warm) / (time.perf_counter() - began)
+
+    return turn
 
 
 if __name__ == "__main__":
     end_with_parent()
-    print(exchange(Part(**json.loads(sys.argv[1]))))
+    part = part_of(sys.argv[1], lambda: 0)
+    Outcome(part.me, exchange(part, *map(int, sys.argv[2:])), []).tell()

@@ -7,7 +7,6 @@ import signal
 import subprocess
 import sys
 import tempfile
-import threading
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -86,11 +85,12 @@ class Children:
         environment: Mapping[str, str],
         *,
         listen_to: bool = False,
+        launcher: Sequence[str] = (),
     ) -> subprocess.Popen[bytes]:
-        """Start `python -m module arguments`; listen_to keeps its standard output for us."""
+        """Start `python -m module arguments`, or a launcher of it; listen_to keeps its standard output for us."""
         words = tempfile.TemporaryFile()  # noqa: SIM115 - closed by kill()
         process = subprocess.Popen(
-            [sys.executable, "-m", module, *arguments],
+            [*launcher, sys.executable, "-m", module, *arguments],
             cwd=ROOT,
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE if listen_to else subprocess.DEVNULL,
@@ -140,17 +140,6 @@ def children() -> Iterator[Children]:
         yield family
     finally:
         family.kill()
-
-
-def end_with_parent() -> None:
-    """In a child: end when the parent does, however it ended."""
-
-    def follow() -> None:
-        while os.read(0, 4096):
-            pass
-        os._exit(1)
-
-    threading.Thread(target=follow, daemon=True).start()
 
 
 def interrupt_on_terminate() -> None:

@@ -18,7 +18,8 @@ import matplotlib as mpl
 import numpy as np
 from rich.table import Table
 
-from benchmarks.common import Row, below, children, end_with_parent, plain_table, results
+from benchmarks.common import Row, below, children, plain_table, results
+from benchmarks.exchange_part import end_with_parent
 from benchmarks.method_figures import FOLDER, STYLE, canvas, save
 from zenoh_cbef.analysis.metrics import analyze
 from zenoh_cbef.scenario.load import load

@@ -26,11 +26,11 @@ from zenoh_cbef.scenario.load import load
 
 _SIZES = {"tracking": (600, 0.6), "scale24": (150, 0.7)}
 """Steps of a run, and the share of the bare exchange that is to be reached, recorder on."""
-_WITHOUT, _ZENOH, _RINGS = "no recorder", "recorder", "recorder, rings"
+WITHOUT, _ZENOH, RINGS = "no recorder", "recorder", "recorder, rings"
 _ARMS = {
-    _WITHOUT: ["record.required=false"],
+    WITHOUT: ["record.required=false"],
     _ZENOH: ["record.rings=false"],
-    _RINGS: ["record.rings=true"],
+    RINGS: ["record.rings=true"],
 }
 _SECONDS = 300.0
 
@@ -54,7 +54,7 @@ def agents(name: str, steps: int, arm: str, *, places: bool = False) -> Measured
     with tempfile.TemporaryDirectory() as folder:
         told = Path(folder) / "told.json"
         environment = {WATCHED: str(told), **({PLACES: "1"} if places else {})}
-        log = None if arm == _WITHOUT else Path(folder) / "run.mcap"
+        log = None if arm == WITHOUT else Path(folder) / "run.mcap"
         ids = range(plan.scenario.count)
         watching = {"watched": environment, "watching": "benchmarks.watched_round"}
         with by_hand(name, overrides, agents=ids, log=log, **watching):  # type: ignore[arg-type]
@@ -96,7 +96,7 @@ def run(repeats: int) -> Iterator[Table]:
         title = f"{name}: rounds/s, and share of bare pair by pair, medians of {repeats}, load before {busy:.1f}"
         yield plain_table(title, ["", "median", "from, to", "of bare", "from, to"], rows)
         best = max(
-            _median([one.rate / other for one, other in zip(runs[arm], bare, strict=True)]) for arm in (_ZENOH, _RINGS)
+            _median([one.rate / other for one, other in zip(runs[arm], bare, strict=True)]) for arm in (_ZENOH, RINGS)
         )
         yield results("", [at_least("of bare, recorder on, the better of both", best, goal)])
         yield _costs(name, runs)
@@ -124,6 +124,6 @@ def _costs(name: str, runs: dict[str, list[Measured]]) -> Table:
 
 
 def _places(name: str, steps: int, repeats: int) -> Table:
-    found = [agents(name, steps, _RINGS, places=True).places for _ in range(repeats)]
+    found = [agents(name, steps, RINGS, places=True).places for _ in range(repeats)]
     rows = [[place, _median([one[place] for one in found])] for place in found[0]]
     return plain_table(f"{name}: a round of agent 0 with rings, by place, µs, medians of all rounds", ["", "µs"], rows)

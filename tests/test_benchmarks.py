@@ -14,13 +14,15 @@ ROOT = Path(__file__).resolve().parents[1]
 # The benchmarks are part of the repository, not of the installed package.
 sys.path.insert(0, str(ROOT))
 
-from benchmarks import accuracy, fuzz, held_out, method_studies, recorded, soak, stress, stress_search  # noqa: E402
+from benchmarks import accuracy, fuzz, held_out, method_studies, recorded, rivals, soak, stress, stress_search  # noqa: E402
 from benchmarks.__main__ import BENCHMARKS  # noqa: E402
 from benchmarks.common import analyses, at_least, below, children  # noqa: E402
 from benchmarks.fuzz_logs import fuzz_logs  # noqa: E402
 from benchmarks.fuzz_material import Material  # noqa: E402
+from benchmarks.rival_process import first_payload  # noqa: E402
 from benchmarks.watched_round import STEP, Stopwatch  # noqa: E402
 from zenoh_cbef.datasets import read_dataset  # noqa: E402
+from zenoh_cbef.scenario.build import batch_tracker  # noqa: E402
 from zenoh_cbef.scenario.load import load  # noqa: E402
 from zenoh_cbef.simulator import simulate  # noqa: E402
 
@@ -271,3 +273,20 @@ def test_what_a_search_finds_is_kept_once_as_a_case(tmp_path, monkeypatch):
     name = stress_search.keep(found)
     assert stress.cases() == {name: case}
     assert stress_search.keep(found) == ""
+
+
+@pytest.mark.processes
+@pytest.mark.parametrize("acceleration", ["none", "chebyshev"])
+@pytest.mark.parametrize("way", rivals.PACKAGES)
+def test_a_rival_s_processes_average_as_agents_do(way, acceleration):
+    if missing := rivals.lacking(way):
+        pytest.skip(missing)
+    plan = load("tracking", [f"consensus.acceleration={acceleration}"]).plan
+    tracker, neighbours = batch_tracker([plan])
+    stage = tracker.consensus
+    message = stage.start(np.array([first_payload(agent, plan.message_size) for agent in range(6)]))
+    for _ in range(plan.rounds):
+        message = stage.mix(message[neighbours.index], neighbours.present)
+    found = rivals.rival(plan, way, 3, batch=True)
+    assert [one.me for one in found] == [*range(6)]
+    np.testing.assert_array_equal([one.values for one in found], stage.result())

@@ -1,4 +1,4 @@
-"""Whether this host has enough open files, threads, ports, address space and memory left, and which cores."""
+"""Whether this host has enough open files, threads, ports, address space and memory left; which cores, and when."""
 
 from __future__ import annotations
 
@@ -35,6 +35,12 @@ def keep_to_core(pid: int, place: int, count: int) -> None:
     if 0 < len(cores) < count:
         with suppress(OSError):  # it has ended already, which the caller will notice
             os.sched_setaffinity(pid, {cores[place % len(cores)]})
+
+
+def yield_to_others() -> None:
+    """Ask the scheduler for fewer preemptions; the threads of sessions opened later inherit it."""
+    if hasattr(os, "sched_setscheduler"):
+        os.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0))
 
 
 def _own_cores() -> list[int]:

@@ -1,4 +1,4 @@
-"""What `run` says as it goes: whole on a narrow terminal, with more of it on a wide one; who is too slow; how it counts Ctrl-C."""
+"""What `run` says as it goes: whole on a narrow terminal, with more on a wide one; who is slow; how Ctrl-C counts."""
 
 import os
 import signal

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from zenoh_cbef.protocol.session import Connection, PortInUseError, _mistake, yield_to_others
+from zenoh_cbef.machine import yield_to_others
+from zenoh_cbef.protocol.session import Connection, PortInUseError, _mistake
 from zenoh_cbef.protocol.tls import Tls
 
 HERE = Connection(listen=["tcp/127.0.0.1:1", "tcp/127.0.0.1:2"])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import re
 import tempfile
 import time
@@ -87,12 +86,6 @@ class Connection:
     def loopback(self, port: int = 0) -> str:
         """An endpoint that no other host can reach; port 0 is any that is free."""
         return f"{SCHEMES[0] if self.tls else 'tcp'}/127.0.0.1:{port}"
-
-
-def yield_to_others() -> None:
-    """Ask the scheduler for fewer preemptions; the threads of sessions opened later inherit it."""
-    if hasattr(os, "sched_setscheduler"):
-        os.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0))
 
 
 class PortInUseError(UserError):

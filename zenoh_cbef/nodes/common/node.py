@@ -14,7 +14,7 @@ from types import FrameType, TracebackType
 from typing import Self
 
 from zenoh_cbef.errors import Interrupted, UserError
-from zenoh_cbef.machine import require
+from zenoh_cbef.machine import require, yield_to_others
 from zenoh_cbef.nodes.common.ending import Ending
 from zenoh_cbef.protocol.addresses import reached_at, with_ports
 from zenoh_cbef.protocol.claims import claim
@@ -25,7 +25,7 @@ from zenoh_cbef.protocol.mailbox import Mailbox
 from zenoh_cbef.protocol.memory import KEPT_BYTES, Archive
 from zenoh_cbef.protocol.outbox import Outbox
 from zenoh_cbef.protocol.presence import Presence
-from zenoh_cbef.protocol.session import Connection, PortInUseError, open_joined, yield_to_others
+from zenoh_cbef.protocol.session import Connection, PortInUseError, open_joined
 
 LEASH = "ZENOH_CBEF_LEASH"
 """The environment variable of a process whose standard input ends with its launcher, with what that launches."""
