@@ -27,6 +27,10 @@ BENCHMARKS = {
     "lockstep": ("lockstep", "rounds per second of real agents against a bare exchange, 6 and 24 agents"),
     "round": ("round", "rounds per second against a bare exchange, by recorder; a round's CPU by process and place"),
     "rivals": ("rivals", "rounds per second of the same consensus loop over ZeroMQ, MPI and Unix sockets, beside ours"),
+    "realtime": (
+        "realtime",
+        "the highest step rate that realtime runs keep, 6 and 24 agents, and latencies; --set KEY=VALUE",
+    ),
     "step": ("step", "what a lockstep step and a round cost an agent: Python calls, CPU of its main thread"),
     "startup": ("startup", "seconds to the first step, CPU of a simulation and of idle agents"),
     "rejoin": ("rejoin", "how soon all is as before after a crash and after a cut"),
@@ -68,6 +72,7 @@ _OPTIONS = {
     "scale": ("agents",),
     "large": ("million",),
     "hosts": ("agents",),
+    "realtime": ("set",),
     "ring-soak": ("minutes", "kills"),
     "soak": ("minutes",),
     "stress": ("case", "seeds", "search", "first", "set"),
@@ -88,7 +93,7 @@ def main() -> None:
     parser.add_argument("--million", action="store_true", help="large: a million agents, too")
     parser.add_argument("--first", type=int, default=1001, help="stress: the first seed")
     parser.add_argument(
-        "--set", action="append", default=[], metavar="KEY=VALUE", help="stress: a key of all cases; may be repeated"
+        "--set", action="append", default=[], metavar="KEY=VALUE", help="stress, realtime: a key; may be repeated"
     )
     parser.add_argument("--search", type=int, default=0, help="stress: try so many random cases, keep what it finds")
     parser.add_argument("--write", type=Path, help="filters: the page to bring up to date")

@@ -14,7 +14,18 @@ ROOT = Path(__file__).resolve().parents[1]
 # The benchmarks are part of the repository, not of the installed package.
 sys.path.insert(0, str(ROOT))
 
-from benchmarks import accuracy, fuzz, held_out, method_studies, recorded, rivals, soak, stress, stress_search  # noqa: E402
+from benchmarks import (  # noqa: E402
+    accuracy,
+    fuzz,
+    held_out,
+    method_studies,
+    realtime,
+    recorded,
+    rivals,
+    soak,
+    stress,
+    stress_search,
+)
 from benchmarks.__main__ import BENCHMARKS  # noqa: E402
 from benchmarks.common import analyses, at_least, below, children  # noqa: E402
 from benchmarks.fuzz_logs import fuzz_logs  # noqa: E402
@@ -290,3 +301,41 @@ def test_a_rival_s_processes_average_as_agents_do(way, acceleration):
     found = rivals.rival(plan, way, 3, batch=True)
     assert [one.me for one in found] == [*range(6)]
     np.testing.assert_array_equal([one.values for one in found], stage.result())
+
+
+def point(late):
+    return realtime.Point(late, np.array([0.001]), slowest=0.0, beacons=0.0)
+
+
+@pytest.mark.parametrize("capacity", [0.5, 1.0, 7.5, 9.0, 20.0])
+def test_the_highest_rate_on_time_is_the_last_that_holds(capacity):
+    rungs = [float(rate) for rate in range(1, 11)]
+    tried = list[float]()
+
+    def run_at(rate):
+        tried.append(rate)
+        return point(0.0 if rate <= capacity else 0.01)
+
+    rate, points = realtime.on_time(run_at, rungs, 3)
+    assert rate == max(1.0, min(10.0, capacity // 1.0))
+    assert len(points) == 3
+    assert len(tried) <= 2 * 4 + 3
+
+
+def test_a_rate_that_was_on_time_by_chance_is_given_up_for_the_one_below():
+    lates = {4.0: iter([0.0, 0.01, 0.01, 0.0])}
+    rate, points = realtime.on_time(
+        lambda rate: point(next(lates[rate]) if rate in lates else 0.01 * (rate > 4.0)), [1.0, 2.0, 3.0, 4.0, 5.0], 3
+    )
+    assert rate == 3.0
+    assert [one.late for one in points] == [0.0, 0.0, 0.0]
+
+
+@pytest.mark.processes
+def test_a_realtime_run_that_its_host_cannot_keep_up_with_is_late(monkeypatch):
+    monkeypatch.setattr(realtime, "_SECONDS", 0.02)
+    found = realtime.measure("tracking", 10, 5000.0)
+    assert found.late > 0.1
+    assert found.slowest > 0.1
+    assert (found.latency > 0.0).all()
+    assert len(found.latency) > 0
