@@ -133,6 +133,31 @@ def test_a_forged_estimate_far_away_does_not_stop_a_recorder():
     assert overview.status.step == 1
 
 
+def test_a_recorder_tells_how_far_agents_are_that_a_target_has_left_behind():
+    overview = Overview(Status(RUN, "", 2000), lambda: 2)
+    counts: dict[str, list] = {name: [] for name in ("neighbours", "received", "lost", "late", "latency")}
+
+    def truth(step):
+        overview.see("truth", KEYS.truth, encode(RUN, "target", step, 0, {"k": step, "state": [0.0] * 6}))
+
+    def estimate(agent, step):
+        said = {"k": step, "state": [1.0] * 6, "innovation": None, "weight": None, **counts, "covariance": None}
+        overview.see("estimate", KEYS.estimate(agent), encode(RUN, f"agent/{agent}", step, 0, said))
+
+    for step in range(1, 1001):
+        truth(step)
+    estimate(0, 3)
+    assert (overview.status.step, overview.status.error) == (0, None)
+    estimate(1, 2)
+    assert (overview.status.step, overview.status.error) == (2, None)
+    estimate(0, 1000)
+    estimate(1, 1000)
+    assert overview.status.step == 1000
+    assert overview.status.error == pytest.approx(3.0**0.5)
+    estimate(0, 900)
+    assert overview.status.error is not None
+
+
 def test_a_log_with_messages_on_any_key_is_read_by_every_verb(tmp_path):
     made = Maker(tmp_path / "run.mcap")
     for number in range(3000):

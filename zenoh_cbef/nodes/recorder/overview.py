@@ -77,11 +77,16 @@ class Overview:
             self._forget(step)
 
     def _go_on_without_truth(self) -> None:
-        """Where no truth is known, a step is done when all agents have told their estimates of it."""
+        """Where no truth is known any more, a step is done when all agents have told their estimates of it.
+
+        A target can be ahead of agents that are too slow for more steps than are kept.
+        """
         self._expected = self._present() or self._expected
         done = min(self.heard.values()) if len(self.heard) >= self._expected else 0
-        if not self._truth and done > self.status.step:
+        if self.status.step < done < min(self._truth, default=done + 1):
             self.status.step = min(done, self.status.steps)
+            if self._truth:
+                self.status.error = None
             self._count_links()
 
     def _count_links(self) -> None:
