@@ -28,7 +28,7 @@ from benchmarks.round import RINGS, WITHOUT, agents
 from zenoh_cbef.scenario.load import load
 from zenoh_cbef.scenario.plan import Plan
 
-STEPS = {"tracking": 200, "scale24": 40}
+STEPS = {"tracking": 150, "scale24": 30}
 PACKAGES = {"unix": (), "zeromq": ("pyzmq",), "mpi": ("mpi4py", "openmpi")}
 _TITLES = {"unix": "Unix sockets", "zeromq": "ZeroMQ", "mpi": "MPI"}
 _SETTINGS = {

@@ -332,10 +332,12 @@ def test_a_rate_that_was_on_time_by_chance_is_given_up_for_the_one_below():
 
 
 @pytest.mark.processes
-def test_a_realtime_run_that_its_host_cannot_keep_up_with_is_late(monkeypatch):
+def test_messages_that_come_late_and_those_that_never_come_count_as_late(monkeypatch):
     monkeypatch.setattr(realtime, "_SECONDS", 0.02)
     found = realtime.measure("tracking", 10, 5000.0)
     assert found.late > 0.1
     assert found.slowest > 0.1
     assert (found.latency > 0.0).all()
     assert len(found.latency) > 0
+    lossy = realtime.measure("tracking", 2, 10.0, ['fault=[{kind="loss",probability=0.4}]'])
+    assert lossy.late > 0.3
