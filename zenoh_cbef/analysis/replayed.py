@@ -13,6 +13,7 @@ from zenoh_cbef.analysis.verdict import RECENT, WINDOW, Moment, Verdict, parts, 
 from zenoh_cbef.arrays import Bools, Floats, Ints
 from zenoh_cbef.pages.packing import framed
 from zenoh_cbef.protocol.slow import AGAIN_SECONDS, SLOW
+from zenoh_cbef.protocol.tokens import in_words
 from zenoh_cbef.trace import began
 from zenoh_cbef.tracking.status import STATUSES
 
@@ -110,4 +111,4 @@ def _slow(analysis: Analysis) -> list[tuple[float, str]]:
     if start is None:
         return []
     told = [(one.get("sent"), str(one.get("from"))) for one in events if one.get("kind") == SLOW]
-    return [(1e-9 * at - start, name.replace("/", " ")) for at, name in told if isinstance(at, int)]
+    return [(1e-9 * at - start, in_words(name)) for at, name in told if isinstance(at, int)]

@@ -7,6 +7,7 @@ import numpy as np
 from zenoh_cbef.analysis.verdict import RECENT, WINDOW, Moment, Verdict, parts, verdict
 from zenoh_cbef.lab.scene import Scene
 from zenoh_cbef.protocol.slow import AGAIN_SECONDS, SLOW
+from zenoh_cbef.protocol.tokens import in_words
 from zenoh_cbef.tracking.diagnostics import NAMES
 
 
@@ -33,4 +34,4 @@ def _slow(scene: Scene, step: int) -> str:
     past = step < scene.newest
     now = scene.recording.estimates.stamps(step).sent[:, step - 1].max() if past else scene.recording.events[-1].sent
     told = [one for one in told if 0 <= now - one.sent < 1e9 * AGAIN_SECONDS]
-    return told[-1].message["from"].replace("/", " ") if told else ""
+    return in_words(told[-1].message["from"]) if told else ""

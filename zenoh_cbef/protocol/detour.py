@@ -19,6 +19,7 @@ from zenoh_cbef.protocol.introducing import life_at
 from zenoh_cbef.protocol.keys import Keys, agent_named
 from zenoh_cbef.protocol.presence import Presence
 from zenoh_cbef.protocol.session import Connection, open_session
+from zenoh_cbef.protocol.tokens import heard_token, life_token, over_token
 
 _ASK_SECONDS = 1.0
 
@@ -80,11 +81,10 @@ class Detour:
         if name not in self._messages:
             self._messages[name] = self._hear(client, name)
         if mutual and name not in self._tokens:
-            tokens = [f"heard/{self._own}/*", f"life/{name}/*", f"over/{name}"]
+            tokens = [heard_token(self._own, "*"), life_token(name, "*"), over_token(name)]
             self._tokens[name] = [self._presence.follow(client, one) for one in tokens]
             # Its name comes last: who sees it may rely on the rest. Each of these comes by a thread of its own.
-            life = f"life/{name}/"
-            self._presence.wait(lambda live: any(one.startswith(life) for one in live), _ASK_SECONDS)
+            self._presence.wait(lambda live: name in self._presence.lives(live), _ASK_SECONDS)
             self._tokens[name].append(self._presence.follow(client, name))
 
     def heard(self) -> list[str]:

@@ -9,6 +9,7 @@ from zenoh_cbef.nodes.common.node import Node
 from zenoh_cbef.nodes.common.readers import WINDOW
 from zenoh_cbef.nodes.target.progress import Progress
 from zenoh_cbef.protocol.reached import ask_reached
+from zenoh_cbef.protocol.tokens import in_words, is_recorder
 
 _WAITING = 40_000
 """Messages of a run that can wait in a recorder's mailbox and its links: a third of what the mailbox holds."""
@@ -69,7 +70,7 @@ class Following:
         return min((self._low(name, step) or 0 for name in self._recorders()), default=step)
 
     def _recorders(self) -> list[str]:
-        return sorted(name for name in self._node.presence.names() if name.startswith("record/"))
+        return sorted(filter(is_recorder, self._node.presence.names()))
 
     def _low(self, name: str, step: int) -> int | None:
         """The step, at most the given one, of which a recorder has all that agents sent; None where it does not tell.
@@ -91,5 +92,5 @@ class Following:
         for name in behind:
             if self._low(name, step) != step:
                 self._left[name] = dict(self._known.get(name, {}))
-        names = ", ".join(name.replace("/", " ") for name in behind)
+        names = ", ".join(map(in_words, behind))
         self._node.event("behind", f"{names} did not get to step {step}; the run goes on without", step=step)

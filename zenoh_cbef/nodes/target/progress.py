@@ -15,6 +15,7 @@ from zenoh_cbef.protocol.keys import address, agent_named
 from zenoh_cbef.protocol.kinds import ESTIMATE
 from zenoh_cbef.protocol.memory import ask_latest
 from zenoh_cbef.protocol.messages import BadMessage, peek
+from zenoh_cbef.protocol.tokens import ready_token
 
 _GATHER_SECONDS = 0.001
 _PORTION = 10_000
@@ -78,7 +79,7 @@ class Progress:
     def ready(self, live: set[str]) -> set[int]:
         """The agents that are here and ready, by the names that are there, but none of an earlier run of this name."""
         # Of one that dies the tokens go one after the other.
-        ready = {one for one in range(len(self._reached)) if {f"agent/{one}", f"ready/{one}"} <= live}
+        ready = {one for one in range(len(self._reached)) if {f"agent/{one}", ready_token(one)} <= live}
         lives = self._node.presence.lives(live)
         return {one for one in ready if lives[f"agent/{one}"] == self._claims.given(f"agent/{one}")}
 
