@@ -74,15 +74,15 @@ def _verdicts(analysis: Analysis, until: Ints) -> list[Verdict]:
         stretch = step - (int(until[place - 1]) if place else 0)
         late = [name for at, name in slow if 0.0 <= trace.time[row] - at < AGAIN_SECONDS]
         moment = Moment(
-            trace.diagnostics.status[:, row],
-            trace.diagnostics.status_seconds[:, row],
-            there[:, row],
-            error[recent],
-            claimed[recent],
-            float(analysis.disagreement[row]),
-            1 if passing is None else parts(links, _came(passing.counts, place, stretch), there[:, row]),
-            late[-1] if late else "",
-            trace.scenario.agents.names,
+            states=trace.diagnostics.status[:, row],
+            seconds=trace.diagnostics.status_seconds[:, row],
+            there=there[:, row],
+            error=error[recent],
+            claimed=claimed[recent],
+            apart=float(analysis.disagreement[row]),
+            parts=1 if passing is None else parts(links, _came(passing.counts, place, stretch), there[:, row]),
+            slow=late[-1] if late else "",
+            names=trace.scenario.agents.names,
         )
         found.append(verdict(moment))
     return found

@@ -21,8 +21,18 @@ def judged(scene: Scene, step: int) -> Verdict:
     came = np.nansum(scene.fresh(max(step - RECENT, 0), step)[:, :, 0], axis=1) > 0.0
     states, seconds = (said[:, NAMES.index(name)] for name in ("status", "status_seconds"))
     split = parts(scene.links, came, there)
-    apart, slow, names = float(curves["disagreement"][-1]), _slow(scene, step), scene.plan.scenario.agents.names
-    return verdict(Moment(states, seconds, there, curves["error"], curves["claimed"], apart, split, slow, names))
+    moment = Moment(
+        states=states,
+        seconds=seconds,
+        there=there,
+        error=curves["error"],
+        claimed=curves["claimed"],
+        apart=float(curves["disagreement"][-1]),
+        parts=split,
+        slow=_slow(scene, step),
+        names=scene.plan.scenario.agents.names,
+    )
+    return verdict(moment)
 
 
 def _slow(scene: Scene, step: int) -> str:
