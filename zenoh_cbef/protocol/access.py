@@ -1,8 +1,8 @@
 """What each process may send and hear: Zenoh's access control by the common name of the other end's certificate.
 
 Every process and every router enforces the same rules on messages that come in, whatever their run is. It drops a
-message that no rule allows, so a link without a certificate carries nothing. Of messages that go out only publications
-are checked: while a link is being made, Zenoh sends the other end also what it has not subscribed to.
+message that no rule allows, so a link without a certificate carries nothing. Of messages that go out it checks
+publications alone: while a link is being made, Zenoh also sends the other end what that end has not subscribed to.
 """
 
 from __future__ import annotations

@@ -74,8 +74,8 @@ def claim(
 ) -> bool | None:
     """Claim a name until this session ends. Returns whether it is ours; None if no target says so.
 
-    The target is asked for `patience` s, and until `stopped` says that this process is to end; over a new link where
-    the one that is there is mute. claims: the key. connection: of the session.
+    It asks the target for `patience` s, or until `stopped` says that this process is to end. Where no answer comes over
+    the link, it makes the link anew. claims: the key. connection: of the session.
 
     A claim alone is not a process that takes part, so the claim of a process that does not get the name has no effect.
     """

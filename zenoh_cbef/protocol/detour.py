@@ -1,7 +1,8 @@
 """What a process hears of others through the target, where no link to them can be made.
 
 A peer does not pass on to peers what it hears, but it does to its clients. So the process opens a second session, a
-client of the target, and hands what that one hears to its first one: the readers there need not know.
+client of the target, and hands what that session hears to its first one. Readers of the first session notice no
+difference.
 """
 
 from __future__ import annotations
@@ -53,7 +54,8 @@ class Detour:
     def lead(self, names: Mapping[str, bool]) -> None:
         """From now on hear these processes, as in "agent/3", and no others; each with whether it hears this one, too.
 
-        Only then is it there, for this process: what sees another's name may send, and relies on being heard.
+        Only where it does, its name is there for this process: a process that sees another's name may send, and relies
+        on being heard.
         """
         with self._lock:
             for name in self._messages.keys() - names.keys():

@@ -35,9 +35,9 @@ def follow_token(session: zenoh.Session, key: str, note: Callable[[bool], None])
 class Presence:
     """Which processes are there: the liveliness tokens of a run, ours and others', updated in the background.
 
-    Zenoh gives a callback of Python 256 places. While they are full it receives nothing else, and whatever declares a
-    token waits: where a listener waits for a lock that the declaring thread holds, for good. So Zenoh's callback puts
-    tokens into a queue without a limit, and a thread of ours works it off.
+    Zenoh gives a callback of Python 256 places. While they are full it receives nothing else, and a thread that
+    declares a token waits. If a listener waits for a lock that this thread holds, both wait for good. So Zenoh's
+    callback puts tokens into a queue without a limit, and a thread of ours works it off.
     """
 
     def __init__(self, session: zenoh.Session, expression: str) -> None:

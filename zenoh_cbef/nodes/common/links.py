@@ -158,8 +158,8 @@ class Links:
     def _is_mute(self, life: str) -> bool:
         """Whether a link is to end, to be made anew, as the name of the process at its other end does not come.
 
-        Of hundreds of links that are made at once, Zenoh leaves one now and then so. As the process at its other end
-        is not there for this one without its name, nothing is lost with the link.
+        Of hundreds of links that are made at once, Zenoh now and then leaves one so. Without its name the other process
+        is not there for this one, so nothing is lost with the link.
         """
         mute, now = self._mute[life], time.monotonic()
         if mute.due == inf:

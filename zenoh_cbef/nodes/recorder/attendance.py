@@ -75,10 +75,10 @@ class Attendance:
 
         lacking: what they said they sent has not all come.
 
-        A process that vanished without a farewell may be behind a broken link, and so may we: the recorder waits longer
-        for it, and for a target that gave us the scenario and was not seen since. step: the latest of which an estimate
-        came. Without the target, the recorder does not wait for agents that make no progress, so that nothing that they
-        do keeps it for ever.
+        A process that vanished without a farewell may be behind a broken link, or this recorder may be. So the recorder
+        waits longer for it, and for a target that gave it the scenario and was not seen since. step: the latest of
+        which an estimate came. Without the target, the recorder does not wait for agents that make no progress, so that
+        nothing that they do keeps it for ever.
         """
         if self._succession.replaced:
             return True

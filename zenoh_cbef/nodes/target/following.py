@@ -22,8 +22,8 @@ _STILL_SECONDS, _STOPPING_SECONDS = 10.0, 3.0
 class Following:
     """Asks recorders how far they have got, and waits for them.
 
-    messages: of all agents in a step. A recorder may be so many steps behind as fit its mailbox, but always those that
-    agents can be apart. The target no longer waits for one that makes no progress.
+    messages: of all agents in a step. A recorder may be as many steps behind as its mailbox holds, and at least as many
+    as agents can be apart. The target stops waiting for a recorder that makes no progress.
     """
 
     def __init__(self, node: Node, progress: Progress, messages: int) -> None:
@@ -75,7 +75,7 @@ class Following:
     def _low(self, name: str, step: int) -> int | None:
         """The step, at most the given one, of which a recorder has all that agents sent; None where it does not tell.
 
-        What an agent has not sent does not count, nor one whose estimates do not reach the recorder any more.
+        What an agent has not sent does not count, nor does an agent whose estimates no longer reach the recorder.
         """
         known, left = self._known.get(name), self._left.get(name)
         if known is None:

@@ -145,8 +145,8 @@ class Progress:
     def wait(self, step: int, *, even_stopping: bool = False) -> bool:
         """Wait until every agent has finished a step; False where the run has no agents or is told to stop.
 
-        It no longer waits for agents that make no progress for longer than the agents' own patience, until they do.
-        When these are all agents, and for as long again, the run is over.
+        It stops waiting for an agent that makes no progress for longer than the agents' own patience, until the agent
+        goes on. When no agent makes progress for twice as long, the run is over.
         """
         until, ask_at = time.monotonic() + self._patience, time.monotonic() + _ASK_SECONDS
         while self.members() and (even_stopping or not self._node.stopping):
