@@ -59,11 +59,11 @@ class Supposing(Wrapping):
     to know all: a line through its ranges of the last 2 W steps, four numbers and three of their covariance with its
     position (own_line.py). So when an agent's ranges do not fit (Status.wrong), agents put these into their payloads in
     place of the filter's, each at a place of its own, and zeros elsewhere, for as many steps as all need, while the
-    filter predicts. Averaging weighs what agent j told by some w_j, and so the 1 beside it: their ratio is what it told
-    exactly, by whatever way it came. Then each agent computes the same (hypotheses.py):
+    filter predicts. Averaging multiplies what agent j told and the 1 beside it by the same weight, so their ratio is
+    exactly what it told, by whatever way it came. Then each agent computes the same (hypotheses.py):
 
         J_0, J_1 to J_n       least costs with all agents, and without each; a: the least of J_1 to J_n, b: the next
-        g = max(1, J/spare)   the least misfit per number that is left over: where sigma is understated, all costs are
+        g = max(1, J/spare)   the least misfit per number left over: where sigma is understated, all costs are large
         J_0 - J_a > 13.5 g    agent a is wrong, if also J_b - J_a > 6 g; otherwise ranges do not tell which one is
         J(estimate) - J > 13.5 g   the filter moves to that place, with the covariance that the lines give there
         J > 10 spare          nothing explains the ranges: agents say that the target is lost
