@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+import json
+import tempfile
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from benchmarks.common import children
+from benchmarks.watched import WATCHED
 from zenoh_cbef.machine import keep_to_core
 from zenoh_cbef.nodes.common.node import LEASH, RUN
 from zenoh_cbef.nodes.launch.ports import free_ports
 from zenoh_cbef.protocol.runtimes import ONE_RUNTIME, RUNTIME
 from zenoh_cbef.scenario.load import load
+
+_SECONDS = 300.0
 
 
 @dataclass(frozen=True)
@@ -73,3 +79,27 @@ def by_hand(
             if command[0] == "agent":
                 keep_to_core(child.pid, int(command[1]), len(agents))
         yield ByHand(run, pids, endpoints)
+
+
+def told_by(
+    name: str,
+    overrides: Sequence[str],
+    *,
+    agents: Sequence[int],
+    recorded: bool = False,
+    watched: Mapping[str, str] | None = None,
+    watching: str = "benchmarks.watched",
+) -> dict[str, Any]:
+    """What agent 0 of such a run tells, with the module `watching` in its place. watched: its further environment."""
+    with tempfile.TemporaryDirectory() as folder:
+        told, log = Path(folder) / "told.json", Path(folder) / "run.mcap"
+        environment = {WATCHED: str(told), **(watched or {})}
+        recorder = log if recorded else None
+        with by_hand(name, overrides, agents=agents, log=recorder, watched=environment, watching=watching):
+            until = time.monotonic() + _SECONDS
+            while not (told.exists() and told.read_text(encoding="utf-8")):
+                if time.monotonic() > until:
+                    raise RuntimeError("the watched agent has not come to its end")
+                time.sleep(0.1)
+        found: dict[str, Any] = json.loads(told.read_text(encoding="utf-8"))
+        return found

@@ -5,22 +5,16 @@ What a round costs is told in two ways: CPU of all processes, as the scheduler c
 
 from __future__ import annotations
 
-import json
 import os
 import statistics
-import tempfile
-import time
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
 
 from rich.table import Table
 
 from benchmarks.bare_exchange import RUNTIMES, bare_rate
-from benchmarks.by_hand import by_hand
+from benchmarks.by_hand import told_by
 from benchmarks.common import at_least, plain_table, results
-from benchmarks.watched import WATCHED
 from benchmarks.watched_round import PLACES
 from zenoh_cbef.scenario.load import load
 
@@ -32,7 +26,6 @@ _ARMS = {
     _ZENOH: ["record.rings=false"],
     RINGS: ["record.rings=true"],
 }
-_SECONDS = 300.0
 
 
 @dataclass(frozen=True)
@@ -51,19 +44,14 @@ def agents(name: str, steps: int, arm: str, *, places: bool = False) -> Measured
     """Measure one run of agents between a tenth of its steps and the end."""
     overrides = [f"steps={steps}", *_ARMS[arm]]
     plan = load(name, overrides).plan
-    with tempfile.TemporaryDirectory() as folder:
-        told = Path(folder) / "told.json"
-        environment = {WATCHED: str(told), **({PLACES: "1"} if places else {})}
-        log = None if arm == WITHOUT else Path(folder) / "run.mcap"
-        ids = range(plan.scenario.count)
-        watching = {"watched": environment, "watching": "benchmarks.watched_round"}
-        with by_hand(name, overrides, agents=ids, log=log, **watching):  # type: ignore[arg-type]
-            until = time.monotonic() + _SECONDS
-            while not (told.exists() and told.read_text(encoding="utf-8")):
-                if time.monotonic() > until:
-                    raise RuntimeError("the watched agent has not come to its end")
-                time.sleep(0.2)
-        found: dict[str, Any] = json.loads(told.read_text(encoding="utf-8"))
+    found = told_by(
+        name,
+        overrides,
+        agents=range(plan.scenario.count),
+        recorded=arm != WITHOUT,
+        watched={PLACES: "1"} if places else {},
+        watching="benchmarks.watched_round",
+    )
     rounds = plan.rounds * found["steps"]
     cost = {}
     for role, (main, others, waits) in found["used"].items():

@@ -2,42 +2,27 @@
 
 from __future__ import annotations
 
-import json
 import statistics
-import tempfile
-import time
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 from rich.table import Table
 
-from benchmarks.by_hand import by_hand
+from benchmarks.by_hand import told_by
 from benchmarks.common import plain_table
-from benchmarks.watched import CALLS, OURS, WATCHED
+from benchmarks.watched import CALLS, OURS
 
 STEPS = 1000
 _LESS, _MORE = 2, 12
 """Two runs that differ in their rounds alone tell what a round costs, and what the rest of a step."""
-_SECONDS = 300.0
 
 
 def watch(rounds: int, *, calls: bool, steps: int = STEPS) -> dict[str, Any]:
     """What agent 0 of two tells of a run's steps."""
     settings = ["agents.count=2", "network.graph=path", "record.required=false"]
     settings += [f"steps={steps}", f"consensus.rounds={rounds}"]
-    with tempfile.TemporaryDirectory() as folder:
-        told = Path(folder) / "told.json"
-        environment = {WATCHED: str(told), **({CALLS: "1"} if calls else {})}
-        with by_hand("tracking", settings, agents=range(2), watched=environment):
-            until = time.monotonic() + _SECONDS
-            while not (told.exists() and told.read_text(encoding="utf-8")):
-                if time.monotonic() > until:
-                    raise RuntimeError("the watched agent has not come to its end")
-                time.sleep(0.1)
-        found: dict[str, Any] = json.loads(told.read_text(encoding="utf-8"))
-        return found
+    return told_by("tracking", settings, agents=range(2), watched={CALLS: "1"} if calls else {})
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from tests.cli.command_line import leaves, names, parse
+from tests.cli.command_line import leaves, loaded, names, parse
 from tests.cli.test_errors import call
 from zenoh_cbef.cli import verbs
 from zenoh_cbef.cli.joining import JoiningCommand
@@ -55,9 +55,9 @@ def test_h_is_help_everywhere(monkeypatch, capsys, words):
     assert re.search(r"--help\s+-h\b", out)
 
 
-@pytest.mark.parametrize("words", LEAVES)
+@pytest.mark.parametrize("words", dict.fromkeys([*LEAVES, *names()]))
 def test_every_verb_has_an_example_that_the_command_line_takes(words):
-    example = LEAVES[words].epilog or ""
+    example = (LEAVES.get(words) or loaded(words)).epilog or ""
     assert example.startswith(f"Example: zenoh-cbef {words}")
     parse(shlex.split(example.removeprefix("Example: zenoh-cbef ")))
 

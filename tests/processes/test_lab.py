@@ -289,6 +289,8 @@ def test_a_report_plays_its_run_on_a_map_with_a_verdict_and_shows_each_link_over
     page.locator("canvas[data-what=lost]").click(position={"x": 0.1 * box["width"], "y": 2})
     shows("#clock", "0.5 s, step 5")
     page.wait_for_function("document.documentElement.scrollWidth <= innerWidth")
+    page.set_viewport_size({"width": 1280, "height": 800})
+    assert page.locator(".pair .scroll").evaluate_all("all => all.every(one => one.scrollWidth <= one.clientWidth)")
     # Windows that leave hardly any map, or none.
     for width in (100, 40):
         page.set_viewport_size({"width": width, "height": 300})

@@ -6,7 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from zenoh_cbef.protocol.keys import Address, Keys, address, agent_named, can_be_claimed, matches, run_of
+from zenoh_cbef.protocol.keys import Address, Keys, address, agent_named, matches, run_of
+from zenoh_cbef.protocol.tokens import can_be_claimed
 
 RUNS = st.text(st.characters(exclude_characters="/", codec="utf-8"), min_size=1, max_size=20)
 AGENTS = st.integers(0, 999)

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from zenoh_cbef.analysis.claimed import claimed_position_error
-from zenoh_cbef.analysis.figures import agent_style, points_each
+from zenoh_cbef.analysis.figures import agent_style, log_axis, log_limits, points_each
 from zenoh_cbef.analysis.metrics import Analysis
 from zenoh_cbef.analysis.mixing import configured_scheme
 from zenoh_cbef.analysis.plots import series
@@ -175,7 +175,8 @@ def _curves(times: Sequence[Floats], values: Sequence[Floats], names: Sequence[s
         series(time, line, points_each(len(names)), agent_style(place), 1.6) | {"name": escape(name)}
         for place, (time, line, name) in enumerate(zip(times, values, names, strict=True))
     ]
-    axes = {"xaxis": {"title": {"text": "time (s)"}}, "yaxis": {"type": "log", "title": {"text": title}}}
+    low, high = np.log10(log_limits(np.concatenate([np.ravel(line) for line in values])))
+    axes = {"xaxis": {"title": {"text": "time (s)"}}, "yaxis": log_axis(title, low, high)}
     return {"data": lines, "layout": {**axes, "showlegend": True}}
 
 

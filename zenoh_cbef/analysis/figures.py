@@ -9,6 +9,7 @@ import numpy as np
 
 from zenoh_cbef.analysis.metrics import Analysis
 from zenoh_cbef.arrays import Floats, Ints
+from zenoh_cbef.pages.parts import Plot
 
 Dash = Literal["solid", "dash", "dot", "dashdot"]
 Role = Literal["network", "centralized", "bound", "median", "most", "extreme"]
@@ -184,10 +185,20 @@ def has_lone_points(values: Floats) -> bool:
 
 def log_range(chart: Chart) -> tuple[float, float]:
     """Limits of a log axis; a few values that are almost zero do not stretch it."""
-    shown = np.concatenate([positive(values) for values in chart.values()])
-    shown = np.concatenate([shown[np.isfinite(shown)], np.array(chart.band or ())])
+    return log_limits(np.concatenate([*(np.ravel(values) for values in chart.values()), np.array(chart.band or ())]))
+
+
+def log_limits(values: Floats) -> tuple[float, float]:
+    """As `log_range`, of these values."""
+    shown = values[np.isfinite(values) & (values > 0.0)]
     if not shown.size:
         return 0.1, 10.0
     low, high = max(shown.min(), np.quantile(shown, 0.002) / 2.0), shown.max()
     margin = max((high / low) ** 0.05, 1.1)
     return float(low / margin), float(high * margin)
+
+
+def log_axis(title: str, low: float, high: float) -> Plot:
+    """A logarithmic axis with few marks, for values from 10^low to 10^high."""
+    marks = 1 if high - low > 3.2 else "D2"
+    return {"type": "log", "exponentformat": "power", "dtick": marks, "title": {"text": title}}

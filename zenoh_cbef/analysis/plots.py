@@ -21,6 +21,7 @@ from zenoh_cbef.analysis.figures import (
     agent_names,
     agent_style,
     has_lone_points,
+    log_axis,
     log_range,
     points_each,
     positive,
@@ -60,10 +61,10 @@ def time_plot(chart: Chart, analysis: Analysis) -> Plot:
     low, high = np.log10(log_range(chart))
     # Names of faults stand in the plot, at its top: one lane is about a twentieth of its height.
     lanes = max((1 - note["yshift"] // 14 for note in notes if note["y"]), default=0)
-    axis = {"type": "log", "range": [low, high + 0.055 * lanes * (high - low)], "exponentformat": "power"}
+    axis = log_axis(chart.axis, low, high)
     layout = {
         "xaxis": {"title": {"text": "time (s)"}, "range": [0.0, end]},
-        "yaxis": {**axis, "title": {"text": chart.axis}, "dtick": 1 if high - low > 3.2 else "D2"},
+        "yaxis": {**axis, "range": [low, high + 0.055 * lanes * (high - low)]},
         "shapes": shapes,
         "annotations": notes,
     }

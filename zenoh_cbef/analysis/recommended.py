@@ -54,4 +54,13 @@ def recommended(plan: Plan, kbits: float, enough: int | None, ratio: Callable[[i
     sent = link_bytes(short, rounds=rounds)
     dt = scenario.dt if fits else ceil(8.0 * sent / kbits) / 1e3
     trigger = QUIET if whole and plain and rounds > 1 else 0.0
-    return Recommended(kbits, precision, trigger, rounds, dt, sent * 8e-3 / dt, ratio(rounds) if fits else None, fits)
+    return Recommended(
+        kbits=kbits,
+        precision=precision,
+        trigger=trigger,
+        rounds=rounds,
+        dt=dt,
+        link=sent * 8e-3 / dt,
+        ratio=ratio(rounds) if fits else None,
+        fits=fits,
+    )

@@ -13,6 +13,7 @@ from zenoh_cbef.analysis.verdict import RECENT, WINDOW, Moment, Verdict, parts, 
 from zenoh_cbef.arrays import Bools, Floats, Ints
 from zenoh_cbef.pages.packing import framed
 from zenoh_cbef.protocol.slow import AGAIN_SECONDS, SLOW
+from zenoh_cbef.protocol.tokens import in_words
 from zenoh_cbef.trace import began
 from zenoh_cbef.tracking.status import STATUSES
 
@@ -73,15 +74,15 @@ def _verdicts(analysis: Analysis, until: Ints) -> list[Verdict]:
         stretch = step - (int(until[place - 1]) if place else 0)
         late = [name for at, name in slow if 0.0 <= trace.time[row] - at < AGAIN_SECONDS]
         moment = Moment(
-            trace.diagnostics.status[:, row],
-            trace.diagnostics.status_seconds[:, row],
-            there[:, row],
-            error[recent],
-            claimed[recent],
-            float(analysis.disagreement[row]),
-            1 if passing is None else parts(links, _came(passing.counts, place, stretch), there[:, row]),
-            late[-1] if late else "",
-            trace.scenario.agents.names,
+            states=trace.diagnostics.status[:, row],
+            seconds=trace.diagnostics.status_seconds[:, row],
+            there=there[:, row],
+            error=error[recent],
+            claimed=claimed[recent],
+            apart=float(analysis.disagreement[row]),
+            parts=1 if passing is None else parts(links, _came(passing.counts, place, stretch), there[:, row]),
+            slow=late[-1] if late else "",
+            names=trace.scenario.agents.names,
         )
         found.append(verdict(moment))
     return found
@@ -110,4 +111,4 @@ def _slow(analysis: Analysis) -> list[tuple[float, str]]:
     if start is None:
         return []
     told = [(one.get("sent"), str(one.get("from"))) for one in events if one.get("kind") == SLOW]
-    return [(1e-9 * at - start, name.replace("/", " ")) for at, name in told if isinstance(at, int)]
+    return [(1e-9 * at - start, in_words(name)) for at, name in told if isinstance(at, int)]

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from zenoh_cbef.analysis.results import Slowness
 from zenoh_cbef.plain import count_in
 from zenoh_cbef.protocol.slow import REMEDY, SLOW, too_slow
+from zenoh_cbef.protocol.tokens import in_words
 from zenoh_cbef.trace import Trace
 from zenoh_cbef.words import counted
 
@@ -26,7 +27,7 @@ def slowness(trace: Trace) -> Slowness | None:
     shares = {sender: late / due if due else None for sender, (late, due) in told.items()}
     if all(share is None for share in shares.values()):
         return None
-    slow = [sender.replace("/", " ") for sender, counts in told.items() if too_slow(*counts)]
+    slow = [in_words(sender) for sender, counts in told.items() if too_slow(*counts)]
     return Slowness([shares[agent] for agent in agents], shares["target"], slow)
 
 

@@ -111,7 +111,7 @@ def _run(
     cells = cells_of(written)
     check_expectations(written, cells)
     part = WHOLE if shard is None else read_shard(shard)
-    sweep = Sweep(written.experiment, cells, skip, jobs, dask, tell, part)
+    sweep = Sweep(experiment=written.experiment, cells=cells, skip=skip, jobs=jobs, dask=dask, tell=tell, shard=part)
     folder = output or Path("experiments") / written.name
     if shard is not None:
         _tell_shard(sweep, _swept(sweep, folder), folder)

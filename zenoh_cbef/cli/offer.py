@@ -23,8 +23,11 @@ def group(
     of: type[TyperGroup] | None = None,
     example: str = "",
 ) -> typer.Typer:
-    """A verb with several commands, by their examples. what: it does; of: the type of the group."""
-    epilog = f"Example: zenoh-cbef {example}" if example else None
+    """A verb with several commands, by their examples. what: it does; of: the type of the group.
+
+    example: of the whole group; that of its first command where none is given.
+    """
+    epilog = f"Example: zenoh-cbef {example or next(iter(commands))}"
     app = typer.Typer(help=what, no_args_is_help=True, add_completion=False, cls=of, epilog=epilog)
     for words, does in commands.items():
         _with(app, words.split()[1], does, words, cls)

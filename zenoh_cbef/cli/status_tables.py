@@ -15,6 +15,7 @@ from zenoh_cbef.cli.fitting import Fitting
 from zenoh_cbef.cli.ids import ids_of, shortened
 from zenoh_cbef.outside.status import AgentStatus, LinkStatus, RunStatus, Whereabouts
 from zenoh_cbef.protocol.slow import REMEDY, SLOW
+from zenoh_cbef.protocol.tokens import in_words
 from zenoh_cbef.words import counted
 
 _MOST_LINKS = 12
@@ -60,22 +61,20 @@ def headline(status: RunStatus) -> Text:
     if status.unobservable:
         text.append(f"\nthe position cannot be determined: {status.unobservable}", style="red")
     for carried, style in ((True, "yellow"), (False, "red")):
-        if pairs := [f"{_named(one.first)} and {_named(one.second)}" for one in status.apart if one.carried is carried]:
+        if pairs := [
+            f"{in_words(one.first)} and {in_words(one.second)}" for one in status.apart if one.carried is carried
+        ]:
             text.append(f"\n{_and_more(pairs)}: {_CARRIED if carried else _APART}", style=style)
     missing = [one.agent for one in status.agents if one.state in {"missing", "gone"}]
     if missing:
         text.append(f"\nnot here: agent {shortened(missing).replace(',', ', ')}", style="red")
     if status.slow:
-        names = ", ".join(name.replace("/", " ") for name in status.slow)
+        names = ", ".join(map(in_words, status.slow))
         text.append(f"\ndo not keep up with real time: {names}; {REMEDY}", style="red")
     versions = {one.where.version for one in status.agents if one.where.version} | {status.target.version}
     if len(versions) > 1:
         text.append(f"\nversions differ: {', '.join(sorted(map(str, versions)))}", style="red")
     return text
-
-
-def _named(process: str) -> str:
-    return process.replace("/", " ")
 
 
 def _and_more(names: list[str]) -> str:

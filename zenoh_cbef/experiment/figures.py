@@ -6,7 +6,9 @@ import json
 from collections.abc import Mapping, Sequence
 from html import escape
 
-from zenoh_cbef.analysis.figures import INK, MUTED, agent_style
+import numpy as np
+
+from zenoh_cbef.analysis.figures import INK, MUTED, agent_style, log_axis, log_limits
 from zenoh_cbef.experiment.results import CellSummary, Summary
 from zenoh_cbef.experiment.words import MEASURED, Measured
 from zenoh_cbef.pages.parts import Figure, Plot
@@ -173,9 +175,12 @@ def _curves(summary: Summary, name: str, title: str) -> Plot:
         line: Plot = {"type": "scatter", "mode": "lines", "name": escape(label) or "network"}
         line |= {"line": {"color": colour, "dash": dash, "width": 1.5}}
         lines.append(line | {"x": curve.time, "y": shown})
-    layout = _layout({"title": {"text": "time (s)"}}, title)
-    layout["yaxis"]["type"] = "log"
-    return {"data": lines, "layout": layout}
+    values = np.array([value for line in lines for value in line["y"] if value is not None], dtype=np.float64)
+    low, high = np.log10(log_limits(values))
+    return {
+        "data": lines,
+        "layout": {"xaxis": {"title": {"text": "time (s)"}}, "yaxis": log_axis(title, low, high)},
+    }
 
 
 def _layout(axis: Plot, title: str) -> Plot:

@@ -7,6 +7,7 @@ import numpy as np
 from zenoh_cbef.analysis.verdict import RECENT, WINDOW, Moment, Verdict, parts, verdict
 from zenoh_cbef.lab.scene import Scene
 from zenoh_cbef.protocol.slow import AGAIN_SECONDS, SLOW
+from zenoh_cbef.protocol.tokens import in_words
 from zenoh_cbef.tracking.diagnostics import NAMES
 
 
@@ -20,8 +21,18 @@ def judged(scene: Scene, step: int) -> Verdict:
     came = np.nansum(scene.fresh(max(step - RECENT, 0), step)[:, :, 0], axis=1) > 0.0
     states, seconds = (said[:, NAMES.index(name)] for name in ("status", "status_seconds"))
     split = parts(scene.links, came, there)
-    apart, slow, names = float(curves["disagreement"][-1]), _slow(scene, step), scene.plan.scenario.agents.names
-    return verdict(Moment(states, seconds, there, curves["error"], curves["claimed"], apart, split, slow, names))
+    moment = Moment(
+        states=states,
+        seconds=seconds,
+        there=there,
+        error=curves["error"],
+        claimed=curves["claimed"],
+        apart=float(curves["disagreement"][-1]),
+        parts=split,
+        slow=_slow(scene, step),
+        names=scene.plan.scenario.agents.names,
+    )
+    return verdict(moment)
 
 
 def _slow(scene: Scene, step: int) -> str:
@@ -33,4 +44,4 @@ def _slow(scene: Scene, step: int) -> str:
     past = step < scene.newest
     now = scene.recording.estimates.stamps(step).sent[:, step - 1].max() if past else scene.recording.events[-1].sent
     told = [one for one in told if 0 <= now - one.sent < 1e9 * AGAIN_SECONDS]
-    return told[-1].message["from"].replace("/", " ") if told else ""
+    return in_words(told[-1].message["from"]) if told else ""

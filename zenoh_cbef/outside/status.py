@@ -17,6 +17,7 @@ from zenoh_cbef.protocol.kinds import ESTIMATE, EVENT, EstimateMessage, EventMes
 from zenoh_cbef.protocol.messages import BadMessage, decode, unpack_floats
 from zenoh_cbef.protocol.questions import StatusAnswer
 from zenoh_cbef.protocol.slow import AGAIN_SECONDS, SLOW, WINDOW_SECONDS
+from zenoh_cbef.protocol.tokens import is_recorder, ready_token
 from zenoh_cbef.tracking.status import status_name
 
 _Value = TypeVar("_Value")
@@ -140,7 +141,7 @@ def read_status(told: StatusAnswer) -> RunStatus:
         agents.append(_with_quality(status, estimates[name], truth, axes) if name in estimates else status)
     taking_part = [estimates[f"agent/{agent}"] for agent in told["members"] if f"agent/{agent}" in estimates]
     error, disagreement = _network(taking_part, truth, axes)
-    started, recorder = told["step"] is not None, any(name.startswith("record/") for name in told["live"])
+    started, recorder = told["step"] is not None, any(map(is_recorder, told["live"]))
     return RunStatus(
         run=run,
         filter=told["filter"],
@@ -209,7 +210,7 @@ def _state(told: StatusAnswer, agent: int) -> str:
     if agent in told["silent"]:
         return "silent"
     if told["step"] is None:
-        return "ready" if f"ready/{agent}" in live else "linking"
+        return "ready" if ready_token(agent) in live else "linking"
     return "on" if agent in told["members"] else "joining"
 
 

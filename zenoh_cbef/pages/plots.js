@@ -63,6 +63,9 @@ function draw() {
       place.style.height = "auto";
       continue;
     }
+    // On a phone each name of a legend has a line of its own, and a legend takes half of a plot at most.
+    const named = plot.data.filter(trace => trace.showlegend !== false && trace.name).length;
+    place.style.height = plot.layout.xaxis && innerWidth <= 640 && named > 8 ? `${42 * named}px` : "";
     Plotly.react(place, plot.data.map(traceStyle), layoutStyle(plot.layout),
       {...config, modeBarButtons: plot.layout.scene ? spaceButtons : flatButtons});
   }

@@ -1,8 +1,8 @@
 """What each process may send and hear: Zenoh's access control by the common name of the other end's certificate.
 
 Every process and every router enforces the same rules on messages that come in, whatever their run is. It drops a
-message that no rule allows, so a link without a certificate carries nothing. Of messages that go out only publications
-are checked: while a link is being made, Zenoh sends the other end also what it has not subscribed to.
+message that no rule allows, so a link without a certificate carries nothing. Of messages that go out it checks
+publications alone: while a link is being made, Zenoh also sends the other end what that end has not subscribed to.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from __future__ import annotations
 from zenoh_cbef.plain import Json
 from zenoh_cbef.protocol.keys import Keys
 from zenoh_cbef.protocol.tls import common_name
+from zenoh_cbef.protocol.tokens import claim_token, life_token, over_token, ready_token
 
 AGENTS = 1000
 """Agents that have rules: as many as a scenario can have."""
@@ -48,8 +49,8 @@ def _agent(agent: int) -> list[Rule]:
         (_ANSWER, [_ANY.of_agent(agent)]),
         (_HEAR, heard),
         (_ASK, [_ANY.scenario, _ANY.claims, _ANY.links(name), _ANY.all_live, *heard]),
-        (_LIVE, [_token(name), _token(f"over/{name}"), _token(f"ready/{agent}")]),
-        (_LIVE, [_token(f"{which}/{name}/*") for which in ("life", "claim")]),
+        (_LIVE, [_token(name), _token(over_token(name)), _token(ready_token(agent))]),
+        (_LIVE, [_token(life_token(name, "*")), _token(claim_token(name, "*"))]),
     ]
 
 
@@ -59,15 +60,15 @@ _ROLES: dict[str, list[Rule]] = {
         (_PUT + _ANSWER, _OF_TARGET),
         (_ANSWER, [_ANY.scenario, _ANY.claims, _ANY.all_links, _ANY.control]),
         (_ASK, [_ANY.reached("**")]),
-        (_LIVE, [_token(f"{part}target/target") for part in ("", "over/")]),
-        (_LIVE, [_token("life/target/target/*")]),
+        (_LIVE, [_ANY.target_live, _token(over_token("target/target"))]),
+        (_LIVE, [_token(life_token("target/target", "*"))]),
     ],
     "record": [
         *_READERS,
         (_PUT + _ANSWER, [_ANY.event("record/**")]),
         (_ANSWER, [_ANY.reached("record/*"), _ANY.log("record/*")]),
         (_ASK, [_ANY.claims, _ANY.links("record/*")]),
-        (_LIVE, [_token("record/*"), _token("claim/record/*/*"), _token("heard/**")]),
+        (_LIVE, [_token("record/*"), _token(claim_token("record/*", "*")), _token("heard/**")]),
     ],
     # Each publishes what it measures, and hears when the run starts and ends.
     "receiver": [

@@ -17,9 +17,9 @@ _END_SECONDS = 5.0
 class Answering:
     """Answers each question on a key, one after the other, until it is undeclared.
 
-    Zenoh gives a callback of Python 256 places, and stops receiving anything, also on other keys, while they are full:
-    hundreds of processes that ask at once do that. Here the question that has waited longest is dropped where too many
-    wait; its process hears at once that no answer comes, and asks again.
+    Zenoh gives a callback of Python 256 places. While they are full it receives nothing, also not on other keys, and
+    hundreds of processes that ask at once fill them. Here, where too many questions wait, the one that has waited
+    longest is dropped; its process hears at once that no answer comes, and asks again.
     """
 
     def __init__(

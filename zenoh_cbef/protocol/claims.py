@@ -9,17 +9,13 @@ from collections.abc import Callable
 import zenoh
 
 from zenoh_cbef.protocol.answering import Answering
-from zenoh_cbef.protocol.keys import can_be_claimed
 from zenoh_cbef.protocol.presence import Presence
 from zenoh_cbef.protocol.renewing import Renewal
 from zenoh_cbef.protocol.session import Connection
+from zenoh_cbef.protocol.tokens import can_be_claimed, claim_token
 
 _ASK_SECONDS, _LONGEST_SECONDS = 1.0, 10.0
 _AGAIN_SECONDS, _SLOWEST_SECONDS = 0.02, 0.5
-
-
-def _token(name: str, life: str) -> str:
-    return f"claim/{name}/{life}"
 
 
 class Claims:
@@ -39,16 +35,16 @@ class Claims:
 
     def holds(self, name: str, life: str) -> bool:
         """Whether a process that is there has a name by our word."""
-        return life in self.given(name) and _token(name, life) in self._presence
+        return life in self.given(name) and claim_token(name, life) in self._presence
 
     def holder(self, name: str, life: str) -> str:
         """The `life` of the process that has a name; "" where none has it and the claim of `life` is not seen."""
         with self._lock:
             held = self._holders.get(name, "")
-            if _token(name, held) not in self._presence:
+            if claim_token(name, held) not in self._presence:
                 # A process of an earlier run of this name will end.
                 free = can_be_claimed(name) and name not in self._presence
-                held = life if free and _token(name, life) in self._presence else ""
+                held = life if free and claim_token(name, life) in self._presence else ""
             if held:
                 self._holders[name] = held
             else:
@@ -78,13 +74,13 @@ def claim(
 ) -> bool | None:
     """Claim a name until this session ends. Returns whether it is ours; None if no target says so.
 
-    The target is asked for `patience` s, and until `stopped` says that this process is to end; over a new link where
-    the one that is there is mute. claims: the key. connection: of the session.
+    It asks the target for `patience` s, or until `stopped` says that this process is to end. Where no answer comes over
+    the link, it makes the link anew. claims: the key. connection: of the session.
 
     A claim alone is not a process that takes part, so the claim of a process that does not get the name has no effect.
     """
     life = str(session.zid())
-    presence.announce(_token(name, life))
+    presence.announce(claim_token(name, life))
     until, pause, renewal = time.monotonic() + patience, _AGAIN_SECONDS, Renewal(session, connection)
     while time.monotonic() < until and not stopped():
         # A process that gives up asks again, which a target that hundreds ask at once would never get over.

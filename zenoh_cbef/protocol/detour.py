@@ -1,7 +1,8 @@
 """What a process hears of others through the target, where no link to them can be made.
 
 A peer does not pass on to peers what it hears, but it does to its clients. So the process opens a second session, a
-client of the target, and hands what that one hears to its first one: the readers there need not know.
+client of the target, and hands what that session hears to its first one. Readers of the first session notice no
+difference.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from zenoh_cbef.protocol.introducing import life_at
 from zenoh_cbef.protocol.keys import Keys, agent_named
 from zenoh_cbef.protocol.presence import Presence
 from zenoh_cbef.protocol.session import Connection, open_session
+from zenoh_cbef.protocol.tokens import heard_token, life_token, over_token
 
 _ASK_SECONDS = 1.0
 
@@ -52,7 +54,8 @@ class Detour:
     def lead(self, names: Mapping[str, bool]) -> None:
         """From now on hear these processes, as in "agent/3", and no others; each with whether it hears this one, too.
 
-        Only then is it there, for this process: what sees another's name may send, and relies on being heard.
+        Only where it does, its name is there for this process: a process that sees another's name may send, and relies
+        on being heard.
         """
         with self._lock:
             for name in self._messages.keys() - names.keys():
@@ -80,11 +83,10 @@ class Detour:
         if name not in self._messages:
             self._messages[name] = self._hear(client, name)
         if mutual and name not in self._tokens:
-            tokens = [f"heard/{self._own}/*", f"life/{name}/*", f"over/{name}"]
+            tokens = [heard_token(self._own, "*"), life_token(name, "*"), over_token(name)]
             self._tokens[name] = [self._presence.follow(client, one) for one in tokens]
             # Its name comes last: who sees it may rely on the rest. Each of these comes by a thread of its own.
-            life = f"life/{name}/"
-            self._presence.wait(lambda live: any(one.startswith(life) for one in live), _ASK_SECONDS)
+            self._presence.wait(lambda live: name in self._presence.lives(live), _ASK_SECONDS)
             self._tokens[name].append(self._presence.follow(client, name))
 
     def heard(self) -> list[str]:

@@ -28,9 +28,9 @@ class FairMailbox(Mailbox):
     """A mailbox of many keys, whose reader may be slower than a flood on some of them.
 
     The reader sorts what has come, which is fast, before it uses any of it, which is slow. The messages of a key may
-    take as much room as is left free (dynamic thresholds: Choudhury and Hahne, IEEE/ACM Transactions on Networking
-    6(2), 1998); what comes beyond is dropped. So a flood on one key takes half of the room, one on two keys a third
-    each, and there is always room for the messages of other keys. They come out in the order of their arrival.
+    take as much room as is still free (dynamic thresholds: Choudhury and Hahne, IEEE/ACM Transactions on Networking
+    6(2), 1998); further ones are dropped. So a flood on one key takes half of the room, one on two keys a third each,
+    and there is always room for the messages of other keys. They come out in the order of their arrival.
 
     capacity: messages that can wait to be sorted. room: bytes of messages that can wait after that.
     """

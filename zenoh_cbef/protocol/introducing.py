@@ -1,9 +1,10 @@
 """Links that are made while a session is open.
 
 Zenoh connects to endpoints that its configuration names when the session opens, and to processes that it hears of by
-gossip. So a process that wants a link opens a session for a moment: a router that is linked to both ends tells each of
-the other, and they link by themselves. Sessions here take gossip from routers, and give it to routers, only
-(`session.py`), so no process hears of a third one in any other way. The router passes on no messages: it may none.
+gossip. So a process that wants a link opens a second session for a moment, a router that is linked to both ends. The
+router tells each end of the other, and they link by themselves. Sessions here take gossip from routers, and give it to
+routers, only (`session.py`), so no process hears of a third one in any other way. The router passes on no message: its
+access control forbids all.
 """
 
 from __future__ import annotations

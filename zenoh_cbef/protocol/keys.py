@@ -138,25 +138,18 @@ class Keys:
         return f"{self.root}/agent/{agent}/smoothed"
 
 
-_ID = "0|[1-9][0-9]{0,2}"
+ID = "0|[1-9][0-9]{0,2}"
 """An agent's number in a key, in ASCII digits: as many as a scenario can have."""
 
-_AGENT = re.compile(f"agent/({_ID})")
+_AGENT = re.compile(f"agent/({ID})")
 _BELOW = re.compile(r"cbef/([^/]+)/(.+)", re.DOTALL)
-_SENDER = rf"target|agent/(?:{_ID})|(?:record|replay|receiver)(?:/[^/*$]+)?"
+_SENDER = rf"target|agent/(?:{ID})|(?:record|replay|receiver)(?:/[^/*$]+)?"
 """Processes that have a key for their events. In older logs all share the key `event`, which belongs to no process."""
 
 _MESSAGES = re.compile(
     rf"target/(?P<truth>truth)|(?P<shared>faults)|(?P<event>event)(?:/(?P<sender>{_SENDER}))?"
-    rf"|(?P<beacon>beacon)/(?P<receiver>{_ID})(?:/(?P<signal>signal))?"
-    rf"|(?P<owner>agent/(?P<agent>{_ID}))/(?P<own>range|round|estimate|smoothed)"
-)
-_LIVING = rf"agent/(?:{_ID})|target/target|replay/replay"
-_RECORDER = "record/[^/*$]{1,200}"
-_TOKENS = re.compile(rf"(?:over/)?(?:{_LIVING})|ready/(?:{_ID})")
-_CHOSEN_TOKENS = re.compile(
-    rf"{_RECORDER}|(?:life/(?:{_LIVING})|claim/(?:{_LIVING}|{_RECORDER}))/[0-9a-f]{{1,40}}"
-    rf"|heard/(?:target|agent/(?:{_ID}))/[0-9]{{1,20}}"
+    rf"|(?P<beacon>beacon)/(?P<receiver>{ID})(?:/(?P<signal>signal))?"
+    rf"|(?P<owner>agent/(?P<agent>{ID}))/(?P<own>range|round|estimate|smoothed)"
 )
 _KINDS = ("truth", "shared", "event", "signal", "beacon", "own")
 _OWNERS = {"truth": "target", "faults": "target", "signal": "target"}
@@ -208,19 +201,6 @@ def agent_named(process: str) -> int | None:
     """The agent that the name of a process, as in "agent/3", stands for; None for any other text."""
     found = _AGENT.fullmatch(process)
     return int(found[1]) if found else None
-
-
-def can_be_claimed(process: str) -> bool:
-    """Whether there is one process of this name, as in "agent/3" or "record/host-b", that the target gives it to."""
-    return agent_named(process) is not None or re.fullmatch(_RECORDER, process) is not None
-
-
-def is_token(name: str, *, chosen: bool) -> bool:
-    """Whether a run can have a liveliness token of this name, as in "agent/3".
-
-    chosen: of a name that its process chooses at least in part, of which there can be any number.
-    """
-    return (_CHOSEN_TOKENS if chosen else _TOKENS).fullmatch(name) is not None
 
 
 def matches(expression: str, key: str) -> bool:

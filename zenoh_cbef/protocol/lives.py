@@ -1,7 +1,7 @@
 """Ids of sessions, and their order: of two processes that hear of each other, Zenoh has the greater one connect.
 
-So they have one link, and the ids are made so that it is the end that more likely reaches the other: one that only its
-own host can reach, then one with private addresses only, then the one that came later.
+So they have one link. Ids are made so that the end that connects is the one that more likely reaches the other: first
+one that only its own host can reach, then one with private addresses only, then the one that came later.
 """
 
 from __future__ import annotations
@@ -34,8 +34,8 @@ def new_life(endpoints: Sequence[str]) -> str:
 def router_life(*, carries: bool) -> str:
     """An id for a router, greatest where it carries messages, least where it only introduces two processes.
 
-    A router remembers all routers that a peer has been linked to, also those that are gone, and leaves what the peer
-    sends to other sites to the one with the greatest id.
+    A router remembers all routers that a peer has been linked to, also those that are gone. Only the one with the
+    greatest id carries to other sites what that peer sends.
     """
     chance = secrets.token_hex(_RANDOM_BYTES + _TIME_BYTES - 2)
     return f"{secrets.randbelow(15) + 1:x}{chance}0{_GREATEST if carries else _LEAST}"

@@ -15,9 +15,9 @@ CAPACITY = 512
 class Mailbox:
     """Messages of one key expression in order of arrival, with wake-ups from other threads.
 
-    Zenoh's blocking receive has no timeout: a wake-up is an empty message to ourselves. A full mailbox drops its
-    oldest message: a channel that waits for room would hold up everything that its session receives, so that a flood
-    on one key would stop all others. Senders in step cannot fill the capacity.
+    Zenoh's blocking receive has no timeout: a wake-up is an empty message to ourselves. A full mailbox drops its oldest
+    message. If it waited for room, it would hold up everything that its session receives, and a flood on one key would
+    stop all others. Senders in step cannot fill the capacity.
 
     Zenoh uses all places of a mailbox in turn, 256 bytes each: memory grows until the last one was used.
     """

@@ -17,9 +17,9 @@ class Outbox:
     """A publisher that numbers its messages.
 
     may_drop: a message that a receiver cannot take in time is dropped for that receiver, so the sender never waits.
-    Otherwise the sender waits, and a receiver that hangs loses its link after some seconds: in lockstep the receiver
-    would wait for ever for a dropped message. clock: returns the sending time, ns since the Unix epoch. memory: keeps
-    messages for receivers that missed them.
+    Otherwise the sender waits, as in lockstep, where a receiver would wait for ever for a dropped message; a receiver
+    that hangs loses its link after some seconds. clock: returns the sending time, ns since the Unix epoch. memory:
+    keeps messages for receivers that missed them.
     """
 
     def __init__(

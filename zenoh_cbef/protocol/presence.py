@@ -10,9 +10,8 @@ from queue import SimpleQueue
 
 import zenoh
 
-from zenoh_cbef.protocol.keys import is_token
+from zenoh_cbef.protocol.tokens import is_token, life_token, life_told, over_token, over_told
 
-_LIFE, _OVER = "life/", "over/"
 _MOST = 10_000
 """Names that are known at once. Beyond it no more are taken that processes choose: without certificates, any can."""
 
@@ -36,9 +35,9 @@ def follow_token(session: zenoh.Session, key: str, note: Callable[[bool], None])
 class Presence:
     """Which processes are there: the liveliness tokens of a run, ours and others', updated in the background.
 
-    Zenoh gives a callback of Python 256 places. While they are full it receives nothing else, and whatever declares a
-    token waits: where a listener waits for a lock that the declaring thread holds, for good. So Zenoh's callback puts
-    tokens into a queue without a limit, and a thread of ours works it off.
+    Zenoh gives a callback of Python 256 places. While they are full it receives nothing else, and a thread that
+    declares a token waits. If a listener waits for a lock that this thread holds, both wait for good. So Zenoh's
+    callback puts tokens into a queue without a limit, and a thread of ours works it off.
     """
 
     def __init__(self, session: zenoh.Session, expression: str) -> None:
@@ -83,13 +82,13 @@ class Presence:
             listener(name, joined)
 
     def _remember(self, name: str) -> None:
-        if name.startswith(_LIFE):
-            owner, _, life = name.removeprefix(_LIFE).rpartition("/")
+        if told := life_told(name):
+            owner, life = told
             if self._lives.get(owner) != life:
                 self._lives[owner] = life
                 self._over.discard(owner)
-        elif name.startswith(_OVER):
-            self._over.add(name.removeprefix(_OVER))
+        elif over := over_told(name):
+            self._over.add(over)
 
     def life(self, name: str) -> str:
         """The `life` of the process seen last under this name: each process has another; "" if none was seen."""
@@ -99,8 +98,8 @@ class Presence:
         """The `life` of each process that has entered under a name, of the names that are there."""
         found: defaultdict[str, set[str]] = defaultdict(set)
         for token in live:
-            if token.startswith(_LIFE):
-                name, _, life = token.removeprefix(_LIFE).rpartition("/")
+            if told := life_told(token):
+                name, life = told
                 found[name].add(life)
         return found
 
@@ -110,12 +109,12 @@ class Presence:
 
     def enter(self, name: str) -> None:
         """Announce a name, after this process's `life`: another process may have had the name before."""
-        self.announce(f"{_LIFE}{name}/{self._session.zid()}")
+        self.announce(life_token(name, str(self._session.zid())))
         self.announce(name)
 
     def leave(self, name: str) -> None:
         """Say that a name does not come back, and take all tokens back. A broken link does only the second."""
-        self.announce(_OVER + name)
+        self.announce(over_token(name))
         self.withdraw()
 
     def announce(self, name: str) -> None:

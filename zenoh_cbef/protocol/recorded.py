@@ -46,7 +46,8 @@ def recorded_keys(run: str, wanted: Sequence[str]) -> list[str]:
 def apart(run: str, expressions: Sequence[str]) -> tuple[list[str], list[str]]:
     """Recorded key expressions in two parts: those of what agents publish of their own, and the others.
 
-    All keys of a run become those that a run has. An expression of both kinds that is not cut so is among the others.
+    The expression for all keys of a run is cut into those of each part. Any other expression that covers both parts
+    counts as one of the others.
     """
     root = Keys(run).root
     own: list[str] = []

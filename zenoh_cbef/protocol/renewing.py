@@ -1,7 +1,7 @@
 """Links that are made anew where no answer comes over them.
 
-Of hundreds of links that are made at once, Zenoh leaves one now and then open and mute. A process that has just begun
-has one link, to the target or a router, so such a one keeps it out of its run for good.
+Of hundreds of links that are made at once, Zenoh now and then leaves one open and mute. A process that has just begun
+has one link, to the target or a router. If that one is mute, the process never gets into its run.
 """
 
 from __future__ import annotations

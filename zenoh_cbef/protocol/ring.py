@@ -2,8 +2,8 @@
 
 The writer stores a message's bytes, then their length and checksum, then one word, the head: how far it has written
 since it began. A reader looks no further than the head, so a message is there whole or not at all, whenever the writer
-is killed; and what it left is there after its death, as the file holds it. The checksum covers the place, too, so where
-a processor shows the stores in another order, or the bytes are an older lap's, the reader finds nothing there yet.
+is killed. What it left stays in the file when it is dead. The checksum covers the place, too. So where a processor
+shows the stores in another order, or the bytes are those of an older lap, the reader finds nothing there yet.
 
 A reader's place is in the file as well: the next recorder goes on from there. The writer writes over nothing that a
 reader still needs.

@@ -1,8 +1,8 @@
 """The threads of Zenoh in a process: the value of ZENOH_RUNTIME, which Zenoh reads once, before its first session.
 
-Zenoh 1.10 holds a thread of its runtime for each link that begins or ends, until others have begun or ended. Where all
-its places for such threads are taken, 50 by default, these links wait for one another, and no further one is ever made.
-So each runtime has as many places here as the process accepts links; a thread is there only while it is needed.
+Zenoh 1.10 keeps a thread of its runtime for each link that begins or ends, until others have begun or ended. It has 50
+places for such threads by default. When all are taken, these links wait for one another, and no further one is ever
+made. So each runtime has as many places here as the process accepts links; a thread is there only while it is needed.
 """
 
 from __future__ import annotations

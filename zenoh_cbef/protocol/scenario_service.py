@@ -82,7 +82,7 @@ def fetch_scenario(
     patience: float,
     stopped: Callable[[], bool] = lambda: False,
 ) -> ScenarioText:
-    """Ask for the scenario, again and again for `patience` s, over a new link where the one that is there is mute.
+    """Ask for the scenario again and again for `patience` s, and make a link anew over which no answer comes.
 
     Raises UserError where no target gives a valid answer.
     """

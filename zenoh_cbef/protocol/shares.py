@@ -1,4 +1,4 @@
-"""Recorders of some agents: such a one has their ids in its name, so that each process knows whom it is linked to."""
+"""Recorders of some agents: their ids are in the recorder's name, so each process knows to which recorders it links."""
 
 from __future__ import annotations
 

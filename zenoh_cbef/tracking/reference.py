@@ -82,7 +82,16 @@ def taken_in(
     updated = inverse(inverse(covariance) + weighted.swapaxes(1, 2) @ rows)
     pull = np.add.reduce(weighted * innovation[:, :, None], axis=1)
     posterior = state + matvec(updated, pull), updated
-    return Taken((state, covariance), posterior, innovation, spread, measured, weight, precision, pull)
+    return Taken(
+        prior=(state, covariance),
+        posterior=posterior,
+        innovation=innovation,
+        spread=spread,
+        measured=measured,
+        weight=weight,
+        precision=precision,
+        pull=pull,
+    )
 
 
 def each_step(*, positions: Floats, ranges: Floats, age: Floats, range_std: float) -> Iterator[Ranges]:

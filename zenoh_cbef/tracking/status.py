@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Self
 
 import numpy as np
@@ -106,8 +106,9 @@ class Status:
     def first(cls, count: int) -> Self:
         """Before the first step of so many agents."""
         none = np.zeros(count)
-        begun = np.full(count, _BEGUN)
-        return cls(none, none, none, none, begun, begun, np.full(count, np.inf), none, np.full(count, _DOUBT), none)
+        known = {"misfit": np.full(count, _BEGUN), "weight": np.full(count, _BEGUN)}
+        known |= {"reference": np.full(count, np.inf), "own": np.full(count, _DOUBT)}
+        return cls(**{one.name: known.get(one.name, none) for one in fields(cls)})
 
     @property
     def coasts(self) -> Bools:

@@ -118,15 +118,15 @@ def scene_of(recording: Recording, errors: Errors, since: int, start: int, event
     pairs = trace.edges.tolist()
     links = np.array(sorted([*pairs, *([second, first] for first, second in pairs)]), dtype=np.int64).reshape(-1, 2)
     return Scene(
-        errors,
-        since + 1,
-        start + np.round(1e9 * trace.time).astype(np.int64),
-        links,
-        _delivered(recording, links, since, since + len(trace.time)),
-        ellipsoids(trace.covariances[:, :, :3, :3]),
-        _mean(trace.estimates[:, :, :3]),
-        None if errors.smoothed is None else errors.smoothed.path,
-        events,
+        analysis=errors,
+        first=since + 1,
+        time=start + np.round(1e9 * trace.time).astype(np.int64),
+        links=links,
+        delivered=_delivered(recording, links, since, since + len(trace.time)),
+        ellipsoids=ellipsoids(trace.covariances[:, :, :3, :3]),
+        estimate=_mean(trace.estimates[:, :, :3]),
+        smoothed=None if errors.smoothed is None else errors.smoothed.path,
+        events=events,
     )
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import random
 import struct
+from pathlib import Path
 
 import pytest
 import zstandard
@@ -161,13 +162,18 @@ def test_so_many_faults_are_told_each_once_and_no_more(tmp_path, head, monkeypat
     assert file.lost == [f"message at byte {place} stands among chunks" for place in places]
 
 
-def test_an_attachment_that_is_not_where_its_index_says_is_told(tmp_path):
-    path = tmp_path / "moved.mcap"
+def two_attachments(path: Path) -> tuple[int, bytearray]:
+    """Write a file with two attachments; where the first one begins, and the file's bytes."""
     with McapWriter(path, library="test") as writer:
         start = writer.bytes_written
         writer.add_attachment("first", "text/plain", b"1")
         writer.add_attachment("second", "text/plain", b"2")
-    data = bytearray(path.read_bytes())
+    return start, bytearray(path.read_bytes())
+
+
+def test_an_attachment_that_is_not_where_its_index_says_is_told(tmp_path):
+    path = tmp_path / "moved.mcap"
+    start, data = two_attachments(path)
     data[start] = 0x90
     path.write_bytes(data)
     file = McapFile(path)
@@ -177,11 +183,7 @@ def test_an_attachment_that_is_not_where_its_index_says_is_told(tmp_path):
 
 def test_an_attachment_that_cannot_be_read_is_told(tmp_path):
     path = tmp_path / "bent.mcap"
-    with McapWriter(path, library="test") as writer:
-        start = writer.bytes_written
-        writer.add_attachment("first", "text/plain", b"1")
-        writer.add_attachment("second", "text/plain", b"2")
-    data = bytearray(path.read_bytes())
+    start, data = two_attachments(path)
     data[data.index(b"first")] = 0xFF  # no UTF-8
     path.write_bytes(data)
     file = McapFile(path)

@@ -77,7 +77,7 @@ def test_a_recorder_that_gets_no_further_is_left_behind_until_it_does(monkeypatc
     recorder = Recorder({0: 30, 1: 5})
     with target_at(30, recorder) as (node, one):
         one.wait(30, lambda: None)
-        assert b"record record did not get to step 20" in node.told[-1]
+        assert b"record did not get to step 20" in node.told[-1]
         one.wait(41, lambda: None)  # its agent 1 does not count, as nothing of it comes
         assert len(node.told) == 1
 

@@ -59,15 +59,15 @@ class Batch:
         own, log, publish, number, contents = zip(*messages, strict=True) if messages else ((),) * 5
         ends = np.array([0, *accumulate(map(len, contents))], dtype=np.int64)
         return cls(
-            b"".join(contents),
-            channels,
-            np.array([one.id for one in own], dtype=np.int64),
-            np.array(number, dtype=np.int64),
-            np.array(log, dtype=np.uint64),
-            np.array(publish, dtype=np.uint64),
-            ends[:-1],
-            ends[1:],
-            np.zeros(len(own), dtype=np.int64),
+            data=b"".join(contents),
+            channels=channels,
+            channel=np.array([one.id for one in own], dtype=np.int64),
+            number=np.array(number, dtype=np.int64),
+            log=np.array(log, dtype=np.uint64),
+            publish=np.array(publish, dtype=np.uint64),
+            start=ends[:-1],
+            end=ends[1:],
+            chunk=np.zeros(len(own), dtype=np.int64),
         )
 
     def __len__(self) -> int:
@@ -154,15 +154,15 @@ def _sound(
         except (ValueError, struct.error) as error:
             report(f"a declaration is damaged: {error}")
     return Batch(
-        data,
-        declared.channels,
-        channel,
-        heads["number"].astype(np.int64),
-        heads["log"].astype(np.uint64),
-        heads["publish"].astype(np.uint64),
-        records + _HEAD.itemsize,
-        records + RECORD.size + length,
-        np.zeros(len(records), dtype=np.int64),
+        data=data,
+        channels=declared.channels,
+        channel=channel,
+        number=heads["number"].astype(np.int64),
+        log=heads["log"].astype(np.uint64),
+        publish=heads["publish"].astype(np.uint64),
+        start=records + _HEAD.itemsize,
+        end=records + RECORD.size + length,
+        chunk=np.zeros(len(records), dtype=np.int64),
     )
 
 

@@ -22,6 +22,7 @@ from zenoh_cbef.protocol.memory import ask_latest
 from zenoh_cbef.protocol.messages import BadMessage, decode, unpack_floats
 from zenoh_cbef.protocol.scenario_service import Clock, measure_clock
 from zenoh_cbef.protocol.shares import is_share, records
+from zenoh_cbef.protocol.tokens import is_recorder, ready_token
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.tracking.filters import Belief
 from zenoh_cbef.tracking.newcomer import belief_from
@@ -79,7 +80,7 @@ class Entrance:
         if self._members is not None:
             self._ask(None)  # The answers show that the neighbours know of our subscriptions.
         introduce(self._node.identity, self._clock, self._node.event)
-        self._node.presence.announce(f"ready/{self._of.agent}")
+        self._node.presence.announce(ready_token(self._of.agent))
         start = self._signal()
         if start is None:
             return None
@@ -112,7 +113,7 @@ class Entrance:
         awaited = self._of.plan.scenario.record.awaited
 
         def complete(live: set[str]) -> bool:
-            recorders = [name for name in live if name.startswith("record/")]
+            recorders = [*filter(is_recorder, live)]
             # A recorder of some agents is linked to those alone, and to the target, which waits for all.
             own = any(is_share(name) and records(name, self._of.agent) for name in recorders)
             return needed <= live and (own or len(recorders) >= awaited)

@@ -18,7 +18,7 @@ _AGAIN_SECONDS = 0.05
 
 
 class News:
-    """The lists of injected faults that an agent takes in, each the whole of them.
+    """The lists of injected faults that an agent takes in; each list has all of them.
 
     take: lives with the faults of a list; raises UserError where it is none. patience: s that the agent waits in
     lockstep for a list of which a beacon has told.

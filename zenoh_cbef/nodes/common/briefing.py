@@ -15,6 +15,7 @@ from zenoh_cbef.errors import UserError
 from zenoh_cbef.nodes.common.node import Identity, Node
 from zenoh_cbef.plain import read_toml
 from zenoh_cbef.protocol.scenario_service import Clock, ScenarioText, fetch_scenario, measure_clock
+from zenoh_cbef.protocol.tokens import in_words
 from zenoh_cbef.scenario import Scenario
 from zenoh_cbef.scenario.load import parse
 from zenoh_cbef.scenario.plan import Plan
@@ -67,7 +68,7 @@ def introduce(identity: Identity, clock: Clock | None, say: Callable[..., None])
     """Tell the target and the log where this process is. say: publishes an event of a kind, with a text and data."""
     told = card()
     about = {} if clock is None else {"clock": clock.ahead, "round_trip": clock.round_trip}
-    name = identity.sender.replace("/", " ")
+    name = in_words(identity.sender)
     say(HERE, f"{name} is process {told['pid']} on {told['host']}", **told, **about)
 
 

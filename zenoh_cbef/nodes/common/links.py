@@ -18,6 +18,7 @@ from zenoh_cbef.protocol.introducing import introduce, life_at
 from zenoh_cbef.protocol.keys import agent_named
 from zenoh_cbef.protocol.lives import connects, is_life, site_of
 from zenoh_cbef.protocol.sockets import end_link, links_of, on_link_change
+from zenoh_cbef.protocol.tokens import in_words
 
 _SOON, _LATER, _CALM = 0.25, 2.0, 5.0
 """How often the target is asked, s: at first, while links are missing, and when none is."""
@@ -148,7 +149,7 @@ class Links:
                 self._try(place)
                 continue
             if self._attempts.pop(life, _Attempts()).said:
-                self._node.event("linked", f"{_named(self._name)} has a link to {_named(place.name)} now")
+                self._node.event("linked", f"{in_words(self._name)} has a link to {in_words(place.name)} now")
         linked = links_of(self._node.session).keys()
         far = {place.name for life, place in self._places.items() if life not in linked}
         self._detour.lead({name: mutual for name, mutual in self._detours.items() if name in far})
@@ -157,8 +158,8 @@ class Links:
     def _is_mute(self, life: str) -> bool:
         """Whether a link is to end, to be made anew, as the name of the process at its other end does not come.
 
-        Of hundreds of links that are made at once, Zenoh leaves one now and then so. As the process at its other end
-        is not there for this one without its name, nothing is lost with the link.
+        Of hundreds of links that are made at once, Zenoh now and then leaves one so. Without its name the other process
+        is not there for this one, so nothing is lost with the link.
         """
         mute, now = self._mute[life], time.monotonic()
         if mute.due == inf:
@@ -195,9 +196,9 @@ class Links:
         if attempts.tries == _TRIES:
             attempts.said = True
             text = (
-                f"{_named(self._name)} has no link to {_named(place.name)}: {attempts.why or 'it listens nowhere'}; "
-                "the target carries what they tell each other; to link them, let one listen where the other reaches it "
-                "(--listen)"
+                f"{in_words(self._name)} has no link to {in_words(place.name)}: "
+                f"{attempts.why or 'it listens nowhere'}; the target carries what they tell each other; "
+                "to link them, let one listen where the other reaches it (--listen)"
             )
             self._node.event("unlinked", text, other=place.name)
 
@@ -218,8 +219,3 @@ class Links:
                 said.append(f"at {endpoint} " + ("another process answers" if found else "no process answers"))
         attempts.why = ", ".join(said)
         return place.life in links_of(self._node.session)
-
-
-def _named(process: str) -> str:
-    role, _, name = process.partition("/")
-    return role if role == name else f"{role} {name}"

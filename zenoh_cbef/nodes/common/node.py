@@ -26,6 +26,7 @@ from zenoh_cbef.protocol.memory import KEPT_BYTES, Archive
 from zenoh_cbef.protocol.outbox import Outbox
 from zenoh_cbef.protocol.presence import Presence
 from zenoh_cbef.protocol.session import Connection, PortInUseError, open_joined
+from zenoh_cbef.protocol.tokens import heard_token, in_words, is_recorder
 
 LEASH = "ZENOH_CBEF_LEASH"
 """The environment variable of a process whose standard input ends with its launcher, with what that launches."""
@@ -61,11 +62,6 @@ def _settled(connection: Connection) -> Connection:
         return connection
     listening = with_ports(connection)
     return replace(listening, life=new_life(reached_at(listening.listen)))
-
-
-def heard_token(sender: str, word: int) -> str:
-    """The liveliness name with which a recorder says that it has heard a process's last words."""
-    return f"heard/{sender}/{word}"
 
 
 class Node:
@@ -170,7 +166,7 @@ class Node:
             raise self._twin("--name" if self.identity.role == "record" else "id")
 
     def _twin(self, what: str) -> UserError:
-        name, run = self.identity.sender.replace("/", " "), self.identity.run
+        name, run = in_words(self.identity.sender), self.identity.run
         return UserError(f"{name} is already in run {run!r}; give another {what}, or end that process")
 
     def event(self, kind: str, text: str, **data: object) -> None:
@@ -186,9 +182,7 @@ class Node:
         word = time.time_ns()
 
         def heard(live: set[str]) -> bool:
-            return heard_token(self.identity.sender, word) in live or not any(
-                name.startswith("record/") for name in live
-            )
+            return heard_token(self.identity.sender, word) in live or not any(map(is_recorder, live))
 
         for _ in range(_FAREWELLS):
             self.event(kind, text, word=word, **data)

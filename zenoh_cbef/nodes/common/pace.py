@@ -1,7 +1,7 @@
 """Whether a process keeps up with real time.
 
-A process that begins a round after the round's deadline is too slow itself: every wait ends at its deadline at the
-latest, and leaves a whole slot until the next one, so no other process and no link can make it late.
+A process that begins a round after the round's deadline is too slow itself. Every wait ends at its deadline at the
+latest, and a whole slot is left until the next one, so no other process and no link can make it late.
 """
 
 from __future__ import annotations

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from zenoh_cbef.protocol.presence import Presence
+from zenoh_cbef.protocol.tokens import life_told
 
 TARGET = "target/target"
 
@@ -23,7 +24,7 @@ class Succession:
         presence.on_change(self._look)
 
     def _look(self, name: str, joined: bool) -> None:
-        if not joined or (not name.endswith(TARGET) and not name.startswith(f"life/{TARGET}/")):
+        if not joined or (name != TARGET and (life_told(name) or ("",))[0] != TARGET):
             return
         life = self._presence.life(TARGET)
         self._first = self._first or life

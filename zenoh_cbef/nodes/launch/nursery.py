@@ -155,9 +155,9 @@ def _forks() -> bool:
 def _show(words: list[str]) -> None:
     """Let the list of processes show these words.
 
-    They take the place of the arguments that the program began with, and where that is too short, of the environment
-    that follows it, of which nothing is in use any more. Then the last argument does not end with a zero, and Linux
-    shows one text up to the first zero.
+    They are written over the arguments that the program began with. Where these are too short, they go on over the
+    environment behind them, which is no longer in use. Then the last argument does not end with a zero, and Linux shows
+    one text up to the first zero.
     """
     with suppress(OSError, IndexError, ValueError, ImportError, MemoryError):
         import ctypes  # noqa: PLC0415 - where memory may not be written and executed it can fail

@@ -3,8 +3,7 @@
 Source: the vendor's unpacker, https://github.com/nooploop-dev/nlink_unpack (nlink_linktrack_nodeframe2.c, nlink_utils.h
 and nlink_utils.c): 0x55 0x04, the frame's length (2 bytes, little endian), role, id, system_time (4 bytes), 108 bytes
 that are of no use here, then how many nodes follow, each of 13 bytes: role, id, distance (3 bytes, mm, signed), and 8
-more; the last byte is the sum of all others. That system_time is in milliseconds is taken to be so: the
-unpacker does not tell.
+more; the last byte is the sum of all others. system_time is taken to be in milliseconds: the unpacker does not say.
 """
 
 from __future__ import annotations

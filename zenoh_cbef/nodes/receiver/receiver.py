@@ -29,7 +29,7 @@ _SOON = 0.002
 
 @dataclass
 class Heard:
-    """What came of a source: ranges of the run's anchors, ranges of others, lines or messages without a range.
+    """What came from a source: ranges of the run's anchors, ranges of others, lines or messages without a range.
 
     late: ranges that came after their step, and so were of no use; in lockstep.
     """

@@ -5,8 +5,9 @@ from __future__ import annotations
 import threading
 import time
 
-from zenoh_cbef.nodes.common.node import Node, heard_token
+from zenoh_cbef.nodes.common.node import Node
 from zenoh_cbef.nodes.recorder.attendance import takes_part
+from zenoh_cbef.protocol.tokens import heard_token
 
 _EVERY_SECONDS = 0.1
 

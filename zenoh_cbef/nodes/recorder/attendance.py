@@ -7,14 +7,13 @@ from collections.abc import Callable
 
 from zenoh_cbef.nodes.common.node import Node
 from zenoh_cbef.nodes.common.succession import TARGET, Succession
-from zenoh_cbef.protocol.keys import agent_named, is_token
+from zenoh_cbef.protocol.keys import agent_named
 from zenoh_cbef.protocol.presence import Presence
+from zenoh_cbef.protocol.tokens import in_words, is_expected, leads
 
 _GRACE_SECONDS = 2.0
 _LOST_SECONDS = 30.0
 _NAMED_SECONDS = 30.0
-_LEADING = ("target/", "replay/")
-_TAKING_PART = ("agent/", *_LEADING)
 
 
 def takes_part(sender: str, presence: Presence) -> bool:
@@ -27,7 +26,7 @@ def led_by_a_target(node: Node) -> bool:
 
     Waits for the name of the one or the other: each serves the scenario a moment before it announces itself.
     """
-    node.wait_for(lambda live: any(name.startswith(_LEADING) for name in live), _NAMED_SECONDS)
+    node.wait_for(lambda live: any(map(leads, live)), _NAMED_SECONDS)
     return TARGET in node.presence
 
 
@@ -51,7 +50,7 @@ class Attendance:
     def farewell(self, sender: str) -> None:
         """A process says that it is done."""
         name = TARGET if sender == "target" else sender
-        if name.startswith(_TAKING_PART) and is_token(name, chosen=False):
+        if is_expected(name):
             self._departed.add(name)
 
     def _note_change(self, name: str, joined: bool) -> None:
@@ -59,11 +58,11 @@ class Attendance:
             self._departed.discard(name)
         if self._succession.replaced:
             return  # no more words into the other run
-        if not name.startswith(_TAKING_PART) or self._node.stopping:
+        if not is_expected(name) or self._node.stopping:
             return
         if name in self._departed or self._node.presence.is_over(name):
             return
-        who = name.replace("/", " ") if name.startswith("agent/") else f"the {name.partition('/')[0]}"
+        who = f"the {in_words(name)}" if leads(name) else in_words(name)
         if joined and name in self._lost:
             self._lost.discard(name)
             self._tell("returned", f"{who} is there again", name)
@@ -76,18 +75,18 @@ class Attendance:
 
         lacking: what they said they sent has not all come.
 
-        A process that vanished without a farewell may be behind a broken link, and so may we: the recorder waits longer
-        for it, and for a target that gave us the scenario and was not seen since. step: the latest of which an estimate
-        came. Without the target, the recorder does not wait for agents that make no progress, so that nothing that they
-        do keeps it for ever.
+        A process that vanished without a farewell may be behind a broken link, or this recorder may be. So the recorder
+        waits longer for it, and for a target that gave it the scenario and was not seen since. step: the latest of
+        which an estimate came. Without the target, the recorder does not wait for agents that make no progress, so that
+        nothing that they do keeps it for ever.
         """
         if self._succession.replaced:
             return True
         names, now = self._node.presence.names(), time.monotonic()
-        if step > self._step or any(name.startswith(_LEADING) for name in names):
+        if step > self._step or any(map(leads, names)):
             self._alive_at, self._step = now, step
         hung = now - self._alive_at > self._patience
-        if not hung and any(name.startswith(_TAKING_PART) for name in names):
+        if not hung and any(map(is_expected, names)):
             self._seen, self._gone_at = True, None
             return False
         self._gone_at = self._gone_at or now

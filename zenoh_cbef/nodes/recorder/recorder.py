@@ -22,7 +22,7 @@ from zenoh_cbef.nodes.recorder.overview import Overview
 from zenoh_cbef.nodes.recorder.recovery import Recovery
 from zenoh_cbef.plain import count_in, counts_in
 from zenoh_cbef.protocol.fair_mailbox import FairMailbox
-from zenoh_cbef.protocol.keys import address
+from zenoh_cbef.protocol.keys import address, agent_named
 from zenoh_cbef.protocol.kinds import EVENT
 from zenoh_cbef.protocol.messages import BadMessage, decode
 from zenoh_cbef.protocol.reached import serve_reached
@@ -276,7 +276,7 @@ def run_recorder(
 
 def _overview(node: Node, status: Status, briefing: Briefing, expressions: Sequence[str]) -> Overview:
     """What the recorder sees, of which it tells the target how far it has got."""
-    overview = Overview(status, lambda: sum(name.startswith("agent/") for name in node.presence.names()))
+    overview = Overview(status, lambda: sum(agent_named(name) is not None for name in node.presence.names()))
     if briefing.text.step is None:
         # Of one that comes later the target learns which agents it hears.
         covers, agents = covering(expressions), range(briefing.scenario.count)

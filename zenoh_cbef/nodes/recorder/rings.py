@@ -132,7 +132,7 @@ class Rings:
     def is_the_same(self, sender: str) -> bool:
         """Whether a sender is the only process of its name, as far as rings tell.
 
-        Where it is not, numbers that are missing may be of the process before, and what it answers is in its ring.
+        Where it is not, missing numbers may be those of the process before, whose messages are in its ring.
         """
         self.look(now=True)
         return sum(f"agent/{name.agent}" == sender for name in (*self._open, *self._done)) < 2

@@ -9,6 +9,7 @@ from zenoh_cbef.nodes.common.node import Node
 from zenoh_cbef.nodes.common.readers import WINDOW
 from zenoh_cbef.nodes.target.progress import Progress
 from zenoh_cbef.protocol.reached import ask_reached
+from zenoh_cbef.protocol.tokens import in_words, is_recorder
 
 _WAITING = 40_000
 """Messages of a run that can wait in a recorder's mailbox and its links: a third of what the mailbox holds."""
@@ -21,8 +22,8 @@ _STILL_SECONDS, _STOPPING_SECONDS = 10.0, 3.0
 class Following:
     """Asks recorders how far they have got, and waits for them.
 
-    messages: of all agents in a step. A recorder may be so many steps behind as fit its mailbox, but always those that
-    agents can be apart. The target no longer waits for one that makes no progress.
+    messages: of all agents in a step. A recorder may be as many steps behind as its mailbox holds, and at least as many
+    as agents can be apart. The target stops waiting for a recorder that makes no progress.
     """
 
     def __init__(self, node: Node, progress: Progress, messages: int) -> None:
@@ -69,12 +70,12 @@ class Following:
         return min((self._low(name, step) or 0 for name in self._recorders()), default=step)
 
     def _recorders(self) -> list[str]:
-        return sorted(name for name in self._node.presence.names() if name.startswith("record/"))
+        return sorted(filter(is_recorder, self._node.presence.names()))
 
     def _low(self, name: str, step: int) -> int | None:
         """The step, at most the given one, of which a recorder has all that agents sent; None where it does not tell.
 
-        What an agent has not sent does not count, nor one whose estimates do not reach the recorder any more.
+        What an agent has not sent does not count, nor does an agent whose estimates no longer reach the recorder.
         """
         known, left = self._known.get(name), self._left.get(name)
         if known is None:
@@ -91,5 +92,5 @@ class Following:
         for name in behind:
             if self._low(name, step) != step:
                 self._left[name] = dict(self._known.get(name, {}))
-        names = ", ".join(name.replace("/", " ") for name in behind)
+        names = ", ".join(map(in_words, behind))
         self._node.event("behind", f"{names} did not get to step {step}; the run goes on without", step=step)

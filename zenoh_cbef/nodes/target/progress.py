@@ -15,6 +15,7 @@ from zenoh_cbef.protocol.keys import address, agent_named
 from zenoh_cbef.protocol.kinds import ESTIMATE
 from zenoh_cbef.protocol.memory import ask_latest
 from zenoh_cbef.protocol.messages import BadMessage, peek
+from zenoh_cbef.protocol.tokens import ready_token
 
 _GATHER_SECONDS = 0.001
 _PORTION = 10_000
@@ -78,7 +79,7 @@ class Progress:
     def ready(self, live: set[str]) -> set[int]:
         """The agents that are here and ready, by the names that are there, but none of an earlier run of this name."""
         # Of one that dies the tokens go one after the other.
-        ready = {one for one in range(len(self._reached)) if {f"agent/{one}", f"ready/{one}"} <= live}
+        ready = {one for one in range(len(self._reached)) if {f"agent/{one}", ready_token(one)} <= live}
         lives = self._node.presence.lives(live)
         return {one for one in ready if lives[f"agent/{one}"] == self._claims.given(f"agent/{one}")}
 
@@ -144,8 +145,8 @@ class Progress:
     def wait(self, step: int, *, even_stopping: bool = False) -> bool:
         """Wait until every agent has finished a step; False where the run has no agents or is told to stop.
 
-        It no longer waits for agents that make no progress for longer than the agents' own patience, until they do.
-        When these are all agents, and for as long again, the run is over.
+        It stops waiting for an agent that makes no progress for longer than the agents' own patience, until the agent
+        goes on. When no agent makes progress for twice as long, the run is over.
         """
         until, ask_at = time.monotonic() + self._patience, time.monotonic() + _ASK_SECONDS
         while self.members() and (even_stopping or not self._node.stopping):

@@ -28,8 +28,10 @@ from zenoh_cbef.nodes.target.survey import Survey
 from zenoh_cbef.outside.registry import registered
 from zenoh_cbef.protocol.claims import Claims
 from zenoh_cbef.protocol.directory import Directory
+from zenoh_cbef.protocol.keys import agent_named
 from zenoh_cbef.protocol.scenario_service import ScenarioText
 from zenoh_cbef.protocol.slow import SLOW
+from zenoh_cbef.protocol.tokens import is_recorder
 from zenoh_cbef.scenario import Scenario
 from zenoh_cbef.scenario.load import Loaded, to_toml
 from zenoh_cbef.scenario.plan import Plan
@@ -106,7 +108,7 @@ class Target:
 
         def lacking() -> list[str]:
             live = self.node.presence.names()
-            recorded = sum(name.startswith("record/") for name in live) >= self.scenario.record.awaited
+            recorded = sum(map(is_recorder, live)) >= self.scenario.record.awaited
             return self.progress.lacking(live, self.wait_for) + ([] if recorded else ["the recorder"])
 
         until = time.monotonic() + patience
@@ -254,7 +256,7 @@ class Target:
             **({} if self._pace is None else self._pace.finish()),
         )
         # Agents wait for the end signal only while the target is there.
-        self.node.presence.wait(lambda live: not any(name.startswith("agent/") for name in live), _LAST_WORD_SECONDS)
+        self.node.presence.wait(lambda live: all(agent_named(name) is None for name in live), _LAST_WORD_SECONDS)
 
 
 def run_target(

@@ -32,13 +32,13 @@ def chosen(old: Belief, new: Belief, rows: Bools) -> Belief:
         return type(first)(**{name: pick(values, getattr(second, name)) for name, values in vars(first).items()})
 
     return Belief(
-        pick(old.state, new.state),
-        pick_any(old.covariance, new.covariance),
-        pick_all(old.bias, new.bias),
-        tuple(pick(*pair) for pair in zip(old.memory, new.memory, strict=True)),
-        tuple(chosen(*pair, rows) for pair in zip(old.parts, new.parts, strict=True)),
-        pick_all(old.status, new.status),
-        pick_any(old.chance, new.chance),
+        state=pick(old.state, new.state),
+        covariance=pick_any(old.covariance, new.covariance),
+        bias=pick_all(old.bias, new.bias),
+        memory=tuple(pick(*pair) for pair in zip(old.memory, new.memory, strict=True)),
+        parts=tuple(chosen(*pair, rows) for pair in zip(old.parts, new.parts, strict=True)),
+        status=pick_all(old.status, new.status),
+        chance=pick_any(old.chance, new.chance),
     )
 
 
@@ -74,12 +74,12 @@ def _combined(beliefs: Sequence[Belief], how: Callable[[Sequence[Floats]], Float
     ties = [one.tied for one in beliefs if one.tied is not None]
     first, second, third = all_of(ties) if ties else (None, None, None)
     return Belief(
-        how([one.state for one in beliefs]),
-        any_of([one.covariance for one in beliefs]),
-        said_of([one.bias for one in beliefs]),
-        all_of([one.memory for one in beliefs]),
-        tuple(_combined(parts, how) for parts in zip(*(one.parts for one in beliefs), strict=True)),
-        said_of([one.status for one in beliefs]),
-        any_of([one.chance for one in beliefs]),
-        None if first is None or second is None or third is None else (first, second, third),
+        state=how([one.state for one in beliefs]),
+        covariance=any_of([one.covariance for one in beliefs]),
+        bias=said_of([one.bias for one in beliefs]),
+        memory=all_of([one.memory for one in beliefs]),
+        parts=tuple(_combined(parts, how) for parts in zip(*(one.parts for one in beliefs), strict=True)),
+        status=said_of([one.status for one in beliefs]),
+        chance=any_of([one.chance for one in beliefs]),
+        tied=None if first is None or second is None or third is None else (first, second, third),
     )

@@ -28,8 +28,8 @@ class Knowing(Wrapping):
         e_i <- e_i + (min(c_i, c_i of the range before) - e_i)/15
         n times the average of y: the network's ranges of this step, and nine times those of agents they do not fit
 
-    An agent that distrusts its receiver by d_i has a small NIS, as it expects large errors, and so has one that
-    explains its ranges by a bias b_i, relied on by w_i, of which its prior knows nothing: neither fits.
+    Two kinds of agents have a small NIS and count as not fitting all the same: one that distrusts its receiver by d_i,
+    as it expects large errors, and one that explains its ranges by a bias b_i, relied on by w_i, far beyond its prior.
 
     From these sums and its covariance, which the network agrees on but for what consensus left, every agent decides
     what the estimate is (see Status). An agent that hears no neighbour goes on by prediction, so its ranges count as

@@ -56,21 +56,23 @@ class Supposing(Wrapping):
     A receiver with an error of its own pulls the estimate, and saturation then leaves out those that are right. Where
     the estimate stands the ranges of most agents fit, so none of them can tell. Only all ranges together can: without
     the wrong receiver there is a place where they all fit. A network of a few agents is small enough for each of them
-    to know all: a line through its ranges of the last 2 W steps, four numbers and three of their covariance with its
-    position (own_line.py). So when an agent's ranges do not fit (Status.wrong), agents put these into their payloads in
-    place of the filter's, each at a place of its own, and zeros elsewhere, for as many steps as all need, while the
-    filter predicts. Averaging weighs what agent j told by some w_j, and so the 1 beside it: their ratio is what it told
-    exactly, by whatever way it came. Then each agent computes the same (hypotheses.py):
+    to know all. An agent puts a line through its ranges of the last 2 W steps (own_line.py). It tells its position,
+    range and rate, and three numbers of their covariance. When the ranges of one agent do not fit (Status.wrong),
+    agents put these numbers into their payloads in place of the filter's, each at a place of its own, and zeros
+    elsewhere. That takes as many steps as all need; meanwhile the filter predicts. Averaging multiplies what agent j
+    told and the 1 beside it by the same weight, so their ratio is exactly what it told, by whatever way it came. Then
+    each agent computes the same (hypotheses.py):
 
         J_0, J_1 to J_n       least costs with all agents, and without each; a: the least of J_1 to J_n, b: the next
-        g = max(1, J/spare)   the least misfit per number that is left over: where sigma is understated, all costs are
+        g = max(1, J/spare)   the least misfit per number left over: where sigma is understated, all costs are large
         J_0 - J_a > 13.5 g    agent a is wrong, if also J_b - J_a > 6 g; otherwise ranges do not tell which one is
         J(estimate) - J > 13.5 g   the filter moves to that place, with the covariance that the lines give there
         J > 10 spare          nothing explains the ranges: agents say that the target is lost
 
-    An agent of whose ranges one in four or more is not on the line tells zeros. One that is wrong leaves out its ranges
-    until they fit again: until the mean of min(NIS, 9) of the last 15 or so is below 2. Agents agree on when to tell as
-    they do on another fix (Reacquiring): one that wishes it is enough, and then not for five windows.
+    An agent tells zeros where one in four or more of its ranges is not on the line. An agent that is wrong leaves out
+    its ranges until they fit again: until the mean of min(NIS, 9) of the last 15 or so is below 2. Agents agree on when
+    to tell as they do on another fix (Reacquiring). One agent that wishes it is enough, and then none may for five
+    windows.
 
     hypotheses, line: see there. payload_size: the filter's. window: W.
     """

@@ -65,13 +65,13 @@ class SaturatedInformation:
     def of(cls, settings: FilterSettings) -> Self:
         """The filter of these settings."""
         return cls(
-            settings.motion,
-            settings.space,
-            settings.range_std,
-            settings.network_size,
-            settings.xi,
-            settings.power,
-            settings.widens,
+            motion=settings.motion,
+            space=settings.space,
+            range_std=settings.range_std,
+            network_size=settings.network_size,
+            xi=settings.xi,
+            power=settings.power,
+            widens=settings.widens,
         )
 
     def update(self, belief: Belief, measurement: Measurement) -> Update:
