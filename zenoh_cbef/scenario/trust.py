@@ -42,7 +42,7 @@ def lasts(scenario: Scenario) -> bool:
 
 
 def doubts_noise(scenario: Scenario) -> bool:
-    """Whether agents compare the noise that the scenario gives with half and double of it: where ranges are recorded.
+    """Whether agents compare the noise that they begin with, with half and double of it: where ranges are recorded.
 
     And where a filter that saturates is told a noise of emulated ranges, of a target that moves as it assumes. Not of
     live receivers: of those a scenario often tells an acceleration that is too small. An estimate that lags has large
@@ -50,7 +50,8 @@ def doubts_noise(scenario: Scenario) -> bool:
     """
     chosen = scenario.filter
     if scenario.target.motion == "dataset":
-        return lasts(scenario) and chosen.range_std != "auto" and chosen.defaults > 5
+        # A noise that is learned is that of what does not last of errors, and leaves agents too sure of themselves.
+        return lasts(scenario) and chosen.defaults > (11 if chosen.range_std == "auto" else 5)
     told = isinstance(chosen.range_std, float) and chosen.defaults > 6 and not real(scenario)
     able = abilities_of(chosen.kind)
     known = able.biases and able.saturates and chosen.measurement == "range" and chosen.acceleration_std is None
@@ -85,11 +86,16 @@ def bias(scenario: Scenario, *, unfit: bool) -> str:
 
 
 def shares_biases(scenario: Scenario) -> bool:
-    """Whether agents estimate all biases together: where they are few, and the scenario tells all that is constant."""
+    """Whether agents estimate all biases together, if any: where they are few.
+
+    And where the scenario tells all that is constant of emulated ranges, or ranges are recorded.
+    """
     sensor, chosen = scenario.sensor, scenario.filter
+    few = 1 < scenario.count <= joint_biases.MOST and scenario.consensus.rounds > 0
+    if scenario.target.motion == "dataset":
+        return few and chosen.defaults > 11
     constant = not any(isinstance(one, SensorFault) and one.error > 0.0 for one in scenario.fault)
     told = tells_biases(scenario) and not np.any(np.array(sensor.bias)) and constant
-    few = 1 < scenario.count <= joint_biases.MOST and scenario.consensus.rounds > 0
     return told and few and chosen.defaults > 8 and chosen.bias_common_std is None
 
 
@@ -98,7 +104,7 @@ def common_bias_std(scenario: Scenario, range_std: float, *, joint: bool) -> flo
     given = scenario.filter.bias_common_std
     if given is not None:
         return given
-    return 0.0 if joint else 1.5 * range_std
+    return 0.0 if joint and not real(scenario) else 1.5 * range_std
 
 
 def own_bias_std(scenario: Scenario, range_std: float) -> float:

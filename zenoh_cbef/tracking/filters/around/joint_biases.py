@@ -63,6 +63,7 @@ class JointBiases:
     xi: float = np.inf
     power: int = 1
     widens: bool = False
+    common_std: float = 0.0
 
     @classmethod
     def sharing(cls, settings: FilterSettings) -> Sharing:
@@ -82,6 +83,7 @@ class JointBiases:
             xi=xi,
             power=settings.power,
             widens=settings.widens,
+            common_std=settings.common_bias_std,
         )
 
     @cached_property
@@ -139,14 +141,16 @@ class JointBiases:
         covariance = np.zeros((len(state), state.shape[1], state.shape[1]))
         covariance[:, :size, :size] = belief.known_covariance
         biases = np.arange(size, state.shape[1])
-        covariance[:, biases, biases] = self.own_std**2
+        covariance[:, size:, size:] = self.common_std**2
+        covariance[:, biases, biases] += self.own_std**2
         if belief.tied is not None:
             offset, slope, given = belief.tied
             cross, place = matvec(belief.known_covariance, slope), size + own
             state[count, place] = offset + np.add.reduce(slope * belief.state, axis=1)
             covariance[count, place, :size] = covariance[count, :size, place] = cross
             covariance[count, place, place] = given + np.add.reduce(slope * cross, axis=1)
-        return state, covariance, np.ones(len(state))
+        # What all know of the part that biases have in common is no agent's own.
+        return state, covariance, np.full(len(state), 0.0 if self.common_std else 1.0)
 
     def moved(self, memory: tuple[Floats, ...], place: Belief) -> tuple[Floats, ...]:
         """What a belief carries on, at another place; biases stay as they are."""
