@@ -41,7 +41,7 @@ class Receiver:
     the last residual. left: the share of what the estimate knew at the last own range that it still rests on. scale:
     log sigma over where that began. seen: own ranges so far. large: what the last residual says of sigma. steps: since
     the start. taken: the variance of its error that the last own range
-    brought into the estimate, m^2.
+    brought into the estimate, m^2. excess: by what share the variance of the position is larger than the filter's.
     """
 
     agreed: Floats
@@ -107,13 +107,23 @@ class LastingErrors(Wrapping):
 
         F = (1 + c k)/(1 - c k),    k = product of H P+ H^T/(H P- H^T) over the steps since the last own range
 
-    So the information in a range is divided by F; its innovation is judged as before. c follows from the signs of
-    residuals e = r - h(x+) - bias, which outliers hardly disturb (Van Vleck's arcsine law, for Gaussian errors):
+    c follows from the signs of residuals e = r - h(x+) - bias, which outliers hardly disturb (Van Vleck's arcsine law,
+    for Gaussian errors):
 
         c = sin(pi/2 mean[sign(e) sign(former e)]),    over the last 100 own ranges, at first 0
 
-    With `learns` the network also learns sigma, by stochastic approximation (Robbins and Monro, 1951) of the value at
-    which half of the residuals are small. As P+ holds the range itself, a residual has the variance f sigma^2:
+    With `claims` the filter's P stays as it is, and what agents claim is (1 + excess) P, where kappa is the share of
+    the position's variance that ranges of this step bring into the estimate. The average of F is a number more in
+    messages:
+
+        excess <- (1 - kappa) excess + kappa (mean F - 1),    kappa = tr(P+ - P+ P-^-1 P+)/tr(P+)
+
+    By rules before the twelfth the information in a range is divided by F; its innovation is judged as before. A filter
+    that trusts ranges less lags the more, and then has alike residuals.
+
+    With `learns`, by these rules, the network also learns sigma, by stochastic approximation (Robbins and Monro, 1951)
+    of the value at which half of the residuals are small. As P+ holds the range itself, a residual has the variance
+    f sigma^2:
 
         f = 1 - H P+ H^T/(F sigma^2),   y_i = f sign(e^2 - 0.6745^2 f sigma^2), 0 without a range
         log sigma <- log sigma + max(1/(1 + m/5), 0.02) (average of y over the network)
@@ -188,7 +198,10 @@ class LastingErrors(Wrapping):
         return replace(inner, memory=tuple(vars(known).values()), parts=(inner,))
 
     def _excess(self, before: Floats, factor: Floats, prior: Floats, belief: Belief) -> Floats:
-        """By what share the variance of the position is larger than the filter's, (n,). prior: of this step."""
+        """By what share the variance of the position is larger than the filter's, (n,).
+
+        before: the same, a step ago. factor: the network's F. prior: covariances of this step, (n, s, s).
+        """
         factor = np.fmin(np.fmax(factor, 1.0), (1.0 + _MOST) / (1.0 - _MOST))
         after = belief.known_covariance
         fresh = after - after @ inverse(prior) @ after  # What this step's ranges bring into the estimate.
