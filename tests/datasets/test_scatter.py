@@ -1,6 +1,8 @@
-"""Where a filter begins that learns the noise of recorded ranges."""
+"""Where a filter begins that is not told the noise of recorded ranges."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -32,12 +34,38 @@ def test_too_few_ranges_say_nothing():
     assert scatter(recording(0.1, count=12)) is None
 
 
-def test_a_learning_network_begins_there_unless_it_is_told_where():
-    told = ["filter.range_std=auto"]
-    begun = load("lawnmower", told).scenario.sensor.range_std
-    assert begun == scatter(read_dataset(dataset_folder("recorded:lawnmower")))
-    assert load("lawnmower", [*told, "sensor.range_std=0.3"]).scenario.sensor.range_std == 0.3
+def test_about_ranges_further_apart_it_shows_errors_that_last_and_no_more_of_others():
+    made = recording(0.1)
+    assert scatter(made, 3) == pytest.approx(0.1, rel=0.05)
+    lasting = np.empty_like(made.ranges)
+    for anchor in (0, 1):
+        own, random = made.range_anchor == anchor, np.random.default_rng(anchor)
+        lasting[own] = 0.2 * np.cumsum(random.normal(size=int(own.sum())))
+    slow = replace(made, ranges=made.ranges + lasting)
+    assert (scatter(slow, 3) or 0.0) > 1.25 * (scatter(slow) or 1.0)
+
+
+def test_a_network_that_is_not_told_the_noise_begins_there_at_least():
+    told, made = ["filter.range_std=auto"], read_dataset(dataset_folder("recorded:lawnmower"))
+
+    def begun(*more):
+        return load("lawnmower", [*told, *more]).scenario.sensor.range_std
+
+    assert begun() == begun("sensor.range_std=0.3") == scatter(made, 3)
+    assert begun("sensor.range_std=5.0") == 5.0
+    assert begun("filter.defaults=11") == scatter(made)
+    assert begun("sensor.range_std=0.3", "filter.defaults=11") == 0.3
     assert load("lawnmower").scenario.sensor.range_std == 0.1
+
+
+@pytest.mark.slow
+def test_a_noise_of_twice_what_it_is_hides_no_bias():
+    errors = [
+        unaided.position_rmse(unaided.errors(simulate([load("lawnmower", keys).scenario]))[0])
+        for keys in (["filter.range_std=3.0"], ["filter.range_std=3.0", "filter.defaults=11"], [])
+    ]
+    assert errors[0] < 1.5 * errors[2]
+    assert errors[1] > 2.0 * errors[2]
 
 
 @pytest.mark.slow

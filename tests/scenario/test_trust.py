@@ -85,13 +85,13 @@ def test_a_bias_of_which_the_scenario_tells_is_estimated_with_what_it_tells(keys
     ("bias", "together"),
     [
         (0.0, True),
-        (0.3, False),
+        (0.3, True),
         ([3, 0, 0, 0, 0, 0], False),
         ([1, -1, 1, -1, 1, -1], True),
-        ([2, 1, 3, 1, 3, 2], False),
+        ([2, 1, 3, 1, 3, 2], True),
     ],
 )
-def test_biases_are_estimated_together_where_the_scenario_gives_them_nothing_in_common(bias, together):
+def test_biases_are_estimated_together_but_where_a_single_receiver_has_another(bias, together):
     assert Plan(parse({"sensor": {"bias": bias, "bias_std": 0.1}}, "test")).settings.joint_biases == together
 
 

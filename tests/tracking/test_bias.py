@@ -70,6 +70,15 @@ def test_a_consistent_filter_without_bias_is_kept_and_an_excess_that_bias_explai
     assert Evidence(likelihoods=False).weight(sums).tolist() == [0.0, 0.0, 1.0, 0.0]
 
 
+def test_a_bias_that_takes_away_most_of_what_misfits_is_believed_however_small_that_is():
+    sums = np.array([[0.3, 0.05, 1.0], [0.3, 0.12, 1.0], [0.9, 0.9, 1.0]])
+    assert Evidence(ratios=True).weight(sums).tolist() == [1.0, 0.0, 0.0]
+    assert Evidence().weight(sums)[0] == 0.0
+    begun = Evidence(ratios=True).begun(1)
+    assert Evidence(ratios=True).weight(begun)[0] == 0.0
+    assert Evidence(ratios=True).weight(begun + 100.0 * sums[:1])[0] == 1.0
+
+
 @pytest.mark.parametrize("overstated", [1.0, 2.0])
 def test_likelihoods_show_a_bias_also_where_the_noise_is_overstated(overstated):
     rng, evidence = np.random.default_rng(5), Evidence()

@@ -75,8 +75,10 @@ def test_noise_is_doubted_where_ranges_are_recorded_and_it_is_given():
         return Plan(parse({"target": {"motion": target, "path": "set"}, "agents": places, "filter": more}, "test"))
 
     assert plan().settings.doubts_noise
-    assert plan().sharing.payload_size == plan(defaults=5).sharing.payload_size + DoubtedNoise.more
-    for kept in ({"defaults": 5}, {"range_std": "auto"}, {"kind": "kcf"}):
+    before = [plan(defaults=rules).sharing.payload_size for rules in (5, 11)]
+    assert before[1] == before[0] + DoubtedNoise.more
+    assert plan(range_std="auto").settings.doubts_noise
+    for kept in ({"defaults": 5}, {"range_std": "auto", "defaults": 11}, {"kind": "kcf"}):
         assert not plan(**kept).settings.doubts_noise
     assert emulated("filter.range_std=0.2")
     for alike in (

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from zenoh_cbef.scenario.load import load
+from zenoh_cbef.scenario.load import load, parse
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.tracking.filters import Belief, FilterSettings, make_filter
 from zenoh_cbef.tracking.filters.around.moved import moved
@@ -66,11 +66,11 @@ def kalman(mean, covariance, measurement, motion):
     return mean + gain @ rest, covariance - gain @ rows @ covariance
 
 
-@pytest.mark.parametrize(("known", "q"), [(False, 0.5), (True, 1e-5)])
-def test_with_an_exact_average_it_is_the_centralised_filter_of_target_and_all_biases(known, q):
+@pytest.mark.parametrize(("known", "q", "common"), [(False, 0.5, 0.0), (True, 1e-5, 0.0), (False, 0.5, 0.7)])
+def test_with_an_exact_average_it_is_the_centralised_filter_of_target_and_all_biases(known, q, common):
     """Where biases are known by a fix, what moves the target in the first step moves what they all are given it."""
     random, motion = np.random.default_rng(3), NearlyConstantVelocity(0.5, q, 3)
-    chosen = make_filter("icf", replace(SETTINGS, motion=motion))
+    chosen = make_filter("icf", replace(SETTINGS, motion=motion, common_bias_std=common))
     belief = begun(random)
     offset, slope, given = belief.tied
     if not known:
@@ -78,7 +78,7 @@ def test_with_an_exact_average_it_is_the_centralised_filter_of_target_and_all_bi
         given = np.full(COUNT, BETA**2)
     first = belief.known_covariance[0]
     mean, cross = np.concatenate([belief.state[0], offset + slope @ belief.state[0]]), slope @ first
-    covariance = np.block([[first, cross.T], [cross, cross @ slope.T + np.diag(given)]])
+    covariance = np.block([[first, cross.T], [cross, cross @ slope.T + np.diag(given) + common**2]])
     for _ in range(4):
         measurement = heard(random)
         belief = averaged(belief, measurement, chosen)
@@ -120,7 +120,8 @@ def test_few_agents_of_whose_biases_the_scenario_tells_estimate_them_together():
         ((), True),
         (("agents.count=12",), True),
         (("agents.count=13",), False),
-        (("sensor.bias=0.2",), False),
+        (("sensor.bias=0.2",), True),
+        (("sensor.bias=0.2", "filter.defaults=11"), False),
         (('fault=[{kind="sensor-dropout",probability=0.5}]',), True),
         (('fault=[{kind="sensor-bias",bias=3.0,agents=[1]}]',), False),
         (("filter.bias_common_std=0.1",), False),
@@ -135,6 +136,17 @@ def test_few_agents_of_whose_biases_the_scenario_tells_estimate_them_together():
             size = 6 + plan.scenario.count
             assert plan.sharing.blocks == (size,)
     assert not Plan(load("tracking").scenario).settings.joint_biases
+
+
+def test_so_do_few_agents_with_recorded_ranges():
+    def sizes(count, **more):
+        places = {"positions": [[float(place), float(place % 3), 0.0] for place in range(count)]}
+        target = {"motion": "dataset", "path": "set"}
+        return Plan(parse({"target": target, "agents": places, "filter": more}, "test")).sharing.blocks
+
+    assert sizes(4) == (6, 10)
+    assert sizes(13) == sizes(4, defaults=11) == (6, 7)
+    assert sizes(4, bias="estimate") == (10,)
 
 
 def test_what_a_first_fix_tells_of_biases_is_carried_over_with_its_correlations():

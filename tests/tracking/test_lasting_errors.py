@@ -72,11 +72,13 @@ def test_the_factor_is_that_of_an_exponential_average_of_lasting_errors():
             asked.append(measurement.lasting[0])
             raise StopIteration
 
-    filter_ = LastingErrors(Inner(MOTION, Space(), STD, 1), MOTION, Space(), STD, learns=False, fix=0)
     belief = Belief(np.zeros((1, 6)), np.eye(6)[None], memory=tuple(vars(known).values()))
-    with pytest.raises(StopIteration):
-        filter_.update(belief, heard(np.ones((1, 3)), np.ones(1)))
-    assert asked[0] == pytest.approx(exact, rel=1e-9)
+    for claims in (False, True):
+        inner = Inner(MOTION, Space(), STD, 1)
+        filter_ = LastingErrors(inner, MOTION, Space(), STD, learns=False, fix=0, claims=claims)
+        with pytest.raises(StopIteration):
+            filter_.update(belief, heard(np.ones((1, 3)), np.ones(1)))
+    assert asked == [pytest.approx(exact, rel=1e-9), 1.0]
 
 
 MOTION = NearlyConstantVelocity(0.1, 0.5)
@@ -87,24 +89,25 @@ def heard(position, ranges):
     return Measurement(position, ranges, np.zeros(count), np.empty((count, 0, 3)), np.empty((count, 0)))
 
 
-def tracked(correlation, *, wrapped=True, learns=False, begin=STD, seed=3):
-    """Mean NEES over its ideal in the second half of a run, and what sigma is in the end; the average is exact."""
+def tracked(correlation, *, wrapped=True, learns=False, begin=STD, seed=3, claims=False):
+    """Mean NEES over its ideal in the second half of a run, sigma in the end, and all states; the average is exact."""
     rng = np.random.default_rng(seed)
     agents = rng.uniform(-10.0, 10.0, (AGENTS, 3))
     inner = SaturatedInformation(MOTION, Space(), begin, AGENTS, 3.0)
-    filter_ = LastingErrors(inner, MOTION, Space(), begin, learns=learns, fix=0) if wrapped else inner
+    filter_ = LastingErrors(inner, MOTION, Space(), begin, learns=learns, fix=0, claims=claims) if wrapped else inner
     truth, errors = np.zeros(6), lasting(rng, (AGENTS, STEPS), correlation)
     belief = Belief(np.zeros((AGENTS, 6)), np.repeat(0.1 * np.eye(6)[None], AGENTS, axis=0))
-    nees = []
+    nees, states = [], []
     for k in range(STEPS):
         truth = MOTION.transition @ truth
         truth[3:] += 0.5 * 0.1 * rng.normal(size=3)
         update = filter_.update(belief, heard(agents, np.linalg.norm(agents - truth[:3], axis=1) + errors[:, k]))
         belief = filter_.conclude(np.repeat(update.payload.mean(axis=0)[None], AGENTS, axis=0), update)
+        states.append(belief.state)
         error = belief.state[0, :3] - truth[:3]
         nees.append(error @ np.linalg.solve(belief.known_covariance[0, :3, :3], error) / 3.0)
     known = Receiver(*belief.memory) if wrapped else Receiver.first(1)
-    return np.mean(nees[STEPS // 2 :]), np.median(begin * np.exp(known.scale))
+    return np.mean(nees[STEPS // 2 :]), np.median(begin * np.exp(known.scale)), np.array(states)
 
 
 @pytest.mark.slow
@@ -117,13 +120,23 @@ def test_a_network_with_lasting_errors_knows_how_far_it_may_be_off():
     assert np.mean([tracked(0.0, seed=seed)[0] for seed in seeds]) == pytest.approx(1.0, abs=0.3)
 
 
+@pytest.mark.slow
+def test_by_todays_rules_it_knows_that_too_and_weighs_ranges_as_if_errors_did_not_last():
+    seeds = (3, 4)
+    plain, wide = ([tracked(0.9, wrapped=wrapped, claims=True, seed=one) for one in seeds] for wrapped in (False, True))
+    for one, other in zip(plain, wide, strict=True):
+        np.testing.assert_array_equal(one[2], other[2])
+    assert 1.0 / 1.5 < np.mean([each[0] for each in wide]) < 1.8 < np.mean([each[0] for each in plain])
+    assert np.mean([tracked(0.0, claims=True, seed=one)[0] for one in seeds]) == pytest.approx(1.0, abs=0.3)
+
+
 @pytest.mark.parametrize("correlation", [0.0, 0.8])
 @pytest.mark.parametrize("begin", [0.5 * STD, 2.0 * STD])
 def test_sigma_is_learned_from_half_and_from_twice_of_it_also_where_errors_last(correlation, begin):
     assert tracked(correlation, learns=True, begin=begin)[1] == pytest.approx(STD, rel=0.25)
 
 
-def test_errors_may_last_where_ranges_are_recorded_and_learning_costs_one_number():
+def test_errors_may_last_where_ranges_are_recorded_and_claiming_or_learning_costs_one_number():
     def plan(target="dataset", **more):
         return Plan(parse({"target": {"motion": target, "path": "set"}, "agents": PLACES, "filter": more}, "test"))
 
@@ -132,7 +145,15 @@ def test_errors_may_last_where_ranges_are_recorded_and_learning_costs_one_number
     assert not plan(kind="kcf").settings.lasting
     for emulated in ([], ["sensor.real=true", "timing.mode=realtime"]):
         assert not Plan(load("tracking", emulated).scenario).settings.lasting
-    assert plan(range_std="auto").sharing.payload_size == plan(defaults=5).sharing.payload_size + 1
+    old = plan(defaults=5).sharing.payload_size
+    assert plan(range_std="auto", defaults=5).sharing.payload_size == old + 1
+    new, before = (plan(bias="none", planar_height=0.0, defaults=rules) for rules in (12, 11))
+    assert new.sharing.payload_size == before.sharing.payload_size + 1
+    assert new.settings.recorded
+    assert not before.settings.recorded
+    assert plan(range_std="auto").settings.doubts_noise
+    assert not plan(range_std="auto").settings.learns_noise
+    assert plan(range_std="auto", defaults=11).settings.learns_noise
 
 
 PLACES = {"positions": [[0, 0, 0], [9, 0, 0], [0, 9, 0]]}
@@ -145,6 +166,7 @@ def test_messages_of_a_first_fix_are_as_long_as_those_after_it(chosen):
     belief = chosen.initial_belief
     for step in range(chosen.first_fix_steps + 2):
         ranges = np.linalg.norm(np.array(PLACES["positions"]) - [2.0, 3.0, 0.0], axis=1)
-        update = chosen.filter.update(belief, replace(heard(np.array(PLACES["positions"], float), ranges), step=step))
+        measured = heard(np.array(PLACES["positions"], float), ranges)
+        update = chosen.filter.update(belief, replace(measured, step=step, agent=np.arange(3)))
         assert update.payload.shape[1] == chosen.sharing.payload_size
         belief = chosen.filter.conclude(np.repeat(update.payload.mean(axis=0)[None], 3, axis=0), update)

@@ -13,22 +13,23 @@ _NORMAL = 0.6745
 """The median size of a standard normal number."""
 
 
-def scatter(dataset: Dataset) -> float | None:
-    """The standard deviation, m, of ranges about a line through the ranges before and after; None for too few.
+def scatter(dataset: Dataset, apart: int = 1) -> float | None:
+    """The standard deviation, m, of ranges about a line through those `apart` before and after; None for too few.
 
     With weights a and b = 1 - a of the two neighbours, what is left has 1 + a^2 + b^2 times the variance of a range.
     The median of its size is not moved by outliers, nor by anything that the ranges of an anchor have in common.
-    What turns between two ranges adds to it, and errors that last longer than that are left out.
+    What turns between these adds to it, and errors that last longer than that are left out.
     """
-    longest = _NEAR * (dataset.interval or np.inf)
+    longest = _NEAR * apart * (dataset.interval or np.inf)
     found = []
     for anchor in range(len(dataset.anchors)):
         own = dataset.range_anchor == anchor
         time, ranges = dataset.range_time[own], dataset.ranges[own]
-        span, step = time[2:] - time[:-2], time[1:-1] - time[:-2]
+        before, middle, later = slice(None, -2 * apart), slice(apart, -apart), slice(2 * apart, None)
+        span, step = time[later] - time[before], time[middle] - time[before]
         near = (span > 0.0) & (span <= 2.0 * longest)
         after = step[near] / span[near]
-        left = ranges[1:-1][near] - (1.0 - after) * ranges[:-2][near] - after * ranges[2:][near]
+        left = ranges[middle][near] - (1.0 - after) * ranges[before][near] - after * ranges[later][near]
         found.append(np.abs(left) / np.sqrt(1.0 + after**2 + (1.0 - after) ** 2))
     sizes = np.concatenate(found)
     return float(np.median(sizes)) / _NORMAL if len(sizes) >= _LEAST else None

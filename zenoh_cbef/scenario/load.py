@@ -29,6 +29,9 @@ from zenoh_cbef.words import counted
 _SHORT_NUMBER = re.compile(r"[+-]?(\.\d+|\d+\.)(e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
 """A number as people write it and TOML does not take it: .3, or 5."""
 
+_APART = 3
+"""How many ranges apart those are about which recorded ranges scatter: of errors that last, next ones differ little."""
+
 _LIBRARY = Library(files("zenoh_cbef.scenario") / "builtin", "scenario")
 builtin_names, purposes, read_source = _LIBRARY.names, _LIBRARY.purposes, _LIBRARY.read
 
@@ -192,7 +195,9 @@ def _lay_out(scenario: Scenario, folder: Path) -> Scenario:
         )
     if scenario.filter.acceleration_interval is None:
         data["filter"]["acceleration_interval"] = dataset.interval
-    if scenario.filter.range_std == "auto" and "range_std" not in scenario.sensor.model_fields_set:
-        # A noise learned from far below the true one comes too late for the first fix.
-        data["sensor"]["range_std"] = max(scenario.sensor.range_std, scatter(dataset) or 0.0)
+    today = scenario.filter.defaults > 11
+    if scenario.filter.range_std == "auto" and (today or "range_std" not in scenario.sensor.model_fields_set):
+        # A noise that begins far below the true one comes too late for the first fix, and for biases.
+        found = scatter(dataset, _APART if today else 1) or 0.0
+        data["sensor"]["range_std"] = max(scenario.sensor.range_std, found)
     return parse(data, str(path))

@@ -152,14 +152,15 @@ class Plan:
             cut_off=scenario.consensus.rounds * (self.abilities.biases and network.tells_members(scenario)),
             anywhere=start.anywhere(scenario, self.motion, self.space),
             bias=self.bias,
-            joint_biases=(joint := self.bias == "estimate" and trust.shares_biases(scenario)),
+            joint_biases=(joint := self.bias != "none" and trust.shares_biases(scenario)),
             likelihoods=trust.rules(scenario) > 1,
             common_bias_std=trust.common_bias_std(scenario, range_std, joint=joint),
             own_bias_std=trust.own_bias_std(scenario, range_std),
             told_biases=self.bias != "none" and trust.tells_biases(scenario),
-            learns_noise=chosen.range_std == "auto",
-            lasting=trust.lasts(scenario) and not self.models and not self.squares,
-            doubts_noise=trust.doubts_noise(scenario) and not self.models and not self.squares,
+            lasting=(single := not self.models and not self.squares) and trust.lasts(scenario),
+            doubts_noise=(doubts := single and trust.doubts_noise(scenario)),
+            learns_noise=chosen.range_std == "auto" and not doubts,
+            recorded=trust.lasts(scenario) and chosen.defaults > 11,
             first_fix=self.first_fix_steps,
             outliers=start.outliers(scenario),
             squared_fix=start.squared_steps(scenario, self.first_fix_steps),
@@ -189,9 +190,7 @@ class Plan:
             sizes = [one.size for one in self.models] or [size, size]
             return SeveralPayloads(tuple(InformationPayloads(axes, one) for one in sizes))
         omega = float(self.scenario.count) if self.scenario.filter.omega is None else self.scenario.filter.omega
-        # Of biases the common part is a state, or all of them are; so is a square.
-        size += self.scenario.count if self.settings.joint_biases else self.bias == "estimate" or self.squares
-        return InformationPayloads(axes, size, (1.0, omega) if kind == "hcmci" else (1.0,))
+        return InformationPayloads(axes, size + self.settings.constants, (1.0, omega) if kind == "hcmci" else (1.0,))
 
     @cached_property
     def rounds(self) -> int:

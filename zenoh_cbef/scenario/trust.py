@@ -42,7 +42,7 @@ def lasts(scenario: Scenario) -> bool:
 
 
 def doubts_noise(scenario: Scenario) -> bool:
-    """Whether agents compare the noise that the scenario gives with half and double of it: where ranges are recorded.
+    """Whether agents compare the noise that they begin with, with half and double of it: where ranges are recorded.
 
     And where a filter that saturates is told a noise of emulated ranges, of a target that moves as it assumes. Not of
     live receivers: of those a scenario often tells an acceleration that is too small. An estimate that lags has large
@@ -50,7 +50,8 @@ def doubts_noise(scenario: Scenario) -> bool:
     """
     chosen = scenario.filter
     if scenario.target.motion == "dataset":
-        return lasts(scenario) and chosen.range_std != "auto" and chosen.defaults > 5
+        # A noise that is learned is that of what does not last of errors, and leaves agents too sure of themselves.
+        return lasts(scenario) and chosen.defaults > (11 if chosen.range_std == "auto" else 5)
     told = isinstance(chosen.range_std, float) and chosen.defaults > 6 and not real(scenario)
     able = abilities_of(chosen.kind)
     known = able.biases and able.saturates and chosen.measurement == "range" and chosen.acceleration_std is None
@@ -97,26 +98,31 @@ def bias(scenario: Scenario, *, unfit: bool) -> str:
 
 
 def shares_biases(scenario: Scenario) -> bool:
-    """Whether agents estimate all biases together: where they are few, and the scenario tells all that is constant."""
+    """Whether agents estimate all biases together, if any: where they are few.
+
+    And where the scenario tells all that is constant of emulated ranges, or ranges are recorded.
+    """
     chosen = scenario.filter
-    constant = not any(isinstance(one, SensorFault) and one.error > 0.0 for one in scenario.fault)
-    told = tells_biases(scenario) and constant and _are_independent(scenario)
     few = 1 < scenario.count <= joint_biases.MOST and scenario.consensus.rounds > 0
+    if scenario.target.motion == "dataset":
+        return few and chosen.defaults > 11
+    constant = not any(isinstance(one, SensorFault) and one.error > 0.0 for one in scenario.fault)
+    told = tells_biases(scenario) and constant and _are_alike(scenario)
     return told and few and chosen.defaults > 8 and chosen.bias_common_std is None
 
 
-def _are_independent(scenario: Scenario) -> bool:
-    """Whether receivers' biases have nothing in common, and no single receiver has one of another size."""
-    common, spread = _given_biases(scenario)
-    return not common if spread else not np.any(np.array(scenario.sensor.bias))
+def _are_alike(scenario: Scenario) -> bool:
+    """Whether no single receiver has a bias of another size than most have."""
+    return any(_given_biases(scenario)) or not np.any(np.array(scenario.sensor.bias))
 
 
 def common_bias_std(scenario: Scenario, range_std: float, *, joint: bool) -> float:
-    """Prior standard deviation of what all agents' biases have in common, m; nothing where each is a state (joint)."""
+    """Prior standard deviation of what all agents' biases have in common, m; where each is a state (joint) what is told."""
     given = scenario.filter.bias_common_std
     if given is not None:
         return given
-    return 0.0 if joint else max(1.5 * range_std, _given_biases(scenario)[0])
+    told = _given_biases(scenario)[0]
+    return told if joint and not real(scenario) else max(1.5 * range_std, told)
 
 
 def own_bias_std(scenario: Scenario, range_std: float) -> float:

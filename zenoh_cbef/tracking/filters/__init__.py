@@ -112,7 +112,7 @@ def sharing_of(kind: str, settings: FilterSettings) -> Sharing:
         shared = replace(shared.longer(shared.payload_size + MirrorImages.more), blocks=shared.blocks * 2)
     more = settings.recovers * Recovering.more + settings.distrusts * Distrusting.more
     more += (
-        (settings.lasting and settings.learns_noise)
+        LastingErrors.numbers(settings)
         + settings.doubts_noise * DoubtedNoise.more
         + settings.says_status * Knowing.more
         + (settings.reacquires > 0) * Reacquiring.more
@@ -152,10 +152,9 @@ def make_filter(kind: str, settings: FilterSettings) -> Filter:
 
 def _biased(settings: FilterSettings, plain: Filter, xi: float) -> Filter:
     """The filter that estimates biases, or weighs them beside the plain one."""
-    if settings.joint_biases:
-        return JointBiases.of(settings, xi)
-    biased = BiasedInformation.of(settings, xi)
-    return biased if settings.bias == "estimate" else AutoBias(plain, biased, Evidence(settings.likelihoods))
+    biased = (JointBiases if settings.joint_biases else BiasedInformation).of(settings, xi)
+    evidence = Evidence(settings.likelihoods, settings.recorded)
+    return biased if settings.bias == "estimate" else AutoBias(plain, biased, evidence)
 
 
 def _begun(kind: str, settings: FilterSettings, chosen: Filter, xi: float) -> Filter:
@@ -164,9 +163,8 @@ def _begun(kind: str, settings: FilterSettings, chosen: Filter, xi: float) -> Fi
         chosen = MirrorImages(chosen, settings)
     if not settings.first_fix:
         return chosen
-    alone = replace(
-        settings, says_status=False, reacquires=0, supposes=False, cut_off=0, learns_noise=False, doubts_noise=False
-    )
+    alone = replace(settings, says_status=False, reacquires=0, supposes=False, cut_off=0, lasting=False)
+    alone = replace(alone, doubts_noise=False)
     return first_fix(settings, chosen, xi, sharing_of(kind, alone).payload_size)
 
 

@@ -15,7 +15,9 @@ class FilterSettings:
     """What any filter may need to know.
 
     range_std: m; learns_noise: it is where learning it begins. lasting: whether errors of
-    successive ranges may be alike. doubts_noise: whether range_std may be wrong by a
+    successive ranges may be alike. recorded: whether such errors widen what agents claim, and not
+    the noise by which they weigh ranges, and a bias is believed also for the share of the misfit that it explains.
+    doubts_noise: whether range_std may be wrong by a
     factor of two. xi, omega: see the filter; omega None: network_size. network_size: number of agents.
     differenced: whether ci and local take in differences of ranges in place of the
     agent's own range. power: of the saturation. widens: whether
@@ -76,6 +78,7 @@ class FilterSettings:
     joint_biases: bool = False
     learns_noise: bool = False
     lasting: bool = False
+    recorded: bool = False
     doubts_noise: bool = False
     first_fix: int = 0
     squared_fix: int = 0
@@ -89,3 +92,10 @@ class FilterSettings:
     outliers: tuple[float, float] | None = None
     guesses: tuple[int, int] | None = (1, 1)
     options: Mapping[str, object] = field(default_factory=dict)
+
+    @property
+    def constants(self) -> int:
+        """How many states there are beside those of the motion: biases, or a square."""
+        if self.bias != "estimate":
+            return int(self.squares)
+        return self.network_size if self.joint_biases else 1

@@ -9,7 +9,8 @@ import numpy as np
 
 from zenoh_cbef.arrays import Floats
 from zenoh_cbef.tracking.filters.around.biased_information import BiasedInformation
-from zenoh_cbef.tracking.filters.around.evidence import BEGIN, MEMORY, Evidence
+from zenoh_cbef.tracking.filters.around.evidence import MEMORY, Evidence
+from zenoh_cbef.tracking.filters.around.joint_biases import JointBiases
 from zenoh_cbef.tracking.filters.base import Belief, Bias, Filter, Update
 from zenoh_cbef.tracking.linalg import outer
 from zenoh_cbef.tracking.ranging import Measurement
@@ -30,7 +31,7 @@ class AutoBias:
     """
 
     plain: Filter
-    biased: BiasedInformation
+    biased: BiasedInformation | JointBiases
     evidence: Evidence = field(default_factory=Evidence)
 
     more: ClassVar[int] = 3
@@ -40,7 +41,7 @@ class AutoBias:
         """Both filters' updates; the innovation that is reported is that of the filter with more weight."""
         parts = belief.parts or (belief, belief)
         plain, biased = self.plain.update(parts[0], measurement), self.biased.update(parts[1], measurement)
-        sums = belief.memory[0] if belief.memory else np.full((len(belief.state), 3), BEGIN)
+        sums = belief.memory[0] if belief.memory else self.evidence.begun(len(belief.state))
         counts = self.evidence.of(*((one.diagnostics.innovation, one.diagnostics.nis) for one in (plain, biased)))
         chosen = self.evidence.weight(sums) > 0.5
         return Update(

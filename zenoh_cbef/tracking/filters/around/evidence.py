@@ -27,6 +27,13 @@ _EXPLAINED = (1.05, 1.25)
 """How many times the biased filter's NIS the plain filter's must be, likewise, for the bias to explain the excess."""
 
 
+_TIMES = (3.0, 4.0)
+"""How many times the biased filter's cost the plain filter's must be, likewise, whatever noise was told."""
+
+_SMALL = 0.02
+"""With which cost the ranges begin that the weighing begins with, so that they hide no such ratio for long."""
+
+
 @dataclass(frozen=True)
 class Evidence:
     """Sums over the network's last ranges (..., 3): what each filter makes of a range, and how many there were.
@@ -39,8 +46,13 @@ class Evidence:
     A filter with more states follows slow errors of ranges too, and then always gains a little; a bias gains more. Of
     an overstated noise this takes nothing but scale, so a bias shows where the plain filter is not yet inconsistent.
 
-    Without, as in version 0.2.0, l_0 and l_1 are the cut squares alone, and a plain filter is kept as long as its
-    mean is plausible for the noise that was given, which hides a bias where that is overstated:
+    Where the noise is overstated by far, a bias hides in it: all squares are small, and so is what is gained. So with
+    `ratios` a bias is believed, too, that takes away most of what misfits. Following slow errors takes less than two thirds.
+
+        weight = max(the same, step(mean l_0/mean l_1; 3, 4))
+
+    Without likelihoods, as in version 0.2.0, l_0 and l_1 are the cut squares alone, and a plain filter is kept as long
+    as its mean is plausible for the noise that was given, which hides a bias where that is overstated:
 
         weight = step(mean l_0; 0.8, 1) step(mean l_0/mean l_1; 1.05, 1.25)
 
@@ -48,6 +60,14 @@ class Evidence:
     """
 
     likelihoods: bool = True
+    ratios: bool = False
+
+    def begun(self, count: int) -> Floats:
+        """The sums before the first range, (n, 3)."""
+        sums = np.full((count, 3), BEGIN)
+        if self.ratios:
+            sums[:, :2] *= _SMALL
+        return sums
 
     def of(self, plain: Innovations, biased: Innovations) -> Floats:
         """What ranges say: l_0, l_1 and 1 where there was one, otherwise zeros; (..., 3)."""
@@ -71,7 +91,8 @@ class Evidence:
         """Weight of the biased filter, (...)."""
         plain, biased = sums[..., 0] / sums[..., 2], sums[..., 1] / sums[..., 2]
         if self.likelihoods:
-            return step(plain - biased, *_GAIN)
+            gained = step(plain - biased, *_GAIN)
+            return np.maximum(gained, step(plain / biased, *_TIMES)) if self.ratios else gained
         return step(plain, *_INCONSISTENT) * step(plain / biased, *_EXPLAINED)
 
 

@@ -37,7 +37,9 @@ _LEAST = 1e-9
 
 @dataclass(frozen=True)
 class JointBiases:
-    """sicf or icf with ranges r_i = |p - p_i| + d_i + v_i and constant biases d_i ~ N(0, beta^2), all in the state.
+    """sicf or icf with ranges r_i = |p - p_i| + d_i + v_i and constant biases d_i, all in the state.
+
+    A priori d_i ~ N(0, beta^2), and where biases have a common part, cov(d) = beta^2 I + gamma^2 1 1^T.
 
     The network shares y = (p, v, d_1 ... d_n), so nothing is left out of a centralised Kalman filter: biases that were
     learned against the same p are correlated, and where steps are long, so that p is little known beforehand, that
@@ -51,8 +53,10 @@ class JointBiases:
 
         V_i = (P^-1 x/n, 0) + a T^T/s + ...,   O_i = (P^-1/n, 0) + T^T T/s + ...,   T = (-b, e_i)
 
-    range_std: sigma (m). network_size: n. own_std: beta, m. xi: saturation level in standard deviations. power, widens:
-    as in sicf.
+    Where biases have a common part nothing is known of them before that, and all begin with the same state and prior.
+
+    range_std: sigma (m). network_size: n. own_std, common_std: beta and gamma, m. xi: saturation level in standard
+    deviations. power, widens: as in sicf.
     """
 
     motion: LinearMotion
@@ -63,6 +67,7 @@ class JointBiases:
     xi: float = np.inf
     power: int = 1
     widens: bool = False
+    common_std: float = 0.0
 
     @classmethod
     def sharing(cls, settings: FilterSettings) -> Sharing:
@@ -82,6 +87,7 @@ class JointBiases:
             xi=xi,
             power=settings.power,
             widens=settings.widens,
+            common_std=settings.common_bias_std,
         )
 
     @cached_property
@@ -139,14 +145,16 @@ class JointBiases:
         covariance = np.zeros((len(state), state.shape[1], state.shape[1]))
         covariance[:, :size, :size] = belief.known_covariance
         biases = np.arange(size, state.shape[1])
-        covariance[:, biases, biases] = self.own_std**2
+        covariance[:, size:, size:] = self.common_std**2
+        covariance[:, biases, biases] += self.own_std**2
         if belief.tied is not None:
             offset, slope, given = belief.tied
             cross, place = matvec(belief.known_covariance, slope), size + own
             state[count, place] = offset + np.add.reduce(slope * belief.state, axis=1)
             covariance[count, place, :size] = covariance[count, :size, place] = cross
             covariance[count, place, place] = given + np.add.reduce(slope * cross, axis=1)
-        return state, covariance, np.ones(len(state))
+        # A prior of what all biases have in common is known to all, and no agent's own.
+        return state, covariance, np.full(len(state), 0.0 if self.common_std else 1.0)
 
     def moved(self, memory: tuple[Floats, ...], place: Belief) -> tuple[Floats, ...]:
         """What a belief carries on, at another place; biases stay as they are."""

@@ -13,7 +13,7 @@ from zenoh_cbef.tracking.filters.around.wrapping import Wrapping
 from zenoh_cbef.tracking.filters.base import Belief, Filter, Update
 from zenoh_cbef.tracking.filters.information_form import variance_of
 from zenoh_cbef.tracking.filters.settings import FilterSettings
-from zenoh_cbef.tracking.linalg import matvec
+from zenoh_cbef.tracking.linalg import inverse, matvec
 from zenoh_cbef.tracking.motion import Motion
 from zenoh_cbef.tracking.ranging import Measurement, Space, own_range
 
@@ -41,7 +41,7 @@ class Receiver:
     the last residual. left: the share of what the estimate knew at the last own range that it still rests on. scale:
     log sigma over where that began. seen: own ranges so far. large: what the last residual says of sigma. steps: since
     the start. taken: the variance of its error that the last own range
-    brought into the estimate, m^2.
+    brought into the estimate, m^2. excess: by what share the variance of the position is larger than the filter's.
     """
 
     agreed: Floats
@@ -53,12 +53,13 @@ class Receiver:
     large: Floats
     steps: Floats
     taken: Floats
+    excess: Floats
 
     @classmethod
     def first(cls, count: int) -> Self:
         """Of so many agents before the first step."""
         none, one = np.zeros(count), np.ones(count)
-        return cls(none, _BEGIN * one, none, one, none, none, none, none, none)
+        return cls(none, _BEGIN * one, none, one, none, none, none, none, none, none)
 
     @property
     def alike(self) -> Floats:
@@ -106,13 +107,23 @@ class LastingErrors(Wrapping):
 
         F = (1 + c k)/(1 - c k),    k = product of H P+ H^T/(H P- H^T) over the steps since the last own range
 
-    So the information in a range is divided by F; its innovation is judged as before. c follows from the signs of
-    residuals e = r - h(x+) - bias, which outliers hardly disturb (Van Vleck's arcsine law, for Gaussian errors):
+    c follows from the signs of residuals e = r - h(x+) - bias, which outliers hardly disturb (Van Vleck's arcsine law,
+    for Gaussian errors):
 
         c = sin(pi/2 mean[sign(e) sign(former e)]),    over the last 100 own ranges, at first 0
 
-    With `learns` the network also learns sigma, by stochastic approximation (Robbins and Monro, 1951) of the value at
-    which half of the residuals are small. As P+ holds the range itself, a residual has the variance f sigma^2:
+    With `claims` the filter's P stays as it is, and what agents claim is (1 + excess) P, where kappa is the share of
+    the position's variance that ranges of this step bring into the estimate. The average of F is a number more in
+    messages:
+
+        excess <- (1 - kappa) excess + kappa (mean F - 1),    kappa = tr(P+ - P+ P-^-1 P+)/tr(P+)
+
+    By rules before the twelfth the information in a range is divided by F; its innovation is judged as before. A filter
+    that trusts ranges less lags the more, and then has alike residuals.
+
+    With `learns`, by these rules, the network also learns sigma, by stochastic approximation (Robbins and Monro, 1951)
+    of the value at which half of the residuals are small. As P+ holds the range itself, a residual has the variance
+    f sigma^2:
 
         f = 1 - H P+ H^T/(F sigma^2),   y_i = f sign(e^2 - 0.6745^2 f sigma^2), 0 without a range
         log sigma <- log sigma + max(1/(1 + m/5), 0.02) (average of y over the network)
@@ -129,12 +140,19 @@ class LastingErrors(Wrapping):
     range_std: float
     learns: bool
     fix: int
+    claims: bool = False
 
     @classmethod
     def of(cls, settings: FilterSettings, inner: Filter) -> Self:
         """Around a filter with these settings."""
         std, learns = settings.range_std, settings.learns_noise
-        return cls(inner, settings.motion, settings.space, std, learns=learns, fix=settings.first_fix)
+        fix, claims = settings.first_fix, settings.recorded
+        return cls(inner, settings.motion, settings.space, std, learns=learns, fix=fix, claims=claims)
+
+    @staticmethod
+    def numbers(settings: FilterSettings) -> int:
+        """How many numbers a payload has more with these settings."""
+        return settings.lasting * (settings.learns_noise + settings.recorded)
 
     def update(self, belief: Belief, measurement: Measurement) -> Update:
         """The filter's update; kept: what the agent knew of its receiver, and what the residual needs."""
@@ -144,22 +162,26 @@ class LastingErrors(Wrapping):
         factor = (1.0 + correlation) / (1.0 - correlation)
         if self.learns:
             measurement = replace(measurement, range_std=self.range_std * np.exp(known.scale))
+        told = [known.large] * self.learns + [factor] * self.claims
+        if self.claims:
+            factor = np.ones_like(factor)
         update = self.filter.update(inner, replace(measurement, lasting=factor, followed=known.followed))
-        payload = np.concatenate([update.payload, known.large[:, None]], axis=1) if self.learns else update.payload
-        state = self.motion.predict_state(belief.state)
-        covariance = self.motion.predict_covariance(belief.known_covariance, belief.state)
+        payload = np.concatenate([update.payload, *(one[:, None] for one in told)], axis=1) if told else update.payload
+        state = self.motion.predict_state(inner.state)
+        covariance = self.motion.predict_covariance(inner.known_covariance, inner.state)
         _, before = self._predicted(state, covariance, measurement.position, measurement.age)
         heard = measurement.position, measurement.range, measurement.age, variance_of(measurement, self.range_std)
-        return Update(payload, update.diagnostics, (*vars(known).values(), *heard, factor, before), (update,))
+        kept = *vars(known).values(), *heard, factor, before, covariance
+        return Update(payload, update.diagnostics, kept, (update,))
 
     def conclude(self, payload: Floats, update: Update) -> Belief:
         """The filter's belief, and what the residual of the own range teaches."""
-        *former, position, range_, age, variance, factor, before = update.kept
+        *former, position, range_, age, variance, factor, before, prior = update.kept
         known, network = Receiver(*former), np.zeros(len(payload))
+        own = update.parts[0].payload.shape[1]
         if self.learns:
-            network = np.fmin(np.fmax(payload[:, -1], -1.0), 1.0)
-            payload = np.ascontiguousarray(payload[:, :-1])
-        inner = self.filter.conclude(payload, update.parts[0])
+            network = np.fmin(np.fmax(payload[:, own], -1.0), 1.0)
+        inner = self.filter.conclude(np.ascontiguousarray(payload[:, :own]), update.parts[0])
         predicted, after = self._predicted(inner.state, inner.known_covariance, position, age)
         bias = 0.0 if inner.bias is None else inner.bias.weight * inner.bias.value
         residual = np.where(known.steps < self.fix, np.nan, range_ - predicted - bias)
@@ -169,7 +191,25 @@ class LastingErrors(Wrapping):
         known = replace(
             known, large=known.large * free, taken=np.where(np.isfinite(range_), after / factor, known.taken)
         )
+        if self.claims:
+            known = replace(known, excess=self._excess(known.excess, payload[:, -1], prior, inner))
+            wide = inner.known_covariance * (1.0 + known.excess)[:, None, None]
+            return replace(inner, covariance=wide, memory=tuple(vars(known).values()), parts=(inner,))
         return replace(inner, memory=tuple(vars(known).values()), parts=(inner,))
+
+    def _excess(self, before: Floats, factor: Floats, prior: Floats, belief: Belief) -> Floats:
+        """By what share the variance of the position is larger than the filter's, (n,).
+
+        before: the same, a step ago. factor: the network's F. prior: covariances of this step, (n, s, s).
+        """
+        factor = np.fmin(np.fmax(factor, 1.0), (1.0 + _MOST) / (1.0 - _MOST))
+        after = belief.known_covariance
+        fresh = after - after @ inverse(prior) @ after  # What this step's ranges bring into the estimate.
+        total = share = np.zeros(len(after))
+        for axis in range(self.space.axes):
+            total, share = total + after[:, axis, axis], share + fresh[:, axis, axis]
+        share = np.clip(share / total, 0.0, 1.0)
+        return (1.0 - share) * before + share * (factor - 1.0)
 
     def _predicted(self, state: Floats, covariance: Floats, position: Floats, age: Floats) -> tuple[Floats, Floats]:
         """The own range as an estimate has it, m, and its variance, m^2, (n,) each."""
