@@ -66,7 +66,7 @@ class Stage:
         return Trial(mutant, taken, imported)
 
     def _turn(self, test: str, mutant: Mutant, reach: Reach) -> tuple[bool, bool, float, str]:
-        return not test.startswith(self.first or "-"), not is_near(test, mutant), reach.seconds[test], test
+        return not test.startswith(self.first), not is_near(test, mutant), reach.seconds[test], test
 
 
 QUICK = {

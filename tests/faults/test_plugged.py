@@ -13,6 +13,6 @@ class Plain(LinkFault):
 
 
 def test_a_fault_without_options_says_so_where_it_is_given_some():
-    with pytest.raises(ValueError, match="has most, but 'mine:Plain' has no options; leave fault.options out"):
+    with pytest.raises(ValueError, match="has most, but 'mine:Plain' has no options; leave"):
         read_fault(Plain, {"kind": "mine:Plain", "options": {"most": 0.5}})
     assert read_fault(Plain, {"kind": "mine:Plain"}).kind == "mine:Plain"
