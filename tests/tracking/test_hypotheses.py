@@ -93,9 +93,10 @@ def test_a_search_begins_at_the_estimate_in_the_middle_and_at_the_mirror_image(m
             np.testing.assert_array_equal(starts[run, :, hypothesis], expected)
 
 
-def test_costs_are_those_of_the_formula_and_descents_are_their_slopes():
+@pytest.mark.parametrize("place", [[-2.4, -4.0, -0.7], PLACES[0] + 0.1], ids=["among", "beside one"])
+def test_costs_are_those_of_the_formula_and_descents_are_their_slopes(place):
     one, kept, least = problem([1.0, 2, 3, 0.1, 0.2, 0.3])
-    state = np.random.default_rng(5).normal(scale=3.0, size=6)
+    state = np.array([*place, 2.0, -1.3, 4.1])
 
     def cost(at, which):
         offset = at[:3] - PLACES
