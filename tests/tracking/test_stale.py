@@ -58,7 +58,7 @@ def test_messages_that_all_came_are_averaged_also_where_nothing_says_so():
         stage.start(payload[:1])
         stage.mix(payload[None, 1:], delivered)
         averages.append(stage.result())
-    np.testing.assert_array_equal(*averages)
+    np.testing.assert_array_equal(averages[0], averages[1])
 
 
 def test_a_delay_up_to_the_lag_costs_nothing_more_and_one_beyond_cuts_all_agents_off():
