@@ -12,7 +12,7 @@ import time
 from collections import defaultdict
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import zip_longest
 from types import CodeType, FunctionType
 
 import pytest
@@ -114,12 +114,11 @@ def _found(
 
 
 def _passed(trial: Trial, session: pytest.Session, items: dict[str, pytest.Item]) -> int:
-    for test, following in pairwise([*trial.tests, None]):
-        if test is None:
-            break
+    chosen = [items[test] for test in trial.tests]
+    for item, following in zip_longest(chosen, chosen[1:]):
         # A mutant that hangs does so in one test: the fork ends by the signal.
-        signal.setitimer(signal.ITIMER_REAL, 20 + 10 * trial.tests[test])
-        session.config.hook.pytest_runtest_protocol(item=items[test], nextitem=following and items[following])
+        signal.setitimer(signal.ITIMER_REAL, 20 + 10 * trial.tests[item.nodeid])
+        session.config.hook.pytest_runtest_protocol(item=item, nextitem=following)
         if session.testsfailed:
             return KILLED
     return SURVIVES
