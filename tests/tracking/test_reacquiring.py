@@ -87,7 +87,7 @@ def test_an_agent_that_was_cut_off_does_not_make_the_others_begin_again():
 BIASED = ("sensor.bias=0.3", "filter.bias=estimate")
 
 
-def test_a_network_that_is_not_told_which_step_it_is_counts_them():
+def test_steps_that_no_caller_tells_are_counted():
     """Of ten silences each begins at another place of the window of ten steps, after which agents decide."""
     one = load("tracking", ["steps=70", "agents.count=4", "dt=0.2", "filter.initial_position_std=3.0"]).scenario
     plans = [Plan(one.model_copy(update={"seed": seed})) for seed in range(1, 11)]
