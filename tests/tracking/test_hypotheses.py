@@ -115,6 +115,12 @@ def test_costs_are_those_of_the_formula_and_descents_are_their_slopes(place):
         assert np.linalg.eigvalsh(information[0, 0, which])[0] > 0.0
 
 
+def test_a_target_at_a_receiver_has_no_direction_from_it():
+    _, _, least = problem(np.zeros(6))
+    for found in least.at(np.broadcast_to([*PLACES[0], 1.0, 1.0, 1.0], (1, 1, 7, 6))):
+        assert np.isfinite(found).all()
+
+
 def test_a_step_is_damped_by_a_thousandth_at_first_and_by_a_tenth_of_that_after_a_success(monkeypatch):
     _, _, least = problem(np.zeros(6))
     state = np.broadcast_to(TARGET + 0.1, (1, 1, 7, 6))
