@@ -31,15 +31,16 @@ class Reach:
 
 
 class Reaching:
-    """A pytest plugin that fills a `Reach`."""
+    """A pytest plugin that fills a `Reach`, of some statements alone."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, places: set[Place]) -> None:
         self.reach = Reach()
         self._now: set[Place] = set()
         self._set_up: dict[Path, set[Place]] = defaultdict(set)
         self._files: dict[str, Path] = {}
         setattr(builtins, _MARK, lambda path, line: self._now.add((path, line)))
-        replace_code(folder, _marked)
+        files = {Path(path) for path, _ in places}
+        replace_code(files, lambda path: _marked(path, places))
 
     def pytest_runtestloop(self) -> None:
         """Pytest's hook."""
@@ -75,31 +76,30 @@ class Reaching:
         return taken
 
 
-def replace_code(folder: Path, tree: Callable[[Path], ast.Module]) -> None:
-    """Files of a folder (or the one file) that are imported from now on have this syntax tree."""
+def replace_code(files: set[Path], tree: Callable[[Path], ast.Module]) -> None:
+    """Those of the files that are imported from now on have this syntax tree."""
     honest = SourceFileLoader.get_code
 
     def get_code(self: SourceFileLoader, fullname: str) -> Any:
         path = Path(self.path)
-        return compile(tree(path), self.path, "exec") if path.is_relative_to(folder) else honest(self, fullname)
+        return compile(tree(path), self.path, "exec") if path in files else honest(self, fullname)
 
     setattr(SourceFileLoader, "get_code", get_code)  # noqa: B010 - mypy lets no method be replaced
 
 
-def _marked(path: Path) -> ast.Module:
+def _marked(path: Path, places: set[Place]) -> ast.Module:
     module = ast.parse(path.read_text(encoding="utf-8"))
     for node in list(ast.walk(module)):
         for name in ("body", "orelse", "finalbody"):
             statements = getattr(node, name, None)
             if isinstance(statements, list):
-                setattr(node, name, list(_with_marks(statements, path)))
+                setattr(node, name, list(_with_marks(statements, path, places)))
     return ast.fix_missing_locations(module)
 
 
-def _with_marks(statements: list[ast.stmt], path: Path) -> Iterator[ast.stmt]:
+def _with_marks(statements: list[ast.stmt], path: Path, places: set[Place]) -> Iterator[ast.stmt]:
     for statement in statements:
-        text = isinstance(statement, ast.Expr) and isinstance(statement.value, ast.Constant)
-        if not text and not (isinstance(statement, ast.ImportFrom) and statement.module == "__future__"):
+        if (str(path), statement.lineno) in places:
             arguments = [ast.Constant(str(path)), ast.Constant(statement.lineno)]
             call = ast.Call(ast.Name(_MARK, ast.Load()), list(arguments), [])
             yield ast.copy_location(ast.Expr(call), statement)

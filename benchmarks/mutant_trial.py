@@ -11,14 +11,13 @@ import signal
 import time
 from collections import defaultdict
 from collections.abc import Callable, Iterator
-from itertools import pairwise
-from pathlib import Path
+from dataclasses import dataclass
+from itertools import zip_longest
 from types import CodeType, FunctionType
-from typing import Any
 
 import pytest
 
-from benchmarks.mutant_reach import Reach, replace_code
+from benchmarks.mutant_reach import replace_code
 from benchmarks.mutations import Mutant
 
 KILLED, HANGS, SURVIVES, IMPORTED = range(4)
@@ -64,17 +63,31 @@ class Crew:
             worker.join()
 
 
-class Trying:
-    """A pytest plugin that runs, in place of all tests once, those that reach a mutant, for one mutant after the other.
+@dataclass(frozen=True)
+class Trial:
+    """A mutant, None for the source as it is, and the tests that it meets, with how long they take without it.
 
-    mutants: with one that is None, the source as it is. turn: gives the number of the next mutant; told: takes what
-    became of it.
+    imported: it acts when its file is imported.
     """
 
-    def __init__(
-        self, mutants: list[Mutant | None], reach: Reach, turn: Callable[[], int], told: Callable[[int, int], None]
-    ) -> None:
-        self._mutants, self._reach, self._turn, self._told = mutants, reach, turn, told
+    mutant: Mutant | None
+    tests: dict[str, float]
+    imported: bool = False
+
+    @property
+    def seconds(self) -> float:
+        """How long all tests take."""
+        return sum(self.tests.values())
+
+
+class Trying:
+    """A pytest plugin that runs, in place of all tests once, those of one trial after the other.
+
+    turn: gives the number of the next trial; tell: takes what became of it.
+    """
+
+    def __init__(self, trials: list[Trial], turn: Callable[[], int], tell: Callable[[int, int], None]) -> None:
+        self._trials, self._turn, self._tell = trials, turn, tell
 
     @pytest.hookimpl(tryfirst=True)
     def pytest_runtestloop(self, session: pytest.Session) -> bool:
@@ -83,44 +96,32 @@ class Trying:
         functions = defaultdict(list)
         for function in [one for one in gc.get_objects() if isinstance(one, FunctionType)]:
             functions[function.__code__.co_filename].append(function)
-        while (number := self._turn()) < len(self._mutants):
-            mutant = self._mutants[number]
-            items = [item for item in session.items if mutant is None or self._reaches(item, mutant)]
-            items.sort(key=lambda item: (not is_near(item.path, mutant), self._reach.seconds[item.nodeid]))
-            limit = sum(self._reach.seconds[item.nodeid] for item in items)
-            if mutant is None:
-                found = in_fork(lambda: self._passed(session, items), limit)  # noqa: B023 - is called at once
-            elif not mutant.called or (str(mutant.path), mutant.statement) in self._reach.imported:
-                found = IMPORTED
-            else:
-                own = functions[str(mutant.path)]
-                found = in_fork(
-                    lambda: self._passed(session, items) if _mutated(mutant, own) else IMPORTED,  # noqa: B023
-                    limit,
-                )
-            self._told(number, found)
+        items = {item.nodeid: item for item in session.items}
+        while (number := self._turn()) < len(self._trials):
+            self._tell(number, _found(self._trials[number], session, items, functions))
         return True
 
-    def _passed(self, session: pytest.Session, items: list[pytest.Item]) -> int:
-        rest: list[Any] = [*items, None]
-        for item, following in pairwise(rest):
-            # A mutant that hangs does so in one test: the fork ends by the signal.
-            signal.setitimer(signal.ITIMER_REAL, 20 + 10 * self._reach.seconds[item.nodeid])
-            session.config.hook.pytest_runtest_protocol(item=item, nextitem=following)
-            if session.testsfailed:
-                return KILLED
-        return SURVIVES
 
-    def _reaches(self, item: pytest.Item, mutant: Mutant) -> bool:
-        return (str(mutant.path), mutant.statement) in self._reach.tests.get(item.nodeid, ())
+def _found(
+    trial: Trial, session: pytest.Session, items: dict[str, pytest.Item], functions: dict[str, list[FunctionType]]
+) -> int:
+    def work() -> int:
+        if trial.mutant is not None and not _mutated(trial.mutant, functions[str(trial.mutant.path)]):
+            return IMPORTED
+        return _passed(trial, session, items)
+
+    return IMPORTED if trial.imported else in_fork(work, trial.seconds)
 
 
-def is_near(path: Path, mutant: Mutant | None) -> bool:
-    """Whether a test's file names the mutant's module."""
-    if mutant is None:
-        return False
-    parts = mutant.path.with_suffix("").parts
-    return ".".join(parts[parts.index("zenoh_cbef") :]).removesuffix(".__init__") in path.read_text(encoding="utf-8")
+def _passed(trial: Trial, session: pytest.Session, items: dict[str, pytest.Item]) -> int:
+    chosen = [items[test] for test in trial.tests]
+    for item, following in zip_longest(chosen, chosen[1:]):
+        # A mutant that hangs does so in one test: the fork ends by the signal.
+        signal.setitimer(signal.ITIMER_REAL, 20 + 10 * trial.tests[item.nodeid])
+        session.config.hook.pytest_runtest_protocol(item=item, nextitem=following)
+        if session.testsfailed:
+            return KILLED
+    return SURVIVES
 
 
 def in_fork(work: Callable[[], int], seconds: float) -> int:
@@ -156,7 +157,7 @@ def _ended(child: int, seconds: float) -> int:
 
 def _mutated(mutant: Mutant, functions: list[FunctionType]) -> bool:
     """Whether all functions of the file could be given the mutant's code."""
-    replace_code(mutant.path, lambda _: mutant.tree())
+    replace_code({mutant.path}, lambda _: mutant.tree())
     codes = defaultdict(list)
     for code in _codes(compile(mutant.tree(), str(mutant.path), "exec")):
         codes[_name(code)].append(code)

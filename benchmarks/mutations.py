@@ -64,6 +64,11 @@ class Mutant:
     way: int
     change: str
 
+    @property
+    def place(self) -> tuple[str, int]:
+        """Its file, and the line where its innermost statement begins."""
+        return str(self.path), self.statement
+
     def tree(self) -> ast.Module:
         """The mutated source."""
         module = ast.parse(self.path.read_text(encoding="utf-8"))

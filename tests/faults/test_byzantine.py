@@ -85,10 +85,11 @@ def test_random_lies_are_normal_and_differ_from_message_to_message():
         assert abs(np.corrcoef(one.ravel(), two.ravel())[0, 1]) < 0.07
 
 
-def test_a_replay_sends_the_honest_message_of_the_same_round_some_steps_ago():
-    wrong = run(outgoing(FAULTS[4]))
+@pytest.mark.parametrize("ago", [1, 3])
+def test_a_replay_sends_the_honest_message_of_the_same_round_some_steps_ago(ago):
+    wrong = run(outgoing(byzantine(mode="replay", steps=ago)))
     for step in range(1, 9):
-        np.testing.assert_array_equal(wrong[step - 1][:, [1, 3]], HONEST[max(1, step - 3) - 1][:, [1, 3]])
+        np.testing.assert_array_equal(wrong[step - 1][:, [1, 3]], HONEST[max(1, step - ago) - 1][:, [1, 3]])
 
 
 def test_lies_begin_and_end_in_time():

@@ -115,6 +115,11 @@ def test_a_fault_is_on_from_its_beginning_until_before_its_end():
     assert [step for step in range(1, 6) if not open_ended.of(step, 1).due.any()] == [2, 3, 4, 5]
 
 
+def test_a_fault_acts_also_where_one_before_it_has_not_begun():
+    faulty = fates(loss(1.0, **{"from": 5.0}), loss(1.0))
+    assert due_flags(faulty) == (NONE, NONE)
+
+
 @pytest.mark.parametrize("milliseconds", [0.001, 5.0, 20.0, 21.0, 100.0])
 def test_a_message_delayed_at_all_misses_its_own_round_and_one_not_delayed_does_not(milliseconds):
     # A delay of d counts as arriving ceil(d / slot) rounds later, and that is at least one.

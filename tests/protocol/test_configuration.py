@@ -48,6 +48,12 @@ def test_a_peer_listens_on_loopback_gossips_and_is_not_to_be_found() -> None:
     assert config["access_control"]["enabled"] is False
 
 
+def test_the_target_tells_peers_alone_whom_to_link_to() -> None:
+    assert Connection().told
+    assert not Connection(mode="client").told
+    assert not Connection(gossip=False).told
+
+
 def test_settings_are_handed_on() -> None:
     ends = Connection(["tcp/a:1", "tcp/b:2"], ["tcp/127.0.0.1:3"], gossip=False, multicast=True, lease_ms=700)
     config = told(ends)

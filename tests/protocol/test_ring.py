@@ -153,6 +153,22 @@ def test_a_dead_reader_holds_a_ring_up_only_while_no_other_reads_it(path: Path) 
     writer.close(remove=True)
 
 
+def test_what_the_slower_of_two_readers_has_not_taken_stays(path: Path) -> None:
+    writer = RingWriter(path, NAMES, LEAST_BYTES, alive)
+    fast, slow = RingReader(path, HERE, alive), RingReader(path, THERE, alive)
+    sent = 0
+    while writer.write(0, sent.to_bytes(50, "little")):
+        sent += 1
+    assert len(read_all(fast)) == sent
+    fast.save()
+    assert not writer.write(0, bytes(50))
+    assert [int.from_bytes(data, "little") for _, data in read_all(slow)] == [*range(sent)]
+    for end in (fast, slow):
+        end.close()
+    path.unlink()
+    writer.close(remove=True)  # also where the file is gone
+
+
 def test_a_message_that_does_not_fit_is_refused(path: Path) -> None:
     writer = RingWriter(path, NAMES, LEAST_BYTES, alive)
     assert not writer.write(0, bytes(LEAST_BYTES))
@@ -246,6 +262,7 @@ def test_a_disk_that_is_full_refuses_a_ring_at_once(path: Path) -> None:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
     assert not path.exists()
     assert not path.with_suffix(".new").exists()
+    assert not any(path.stem in str(one.resolve()) for one in Path("/dev/fd").iterdir()), "it is let go of"
 
 
 @pytest.fixture

@@ -55,6 +55,7 @@ def test_a_scenario_says_what_its_plugin_is_with_all_options():
     text = to_toml(load("tracking", [SHORT, "filter.kind=mine:Gains"]).scenario)
     assert 'plugin = "mine sha256:' in text
     assert "[filter.options]\nalpha = 0.5\nbeta = 0.05\n" in text
+    assert "period = 4.0\nmost = 0.8\n" in to_toml(load("tracking", [SHORT, "fault=[{kind='mine:Fading'}]"]).scenario)
     assert "plugin" not in to_toml(load("tracking").scenario)
 
 

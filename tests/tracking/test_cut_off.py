@@ -85,6 +85,13 @@ def test_all_together_estimate_what_they_would_without_it(five):
         assert belief.state.tobytes() == plain.state.tobytes()
 
 
+@pytest.mark.parametrize("motion", ["ncv", "imm"])
+def test_two_that_hear_each_other_agree(motion):
+    keys = ["agents.count=2", "network.graph=ring", "filter.membership=true", "steps=15", f"filter.motion={motion}"]
+    [trace] = simulate([load("tracking", keys).scenario])
+    np.testing.assert_allclose(trace.estimates[0], trace.estimates[1], rtol=1e-9, atol=1e-9)
+
+
 def test_agents_that_go_fade_and_agents_that_come_back_are_heard_at_once(five):
     belief = step(five, begun(), TOGETHER)
     shares = []

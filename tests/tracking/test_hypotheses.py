@@ -93,9 +93,10 @@ def test_a_search_begins_at_the_estimate_in_the_middle_and_at_the_mirror_image(m
             np.testing.assert_array_equal(starts[run, :, hypothesis], expected)
 
 
-def test_costs_are_those_of_the_formula_and_descents_are_their_slopes():
+@pytest.mark.parametrize("place", [[-2.4, -4.0, -0.7], PLACES[0] + 0.1], ids=["among", "beside one"])
+def test_costs_are_those_of_the_formula_and_descents_are_their_slopes(place):
     one, kept, least = problem([1.0, 2, 3, 0.1, 0.2, 0.3])
-    state = np.random.default_rng(5).normal(scale=3.0, size=6)
+    state = np.array([*place, 2.0, -1.3, 4.1])
 
     def cost(at, which):
         offset = at[:3] - PLACES
@@ -112,6 +113,12 @@ def test_costs_are_those_of_the_formula_and_descents_are_their_slopes():
         np.testing.assert_allclose(-2.0 * descent[0, 0, which], slope, rtol=1e-4, atol=1e-2)
         np.testing.assert_allclose(information[0, 0, which], information[0, 0, which].T)
         assert np.linalg.eigvalsh(information[0, 0, which])[0] > 0.0
+
+
+def test_a_target_at_a_receiver_has_no_direction_from_it():
+    _, _, least = problem(np.zeros(6))
+    for found in least.at(np.broadcast_to([*PLACES[0], 1.0, 1.0, 1.0], (1, 1, 7, 6))):
+        assert np.isfinite(found).all()
 
 
 def test_a_step_is_damped_by_a_thousandth_at_first_and_by_a_tenth_of_that_after_a_success(monkeypatch):

@@ -47,6 +47,13 @@ def test_the_signs_of_residuals_tell_how_alike_they_are_in_spite_of_outliers(cor
     assert np.mean(taught(spoilt).alike) == pytest.approx(np.mean(taught(residuals).alike), abs=0.12)
 
 
+@pytest.mark.parametrize("correlation", [0.0, 0.3, 0.8])
+def test_what_the_signs_share_tells_the_correlation(correlation):
+    sums = np.array([1.0, -1.0]) * 40.0 * 2.0 / np.pi * np.arcsin(correlation)
+    known = replace(Receiver.first(2), agreed=sums, pairs=np.full(2, 40.0))
+    np.testing.assert_allclose(known.alike, [correlation, 0.0], atol=1e-12)
+
+
 def test_a_range_that_was_not_measured_teaches_nothing():
     known = taught(lasting(np.random.default_rng(2), (3, 50), 0.8))
     nothing, one = np.full(3, np.nan), np.ones(3)

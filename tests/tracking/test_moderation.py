@@ -36,6 +36,13 @@ def test_one_number_of_many_tells_whether_all_are_within_a_limit(share: float, l
             assert is_within(tried, limit) == (abs(share) <= 1.0)
 
 
+@pytest.mark.parametrize(("share", "within"), [(1.0, True), (-1.0, True), (1.1, False), (-1.1, False), (np.nan, False)])
+def test_one_number_of_a_million_tells_it_too(share: float, within: bool) -> None:
+    values = np.zeros(1_000_001)
+    values[-1] = share * LARGEST
+    assert is_within(values, LARGEST) is within
+
+
 @pytest.mark.parametrize("kind", sorted(KINDS))
 @settings(deadline=None, max_examples=8)
 @given(told=WILD, payload=WILD, step=st.integers(0, 3))

@@ -105,5 +105,8 @@ def test_embedding_puts_a_plane_into_space_with_no_doubt_of_its_height():
     np.testing.assert_array_equal(embedded[np.ix_(space.kept, space.kept)], covariance[0])
     assert (embedded[[2, 5]] == 0.0).all()
     assert (embedded[:, [2, 5]] == 0.0).all()
+    # Models of the motion may have an acceleration, too, which begins a belief without.
+    longer = np.pad(covariance, ((0, 0), (0, 2), (0, 2)), constant_values=9.0)
+    np.testing.assert_array_equal(space.embed_covariance(longer)[0], embedded)
     full = np.ones((1, 6))
     assert Space().embed_state(full) is full

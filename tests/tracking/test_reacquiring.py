@@ -5,10 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from zenoh_cbef.scenario.build import batch_tracker
 from zenoh_cbef.scenario.load import load
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.scenario.world import make_world
 from zenoh_cbef.simulator import Heard, heard_in, simulate
+from zenoh_cbef.tracking.ranging import Measurement
 from zenoh_cbef.tracking.status import ACQUIRING, COASTING, TRACKING
 
 
@@ -83,6 +85,29 @@ def test_an_agent_that_was_cut_off_does_not_make_the_others_begin_again():
 
 
 BIASED = ("sensor.bias=0.3", "filter.bias=estimate")
+
+
+def test_steps_that_no_caller_tells_are_counted():
+    """Of ten silences each begins at another place of the window of ten steps, after which agents decide."""
+    one = load("tracking", ["steps=70", "agents.count=4", "dt=0.2", "filter.initial_position_std=3.0"]).scenario
+    plans = [Plan(one.model_copy(update={"seed": seed})) for seed in range(1, 11)]
+    heard = [heard_in(plan, make_world(plan.scenario)) for plan in plans]
+    for run, each in enumerate(heard):
+        each.ranges[:, 20 + run : 60] = np.nan
+    positions, ranges, age = (np.concatenate([getattr(each, name) for each in heard]) for name in vars(heard[0]))
+
+    def payloads(steps):
+        tracker, neighbours = batch_tracker(plans)
+        for k, step in enumerate(steps):
+            seen = positions[:, k], ranges[:, k], age[:, k], np.empty((40, 0, 3)), np.empty((40, 0))
+            sent = tracker.measure(Measurement(*seen, step=step, agent=np.tile(np.arange(4), 10)))
+            yield sent
+            for _ in range(plans[0].rounds):
+                sent = tracker.exchange(sent[neighbours.index], neighbours.present)
+            tracker.conclude()
+
+    for told, counted in zip(payloads(range(1, 71)), payloads([None] * 70), strict=True):
+        np.testing.assert_array_equal(told, counted)
 
 
 @pytest.mark.slow

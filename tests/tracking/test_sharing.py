@@ -1,6 +1,7 @@
 """Two agents are a network; one is none."""
 
 from contextlib import suppress
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -23,6 +24,8 @@ def test_an_agent_exchanges_messages_where_there_is_another(kind: str) -> None:
     )
     assert KINDS[kind].sharing(two).cooperates == (kind != "local")
     assert kind not in {"sicf", "icf"} or not KINDS[kind].sharing(alone).cooperates
+    biased = [sharing_of("sicf", replace(each, bias="estimate")) for each in (alone, two)]
+    assert [each.cooperates for each in biased] == [False, True]
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -48,6 +48,19 @@ def test_it_is_the_intersection_of_the_own_estimate_and_predicted_old_ones(lag):
     np.testing.assert_allclose(stage.result()[0], expected, rtol=1e-9, atol=1e-9)
 
 
+def test_messages_that_all_came_are_averaged_also_where_nothing_says_so():
+    rng, motion = np.random.default_rng(2), NearlyConstantVelocity(0.1, 0.5)
+    roots = rng.normal(size=(3, 6, 6))
+    payload = pack(rng.normal(size=(3, 6)), roots @ np.swapaxes(roots, 1, 2) + np.eye(6))
+    averages = []
+    for delivered in (None, np.array([[True, True]])):
+        stage = StaleAverage(np.array([[0.3, 0.2]]), motion, 1)
+        stage.start(payload[:1])
+        stage.mix(payload[None, 1:], delivered)
+        averages.append(stage.result())
+    np.testing.assert_array_equal(averages[0], averages[1])
+
+
 def test_a_delay_up_to_the_lag_costs_nothing_more_and_one_beyond_cuts_all_agents_off():
     short = ["steps=40", "consensus.lag=2"]
     clean, inside, beyond = (runs([*short, *extra], 2) for extra in ([], [delayed(200.0)], [delayed(200.1)]))

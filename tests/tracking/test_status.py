@@ -10,7 +10,10 @@ import pytest
 from zenoh_cbef.analysis.metrics import analyze
 from zenoh_cbef.scenario.load import load
 from zenoh_cbef.simulator import simulate
-from zenoh_cbef.tracking.ranging import Measurement
+from zenoh_cbef.tracking.filters import Belief, make_filter
+from zenoh_cbef.tracking.filters.settings import FilterSettings
+from zenoh_cbef.tracking.motion import NearlyConstantVelocity
+from zenoh_cbef.tracking.ranging import Measurement, Space
 from zenoh_cbef.tracking.status import ACQUIRING, COASTING, LOST, STATUSES, TRACKING, Status, most_misfit, status_name
 
 HERE = "filter.reacquire=false"
@@ -161,6 +164,20 @@ def test_forged_numbers_make_no_number_that_is_none(forged):
         belief = made.conclude(mixed, update)
         assert belief.status is not None
         assert all(np.isfinite(values).all() for values in vars(belief.status).values())
+
+
+def test_several_ranges_that_are_as_good_as_usual_fit():
+    """Five differences of ranges, each off by 1.5 standard deviations: together far above the NIS of one."""
+    motion = NearlyConstantVelocity(0.1, 0.3)
+    settings = FilterSettings(motion, Space(), 0.1, np.inf, 6, differenced=True, says_status=True, judges_agents=False)
+    places = np.array([[-8.0, 3, 1], [7, -6, 4], [2, 9, -5], [-3, -7, -8], [9, 5, 7], [-6, 1, 9]])
+    belief = Belief(np.array([[1.0, -2.0, 0.5, 0.4, 0.3, -0.2]]), 1e-6 * np.eye(6)[None])
+    ahead = motion.predict_state(belief.state)[0, :3]
+    ranges = np.linalg.norm(ahead - places, axis=1) + 0.15 * np.array([1.0, -1, 1, -1, 1, -1])
+    told = Measurement(places[:1], ranges[:1], np.zeros(1), places[None, 1:], ranges[None, 1:])
+    heard, misfit = make_filter("ci", settings).update(belief, told).payload[0, -2:]
+    assert heard == 1.0
+    assert 1.0 < misfit < 4.0
 
 
 def test_names_of_numbers_from_elsewhere():

@@ -16,6 +16,7 @@ from typing import Any
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from mcap.opcode import Opcode
 from mcap.reader import NonSeekingReader, make_reader
 
 from zenoh_cbef.log.mcap import writer as writing
@@ -92,6 +93,16 @@ def test_the_official_reader_finds_summary_attachments_and_metadata(tmp_path: Pa
     assert (counts.schema_count, counts.channel_count, counts.attachment_count) == (1, 3, 1)
     assert counts.metadata_count == 1
     assert counts.chunk_count == len(summary.chunk_indexes) > 2
+    # Readers find what follows a chunk, the indexes of its messages, by the lengths that its own index says.
+    data = path.read_bytes()
+    for chunk in summary.chunk_indexes:
+        at = chunk.chunk_start_offset + chunk.chunk_length
+        until = at + chunk.message_index_length
+        while at < until:
+            assert data[at] == Opcode.MESSAGE_INDEX
+            at += 9 + int.from_bytes(data[at + 1 : at + 9], "little")
+        assert at == until
+        assert data[at] != Opcode.MESSAGE_INDEX
 
 
 def test_what_is_flushed_is_readable_while_the_file_is_open(tmp_path: Path) -> None:
