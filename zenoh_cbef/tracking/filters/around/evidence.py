@@ -47,7 +47,7 @@ class Evidence:
     an overstated noise this takes nothing but scale, so a bias shows where the plain filter is not yet inconsistent.
 
     Where the noise is overstated by far, a bias hides in it: all squares are small, and so is what is gained. So with
-    `ratios` a bias is believed, too, that takes away most of what misfits. Following slow errors takes less than two thirds.
+    `ratios` a bias is believed, too, that takes away most of what misfits. Following slow errors takes away less.
 
         weight = max(the same, step(mean l_0/mean l_1; 3, 4))
 
