@@ -117,7 +117,7 @@ def _are_alike(scenario: Scenario) -> bool:
 
 
 def common_bias_std(scenario: Scenario, range_std: float, *, joint: bool) -> float:
-    """Prior standard deviation of what all agents' biases have in common, m; where each is a state (joint) what is told."""
+    """Prior standard deviation of what all agents' biases have in common, m; where each is a state (joint), as told."""
     given = scenario.filter.bias_common_std
     if given is not None:
         return given
