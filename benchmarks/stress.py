@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +18,7 @@ from zenoh_cbef.analysis.strong.told import told
 from zenoh_cbef.analysis.summary import pick
 from zenoh_cbef.arrays import Floats
 from zenoh_cbef.errors import UserError
+from zenoh_cbef.faults import SenderFault
 from zenoh_cbef.scenario import Scenario
 from zenoh_cbef.scenario.load import load
 from zenoh_cbef.scenario.plan import Plan
@@ -103,7 +104,7 @@ def scores(scenario: Scenario, wrong: str = "", seeds: int = SEEDS, first: int =
     scenarios = [scenario.model_copy(update={"seed": first + more}) for more in range(seeds)]
     heard = [_heard(Plan(one), wrong) for one in scenarios]
     with np.errstate(all="ignore"):
-        traces = simulate(scenarios, heard=heard)
+        traces = [_believed(trace) for trace in simulate(scenarios, heard=heard)]
         runs = analyze(traces)
         states, _ = strong(*told(traces, len(traces[0].time)))
     twin = np.array([pick(run.metrics, "centralized.position_rmse") for run in runs])
@@ -135,6 +136,13 @@ def _heard(plan: Plan, wrong: str) -> Heard:
     else:
         ranges += 30.0 * (chance.random(ranges.shape) < 0.4)
     return Heard(heard.positions, ranges, heard.age)
+
+
+def _believed(trace: Trace) -> Trace:
+    """A run without the ranges of agents that lie: a centralised filter believes them no more than honest agents do."""
+    liars = {agent for fault in trace.scenario.fault if isinstance(fault, SenderFault) for agent in fault.agents}
+    lies = np.isin(np.arange(len(trace.ranges)), list(liars))
+    return replace(trace, ranges=np.where(lies[:, None], np.nan, trace.ranges)) if liars else trace
 
 
 def _errors(traces: Sequence[Trace], states: Floats, first: int) -> Floats:

@@ -6,6 +6,7 @@ import numpy as np
 
 from zenoh_cbef.arrays import Bools, Floats
 from zenoh_cbef.faults import MessageFault
+from zenoh_cbef.scenario import trust
 from zenoh_cbef.scenario.model import Scenario
 from zenoh_cbef.scenario.paths import agent_positions, placement
 from zenoh_cbef.tracking import graph, weights
@@ -37,13 +38,17 @@ def by_radio(scenario: Scenario) -> bool:
 
 
 def tells_members(scenario: Scenario) -> bool:
-    """Whether agents tell each other who is there: if told to, or where they may be cut off from others and are few."""
+    """Whether agents tell each other who is there: if told to, or where they may be cut off from others and are few.
+
+    They are cut off by faults, out of range, or because they isolate the agents between them.
+    """
     chosen = scenario.filter.membership
     if chosen != "auto":
         return chosen
     cuts = any(isinstance(fault, MessageFault) and fault.cuts for fault in scenario.fault) or by_radio(scenario)
+    parts = scenario.filter.defaults > 11 and trust.isolates(scenario)
     few = scenario.count <= FEW and not scenario.consensus.trigger
-    return cuts and few and scenario.filter.defaults > 10
+    return (cuts or parts) and few and scenario.filter.defaults > 10
 
 
 def in_range(scenario: Scenario) -> Bools:

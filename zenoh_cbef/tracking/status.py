@@ -44,11 +44,14 @@ _MOST = 0.6 * CUT
 Four of ten make it 4.2, give or take 0.3, of a network that tracks well and must not begin again.
 """
 
-_WRONG = 3.6
+WRONG = 3.6
 """The mean of the smaller of two cut NIS of an agent whose ranges do not fit: as if six of ten were outliers."""
 
-_DOUBT = 2.0
-"""What that mean begins with: with some doubt, as a network that has found a wrong place has to notice soon."""
+DOUBT = 2.0
+"""What that mean begins with: with some doubt, as a network that has found a wrong place has to notice soon.
+
+By the twelfth rules it begins at WRONG: two ranges that do not fit then tell, before the network can track.
+"""
 
 _OWN_MEMORY = 15.0
 """How many of its own ranges an agent remembers."""
@@ -103,11 +106,11 @@ class Status:
     latest: Floats
 
     @classmethod
-    def first(cls, count: int) -> Self:
-        """Before the first step of so many agents."""
+    def first(cls, count: int, doubt: float = DOUBT) -> Self:
+        """Before the first step of so many agents; doubt: what their own means begin with."""
         none = np.zeros(count)
         begun = np.full(count, _BEGUN)
-        return cls(none, none, none, none, begun, begun, np.full(count, np.inf), none, np.full(count, _DOUBT), none)
+        return cls(none, none, none, none, begun, begun, np.full(count, np.inf), none, np.full(count, doubt), none)
 
     @property
     def coasts(self) -> Bools:
@@ -121,7 +124,7 @@ class Status:
 
     def anew(self, rows: Bools) -> Self:
         """The same, but that some agents (n,) acquire their target again; ranges that did not fit have to fit first."""
-        begun = vars(type(self).first(len(rows))) | {"own": np.minimum(self.own, _WRONG)}
+        begun = vars(type(self).first(len(rows))) | {"own": np.minimum(self.own, WRONG)}
         kept = {name: getattr(self, name) for name in ("seconds", "steps", "spread", "latest")}
         return type(self)(**{name: np.where(rows, (begun | kept)[name], values) for name, values in vars(self).items()})
 
@@ -136,7 +139,7 @@ class Status:
     @property
     def wrong(self) -> Bools:
         """Whether an agent's own ranges do not fit, (n,)."""
-        return np.asarray(self.own > _WRONG)
+        return np.asarray(self.own > WRONG)
 
     def told(self, rows: Bools, which: float, former: Self, dt: float) -> Self:
         """The same, but that some agents (n,) say something else. former: the status a step of dt (s) ago."""

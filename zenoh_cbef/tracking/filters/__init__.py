@@ -135,7 +135,7 @@ def make_filter(kind: str, settings: FilterSettings) -> Filter:
     if settings.recovers:
         chosen = Recovering(chosen)
     if settings.distrusts:
-        chosen = Distrusting(chosen, settings.range_std)
+        chosen = Distrusting(chosen, settings.range_std, repeats=settings.repeats)
     if settings.returns and settings.network_size > 1 and abilities_of(kind).biases and not settings.squares:
         chosen = Returning(chosen, settings.space, settings.range_std, newcomers=settings.cut_off > 0)
     chosen = _begun(kind, settings, chosen, xi)
