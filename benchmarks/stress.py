@@ -12,7 +12,7 @@ import numpy as np
 from rich.table import Table
 
 from benchmarks.common import plain_table
-from zenoh_cbef.analysis.metrics import Analysis, analyze
+from zenoh_cbef.analysis.metrics import Analysis, analyze, counted_agents
 from zenoh_cbef.analysis.strong import strong
 from zenoh_cbef.analysis.strong.told import told
 from zenoh_cbef.analysis.summary import pick
@@ -167,7 +167,7 @@ def _nees(run: Analysis) -> float:
 
 def _tracking(run: Analysis) -> float:
     """In what share of the scored steps agents say that they track; all where they do not say."""
-    said = run.trace.diagnostics.status[:, run.first :]
+    said = run.trace.diagnostics.status[counted_agents(run.trace), run.first :]
     return float((said == TRACKING).mean()) if np.isfinite(said).any() else 1.0
 
 
@@ -175,8 +175,9 @@ def _wrongly(run: Analysis, best: float) -> float:
     """In what share of the scored steps agents say that they track, or do not say, and are falsely sure."""
     axes = len(run.trace.plan.space.kept) // 2
     kept = list(run.trace.plan.space.kept[:axes])
-    variance = run.trace.covariances[:, run.first :, kept, kept].sum(axis=2)
-    error, said = run.position_error[:, run.first :], run.trace.diagnostics.status[:, run.first :]
+    honest = counted_agents(run.trace)
+    variance = run.trace.covariances[honest, run.first :][:, :, kept, kept].sum(axis=2)
+    error, said = run.position_error[honest, run.first :], run.trace.diagnostics.status[honest, run.first :]
     off = (error > LOST * best) & (error > SURE * np.sqrt(variance))
     return float((off & (np.isnan(said) | (said == TRACKING))).mean())
 

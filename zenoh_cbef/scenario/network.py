@@ -51,6 +51,15 @@ def tells_members(scenario: Scenario) -> bool:
     return (cuts or parts) and few and scenario.filter.defaults > 10
 
 
+def may_be_in_a_plane(scenario: Scenario, axes: int) -> bool:
+    """Whether all agents, or a group that is cut off from others, may be as few as make a plane, or a line of two axes.
+
+    For agents that say what their estimates are, and do not presume to be on the side that they are on.
+    """
+    asked = scenario.filter.status and scenario.consensus.rounds > 0 and not trust.presumes(scenario)
+    return asked and scenario.count >= axes and (scenario.count == axes or tells_members(scenario))
+
+
 def in_range(scenario: Scenario) -> Bools:
     """Which agents are within `network.radius` of each other in steps 1 to K, (n, n, K)."""
     positions = agent_positions(scenario)
@@ -79,3 +88,12 @@ def consensus_weights(scenario: Scenario, neighbours: graph.Neighbours) -> Float
     if scenario.consensus.weights == "uniform":
         return weights.uniform_weights(neighbours, epsilon(scenario, neighbours))
     return weights.metropolis_weights(neighbours)
+
+
+def bounds(scenario: Scenario, neighbours: graph.Neighbours) -> tuple[float, float]:
+    """Least and largest eigenvalue of W other than 1; zeros where averaging is not accelerated."""
+    stage = scenario.consensus
+    if stage.acceleration != "chebyshev":
+        return 0.0, 0.0
+    chosen = consensus_weights(scenario, neighbours)
+    return stage.bounds or weights.spectrum_bounds(weights.weight_matrix(neighbours, chosen))

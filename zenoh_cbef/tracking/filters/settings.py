@@ -21,17 +21,17 @@ class FilterSettings:
     agent's own range. power: of the saturation. widens: whether
     a saturated range widens its whole innovation, not its noise alone. recovers: whether
     the network widens its covariances where most innovations are implausible. distrusts:
-    whether agents give their own implausible ranges less weight; repeats: and those that are repeated. returns: whether an
+    whether agents give their own implausible ranges less weight. returns: whether an
     agent's range counts less after a step in which it heard no neighbour. says_status: whether they say
     if they acquire, track, coast, or have lost the target; judges_agents: whether that counts agents that do not
     fit, or ranges, and whether only those that hear ranges vote for another fix. reacquires: how many steps another
     fix takes, 0 for none; spreading: in how many steps all agents know a decision; anywhere: where that fix looks
-    for the target, like search. bends: whether agents coast no further than ranges are straight lines. proves: whether an
-    agent's ranges have to fit before the network tracks. prompt: whether
+    for the target, like search. bends: whether agents coast no further than ranges are straight lines. prompt: whether
     another fix begins soon after the target is lost, and has the first ranges after a silence to itself. supposes:
     whether all tell each other what they measured where ranges of one do not fit. cut_off: how many
     rounds a step has, where agents may be cut off from others and tell who is there; 0: they do not. presumes: whether
-    they take all to be there until they know better. bias: none,
+    agents presume that ranges fit and that all others are there until they know better. sides: whether they say so
+    when they do not know on which side of them the target is. bias: none,
     estimate or auto; likelihoods: whether auto weighs it by these, or by the NIS; common_bias_std, own_bias_std: its
     prior, m. told_biases: whether they are constant, and as large as told: a first fix says what it knows of them, and
     none is forgotten. joint_biases:
@@ -60,18 +60,17 @@ class FilterSettings:
     widens: bool = False
     recovers: bool = False
     distrusts: bool = False
-    repeats: bool = False
     returns: bool = False
     says_status: bool = False
     judges_agents: bool = True
     reacquires: int = 0
     spreading: int = 1
     bends: bool = False
-    proves: bool = False
     prompt: bool = False
     supposes: bool = False
     cut_off: int = 0
-    presumes: bool = False
+    presumes: bool = True
+    sides: bool = False
     anywhere: tuple[Floats, Floats] | None = None
     bias: str = "none"
     likelihoods: bool = True

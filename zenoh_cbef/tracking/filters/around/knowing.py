@@ -43,7 +43,7 @@ class Knowing(Wrapping):
     def update(self, belief: Belief, measurement: Measurement) -> Update:
         """The filter's update, and the two numbers."""
         inner = belief.parts[0] if belief.parts else belief
-        doubt = WRONG if self.settings.proves else DOUBT
+        doubt = DOUBT if self.settings.presumes else WRONG
         status = Status.first(len(belief.state), doubt) if belief.status is None else belief.status
         update = self.filter.update(inner, measurement)
         degrees = update.diagnostics.nis_degrees
