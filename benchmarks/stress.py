@@ -44,7 +44,8 @@ COLUMNS = (
 class Scores:
     """Of s runs of a case: position RMSE of the network and of two centralised filters, m; NEES over its ideal.
 
-    NEES: while agents say `tracking`, where they say what their estimates are. tracking: how often they say so.
+    NEES: while agents say `tracking`, where they say what their estimates are. tracking: how often they say so, of a
+    run in which some agents are lost these.
     wrongly: in what share of the scored steps they say so and are falsely sure.
     """
 
@@ -66,7 +67,7 @@ class Scores:
 
     @property
     def unaware(self) -> int:
-        """How many runs the network loses though its agents say `tracking` in more than half of the steps."""
+        """How many runs the network loses though agents that are lost say `tracking` in more than half of the steps."""
         return int((~(self.network <= LOST * self.best) & (self.tracking > 0.5)).sum())
 
     def row(self, name: str) -> list[object]:
@@ -109,13 +110,14 @@ def scores(scenario: Scenario, wrong: str = "", seeds: int = SEEDS, first: int =
         states, _ = strong(*told(traces, len(traces[0].time)))
     twin = np.array([pick(run.metrics, "centralized.position_rmse") for run in runs])
     best_one = _errors(traces, states, runs[0].first)
+    best = np.fmin(twin, best_one)
     return Scores(
         np.array([pick(run.metrics, "position_rmse") for run in runs]),
         twin,
         best_one,
         np.array([_nees(run) for run in runs]),
-        np.array([_tracking(run) for run in runs]),
-        np.array([_wrongly(*each) for each in zip(runs, np.fmin(twin, best_one), strict=True)]),
+        np.array([_tracking(*each) for each in zip(runs, best, strict=True)]),
+        np.array([_wrongly(*each) for each in zip(runs, best, strict=True)]),
     )
 
 
@@ -165,9 +167,14 @@ def _nees(run: Analysis) -> float:
     return float("inf") if average is None else average / len(run.trace.plan.space.kept)
 
 
-def _tracking(run: Analysis) -> float:
-    """In what share of the scored steps agents say that they track; all where they do not say."""
-    said = run.trace.diagnostics.status[counted_agents(run.trace), run.first :]
+def _tracking(run: Analysis, best: float) -> float:
+    """In what share of the scored steps agents say that they track, of those that are lost; all where they do not say.
+
+    Of agents that are in one network all are lost or none, of groups some.
+    """
+    honest, error = counted_agents(run.trace), run.position_error[:, run.first :]
+    lost = honest & ~(np.sqrt(np.mean(error**2, axis=1)) <= LOST * best)
+    said = run.trace.diagnostics.status[lost if lost.any() else honest, run.first :]
     return float((said == TRACKING).mean()) if np.isfinite(said).any() else 1.0
 
 
