@@ -47,6 +47,7 @@ BENCHMARKS = {
     "fault-cost": ("fault_cost", "what faults cost a round of a scenario that has none"),
     "stress": ("stress", "scenarios that lose trackers; --case NAME, --seeds 50, --set filter.defaults=8"),
     "parted": ("parted", "groups of honest agents that only a liar links; --seeds 50"),
+    "motions": ("several_motions", "how sure filters of several motions are of themselves, and others; --seeds 20"),
     "scale": ("scale", "links, messages, bytes and memory of n agents: formulas, counted runs; --agents 24,100"),
     "large": ("large", "simulations of 1000 to 100 000 agents: seconds of a step, memory, how both grow; --million"),
     "lab": ("lab", "the lab in headless Chromium: frames, from click to log, what a page costs a run, long logs"),
@@ -71,6 +72,7 @@ _OPTIONS = {
     "ring-soak": ("minutes", "kills"),
     "soak": ("minutes",),
     "parted": ("seeds", "first"),
+    "motions": ("seeds", "first"),
     "stress": ("case", "seeds", "search", "first", "set"),
 }
 
@@ -84,10 +86,10 @@ def main() -> None:
     parser.add_argument("--minutes", type=float, default=10.0, help="soak, ring-soak: how long the run is, after kills")
     parser.add_argument("--kills", type=int, default=200, help="ring-soak: how many recorders, and agents, are killed")
     parser.add_argument("--case", help="stress: the one case to run; default: all")
-    parser.add_argument("--seeds", type=int, default=50, help="stress, parted: how many seeds of each case")
+    parser.add_argument("--seeds", type=int, default=50, help="stress, parted, motions: how many seeds of each case")
     parser.add_argument("--agents", help="scale, hosts: how many agents runs have; default: 24,100 and 100")
     parser.add_argument("--million", action="store_true", help="large: a million agents, too")
-    parser.add_argument("--first", type=int, default=1001, help="stress, parted: the first seed")
+    parser.add_argument("--first", type=int, default=1001, help="stress, parted, motions: the first seed")
     parser.add_argument(
         "--set", action="append", default=[], metavar="KEY=VALUE", help="stress: a key of all cases; may be repeated"
     )

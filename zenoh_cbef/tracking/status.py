@@ -48,10 +48,7 @@ WRONG = 3.6
 """The mean of the smaller of two cut NIS of an agent whose ranges do not fit: as if six of ten were outliers."""
 
 DOUBT = 2.0
-"""What that mean begins with: with some doubt, as a network that has found a wrong place has to notice soon.
-
-By the twelfth rules it begins at WRONG: two ranges that do not fit then tell, before the network can track.
-"""
+"""What that mean begins with: with some doubt, as a network that has found a wrong place has to notice soon."""
 
 _OWN_MEMORY = 15.0
 """How many of its own ranges an agent remembers."""
@@ -73,6 +70,9 @@ _LEARNED = 0.1
 
 _FIRST = 10
 """How many ranges for each axis, five for each unknown, the network hears before it tracks."""
+
+_PROOF = 7
+"""How many of each agent: of one whose ranges do not fit, six in a row take its mean from DOUBT to beyond WRONG."""
 
 
 @dataclass(frozen=True)
@@ -106,11 +106,11 @@ class Status:
     latest: Floats
 
     @classmethod
-    def first(cls, count: int, doubt: float = DOUBT) -> Self:
-        """Before the first step of so many agents; doubt: what their own means begin with."""
+    def first(cls, count: int) -> Self:
+        """Before the first step of so many agents."""
         none = np.zeros(count)
         begun = np.full(count, _BEGUN)
-        return cls(none, none, none, none, begun, begun, np.full(count, np.inf), none, np.full(count, doubt), none)
+        return cls(none, none, none, none, begun, begun, np.full(count, np.inf), none, np.full(count, DOUBT), none)
 
     @property
     def coasts(self) -> Bools:
@@ -156,12 +156,14 @@ class Status:
         fix: int,
         dt: float,
         most: Floats | None = None,
+        agents: int = 0,
     ) -> Self:
         """A step of dt (s) later.
 
         heard, misfit: (n,), how many ranges the network had, and the sum of what tells how badly each fits. spread:
         (n,), m, the claimed position error. fix: how many steps the first fix takes. most: the mean misfit, (n,), of a
         network that has lost its target; None: by the first rules, where misfit is of ranges and not of agents.
+        agents: how many have to prove the place, each with ranges of its own; 0: any ranges do.
         """
         steps, reference = self.steps + 1.0, self.reference * np.exp(_LEARNED * heard / axes)
         fixed = steps > fix
@@ -179,7 +181,7 @@ class Status:
         which = np.where(after.coasts, COASTING, TRACKING)
         lost = after.misfit > (_MOST if most is None else most) * after.weight
         which = np.where(lost, LOST, which)
-        known = (after.heard >= _FIRST * axes) | (lost & (most is not None))
+        known = (after.heard >= max(_FIRST * axes, _PROOF * agents)) | (lost & (most is not None))
         settled = fixed & ((self.which != ACQUIRING) | known)
         return replace(after, which=which).told(~settled, ACQUIRING, self, dt)
 

@@ -13,7 +13,7 @@ from zenoh_cbef.tracking.filters.base import Belief, Bias, Update
 from zenoh_cbef.tracking.filters.information_form import unchanged
 from zenoh_cbef.tracking.filters.settings import FilterSettings
 from zenoh_cbef.tracking.ranging import Measurement
-from zenoh_cbef.tracking.status import ACQUIRING, CUT, DOUBT, LOST, WRONG, Status, most_misfit
+from zenoh_cbef.tracking.status import ACQUIRING, CUT, LOST, Status, most_misfit
 
 _UNLIKELY = 4.0
 """How many of its prior standard deviations a bias is off that explains nothing."""
@@ -43,8 +43,7 @@ class Knowing(Wrapping):
     def update(self, belief: Belief, measurement: Measurement) -> Update:
         """The filter's update, and the two numbers."""
         inner = belief.parts[0] if belief.parts else belief
-        doubt = DOUBT if self.settings.presumes else WRONG
-        status = Status.first(len(belief.state), doubt) if belief.status is None else belief.status
+        status = Status.first(len(belief.state)) if belief.status is None else belief.status
         update = self.filter.update(inner, measurement)
         degrees = update.diagnostics.nis_degrees
         heard = np.isfinite(update.diagnostics.nis) & (degrees > 0)
@@ -100,4 +99,5 @@ class Knowing(Wrapping):
             fix=self.settings.first_fix,
             dt=self.settings.motion.dt,
             most=self._most(belief),
+            agents=0 if self.settings.presumes else count,
         )
