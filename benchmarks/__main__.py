@@ -47,7 +47,7 @@ BENCHMARKS = {
     "fault-cost": ("fault_cost", "what faults cost a round of a scenario that has none"),
     "stress": ("stress", "scenarios that lose trackers; --case NAME, --seeds 50, --set filter.defaults=8"),
     "parted": ("parted", "groups of honest agents that only a liar links; --seeds 50"),
-    "motions": ("several_motions", "how sure filters of several motions are of themselves, and others; --seeds 20"),
+    "motions": ("several_motions", "how sure filters of several motions are of themselves, and others; --seeds 10"),
     "scale": ("scale", "links, messages, bytes and memory of n agents: formulas, counted runs; --agents 24,100"),
     "large": ("large", "simulations of 1000 to 100 000 agents: seconds of a step, memory, how both grow; --million"),
     "lab": ("lab", "the lab in headless Chromium: frames, from click to log, what a page costs a run, long logs"),

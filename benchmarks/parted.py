@@ -1,4 +1,4 @@
-"""Honest agents that a liar parts into groups: how good each group is, and how good it could be."""
+"""Honest agents beside a liar: whether they find it, and the groups into which it parts them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from rich.table import Table
 
 from benchmarks.common import plain_table
-from benchmarks.stress import FIRST, SEEDS, cases, scenario_of
+from benchmarks.stress import FIRST, SEEDS, believed, cases, scenario_of
 from zenoh_cbef.analysis.metrics import Analysis, analyze, counted_agents
 from zenoh_cbef.analysis.strong import strong
 from zenoh_cbef.analysis.strong.told import told
@@ -19,6 +19,12 @@ from zenoh_cbef.tracking import graph
 from zenoh_cbef.tracking.status import TRACKING
 
 CASE = "message-liar"
+NEAR, STEPS = 1.3, 20
+FOUND = (
+    f"below {NEAR} of the centralised filter of honest ranges",
+    f"all neighbours name the liar within {STEPS} steps",
+    "an honest agent is named",
+)
 COLUMNS = ("seed", "agents", "RMSE (m)", "strong, their ranges alone", "NEES/d", "tracking (%)")
 
 
@@ -30,16 +36,27 @@ def groups(trace: Trace) -> list[list[int]]:
 
 
 def run(repeats: int, seeds: int = SEEDS, first: int = FIRST) -> Iterator[Table]:
-    """One row for each group of a seed in which there are several; nothing is timed."""
+    """All seeds in a row, and a row for each group of a seed in which there are several; nothing is timed."""
     del repeats
     one = scenario_of(cases()[CASE])
-    scenarios = [one.model_copy(update={"seed": first + more}) for more in range(seeds)]
-    rows: list[list[object]] = []
     with np.errstate(all="ignore"):
-        parted = [each for each in scenarios if len(groups(simulate([each.model_copy(update={"steps": 1})])[0])) > 1]
-        for done in analyze(simulate(parted)):
-            rows += [_row(done, group) for group in groups(done.trace)]
-    yield plain_table(f"{CASE}: groups in {len(parted)} of {seeds} seeds from {first}", COLUMNS, rows)
+        traces = simulate([one.model_copy(update={"seed": first + more}) for more in range(seeds)])
+        done = analyze([believed(trace) for trace in traces])
+        parted = [each for each in done if len(groups(each.trace)) > 1]
+        rows = [_row(each, group) for each in parted for group in groups(each.trace)]
+    near = sum((each.metrics.ratio_to_centralized or np.inf) < NEAR for each in done)
+    found = [_named(trace) for trace in traces]
+    name = f"{CASE}: {seeds} seeds from {first}"
+    yield plain_table(name, FOUND, [[near, sum(all_ for all_, _ in found), sum(honest for _, honest in found)]])
+    yield plain_table(f"{name}, groups in {len(parted)} of them", COLUMNS, rows)
+
+
+def _named(trace: Trace) -> tuple[bool, bool]:
+    """Whether all honest neighbours of liars have named one in the first steps, and whether any named an honest one."""
+    honest, named = counted_agents(trace), trace.diagnostics.isolated
+    beside = {a for edge in trace.edges.tolist() for a, b in (edge, edge[::-1]) if honest[a] and not honest[b]}
+    said = named[honest][np.isfinite(named[honest])].astype(np.int64)
+    return bool(np.isfinite(named[sorted(beside), STEPS - 1]).all()), bool(honest[said].any())
 
 
 def _row(done: Analysis, group: list[int]) -> list[object]:

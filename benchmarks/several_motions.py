@@ -19,7 +19,7 @@ from zenoh_cbef.simulator import simulate
 from zenoh_cbef.tracking.copying import replace
 from zenoh_cbef.tracking.reference import stacked
 
-SEEDS = 20
+SEEDS = 10
 CASES = (
     *("circle", "small-circle", "wide-circle-two-rounds", "wide-circle-on-a-path"),
     *("straight-and-short-steps", "sharp-turns"),

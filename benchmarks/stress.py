@@ -105,7 +105,7 @@ def scores(scenario: Scenario, wrong: str = "", seeds: int = SEEDS, first: int =
     scenarios = [scenario.model_copy(update={"seed": first + more}) for more in range(seeds)]
     heard = [_heard(Plan(one), wrong) for one in scenarios]
     with np.errstate(all="ignore"):
-        traces = [_believed(trace) for trace in simulate(scenarios, heard=heard)]
+        traces = [believed(trace) for trace in simulate(scenarios, heard=heard)]
         runs = analyze(traces)
         states, _ = strong(*told(traces, len(traces[0].time)))
     twin = np.array([pick(run.metrics, "centralized.position_rmse") for run in runs])
@@ -140,7 +140,7 @@ def _heard(plan: Plan, wrong: str) -> Heard:
     return Heard(heard.positions, ranges, heard.age)
 
 
-def _believed(trace: Trace) -> Trace:
+def believed(trace: Trace) -> Trace:
     """A run without the ranges of agents that lie: a centralised filter believes them no more than honest agents do."""
     liars = {agent for fault in trace.scenario.fault if isinstance(fault, SenderFault) for agent in fault.agents}
     lies = np.isin(np.arange(len(trace.ranges)), list(liars))
