@@ -51,6 +51,8 @@ BENCHMARKS = {
     "faults": ("random_faults", "200 random fault scenarios as processes, each proved by verify"),
     "fault-cost": ("fault_cost", "what faults cost a round of a scenario that has none"),
     "stress": ("stress", "scenarios that lose trackers; --case NAME, --seeds 50, --set filter.defaults=8"),
+    "parted": ("parted", "groups of honest agents that only a liar links; --seeds 50"),
+    "motions": ("several_motions", "how sure filters of several motions are of themselves, and others; --seeds 10"),
     "scale": ("scale", "links, messages, bytes and memory of n agents: formulas, counted runs; --agents 24,100"),
     "large": ("large", "simulations of 1000 to 100 000 agents: seconds of a step, memory, how both grow; --million"),
     "lab": ("lab", "the lab in headless Chromium: frames, from click to log, what a page costs a run, long logs"),
@@ -75,6 +77,8 @@ _OPTIONS = {
     "realtime": ("set",),
     "ring-soak": ("minutes", "kills"),
     "soak": ("minutes",),
+    "parted": ("seeds", "first"),
+    "motions": ("seeds", "first"),
     "stress": ("case", "seeds", "search", "first", "set"),
 }
 
@@ -88,10 +92,10 @@ def main() -> None:
     parser.add_argument("--minutes", type=float, default=10.0, help="soak, ring-soak: how long the run is, after kills")
     parser.add_argument("--kills", type=int, default=200, help="ring-soak: how many recorders, and agents, are killed")
     parser.add_argument("--case", help="stress: the one case to run; default: all")
-    parser.add_argument("--seeds", type=int, default=50, help="stress: how many seeds of each case")
+    parser.add_argument("--seeds", type=int, default=50, help="stress, parted, motions: how many seeds of each case")
     parser.add_argument("--agents", help="scale, hosts: how many agents runs have; default: 24,100 and 100")
     parser.add_argument("--million", action="store_true", help="large: a million agents, too")
-    parser.add_argument("--first", type=int, default=1001, help="stress: the first seed")
+    parser.add_argument("--first", type=int, default=1001, help="stress, parted, motions: the first seed")
     parser.add_argument(
         "--set", action="append", default=[], metavar="KEY=VALUE", help="stress, realtime: a key; may be repeated"
     )

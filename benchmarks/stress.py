@@ -5,19 +5,20 @@ from __future__ import annotations
 import importlib
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from rich.table import Table
 
 from benchmarks.common import plain_table
-from zenoh_cbef.analysis.metrics import Analysis, analyze
+from zenoh_cbef.analysis.metrics import Analysis, analyze, counted_agents
 from zenoh_cbef.analysis.strong import strong
 from zenoh_cbef.analysis.strong.told import told
 from zenoh_cbef.analysis.summary import pick
 from zenoh_cbef.arrays import Floats
 from zenoh_cbef.errors import UserError
+from zenoh_cbef.faults import SenderFault
 from zenoh_cbef.scenario import Scenario
 from zenoh_cbef.scenario.load import load
 from zenoh_cbef.scenario.plan import Plan
@@ -43,7 +44,8 @@ COLUMNS = (
 class Scores:
     """Of s runs of a case: position RMSE of the network and of two centralised filters, m; NEES over its ideal.
 
-    NEES: while agents say `tracking`, where they say what their estimates are. tracking: how often they say so.
+    NEES: while agents say `tracking`, where they say what their estimates are. tracking: how often they say so, of a
+    run in which some agents are lost these.
     wrongly: in what share of the scored steps they say so and are falsely sure.
     """
 
@@ -65,7 +67,7 @@ class Scores:
 
     @property
     def unaware(self) -> int:
-        """How many runs the network loses though its agents say `tracking` in more than half of the steps."""
+        """How many runs the network loses though agents that are lost say `tracking` in more than half of the steps."""
         return int((~(self.network <= LOST * self.best) & (self.tracking > 0.5)).sum())
 
     def row(self, name: str) -> list[object]:
@@ -103,18 +105,19 @@ def scores(scenario: Scenario, wrong: str = "", seeds: int = SEEDS, first: int =
     scenarios = [scenario.model_copy(update={"seed": first + more}) for more in range(seeds)]
     heard = [_heard(Plan(one), wrong) for one in scenarios]
     with np.errstate(all="ignore"):
-        traces = simulate(scenarios, heard=heard)
+        traces = [believed(trace) for trace in simulate(scenarios, heard=heard)]
         runs = analyze(traces)
         states, _ = strong(*told(traces, len(traces[0].time)))
     twin = np.array([pick(run.metrics, "centralized.position_rmse") for run in runs])
     best_one = _errors(traces, states, runs[0].first)
+    best = np.fmin(twin, best_one)
     return Scores(
         np.array([pick(run.metrics, "position_rmse") for run in runs]),
         twin,
         best_one,
         np.array([_nees(run) for run in runs]),
-        np.array([_tracking(run) for run in runs]),
-        np.array([_wrongly(*each) for each in zip(runs, np.fmin(twin, best_one), strict=True)]),
+        np.array([_tracking(*each) for each in zip(runs, best, strict=True)]),
+        np.array([_wrongly(*each) for each in zip(runs, best, strict=True)]),
     )
 
 
@@ -137,6 +140,13 @@ def _heard(plan: Plan, wrong: str) -> Heard:
     return Heard(heard.positions, ranges, heard.age)
 
 
+def believed(trace: Trace) -> Trace:
+    """A run without the ranges of agents that lie: a centralised filter believes them no more than honest agents do."""
+    liars = {agent for fault in trace.scenario.fault if isinstance(fault, SenderFault) for agent in fault.agents}
+    lies = np.isin(np.arange(len(trace.ranges)), list(liars))
+    return replace(trace, ranges=np.where(lies[:, None], np.nan, trace.ranges)) if liars else trace
+
+
 def _errors(traces: Sequence[Trace], states: Floats, first: int) -> Floats:
     kept = traces[0].plan.space.kept
     axes = len(kept) // 2
@@ -157,9 +167,14 @@ def _nees(run: Analysis) -> float:
     return float("inf") if average is None else average / len(run.trace.plan.space.kept)
 
 
-def _tracking(run: Analysis) -> float:
-    """In what share of the scored steps agents say that they track; all where they do not say."""
-    said = run.trace.diagnostics.status[:, run.first :]
+def _tracking(run: Analysis, best: float) -> float:
+    """In what share of the scored steps agents say that they track, of those that are lost; all where they do not say.
+
+    Of agents that are in one network all are lost or none, of groups some.
+    """
+    honest, error = counted_agents(run.trace), run.position_error[:, run.first :]
+    lost = honest & ~(np.sqrt(np.mean(error**2, axis=1)) <= LOST * best)
+    said = run.trace.diagnostics.status[lost if lost.any() else honest, run.first :]
     return float((said == TRACKING).mean()) if np.isfinite(said).any() else 1.0
 
 
@@ -167,8 +182,9 @@ def _wrongly(run: Analysis, best: float) -> float:
     """In what share of the scored steps agents say that they track, or do not say, and are falsely sure."""
     axes = len(run.trace.plan.space.kept) // 2
     kept = list(run.trace.plan.space.kept[:axes])
-    variance = run.trace.covariances[:, run.first :, kept, kept].sum(axis=2)
-    error, said = run.position_error[:, run.first :], run.trace.diagnostics.status[:, run.first :]
+    honest = counted_agents(run.trace)
+    variance = run.trace.covariances[honest, run.first :][:, :, kept, kept].sum(axis=2)
+    error, said = run.position_error[honest, run.first :], run.trace.diagnostics.status[honest, run.first :]
     off = (error > LOST * best) & (error > SURE * np.sqrt(variance))
     return float((off & (np.isnan(said) | (said == TRACKING))).mean())
 

@@ -179,7 +179,11 @@ def test_only_where_agents_may_be_cut_off_messages_tell_who_is_there():
         return Plan(load("tracking", overrides).scenario).message_size
 
     for fault in (HALVES, 'fault=[{kind="crash",agents=[1],from=5.0,until=9.0}]'):
-        assert size(fault) == size(fault, "filter.defaults=10") + 6
+        assert size(fault, "filter.defaults=11") == size(fault, "filter.defaults=10") + 6
+        assert size(fault) == size(fault, "filter.defaults=11") + 9  # Three agents are in one plane.
+    # Agents that isolate a liar may be parted by that.
+    liar = 'fault=[{kind="byzantine",agents=[1]}]'
+    assert size(liar) == size(liar, "filter.defaults=11") + 15 == size(liar, "consensus.isolate=false") + 15
     assert size() == size("filter.defaults=10")
     for more in ("consensus.trigger=0.1", "agents.count=13", "filter.kind=ci", "filter.kind=local"):
         assert size(HALVES, more) == size(HALVES, more, "filter.defaults=10")

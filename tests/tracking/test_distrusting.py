@@ -19,7 +19,7 @@ from zenoh_cbef.scenario.load import load, parse
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.simulator import simulate
 from zenoh_cbef.tracking.filters import Belief
-from zenoh_cbef.tracking.filters.around.distrusting import Distrusting
+from zenoh_cbef.tracking.filters.around.distrusting import REPEATS, Distrusting
 from zenoh_cbef.tracking.filters.kinds.sicf import SaturatedInformation
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
 from zenoh_cbef.tracking.ranging import Measurement, Space
@@ -197,3 +197,27 @@ def test_a_filter_that_predicts_no_variance_is_always_trusted():
         update = blind.update(belief, measured(np.where(np.arange(AGENTS) == 1, 9.0, 0.0), step))
         belief = blind.conclude(np.tile(update.payload.mean(axis=0), (AGENTS, 1)), update)
         np.testing.assert_array_equal(update.diagnostics.distrust, 0.0)
+
+
+@pytest.mark.parametrize(("repeats", "steps"), [(True, REPEATS + 1), (False, 0)])
+def test_a_range_that_is_repeated_to_the_last_bit_is_distrusted_until_it_changes(repeats, steps):
+    filter_, belief, stuck = Distrusting(PLAIN, STD, repeats=repeats), BEGIN, measured(np.zeros(AGENTS), 0).range[1]
+    for step in range(1, 12):
+        now = measured(np.zeros(AGENTS), step)
+        heard = now.range.copy()
+        if step < 11:
+            heard[1] = np.nan if step == 3 else stuck
+        update = filter_.update(belief, replace(now, range=heard))
+        # What is not heard is no repetition, and no end of it.
+        again = repeats and steps < step < 11 and (step > REPEATS + 1)
+        np.testing.assert_array_equal(update.diagnostics.distrust, np.where(np.arange(AGENTS) == 1, again, 0.0))
+        belief = filter_.conclude(np.tile(update.payload.mean(axis=0), (AGENTS, 1)), update)
+
+
+@pytest.mark.parametrize(("rules", "seconds"), [(11, 1.0), (12, 0.0)])
+def test_a_stuck_receiver_does_not_lead_the_network_away(rules, seconds):
+    fault = 'fault=[{kind="sensor-stuck",agents=[2],from=5.0}]'
+    (trace,) = simulate([load("tracking", [fault, "steps=90", "seed=1019", f"filter.defaults={rules}"]).scenario])
+    far = np.linalg.norm((trace.estimates - trace.truth)[:, :, :3], axis=2).max(axis=0) > 0.3
+    assert far[20:].sum() * trace.scenario.dt >= seconds
+    assert not (rules == 12 and far[20:].any())

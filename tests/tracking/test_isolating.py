@@ -15,6 +15,7 @@ from zenoh_cbef.tracking.knowable import most_information
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
 from zenoh_cbef.tracking.payloads import InformationPayloads
 from zenoh_cbef.tracking.reference import centralized_beliefs, each_step
+from zenoh_cbef.tracking.status import TRACKING
 
 LIAR = 'fault=[{kind="byzantine", agents=[3]}]'
 MOTION, SIZE = NearlyConstantVelocity(0.1, 0.5), 6
@@ -22,11 +23,11 @@ BELIEF = Belief(np.zeros((1, SIZE)), 0.01 * np.eye(SIZE)[None])
 NOTHING_NEW = np.zeros(1, dtype=bool)
 
 
-def stage(neighbours):
+def stage(neighbours, *, only=True):
     present = np.ones((1, neighbours), dtype=bool)
     weights = np.full((1, neighbours), 1.0 / (1.0 + neighbours))
     names = np.arange(neighbours)[None] + 10
-    return Isolating(Average(weights), MOTION, InformationPayloads(3, SIZE).claims, present, names)
+    return Isolating(Average(weights), MOTION, InformationPayloads(3, SIZE).claims, present, names, only=only)
 
 
 def says(*places, certainty=100.0):
@@ -37,9 +38,9 @@ def says(*places, certainty=100.0):
     return pack(vector, matrix)[None]
 
 
-def step(isolating, received, delivered=None):
+def step(isolating, received, delivered=None, nis=1.0):
     """One step of one round; where the average puts the target along x, and who is isolated."""
-    isolating.look(BELIEF, NOTHING_NEW)
+    isolating.look(BELIEF, NOTHING_NEW, np.array([nis]))
     isolating.start(says(0.0)[0])
     isolating.mix(received, delivered)
     mixed = isolating.result()
@@ -79,12 +80,29 @@ def test_an_agent_that_disagrees_with_most_neighbours_isolates_none():
     assert step(isolating, says(0.1, 0.1, 0.0))[0] == pytest.approx(0.05)
 
 
+def test_the_only_neighbour_is_isolated_while_the_own_ranges_fit_and_by_the_rules_of_before_never():
+    for only, nis, isolates in ((True, 1.0, True), (True, np.nan, True), (True, 9.0, False), (False, 1.0, False)):
+        isolating = stage(1, only=only)
+        for _ in range(3):
+            step(isolating, says(0.1), nis=nis)
+        named = [step(isolating, says(5.0), nis=nis)[1] for _ in range(8)]
+        assert np.isfinite(named).tolist() == [isolates and k >= ENOUGH - 1 for k in range(8)]
+
+
+def test_an_agent_whose_ranges_fit_again_isolates_its_only_neighbour_then():
+    isolating = stage(1)
+    assert all(np.isnan(step(isolating, says(5.0), nis=9.0)[1]) for _ in range(8))
+    named = [step(isolating, says(5.0), nis=0.5)[1] for _ in range(6)]
+    assert np.isnan(named[0])
+    assert named[-1] == 10.0
+
+
 def test_an_agent_that_begins_without_a_memory_accuses_no_neighbour_of_what_was():
     isolating = stage(3)
     for _ in range(7):
         _, name = step(isolating, says(0.1, 5.0, 0.1))
     assert name == 11.0
-    isolating.look(BELIEF, ~NOTHING_NEW)
+    isolating.look(BELIEF, ~NOTHING_NEW, np.ones(1))
     isolating.start(says(0.0)[0])
     isolating.mix(says(0.1, 0.1, 0.1), None)
     assert isolating.result()[0, 0] / 100.0 == pytest.approx(0.075)
@@ -106,7 +124,7 @@ def test_a_message_counts_by_what_it_adds_to_the_prediction_of_the_next_step():
     """The prior is carried ahead by the motion: a target that moves is expected where it moves to."""
     moving = Belief(np.array([[0.0, 0.0, 0.0, 20.0, 0.0, 0.0]]), BELIEF.covariance)
     isolating = stage(2)
-    isolating.look(moving, NOTHING_NEW)
+    isolating.look(moving, NOTHING_NEW, np.ones(1))
     isolating.start(says(0.0)[0])
     there, here = says(2.0), says(0.0)
     for message in (there, here):
@@ -162,6 +180,19 @@ def test_one_liar_of_six_on_sparse_graphs_is_named_within_twenty_steps_and_does_
         assert np.sqrt((errors**2).sum(axis=2).mean()) < 1.3 * honest_central(trace)
         judged += 1
     assert judged >= 8
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("seed", "groups"), [(1006, ([0], [1, 2], [4, 5])), (1017, ([0, 1, 4, 5], [2])), (1046, ([0, 2, 4], [1, 5]))]
+)
+def test_groups_that_a_liar_parts_are_honest_and_those_that_can_track_do(seed, groups):
+    (trace,) = simulate([load("tracking", [LIAR, f"seed={seed}"]).scenario])
+    status, error = trace.diagnostics.status[:, 150:], trace.estimates[:, 150:] - trace.truth[150:]
+    nees = np.einsum("aki,akij,akj->ak", error, np.linalg.inv(trace.covariances[:, 150:]), error) / SIZE
+    for group in groups:
+        assert (status[group] == TRACKING).mean() == (len(group) > 2)
+        assert nees[group].mean() < 3.0
 
 
 def test_without_a_liar_nothing_changes_but_what_is_asked_for():

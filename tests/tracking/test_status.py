@@ -189,3 +189,15 @@ def test_names_of_numbers_from_elsewhere():
         None,
         None,
     ]
+
+
+@pytest.mark.parametrize(("rules", "sure"), [(11, True), (12, False)])
+def test_a_place_has_to_fit_the_ranges_of_every_agent_before_a_network_tracks(rules, sure):
+    """The guess is 12 m off and believed within 1 m, and what it leads to fits the ranges of five agents of six."""
+    keys = "dt=0.02", "steps=45", "seed=1024", "filter.initial_position=[-8,8,2]", f"filter.defaults={rules}"
+    (trace,) = simulate([load("tracking", keys).scenario])
+    off = np.linalg.norm((trace.estimates - trace.truth)[:, :, :3], axis=2) > 1.0
+    tracks = trace.diagnostics.status == TRACKING
+    assert (off & tracks).any() == sure
+    assert tracks[:, -1].all()
+    assert not off[:, -1].any()

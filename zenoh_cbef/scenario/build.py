@@ -66,7 +66,8 @@ def _guarded(stage: Consensus, plan: Plan, present: Bools, names: Ids) -> Consen
     """The averaging, without the neighbours that agents isolate; names: (n, m), the neighbours'."""
     if not plan.isolates or not isinstance(plan.payloads, InformationPayloads):
         return stage
-    return Isolating(stage, plan.motion, plan.payloads.claims, present, names, most=_knowable(plan))
+    most, only = _knowable(plan), plan.scenario.filter.defaults > 11
+    return Isolating(stage, plan.motion, plan.payloads.claims, present, names, most=most, only=only)
 
 
 def _knowable(plan: Plan) -> Floats | None:

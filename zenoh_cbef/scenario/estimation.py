@@ -36,7 +36,7 @@ class Filter(Table):
     are real, the scenario's sensor has outliers, or a first fix finds a target whose motion is ncv. distrust auto: on
     where ranges are real or receivers have faults.
     membership: agents tell each other who is there, and a group that is cut off counts its ranges once; auto: where
-    faults cut links, or agents hear each other by radio, and there are at most twelve.
+    faults cut links, agents hear each other by radio, or they isolate liars, and there are at most twelve.
     omega: hcmci multiplies averaged measurements by it; None: the number of agents.
     measurement: the agent's own range, or differences with its neighbours', as cbef and cbef-scaled always have.
     motion: a model of tracking/motion; auto: it follows from the target. velocity_time: time constant of decay, s.

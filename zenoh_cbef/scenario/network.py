@@ -6,6 +6,7 @@ import numpy as np
 
 from zenoh_cbef.arrays import Bools, Floats
 from zenoh_cbef.faults import MessageFault
+from zenoh_cbef.scenario import trust
 from zenoh_cbef.scenario.model import Scenario
 from zenoh_cbef.scenario.paths import agent_positions, placement
 from zenoh_cbef.tracking import graph, weights
@@ -37,13 +38,26 @@ def by_radio(scenario: Scenario) -> bool:
 
 
 def tells_members(scenario: Scenario) -> bool:
-    """Whether agents tell each other who is there: if told to, or where they may be cut off from others and are few."""
+    """Whether agents tell each other who is there: if told to, or where they may be cut off from others and are few.
+
+    They are cut off by faults, out of range, or because they isolate the agents between them.
+    """
     chosen = scenario.filter.membership
     if chosen != "auto":
         return chosen
     cuts = any(isinstance(fault, MessageFault) and fault.cuts for fault in scenario.fault) or by_radio(scenario)
+    parts = scenario.filter.defaults > 11 and trust.isolates(scenario)
     few = scenario.count <= FEW and not scenario.consensus.trigger
-    return cuts and few and scenario.filter.defaults > 10
+    return (cuts or parts) and few and scenario.filter.defaults > 10
+
+
+def may_be_in_a_plane(scenario: Scenario, axes: int) -> bool:
+    """Whether all agents, or a group that is cut off from others, may be as few as make a plane, or a line of two axes.
+
+    For agents that say what their estimates are, and do not presume to be on the side that they are on.
+    """
+    asked = scenario.filter.status and scenario.consensus.rounds > 0 and not trust.presumes(scenario)
+    return asked and scenario.count >= axes and (scenario.count == axes or tells_members(scenario))
 
 
 def in_range(scenario: Scenario) -> Bools:
@@ -74,3 +88,12 @@ def consensus_weights(scenario: Scenario, neighbours: graph.Neighbours) -> Float
     if scenario.consensus.weights == "uniform":
         return weights.uniform_weights(neighbours, epsilon(scenario, neighbours))
     return weights.metropolis_weights(neighbours)
+
+
+def bounds(scenario: Scenario, neighbours: graph.Neighbours) -> tuple[float, float]:
+    """Least and largest eigenvalue of W other than 1; zeros where averaging is not accelerated."""
+    stage = scenario.consensus
+    if stage.acceleration != "chebyshev":
+        return 0.0, 0.0
+    chosen = consensus_weights(scenario, neighbours)
+    return stage.bounds or weights.spectrum_bounds(weights.weight_matrix(neighbours, chosen))

@@ -21,7 +21,6 @@ from zenoh_cbef.tracking.filters.base import Belief, Sharing
 from zenoh_cbef.tracking.motion import LinearMotion, Motion, begun
 from zenoh_cbef.tracking.payloads import InformationPayloads, Payloads, SeveralPayloads, StatePayloads
 from zenoh_cbef.tracking.ranging import Space
-from zenoh_cbef.tracking.weights import spectrum_bounds, weight_matrix
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,6 +149,8 @@ class Plan:
             prompt=chosen.defaults > 8 and not trust.real(scenario),
             supposes=start.supposes(scenario, window) and bending.may_pause(scenario, self.plain_motion, range_std),
             cut_off=scenario.consensus.rounds * (self.abilities.biases and network.tells_members(scenario)),
+            presumes=trust.presumes(scenario),
+            sides=self.abilities.biases and network.may_be_in_a_plane(scenario, self.space.axes),
             anywhere=start.anywhere(scenario, self.motion, self.space),
             bias=self.bias,
             joint_biases=(joint := self.bias != "none" and trust.shares_biases(scenario)),
@@ -246,10 +247,7 @@ class Plan:
     @cached_property
     def bounds(self) -> Floats:
         """Least and largest eigenvalue of W other than 1, the same for every agent, (n, 2); zeros where unused."""
-        bounds, stage = (0.0, 0.0), self.scenario.consensus
-        if stage.acceleration == "chebyshev":
-            bounds = stage.bounds or spectrum_bounds(weight_matrix(self.neighbours, self.weights))
-        return np.tile(bounds, (self.scenario.count, 1))
+        return np.tile(network.bounds(self.scenario, self.neighbours), (self.scenario.count, 1))
 
     @cached_property
     def absences(self) -> Absences:

@@ -30,6 +30,14 @@ def rules(scenario: Scenario) -> int:
     return 1 if real(scenario) and chosen.range_std == "auto" and not lasts(scenario) else chosen.defaults
 
 
+def presumes(scenario: Scenario) -> bool:
+    """Whether agents presume that ranges fit and that others are there before they know; today where ranges are real.
+
+    Errors of real ranges last, and a target at rest repeats them.
+    """
+    return scenario.filter.defaults < 12 or real(scenario)
+
+
 def lasts(scenario: Scenario) -> bool:
     """Whether errors of successive ranges may be alike, and agents learn how much: where ranges are recorded.
 

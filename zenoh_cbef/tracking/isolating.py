@@ -11,6 +11,7 @@ from zenoh_cbef.tracking.consensus import Consensus
 from zenoh_cbef.tracking.filters.base import Belief
 from zenoh_cbef.tracking.linalg import inverse, matvec
 from zenoh_cbef.tracking.motion import Motion
+from zenoh_cbef.tracking.status import CUT, DOUBT, WRONG
 
 Claims = Callable[[Floats], tuple[Floats, Floats]]
 """Information vectors and matrices of messages (n, d)."""
@@ -48,11 +49,16 @@ class Isolating:
     reaches 5 is isolated for good. All this an agent decides by itself, from what it received alone.
 
     An agent whose own prediction is wrong finds all its neighbours implausible. So it isolates no more than half of
-    them, and while it leaves out others, it goes on by prediction, until that is uncertain enough to fit again.
+    them, and while it leaves out others, it goes on by prediction, until that is uncertain enough to fit again. With
+    one neighbour its own ranges decide which of the two is wrong: it isolates that one while they fit the prediction,
+
+        e <- e + (min(NIS, 9) - e)/5 <= 3.6,  at first e = 2
+
+    NIS: of the agent's range at its own prediction. Such an agent goes on by prediction for good.
 
     inner: the averaging, whose missing messages return their weight to the own value. motion: the filter's. claims:
     what messages say, see InformationPayloads. most: (s, s); None: any certainty is believed. present: (n, m), False
-    where padded. names: (n, m), the neighbours'.
+    where padded. names: (n, m), the neighbours'. only: whether the only neighbour may be isolated.
     """
 
     def __init__(
@@ -64,19 +70,27 @@ class Isolating:
         names: Ids,
         *,
         most: Floats | None = None,
+        only: bool = True,
     ) -> None:
         self.inner, self.motion, self.claims, self.names = inner, motion, claims, names
         self._limit = None if most is None else np.linalg.inv(most).ravel() / (EXAGGERATED * len(most))
-        self._most = present.sum(axis=1) // 2
+        degree = present.sum(axis=1)
+        self._most, self._lone = degree // 2, (degree == 1) & only
         self._score = np.zeros(present.shape)
         self._isolated, self._out = np.zeros_like(present), np.zeros_like(present)
         self._latest: Floats = np.full(len(present), np.nan)
+        self._misfit: Floats = np.full(len(present), DOUBT)
 
-    def look(self, belief: Belief, fresh: Bools) -> None:
-        """Begin a step with the belief that the last one left; fresh: (n,), agents that begin without a memory."""
+    def look(self, belief: Belief, fresh: Bools, nis: Floats) -> None:
+        """Begin a step with the belief that the last one left; fresh: (n,), agents that begin without a memory.
+
+        nis: (n,), of the agents' own ranges, NaN without one.
+        """
         self._state = self.motion.predict_state(belief.state)
         self._information = inverse(self.motion.predict_covariance(belief.known_covariance, belief.state))
         self._score[fresh], self._isolated[fresh], self._latest[fresh] = 0.0, False, np.nan
+        misfit = np.where(fresh, DOUBT, self._misfit)
+        self._misfit = np.where(np.isfinite(nis), misfit + (np.minimum(nis, CUT) - misfit) / ENOUGH, misfit)
 
     def start(self, payload: Floats) -> Floats:
         """The inner averaging's first message."""
@@ -97,7 +111,8 @@ class Isolating:
         """End the step: count scores; returns the neighbour that each agent isolated last, (n,), NaN for none."""
         self._score = np.maximum(self._score + np.where(self._out, 1.0, -FORGIVEN), 0.0)
         guilty = self._isolated | (self._score >= ENOUGH)
-        guilty &= (guilty.sum(axis=1) <= self._most)[:, None] | self._isolated
+        most = np.where(self._lone & (self._misfit <= WRONG), 1, self._most)
+        guilty &= (guilty.sum(axis=1) <= most)[:, None] | self._isolated
         new = guilty & ~self._isolated
         if new.any():
             first = np.take_along_axis(self.names, new.argmax(axis=1)[:, None], axis=1)[:, 0]

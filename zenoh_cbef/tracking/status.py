@@ -44,10 +44,10 @@ _MOST = 0.6 * CUT
 Four of ten make it 4.2, give or take 0.3, of a network that tracks well and must not begin again.
 """
 
-_WRONG = 3.6
+WRONG = 3.6
 """The mean of the smaller of two cut NIS of an agent whose ranges do not fit: as if six of ten were outliers."""
 
-_DOUBT = 2.0
+DOUBT = 2.0
 """What that mean begins with: with some doubt, as a network that has found a wrong place has to notice soon."""
 
 _OWN_MEMORY = 15.0
@@ -70,6 +70,9 @@ _LEARNED = 0.1
 
 _FIRST = 10
 """How many ranges for each axis, five for each unknown, the network hears before it tracks."""
+
+_PROOF = 7
+"""How many of each agent: of one whose ranges do not fit, six in a row take its mean from DOUBT to beyond WRONG."""
 
 
 @dataclass(frozen=True)
@@ -107,7 +110,7 @@ class Status:
         """Before the first step of so many agents."""
         none = np.zeros(count)
         known = {"misfit": np.full(count, _BEGUN), "weight": np.full(count, _BEGUN)}
-        known |= {"reference": np.full(count, np.inf), "own": np.full(count, _DOUBT)}
+        known |= {"reference": np.full(count, np.inf), "own": np.full(count, DOUBT)}
         return cls(**{one.name: known.get(one.name, none) for one in fields(cls)})
 
     @property
@@ -122,7 +125,7 @@ class Status:
 
     def anew(self, rows: Bools) -> Self:
         """The same, but that some agents (n,) acquire their target again; ranges that did not fit have to fit first."""
-        begun = vars(type(self).first(len(rows))) | {"own": np.minimum(self.own, _WRONG)}
+        begun = vars(type(self).first(len(rows))) | {"own": np.minimum(self.own, WRONG)}
         kept = {name: getattr(self, name) for name in ("seconds", "steps", "spread", "latest")}
         return type(self)(**{name: np.where(rows, (begun | kept)[name], values) for name, values in vars(self).items()})
 
@@ -137,7 +140,7 @@ class Status:
     @property
     def wrong(self) -> Bools:
         """Whether an agent's own ranges do not fit, (n,)."""
-        return np.asarray(self.own > _WRONG)
+        return np.asarray(self.own > WRONG)
 
     def told(self, rows: Bools, which: float, former: Self, dt: float) -> Self:
         """The same, but that some agents (n,) say something else. former: the status a step of dt (s) ago."""
@@ -154,12 +157,14 @@ class Status:
         fix: int,
         dt: float,
         most: Floats | None = None,
+        agents: int = 0,
     ) -> Self:
         """A step of dt (s) later.
 
         heard, misfit: (n,), how many ranges the network had, and the sum of what tells how badly each fits. spread:
         (n,), m, the claimed position error. fix: how many steps the first fix takes. most: the mean misfit, (n,), of a
         network that has lost its target; None: by the first rules, where misfit is of ranges and not of agents.
+        agents: how many have to prove the place, each with ranges of its own; 0: any ranges do.
         """
         steps, reference = self.steps + 1.0, self.reference * np.exp(_LEARNED * heard / axes)
         fixed = steps > fix
@@ -177,7 +182,7 @@ class Status:
         which = np.where(after.coasts, COASTING, TRACKING)
         lost = after.misfit > (_MOST if most is None else most) * after.weight
         which = np.where(lost, LOST, which)
-        known = (after.heard >= _FIRST * axes) | (lost & (most is not None))
+        known = (after.heard >= max(_FIRST * axes, _PROOF * agents)) | (lost & (most is not None))
         settled = fixed & ((self.which != ACQUIRING) | known)
         return replace(after, which=which).told(~settled, ACQUIRING, self, dt)
 

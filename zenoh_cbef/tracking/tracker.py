@@ -71,7 +71,7 @@ class Tracker:
             update, self._refused = self._without(update, immoderate(update.payload))
         self._update = update
         if isinstance(self.consensus, Isolating):
-            self.consensus.look(*self._begun())
+            self.consensus.look(*self._begun(), update.diagnostics.nis)
         return self.consensus.start(update.payload)
 
     def _begun(self) -> tuple[Belief, Bools]:

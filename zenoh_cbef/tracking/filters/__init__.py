@@ -23,6 +23,7 @@ from zenoh_cbef.tracking.filters.around.knowing import Knowing
 from zenoh_cbef.tracking.filters.around.lasting_errors import LastingErrors
 from zenoh_cbef.tracking.filters.around.learned_noise import LearnedNoise
 from zenoh_cbef.tracking.filters.around.mirror_images import MirrorImages
+from zenoh_cbef.tracking.filters.around.one_side import OneSide
 from zenoh_cbef.tracking.filters.around.reacquiring import Reacquiring
 from zenoh_cbef.tracking.filters.around.recovering import Recovering
 from zenoh_cbef.tracking.filters.around.returning import Returning
@@ -117,6 +118,7 @@ def sharing_of(kind: str, settings: FilterSettings) -> Sharing:
         + settings.says_status * Knowing.more
         + (settings.reacquires > 0) * Reacquiring.more
         + settings.supposes * Supposing.more
+        + OneSide.numbers(settings)
         + CutOff.numbers(settings)
     )
     return shared.longer(more)
@@ -135,7 +137,7 @@ def make_filter(kind: str, settings: FilterSettings) -> Filter:
     if settings.recovers:
         chosen = Recovering(chosen)
     if settings.distrusts:
-        chosen = Distrusting(chosen, settings.range_std)
+        chosen = Distrusting(chosen, settings.range_std, repeats=not settings.presumes)
     if settings.returns and settings.network_size > 1 and abilities_of(kind).biases and not settings.squares:
         chosen = Returning(chosen, settings.space, settings.range_std, newcomers=settings.cut_off > 0)
     chosen = _begun(kind, settings, chosen, xi)
@@ -170,9 +172,10 @@ def _begun(kind: str, settings: FilterSettings, chosen: Filter, xi: float) -> Fi
 
 def _knowing(kind: str, settings: FilterSettings, chosen: Filter, xi: float) -> Filter:
     """A filter with what says what its estimate is worth, and looks for the target again where that is too little."""
-    known = Knowing(chosen, settings)
-    if not settings.reacquires:
-        return known
-    size = sharing_of(kind, replace(settings, reacquires=0, supposes=False, cut_off=0)).payload_size
-    searching = Reacquiring.of(settings, known, xi, size)
-    return Supposing.of(settings, searching, size + Reacquiring.more) if settings.supposes else searching
+    chosen = known = Knowing(chosen, settings)
+    if settings.reacquires:
+        size = sharing_of(kind, replace(settings, reacquires=0, supposes=False, cut_off=0, sides=False)).payload_size
+        chosen = searching = Reacquiring.of(settings, known, xi, size)
+        if settings.supposes:
+            chosen = Supposing.of(settings, searching, size + Reacquiring.more)
+    return OneSide(chosen, settings) if settings.sides else chosen

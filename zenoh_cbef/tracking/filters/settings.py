@@ -31,7 +31,9 @@ class FilterSettings:
     for the target, like search. bends: whether agents coast no further than ranges are straight lines. prompt: whether
     another fix begins soon after the target is lost, and has the first ranges after a silence to itself. supposes:
     whether all tell each other what they measured where ranges of one do not fit. cut_off: how many
-    rounds a step has, where agents may be cut off from others and tell who is there; 0: they do not. bias: none,
+    rounds a step has, where agents may be cut off from others and tell who is there; 0: they do not. presumes: whether
+    agents presume that ranges fit and that all others are there until they know better. sides: whether they say so
+    when they do not know on which side of them the target is. bias: none,
     estimate or auto; likelihoods: whether auto weighs it by these, or by the NIS; common_bias_std, own_bias_std: its
     prior, m. told_biases: whether they are constant, and as large as told: a first fix says what it knows of them, and
     none is forgotten. joint_biases:
@@ -69,6 +71,8 @@ class FilterSettings:
     prompt: bool = False
     supposes: bool = False
     cut_off: int = 0
+    presumes: bool = True
+    sides: bool = False
     anywhere: tuple[Floats, Floats] | None = None
     bias: str = "none"
     likelihoods: bool = True

@@ -43,6 +43,9 @@ class CutOff(Wrapping):
     range has twenty times what linearising leaves out (see `Returning`), and such ranges do not count for the status:
     the group coasts. Of a target that turns, the group knows too little even so: it goes on by prediction, as an agent
     does that hears no neighbour.
+
+    By the eleventh rules (settings.presumes) agents took all others to be there before the first step, and one that
+    heard no neighbour counted its range once.
     """
 
     settings: FilterSettings
@@ -56,7 +59,7 @@ class CutOff(Wrapping):
         """The filter's update, and what the agent knows of the others."""
         count, agents = len(belief.state), self.settings.network_size
         inner = belief.parts[0] if belief.parts else belief
-        known, share = belief.memory or (np.ones((count, agents)), np.ones(count))
+        known, share = belief.memory or (np.full((count, agents), float(self.settings.presumes)), np.ones(count))
         apart, few = np.count_nonzero(share < 1.0), self._few(share)
         if np.count_nonzero(few):
             added = np.where(few, _BENT * bend(self.settings.space, inner, measurement), 0.0)
@@ -81,9 +84,9 @@ class CutOff(Wrapping):
         share = np.maximum(share, there)
         if np.count_nonzero(share < 1.0):
             part = share[:, None]
+            predicts = self._few(share) if self.settings.models else share * agents < 1.5 - self.settings.presumes
             mixed = np.where(part < 1.0, part * mixed + (1.0 - part) * quiet, mixed)
-            if self.settings.models:
-                mixed = np.where(self._few(share)[:, None], before.payload, mixed)
+            mixed = np.where(predicts[:, None], before.payload, mixed)
         inner = self.filter.conclude(mixed, before)
         return Belief(inner.state, inner.covariance, inner.bias, (known, there), (inner,), inner.status)
 

@@ -29,6 +29,10 @@ WIDEST = 30.0
 """Factor of sigma at full distrust."""
 
 
+REPEATS = 5
+"""How often in a row an agent may measure the very same range; noise alone makes each another one."""
+
+
 @dataclass(frozen=True)
 class Distrusting(Wrapping):
     """Any filter of information on own ranges, with one number more in its payload: how implausible its ranges are.
@@ -47,10 +51,15 @@ class Distrusting(Wrapping):
     lost messages. e is that of a trusted range, so distrust does not increase itself, and ends when ranges are
     plausible again.
 
-    range_std: sigma (m), unless the measurement says otherwise.
+    A receiver that is stuck is wrong by little at first, and the estimate follows it: its ranges stay plausible. But it
+    says the same to the last bit, step after step, which no receiver with noise does. From its fifth repetition on a
+    range is distrusted in full, d_i = 1.
+
+    range_std: sigma (m), unless the measurement says otherwise. repeats: whether repetitions count.
     """
 
     range_std: float
+    repeats: bool = False
 
     more = 1
 
@@ -58,8 +67,14 @@ class Distrusting(Wrapping):
         """The filter's update with the noise that the distrust so far asks for, and the number."""
         inner = belief.parts[0] if belief.parts else belief
         count = len(belief.state)
-        before, network = belief.memory or (np.ones(count), np.ones(count))
+        ones, none = np.ones(count), np.zeros(count)
+        before, network, latest, repeated = belief.memory or (ones, ones, none, none)
         distrust = _step(before - np.maximum(network, 1.0))
+        heard = np.isfinite(measurement.range)
+        repeated = np.where(measurement.range == latest, repeated + 1.0, np.where(heard, 0.0, repeated))
+        latest = np.where(heard, measurement.range, latest)
+        if self.repeats:
+            distrust = np.where(repeated >= REPEATS, 1.0, distrust)
         std = np.full(count, self.range_std) if measurement.range_std is None else measurement.range_std
         wide = (1.0 + (WIDEST - 1.0) * distrust * distrust) * std
         update = self.filter.update(inner, replace(measurement, range_std=wide))
@@ -67,13 +82,13 @@ class Distrusting(Wrapping):
         mean = np.where(np.isfinite(nis), before + (np.minimum(nis, LARGEST) - before) / MEMORY, before)
         number = mean + KEPT * (network - before)
         payload = np.concatenate([update.payload, number[:, None]], axis=1)
-        return Update(payload, replace(update.diagnostics, distrust=distrust), (mean,), (update,))
+        return Update(payload, replace(update.diagnostics, distrust=distrust), (mean, latest, repeated), (update,))
 
     def conclude(self, payload: Floats, update: Update) -> Belief:
         """The filter's belief."""
         inner = self.filter.conclude(np.ascontiguousarray(payload[:, :-1]), update.parts[0])
-        (mean,) = update.kept
-        return replace(inner, memory=(mean, payload[:, -1].copy()), parts=(inner,), chance=None)
+        mean, *ranges = update.kept
+        return replace(inner, memory=(mean, payload[:, -1].copy(), *ranges), parts=(inner,), chance=None)
 
 
 def trusted_nis(told: Diagnostics, added: Floats) -> Floats:

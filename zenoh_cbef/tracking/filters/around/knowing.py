@@ -99,4 +99,5 @@ class Knowing(Wrapping):
             fix=self.settings.first_fix,
             dt=self.settings.motion.dt,
             most=self._most(belief),
+            agents=0 if self.settings.presumes else count,
         )

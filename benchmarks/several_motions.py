@@ -1,0 +1,80 @@
+"""How sure filters of several motions are of themselves, where the target never, rarely or often changes its motion."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from rich.table import Table
+
+from benchmarks.common import plain_table
+from benchmarks.stress import FIRST, cases, scenario_of
+from zenoh_cbef.analysis.metrics import analyze
+from zenoh_cbef.analysis.strong import strong
+from zenoh_cbef.analysis.strong.told import told
+from zenoh_cbef.analysis.yardsticks import centralized_run
+from zenoh_cbef.arrays import Floats
+from zenoh_cbef.scenario.plan import Plan
+from zenoh_cbef.simulator import simulate
+from zenoh_cbef.tracking.copying import replace
+from zenoh_cbef.tracking.reference import stacked
+
+SEEDS = 10
+CASES = (
+    *("circle", "small-circle", "wide-circle-two-rounds", "wide-circle-on-a-path"),
+    *("straight-and-short-steps", "sharp-turns"),
+)
+VARIANTS = {
+    "as assumed": (1.0, 1.0),
+    "switching / 10": (1.0, 0.1),
+    "noise / 10": (0.1, 1.0),
+    "both / 1000": (1e-3, 1e-3),
+}
+"""By what the noise of the two calm motions, and of the turn's rate, is multiplied, and the chance to switch."""
+
+COLUMNS = ("case", "filter", "RMSE (m)", "NEES/d", "of the position", "of the velocity")
+
+
+def keys(plan: Plan, noise: float, switching: float) -> list[str]:
+    """The motions that a plan assumes with another noise of the first two, and another chance to leave one."""
+    kinds = ("ncv", "turn", "ncv", "jump")
+    factors = (noise, noise, 1.0, 1.0)
+    change = noise * (plan.scenario.filter.turn_rate_change or 0.0)
+    models = [
+        f'{{motion="{kind}",acceleration_std={factor * one.acceleration_std!r},turn_rate_change={change!r}}}'
+        for kind, factor, one in zip(kinds, factors, plan.models, strict=True)
+    ]
+    chance = switching * plan.scenario.filter.switching
+    return ["filter.motion=imm", f"filter.models=[{','.join(models)}]", f"filter.switching={chance!r}"]
+
+
+def run(repeats: int, seeds: int = SEEDS, first: int = FIRST) -> Iterator[Table]:
+    """One table for each case; nothing is timed."""
+    del repeats
+    for case in CASES:
+        one = scenario_of(cases()[case])
+        with np.errstate(all="ignore"):
+            traces = simulate([one.model_copy(update={"seed": first + more}) for more in range(seeds)])
+            begin, steps = analyze(traces[:1])[0].first, len(traces[0].time)
+            truth = np.stack([trace.truth for trace in traces])[:, begin:]
+            said = [np.stack([getattr(trace, part)[0] for trace in traces]) for part in ("estimates", "covariances")]
+            rows = [_row(case, "network, agent 0", said, truth, begin)]
+            for name, factors in VARIANTS.items():
+                plan = Plan(scenario_of(cases()[case], keys(traces[0].plan, *factors)))
+                beliefs = centralized_run([replace(trace, plan=plan) for trace in traces], steps)
+                rows.append(_row(case, f"centralised, {name}", stacked(plan.space, beliefs), truth, begin))
+            rows.append(_row(case, "strong", strong(*told(traces, steps)), truth, begin))
+        yield plain_table(f"several motions: {case}, {seeds} seeds from {first}", COLUMNS, rows)
+
+
+def _row(case: str, name: str, said: Sequence[Floats], truth: Floats, begin: int) -> list[object]:
+    error, covariance = said[0][:, begin:, :6] - truth, said[1][:, begin:, :6, :6]
+    rmse = np.sqrt((error[:, :, :3] ** 2).sum(axis=2).mean(axis=1))
+    parts = slice(0, 6), slice(0, 3), slice(3, 6)
+    return [case, name, float(np.median(rmse)), *(_nees(error[:, :, one], covariance[:, :, one, one]) for one in parts)]
+
+
+def _nees(error: Floats, covariance: Floats) -> float:
+    """Mean NEES over its ideal."""
+    whitened = np.linalg.solve(covariance, error[..., None])[..., 0]
+    return float(np.mean(np.sum(error * whitened, axis=-1)) / error.shape[-1])

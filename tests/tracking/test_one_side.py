@@ -1,0 +1,71 @@
+"""Agents in one plane do not say that they track a target of which they have lost the side."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from zenoh_cbef.scenario.load import load
+from zenoh_cbef.scenario.plan import Plan
+from zenoh_cbef.simulator import simulate
+from zenoh_cbef.tracking.status import ACQUIRING, TRACKING
+
+THREE = (
+    "agents.count=3",
+    "agents.positions=[[-8,-5,0],[8,-4,0],[0,9,0]]",
+    "target.acceleration_std=0.1",
+    "filter.acceleration_std=1",
+)
+LIAR = 'fault=[{kind="byzantine",agents=[3]}]'
+
+
+def crossing(speed, *more):
+    """What agents say of a target that comes from above the plane of three and is in it after 5 s, and its run."""
+    motion = f"target.position=[0,0,{5.0 * speed}]", f"target.velocity=[0.3,0,{-speed}]"
+    (trace,) = simulate([load("tracking", [*THREE, *motion, "steps=100", *more]).scenario])
+    return trace.diagnostics.status, trace
+
+
+@pytest.mark.parametrize(("speed", "after"), [(3.0, TRACKING), (0.4, ACQUIRING)])
+def test_a_fast_target_is_followed_through_the_plane_and_a_slow_one_may_have_turned_back(speed, after):
+    status, _ = crossing(speed)
+    assert (status[:, 30] == TRACKING).all()
+    assert (status[:, 60:] == after).all()
+
+
+def test_seconds_count_from_when_the_side_was_lost():
+    status, trace = crossing(0.4)
+    since = np.flatnonzero(status[0, 30:] == ACQUIRING)[0] + 30
+    steps = np.arange(100 - since)
+    np.testing.assert_allclose(trace.diagnostics.status_seconds[0, since:], 0.1 * steps, atol=1e-9)
+
+
+def test_a_fourth_agent_off_the_plane_tells_the_side():
+    four = "agents.count=4", "agents.positions=[[-8,-5,0],[8,-4,0],[0,9,0],[1,1,4]]"
+    keys = ('fault=[{kind="partition",links={between=[[0,1,2],[3]]},from=3.0,until=7.0}]', "network.graph=complete")
+    status, _ = crossing(0.4, *four, *keys)
+    # Alone the three lose the side; with the fourth they know it again.
+    assert (status[:3, 66] == ACQUIRING).all()
+    assert (status[:3, 90:] == TRACKING).all()
+
+
+@pytest.mark.parametrize(("rules", "said"), [(11, TRACKING), (12, ACQUIRING)])
+def test_a_network_at_the_mirror_image_does_not_say_that_it_tracks(rules, said):
+    keys = ("agents.count=3", "seed=1025", "steps=230", f"filter.defaults={rules}")
+    (trace,) = simulate([load("tracking", keys).scenario])
+    error = np.linalg.norm((trace.estimates - trace.truth)[:, 220:, :3], axis=2)
+    assert error.min() > 5.0
+    assert (trace.diagnostics.status[:, 220:] == said).all()
+
+
+def test_only_agents_that_may_be_in_one_plane_tell_where_they_are():
+    def more(*keys):
+        today, before = (Plan(load("tracking", [*keys, f"filter.defaults={n}"]).scenario) for n in (12, 11))
+        return today.message_size - before.message_size
+
+    assert more("agents.count=3") == 9
+    assert more("agents.count=3", "filter.status=false") == 0
+    assert more("agents.count=4") == 0
+    assert more("agents.count=2", "filter.planar_height=0") == 5
+    # Groups that a liar parts may be of three; agents then tell who is there, too.
+    assert more("agents.count=6", LIAR) == 9 + 6
