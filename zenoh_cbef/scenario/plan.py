@@ -9,7 +9,7 @@ import numpy as np
 
 from zenoh_cbef.arrays import Floats
 from zenoh_cbef.faults import Absences
-from zenoh_cbef.scenario import bending, near_plane, network, start, trust
+from zenoh_cbef.scenario import bending, near_plane, network, start, telling, trust
 from zenoh_cbef.scenario.model import Scenario
 from zenoh_cbef.scenario.motion import assumed_models, assumed_motion, plain_motion, switches
 from zenoh_cbef.scenario.plausible import Plausible, plausible_ranges
@@ -59,6 +59,12 @@ class Plan:
         return assumed_models(self.scenario, self.range_std, self.space.axes) if several else ()
 
     @cached_property
+    def tells_ranges(self) -> bool:
+        """Whether agents tell each other their ranges, of which each takes in all."""
+        agile = (self.models or (self.motion,))[-1]
+        return telling.tells_ranges(self.scenario, agile, self.range_std, self.settling_steps)
+
+    @cached_property
     def plain_motion(self) -> LinearMotion:
         """What smoothing and predictions are computed with, which are of linear models in position and velocity."""
         return plain_motion((self.motion,), self.motion)
@@ -93,6 +99,8 @@ class Plan:
     def bias(self) -> str:
         """What the filter does about biases: none, estimate, or auto where it can weigh them."""
         chosen = self.scenario.filter
+        if self.tells_ranges:
+            return "estimate" if trust.shares_biases(self.scenario) else "none"
         single = self.distrusts_others or (chosen.recovery and chosen.defaults < 2)
         unfit = single or bool(self.models) or not isinstance(self.motion, LinearMotion)
         return trust.bias(self.scenario, unfit=unfit)
@@ -100,13 +108,13 @@ class Plan:
     @cached_property
     def squares(self) -> bool:
         """Whether agents share squared ranges, which the network linearises after it has averaged them."""
-        unfit = self.bias != "none" or self.models or self.distrusts_others or not self.abilities.biases
+        unfit = self.tells_ranges or self.bias != "none" or self.models or self.distrusts_others or not self.abilities.biases
         return not unfit and bending.after(self.scenario, self.plain_motion, self.range_std)
 
     @cached_property
     def plane(self) -> near_plane.Plane | None:
         """The plane that agents are so near that they track target and mirror image until ranges tell them apart."""
-        single = self.models or self.squares or self.bias != "none" or self.distrusts_others or self.distrusts_own
+        single = self.models or self.squares or self.tells_ranges or self.bias != "none" or self.distrusts_others or self.distrusts_own
         fits = not single and self.abilities.biases and self.motion.size == 2 * self.space.axes
         return near_plane.plane(self.scenario, self.range_std, self.space.axes) if fits else None
 
@@ -130,6 +138,7 @@ class Plan:
             leaving=chosen.switching,
             middle=start.middle(scenario)[: self.space.axes],
             squares=self.squares,
+            tells_ranges=self.tells_ranges,
             plane=self.plane,
             space=self.space,
             range_std=range_std,
@@ -146,9 +155,9 @@ class Plan:
             judges_agents=chosen.status_rules > 1,
             reacquires=(window := start.window(scenario, self.settling_steps)),
             spreading=start.spreading(scenario, window),
-            bends=chosen.defaults > 7,
+            bends=chosen.defaults > 7 and not self.tells_ranges,
             prompt=chosen.defaults > 8 and not trust.real(scenario),
-            supposes=start.supposes(scenario, window) and bending.may_pause(scenario, self.plain_motion, range_std),
+            supposes=not self.tells_ranges and start.supposes(scenario, window) and bending.may_pause(scenario, self.plain_motion, range_std),
             cut_off=scenario.consensus.rounds * (self.abilities.biases and network.tells_members(scenario)),
             anywhere=start.anywhere(scenario, self.motion, self.space),
             bias=self.bias,
@@ -159,7 +168,7 @@ class Plan:
             told_biases=self.bias != "none" and trust.tells_biases(scenario),
             learns_noise=chosen.range_std == "auto",
             lasting=trust.lasts(scenario) and not self.models and not self.squares,
-            doubts_noise=trust.doubts_noise(scenario) and not self.models and not self.squares,
+            doubts_noise=trust.doubts_noise(scenario) and not (self.models or self.squares or self.tells_ranges),
             first_fix=self.first_fix_steps,
             outliers=start.outliers(scenario),
             squared_fix=start.squared_steps(scenario, self.first_fix_steps),
@@ -183,7 +192,7 @@ class Plan:
     def payloads(self) -> Payloads:
         """How to read the payloads of the scenario's filter."""
         axes, size, kind = self.space.axes, self.motion.size, self.scenario.filter.kind
-        if not self.abilities.information:
+        if not self.abilities.information or self.tells_ranges:
             return StatePayloads(axes)
         if self.models or self.plane:
             sizes = [one.size for one in self.models] or [size, size]
@@ -270,6 +279,8 @@ class Plan:
     @cached_property
     def first_fix_steps(self) -> int:
         """How many steps the first fix takes, 0 for none: agents must add up what they know, and not lie."""
+        if self.tells_ranges:
+            return 0
         return start.fix_steps(self.scenario, self.settling_steps, self.absences)
 
     @cached_property

@@ -28,6 +28,7 @@ from zenoh_cbef.tracking.filters.around.recovering import Recovering
 from zenoh_cbef.tracking.filters.around.returning import Returning
 from zenoh_cbef.tracking.filters.around.squared_information import SquaredInformation
 from zenoh_cbef.tracking.filters.around.supposing import Supposing
+from zenoh_cbef.tracking.filters.around.told_ranges import ToldRanges
 from zenoh_cbef.tracking.filters.around.tried_guess import first_fix
 from zenoh_cbef.tracking.filters.base import Abilities, Belief, Filter, Kind, Sharing, Update, filter_of
 from zenoh_cbef.tracking.filters.kinds.cbef import Cbef
@@ -103,8 +104,11 @@ def level_of(kind: str, xi: float) -> float:
 def sharing_of(kind: str, settings: FilterSettings) -> Sharing:
     """What agents with the filter of one kind exchange, with what the settings put around it."""
     one = SquaredInformation.sharing if settings.squares else kind_of(kind).sharing
-    shared = InteractingModels.sharing(settings, one) if settings.models else one(settings)
-    if settings.bias != "none":
+    if settings.tells_ranges:
+        shared = ToldRanges.sharing(settings)
+    else:
+        shared = InteractingModels.sharing(settings, one) if settings.models else one(settings)
+    if settings.bias != "none" and not settings.tells_ranges:
         biased = (JointBiases if settings.joint_biases else BiasedInformation).sharing(settings)
         both = replace(shared.longer(biased.payload_size + AutoBias.more), blocks=shared.blocks + biased.blocks)
         shared = biased if settings.bias == "estimate" else both
@@ -125,18 +129,21 @@ def sharing_of(kind: str, settings: FilterSettings) -> Sharing:
 def make_filter(kind: str, settings: FilterSettings) -> Filter:
     """The filter of one kind, with what the settings put around it."""
     xi, one = level_of(kind, settings.xi), kind_of(kind).of
-    if settings.squares:
-        chosen: Filter = SquaredInformation.of(settings, xi)
+    if settings.tells_ranges:
+        chosen: Filter = ToldRanges.of(settings)
+    elif settings.squares:
+        chosen = SquaredInformation.of(settings, xi)
     else:
         chosen = InteractingModels.of(settings, one) if settings.models else one(settings)
-    if settings.bias != "none":
+    if settings.bias != "none" and not settings.tells_ranges:
         chosen = _biased(settings, chosen, xi)
     # Recovery widens the belief that the filter goes on from, so nothing else may stand between the two.
     if settings.recovers:
         chosen = Recovering(chosen)
     if settings.distrusts:
         chosen = Distrusting(chosen, settings.range_std)
-    if settings.returns and settings.network_size > 1 and abilities_of(kind).biases and not settings.squares:
+    plain = not (settings.squares or settings.tells_ranges)
+    if settings.returns and settings.network_size > 1 and abilities_of(kind).biases and plain:
         chosen = Returning(chosen, settings.space, settings.range_std, newcomers=settings.cut_off > 0)
     chosen = _begun(kind, settings, chosen, xi)
     if settings.doubts_noise:

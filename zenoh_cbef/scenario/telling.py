@@ -1,0 +1,48 @@
+"""Where agents tell each other their ranges, as each range alone, or a fix over many steps, says too little."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from zenoh_cbef.scenario import bending, network, start, trust
+from zenoh_cbef.scenario.model import Scenario
+from zenoh_cbef.tracking.filters import abilities_of
+from zenoh_cbef.tracking.motion import Motion
+
+
+def tells_ranges(scenario: Scenario, motion: Motion, range_std: float, settling: int) -> bool:
+    """Whether agents tell each other their ranges: where a first fix would fail, and they are few.
+
+    motion: what the filter assumes, of several motions the most agile one. range_std: m. settling: steps of a fix.
+    """
+    return _may(scenario) and _strays(scenario, motion, range_std, settling)
+
+
+def _may(scenario: Scenario) -> bool:
+    """Whether the scenario leaves it open, and its agents, all honest, are few and hear each other's very numbers."""
+    chosen, stage = scenario.filter, scenario.consensus
+    able = abilities_of(chosen.kind)
+    left_open = (chosen.xi, chosen.saturation, chosen.linearise, chosen.bias) == ("auto",) * 4 and not chosen.recovery
+    exact = stage.precision == "float64" and not (stage.trigger or stage.lag or stage.trim)
+    honest = not (trust.suspects(scenario) or trust.real(scenario))
+    few = 1 < scenario.count <= network.FEW and stage.rounds > 0
+    fits = able.saturates and able.biases and left_open and _explained(scenario)
+    return chosen.defaults > 11 and few and exact and honest and fits
+
+
+def _explained(scenario: Scenario) -> bool:
+    """Whether ranges have no constant errors, but such as are estimated together, or are so large that they show."""
+    sensor = scenario.sensor
+    constant = bool(np.any(np.array(sensor.bias))) or sensor.bias_std > 0.0
+    return trust.shares_biases(scenario) if constant else scenario.filter.bias_common_std is None
+
+
+def _strays(scenario: Scenario, motion: Motion, range_std: float, settling: int) -> bool:
+    """Whether ranges bend over how far the target strays from a straight line while a first fix is made.
+
+    By a white acceleration, twice integrated, of variance q^2 D T^3/3. A range over a distance d, here half of the box
+    around the agents, bends by that over 2 d.
+    """
+    power, half = motion.acceleration_std**2 * scenario.dt, start.half_box(scenario)
+    strays = power * (settling * scenario.dt) ** 3 / 3.0
+    return half > 0.0 and strays / (2.0 * half) > bending.MOST * range_std
