@@ -16,10 +16,11 @@ from zenoh_cbef.scenario.plausible import Plausible, plausible_ranges
 from zenoh_cbef.scenario.scheme import chosen_scheme
 from zenoh_cbef.tracking import graph
 from zenoh_cbef.tracking.compact import Compact
-from zenoh_cbef.tracking.filters import Abilities, Filter, FilterSettings, abilities_of, make_filter, sharing_of
+from zenoh_cbef.tracking.filters import Abilities, Filter, abilities_of, make_filter, payloads_of, sharing_of
 from zenoh_cbef.tracking.filters.base import Belief, Sharing
+from zenoh_cbef.tracking.filters.settings import FilterSettings
 from zenoh_cbef.tracking.motion import LinearMotion, Motion, begun
-from zenoh_cbef.tracking.payloads import InformationPayloads, Payloads, SeveralPayloads, StatePayloads
+from zenoh_cbef.tracking.payloads import InformationPayloads, Payloads
 from zenoh_cbef.tracking.ranging import Space
 from zenoh_cbef.tracking.weights import spectrum_bounds, weight_matrix
 
@@ -61,8 +62,7 @@ class Plan:
     @cached_property
     def tells_ranges(self) -> bool:
         """Whether agents tell each other their ranges, of which each takes in all."""
-        agile = (self.models or (self.motion,))[-1]
-        return telling.tells_ranges(self.scenario, agile, self.range_std, self.settling_steps)
+        return telling.tells_ranges(self.scenario, self.models or (self.motion,), self.range_std, self.settling_steps)
 
     @cached_property
     def plain_motion(self) -> LinearMotion:
@@ -99,23 +99,22 @@ class Plan:
     def bias(self) -> str:
         """What the filter does about biases: none, estimate, or auto where it can weigh them."""
         chosen = self.scenario.filter
-        if self.tells_ranges:
-            return "estimate" if trust.shares_biases(self.scenario) else "none"
         single = self.distrusts_others or (chosen.recovery and chosen.defaults < 2)
+        single = single or (self.tells_ranges and not trust.shares_biases(self.scenario))
         unfit = single or bool(self.models) or not isinstance(self.motion, LinearMotion)
         return trust.bias(self.scenario, unfit=unfit)
 
     @cached_property
     def squares(self) -> bool:
         """Whether agents share squared ranges, which the network linearises after it has averaged them."""
-        unfit = self.tells_ranges or self.bias != "none" or self.models or self.distrusts_others or not self.abilities.biases
-        return not unfit and bending.after(self.scenario, self.plain_motion, self.range_std)
+        unfit = self.tells_ranges or self.bias != "none" or self.models or self.distrusts_others
+        return self.abilities.biases and not unfit and bending.after(self.scenario, self.plain_motion, self.range_std)
 
     @cached_property
     def plane(self) -> near_plane.Plane | None:
         """The plane that agents are so near that they track target and mirror image until ranges tell them apart."""
-        single = self.models or self.squares or self.tells_ranges or self.bias != "none" or self.distrusts_others or self.distrusts_own
-        fits = not single and self.abilities.biases and self.motion.size == 2 * self.space.axes
+        single = self.squares or self.tells_ranges or self.bias != "none" or self.distrusts_others or self.distrusts_own
+        fits = not (single or self.models) and self.abilities.biases and self.motion.size == 2 * self.space.axes
         return near_plane.plane(self.scenario, self.range_std, self.space.axes) if fits else None
 
     @cached_property
@@ -132,13 +131,14 @@ class Plan:
     def settings(self) -> FilterSettings:
         """The settings of the scenario's filter."""
         scenario, chosen, range_std = self.scenario, self.scenario.filter, self.range_std
+        plain, tells = self.plain_motion, self.tells_ranges
         return FilterSettings(
             motion=self.motion,
             models=self.models,
             leaving=chosen.switching,
             middle=start.middle(scenario)[: self.space.axes],
             squares=self.squares,
-            tells_ranges=self.tells_ranges,
+            tells_ranges=tells,
             plane=self.plane,
             space=self.space,
             range_std=range_std,
@@ -155,9 +155,9 @@ class Plan:
             judges_agents=chosen.status_rules > 1,
             reacquires=(window := start.window(scenario, self.settling_steps)),
             spreading=start.spreading(scenario, window),
-            bends=chosen.defaults > 7 and not self.tells_ranges,
+            bends=chosen.defaults > 7 and not tells,
             prompt=chosen.defaults > 8 and not trust.real(scenario),
-            supposes=not self.tells_ranges and start.supposes(scenario, window) and bending.may_pause(scenario, self.plain_motion, range_std),
+            supposes=not tells and start.supposes(scenario, window) and bending.may_pause(scenario, plain, range_std),
             cut_off=scenario.consensus.rounds * (self.abilities.biases and network.tells_members(scenario)),
             anywhere=start.anywhere(scenario, self.motion, self.space),
             bias=self.bias,
@@ -168,7 +168,7 @@ class Plan:
             told_biases=self.bias != "none" and trust.tells_biases(scenario),
             learns_noise=chosen.range_std == "auto",
             lasting=trust.lasts(scenario) and not self.models and not self.squares,
-            doubts_noise=trust.doubts_noise(scenario) and not (self.models or self.squares or self.tells_ranges),
+            doubts_noise=trust.doubts_noise(scenario) and not (self.models or self.squares or tells),
             first_fix=self.first_fix_steps,
             outliers=start.outliers(scenario),
             squared_fix=start.squared_steps(scenario, self.first_fix_steps),
@@ -191,16 +191,7 @@ class Plan:
     @cached_property
     def payloads(self) -> Payloads:
         """How to read the payloads of the scenario's filter."""
-        axes, size, kind = self.space.axes, self.motion.size, self.scenario.filter.kind
-        if not self.abilities.information or self.tells_ranges:
-            return StatePayloads(axes)
-        if self.models or self.plane:
-            sizes = [one.size for one in self.models] or [size, size]
-            return SeveralPayloads(tuple(InformationPayloads(axes, one) for one in sizes))
-        omega = float(self.scenario.count) if self.scenario.filter.omega is None else self.scenario.filter.omega
-        # Of biases the common part is a state, or all of them are; so is a square.
-        size += self.scenario.count if self.settings.joint_biases else self.bias == "estimate" or self.squares
-        return InformationPayloads(axes, size, (1.0, omega) if kind == "hcmci" else (1.0,))
+        return payloads_of(self.scenario.filter.kind, self.settings)
 
     @cached_property
     def rounds(self) -> int:
@@ -279,9 +270,7 @@ class Plan:
     @cached_property
     def first_fix_steps(self) -> int:
         """How many steps the first fix takes, 0 for none: agents must add up what they know, and not lie."""
-        if self.tells_ranges:
-            return 0
-        return start.fix_steps(self.scenario, self.settling_steps, self.absences)
+        return 0 if self.tells_ranges else start.fix_steps(self.scenario, self.settling_steps, self.absences)
 
     @cached_property
     def search(self) -> tuple[Floats, Floats] | None:

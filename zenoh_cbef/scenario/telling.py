@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from zenoh_cbef.scenario import bending, network, start, trust
@@ -10,22 +12,30 @@ from zenoh_cbef.tracking.filters import abilities_of
 from zenoh_cbef.tracking.motion import Motion
 
 
-def tells_ranges(scenario: Scenario, motion: Motion, range_std: float, settling: int) -> bool:
+def tells_ranges(scenario: Scenario, motions: Sequence[Motion], range_std: float, settling: int) -> bool:
     """Whether agents tell each other their ranges: where a first fix would fail, and they are few.
 
-    motion: what the filter assumes, of several motions the most agile one. range_std: m. settling: steps of a fix.
+    A target that switches between motions is followed by ranges alone, if there are enough of them and all are right.
+    motions: what the filter assumes, the most agile one last. range_std: m. settling: steps of a fix.
     """
-    return _may(scenario) and _strays(scenario, motion, range_std, settling)
+    agile = motions[-1]
+    if not _may(scenario, agile.axes) or not _strays(scenario, agile, range_std, settling):
+        return False
+    heard = scenario.count * (1.0 - scenario.sensor.dropout_probability)
+    return len(motions) == 1 or heard < agile.axes + 1 or start.outliers(scenario) is not None
 
 
-def _may(scenario: Scenario) -> bool:
-    """Whether the scenario leaves it open, and its agents, all honest, are few and hear each other's very numbers."""
+def _may(scenario: Scenario, axes: int) -> bool:
+    """Whether the scenario leaves it open, and its agents, all honest, are few and hear each other's very numbers.
+
+    But more than there are unknowns in a step: with less ranges any place fits, or its mirror image does.
+    """
     chosen, stage = scenario.filter, scenario.consensus
     able = abilities_of(chosen.kind)
     left_open = (chosen.xi, chosen.saturation, chosen.linearise, chosen.bias) == ("auto",) * 4 and not chosen.recovery
     exact = stage.precision == "float64" and not (stage.trigger or stage.lag or stage.trim)
     honest = not (trust.suspects(scenario) or trust.real(scenario))
-    few = 1 < scenario.count <= network.FEW and stage.rounds > 0
+    few = axes + 1 < scenario.count <= network.FEW and stage.rounds > 0
     fits = able.saturates and able.biases and left_open and _explained(scenario)
     return chosen.defaults > 11 and few and exact and honest and fits
 

@@ -41,6 +41,7 @@ from zenoh_cbef.tracking.filters.kinds.kcf import KalmanConsensus
 from zenoh_cbef.tracking.filters.kinds.local import Local
 from zenoh_cbef.tracking.filters.kinds.sicf import SaturatedInformation
 from zenoh_cbef.tracking.filters.settings import FilterSettings
+from zenoh_cbef.tracking.payloads import InformationPayloads, Payloads, SeveralPayloads, StatePayloads
 
 __all__ = [
     "KINDS",
@@ -56,6 +57,7 @@ __all__ = [
     "make_filter",
     "mark_of",
     "options_of",
+    "payloads_of",
     "sharing_of",
 ]
 
@@ -126,17 +128,24 @@ def sharing_of(kind: str, settings: FilterSettings) -> Sharing:
     return shared.longer(more)
 
 
+def payloads_of(kind: str, settings: FilterSettings) -> Payloads:
+    """How to read the payloads of the filter of one kind, with what the settings put around it."""
+    axes, size = settings.space.axes, settings.motion.size
+    if settings.tells_ranges or not abilities_of(kind).information:
+        return StatePayloads(axes)
+    if settings.models or settings.plane:
+        sizes = [one.size for one in settings.models] or [size, size]
+        return SeveralPayloads(tuple(InformationPayloads(axes, one) for one in sizes))
+    omega = float(settings.network_size) if settings.omega is None else settings.omega
+    # Of biases the common part is a state, or all of them are; so is a square.
+    size += settings.network_size if settings.joint_biases else settings.bias == "estimate" or settings.squares
+    return InformationPayloads(axes, size, (1.0, omega) if kind == "hcmci" else (1.0,))
+
+
 def make_filter(kind: str, settings: FilterSettings) -> Filter:
     """The filter of one kind, with what the settings put around it."""
-    xi, one = level_of(kind, settings.xi), kind_of(kind).of
-    if settings.tells_ranges:
-        chosen: Filter = ToldRanges.of(settings)
-    elif settings.squares:
-        chosen = SquaredInformation.of(settings, xi)
-    else:
-        chosen = InteractingModels.of(settings, one) if settings.models else one(settings)
-    if settings.bias != "none" and not settings.tells_ranges:
-        chosen = _biased(settings, chosen, xi)
+    xi = level_of(kind, settings.xi)
+    chosen = _innermost(kind, settings, xi)
     # Recovery widens the belief that the filter goes on from, so nothing else may stand between the two.
     if settings.recovers:
         chosen = Recovering(chosen)
@@ -155,6 +164,18 @@ def make_filter(kind: str, settings: FilterSettings) -> Filter:
     if settings.says_status:
         chosen = _knowing(kind, settings, chosen, xi)
     return CutOff(chosen, settings) if settings.cut_off else chosen
+
+
+def _innermost(kind: str, settings: FilterSettings, xi: float) -> Filter:
+    """What takes in the ranges: of one motion or of several, with biases or without."""
+    if settings.tells_ranges:
+        return ToldRanges.of(settings)
+    one = kind_of(kind).of
+    if settings.squares:
+        plain: Filter = SquaredInformation.of(settings, xi)
+    else:
+        plain = InteractingModels.of(settings, one) if settings.models else one(settings)
+    return plain if settings.bias == "none" else _biased(settings, plain, xi)
 
 
 def _biased(settings: FilterSettings, plain: Filter, xi: float) -> Filter:

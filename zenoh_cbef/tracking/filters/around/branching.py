@@ -1,4 +1,4 @@
-"""All ranges of a step together, some of which may be wrong: each branches into two, and the likeliest branches stay."""
+"""All ranges of a step together, of which some may be wrong: each branches into two, the likeliest branches stay."""
 
 from __future__ import annotations
 
@@ -58,9 +58,9 @@ class Expected:
 
 @dataclass(frozen=True)
 class Branches:
-    """k hypotheses on which ranges are wrong, of n agents: means (n, k, d), covariances (n, k, d, d), logarithms of
-    likelihoods (n, k).
+    """Hypotheses on which ranges are wrong: k of n agents.
 
+    mean: (n, k, d). covariance: (n, k, d, d). likelihood: (n, k), its logarithm. biases: where those of a state begin.
     Squared ranges are linear in y = (x, e), e = |u|^2 with the position u: see `SquaredInformation`, which has the same
     equations. x: position, velocity, what else moves it, and perhaps the agents' biases from component `biases` on.
 
@@ -149,9 +149,10 @@ class Branches:
             covariance=np.concatenate([covariance, self.covariance], axis=1),
             likelihood=likelihood,
         )
-        return both._likeliest()
+        return both.likeliest()
 
-    def _likeliest(self) -> Branches:
+    def likeliest(self) -> Branches:
+        """Those that stay."""
         kept = np.argsort(-self.likelihood, axis=1, kind="stable")[:, :MOST]
         return replace(
             self,
@@ -189,8 +190,8 @@ def likelihoods(told: Expected, noise: Floats, outliers: tuple[float, float] | N
     if outliers is not None:
         short = np.minimum(innovation, 0.0) ** 2 / variance
         return right, np.log(share / mean) - np.maximum(innovation, 0.0) / mean - 0.5 * short
-    mean = mean * np.sqrt(noise)
-    return right, np.log(0.5 * share / mean) - np.abs(innovation) / mean
+    long = mean * np.sqrt(noise)
+    return right, np.log(0.5 * share / long) - np.abs(innovation) / long
 
 
 def _sum(terms: Floats) -> Floats:
@@ -198,4 +199,4 @@ def _sum(terms: Floats) -> Floats:
     total = terms[:, 0].copy()
     for branch in range(1, terms.shape[1]):
         total += terms[:, branch]
-    return total
+    return np.asarray(total)

@@ -38,7 +38,7 @@ def moved(chosen: Filter, belief: Belief, place: Belief) -> Belief:
         return chosen.moved(belief, place)
     if isinstance(chosen, InteractingModels):
         chance, parts = chosen.switching.begun(place.state, place.known_covariance)
-        return replace(there, chance=chance, parts=tuple(Belief(*one) for one in parts))
+        there = replace(there, chance=chance, parts=tuple(Belief(*one) for one in parts))
     return there
 
 

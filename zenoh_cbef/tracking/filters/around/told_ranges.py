@@ -43,9 +43,11 @@ class ToldRanges:
     again. Each then computes the same: squared ranges, and which of them are wrong (branching.py), for each of the
     motions between which the target switches, weighed by the likelihood of all ranges (switching.py).
 
-    The estimate begins with the agents' guesses, of whose mean it knows how many are independent. biased: whether agents
-    estimate all biases, constant and of variance own_std^2, beside position and velocity; of one linear motion then.
-    middle: the point from which positions are counted, m. outliers: see branching.py.
+    The estimate begins with the agents' guesses, which are worth as much as there are independent ones.
+
+    range_std: sigma (m). network_size: n. middle: the point from which positions are counted, m. guesses: how many of
+    position and of velocity are independent. outliers: see branching.py. own_std: of constant biases, m, which are all
+    estimated beside position and velocity, of one linear motion; 0: there are none.
     """
 
     motions: tuple[Motion, ...]
@@ -61,8 +63,7 @@ class ToldRanges:
     @classmethod
     def sharing(cls, settings: FilterSettings) -> Sharing:
         """The means of all motions, and a place for each agent; as long as a fix needs at least."""
-        made = cls.of(settings)
-        return Sharing(max(made._told + settings.network_size * SLOT, packed_size(2 * settings.space.axes)))
+        return Sharing(cls.of(settings).size)
 
     @classmethod
     def of(cls, settings: FilterSettings) -> Self:
@@ -79,6 +80,11 @@ class ToldRanges:
             settings.outliers,
             settings.own_bias_std if settings.joint_biases else 0.0,
         )
+
+    @property
+    def size(self) -> int:
+        """Numbers in a payload."""
+        return max(self._told + self.network_size * SLOT, packed_size(2 * self.space.axes))
 
     @property
     def _more(self) -> int:
@@ -102,7 +108,7 @@ class ToldRanges:
         slots = np.zeros((count, agents, SLOT))
         slots[np.arange(count), own] = self._slot(measurement)
         payload = np.concatenate([*(state for state, _ in priors), slots.reshape(count, -1)], axis=1)
-        payload = np.pad(payload, ((0, 0), (0, max(0, packed_size(2 * self.space.axes) - payload.shape[1]))))
+        payload = np.pad(payload, ((0, 0), (0, self.size - payload.shape[1])))
         kept = ahead, own.astype(np.float64), *(part for prior in priors for part in prior)
         return Update(payload, self._diagnosed(ahead, priors, measurement, own), kept)
 
@@ -116,8 +122,8 @@ class ToldRanges:
             size = covariance.shape[1]
             state = self._centred(means[:, place : place + size])
             prior = Branches.of(state, covariance, self.space.axes, self._biases)
-            state, covariance, likelihood = conditioned(prior, heard, self.outliers)
-            found.append((self._centred(state, -1.0), covariance))
+            after, spread, likelihood = conditioned(prior, heard, self.outliers)
+            found.append((self._centred(after, -1.0), spread))
             misfits.append(-2.0 * likelihood)
             place += size
         if len(self.motions) == 1:
@@ -153,7 +159,9 @@ class ToldRanges:
         if not belief.memory:
             axes, scale = self.space.axes, np.ones(belief.state.shape[1])
             scale[:axes], scale[axes : 2 * axes] = (number**-0.5 for number in self.guesses)
-            return self._carried(self.moved(belief, Belief(belief.state, belief.known_covariance * np.outer(scale, scale))))
+            return self._carried(
+                self.moved(belief, Belief(belief.state, belief.known_covariance * np.outer(scale, scale)))
+            )
         state, covariance = belief.memory
         return np.ones((len(state), 1)), [(state, covariance)]
 
@@ -220,7 +228,7 @@ class ToldRanges:
         """What is said of the own range, by the likeliest motion before it was heard; weight: whether it is right."""
         ranges, noise = new.range[:, None], variance_of(new, self.range_std)[:, None]
         heard = self._at(new.position[:, None], ranges, new.age[:, None], noise)
-        said: Diagnostics | None = None
+        said: list[Diagnostics] = []
         for motion, (state, covariance) in enumerate(priors):
             prior = Branches.of(self._centred(state), covariance, self.space.axes, self._biases)
             expected = prior.expected(heard, 0, own)
@@ -230,9 +238,8 @@ class ToldRanges:
             weight = 1.0 / (1.0 + np.exp(np.minimum(wrong - right, 500.0)))
             one = told(np.isfinite(new.range), innovation, weight, spread)
             likeliest = ahead[:, motion] >= np.maximum.reduce(ahead, axis=1)
-            said = one if said is None else said.chosen(likeliest, one)
-        assert said is not None
-        return replace(said, maneuver=ahead[:, -1].copy()) if len(self.motions) > 1 else said
+            said = [said[0].chosen(likeliest, one) if said else one]
+        return replace(said[0], maneuver=ahead[:, -1].copy()) if len(self.motions) > 1 else said[0]
 
     def _centred(self, state: Floats, sign: float = 1.0) -> Floats:
         """States (n, s) with the position counted from the middle, or with sign -1 back."""
