@@ -100,6 +100,17 @@ class Branches:
         whole[:, size, size] = np.add.reduce(slope * cross, axis=1) + 2.0 * np.add.reduce(flat * flat, axis=1)
         return cls(mean[:, None], whole[:, None], np.zeros((len(state), 1)), axes, biases)
 
+    def or_else(self, other: Branches, doubt: Floats) -> Branches:
+        """With another prior besides, which is right with a probability of doubt (n,)."""
+        there = np.log(np.where(doubt > 0.0, doubt, 1.0))
+        weights = np.log1p(-doubt)[:, None], np.where(doubt > 0.0, there, _NEVER)[:, None]
+        return replace(
+            self,
+            mean=np.concatenate([self.mean, other.mean], axis=1),
+            covariance=np.concatenate([self.covariance, other.covariance], axis=1),
+            likelihood=np.concatenate([self.likelihood + weights[0], other.likelihood + weights[1]], axis=1),
+        )
+
     def expected(self, heard: Heard, agent: int, which: Rows | None = None) -> Expected:
         """Of one agent's range: column `agent` of what was heard, whose bias is that of agent `which`."""
         axes, mean = self.axes, self.mean

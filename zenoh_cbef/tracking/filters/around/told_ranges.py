@@ -23,6 +23,9 @@ from zenoh_cbef.tracking.switching import Gaussian, Switching
 SLOT = 7
 """Numbers that an agent tells: 1, its position (3), its range, its age and its noise."""
 
+_DOUBT = 0.01
+"""How likely it is beforehand that the guesses are wrong, and the target may be anywhere."""
+
 _ANY = 1e-9
 """More than rounding leaves of an average of zeros."""
 
@@ -43,11 +46,13 @@ class ToldRanges:
     again. Each then computes the same: squared ranges, and which of them are wrong (branching.py), for each of the
     motions between which the target switches, weighed by the likelihood of all ranges (switching.py).
 
-    The estimate begins with the agents' guesses, which are worth as much as there are independent ones.
+    The estimate begins with the agents' guesses, which are worth as much as there are independent ones, or anywhere: a
+    second prior, unlikely beforehand, that the ranges of the first step decide about.
 
     range_std: sigma (m). network_size: n. middle: the point from which positions are counted, m. guesses: how many of
     position and of velocity are independent. outliers: see branching.py. own_std: of constant biases, m, which are all
     estimated beside position and velocity, of one linear motion; 0: there are none.
+    anywhere: where the target may be if the guesses are wrong, state (1, s) and covariance (1, s, s).
     """
 
     motions: tuple[Motion, ...]
@@ -59,6 +64,7 @@ class ToldRanges:
     guesses: tuple[int, int]
     outliers: tuple[float, float] | None = None
     own_std: float = 0.0
+    anywhere: tuple[Floats, Floats] | None = None
 
     @classmethod
     def sharing(cls, settings: FilterSettings) -> Sharing:
@@ -79,6 +85,7 @@ class ToldRanges:
             settings.guesses or (1, 1),
             settings.outliers,
             settings.own_bias_std if settings.joint_biases else 0.0,
+            settings.anywhere,
         )
 
     @property
@@ -98,6 +105,7 @@ class ToldRanges:
 
     def update(self, belief: Belief, measurement: Measurement) -> Update:
         """What the agent tells: its priors' means, and its range."""
+        begins = np.full(len(belief.state), float(belief.chance is None and not belief.memory))
         chance, beliefs = self._carried(belief)
         ahead, priors = chance, beliefs
         if len(self.motions) > 1:
@@ -109,19 +117,21 @@ class ToldRanges:
         slots[np.arange(count), own] = self._slot(measurement)
         payload = np.concatenate([*(state for state, _ in priors), slots.reshape(count, -1)], axis=1)
         payload = np.pad(payload, ((0, 0), (0, self.size - payload.shape[1])))
-        kept = ahead, own.astype(np.float64), *(part for prior in priors for part in prior)
+        kept = ahead, own.astype(np.float64), begins, *(part for prior in priors for part in prior)
         return Update(payload, self._diagnosed(ahead, priors, measurement, own), kept)
 
     def conclude(self, payload: Floats, update: Update) -> Belief:
         """The estimate from all ranges that came; of an agent that heard no neighbour, its prior."""
-        ahead, own, *parts = update.kept
+        ahead, own, begins, *parts = update.kept
         alone = unchanged(payload, update.payload) if self.network_size > 1 else np.zeros(len(ahead), dtype=bool)
         means = np.where(alone[:, None], update.payload[:, : self._told], payload[:, : self._told])
         heard, found, misfits, place = self._heard(payload, alone), [], [], 0
-        for _, covariance in zip(parts[::2], parts[1::2], strict=True):
+        for motion, covariance in zip(self.motions, parts[1::2], strict=True):
             size = covariance.shape[1]
             state = self._centred(means[:, place : place + size])
             prior = Branches.of(state, covariance, self.space.axes, self._biases)
+            if np.count_nonzero(begins) and self.anywhere is not None:
+                prior = prior.or_else(self._somewhere(motion, self.anywhere, len(begins)), _DOUBT * begins)
             after, spread, likelihood = conditioned(prior, heard, self.outliers)
             found.append((self._centred(after, -1.0), spread))
             misfits.append(-2.0 * likelihood)
@@ -174,6 +184,15 @@ class ToldRanges:
         covariance = np.pad(covariance, ((0, 0), (0, more), (0, more)))
         covariance[:, range(size, size + more), range(size, size + more)] = self.own_std**2
         return state, covariance
+
+    def _somewhere(self, motion: Motion, anywhere: tuple[Floats, Floats], count: int) -> Branches:
+        """The prior of so many agents whose guesses are wrong."""
+        size = 2 * self.space.axes
+        place = anywhere[0][:, :size], anywhere[1][:, :size, :size]
+        begins = begun(motion, *place) if len(self.motions) > 1 else self._begun(*place)
+        state, covariance = self._predicted(motion, *begins)
+        state, covariance = (np.repeat(each, count, axis=0) for each in (self._centred(state), covariance))
+        return Branches.of(state, covariance, self.space.axes, self._biases)
 
     @cached_property
     def _dynamics(self) -> tuple[Floats, Floats]:
