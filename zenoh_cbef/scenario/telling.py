@@ -15,14 +15,14 @@ from zenoh_cbef.tracking.motion import Motion
 def tells_ranges(scenario: Scenario, motions: Sequence[Motion], range_std: float, settling: int) -> bool:
     """Whether agents tell each other their ranges: where a first fix would fail, and they are few.
 
-    A target that switches between motions is followed by ranges alone, if there are enough of them and all are right.
+    A target that switches between motions is followed without, if there are enough ranges in a step.
     motions: what the filter assumes, the most agile one last. range_std: m. settling: steps of a fix.
     """
     agile = motions[-1]
     if not _may(scenario, agile.axes) or not _strays(scenario, agile, range_std, settling):
         return False
     heard = scenario.count * (1.0 - scenario.sensor.dropout_probability)
-    return len(motions) == 1 or heard < agile.axes + 1 or start.outliers(scenario) is not None
+    return len(motions) == 1 or heard < agile.axes + 1
 
 
 def _may(scenario: Scenario, axes: int) -> bool:

@@ -42,12 +42,12 @@ class ToldRanges:
         y_i = (x_i, 0 ... 0, 1, p_i, r_i, t_i, sigma_i, 0 ... 0)
 
     Averaging weighs what agent j told by some w_j, and so the 1 beside it: their ratio is what it told exactly, by
-    whatever way it came. Of the priors' means x_i averaging leaves their mean, so agents that missed messages agree
-    again. Each then computes the same: squared ranges, and which of them are wrong (branching.py), for each of the
-    motions between which the target switches, weighed by the likelihood of all ranges (switching.py).
+    whatever way it came. Each then computes the same: squared ranges, and which of them are wrong (branching.py), for
+    each of the motions between which the target switches, weighed by the likelihood of all ranges (switching.py). An
+    agent that missed some of them differs a little, until later ranges count for more than those.
 
-    The estimate begins with the agents' guesses, which are worth as much as there are independent ones, or anywhere: a
-    second prior, unlikely beforehand, that the ranges of the first step decide about.
+    The estimate begins with the mean of the agents' guesses x_i, which is worth as much as there are independent ones,
+    or anywhere: a second prior, unlikely beforehand, about which the ranges of the first step decide.
 
     range_std: sigma (m). network_size: n. middle: the point from which positions are counted, m. guesses: how many of
     position and of velocity are independent. outliers: see branching.py. own_std: of constant biases, m, which are all
@@ -68,7 +68,7 @@ class ToldRanges:
 
     @classmethod
     def sharing(cls, settings: FilterSettings) -> Sharing:
-        """The means of all motions, and a place for each agent; as long as a fix needs at least."""
+        """A mean, and a place for each agent; as long as a fix needs at least."""
         return Sharing(cls.of(settings).size)
 
     @classmethod
@@ -100,11 +100,11 @@ class ToldRanges:
 
     @property
     def _told(self) -> int:
-        """How many numbers of a payload are means."""
-        return sum(motion.size + self._more for motion in self.motions)
+        """How many numbers of a payload are the mean of position and velocity."""
+        return 2 * self.space.axes
 
     def update(self, belief: Belief, measurement: Measurement) -> Update:
-        """What the agent tells: its priors' means, and its range."""
+        """What the agent tells: its prior's mean, and its range."""
         begins = np.full(len(belief.state), float(belief.chance is None and not belief.memory))
         chance, beliefs = self._carried(belief)
         ahead, priors = chance, beliefs
@@ -115,7 +115,7 @@ class ToldRanges:
         count, agents = len(ahead), self.network_size
         slots = np.zeros((count, agents, SLOT))
         slots[np.arange(count), own] = self._slot(measurement)
-        payload = np.concatenate([*(state for state, _ in priors), slots.reshape(count, -1)], axis=1)
+        payload = np.concatenate([priors[0][0][:, : self._told], slots.reshape(count, -1)], axis=1)
         payload = np.pad(payload, ((0, 0), (0, self.size - payload.shape[1])))
         kept = ahead, own.astype(np.float64), begins, *(part for prior in priors for part in prior)
         return Update(payload, self._diagnosed(ahead, priors, measurement, own), kept)
@@ -124,18 +124,17 @@ class ToldRanges:
         """The estimate from all ranges that came; of an agent that heard no neighbour, its prior."""
         ahead, own, begins, *parts = update.kept
         alone = unchanged(payload, update.payload) if self.network_size > 1 else np.zeros(len(ahead), dtype=bool)
-        means = np.where(alone[:, None], update.payload[:, : self._told], payload[:, : self._told])
-        heard, found, misfits, place = self._heard(payload, alone), [], [], 0
-        for motion, covariance in zip(self.motions, parts[1::2], strict=True):
-            size = covariance.shape[1]
-            state = self._centred(means[:, place : place + size])
-            prior = Branches.of(state, covariance, self.space.axes, self._biases)
+        guessed = (payload - update.payload)[:, : self._told] * (begins * ~alone)[:, None]
+        heard, found, misfits = self._heard(payload, alone), [], []
+        for motion, state, covariance in zip(self.motions, parts[::2], parts[1::2], strict=True):
+            centred = self._centred(state)
+            centred[:, : self._told] += guessed
+            prior = Branches.of(centred, covariance, self.space.axes, self._biases)
             if np.count_nonzero(begins) and self.anywhere is not None:
                 prior = prior.or_else(self._somewhere(motion, self.anywhere, len(begins)), _DOUBT * begins)
             after, spread, likelihood = conditioned(prior, heard, self.outliers)
             found.append((self._centred(after, -1.0), spread))
             misfits.append(-2.0 * likelihood)
-            place += size
         if len(self.motions) == 1:
             return self._single(*found[0], own)
         chance = self.switching.weighed(ahead, np.stack(misfits, axis=1))
