@@ -4,10 +4,21 @@ from __future__ import annotations
 
 import numpy as np
 
-from zenoh_cbef.tracking.filters.around.branching import Branches, Heard, conditioned
+from zenoh_cbef.tracking.filters.around.branching import Branches, Heard
+from zenoh_cbef.tracking.filters.around.branching import conditioned as taken_in
 
 PLACES = np.array([[-9.0, -7, 3], [8, -6, -5], [7, 8, 2], [-6, 9, -7], [1, -9, 9], [-2, 5, -8]])
 STD = 0.1
+
+
+def prior_of(state, covariance, biases=None):
+    """One prior of each agent."""
+    return Branches.of((state[:, None], covariance[:, None], np.zeros((len(state), 1))), 3, biases)
+
+
+def conditioned(prior, heard, outliers):
+    """State, covariance and logarithm of the likelihood, after all ranges."""
+    return taken_in(prior, heard, outliers).merged()
 
 
 def heard_of(places, errors, bias=0.0):
@@ -23,7 +34,7 @@ def far(count, random):
     covariance = np.diag([5.0, 5.0, 5.0, 1.0, 1.0, 1.0]) ** 2
     truth = np.array([600.0, -700, 400, 1, 2, 3]) + random.normal(size=(count, 6))
     state = truth + random.multivariate_normal(np.zeros(6), covariance, count)
-    return truth, Branches.of(state, np.repeat(covariance[None], count, axis=0), 3)
+    return truth, prior_of(state, np.repeat(covariance[None], count, axis=0))
 
 
 def test_estimates_from_a_wide_prior_are_as_good_as_they_claim():
@@ -56,7 +67,7 @@ def test_constant_errors_are_estimated_beside_the_target():
     truth = np.concatenate([random.normal(size=(count, 6)), bias], axis=1)
     state = truth + random.multivariate_normal(np.zeros(12), spread, count)
     state[:, 6:] = 0.0
-    prior = Branches.of(state, np.repeat(spread[None], count, axis=0), 3, 6)
+    prior = prior_of(state, np.repeat(spread[None], count, axis=0), 6)
     found, covariance, _ = conditioned(prior, heard_of(truth[:, :3], random.normal(size=(count, 6)), bias), None)
     error = found - truth
     nees = np.einsum("ni,nij,nj->n", error, np.linalg.inv(covariance), error)
@@ -66,15 +77,12 @@ def test_constant_errors_are_estimated_beside_the_target():
 def test_guesses_that_no_range_fits_are_given_up_at_once():
     random = np.random.default_rng(6)
     truth = np.array([[3.0, -2, 1, 0, 0, 0]])
-    guess = Branches.of(truth + np.array([12.0, 0, 0, 0, 0, 0]), np.diag([1.0] * 6)[None], 3)
-    anywhere = Branches.of(np.zeros((1, 6)), np.diag([170.0] * 3 + [1.0] * 3)[None] ** 2, 3)
+    states = np.stack([truth + np.array([12.0, 0, 0, 0, 0, 0]), np.zeros((1, 6))], axis=1)
+    spreads = np.stack([np.diag([1.0] * 6), np.diag([170.0] * 3 + [1.0] * 3) ** 2])[None]
     heard = heard_of(truth[:, :3], random.normal(size=(1, 6)))
     alone, both = (
-        conditioned(prior, heard, None)[0]
-        for prior in (
-            guess,
-            guess.or_else(anywhere, np.array([0.01])),
-        )
+        conditioned(Branches.of((states, spreads, np.log([[1.0 - doubt, doubt + 1e-300]])), 3), heard, None)[0]
+        for doubt in (0.0, 0.01)
     )
     assert np.linalg.norm((both - truth)[0, :3]) < 2.0 < np.linalg.norm((alone - truth)[0, :3])
 

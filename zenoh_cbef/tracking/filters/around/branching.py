@@ -14,13 +14,19 @@ from zenoh_cbef.tracking.linalg import matvec, outer
 MOST = 16
 """How many branches stay after each range."""
 
+KEPT = 4
+"""How many distinct ones stay from step to step."""
+
+Priors = tuple[Floats, Floats, Floats]
+"""k states (n, k, s) and covariances (n, k, s, s), and logarithms of how likely they are, (n, k)."""
+
 _UNTOLD = 0.02, 50.0
 """The share of ranges taken to be wrong where nothing is told of it, and by how much on average, in their noises."""
 
 _NEAREST = 0.1
 """The least distance at which a range is linearised, in units of its noise."""
 
-_NEVER = -1e9
+NEVER = -1e9
 """Logarithm of a likelihood that counts for nothing."""
 
 
@@ -73,8 +79,8 @@ class Branches:
                 p exp(-|z|/m)/(2 m)             otherwise, p = .02, m = 50 sigma
 
     So what is decided of a range rests on all ranges before it in the step, and what was decided of those is taken back
-    where later ones deny it: of 2 k branches the k likeliest stay. After the last one the Gaussian with the mixture's
-    moments is left, and the likelihood of all ranges together.
+    where later ones deny it: of 2 k branches the k likeliest stay. After the last one the estimate is the mixture's
+    moments, and what the next steps have to decide about stays (`distinct`).
     """
 
     mean: Floats
@@ -84,32 +90,23 @@ class Branches:
     biases: int | None = None
 
     @classmethod
-    def of(cls, state: Floats, covariance: Floats, axes: int, biases: int | None = None) -> Branches:
-        """One, from a prior (n, s) and (n, s, s); e as the statistical linear regression on it tells."""
-        size = state.shape[1]
-        place = state[:, :axes]
-        known = np.ascontiguousarray(covariance[:, :axes, :axes])
-        flat = known.reshape(len(known), -1)
-        mean, whole = np.zeros((len(state), size + 1)), np.zeros((len(state), size + 1, size + 1))
-        mean[:, :size], whole[:, :size, :size] = state, covariance
-        mean[:, size] = np.add.reduce(place * place, axis=1) + np.add.reduce(known[:, range(axes), range(axes)], axis=1)
+    def of(cls, priors: Priors, axes: int, biases: int | None = None) -> Branches:
+        """Of each prior one; e as the statistical linear regression on it tells."""
+        state, covariance, likelihood = priors
+        size, place = state.shape[2], state[:, :, :axes]
+        known = np.ascontiguousarray(covariance[:, :, :axes, :axes])
+        flat = known.reshape(*known.shape[:2], -1)
+        mean, whole = np.zeros((*state.shape[:2], size + 1)), np.zeros((*state.shape[:2], size + 1, size + 1))
+        mean[:, :, :size], whole[:, :, :size, :size] = state, covariance
+        mean[:, :, size] = np.add.reduce(place * place, axis=2)
+        for axis in range(axes):
+            mean[:, :, size] += known[:, :, axis, axis]
         slope = np.zeros_like(state)
-        slope[:, :axes] = 2.0 * place
+        slope[:, :, :axes] = 2.0 * place
         cross = matvec(covariance, slope)
-        whole[:, :size, size] = whole[:, size, :size] = cross
-        whole[:, size, size] = np.add.reduce(slope * cross, axis=1) + 2.0 * np.add.reduce(flat * flat, axis=1)
-        return cls(mean[:, None], whole[:, None], np.zeros((len(state), 1)), axes, biases)
-
-    def or_else(self, other: Branches, doubt: Floats) -> Branches:
-        """With another prior besides, which is right with a probability of doubt (n,)."""
-        there = np.log(np.where(doubt > 0.0, doubt, 1.0))
-        weights = np.log1p(-doubt)[:, None], np.where(doubt > 0.0, there, _NEVER)[:, None]
-        return replace(
-            self,
-            mean=np.concatenate([self.mean, other.mean], axis=1),
-            covariance=np.concatenate([self.covariance, other.covariance], axis=1),
-            likelihood=np.concatenate([self.likelihood + weights[0], other.likelihood + weights[1]], axis=1),
-        )
+        whole[:, :, :size, size] = whole[:, :, size, :size] = cross
+        whole[:, :, size, size] = np.add.reduce(slope * cross, axis=2) + 2.0 * np.add.reduce(flat * flat, axis=2)
+        return cls(mean, whole, likelihood, axes, biases)
 
     def expected(self, heard: Heard, agent: int, which: Rows | None = None) -> Expected:
         """Of one agent's range: column `agent` of what was heard, whose bias is that of agent `which`."""
@@ -152,7 +149,7 @@ class Branches:
         mean = self.mean + gain * told.excess[:, :, None]
         covariance = self.covariance - outer(gain, cross)
         likelihood = np.concatenate(
-            [self.likelihood + np.where(there, right, 0.0), self.likelihood + np.where(there, wrong, _NEVER)], axis=1
+            [self.likelihood + np.where(there, right, 0.0), self.likelihood + np.where(there, wrong, NEVER)], axis=1
         )
         both = replace(
             self,
@@ -172,25 +169,35 @@ class Branches:
             likelihood=np.take_along_axis(self.likelihood, kept, axis=1),
         )
 
+    def distinct(self) -> Priors:
+        """Those that later steps have to decide about: branches near a likelier one are merged with it."""
+        size, rows = self.mean.shape[2] - 1, np.arange(len(self.mean))
+        state, covariance = self.mean[:, :, :size], self.covariance[:, :, :size, :size]
+        left, found = self.likelihood, []
+        for turn in range(KEPT):
+            best = np.argmax(left, axis=1)
+            away = state - state[rows, best][:, None]
+            known = np.linalg.inv(covariance[rows, best])[:, None]
+            near = np.add.reduce(away * matvec(known, away), axis=2) < size
+            member = (near | (turn == KEPT - 1)) & (left > NEVER)
+            chosen = np.where(member, left, NEVER)
+            found.append(_mixture(state, covariance, chosen))
+            left = np.where(member, NEVER, left)
+        states, covariances, likelihoods_ = (np.stack(each, axis=1) for each in zip(*found, strict=True))
+        most = np.maximum.reduce(likelihoods_, axis=1)[:, None]
+        return states, covariances, np.maximum(likelihoods_ - most, NEVER)
+
     def merged(self) -> tuple[Floats, Floats, Floats]:
         """State (n, s) and covariance (n, s, s) of all branches, and the logarithm of their likelihood, (n,)."""
         size = self.mean.shape[2] - 1
-        most = np.maximum.reduce(self.likelihood, axis=1)
-        weight = np.exp(self.likelihood - most[:, None])
-        total = _sum(weight)
-        weight /= total[:, None]
-        state = _sum(weight[:, :, None] * self.mean[:, :, :size])
-        apart = self.mean[:, :, :size] - state[:, None]
-        covariance = _sum(weight[:, :, None, None] * (self.covariance[:, :, :size, :size] + outer(apart, apart)))
-        return state, 0.5 * (covariance + covariance.swapaxes(1, 2)), most + np.log(total)
+        return _mixture(self.mean[:, :, :size], self.covariance[:, :, :size, :size], self.likelihood)
 
 
-def conditioned(prior: Branches, heard: Heard, outliers: tuple[float, float] | None) -> tuple[Floats, Floats, Floats]:
-    """State, covariance and logarithm of the likelihood, after all ranges."""
-    branches = prior
+def conditioned(prior: Branches, heard: Heard, outliers: tuple[float, float] | None) -> Branches:
+    """The branches after all ranges."""
     for agent in range(heard.range.shape[1]):
-        branches = branches.after(heard, agent, outliers)
-    return branches.merged()
+        prior = prior.after(heard, agent, outliers)
+    return prior
 
 
 def likelihoods(told: Expected, noise: Floats, outliers: tuple[float, float] | None) -> tuple[Floats, Floats]:
@@ -203,6 +210,18 @@ def likelihoods(told: Expected, noise: Floats, outliers: tuple[float, float] | N
         return right, np.log(share / mean) - np.maximum(innovation, 0.0) / mean - 0.5 * short
     long = mean * np.sqrt(noise)
     return right, np.log(0.5 * share / long) - np.abs(innovation) / long
+
+
+def _mixture(states: Floats, covariances: Floats, likelihood: Floats) -> tuple[Floats, Floats, Floats]:
+    """Mean (n, s) and covariance (n, s, s) of k Gaussians, and the logarithm of the likelihood of all, (n,)."""
+    most = np.maximum.reduce(likelihood, axis=1)
+    weight = np.exp(likelihood - most[:, None])
+    total = _sum(weight)
+    weight /= total[:, None]
+    state = _sum(weight[:, :, None] * states)
+    apart = states - state[:, None]
+    covariance = _sum(weight[:, :, None, None] * (covariances + outer(apart, apart)))
+    return state, 0.5 * (covariance + covariance.swapaxes(1, 2)), most + np.log(total)
 
 
 def _sum(terms: Floats) -> Floats:

@@ -11,11 +11,12 @@ import numpy as np
 from zenoh_cbef.arrays import Bools, Floats
 from zenoh_cbef.tracking.copying import replace
 from zenoh_cbef.tracking.diagnostics import Diagnostics
-from zenoh_cbef.tracking.filters.around.branching import Branches, Heard, conditioned, likelihoods
+from zenoh_cbef.tracking.filters.around.branching import KEPT, NEVER, Branches, Heard, Priors, conditioned, likelihoods
 from zenoh_cbef.tracking.filters.base import Belief, Bias, Sharing, Update
 from zenoh_cbef.tracking.filters.information_form import packed_size, told, unchanged, variance_of
 from zenoh_cbef.tracking.filters.rows import Rows
 from zenoh_cbef.tracking.filters.settings import FilterSettings
+from zenoh_cbef.tracking.linalg import matvec
 from zenoh_cbef.tracking.motion import Motion, begun, beside_constants, linear
 from zenoh_cbef.tracking.ranging import Measurement, Space
 from zenoh_cbef.tracking.switching import Gaussian, Switching
@@ -47,7 +48,8 @@ class ToldRanges:
     agent that missed some of them differs a little, until later ranges count for more than those.
 
     The estimate begins with the mean of the agents' guesses x_i, which is worth as much as there are independent ones,
-    or anywhere: a second prior, unlikely beforehand, about which the ranges of the first step decide.
+    or anywhere: a second prior, unlikely beforehand, about which ranges decide: of one motion in as many steps as that
+    takes, as what is not decided yet is carried on, of several in the first.
 
     range_std: sigma (m). network_size: n. middle: the point from which positions are counted, m. guesses: how many of
     position and of velocity are independent. outliers: see branching.py. own_std: of constant biases, m, which are all
@@ -106,16 +108,12 @@ class ToldRanges:
     def update(self, belief: Belief, measurement: Measurement) -> Update:
         """What the agent tells: its prior's mean, and its range."""
         begins = np.full(len(belief.state), float(belief.chance is None and not belief.memory))
-        chance, beliefs = self._carried(belief)
-        ahead, priors = chance, beliefs
-        if len(self.motions) > 1:
-            ahead, priors = self.switching.mixed(chance, beliefs)
-        priors = [self._predicted(motion, *prior) for motion, prior in zip(self.motions, priors, strict=True)]
+        ahead, priors = self._priors(belief)
         own = self._own(measurement)
         count, agents = len(ahead), self.network_size
         slots = np.zeros((count, agents, SLOT))
         slots[np.arange(count), own] = self._slot(measurement)
-        payload = np.concatenate([priors[0][0][:, : self._told], slots.reshape(count, -1)], axis=1)
+        payload = np.concatenate([priors[0][0][:, 0, : self._told], slots.reshape(count, -1)], axis=1)
         payload = np.pad(payload, ((0, 0), (0, self.size - payload.shape[1])))
         kept = ahead, own.astype(np.float64), begins, *(part for prior in priors for part in prior)
         return Update(payload, self._diagnosed(ahead, priors, measurement, own), kept)
@@ -126,17 +124,17 @@ class ToldRanges:
         alone = unchanged(payload, update.payload) if self.network_size > 1 else np.zeros(len(ahead), dtype=bool)
         guessed = (payload - update.payload)[:, : self._told] * (begins * ~alone)[:, None]
         heard, found, misfits = self._heard(payload, alone), [], []
-        for motion, state, covariance in zip(self.motions, parts[::2], parts[1::2], strict=True):
+        for state, *rest in zip(parts[::3], parts[1::3], parts[2::3], strict=True):
             centred = self._centred(state)
-            centred[:, : self._told] += guessed
-            prior = Branches.of(centred, covariance, self.space.axes, self._biases)
-            if np.count_nonzero(begins) and self.anywhere is not None:
-                prior = prior.or_else(self._somewhere(motion, self.anywhere, len(begins)), _DOUBT * begins)
-            after, spread, likelihood = conditioned(prior, heard, self.outliers)
+            centred[:, 0, : self._told] += guessed
+            prior = Branches.of((centred, rest[0], rest[1]), self.space.axes, self._biases)
+            branches = conditioned(prior, heard, self.outliers)
+            after, spread, likelihood = branches.merged()
             found.append((self._centred(after, -1.0), spread))
             misfits.append(-2.0 * likelihood)
         if len(self.motions) == 1:
-            return self._single(*found[0], own)
+            states, covariances, likelihood = branches.distinct()
+            return self._single(*found[0], own, (self._centred(states, -1.0), covariances, likelihood))
         chance = self.switching.weighed(ahead, np.stack(misfits, axis=1))
         parts_of = tuple(Belief(*one) for one in found)
         return Belief(*self.switching.combined(chance, found), chance=chance, parts=parts_of)
@@ -153,26 +151,30 @@ class ToldRanges:
             return replace(belief, state=state, covariance=covariance, chance=chance, parts=tuple(map(_of, parts)))
         whole, spread = self._begun(state, covariance)
         if belief.memory:
-            size = len(whole[0]) - self._more
-            whole[:, size:], spread[:, size:, size:] = belief.memory[0][:, size:], belief.memory[1][:, size:, size:]
-        return replace(belief, state=state, covariance=covariance, memory=(whole, spread))
+            size, (states, covariances) = self.motions[0].size, belief.memory[:2]
+            whole[:, size:], spread[:, size:, size:] = states[:, 0, size:], covariances[:, 0, size:, size:]
+        return replace(belief, state=state, covariance=covariance, memory=_alike(whole, spread))
 
     @property
     def _biases(self) -> int | None:
         return self.motions[0].size if self.own_std else None
 
-    def _carried(self, belief: Belief) -> tuple[Floats, list[Gaussian]]:
-        """How likely each motion is, (n, M), and what is known with each; at first, what all guesses say together."""
-        if belief.chance is not None:
-            return belief.chance, [(one.state, one.known_covariance) for one in belief.parts]
-        if not belief.memory:
+    def _priors(self, belief: Belief) -> tuple[Floats, list[Priors]]:
+        """How likely each motion is, (n, M), and with each what may be, a step later."""
+        begins = belief.chance is None and not belief.memory
+        if begins:
             axes, scale = self.space.axes, np.ones(belief.state.shape[1])
             scale[:axes], scale[axes : 2 * axes] = (number**-0.5 for number in self.guesses)
-            return self._carried(
-                self.moved(belief, Belief(belief.state, belief.known_covariance * np.outer(scale, scale)))
-            )
-        state, covariance = belief.memory
-        return np.ones((len(state), 1)), [(state, covariance)]
+            belief = self.moved(belief, Belief(belief.state, belief.known_covariance * np.outer(scale, scale)))
+        if len(self.motions) == 1:
+            ahead, priors = np.ones((len(belief.state), 1)), [(belief.memory[0], belief.memory[1], belief.memory[2])]
+        else:
+            parts = [(one.state, one.known_covariance) for one in belief.parts]
+            ahead, mixed = self.switching.mixed(belief.known_chance, parts)
+            priors = [_alike(*one, 1 + begins) for one in mixed]
+        if begins and self.anywhere is not None:
+            priors = [self._or_anywhere(motion, one) for motion, one in zip(self.motions, priors, strict=True)]
+        return ahead, [self._predicted(motion, *one) for motion, one in zip(self.motions, priors, strict=True)]
 
     def _begun(self, state: Floats, covariance: Floats) -> Gaussian:
         """With what else the single motion has, and biases of which nothing is known yet."""
@@ -184,26 +186,30 @@ class ToldRanges:
         covariance[:, range(size, size + more), range(size, size + more)] = self.own_std**2
         return state, covariance
 
-    def _somewhere(self, motion: Motion, anywhere: tuple[Floats, Floats], count: int) -> Branches:
-        """The prior of so many agents whose guesses are wrong."""
-        size = 2 * self.space.axes
-        place = anywhere[0][:, :size], anywhere[1][:, :size, :size]
+    def _or_anywhere(self, motion: Motion, priors: Priors) -> Priors:
+        """With where the target may be if the guesses are wrong in the second place."""
+        if self.anywhere is None:
+            return priors
+        size, (state, covariance, likelihood) = self._told, (each.copy() for each in priors)
+        place = self.anywhere[0][:, :size], self.anywhere[1][:, :size, :size]
         begins = begun(motion, *place) if len(self.motions) > 1 else self._begun(*place)
-        state, covariance = self._predicted(motion, *begins)
-        state, covariance = (np.repeat(each, count, axis=0) for each in (self._centred(state), covariance))
-        return Branches.of(state, covariance, self.space.axes, self._biases)
+        state[:, 1], covariance[:, 1], likelihood[:, 1] = *begins, np.log(_DOUBT)
+        return state, covariance, likelihood
 
     @cached_property
     def _dynamics(self) -> tuple[Floats, Floats]:
         return beside_constants(linear(self.motions[0]), self._more)
 
-    def _predicted(self, motion: Motion, state: Floats, covariance: Floats) -> Gaussian:
-        if not self._more:
-            return motion.predict_state(state), motion.predict_covariance(covariance, state)
-        transition, noise = self._dynamics
-        return (transition @ state[:, :, None])[:, :, 0], transition @ covariance @ transition.T + noise
+    def _predicted(self, motion: Motion, state: Floats, covariance: Floats, likelihood: Floats) -> Priors:
+        states, covariances = state.reshape(-1, state.shape[2]), covariance.reshape(-1, *covariance.shape[2:])
+        if self._more:
+            transition, noise = self._dynamics
+            ahead, spread = matvec(transition, states), transition @ covariances @ transition.T + noise
+        else:
+            ahead, spread = motion.predict_state(states), motion.predict_covariance(covariances, states)
+        return ahead.reshape(state.shape), spread.reshape(covariance.shape), likelihood
 
-    def _single(self, state: Floats, covariance: Floats, own: Floats) -> Belief:
+    def _single(self, state: Floats, covariance: Floats, own: Floats, later: Priors) -> Belief:
         """The belief of one motion, with the agent's own bias."""
         size, bias = self.motions[0].size, None
         if self._more:
@@ -211,7 +217,7 @@ class ToldRanges:
             std = np.sqrt(np.maximum(covariance[rows, place, place], 0.0))
             bias = Bias(state[rows, place], std, np.ones(len(state)))
         here = np.ascontiguousarray(state[:, :size]), np.ascontiguousarray(covariance[:, :size, :size])
-        return Belief(*here, bias, (state, covariance))
+        return Belief(*here, bias, later)
 
     def _own(self, measurement: Measurement) -> Rows:
         """The agents' places in a payload, (n,)."""
@@ -242,13 +248,14 @@ class ToldRanges:
             height = (self.space.height - positions[:, :, 2]) ** 2
         return Heard(positions[:, :, :axes] - np.array(self.middle), height, ranges, age, variance)
 
-    def _diagnosed(self, ahead: Floats, priors: list[Gaussian], new: Measurement, own: Rows) -> Diagnostics:
+    def _diagnosed(self, ahead: Floats, priors: list[Priors], new: Measurement, own: Rows) -> Diagnostics:
         """What is said of the own range, by the likeliest motion before it was heard; weight: whether it is right."""
         ranges, noise = new.range[:, None], variance_of(new, self.range_std)[:, None]
         heard = self._at(new.position[:, None], ranges, new.age[:, None], noise)
         said: list[Diagnostics] = []
-        for motion, (state, covariance) in enumerate(priors):
-            prior = Branches.of(self._centred(state), covariance, self.space.axes, self._biases)
+        for motion, (state, covariance, likelihood) in enumerate(priors):
+            first = self._centred(state[:, :1]), covariance[:, :1], likelihood[:, :1]
+            prior = Branches.of(first, self.space.axes, self._biases)
             expected = prior.expected(heard, 0, own)
             right, wrong = (one[:, 0] for one in likelihoods(expected, noise, self.outliers))
             spread = np.sqrt(expected.total[:, 0]) / expected.unit[:, 0]
@@ -260,10 +267,17 @@ class ToldRanges:
         return replace(said[0], maneuver=ahead[:, -1].copy()) if len(self.motions) > 1 else said[0]
 
     def _centred(self, state: Floats, sign: float = 1.0) -> Floats:
-        """States (n, s) with the position counted from the middle, or with sign -1 back."""
+        """States (..., s) with the position counted from the middle, or with sign -1 back."""
         centred = np.array(state)
-        centred[:, : self.space.axes] -= sign * np.array(self.middle)
+        centred[..., : self.space.axes] -= sign * np.array(self.middle)
         return centred
+
+
+def _alike(state: Floats, covariance: Floats, count: int = KEPT) -> Priors:
+    """One prior, (n, s) and (n, s, s), and as many beside it as there is room for, that are never right."""
+    likelihood = np.full((len(state), count), NEVER)
+    likelihood[:, 0] = 0.0
+    return np.repeat(state[:, None], count, axis=1), np.repeat(covariance[:, None], count, axis=1), likelihood
 
 
 def _of(gaussian: Gaussian) -> Belief:
