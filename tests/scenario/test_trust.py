@@ -44,7 +44,7 @@ def test_saturation_redescends_where_there_may_be_outliers(keys, power, xi):
         ({"sensor": REAL}, True),
         (DATASET, True),
         ({**DATASET, "filter": {"defaults": 6}}, False),
-        ({"dt": 5.0}, True),
+        ({"dt": 5.0, "filter": {"defaults": 11}}, True),
         ({"target": {"motion": "circle"}}, False),
         ({"target": {"motion": "circle"}, "sensor": OUTLIERS}, True),
         ({"target": {"motion": "circle"}, "sensor": OUTLIERS, "filter": {"defaults": 6}}, False),

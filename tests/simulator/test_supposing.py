@@ -96,6 +96,6 @@ def test_they_do_where_ranges_stay_straight_or_the_scenario_tells_of_outliers():
         return Plan(load("tracking", list(keys)).scenario).settings.supposes
 
     assert supposes()
-    assert supposes("dt=2", "sensor.outlier_probability=0.1")
+    assert supposes("dt=2", "sensor.outlier_probability=0.1", "filter.defaults=11")
     assert supposes("dt=2", "filter.defaults=9")
     assert not supposes("dt=2")

@@ -192,8 +192,8 @@ def test_long_steps_are_tracked_as_well_as_by_a_centralised_filter():
 @pytest.mark.parametrize(
     "overrides",
     [
-        ("dt=0.5", "target.acceleration_std=10"),
-        ("dt=5",),
+        ("dt=0.5", "target.acceleration_std=10", "filter.defaults=11"),
+        ("dt=5", "filter.defaults=11"),
         ("agents.count=3",),
         ("agents.low=[-10,-10,1]", "agents.high=[10,10,1]"),
         ("agents.positions=[[0,0,1],[5,0,1],[0,5,1],[5,5,1],[2,3,1],[3,2,1]]",),

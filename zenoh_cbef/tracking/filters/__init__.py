@@ -29,6 +29,7 @@ from zenoh_cbef.tracking.filters.around.recovering import Recovering
 from zenoh_cbef.tracking.filters.around.returning import Returning
 from zenoh_cbef.tracking.filters.around.squared_information import SquaredInformation
 from zenoh_cbef.tracking.filters.around.supposing import Supposing
+from zenoh_cbef.tracking.filters.around.told_ranges import ToldRanges
 from zenoh_cbef.tracking.filters.around.tried_guess import first_fix
 from zenoh_cbef.tracking.filters.base import Abilities, Belief, Filter, Kind, Sharing, Update, filter_of
 from zenoh_cbef.tracking.filters.kinds.cbef import Cbef
@@ -41,6 +42,7 @@ from zenoh_cbef.tracking.filters.kinds.kcf import KalmanConsensus
 from zenoh_cbef.tracking.filters.kinds.local import Local
 from zenoh_cbef.tracking.filters.kinds.sicf import SaturatedInformation
 from zenoh_cbef.tracking.filters.settings import FilterSettings
+from zenoh_cbef.tracking.payloads import InformationPayloads, Payloads, SeveralPayloads, StatePayloads
 
 __all__ = [
     "KINDS",
@@ -56,6 +58,7 @@ __all__ = [
     "make_filter",
     "mark_of",
     "options_of",
+    "payloads_of",
     "sharing_of",
 ]
 
@@ -104,8 +107,11 @@ def level_of(kind: str, xi: float) -> float:
 def sharing_of(kind: str, settings: FilterSettings) -> Sharing:
     """What agents with the filter of one kind exchange, with what the settings put around it."""
     one = SquaredInformation.sharing if settings.squares else kind_of(kind).sharing
-    shared = InteractingModels.sharing(settings, one) if settings.models else one(settings)
-    if settings.bias != "none":
+    if settings.tells_ranges:
+        shared = ToldRanges.sharing(settings)
+    else:
+        shared = InteractingModels.sharing(settings, one) if settings.models else one(settings)
+    if settings.bias != "none" and not settings.tells_ranges:
         biased = (JointBiases if settings.joint_biases else BiasedInformation).sharing(settings)
         both = replace(shared.longer(biased.payload_size + AutoBias.more), blocks=shared.blocks + biased.blocks)
         shared = biased if settings.bias == "estimate" else both
@@ -124,21 +130,29 @@ def sharing_of(kind: str, settings: FilterSettings) -> Sharing:
     return shared.longer(more)
 
 
+def payloads_of(kind: str, settings: FilterSettings) -> Payloads:
+    """How to read the payloads of the filter of one kind, with what the settings put around it."""
+    axes, size = settings.space.axes, settings.motion.size
+    if settings.tells_ranges or not abilities_of(kind).information:
+        return StatePayloads(axes)
+    if settings.models or settings.plane:
+        sizes = [one.size for one in settings.models] or [size, size]
+        return SeveralPayloads(tuple(InformationPayloads(axes, one) for one in sizes))
+    omega = float(settings.network_size) if settings.omega is None else settings.omega
+    return InformationPayloads(axes, size + settings.constants, (1.0, omega) if kind == "hcmci" else (1.0,))
+
+
 def make_filter(kind: str, settings: FilterSettings) -> Filter:
     """The filter of one kind, with what the settings put around it."""
-    xi, one = level_of(kind, settings.xi), kind_of(kind).of
-    if settings.squares:
-        chosen: Filter = SquaredInformation.of(settings, xi)
-    else:
-        chosen = InteractingModels.of(settings, one) if settings.models else one(settings)
-    if settings.bias != "none":
-        chosen = _biased(settings, chosen, xi)
+    xi = level_of(kind, settings.xi)
+    chosen = _innermost(kind, settings, xi)
     # Recovery widens the belief that the filter goes on from, so nothing else may stand between the two.
     if settings.recovers:
         chosen = Recovering(chosen)
     if settings.distrusts:
         chosen = Distrusting(chosen, settings.range_std, repeats=not settings.presumes)
-    if settings.returns and settings.network_size > 1 and abilities_of(kind).biases and not settings.squares:
+    plain = not (settings.squares or settings.tells_ranges)
+    if settings.returns and settings.network_size > 1 and abilities_of(kind).biases and plain:
         chosen = Returning(chosen, settings.space, settings.range_std, newcomers=settings.cut_off > 0)
     chosen = _begun(kind, settings, chosen, xi)
     if settings.doubts_noise:
@@ -150,6 +164,18 @@ def make_filter(kind: str, settings: FilterSettings) -> Filter:
     if settings.says_status:
         chosen = _knowing(kind, settings, chosen, xi)
     return CutOff(chosen, settings) if settings.cut_off else chosen
+
+
+def _innermost(kind: str, settings: FilterSettings, xi: float) -> Filter:
+    """What takes in the ranges: of one motion or of several, with biases or without."""
+    if settings.tells_ranges:
+        return ToldRanges.of(settings)
+    one = kind_of(kind).of
+    if settings.squares:
+        plain: Filter = SquaredInformation.of(settings, xi)
+    else:
+        plain = InteractingModels.of(settings, one) if settings.models else one(settings)
+    return plain if settings.bias == "none" else _biased(settings, plain, xi)
 
 
 def _biased(settings: FilterSettings, plain: Filter, xi: float) -> Filter:

@@ -43,7 +43,8 @@ class FilterSettings:
     where squared ranges look for the target, state (1, s) and covariance (1, s, s); None: around the guess. models: the
     motions between which the target switches, the most agile one last; none: it moves by `motion` alone. leaving: the
     probability that it leaves its motion in a step. middle: a point near all agents, the same for all, m. squares:
-    whether agents share squared ranges, and linearise what averaging leaves. plane: that they are near, a point of it
+    whether agents share squared ranges, and linearise what averaging leaves. tells_ranges:
+    whether they tell each other their ranges, and each takes in all. plane: that they are near, a point of it
     and its normal; None: near none, or mirror images are no matter. outliers: what share of the ranges are
     too long, and by how much (m) on average, where the scenario tells so and a first fix takes it into account.
     options: of a kind of another package, `filter.options`.
@@ -92,6 +93,7 @@ class FilterSettings:
     leaving: float = 0.0
     middle: tuple[float, ...] = (0.0, 0.0, 0.0)
     squares: bool = False
+    tells_ranges: bool = False
     plane: tuple[tuple[float, ...], tuple[float, ...]] | None = None
     outliers: tuple[float, float] | None = None
     guesses: tuple[int, int] | None = (1, 1)

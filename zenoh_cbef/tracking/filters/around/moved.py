@@ -11,6 +11,7 @@ from zenoh_cbef.tracking.filters.around.imm import InteractingModels
 from zenoh_cbef.tracking.filters.around.joint_biases import JointBiases
 from zenoh_cbef.tracking.filters.around.mirror_images import MirrorImages
 from zenoh_cbef.tracking.filters.around.recovering import Recovering
+from zenoh_cbef.tracking.filters.around.told_ranges import ToldRanges
 from zenoh_cbef.tracking.filters.around.wrapping import Wrapping
 from zenoh_cbef.tracking.filters.base import Belief, Filter
 
@@ -33,9 +34,11 @@ def moved(chosen: Filter, belief: Belief, place: Belief) -> Belief:
         return replace(there, parts=(moved(chosen.plain, plain, place), moved(chosen.biased, biased, place)))
     if isinstance(chosen, BiasedInformation | JointBiases):
         return replace(there, memory=chosen.moved(belief.memory, place))
+    if isinstance(chosen, ToldRanges):
+        return chosen.moved(belief, place)
     if isinstance(chosen, InteractingModels):
         chance, parts = chosen.switching.begun(place.state, place.known_covariance)
-        return replace(there, chance=chance, parts=tuple(Belief(*one) for one in parts))
+        there = replace(there, chance=chance, parts=tuple(Belief(*one) for one in parts))
     return there
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
+from zenoh_cbef.tracking.filters.around.told_ranges import ToldRanges
 from zenoh_cbef.tracking.filters.base import Belief, Filter
 
 
@@ -27,4 +28,4 @@ class Wrapping:
 
 def resumed(chosen: Filter, belief: Belief) -> Belief:
     """A belief of another filter, in the form that `chosen` needs after its first step."""
-    return chosen.resumed(belief) if isinstance(chosen, Wrapping) else belief
+    return chosen.resumed(belief) if isinstance(chosen, Wrapping | ToldRanges) else belief

@@ -1,0 +1,76 @@
+"""A few agents that tell each other their ranges hold a target that they lose otherwise."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from zenoh_cbef.scenario.load import load
+from zenoh_cbef.scenario.plan import Plan
+from zenoh_cbef.simulator import simulate
+
+OUTLIERS = ("dt=2", "sensor.outlier_probability=0.3", "sensor.outlier_scale=20")
+ONE_BIASED = ("dt=1", 'fault=[{kind="sensor-bias",bias=3.0,agents=[1]}]')
+BIASED = ("dt=0.5", "sensor.bias_std=0.5")
+FEW = (
+    "sensor.dropout_probability=0.8",
+    "target.motion=lemniscate",
+    "target.radius=9",
+    "target.period=5",
+)
+
+
+def errors_of(*sets, seeds=(1001,), rules=12):
+    """Position errors of all agents, (seeds, agents, steps), m, and the claimed ones."""
+    scenario = load("tracking", [*sets, f"filter.defaults={rules}"]).scenario
+    with np.errstate(all="ignore"):
+        traces = simulate([scenario.model_copy(update={"seed": seed}) for seed in seeds])
+    off = [np.linalg.norm((one.estimates - one.truth)[:, :, :3], axis=2) for one in traces]
+    claimed = [np.sqrt(one.covariances[:, :, range(3), range(3)].sum(axis=2)) for one in traces]
+    return np.stack(off), np.stack(claimed)
+
+
+@pytest.mark.parametrize("sets", [OUTLIERS, ONE_BIASED, BIASED, FEW])
+def test_agents_tell_ranges_where_a_fix_would_fail(sets):
+    for rules, tells in ((11, False), (12, True)):
+        plan = Plan(load("tracking", [*sets, f"filter.defaults={rules}"]).scenario)
+        assert plan.tells_ranges is tells
+        assert (plan.first_fix_steps == 0) is tells
+
+
+@pytest.mark.parametrize(
+    "more",
+    [
+        "dt=0.1", "agents.count=4", "agents.count=13", "consensus.rounds=0", "consensus.precision=float32",
+        "consensus.trigger=0.1", "sensor.bias=0.2", "filter.kind=icf", "filter.xi=2", "filter.saturation=bounded",
+        "filter.linearise=before", "filter.bias=none", "filter.recovery=true",
+        'fault=[{kind="byzantine",mode="constant",magnitude=5.0,agents=[3]}]',
+    ],
+)  # fmt: skip
+def test_elsewhere_they_do_not(more):
+    assert not Plan(load("tracking", [*OUTLIERS, more]).scenario).tells_ranges
+
+
+def test_among_outliers_and_in_long_steps_the_network_is_not_lost():
+    steps = "steps=60"
+    off, claimed = errors_of(*OUTLIERS, steps)
+    assert np.median(off[:, :, 20:] / claimed[:, :, 20:]) < 1.5
+    assert off.max() < 30.0 < errors_of(*OUTLIERS, steps, rules=11)[0].max()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("sets", "seed"), [(ONE_BIASED, 1023), (FEW, 1004), (BIASED, 1049)])
+def test_seeds_that_were_lost_are_not(sets, seed):
+    before, now = (errors_of(*sets, seeds=(seed,), rules=rules)[0][:, :, 20:] for rules in (11, 12))
+    assert np.sqrt(np.mean(now**2)) < 0.5 * np.sqrt(np.mean(before**2))
+
+
+def test_agents_whose_messages_get_lost_agree_nevertheless():
+    off, claimed = errors_of(*OUTLIERS, "steps=60", 'fault=[{kind="loss",probability=0.3}]')
+    assert np.ptp(off[0, :, 20:], axis=0).max() < claimed.max()
+    assert off.max() < 30.0
+
+
+def test_a_wrong_guess_is_given_up():
+    off, _ = errors_of(*OUTLIERS, "steps=30", "filter.initial_position=[-8,8,2]", seeds=(1001, 1002, 1003))
+    assert np.median(off[:, :, 15:]) < 2.0

@@ -1,0 +1,59 @@
+"""Where agents tell each other their ranges, as each range alone, or a fix over many steps, says too little."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from zenoh_cbef.scenario import bending, network, start, trust
+from zenoh_cbef.scenario.model import Scenario
+from zenoh_cbef.tracking.filters import abilities_of
+from zenoh_cbef.tracking.motion import Motion
+
+
+def tells_ranges(scenario: Scenario, motions: Sequence[Motion], range_std: float, settling: int) -> bool:
+    """Whether agents tell each other their ranges: where a first fix would fail, and they are few.
+
+    A target that switches between motions is followed without, if there are enough ranges in a step.
+    motions: what the filter assumes, the most agile one last. range_std: m. settling: steps of a fix.
+    """
+    agile = motions[-1]
+    if not _may(scenario, agile.axes) or not _strays(scenario, agile, range_std, settling):
+        return False
+    heard = scenario.count * (1.0 - scenario.sensor.dropout_probability)
+    return len(motions) == 1 or heard < agile.axes + 1
+
+
+def _may(scenario: Scenario, axes: int) -> bool:
+    """Whether the scenario leaves it open, and its agents, all honest, are few and hear each other's very numbers.
+
+    But more than there are unknowns in a step: with less ranges any place fits, or its mirror image does.
+    """
+    chosen, stage = scenario.filter, scenario.consensus
+    able = abilities_of(chosen.kind)
+    left_open = (chosen.xi, chosen.saturation, chosen.linearise, chosen.bias) == ("auto",) * 4 and not chosen.recovery
+    exact = stage.precision == "float64" and not (stage.trigger or stage.lag or stage.trim)
+    honest = not (trust.suspects(scenario) or trust.real(scenario))
+    few = axes + 1 < scenario.count <= network.FEW and stage.rounds > 0
+    fits = able.saturates and able.biases and left_open and _explained(scenario)
+    return chosen.defaults > 11 and few and exact and honest and fits
+
+
+def _explained(scenario: Scenario) -> bool:
+    """Whether ranges have no constant errors, but such as are estimated together, or are so large that they show."""
+    sensor = scenario.sensor
+    if np.any(np.array(sensor.bias)) or scenario.filter.bias_common_std is not None:
+        return False
+    return sensor.bias_std == 0.0 or trust.shares_biases(scenario)
+
+
+def _strays(scenario: Scenario, motion: Motion, range_std: float, settling: int) -> bool:
+    """Whether ranges bend over how far the target strays from a straight line while a first fix is made.
+
+    By a white acceleration, twice integrated, of variance q^2 D T^3/3. A range over a distance d, here half of the box
+    around the agents, bends by that over 2 d.
+    """
+    power, half = motion.acceleration_std**2 * scenario.dt, start.half_box(scenario)
+    strays = power * (settling * scenario.dt) ** 3 / 3.0
+    return half > 0.0 and strays / (2.0 * half) > bending.MOST * range_std

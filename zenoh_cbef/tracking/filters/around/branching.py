@@ -1,0 +1,232 @@
+"""All ranges of a step together, of which some may be wrong: each branches into two, the likeliest branches stay."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from zenoh_cbef.arrays import Floats
+from zenoh_cbef.tracking.copying import replace
+from zenoh_cbef.tracking.filters.rows import Rows
+from zenoh_cbef.tracking.linalg import matvec, outer
+
+MOST = 16
+"""How many branches stay after each range."""
+
+KEPT = 4
+"""How many distinct ones stay from step to step."""
+
+Priors = tuple[Floats, Floats, Floats]
+"""k states (n, k, s) and covariances (n, k, s, s), and logarithms of how likely they are, (n, k)."""
+
+_UNTOLD = 0.02, 50.0
+"""The share of ranges taken to be wrong where nothing is told of it, and by how much on average, in their noises."""
+
+_NEAREST = 0.1
+"""The least distance at which a range is linearised, in units of its noise."""
+
+NEVER = -1e9
+"""Logarithm of a likelihood that counts for nothing."""
+
+
+@dataclass(frozen=True)
+class Heard:
+    """Ranges of m agents, as n agents know them.
+
+    place: (n, m, axes), m, from where positions are counted. height: (n, m), m^2, the squared height above a known
+    plane. range: (n, m), m, NaN where there is none. age: (n, m), s. variance: (n, m), of the noise, m^2.
+    """
+
+    place: Floats
+    height: Floats
+    range: Floats
+    age: Floats
+    variance: Floats
+
+
+@dataclass(frozen=True)
+class Expected:
+    """What k branches expect of a range, arrays (n, k).
+
+    row: (n, k, d), the squared range's derivative. distance, m, and its variance, m^2, without the noise. excess: the
+    squared range over what is expected, m^2. total: the variance of that, m^4. unit: 2 l, m, by which it is divided to
+    be an innovation of the range.
+    """
+
+    row: Floats
+    distance: Floats
+    variance: Floats
+    excess: Floats
+    total: Floats
+    unit: Floats
+
+
+@dataclass(frozen=True)
+class Branches:
+    """Hypotheses on which ranges are wrong: k of n agents.
+
+    mean: (n, k, d). covariance: (n, k, d, d). likelihood: (n, k), its logarithm. biases: where those of a state begin.
+    Squared ranges are linear in y = (x, e), e = |u|^2 with the position u: see `SquaredInformation`, which has the same
+    equations. x: position, velocity, what else moves it, and perhaps the agents' biases from component `biases` on.
+
+        r_i^2 = e - 2 b^T u + |b|^2 + (terms in the age) + 2 l (d_i + v) + (d_i + v)^2
+
+    Each range i either has noise v ~ N(0, sigma^2) and updates y as in a Kalman filter, or is wrong and says nothing:
+
+        right:  (1 - p) N(z; 0, S)              z: innovation, S: its variance
+        wrong:  p exp(-z/m)/m  for z > 0        where the scenario tells of outliers: share p, mean m
+                p exp(-|z|/m)/(2 m)             otherwise, p = .02, m = 50 sigma
+
+    So what is decided of a range rests on all ranges before it in the step, and what was decided of those is taken back
+    where later ones deny it: of 2 k branches the k likeliest stay. After the last one the estimate is the mixture's
+    moments, and what the next steps have to decide about stays (`distinct`).
+    """
+
+    mean: Floats
+    covariance: Floats
+    likelihood: Floats
+    axes: int
+    biases: int | None = None
+
+    @classmethod
+    def of(cls, priors: Priors, axes: int, biases: int | None = None) -> Branches:
+        """Of each prior one; e as the statistical linear regression on it tells."""
+        state, covariance, likelihood = priors
+        size, place = state.shape[2], state[:, :, :axes]
+        known = np.ascontiguousarray(covariance[:, :, :axes, :axes])
+        flat = known.reshape(*known.shape[:2], -1)
+        mean, whole = np.zeros((*state.shape[:2], size + 1)), np.zeros((*state.shape[:2], size + 1, size + 1))
+        mean[:, :, :size], whole[:, :, :size, :size] = state, covariance
+        mean[:, :, size] = np.add.reduce(place * place, axis=2)
+        for axis in range(axes):
+            mean[:, :, size] += known[:, :, axis, axis]
+        slope = np.zeros_like(state)
+        slope[:, :, :axes] = 2.0 * place
+        cross = matvec(covariance, slope)
+        whole[:, :, :size, size] = whole[:, :, size, :size] = cross
+        whole[:, :, size, size] = np.add.reduce(slope * cross, axis=2) + 2.0 * np.add.reduce(flat * flat, axis=2)
+        return cls(mean, whole, likelihood, axes, biases)
+
+    def expected(self, heard: Heard, agent: int, which: Rows | None = None) -> Expected:
+        """Of one agent's range: column `agent` of what was heard, whose bias is that of agent `which`."""
+        axes, mean = self.axes, self.mean
+        place, age = heard.place[:, None, agent], heard.age[:, agent, None, None]
+        here, velocity = mean[:, :, :axes], mean[:, :, axes : 2 * axes]
+        row = np.zeros_like(mean)
+        row[:, :, :axes] = -2.0 * (place + age * velocity)
+        row[:, :, axes : 2 * axes] = -2.0 * age * (here - age * velocity - place)
+        row[:, :, -1] = 1.0
+        late = 2.0 * age * here * velocity - (age * velocity) ** 2 + place * place
+        square = np.add.reduce(row * mean, axis=2) + np.add.reduce(late, axis=2) + heard.height[:, agent, None]
+        noise = heard.variance[:, agent, None]
+        least = _NEAREST**2 * noise
+        square = np.maximum(square, least)
+        spread = np.maximum(np.add.reduce(row * matvec(self.covariance, row), axis=2), 0.0)
+        distance, variance = np.sqrt(square), spread / (4.0 * square)
+        ranges = np.where(np.isfinite(heard.range[:, agent]), heard.range[:, agent], 0.0)[:, None]
+        gain = variance / (variance + noise)
+        bias, rows = np.zeros_like(square), np.arange(len(mean))
+        if self.biases is not None:
+            column = self.biases + (np.full(len(mean), agent) if which is None else which)
+            bias = mean[rows, :, column]
+        length = np.maximum(distance + gain * (ranges - bias - distance), np.sqrt(least))
+        if self.biases is not None:
+            row[rows, :, column] = 2.0 * length
+            square = square + 2.0 * length * bias + bias * bias + self.covariance[rows, :, column, column]
+            spread = np.maximum(np.add.reduce(row * matvec(self.covariance, row), axis=2), 0.0)
+        excess = ranges * ranges - square - (1.0 - 4.0 * gain) * noise
+        total = spread + (4.0 * length * length + 2.0 * noise) * noise
+        return Expected(row, distance + bias, variance, excess, total, 2.0 * length)
+
+    def after(self, heard: Heard, agent: int, outliers: tuple[float, float] | None) -> Branches:
+        """With the range of an agent, right or wrong."""
+        there = np.isfinite(heard.range[:, agent])[:, None]
+        told = self.expected(heard, agent)
+        right, wrong = likelihoods(told, heard.variance[:, agent, None], outliers)
+        cross = matvec(self.covariance, told.row)
+        gain = np.where(there, 1.0 / told.total, 0.0)[:, :, None] * cross
+        mean = self.mean + gain * told.excess[:, :, None]
+        covariance = self.covariance - outer(gain, cross)
+        likelihood = np.concatenate(
+            [self.likelihood + np.where(there, right, 0.0), self.likelihood + np.where(there, wrong, NEVER)], axis=1
+        )
+        both = replace(
+            self,
+            mean=np.concatenate([mean, self.mean], axis=1),
+            covariance=np.concatenate([covariance, self.covariance], axis=1),
+            likelihood=likelihood,
+        )
+        return both.likeliest()
+
+    def likeliest(self) -> Branches:
+        """Those that stay."""
+        kept = np.argsort(-self.likelihood, axis=1, kind="stable")[:, :MOST]
+        return replace(
+            self,
+            mean=np.take_along_axis(self.mean, kept[:, :, None], axis=1),
+            covariance=np.take_along_axis(self.covariance, kept[:, :, None, None], axis=1),
+            likelihood=np.take_along_axis(self.likelihood, kept, axis=1),
+        )
+
+    def distinct(self) -> Priors:
+        """Those that later steps have to decide about: branches near a likelier one are merged with it."""
+        size, rows = self.mean.shape[2] - 1, np.arange(len(self.mean))
+        state, covariance = self.mean[:, :, :size], self.covariance[:, :, :size, :size]
+        left, found = self.likelihood, []
+        for turn in range(KEPT):
+            best = np.argmax(left, axis=1)
+            away = state - state[rows, best][:, None]
+            known = np.linalg.inv(covariance[rows, best])[:, None]
+            near = np.add.reduce(away * matvec(known, away), axis=2) < size
+            member = (near | (turn == KEPT - 1)) & (left > NEVER)
+            chosen = np.where(member, left, NEVER)
+            found.append(_mixture(state, covariance, chosen))
+            left = np.where(member, NEVER, left)
+        states, covariances, likelihoods_ = (np.stack(each, axis=1) for each in zip(*found, strict=True))
+        most = np.maximum.reduce(likelihoods_, axis=1)[:, None]
+        return states, covariances, np.maximum(likelihoods_ - most, NEVER)
+
+    def merged(self) -> tuple[Floats, Floats, Floats]:
+        """State (n, s) and covariance (n, s, s) of all branches, and the logarithm of their likelihood, (n,)."""
+        size = self.mean.shape[2] - 1
+        return _mixture(self.mean[:, :, :size], self.covariance[:, :, :size, :size], self.likelihood)
+
+
+def conditioned(prior: Branches, heard: Heard, outliers: tuple[float, float] | None) -> Branches:
+    """The branches after all ranges."""
+    for agent in range(heard.range.shape[1]):
+        prior = prior.after(heard, agent, outliers)
+    return prior
+
+
+def likelihoods(told: Expected, noise: Floats, outliers: tuple[float, float] | None) -> tuple[Floats, Floats]:
+    """Logarithms of how likely a range is that is right, and one that is wrong, (n, k). noise: its variance, m^2."""
+    share, mean = _UNTOLD if outliers is None else outliers
+    variance, innovation = told.total / told.unit**2, told.excess / told.unit
+    right = np.log1p(-share) - 0.5 * (innovation**2 / variance + np.log(2.0 * np.pi * variance))
+    if outliers is not None:
+        short = np.minimum(innovation, 0.0) ** 2 / variance
+        return right, np.log(share / mean) - np.maximum(innovation, 0.0) / mean - 0.5 * short
+    long = mean * np.sqrt(noise)
+    return right, np.log(0.5 * share / long) - np.abs(innovation) / long
+
+
+def _mixture(states: Floats, covariances: Floats, likelihood: Floats) -> tuple[Floats, Floats, Floats]:
+    """Mean (n, s) and covariance (n, s, s) of k Gaussians, and the logarithm of the likelihood of all, (n,)."""
+    most = np.maximum.reduce(likelihood, axis=1)
+    weight = np.exp(likelihood - most[:, None])
+    total = _sum(weight)
+    weight /= total[:, None]
+    state = _sum(weight[:, :, None] * states)
+    apart = states - state[:, None]
+    covariance = _sum(weight[:, :, None, None] * (covariances + outer(apart, apart)))
+    return state, 0.5 * (covariance + covariance.swapaxes(1, 2)), most + np.log(total)
+
+
+def _sum(terms: Floats) -> Floats:
+    """Over branches, one after the other, so that a row comes out the same in every batch."""
+    total = terms[:, 0].copy()
+    for branch in range(1, terms.shape[1]):
+        total += terms[:, branch]
+    return np.asarray(total)

@@ -1,0 +1,284 @@
+"""A few agents that tell each other their ranges, from which each of them computes the same estimate."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Self
+
+import numpy as np
+
+from zenoh_cbef.arrays import Bools, Floats
+from zenoh_cbef.tracking.copying import replace
+from zenoh_cbef.tracking.diagnostics import Diagnostics
+from zenoh_cbef.tracking.filters.around.branching import KEPT, NEVER, Branches, Heard, Priors, conditioned, likelihoods
+from zenoh_cbef.tracking.filters.base import Belief, Bias, Sharing, Update
+from zenoh_cbef.tracking.filters.information_form import packed_size, told, unchanged, variance_of
+from zenoh_cbef.tracking.filters.rows import Rows
+from zenoh_cbef.tracking.filters.settings import FilterSettings
+from zenoh_cbef.tracking.linalg import matvec
+from zenoh_cbef.tracking.motion import Motion, begun, beside_constants, linear
+from zenoh_cbef.tracking.ranging import Measurement, Space
+from zenoh_cbef.tracking.switching import Gaussian, Switching
+
+SLOT = 7
+"""Numbers that an agent tells: 1, its position (3), its range, its age and its noise."""
+
+_DOUBT = 0.01
+"""How likely it is beforehand that the guesses are wrong, and the target may be anywhere."""
+
+_ANY = 1e-9
+"""More than rounding leaves of an average of zeros."""
+
+
+@dataclass(frozen=True)
+class ToldRanges:
+    """A network of a few agents in which each agent knows all ranges of a step, and takes them in together.
+
+    Where steps are long for the motion, or ranges few, or the target turns as it likes, priors are wide against a
+    range's curvature and against outliers. A range alone then says neither where to linearise it nor whether it is
+    right; together they do. So an agent puts its range into its payload in place of information, at a place of its
+    own, and zeros at the others':
+
+        y_i = (x_i, 0 ... 0, 1, p_i, r_i, t_i, sigma_i, 0 ... 0)
+
+    Averaging weighs what agent j told by some w_j, and so the 1 beside it: their ratio is what it told exactly, by
+    whatever way it came. Each then computes the same: squared ranges, and which of them are wrong (branching.py), for
+    each of the motions between which the target switches, weighed by the likelihood of all ranges (switching.py). An
+    agent that missed some of them differs a little, until later ranges count for more than those.
+
+    The estimate begins with the mean of the agents' guesses x_i, which is worth as much as there are independent ones,
+    or anywhere: a second prior, unlikely beforehand, about which ranges decide: of one motion in as many steps as that
+    takes, as what is not decided yet is carried on, of several in the first.
+
+    range_std: sigma (m). network_size: n. middle: the point from which positions are counted, m. guesses: how many of
+    position and of velocity are independent. outliers: see branching.py. own_std: of constant biases, m, which are all
+    estimated beside position and velocity, of one linear motion; 0: there are none.
+    anywhere: where the target may be if the guesses are wrong, state (1, s) and covariance (1, s, s).
+    """
+
+    motions: tuple[Motion, ...]
+    switching: Switching
+    space: Space
+    range_std: float
+    network_size: int
+    middle: tuple[float, ...]
+    guesses: tuple[int, int]
+    outliers: tuple[float, float] | None = None
+    own_std: float = 0.0
+    anywhere: tuple[Floats, Floats] | None = None
+
+    @classmethod
+    def sharing(cls, settings: FilterSettings) -> Sharing:
+        """A mean, and a place for each agent; as long as a fix needs at least."""
+        return Sharing(cls.of(settings).size)
+
+    @classmethod
+    def of(cls, settings: FilterSettings) -> Self:
+        """The filter of these settings."""
+        motions = settings.models or (settings.motion,)
+        return cls(
+            motions,
+            Switching(motions, settings.leaving),
+            settings.space,
+            settings.range_std,
+            settings.network_size,
+            settings.middle,
+            settings.guesses or (1, 1),
+            settings.outliers,
+            settings.own_bias_std if settings.joint_biases else 0.0,
+            settings.anywhere,
+        )
+
+    @property
+    def size(self) -> int:
+        """Numbers in a payload."""
+        return max(self._told + self.network_size * SLOT, packed_size(2 * self.space.axes))
+
+    @property
+    def _more(self) -> int:
+        """How many biases a state holds."""
+        return self.network_size if self.own_std else 0
+
+    @property
+    def _told(self) -> int:
+        """How many numbers of a payload are the mean of position and velocity."""
+        return 2 * self.space.axes
+
+    def update(self, belief: Belief, measurement: Measurement) -> Update:
+        """What the agent tells: its prior's mean, and its range."""
+        begins = np.full(len(belief.state), float(belief.chance is None and not belief.memory))
+        ahead, priors = self._priors(belief)
+        own = self._own(measurement)
+        count, agents = len(ahead), self.network_size
+        slots = np.zeros((count, agents, SLOT))
+        slots[np.arange(count), own] = self._slot(measurement)
+        payload = np.concatenate([priors[0][0][:, 0, : self._told], slots.reshape(count, -1)], axis=1)
+        payload = np.pad(payload, ((0, 0), (0, self.size - payload.shape[1])))
+        kept = ahead, own.astype(np.float64), begins, *(part for prior in priors for part in prior)
+        return Update(payload, self._diagnosed(ahead, priors, measurement, own), kept)
+
+    def conclude(self, payload: Floats, update: Update) -> Belief:
+        """The estimate from all ranges that came; of an agent that heard no neighbour, its prior."""
+        ahead, own, begins, *parts = update.kept
+        alone = unchanged(payload, update.payload) if self.network_size > 1 else np.zeros(len(ahead), dtype=bool)
+        guessed = (payload - update.payload)[:, : self._told] * (begins * ~alone)[:, None]
+        heard, found, misfits = self._heard(payload, alone), [], []
+        for state, *rest in zip(parts[::3], parts[1::3], parts[2::3], strict=True):
+            centred = self._centred(state)
+            centred[:, 0, : self._told] += guessed
+            prior = Branches.of((centred, rest[0], rest[1]), self.space.axes, self._biases)
+            branches = conditioned(prior, heard, self.outliers)
+            after, spread, likelihood = branches.merged()
+            found.append((self._centred(after, -1.0), spread))
+            misfits.append(-2.0 * likelihood)
+        if len(self.motions) == 1:
+            states, covariances, likelihood = branches.distinct()
+            return self._single(*found[0], own, (self._centred(states, -1.0), covariances, likelihood))
+        chance = self.switching.weighed(ahead, np.stack(misfits, axis=1))
+        parts_of = tuple(Belief(*one) for one in found)
+        return Belief(*self.switching.combined(chance, found), chance=chance, parts=parts_of)
+
+    def resumed(self, belief: Belief) -> Belief:
+        """A belief of another filter, in the form that this one carries from step to step: it is no guess."""
+        return self.moved(belief, belief)
+
+    def moved(self, belief: Belief, place: Belief) -> Belief:
+        """A belief of this filter at another place; biases stay as they are, and motions are as likely as at first."""
+        state, covariance = place.state, place.known_covariance
+        if len(self.motions) > 1:
+            chance, parts = self.switching.begun(state, covariance)
+            return replace(belief, state=state, covariance=covariance, chance=chance, parts=tuple(map(_of, parts)))
+        whole, spread = self._begun(state, covariance)
+        if belief.memory:
+            size, (states, covariances) = self.motions[0].size, belief.memory[:2]
+            whole[:, size:], spread[:, size:, size:] = states[:, 0, size:], covariances[:, 0, size:, size:]
+        return replace(belief, state=state, covariance=covariance, memory=_alike(whole, spread))
+
+    @property
+    def _biases(self) -> int | None:
+        return self.motions[0].size if self.own_std else None
+
+    def _priors(self, belief: Belief) -> tuple[Floats, list[Priors]]:
+        """How likely each motion is, (n, M), and with each what may be, a step later."""
+        begins = belief.chance is None and not belief.memory
+        if begins:
+            axes, scale = self.space.axes, np.ones(belief.state.shape[1])
+            scale[:axes], scale[axes : 2 * axes] = (number**-0.5 for number in self.guesses)
+            belief = self.moved(belief, Belief(belief.state, belief.known_covariance * np.outer(scale, scale)))
+        if len(self.motions) == 1:
+            ahead, priors = np.ones((len(belief.state), 1)), [(belief.memory[0], belief.memory[1], belief.memory[2])]
+        else:
+            parts = [(one.state, one.known_covariance) for one in belief.parts]
+            ahead, mixed = self.switching.mixed(belief.known_chance, parts)
+            priors = [_alike(*one, 1 + begins) for one in mixed]
+        if begins and self.anywhere is not None:
+            priors = [self._or_anywhere(motion, one) for motion, one in zip(self.motions, priors, strict=True)]
+        return ahead, [self._predicted(motion, *one) for motion, one in zip(self.motions, priors, strict=True)]
+
+    def _begun(self, state: Floats, covariance: Floats) -> Gaussian:
+        """With what else the single motion has, and biases of which nothing is known yet."""
+        if state.shape[1] < self.motions[0].size:
+            state, covariance = begun(self.motions[0], state, covariance)
+        more, size = self._more, state.shape[1]
+        state = np.pad(state, ((0, 0), (0, more)))
+        covariance = np.pad(covariance, ((0, 0), (0, more), (0, more)))
+        covariance[:, range(size, size + more), range(size, size + more)] = self.own_std**2
+        return state, covariance
+
+    def _or_anywhere(self, motion: Motion, priors: Priors) -> Priors:
+        """With where the target may be if the guesses are wrong in the second place."""
+        if self.anywhere is None:
+            return priors
+        size, (state, covariance, likelihood) = self._told, (each.copy() for each in priors)
+        place = self.anywhere[0][:, :size], self.anywhere[1][:, :size, :size]
+        begins = begun(motion, *place) if len(self.motions) > 1 else self._begun(*place)
+        state[:, 1], covariance[:, 1], likelihood[:, 1] = *begins, np.log(_DOUBT)
+        return state, covariance, likelihood
+
+    @cached_property
+    def _dynamics(self) -> tuple[Floats, Floats]:
+        return beside_constants(linear(self.motions[0]), self._more)
+
+    def _predicted(self, motion: Motion, state: Floats, covariance: Floats, likelihood: Floats) -> Priors:
+        states, covariances = state.reshape(-1, state.shape[2]), covariance.reshape(-1, *covariance.shape[2:])
+        if self._more:
+            transition, noise = self._dynamics
+            ahead, spread = matvec(transition, states), transition @ covariances @ transition.T + noise
+        else:
+            ahead, spread = motion.predict_state(states), motion.predict_covariance(covariances, states)
+        return ahead.reshape(state.shape), spread.reshape(covariance.shape), likelihood
+
+    def _single(self, state: Floats, covariance: Floats, own: Floats, later: Priors) -> Belief:
+        """The belief of one motion, with the agent's own bias."""
+        size, bias = self.motions[0].size, None
+        if self._more:
+            rows, place = np.arange(len(state)), size + own.astype(np.intp)
+            std = np.sqrt(np.maximum(covariance[rows, place, place], 0.0))
+            bias = Bias(state[rows, place], std, np.ones(len(state)))
+        here = np.ascontiguousarray(state[:, :size]), np.ascontiguousarray(covariance[:, :size, :size])
+        return Belief(*here, bias, later)
+
+    def _own(self, measurement: Measurement) -> Rows:
+        """The agents' places in a payload, (n,)."""
+        if measurement.agent is None:
+            raise ValueError("agents that tell each other their ranges have to know their numbers")
+        return measurement.agent.astype(np.intp) % self.network_size
+
+    def _slot(self, measurement: Measurement) -> Floats:
+        """What agents tell, (n, SLOT): zeros where they have no range."""
+        there = np.isfinite(measurement.range)
+        std = np.sqrt(variance_of(measurement, self.range_std))
+        last = np.where(there, measurement.range, 0.0), measurement.age, std
+        slot = np.concatenate([np.ones((len(there), 1)), measurement.position, np.stack(last, axis=1)], axis=1)
+        return np.where(there[:, None], slot, 0.0)
+
+    def _heard(self, payload: Floats, alone: Bools) -> Heard:
+        """What an agent knows of all ranges, nothing if it was alone."""
+        slots = payload[:, self._told :][:, : self.network_size * SLOT].reshape(-1, self.network_size, SLOT)
+        share = slots[:, :, :1]
+        there = (np.abs(share) > _ANY) & ~alone[:, None, None]
+        slots = np.where(there, slots / np.where(there, share, 1.0), 0.0)
+        ranges = np.where(there[:, :, 0], slots[:, :, 4], np.nan)
+        return self._at(slots[:, :, 1:4], ranges, slots[:, :, 5], np.where(there[:, :, 0], slots[:, :, 6], 1.0) ** 2)
+
+    def _at(self, positions: Floats, ranges: Floats, age: Floats, variance: Floats) -> Heard:
+        axes, height = self.space.axes, np.zeros_like(ranges)
+        if self.space.height is not None:
+            height = (self.space.height - positions[:, :, 2]) ** 2
+        return Heard(positions[:, :, :axes] - np.array(self.middle), height, ranges, age, variance)
+
+    def _diagnosed(self, ahead: Floats, priors: list[Priors], new: Measurement, own: Rows) -> Diagnostics:
+        """What is said of the own range, by the likeliest motion before it was heard; weight: whether it is right."""
+        ranges, noise = new.range[:, None], variance_of(new, self.range_std)[:, None]
+        heard = self._at(new.position[:, None], ranges, new.age[:, None], noise)
+        said: list[Diagnostics] = []
+        for motion, (state, covariance, likelihood) in enumerate(priors):
+            first = self._centred(state[:, :1]), covariance[:, :1], likelihood[:, :1]
+            prior = Branches.of(first, self.space.axes, self._biases)
+            expected = prior.expected(heard, 0, own)
+            right, wrong = (one[:, 0] for one in likelihoods(expected, noise, self.outliers))
+            spread = np.sqrt(expected.total[:, 0]) / expected.unit[:, 0]
+            innovation = expected.excess[:, 0] / expected.unit[:, 0]
+            weight = 1.0 / (1.0 + np.exp(np.minimum(wrong - right, 500.0)))
+            one = told(np.isfinite(new.range), innovation, weight, spread)
+            likeliest = ahead[:, motion] >= np.maximum.reduce(ahead, axis=1)
+            said = [said[0].chosen(likeliest, one) if said else one]
+        return replace(said[0], maneuver=ahead[:, -1].copy()) if len(self.motions) > 1 else said[0]
+
+    def _centred(self, state: Floats, sign: float = 1.0) -> Floats:
+        """States (..., s) with the position counted from the middle, or with sign -1 back."""
+        centred = np.array(state)
+        centred[..., : self.space.axes] -= sign * np.array(self.middle)
+        return centred
+
+
+def _alike(state: Floats, covariance: Floats, count: int = KEPT) -> Priors:
+    """One prior, (n, s) and (n, s, s), and as many beside it as there is room for, that are never right."""
+    likelihood = np.full((len(state), count), NEVER)
+    likelihood[:, 0] = 0.0
+    return np.repeat(state[:, None], count, axis=1), np.repeat(covariance[:, None], count, axis=1), likelihood
+
+
+def _of(gaussian: Gaussian) -> Belief:
+    return Belief(*gaussian)
