@@ -193,7 +193,7 @@ def simulate(
 
     heard: measurements in place of the emulated ones. progress is called with each finished step.
     """
-    plans = [Plan(one) for one in scenarios]
+    plans = [first := Plan(scenarios[0]), *(Plan(one, first) for one in scenarios[1:])]
     refuse_a_trace_beyond_memory(plans[0], len(plans))
     worlds = [make_world(one) for one in scenarios]
     heard = heard or [heard_in(one, world) for one, world in zip(plans, worlds, strict=True)]

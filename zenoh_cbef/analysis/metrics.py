@@ -159,7 +159,8 @@ def _first(scorable: Bools, skip: float) -> int:
 
 def _estimated_only(trace: Trace, error: Floats) -> Floats:
     """Errors (..., 6) along the estimated axes; in a plane the height is given, so it is no error of the tracker's."""
-    counted = np.isin(np.arange(6), trace.plan.space.kept)
+    counted = np.zeros(6, dtype=bool)
+    counted[trace.plan.space.kept] = True
     return np.where(counted, error, 0.0)
 
 

@@ -26,9 +26,13 @@ from zenoh_cbef.tracking.weights import spectrum_bounds, weight_matrix
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """What a scenario means. Every part is made when it is first asked for, and kept, in the order of their use."""
+    """What a scenario means. Every part is made when it is first asked for, and kept, in the order of their use.
+
+    like: a plan of the same scenario under another seed, which has the same filter; it is then made once.
+    """
 
     scenario: Scenario
+    like: Plan | None = None
 
     @property
     def realtime(self) -> bool:
@@ -172,12 +176,12 @@ class Plan:
     @cached_property
     def filter(self) -> Filter:
         """The scenario's filter."""
-        return make_filter(self.scenario.filter.kind, self.settings)
+        return self.like.filter if self.like else make_filter(self.scenario.filter.kind, self.settings)
 
     @cached_property
     def sharing(self) -> Sharing:
         """What the filter's agents exchange; no filter is made for it."""
-        return sharing_of(self.scenario.filter.kind, self.settings)
+        return self.like.sharing if self.like else sharing_of(self.scenario.filter.kind, self.settings)
 
     @cached_property
     def payloads(self) -> Payloads:
