@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,12 +12,12 @@ from zenoh_cbef.analysis.claimed import claimed_position_error
 from zenoh_cbef.analysis.consistency import agents_bands, chi2_band, described, nees_of
 from zenoh_cbef.analysis.coverage import estimated_steps, lacks, stretches, unseen_note
 from zenoh_cbef.analysis.demand import link_bytes
+from zenoh_cbef.analysis.link_metrics import links_of, totals_of
 from zenoh_cbef.analysis.misfit import misfit_note
 from zenoh_cbef.analysis.observability import unseen_steps
 from zenoh_cbef.analysis.receivers import bias_of, distrust_of
 from zenoh_cbef.analysis.results import (
     Honesty,
-    LinkMetrics,
     Messages,
     Metrics,
     Msee,
@@ -217,7 +217,8 @@ def _metrics(errors: Errors) -> Metrics:
         silent=quiet / max(1, trace.plan.rounds) if trace.scenario.consensus.trigger else None,
         messages=Messages(traffic.sent, traffic.recorded, traffic.missing, traffic.rejected),
         gaps=traffic.gaps,
-        links=_links(trace),
+        links=links_of(trace.links),
+        links_total=totals_of(trace.links),
     )
 
 
@@ -282,10 +283,3 @@ def _nis(errors: Errors) -> Nis | None:
     trace, first, told = errors.trace, errors.first, errors.trace.diagnostics
     found = described(told.nis, told.nis_degrees, time=trace.time, first=first, counted=errors.counted)
     return None if found is None else Nis(**vars(found), agents_band=agents_bands(told.nis_degrees, first))
-
-
-def _links(trace: Trace) -> list[LinkMetrics]:
-    *counts, _ = (one.name for one in fields(LinkMetrics))
-    columns = [getattr(trace.links, name).tolist() for name in counts]
-    latency = [one if np.isfinite(one) else None for one in trace.links.latency.tolist()]
-    return [LinkMetrics(*row) for row in zip(*columns, latency, strict=True)]

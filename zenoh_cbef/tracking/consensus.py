@@ -96,7 +96,7 @@ class Average:
     def _over(self, links: Links, sent: Floats, delivered: Bools | None) -> Floats:
         """The same sum of what all agents sent, link by link."""
         own, terms = self._told.take(links.order, axis=0), sent.take(links.source, axis=0)
-        if self._terms.shape[0] != len(terms):
+        if self._terms.ndim == 3:
             self._terms = self._factors = links.of(self.weights)[:, None]
             if self.workspace is None:  # A factor for each number takes less time, but of many parts much memory.
                 self._terms = self._factors = np.repeat(self._factors, terms.shape[1], axis=1)
