@@ -12,8 +12,10 @@ from zenoh_cbef.cli.stops import StopRequests
 SHOWN = """
 from zenoh_cbef.cli.run import _Display
 from zenoh_cbef.nodes.common.recording import Status
-display = _Display(100000)
+display = _Display(100000, 50)
 with display.live:
+    display.show(Status("mine", "run.mcap", 100000, agents=13))
+    display.live.refresh()
     display.show(Status("mine", "run.mcap", 100000, True, 99998, 0.1234, 123456, 1234567, 7654321))
     display.live.refresh()
 """
@@ -27,6 +29,7 @@ def test_a_run_is_told_whole_at_any_width(monkeypatch, width):
         assert screen.leave() == 0
     for whole in ("step  99998 of 100000 ", "error 0.1234 m 1234567 lost  7654321 late "):
         assert whole in screen.seen
+    assert "waits for 37 of 50 agents" in screen.seen
     assert "…" not in screen.seen
     assert ("123456 messages" in screen.seen) == (width == 140)
 

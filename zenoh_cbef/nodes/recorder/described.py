@@ -28,4 +28,4 @@ def described(identity: Identity, scenario: Scenario, expressions: Sequence[str]
 
 def as_text(status: Status) -> dict[str, str]:
     """The last status, as the end record has it."""
-    return {name: str(value) for name, value in asdict(status).items() if name != "state"}
+    return {name: str(value) for name, value in asdict(status).items() if name not in {"state", "agents"}}
