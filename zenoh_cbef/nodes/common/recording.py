@@ -9,12 +9,11 @@ from dataclasses import dataclass
 class Status:
     """What the recorder sees of a run.
 
-    began: whether any estimate was seen. step: what all estimates have reached; error: the
-    network's position error (m) there. messages: recorded. lost, late: on links, as their receivers counted. missing:
-    gaps in the sequence numbers of what was recorded. foreign: messages on more keys that no run has than a log names,
-    not recorded. behind: how often the recorder fell behind. dropped: messages that could not be written, and failure:
-    why not. slow: how many processes have said that they do not keep up with real time. agents: how many
-    are there.
+    began: whether any estimate was seen. step: what all estimates have reached; error: the network's position error
+    (m) there. messages: recorded. lost, late: on links, as their receivers counted. missing: gaps in the sequence
+    numbers of what was recorded. foreign: messages on more keys that no run has than a log names, not recorded.
+    behind: how often the recorder fell behind. dropped: messages that could not be written, and failure: why not.
+    slow: how many processes have said that they do not keep up with real time. agents: how many are there.
     """
 
     run: str
