@@ -25,10 +25,7 @@ from zenoh_cbef.tracking.smoothing import Smoothed
 from zenoh_cbef.tracking.tracker import Estimate
 
 _BLOCK, _PART = 1080, 360
-"""Agents of one batch of runs, and of one part of a larger run.
-
-The data of a round of so many fits into a core's own cache, where what stands around the rounds is shared by more.
-"""
+"""Agents of one batch of runs, and of one part of a larger run: data of a round that a core's own cache holds."""
 
 
 @dataclass(frozen=True)
@@ -95,8 +92,7 @@ class Simulation:
         self.rounds, self._keeps_sent = self.plan.rounds, keeps_sent or self.scenario.consensus.lag > 0
         self.heard = _together(heard)
         hears = np.asarray(np.isfinite(self.heard.ranges).any(axis=1))
-        size = _BLOCK if self.scenario.count <= _PART else _PART
-        self.tracker, self.neighbours = batch_parts(plans, size, hears)
+        self.tracker, self.neighbours = batch_parts(plans, _BLOCK if self.scenario.count <= _PART else _PART, hears)
         self.counts = LinkCounts(self.neighbours.present)
         self._fates = _all_fates(plans, self.neighbours)
         self._outgoing = outgoing_of(plans, range(self.scenario.count))

@@ -172,8 +172,7 @@ def _mean_over_agents(values: Floats) -> Floats:
 
 def _metrics(errors: Errors) -> Metrics:
     trace, window, counted = errors.trace, slice(errors.first, None), errors.counted
-    traffic = trace.traffic
-    share = traffic.agent_bytes / (trace.scenario.count * len(trace.time))
+    share = (traffic := trace.traffic).agent_bytes / (trace.scenario.count * len(trace.time))
     quiet = _quiet_rounds(trace)
     return Metrics(
         run=trace.name,

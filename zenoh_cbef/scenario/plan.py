@@ -26,10 +26,7 @@ from zenoh_cbef.tracking.weights import spectrum_bounds, weight_matrix
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """What a scenario means. Every part is made when it is first asked for, and kept, in the order of their use.
-
-    like: a plan of the same scenario under another seed, which has the same filter; it is then made once.
-    """
+    """What a scenario means: each part is made when it is first asked for. like: a plan under another seed, or None."""
 
     scenario: Scenario
     like: Plan | None = None
@@ -96,8 +93,7 @@ class Plan:
     @cached_property
     def bias(self) -> str:
         """What the filter does about biases: none, estimate, or auto where it can weigh them."""
-        chosen = self.scenario.filter
-        single = self.distrusts_others or (chosen.recovery and chosen.defaults < 2)
+        single = self.distrusts_others or (self.scenario.filter.recovery and self.scenario.filter.defaults < 2)
         unfit = single or bool(self.models) or not isinstance(self.motion, LinearMotion)
         return trust.bias(self.scenario, unfit=unfit)
 
