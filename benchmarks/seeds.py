@@ -13,12 +13,13 @@ from rich.table import Table
 from benchmarks.beside import compared
 from benchmarks.common import Row, below, results
 from zenoh_cbef.analysis.metrics import analyze
+from zenoh_cbef.experiment.cores import batches
 from zenoh_cbef.scenario import Scenario
 from zenoh_cbef.scenario.load import load
 from zenoh_cbef.simulator import simulate
 from zenoh_cbef.trace import Trace
 
-SEEDS, AT_ONCE, SINGLE, BESIDE = 1000, 60, 20, 30
+SEEDS, SINGLE, BESIDE = 1000, 20, 30
 LOSS = "fault=[{kind='loss', probability=0.3}]"
 CASES = {"clean": ([], 12.0), "30 % loss": ([LOSS], 15.0)}
 """Settings, and the CPU that a thousand seeds should take, s."""
@@ -48,9 +49,10 @@ def in_batches(seeds: Sequence[int], settings: Sequence[str]) -> tuple[float, di
     spent = 0.0
     digests: dict[int, str] = {}
     checked = set(seeds[:: max(1, len(seeds) // SINGLE)])
-    for start in range(0, len(seeds), AT_ONCE):
+    size = -(-len(seeds) // batches(load("tracking", settings).scenario, len(seeds), jobs=1))
+    for start in range(0, len(seeds), size):
         begin = time.process_time()
-        traces = analysed(seeds[start : start + AT_ONCE], settings)
+        traces = analysed(seeds[start : start + size], settings)
         spent += time.process_time() - begin
         digests |= {one.scenario.seed: digest(one) for one in traces if one.scenario.seed in checked}
     return spent, digests

@@ -24,8 +24,8 @@ from zenoh_cbef.tracking.ranging import Measurement
 from zenoh_cbef.tracking.smoothing import Smoothed
 from zenoh_cbef.tracking.tracker import Estimate
 
-_BLOCK = 360
-"""Agents of one batch, or part: for this many, the data of a round fits into a core's own cache."""
+_BLOCK, _PART = 1080, 360
+"""Agents of one batch of runs, and of one part of a larger run: data of a round that a core's own cache holds."""
 
 
 @dataclass(frozen=True)
@@ -92,7 +92,7 @@ class Simulation:
         self.rounds, self._keeps_sent = self.plan.rounds, keeps_sent or self.scenario.consensus.lag > 0
         self.heard = _together(heard)
         hears = np.asarray(np.isfinite(self.heard.ranges).any(axis=1))
-        self.tracker, self.neighbours = batch_parts(plans, _BLOCK, hears)
+        self.tracker, self.neighbours = batch_parts(plans, _BLOCK if self.scenario.count <= _PART else _PART, hears)
         self.counts = LinkCounts(self.neighbours.present)
         self._fates = _all_fates(plans, self.neighbours)
         self._outgoing = outgoing_of(plans, range(self.scenario.count))
@@ -193,7 +193,7 @@ def simulate(
 
     heard: measurements in place of the emulated ones. progress is called with each finished step.
     """
-    plans = [Plan(one) for one in scenarios]
+    plans = [first := Plan(scenarios[0]), *(Plan(one, first) for one in scenarios[1:])]
     refuse_a_trace_beyond_memory(plans[0], len(plans))
     worlds = [make_world(one) for one in scenarios]
     heard = heard or [heard_in(one, world) for one, world in zip(plans, worlds, strict=True)]

@@ -15,8 +15,10 @@ from zenoh_cbef.protocol.slow import REMEDY
 SHOWN = """
 from zenoh_cbef.cli.run import _Display
 from zenoh_cbef.nodes.common.recording import Status
-display = _Display(100000)
+display = _Display(100000, 50)
 with display.live:
+    display.show(Status("mine", "run.mcap", 100000, agents=13))
+    display.live.refresh()
     display.show(Status("mine", "run.mcap", 100000, True, 99998, 0.1234, 123456, 1234567, 7654321))
     display.live.refresh()
 """
@@ -30,12 +32,13 @@ def test_a_run_is_told_whole_at_any_width(monkeypatch, width):
         assert screen.leave() == 0
     for whole in ("step  99998 of 100000 ", "error 0.1234 m 1234567 lost  7654321 late "):
         assert whole in screen.seen
+    assert "waits for 37 of 50 agents" in screen.seen
     assert "…" not in screen.seen
     assert ("123456 messages" in screen.seen) == (width == 140)
 
 
 def test_processes_that_do_not_keep_up_are_named_once_with_the_remedy(capsys):
-    display, status = _Display(100), Status("mine", "run.mcap", 100, slow=["agent/10", "agent/2"])
+    display, status = _Display(100, 12), Status("mine", "run.mcap", 100, slow=["agent/10", "agent/2"])
     display.show(status)
     display.show(status)
     assert capsys.readouterr().err == f"warning: agent 2 and agent 10 do not keep up with real time; {REMEDY}\n"

@@ -32,6 +32,7 @@ def ignore(_: object) -> None:
 def scenario(monkeypatch: pytest.MonkeyPatch) -> Scenario:
     """A short run, of which two seeds are a batch."""
     monkeypatch.setattr(cores, "_BATCH", 80)
+    monkeypatch.setattr(cores, "_SHARED", 80)
     return load("tracking", SHORT).scenario
 
 

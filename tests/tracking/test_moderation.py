@@ -24,13 +24,14 @@ pytestmark = pytest.mark.filterwarnings("ignore::RuntimeWarning")  # what overfl
 WILD = st.sampled_from([1e90, 1e101, 1e160, -1e200, 1e308, -1e308])
 
 
+@pytest.mark.parametrize("rows", [1, 80])
 @pytest.mark.parametrize("limit", [LARGEST_SENT, LARGEST])
 @pytest.mark.parametrize("share", [0.0, 0.1, 0.4, 0.7, -0.7, -1.0, 1.0, 1.0000001, -2.0, 1e99, np.inf, -np.inf, np.nan])
-def test_one_number_of_many_tells_whether_all_are_within_a_limit(share: float, limit: float) -> None:
-    values = np.full((1, 5, 31), 0.6 * limit)
+def test_one_number_of_many_tells_whether_all_are_within_a_limit(share: float, limit: float, rows: int) -> None:
+    values = np.full((rows, 5, 31), 0.6 * limit)
     for others in (values, np.zeros_like(values), values[:, :0], values.swapaxes(1, 2)):
         assert is_within(others, limit)
-        for place in range(0, others.size, 29):
+        for place in range(0, others.size, 29 * rows):
             tried = others.copy()
             tried.flat[place] = share * limit
             assert is_within(tried, limit) == (abs(share) <= 1.0)

@@ -10,8 +10,10 @@ from zenoh_cbef.arrays import Floats
 
 def mean(values: Floats) -> Number:
     """The mean of the finite values; None for nothing."""
-    finite = values[np.isfinite(values)]
-    return float(finite.mean()) if finite.size else None
+    flat = values.ravel()
+    known = np.isfinite(flat)
+    finite = flat if np.logical_and.reduce(known) else flat[known]
+    return float(np.add.reduce(finite) / finite.size) if finite.size else None
 
 
 def rms(values: Floats) -> Number:
@@ -23,8 +25,8 @@ def rms(values: Floats) -> Number:
 def running_mean(values: Floats) -> Floats:
     """(1/k) sum_{t<=k} along the last axis; steps without a value are left out of sum and count."""
     present = np.isfinite(values)
-    total = np.cumsum(np.where(present, values, 0.0), axis=-1)
-    return np.where(np.cumsum(present, axis=-1) > 0, total / np.maximum(np.cumsum(present, axis=-1), 1), np.nan)
+    total, count = np.cumsum(np.where(present, values, 0.0), axis=-1), np.cumsum(present, axis=-1)
+    return np.where(count > 0, total / np.maximum(count, 1), np.nan)
 
 
 def last(values: Floats) -> Number:

@@ -46,7 +46,7 @@ def chi2_band(degrees: float, count: int = 1) -> tuple[float, float]:
 def nees_of(error: Floats, covariance: Floats) -> Floats:
     """e^T P^-1 e of errors (n, K, s) and covariances (n, K, s, s); NaN where either is not known."""
     known = np.asarray(np.isfinite(covariance).all(axis=(2, 3)))
-    safe = np.where(known[:, :, None, None], covariance, np.eye(error.shape[2]))
+    safe = covariance if known.all() else np.where(known[:, :, None, None], covariance, np.eye(error.shape[2]))
     scaled = np.linalg.solve(safe, np.nan_to_num(error)[..., None])[..., 0]
     return np.where(known, np.sum(error * scaled, axis=2), np.nan)
 
@@ -74,19 +74,21 @@ def described(values: Floats, degrees: Ints, *, time: Floats, first: int, counte
     if not known[:, first:].any():
         return None
     usual = float(np.median(degrees[:, first:][known[:, first:]]))
-    inside = _inside(values, degrees)
+    inside, whole = _inside(values, degrees)[counted], bool(known.all())
     ends = np.unique(np.linspace(0, len(time), min(_STRETCHES, len(time)) + 1).astype(int))
     stretches = [slice(start, end) for start, end in pairwise(ends.tolist())]
     return Honesty(
         average=mean(values[counted, first:]),
-        agents=_means(values[:, first:]),
+        agents=_means(values[:, first:], whole=whole),
         dimension=int(usual) if usual.is_integer() else usual,
         band=list(chi2_band(usual)),
-        inside=mean(inside[counted, first:]),
+        inside=mean(inside[:, first:]),
         over_time=OverTime(
             until=[float(time[end - 1]) for end in ends[1:]],
-            agents=[list(each) for each in zip(*(_means(values[:, one]) for one in stretches), strict=True)],
-            inside=[mean(inside[counted, stretch]) for stretch in stretches],
+            agents=[
+                list(each) for each in zip(*(_means(values[:, one], whole=whole) for one in stretches), strict=True)
+            ],
+            inside=[mean(inside[:, stretch]) for stretch in stretches],
         ),
     )
 
@@ -113,17 +115,16 @@ def trailing_mean(values: Floats, degrees: Ints, steps: int) -> Floats:
 
 def _inside(values: Floats, degrees: Ints) -> Floats:
     """1 where a value lies in the band of its own degrees of freedom, 0 where not, NaN where there is none."""
-    inside = np.full(values.shape, np.nan)
-    for each in np.unique(degrees[np.isfinite(values)]).tolist():
+    inside, known = np.full(values.shape, np.nan), np.isfinite(values)
+    for each in np.unique(degrees[known]).tolist():
         low, high = chi2_band(each)
-        chosen = np.isfinite(values) & (degrees == each)
-        inside[chosen] = (values[chosen] >= low) & (values[chosen] <= high)
+        inside = np.where(known & (degrees == each), (values >= low) & (values <= high), inside)
     return inside
 
 
-def _means(values: Floats) -> list[Number]:
-    """The mean of each row of (n, k)."""
-    if np.isfinite(values).all():
+def _means(values: Floats, *, whole: bool) -> list[Number]:
+    """The mean of each row of (n, k); whole: where no value is missing."""
+    if whole:
         means: list[Number] = (np.add.reduce(values, axis=1) / values.shape[1]).tolist()
         return means
     return [mean(row) for row in values]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,12 +12,12 @@ from zenoh_cbef.analysis.claimed import claimed_position_error
 from zenoh_cbef.analysis.consistency import agents_bands, chi2_band, described, nees_of
 from zenoh_cbef.analysis.coverage import estimated_steps, lacks, stretches, unseen_note
 from zenoh_cbef.analysis.demand import link_bytes
+from zenoh_cbef.analysis.link_metrics import links_of, totals_of
 from zenoh_cbef.analysis.misfit import misfit_note
 from zenoh_cbef.analysis.observability import unseen_steps
 from zenoh_cbef.analysis.receivers import bias_of, distrust_of
 from zenoh_cbef.analysis.results import (
     Honesty,
-    LinkMetrics,
     Messages,
     Metrics,
     Msee,
@@ -159,7 +159,8 @@ def _first(scorable: Bools, skip: float) -> int:
 
 def _estimated_only(trace: Trace, error: Floats) -> Floats:
     """Errors (..., 6) along the estimated axes; in a plane the height is given, so it is no error of the tracker's."""
-    counted = np.isin(np.arange(6), trace.plan.space.kept)
+    counted = np.zeros(6, dtype=bool)
+    counted[trace.plan.space.kept] = True
     return np.where(counted, error, 0.0)
 
 
@@ -171,8 +172,7 @@ def _mean_over_agents(values: Floats) -> Floats:
 
 def _metrics(errors: Errors) -> Metrics:
     trace, window, counted = errors.trace, slice(errors.first, None), errors.counted
-    traffic = trace.traffic
-    share = traffic.agent_bytes / (trace.scenario.count * len(trace.time))
+    share = (traffic := trace.traffic).agent_bytes / (trace.scenario.count * len(trace.time))
     quiet = _quiet_rounds(trace)
     return Metrics(
         run=trace.name,
@@ -216,7 +216,8 @@ def _metrics(errors: Errors) -> Metrics:
         silent=quiet / max(1, trace.plan.rounds) if trace.scenario.consensus.trigger else None,
         messages=Messages(traffic.sent, traffic.recorded, traffic.missing, traffic.rejected),
         gaps=traffic.gaps,
-        links=_links(trace),
+        links=links_of(trace.links),
+        links_total=totals_of(trace.links),
     )
 
 
@@ -281,10 +282,3 @@ def _nis(errors: Errors) -> Nis | None:
     trace, first, told = errors.trace, errors.first, errors.trace.diagnostics
     found = described(told.nis, told.nis_degrees, time=trace.time, first=first, counted=errors.counted)
     return None if found is None else Nis(**vars(found), agents_band=agents_bands(told.nis_degrees, first))
-
-
-def _links(trace: Trace) -> list[LinkMetrics]:
-    *counts, _ = (one.name for one in fields(LinkMetrics))
-    columns = [getattr(trace.links, name).tolist() for name in counts]
-    latency = [one if np.isfinite(one) else None for one in trace.links.latency.tolist()]
-    return [LinkMetrics(*row) for row in zip(*columns, latency, strict=True)]

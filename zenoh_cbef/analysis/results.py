@@ -154,6 +154,23 @@ class LinkMetrics:
 
 
 @dataclass(frozen=True)
+class LinkTotals:
+    """How many directed links there are, and the sums of their counts."""
+
+    links: int
+    sent: int
+    delivered: int
+    lost: int
+    late: int
+    injected_lost: int
+    injected_late: int
+    real_lost: int
+    deadline_missed: int
+    corrupted: int
+    duplicated: int
+
+
+@dataclass(frozen=True)
 class Metrics:
     """What a run achieved. RMSE, NEES, NIS and disagreement are of the scored window, which `skip` steps precede.
 
@@ -211,6 +228,7 @@ class Metrics:
     messages: Messages
     gaps: Mapping[str, list[tuple[int, int]]]
     links: list[LinkMetrics]
+    links_total: LinkTotals
 
     def as_json(self) -> dict[str, Json]:
         """The metrics as `analyze --json` prints them."""

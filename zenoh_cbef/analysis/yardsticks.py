@@ -18,7 +18,7 @@ from zenoh_cbef.tracking.central_models import CentralModels, centralized_models
 from zenoh_cbef.tracking.filters import Belief, level_of
 from zenoh_cbef.tracking.joint import joint_beliefs
 from zenoh_cbef.tracking.motion import begun
-from zenoh_cbef.tracking.reference import Ranges, centralized_beliefs, each_step, posterior_bound, stacked
+from zenoh_cbef.tracking.reference import Ranges, centralized_beliefs, each_step, posterior_bound
 from zenoh_cbef.tracking.switching import Switching
 
 DOUBT = 1.5
@@ -52,7 +52,8 @@ def yardsticks(traces: Sequence[Trace]) -> list[Yardsticks]:
     states, bounds = np.full(truth.shape, np.nan), np.full((*truth.shape, 6), np.nan)
     reach = max(measured)
     if reach:
-        states[:, :reach] = stacked(traces[0].plan.space, centralized_run(traces, reach))[0]
+        space = traces[0].plan.space
+        states[:, :reach] = np.stack([space.embed_state(one.state) for one in centralized_run(traces, reach)], axis=1)
     known = np.isfinite(truth)
     bounds[:, :reach] = _bounds(traces, np.where(known, truth, states)[:, :reach])
     bounds[~known.all(axis=2)] = np.nan

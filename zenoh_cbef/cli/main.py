@@ -58,6 +58,8 @@ def _open_streams() -> None:
 def _run() -> int:
     # The matrices are six by six, cores are few, and a process with one thread can fork.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    # Pydantic would read what every installed package says of itself, to find its own plug-ins.
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     try:
         try:
             if {"COMP_WORDS", "COMP_CWORD"} <= os.environ.keys():  # bash asks what may come next

@@ -48,12 +48,14 @@ _NAMED = 10
 class _Display:
     """The run as it goes: a bar on a terminal, a line now and then elsewhere."""
 
-    def __init__(self, steps: int) -> None:
+    def __init__(self, steps: int, agents: int) -> None:
+        self._agents = agents
         columns: tuple[ProgressColumn, ...] = (
             TextColumn("step {task.completed:>6.0f} of {task.total:.0f}"),
             TextColumn("error {task.fields[error]}"),
             TextColumn("{task.fields[lost]} lost  {task.fields[late]} late"),
             TimeRemainingColumn(compact=True),
+            TextColumn("{task.description}"),
         )
         if errors.width >= _ROOMY:  # A narrow terminal would cut numbers.
             more = TextColumn("{task.fields[rate]} steps/s"), TextColumn("{task.fields[messages]} messages")
@@ -77,9 +79,10 @@ class _Display:
         rate = None
         if self._began is not None and now > self._began[0]:
             rate = (status.step - self._began[1]) / (now - self._began[0])
-        error = number(status.error, "m")
+        error, waits = number(status.error, "m"), self._waits(status)
         self._progress.update(
             self._task,
+            description=waits,
             completed=status.step,
             messages=status.messages,
             lost=status.lost,
@@ -93,7 +96,12 @@ class _Display:
             tell(f"warning: {names} {'does' if len(slow) == 1 else 'do'} not keep up with real time; {REMEDY}")
         if not errors.is_terminal and now - self._told > 5.0:
             self._told = now
-            errors.print(f"step {status.step} of {status.steps}, error {error}, {status.messages} messages")
+            errors.print(waits or f"step {status.step} of {status.steps}, error {error}, {status.messages} messages")
+
+    def _waits(self, status: Status) -> str:
+        """What a run that has not begun waits for; empty for one that has."""
+        missing = self._agents - status.agents
+        return f"waits for {missing} of {self._agents} agents" if missing > 0 and not status.began else ""
 
 
 def _run(
@@ -153,7 +161,7 @@ def run_processes(
 def _execute(
     arguments: list[str], loaded: Loaded, run: str, path: Path, sync: bool, stops: StopRequests
 ) -> tuple[bool, list[str]]:
-    display = _Display(loaded.scenario.length)
+    display = _Display(loaded.scenario.length, loaded.scenario.count)
     tell(f"run {run}: {counted(loaded.scenario.count, 'agent')}, log {path}")
     try:
         launcher = launch(

@@ -74,15 +74,13 @@ def _inside(found: Honesty) -> Told:
 
 
 def _on_links(metrics: Metrics) -> Iterator[tuple[str | Told, ...]]:
-    links = metrics.links
+    links = metrics.links_total
     if metrics.precision != "float64" or metrics.silent is not None:
         silent = "" if metrics.silent is None else f"silent {metrics.silent:.0%}"
         size = Told(number(metrics.link_bytes_per_step, "B"))
         yield "on a link, a step", size, Told(metrics.precision), Told(silent)
-    sent, lost, late = sum(one.sent for one in links), sum(one.lost for one in links), sum(one.late for one in links)
-    yield "on links", Told(f"{sent} sent"), Told(f"{lost} lost"), Told(f"{late} late")
-    lost, late = sum(one.injected_lost + one.corrupted for one in links), sum(one.injected_late for one in links)
-    doubled = sum(one.duplicated for one in links)
+    yield "on links", Told(f"{links.sent} sent"), Told(f"{links.lost} lost"), Told(f"{links.late} late")
+    lost, late, doubled = links.injected_lost + links.corrupted, links.injected_late, links.duplicated
     if lost or late or doubled:
         yield "of these by faults", Told(f"{doubled} doubled"), Told(f"{lost} lost"), Told(f"{late} late")
 

@@ -16,16 +16,27 @@ from zenoh_cbef.extras import MissingExtra, from_extra
 from zenoh_cbef.machine import core_count
 from zenoh_cbef.scenario import Scenario
 
-# Rows times steps of one batch. Larger ones are no faster per run, as they leave the processor's caches.
-_BATCH = 100_000
+_BATCH = 324_000
+"""Rows times steps of one batch. Larger ones are no faster per run, and take memory."""
+
+_SHARED = 100_000
+"""Rows times steps from which on two processes are sooner done than one."""
 
 Task = TypeVar("Task")
 Found = TypeVar("Found")
 
 
 def at_once(scenario: Scenario) -> int:
-    """How many seeds of a scenario are one batch."""
+    """How many seeds of a scenario are one batch at most."""
     return max(1, _BATCH // (scenario.count * scenario.length))
+
+
+def batches(scenario: Scenario, runs: int, jobs: int) -> int:
+    """In how many batches so many runs of a scenario are done: as many for each process as for any other."""
+    if runs * scenario.count * scenario.length <= _SHARED:
+        return 1
+    each = workers(jobs)
+    return min(runs, -(-runs // (each * at_once(scenario))) * each)
 
 
 def workers(jobs: int) -> int:

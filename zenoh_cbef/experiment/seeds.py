@@ -12,7 +12,7 @@ from zenoh_cbef.analysis.divergence import refuse_divergence
 from zenoh_cbef.analysis.metrics import Analysis, analyze
 from zenoh_cbef.analysis.results import Metrics
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.experiment.cores import at_once, spread, workers
+from zenoh_cbef.experiment.cores import batches, spread
 from zenoh_cbef.quantities import SEEDS
 from zenoh_cbef.scenario import Scenario
 from zenoh_cbef.simulator import simulate
@@ -63,10 +63,8 @@ def metrics_of(
 
 
 def _batches(scenario: Scenario, seeds: int, jobs: int) -> list[range]:
-    """Batches of nearly one size, as many for each process as for any other."""
-    number = -(-seeds // at_once(scenario))
-    if number > 1:
-        number = min(seeds, -(-number // workers(jobs)) * workers(jobs))
+    """Batches of nearly one size."""
+    number = batches(scenario, seeds, jobs)
     edges = [place * seeds // number for place in range(number + 1)]
     return [range(*each) for each in pairwise(edges)]
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.experiment.cells import Cell
-from zenoh_cbef.experiment.cores import at_once, spread
+from zenoh_cbef.experiment.cores import batches, spread
 from zenoh_cbef.experiment.engines import executed, simulated
 from zenoh_cbef.experiment.file import Experiment
 from zenoh_cbef.experiment.journal import Journal, key_of
@@ -109,7 +109,7 @@ class Sweep:
         seeds = [seed for seed in self._seeds(cell) if journal.outcome(key, seed) is None]
         most = 1
         if self.experiment.engine == "simulate":
-            most = at_once(cell.scenario)
+            most = -(-len(seeds) // batches(cell.scenario, len(seeds), self.jobs)) or 1
         for start in range(0, len(seeds), most):
             yield Work(cell, key, seeds[start : start + most])
 

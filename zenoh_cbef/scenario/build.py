@@ -20,6 +20,7 @@ from zenoh_cbef.tracking.consensus import Average, Chebyshev, Consensus, Roundin
 from zenoh_cbef.tracking.filters import Belief
 from zenoh_cbef.tracking.isolating import Isolating
 from zenoh_cbef.tracking.knowable import most_information
+from zenoh_cbef.tracking.links import Links
 from zenoh_cbef.tracking.motion import LinearMotion
 from zenoh_cbef.tracking.parts import Part, Parts
 from zenoh_cbef.tracking.payloads import InformationPayloads
@@ -38,15 +39,29 @@ def _rounded(plan: Plan) -> Rounding | None:
     return None if plan.compact is None else plan.compact.rounded
 
 
+def _linked(plan: Plan) -> bool:
+    """Whether a batch's consensus stage takes what all agents sent: where it treats all neighbours alike."""
+    stage = plan.scenario.consensus
+    return not (stage.lag or stage.trim or stage.trigger or plan.isolates)
+
+
 def _stage(
-    plan: Plan, present: Bools, weights: Floats, bounds: Floats, workspace: Workspace | None = None
+    plan: Plan,
+    present: Bools,
+    weights: Floats,
+    bounds: Floats,
+    *,
+    workspace: Workspace | None = None,
+    links: Links | None = None,
 ) -> Consensus:
     if plan.sums:
-        return RunningSums(present, _rounded(plan))
-    return _averaging(plan, weights, bounds, workspace)
+        return RunningSums(present, _rounded(plan), links)
+    return _averaging(plan, weights, bounds, workspace, links)
 
 
-def _averaging(plan: Plan, weights: Floats, bounds: Floats, workspace: Workspace | None) -> Average:
+def _averaging(
+    plan: Plan, weights: Floats, bounds: Floats, workspace: Workspace | None, links: Links | None
+) -> Average:
     stage, payloads = plan.scenario.consensus, plan.payloads
     rounded = _rounded(plan)
     if stage.lag:
@@ -56,10 +71,10 @@ def _averaging(plan: Plan, weights: Floats, bounds: Floats, workspace: Workspace
             return TrimmedComponents(weights, stage.trim, rounded=rounded, workspace=workspace)
         return TrimmedMessages(weights, stage.trim, payloads.distance, rounded=rounded, workspace=workspace)
     if stage.acceleration == "chebyshev":
-        return Chebyshev(weights, bounds[:, :1], bounds[:, 1:], rounded=rounded, workspace=workspace)
+        return Chebyshev(weights, bounds[:, :1], bounds[:, 1:], rounded=rounded, workspace=workspace, links=links)
     if stage.trigger:
         return Triggered(weights, stage.trigger, plan.sharing.blocks, rounded=rounded, workspace=workspace)
-    return Average(weights, rounded=rounded, workspace=workspace)
+    return Average(weights, rounded=rounded, workspace=workspace, links=links)
 
 
 def _guarded(stage: Consensus, plan: Plan, present: Bools, names: Ids) -> Consensus:
@@ -111,7 +126,7 @@ def batch_parts(plans: Sequence[Plan], size: int, hears: Bools) -> tuple[Parts, 
     neighbours = batch.neighbours
     if len(hears) <= size:
         every = np.arange(len(hears), dtype=np.intp)
-        return Parts([Part(batch.tracker(slice(None), neighbours), every, neighbours)]), neighbours
+        return Parts([batch.part(slice(None), every, neighbours)]), neighbours
     degree = neighbours.degree
     # Rows with the same first neighbour have others in common: what one reads is in the cache for the next.
     order = np.lexsort((neighbours.index[:, 0] if neighbours.index.size else degree, degree, hears))
@@ -120,7 +135,7 @@ def batch_parts(plans: Sequence[Plan], size: int, hears: Bools) -> tuple[Parts, 
         rows = order[start : start + size]
         width = int(degree[rows].max())
         own = graph.Neighbours(neighbours.index[rows, :width], neighbours.present[rows, :width])
-        parts.append(Part(batch.tracker(rows, own, workspace), rows, own))
+        parts.append(batch.part(rows, rows, own, workspace))
     return Parts(parts), neighbours
 
 
@@ -149,12 +164,29 @@ class _Batch:
             np.concatenate([one.known_covariance for one in beliefs]),
         )
 
+    def part(
+        self,
+        rows: slice | NDArray[np.intp],
+        every: NDArray[np.intp],
+        own: graph.Neighbours,
+        workspace: Workspace | None = None,
+    ) -> Part:
+        """Some rows, which are `every`, and whose neighbours are `own`; workspace: shared with other rows."""
+        links = Links(own) if _linked(self.plan) else None
+        return Part(self.tracker(rows, own, workspace, links), every, own, linked=links is not None)
+
     def tracker(
-        self, rows: slice | NDArray[np.intp], own: graph.Neighbours, workspace: Workspace | None = None
+        self,
+        rows: slice | NDArray[np.intp],
+        own: graph.Neighbours,
+        workspace: Workspace | None = None,
+        links: Links | None = None,
     ) -> Tracker:
         """The tracker of some rows, whose neighbours are `own`; workspace: shared with other rows."""
         plan, width = self.plan, own.index.shape[1]
-        stage = _stage(plan, own.present, self.weights[rows, :width], self.bounds[rows], workspace)
+        stage = _stage(
+            plan, own.present, self.weights[rows, :width], self.bounds[rows], workspace=workspace, links=links
+        )
         names = own.index % plan.scenario.count
         begin = Belief(self.states[rows], self.covariances[rows])
         return Tracker(plan.filter, _guarded(stage, plan, own.present, names), plan.space, begin)

@@ -22,7 +22,9 @@ from zenoh_cbef.tracking.payloads import InformationPayloads, Payloads
 
 @dataclass(frozen=True, eq=False)
 class Plan(Filtering):
-    """What a scenario means. Every part is made when it is first asked for, and kept, in the order of their use."""
+    """What a scenario means: each part is made when it is first asked for. like: a plan under another seed, or None."""
+
+    like: Plan | None = None
 
     @property
     def realtime(self) -> bool:
@@ -37,12 +39,12 @@ class Plan(Filtering):
     @cached_property
     def filter(self) -> Filter:
         """The scenario's filter."""
-        return make_filter(self.scenario.filter.kind, self.settings)
+        return self.like.filter if self.like else make_filter(self.scenario.filter.kind, self.settings)
 
     @cached_property
     def sharing(self) -> Sharing:
         """What the filter's agents exchange; no filter is made for it."""
-        return sharing_of(self.scenario.filter.kind, self.settings)
+        return self.like.sharing if self.like else sharing_of(self.scenario.filter.kind, self.settings)
 
     @cached_property
     def payloads(self) -> Payloads:

@@ -10,6 +10,7 @@ import numpy as np
 
 from zenoh_cbef.arrays import Bools, Floats
 from zenoh_cbef.tracking.linalg import neighbour_sum
+from zenoh_cbef.tracking.links import Links
 
 Rounding = Callable[[Floats], Floats]
 """What receivers take messages (n, d) to be that travel in few bits."""
@@ -24,7 +25,7 @@ class Consensus(Protocol):
     def mix(self, received: Floats, delivered: Bools | None) -> Floats:
         """Take in one round, messages (n, m, d) of which some were delivered (n, m), None for all.
 
-        Returns the next message.
+        Returns the next message. A stage that has the links of its batch takes what all agents sent, (N, d), instead.
         """
 
     def result(self) -> Floats:
@@ -54,11 +55,13 @@ class Average:
     Zampieri, Int. J. Robust Nonlinear Control 19(16), 2009).
 
     weights: (n, m), zero where padded. rounded: None where messages are as they are. workspace: of a batch in parts.
+    links: of a batch that takes what all agents sent.
     """
 
     weights: Floats
     rounded: Rounding | None = field(default=None, kw_only=True)
     workspace: Workspace | None = field(default=None, kw_only=True)
+    links: Links | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
         self._terms = np.empty((*self.weights.shape, 0))
@@ -80,12 +83,30 @@ class Average:
     def _averaged(self, received: Floats, delivered: Bools | None) -> Floats:
         # The own value stands in for a missing one, so its term is zero and the rows of W always sum to one. The sum
         # is never -0.0, which padding in a larger batch would turn into 0.0.
-        terms = self._weighed(received)
-        if delivered is not None and not delivered.all():
-            terms[~delivered] = 0.0
-        total = neighbour_sum(terms)
+        if self.links is None:
+            terms = self._weighed(received)
+            if delivered is not None and not delivered.all():
+                terms[~delivered] = 0.0
+            total = neighbour_sum(terms)
+        else:
+            total = self._over(self.links, received, delivered)
         total += self._value
         return total
+
+    def _over(self, links: Links, sent: Floats, delivered: Bools | None) -> Floats:
+        """The same sum of what all agents sent, link by link."""
+        own, terms = self._told.take(links.order, axis=0), sent.take(links.source, axis=0)
+        if self._terms.ndim == 3:
+            self._terms = self._factors = links.of(self.weights)[:, None]
+            if self.workspace is None:  # A factor for each number takes less time, but of many parts much memory.
+                self._terms = self._factors = np.repeat(self._factors, terms.shape[1], axis=1)
+        for block in links.blocks:
+            part = terms[block]
+            part -= own[: len(part)]
+            part *= self._factors[block]
+        if len(missed := links.missed(delivered)):
+            terms[missed] = 0.0
+        return links.summed(terms)
 
     def _weighed(self, received: Floats) -> Floats:
         """w_ij (q_j - q_i), (n, m, d)."""
@@ -165,11 +186,12 @@ class RunningSums:
     made or lost.
 
     present: (n, m), False where padded. Messages are one number longer than payloads, (n, d + 1). rounded: None where
-    messages are as they are.
+    messages are as they are. links: of a batch that takes what all agents sent.
     """
 
     present: Bools
     rounded: Rounding | None = None
+    links: Links | None = None
 
     def __post_init__(self) -> None:
         self._shares: Floats = self.present.sum(axis=1)[:, None] + 1.0
@@ -179,7 +201,8 @@ class RunningSums:
         """Begin again, with nothing heard from any neighbour; the first sum is y/D."""
         self._mass: Floats = np.concatenate([payload, np.ones((len(payload), 1))], axis=1)
         self._sent = np.zeros_like(self._mass)
-        self._heard = np.zeros((self.present.size, self._mass.shape[1]))
+        count = self.present.size if self.links is None else len(self.links.source)
+        self._heard = np.zeros((count, self._mass.shape[1]))
         return self._give()
 
     def _give(self) -> Floats:
@@ -195,6 +218,12 @@ class RunningSums:
 
     def mix(self, received: Floats, delivered: Bools | None) -> Floats:
         """Keep one share, take in what neighbours have sent since they were last heard."""
+        news = self._news(received, delivered) if self.links is None else self._over(self.links, received, delivered)
+        self._mass = self._share + news
+        return self._give()
+
+    def _news(self, received: Floats, delivered: Bools | None) -> Floats:
+        """The sum of what neighbours have sent since, (n, d + 1)."""
         arrived = self.present if delivered is None else delivered & self.present
         # One neighbour after the other, for all agents of the batch at once: that order uses memory best.
         flags = arrived.T.ravel()
@@ -204,8 +233,16 @@ class RunningSums:
         news[missed] = 0.0
         total = neighbour_sum(news.reshape(*self.present.T.shape, news.shape[1]).swapaxes(0, 1))
         self._heard[came] = messages.take(came, axis=0)
-        self._mass = self._share + total
-        return self._give()
+        return total
+
+    def _over(self, links: Links, sent: Floats, delivered: Bools | None) -> Floats:
+        """The same sum of what all agents sent, link by link."""
+        messages, missed = sent.take(links.source, axis=0), links.missed(delivered)
+        messages[missed] = self._heard.take(missed, axis=0)
+        news = np.subtract(messages, self._heard, out=self._heard)
+        news[missed] = 0.0
+        self._heard = messages
+        return links.summed(news)
 
     def result(self) -> Floats:
         """The ratio; its divisor is positive, as an agent always keeps a share."""

@@ -16,12 +16,13 @@ per range (a spread of 1 nm), of 1e3 agents in 1e7 steps, times 1e12 for velocit
 a position of 1e15 m: 1e55 in all. And its fourth power is finite, so that an update can be computed from it.
 """
 
-_MANY = 1_000_000
+_MANY = 10_000
+"""OpenBLAS splits a longer sum of squares among threads, which on a busy machine wait for one another for longer."""
 
 
 def is_within(values: Floats, limit: float) -> bool:
     """Whether no number is beyond a limit, and none is NaN."""
-    if values.size > _MANY:  # without a copy, which would have to go through memory
+    if values.size > _MANY:
         return bool(values.max() <= limit and values.min() >= -limit)
     # A round asks twice. The sum of squares is one call, and nearly always far below; beyond, or where it is not
     # finite, each number is looked at.

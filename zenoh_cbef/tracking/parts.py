@@ -19,11 +19,15 @@ from zenoh_cbef.tracking.tracker import Estimate, Tracker
 
 @dataclass(frozen=True)
 class Part:
-    """The agents of one tracker: their rows of the batch (p,), and the rows of their neighbours (p, m)."""
+    """The agents of one tracker: their rows of the batch (p,), and the rows of their neighbours (p, m).
+
+    linked: whether its consensus stage takes what all agents sent.
+    """
 
     tracker: Tracker
     rows: Rows
     neighbours: Neighbours
+    linked: bool = False
 
 
 class Parts:
@@ -35,7 +39,7 @@ class Parts:
         self._alone = len(parts) == 1
         self._places = np.argsort(np.concatenate([part.rows for part in parts]))
         # What neighbours sent, laid out neighbour by neighbour.
-        self._sources = [np.ascontiguousarray(part.neighbours.index.T) for part in parts]
+        self._sources = [np.ascontiguousarray(part.neighbours.index.T) for part in parts if not part.linked]
         self._widths = [part.neighbours.index.shape[1] for part in parts]
 
     @property
@@ -64,15 +68,20 @@ class Parts:
     def exchange(self, sent: Floats, delivered: Bools | None) -> Floats:
         """One round: what all agents sent (n, d), of which neighbours get what is delivered (n, m), None for all."""
         if self._alone:
-            came = self._parts[0].neighbours.present if delivered is None else delivered
-            return self._parts[0].tracker.exchange(self._heard(0, sent), came)
+            return self._taken_in(0, sent, delivered)
         following = np.empty_like(sent)
         for place, part in enumerate(self._parts):
-            came = part.neighbours.present
-            if delivered is not None:
-                came = delivered[part.rows, : self._widths[place]]
-            following[part.rows] = part.tracker.exchange(self._heard(place, sent), came)
+            came = None if delivered is None else delivered[part.rows, : self._widths[place]]
+            following[part.rows] = self._taken_in(place, sent, came)
         return following
+
+    def _taken_in(self, place: int, sent: Floats, delivered: Bools | None) -> Floats:
+        part = self._parts[place]
+        if part.linked:
+            return part.tracker.exchange(sent, delivered)
+        return part.tracker.exchange(
+            self._heard(place, sent), part.neighbours.present if delivered is None else delivered
+        )
 
     def _heard(self, place: int, sent: Floats) -> Floats:
         return sent.take(self._sources[place], axis=0).swapaxes(0, 1)

@@ -24,12 +24,27 @@ def open_axes(positions: Floats, there: Bools, window: int, resolution: float) -
     axes = positions.shape[2]
     if not there.any():
         return np.full(positions.shape[1] - window + 1, axes)
+    if _alike(positions) and _alike(there):  # All windows are.
+        positions, there, count = positions[:, :window], there[:, :window], positions.shape[1] - window + 1
+        return np.repeat(_open_axes(positions, there, window, resolution), count)
+    return _open_axes(positions, there, window, resolution)
+
+
+def _alike(values: Floats | Bools) -> bool:
+    """Whether values (n, K, ...) are the same in all steps."""
+    return bool((values == values[:, :1]).all())
+
+
+def _open_axes(positions: Floats, there: Bools, window: int, resolution: float) -> Ints:
+    """The same where some agent ranges, window by window."""
     places = np.where(there[:, :, None], positions - positions[there].mean(axis=0), 0.0)
     moments = there.sum(axis=0).astype(np.float64), places.sum(axis=0), np.einsum("nki,nkj->kij", places, places)
     number, total, squares = moments
     time = np.arange(window, dtype=np.float64) - (window - 1) / 2.0
 
     def summed(values: Floats, power: int) -> Floats:
+        if len(values) == window:
+            return np.asarray(np.moveaxis(values, 0, -1) @ time**power)[None]
         return np.asarray(np.lib.stride_tricks.sliding_window_view(values, window, axis=0) @ time**power)
 
     common = np.stack([summed(number, power) for power in (0, 1, 1, 2)], axis=-1).reshape(-1, 2, 2)

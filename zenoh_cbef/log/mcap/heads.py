@@ -189,7 +189,7 @@ def _indexed(data: bytes, part: Record, entries: bytes) -> Ints | None:
         if between is None:
             return None
         found.append(between)
-    return np.sort(np.concatenate(found))
+    return np.sort(np.concatenate(found)) if len(found) > 1 else named
 
 
 def record_places(data: bytes, part: Record) -> Ints | None:

@@ -147,7 +147,8 @@ class McapFile:
                 self._report(f"message at byte {record.start} stands among chunks")
             else:
                 found = self._messages_of(record, declared)
-            crc, checked = self._crc(checked, record.end, crc), record.end
+            if record.end - checked >= _AT_ONCE:
+                crc, checked = self._crc(checked, record.end, crc), record.end
             kept = self._forget(kept, record.end)
             count += len(found or ())
             if holds_messages(record):
@@ -213,11 +214,9 @@ class McapFile:
         return end
 
     def _crc(self, start: int, end: int, crc: int) -> int:
-        """The CRC of bytes of the file, which may be more than the memory holds; a record can claim to end later."""
-        end = min(end, len(self._bytes))
-        for position in range(start, end, _AT_ONCE):
-            crc = zlib.crc32(self._bytes[position : min(end, position + _AT_ONCE)], crc)
-        return crc
+        """The CRC of bytes of the file; a record can claim to end later than these."""
+        with memoryview(self._bytes) as whole, whole[start:end] as part:  # No copy: they may be most of the memory.
+            return zlib.crc32(part, crc)
 
     def _report(self, sentence: str) -> None:
         if len(self._reported) < MAX_DAMAGE and sentence not in self._reported:

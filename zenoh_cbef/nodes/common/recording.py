@@ -11,9 +11,9 @@ class Status:
 
     began: whether any estimate was seen. step: what all estimates have reached; error: the network's position error
     (m) there. messages: recorded. lost, late: on links, as their receivers counted. missing: gaps in the sequence
-    numbers of what was recorded. foreign: messages on more keys that no run
-    has than a log names, not recorded. behind: how often the recorder fell behind. dropped: messages that could not be
-    written, and failure: why not. slow: the processes that have said that they do not keep up with real time.
+    numbers of what was recorded. foreign: messages on more keys that no run has than a log names, not recorded.
+    behind: how often the recorder fell behind. dropped: messages that could not be written, and failure: why not.
+    slow: the processes that have said that they do not keep up with real time. agents: how many are there.
     """
 
     run: str
@@ -31,4 +31,5 @@ class Status:
     foreign: int = 0
     failure: str = ""
     slow: list[str] = field(default_factory=list)
+    agents: int = 0
     state: str = "recording"

@@ -29,4 +29,4 @@ def described(identity: Identity, scenario: Scenario, expressions: Sequence[str]
 def as_text(status: Status) -> dict[str, str]:
     """The last status, as the end record has it: of slow processes, how many they are."""
     said = asdict(status) | {"slow": len(status.slow)}
-    return {name: str(value) for name, value in said.items() if name != "state"}
+    return {name: str(value) for name, value in said.items() if name not in {"state", "agents"}}

@@ -19,12 +19,13 @@ _KEPT = 256
 class Overview:
     """Keeps a Status up to date from the messages that go by.
 
-    reached: the latest step of which an estimate came. heard: the same for each agent.
+    present: tells how many agents are there. reached: the latest step of which an estimate came. heard: the same for
+    each agent.
     """
 
     def __init__(self, status: Status, present: Callable[[], int]) -> None:
         self.status = status
-        self._present = present
+        self.present = present
         self._expected = 1
         self.reached = 0
         self.heard: dict[int, int] = {}
@@ -69,7 +70,7 @@ class Overview:
         # A forged estimate can be too far off for its square: a product is infinite then, where a power would raise.
         errors.append(sum(one * one for one in apart))
         # At the end all processes have left before their last words are read.
-        self._expected = self._present() or self._expected
+        self._expected = self.present() or self._expected
         if len(errors) >= self._expected:
             self.status.step = step
             self.status.error = float(np.sqrt(np.mean(errors)))
@@ -81,7 +82,7 @@ class Overview:
 
         A target can be ahead of agents that are too slow for more steps than are kept.
         """
-        self._expected = self._present() or self._expected
+        self._expected = self.present() or self._expected
         done = min(self.heard.values()) if len(self.heard) >= self._expected else 0
         if self.status.step < done < min(self._truth, default=done + 1):
             self.status.step = min(done, self.status.steps)

@@ -162,6 +162,7 @@ class Recorder:
     def status(self) -> Status:
         """The present status."""
         status = self.overview.status
+        status.agents = self.overview.present()
         with self._lock:
             status.messages, status.missing = self.log.count, self.log.missing
             status.dropped, status.failure, status.foreign = self.log.dropped, self.log.failure, self.log.foreign

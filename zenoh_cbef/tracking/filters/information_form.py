@@ -277,5 +277,8 @@ def saturation(innovation: Floats, level: Floats, power: int = 1) -> Floats:
     Times the innovation it is Huber's function for power 1, which bounds it, and falls off again for power 2.
     """
     size = np.abs(innovation)
-    gain = np.where(size <= level, 1.0, level / np.where(size > 0.0, size, 1.0))
+    inside = size <= level
+    if np.logical_and.reduce(inside, axis=None):
+        return np.ones(inside.shape)
+    gain = np.where(inside, 1.0, level / np.where(size > 0.0, size, 1.0))
     return gain if power == 1 else gain**power
