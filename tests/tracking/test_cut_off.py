@@ -13,14 +13,17 @@ from zenoh_cbef.scenario.checks import check
 from zenoh_cbef.scenario.load import load
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.simulator import simulate
+from zenoh_cbef.tracking.copying import replace
 from zenoh_cbef.tracking.filters import Belief
 from zenoh_cbef.tracking.filters.around.cut_off import CutOff, faintest
+from zenoh_cbef.tracking.filters.around.knowing import Knowing
+from zenoh_cbef.tracking.filters.around.reacquiring import Reacquiring
 from zenoh_cbef.tracking.filters.kinds.sicf import SaturatedInformation
 from zenoh_cbef.tracking.filters.settings import FilterSettings
 from zenoh_cbef.tracking.graph import components, make_edges, neighbours
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
 from zenoh_cbef.tracking.ranging import Measurement, Space, own_range
-from zenoh_cbef.tracking.status import COASTING, TRACKING
+from zenoh_cbef.tracking.status import COASTING, TRACKING, Status
 from zenoh_cbef.tracking.weights import metropolis_weights, weight_matrix
 
 HALVES = 'fault=[{kind="partition",links={between=[[0,1,2],[3,4,5]]},from=6.0,until=20.0}]'
@@ -83,6 +86,16 @@ def test_all_together_estimate_what_they_would_without_it(five):
         update = five.filter.update(plain, heard())
         plain = five.filter.conclude(np.tile(update.payload.mean(axis=0), (5, 1)), update)
         assert belief.state.tobytes() == plain.state.tobytes()
+
+
+def test_agents_of_a_group_that_is_too_small_do_not_vote_on_another_fix():
+    motion, space, anywhere = NearlyConstantVelocity(0.1, 1.0), Space(), (np.zeros((1, 6)), np.eye(6)[None])
+    settings = FilterSettings(motion, space, 0.1, 2.0, 5, reacquires=10, says_status=True, anywhere=anywhere)
+    chosen = Reacquiring.of(settings, Knowing(SaturatedInformation.of(settings), settings), 2.0, 29)
+    search = chosen._begun(Belief(np.zeros((2, 6)), np.tile(np.eye(6), (2, 1, 1))))  # noqa: SLF001 - a first step
+    tracks = replace(Status.first(2), which=np.full(2, TRACKING))
+    few, both = np.array([True, False]), np.array([True, True])
+    assert chosen._tag(replace(search, step=np.ones(2)), tracks, both, few).tolist() == [0.0, -1.0]  # noqa: SLF001
 
 
 @pytest.mark.parametrize("motion", ["ncv", "imm"])
