@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from zenoh_cbef.tracking.linalg import (
     inverse,
+    inverse_if_any,
     matvec,
     neighbour_sum,
     outer,
@@ -42,6 +43,14 @@ def test_inverse_is_symmetric_to_the_last_bit_and_inverts():
     np.testing.assert_allclose(matrices @ inverted, np.broadcast_to(np.eye(6), (20, 6, 6)), atol=1e-9)
     public = np.linalg.inv(matrices)
     assert inverted.tobytes() == (0.5 * (public + np.swapaxes(public, 1, 2))).tobytes()
+
+
+def test_a_singular_matrix_leaves_the_others_of_a_batch_as_they_are_where_it_may_be_one():
+    matrices = covariances(3, 6)
+    matrices[1] = 0.0
+    found = inverse_if_any(matrices)
+    assert np.isnan(found[1]).all()
+    assert found[::2].tobytes() == inverse(matrices[::2]).tobytes()
 
 
 def test_a_singular_matrix_in_a_batch_is_told_and_what_is_not_a_number_stays_so():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from functools import cache
 
 import numpy as np
@@ -27,6 +28,18 @@ def inverse(matrices: Floats) -> Floats:
     """
     inverted = np.linalg.inv(matrices)
     return np.asarray(0.5 * (inverted + inverted.swapaxes(-1, -2)))
+
+
+def inverse_if_any(matrices: Floats) -> Floats:
+    """As inverse, of matrices (n, s, s), but NaN in place of an error where one is singular."""
+    try:
+        return inverse(matrices)
+    except np.linalg.LinAlgError:
+        inverted = np.full_like(matrices, np.nan)
+        for place, matrix in enumerate(matrices):
+            with suppress(np.linalg.LinAlgError):
+                inverted[place] = inverse(matrix)
+        return inverted
 
 
 def neighbour_sum(terms: Floats) -> Floats:
