@@ -11,13 +11,13 @@ from zenoh_cbef.errors import UserError
 from zenoh_cbef.scenario.load import load
 from zenoh_cbef.simulator import simulate
 from zenoh_cbef.tracking.filters.around.auto_bias import mixed
-from zenoh_cbef.tracking.filters.around.biased_information import BiasedInformation
 from zenoh_cbef.tracking.filters.around.evidence import Evidence
-from zenoh_cbef.tracking.filters.around.first_fix import FirstFix
 from zenoh_cbef.tracking.filters.around.learned_noise import LearnedNoise, learned
 from zenoh_cbef.tracking.filters.base import Belief
+from zenoh_cbef.tracking.filters.finding.first_fix import FirstFix
 from zenoh_cbef.tracking.filters.information_form import packed_size
 from zenoh_cbef.tracking.filters.kinds.sicf import SaturatedInformation
+from zenoh_cbef.tracking.filters.models.biased_information import BiasedInformation
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
 from zenoh_cbef.tracking.ranging import Measurement, Space
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from zenoh_cbef.tracking.filters.around.branching import Branches, Heard
-from zenoh_cbef.tracking.filters.around.branching import conditioned as taken_in
+from zenoh_cbef.tracking.filters.models.branching import Branches, Heard
+from zenoh_cbef.tracking.filters.models.branching import conditioned as taken_in
 
 PLACES = np.array([[-9.0, -7, 3], [8, -6, -5], [7, 8, 2], [-6, 9, -7], [1, -9, 9], [-2, 5, -8]])
 STD = 0.1

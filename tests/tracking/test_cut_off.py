@@ -16,8 +16,8 @@ from zenoh_cbef.simulator import simulate
 from zenoh_cbef.tracking.copying import replace
 from zenoh_cbef.tracking.filters import Belief
 from zenoh_cbef.tracking.filters.around.cut_off import CutOff, faintest
-from zenoh_cbef.tracking.filters.around.knowing import Knowing
-from zenoh_cbef.tracking.filters.around.reacquiring import Reacquiring
+from zenoh_cbef.tracking.filters.finding.knowing import Knowing
+from zenoh_cbef.tracking.filters.finding.reacquiring import Reacquiring
 from zenoh_cbef.tracking.filters.kinds.sicf import SaturatedInformation
 from zenoh_cbef.tracking.filters.settings import FilterSettings
 from zenoh_cbef.tracking.graph import components, make_edges, neighbours

@@ -7,7 +7,7 @@ from itertools import combinations
 
 import numpy as np
 
-from zenoh_cbef.tracking.filters.around.doubts import Doubts
+from zenoh_cbef.tracking.filters.finding.doubts import Doubts
 
 BUSY = ("doing", "vote", "rest", "left", "open")
 

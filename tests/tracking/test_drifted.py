@@ -8,8 +8,8 @@ import numpy as np
 
 from zenoh_cbef.scenario.load import load
 from zenoh_cbef.scenario.plan import Plan
-from zenoh_cbef.tracking.filters.around.drifted import bent, drifted
 from zenoh_cbef.tracking.filters.base import Belief
+from zenoh_cbef.tracking.filters.finding.drifted import bent, drifted
 from zenoh_cbef.tracking.ranging import Space
 from zenoh_cbef.tracking.status import Status
 

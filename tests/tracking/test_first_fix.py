@@ -7,9 +7,9 @@ from functools import partial
 import numpy as np
 import pytest
 
-from zenoh_cbef.tracking.filters.around.first_fix import FirstFix
-from zenoh_cbef.tracking.filters.around.squared_ranges import Frame, Seen, SquaredRanges
 from zenoh_cbef.tracking.filters.base import Belief
+from zenoh_cbef.tracking.filters.finding.first_fix import FirstFix
+from zenoh_cbef.tracking.filters.finding.squared_ranges import Frame, Seen, SquaredRanges
 from zenoh_cbef.tracking.filters.information_form import packed_size
 from zenoh_cbef.tracking.filters.kinds.icf import InformationWeighted
 from zenoh_cbef.tracking.linalg import unpack_upper

@@ -7,9 +7,9 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from zenoh_cbef.tracking.filters.around import hypotheses
-from zenoh_cbef.tracking.filters.around.hypotheses import Hypotheses, Told, _Problem, belief_at, speed_of
 from zenoh_cbef.tracking.filters.base import Belief
+from zenoh_cbef.tracking.filters.finding import hypotheses
+from zenoh_cbef.tracking.filters.finding.hypotheses import Hypotheses, Told, _Problem, belief_at, speed_of
 from zenoh_cbef.tracking.ranging import Space
 
 PLACES = np.array([[-8.0, 3, 1], [7, -6, 4], [2, 9, -5], [-3, -7, -8], [9, 5, 7], [-6, 1, 9]])

@@ -10,8 +10,8 @@ import pytest
 from zenoh_cbef.scenario.load import load, parse
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.tracking.filters import Belief, FilterSettings, make_filter
-from zenoh_cbef.tracking.filters.around.moved import moved
 from zenoh_cbef.tracking.filters.around.recovering import widened
+from zenoh_cbef.tracking.filters.finding.moved import moved
 from zenoh_cbef.tracking.joint import _Joint
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
 from zenoh_cbef.tracking.ranging import Measurement, Space

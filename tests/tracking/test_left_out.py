@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from zenoh_cbef.tracking.filters import FilterSettings
-from zenoh_cbef.tracking.filters.around.supposing import _MEMORY, Supposing
 from zenoh_cbef.tracking.filters.base import Belief
+from zenoh_cbef.tracking.filters.finding.supposing import _MEMORY, Supposing
 from zenoh_cbef.tracking.filters.kinds.icf import InformationWeighted
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
 from zenoh_cbef.tracking.ranging import Measurement, Space

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from zenoh_cbef.tracking.filters import FilterSettings
-from zenoh_cbef.tracking.filters.around.biased_information import BiasedInformation
-from zenoh_cbef.tracking.filters.around.joint_biases import JointBiases
 from zenoh_cbef.tracking.filters.base import Belief
+from zenoh_cbef.tracking.filters.models.biased_information import BiasedInformation
+from zenoh_cbef.tracking.filters.models.joint_biases import JointBiases
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
 from zenoh_cbef.tracking.ranging import Space
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from zenoh_cbef.tracking.filters.around.own_line import OwnLine
-from zenoh_cbef.tracking.filters.around.remembered_ranges import Wandering
-from zenoh_cbef.tracking.filters.around.squared_ranges import Seen
+from zenoh_cbef.tracking.filters.finding.own_line import OwnLine
+from zenoh_cbef.tracking.filters.finding.remembered_ranges import Wandering
+from zenoh_cbef.tracking.filters.finding.squared_ranges import Seen
 
 LINE = OwnLine(0.1, Wandering(0.0, 1.0), 1e4)
 AGES = 0.1 * np.arange(19, -1, -1.0)

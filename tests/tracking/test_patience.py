@@ -10,7 +10,7 @@ import pytest
 from zenoh_cbef.scenario.load import load
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.simulator import simulate
-from zenoh_cbef.tracking.filters.around.patience import gives_up, left_to_a_fix
+from zenoh_cbef.tracking.filters.finding.patience import gives_up, left_to_a_fix
 from zenoh_cbef.tracking.ranging import Measurement
 from zenoh_cbef.tracking.status import COASTING, LOST, Status
 

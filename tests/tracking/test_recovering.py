@@ -12,9 +12,9 @@ from zenoh_cbef.scenario.load import load, parse
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.simulator import simulate
 from zenoh_cbef.tracking.filters import Belief
-from zenoh_cbef.tracking.filters.around.imm import InteractingModels
 from zenoh_cbef.tracking.filters.around.recovering import Recovering, widened
 from zenoh_cbef.tracking.filters.around.returning import Returning
+from zenoh_cbef.tracking.filters.models.imm import InteractingModels
 from zenoh_cbef.tracking.ranging import Measurement
 
 

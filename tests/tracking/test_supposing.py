@@ -7,9 +7,9 @@ import pytest
 
 from zenoh_cbef.tracking.copying import replace
 from zenoh_cbef.tracking.filters import FilterSettings
-from zenoh_cbef.tracking.filters.around.doubts import SLOT, Doubts
-from zenoh_cbef.tracking.filters.around.supposing import Supposing
 from zenoh_cbef.tracking.filters.base import Belief
+from zenoh_cbef.tracking.filters.finding.doubts import SLOT, Doubts
+from zenoh_cbef.tracking.filters.finding.supposing import Supposing
 from zenoh_cbef.tracking.filters.kinds.icf import InformationWeighted
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
 from zenoh_cbef.tracking.ranging import Space

@@ -7,7 +7,7 @@ import numpy as np
 from tests import unaided
 from zenoh_cbef.scenario.load import load
 from zenoh_cbef.simulator import simulate
-from zenoh_cbef.tracking.filters.around.remembered_ranges import Remembered, Wandering
+from zenoh_cbef.tracking.filters.finding.remembered_ranges import Remembered, Wandering
 
 DRIFT = Wandering(0.0, 1.0)
 

@@ -10,8 +10,8 @@ from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.scenario.world import make_world
 from zenoh_cbef.simulator import Heard, heard_in, simulate
 from zenoh_cbef.tracking.filters import Belief, FilterSettings, make_filter
-from zenoh_cbef.tracking.filters.around.first_fix import FirstFix
-from zenoh_cbef.tracking.filters.around.tried_guess import TriedGuess
+from zenoh_cbef.tracking.filters.finding.first_fix import FirstFix
+from zenoh_cbef.tracking.filters.finding.tried_guess import TriedGuess
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
 from zenoh_cbef.tracking.ranging import Measurement, Space
 

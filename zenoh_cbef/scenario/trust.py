@@ -7,7 +7,7 @@ import numpy as np
 from zenoh_cbef.faults import SenderFault, SensorFault
 from zenoh_cbef.scenario.model import Scenario
 from zenoh_cbef.tracking.filters import abilities_of
-from zenoh_cbef.tracking.filters.around import joint_biases
+from zenoh_cbef.tracking.filters.models import joint_biases
 
 _XI = {1: 1.5, 2: 2.0}
 """Saturation level by the saturation's power, in standard deviations.

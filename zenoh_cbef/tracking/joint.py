@@ -11,12 +11,12 @@ from zenoh_cbef.tracking.central_models import CentralModels
 from zenoh_cbef.tracking.copying import replace
 from zenoh_cbef.tracking.filters import FilterSettings, make_filter, sharing_of
 from zenoh_cbef.tracking.filters.around.auto_bias import mixed
-from zenoh_cbef.tracking.filters.around.biased_information import forgetting
 from zenoh_cbef.tracking.filters.around.evidence import BEGIN, MEMORY, Evidence
 from zenoh_cbef.tracking.filters.around.learned_noise import learned
-from zenoh_cbef.tracking.filters.around.tried_guess import first_fix
 from zenoh_cbef.tracking.filters.base import Belief, Update
+from zenoh_cbef.tracking.filters.finding.tried_guess import first_fix
 from zenoh_cbef.tracking.filters.information_form import saturated_precision, saturation
+from zenoh_cbef.tracking.filters.models.biased_information import forgetting
 from zenoh_cbef.tracking.linalg import matvec
 from zenoh_cbef.tracking.motion import linear
 from zenoh_cbef.tracking.ranging import Measurement, own_range

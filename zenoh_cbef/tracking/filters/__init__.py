@@ -12,26 +12,21 @@ import numpy as np
 from zenoh_cbef.plugins import Plugin, find, told_options
 from zenoh_cbef.tracking.copying import replace
 from zenoh_cbef.tracking.filters.around.auto_bias import AutoBias
-from zenoh_cbef.tracking.filters.around.biased_information import BiasedInformation
 from zenoh_cbef.tracking.filters.around.cut_off import CutOff
 from zenoh_cbef.tracking.filters.around.distrusting import Distrusting
 from zenoh_cbef.tracking.filters.around.doubted_noise import DoubtedNoise
 from zenoh_cbef.tracking.filters.around.evidence import Evidence
-from zenoh_cbef.tracking.filters.around.imm import InteractingModels
-from zenoh_cbef.tracking.filters.around.joint_biases import JointBiases
-from zenoh_cbef.tracking.filters.around.knowing import Knowing
 from zenoh_cbef.tracking.filters.around.lasting_errors import LastingErrors
 from zenoh_cbef.tracking.filters.around.learned_noise import LearnedNoise
 from zenoh_cbef.tracking.filters.around.mirror_images import MirrorImages
-from zenoh_cbef.tracking.filters.around.one_side import OneSide
-from zenoh_cbef.tracking.filters.around.reacquiring import Reacquiring
 from zenoh_cbef.tracking.filters.around.recovering import Recovering
 from zenoh_cbef.tracking.filters.around.returning import Returning
-from zenoh_cbef.tracking.filters.around.squared_information import SquaredInformation
-from zenoh_cbef.tracking.filters.around.supposing import Supposing
-from zenoh_cbef.tracking.filters.around.told_ranges import ToldRanges
-from zenoh_cbef.tracking.filters.around.tried_guess import first_fix
 from zenoh_cbef.tracking.filters.base import Abilities, Belief, Filter, Kind, Sharing, Update, filter_of
+from zenoh_cbef.tracking.filters.finding.knowing import Knowing
+from zenoh_cbef.tracking.filters.finding.one_side import OneSide
+from zenoh_cbef.tracking.filters.finding.reacquiring import Reacquiring
+from zenoh_cbef.tracking.filters.finding.supposing import Supposing
+from zenoh_cbef.tracking.filters.finding.tried_guess import first_fix
 from zenoh_cbef.tracking.filters.kinds.cbef import Cbef
 from zenoh_cbef.tracking.filters.kinds.cbef_scaled import ScaledCbef
 from zenoh_cbef.tracking.filters.kinds.ci import CovarianceIntersection
@@ -41,6 +36,11 @@ from zenoh_cbef.tracking.filters.kinds.icf import InformationWeighted
 from zenoh_cbef.tracking.filters.kinds.kcf import KalmanConsensus
 from zenoh_cbef.tracking.filters.kinds.local import Local
 from zenoh_cbef.tracking.filters.kinds.sicf import SaturatedInformation
+from zenoh_cbef.tracking.filters.models.biased_information import BiasedInformation
+from zenoh_cbef.tracking.filters.models.imm import InteractingModels
+from zenoh_cbef.tracking.filters.models.joint_biases import JointBiases
+from zenoh_cbef.tracking.filters.models.squared_information import SquaredInformation
+from zenoh_cbef.tracking.filters.models.told_ranges import ToldRanges
 from zenoh_cbef.tracking.filters.settings import FilterSettings
 from zenoh_cbef.tracking.payloads import InformationPayloads, Payloads, SeveralPayloads, StatePayloads
 

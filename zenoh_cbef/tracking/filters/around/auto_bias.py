@@ -8,10 +8,10 @@ from typing import ClassVar
 import numpy as np
 
 from zenoh_cbef.arrays import Floats
-from zenoh_cbef.tracking.filters.around.biased_information import BiasedInformation
 from zenoh_cbef.tracking.filters.around.evidence import MEMORY, Evidence
-from zenoh_cbef.tracking.filters.around.joint_biases import JointBiases
 from zenoh_cbef.tracking.filters.base import Belief, Bias, Filter, Update
+from zenoh_cbef.tracking.filters.models.biased_information import BiasedInformation
+from zenoh_cbef.tracking.filters.models.joint_biases import JointBiases
 from zenoh_cbef.tracking.linalg import outer
 from zenoh_cbef.tracking.ranging import Measurement
 

@@ -9,11 +9,11 @@ import numpy as np
 from zenoh_cbef.arrays import Floats
 from zenoh_cbef.tracking.copying import replace
 from zenoh_cbef.tracking.filters.around.auto_bias import AutoBias
-from zenoh_cbef.tracking.filters.around.biased_information import BiasedInformation
-from zenoh_cbef.tracking.filters.around.imm import InteractingModels
-from zenoh_cbef.tracking.filters.around.joint_biases import JointBiases
 from zenoh_cbef.tracking.filters.around.wrapping import Wrapping, resumed
 from zenoh_cbef.tracking.filters.base import Belief, Filter, Update
+from zenoh_cbef.tracking.filters.models.biased_information import BiasedInformation
+from zenoh_cbef.tracking.filters.models.imm import InteractingModels
+from zenoh_cbef.tracking.filters.models.joint_biases import JointBiases
 from zenoh_cbef.tracking.ranging import Measurement
 
 _IMPLAUSIBLE = 9.0

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from zenoh_cbef.tracking.filters.around.told_ranges import ToldRanges
 from zenoh_cbef.tracking.filters.base import Belief, Filter
+from zenoh_cbef.tracking.filters.models.told_ranges import ToldRanges
 
 
 @dataclass(frozen=True)

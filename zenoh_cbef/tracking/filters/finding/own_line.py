@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from zenoh_cbef.arrays import Bools, Floats
-from zenoh_cbef.tracking.filters.around.remembered_ranges import Wandering
-from zenoh_cbef.tracking.filters.around.squared_ranges import Seen
+from zenoh_cbef.tracking.filters.finding.remembered_ranges import Wandering
+from zenoh_cbef.tracking.filters.finding.squared_ranges import Seen
 from zenoh_cbef.tracking.filters.information_form import saturation
 from zenoh_cbef.tracking.linalg import inverse, matvec
 

@@ -9,10 +9,10 @@ import numpy as np
 
 from zenoh_cbef.arrays import Bools, Floats
 from zenoh_cbef.tracking.copying import replace
-from zenoh_cbef.tracking.filters.around.first_fix import FirstFix
-from zenoh_cbef.tracking.filters.around.remembered_ranges import Rows
-from zenoh_cbef.tracking.filters.around.squared_ranges import Seen
 from zenoh_cbef.tracking.filters.base import Belief, Filter, Update
+from zenoh_cbef.tracking.filters.finding.first_fix import FirstFix
+from zenoh_cbef.tracking.filters.finding.remembered_ranges import Rows
+from zenoh_cbef.tracking.filters.finding.squared_ranges import Seen
 from zenoh_cbef.tracking.filters.information_form import belief_of, pack, packed_size
 from zenoh_cbef.tracking.filters.settings import FilterSettings
 from zenoh_cbef.tracking.linalg import inverse, unpack_upper

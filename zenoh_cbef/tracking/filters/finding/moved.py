@@ -6,14 +6,14 @@ import numpy as np
 
 from zenoh_cbef.tracking.copying import replace
 from zenoh_cbef.tracking.filters.around.auto_bias import AutoBias
-from zenoh_cbef.tracking.filters.around.biased_information import BiasedInformation
-from zenoh_cbef.tracking.filters.around.imm import InteractingModels
-from zenoh_cbef.tracking.filters.around.joint_biases import JointBiases
 from zenoh_cbef.tracking.filters.around.mirror_images import MirrorImages
 from zenoh_cbef.tracking.filters.around.recovering import Recovering
-from zenoh_cbef.tracking.filters.around.told_ranges import ToldRanges
 from zenoh_cbef.tracking.filters.around.wrapping import Wrapping
 from zenoh_cbef.tracking.filters.base import Belief, Filter
+from zenoh_cbef.tracking.filters.models.biased_information import BiasedInformation
+from zenoh_cbef.tracking.filters.models.imm import InteractingModels
+from zenoh_cbef.tracking.filters.models.joint_biases import JointBiases
+from zenoh_cbef.tracking.filters.models.told_ranges import ToldRanges
 
 
 def moved(chosen: Filter, belief: Belief, place: Belief) -> Belief:

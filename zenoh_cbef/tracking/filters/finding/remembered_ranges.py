@@ -9,7 +9,7 @@ import numpy as np
 
 from zenoh_cbef.arrays import Bools, Floats
 from zenoh_cbef.tracking.diagnostics import Diagnostics
-from zenoh_cbef.tracking.filters.around.squared_ranges import Seen
+from zenoh_cbef.tracking.filters.finding.squared_ranges import Seen
 from zenoh_cbef.tracking.filters.information_form import pack
 from zenoh_cbef.tracking.linalg import inverse, matvec, neighbour_sum, outer
 from zenoh_cbef.tracking.ranging import Space, own_range

@@ -9,10 +9,10 @@ import numpy as np
 
 from zenoh_cbef.arrays import Floats
 from zenoh_cbef.tracking.copying import replace
-from zenoh_cbef.tracking.filters.around.remembered_ranges import Remembered, Rows, Wandering, contamination
-from zenoh_cbef.tracking.filters.around.squared_ranges import Frame, Seen, SquaredRanges
 from zenoh_cbef.tracking.filters.around.wrapping import Wrapping
 from zenoh_cbef.tracking.filters.base import Belief, Filter, Update
+from zenoh_cbef.tracking.filters.finding.remembered_ranges import Remembered, Rows, Wandering, contamination
+from zenoh_cbef.tracking.filters.finding.squared_ranges import Frame, Seen, SquaredRanges
 from zenoh_cbef.tracking.filters.information_form import (
     belief_of,
     pack,

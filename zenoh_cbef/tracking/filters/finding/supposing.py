@@ -8,15 +8,15 @@ import numpy as np
 
 from zenoh_cbef.arrays import Bools, Floats, Ints
 from zenoh_cbef.tracking.copying import replace
-from zenoh_cbef.tracking.filters.around.doubts import SLOT, Doubts
-from zenoh_cbef.tracking.filters.around.hypotheses import Hypotheses, Told, belief_at, speed_of
-from zenoh_cbef.tracking.filters.around.moved import moved
-from zenoh_cbef.tracking.filters.around.own_line import OwnLine
-from zenoh_cbef.tracking.filters.around.reacquiring import Search
-from zenoh_cbef.tracking.filters.around.remembered_ranges import Wandering
-from zenoh_cbef.tracking.filters.around.squared_ranges import Seen
 from zenoh_cbef.tracking.filters.around.wrapping import Wrapping
 from zenoh_cbef.tracking.filters.base import Belief, Filter, Update
+from zenoh_cbef.tracking.filters.finding.doubts import SLOT, Doubts
+from zenoh_cbef.tracking.filters.finding.hypotheses import Hypotheses, Told, belief_at, speed_of
+from zenoh_cbef.tracking.filters.finding.moved import moved
+from zenoh_cbef.tracking.filters.finding.own_line import OwnLine
+from zenoh_cbef.tracking.filters.finding.reacquiring import Search
+from zenoh_cbef.tracking.filters.finding.remembered_ranges import Wandering
+from zenoh_cbef.tracking.filters.finding.squared_ranges import Seen
 from zenoh_cbef.tracking.filters.information_form import predict, unchanged, variance_of
 from zenoh_cbef.tracking.filters.rows import chosen
 from zenoh_cbef.tracking.filters.settings import FilterSettings

@@ -11,9 +11,9 @@ import numpy as np
 from zenoh_cbef.arrays import Bools, Floats
 from zenoh_cbef.tracking.copying import replace
 from zenoh_cbef.tracking.diagnostics import Diagnostics
-from zenoh_cbef.tracking.filters.around.branching import KEPT, NEVER, Branches, Heard, Priors, conditioned, likelihoods
 from zenoh_cbef.tracking.filters.base import Belief, Bias, Sharing, Update
 from zenoh_cbef.tracking.filters.information_form import packed_size, told, unchanged, variance_of
+from zenoh_cbef.tracking.filters.models.branching import KEPT, NEVER, Branches, Heard, Priors, conditioned, likelihoods
 from zenoh_cbef.tracking.filters.rows import Rows
 from zenoh_cbef.tracking.filters.settings import FilterSettings
 from zenoh_cbef.tracking.linalg import matvec

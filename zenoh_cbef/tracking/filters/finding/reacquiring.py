@@ -8,13 +8,13 @@ import numpy as np
 
 from zenoh_cbef.arrays import Bools, Floats
 from zenoh_cbef.tracking.copying import replace
-from zenoh_cbef.tracking.filters.around.drifted import drifted
-from zenoh_cbef.tracking.filters.around.first_fix import FirstFix
-from zenoh_cbef.tracking.filters.around.knowing import Knowing
-from zenoh_cbef.tracking.filters.around.moved import moved
-from zenoh_cbef.tracking.filters.around.patience import gives_up, left_to_a_fix
 from zenoh_cbef.tracking.filters.around.wrapping import Wrapping
 from zenoh_cbef.tracking.filters.base import Belief, Update
+from zenoh_cbef.tracking.filters.finding.drifted import drifted
+from zenoh_cbef.tracking.filters.finding.first_fix import FirstFix
+from zenoh_cbef.tracking.filters.finding.knowing import Knowing
+from zenoh_cbef.tracking.filters.finding.moved import moved
+from zenoh_cbef.tracking.filters.finding.patience import gives_up, left_to_a_fix
 from zenoh_cbef.tracking.filters.information_form import packed_size, predict, unchanged
 from zenoh_cbef.tracking.filters.rows import chosen
 from zenoh_cbef.tracking.filters.settings import FilterSettings
