@@ -35,6 +35,7 @@ from zenoh_cbef.nodes.launch.attempts import launch
 from zenoh_cbef.protocol.names import check_run
 from zenoh_cbef.protocol.session import Connection
 from zenoh_cbef.protocol.slow import REMEDY
+from zenoh_cbef.protocol.tokens import in_words
 from zenoh_cbef.scenario.load import Loaded, load, to_toml
 from zenoh_cbef.scenario.size import refuse_a_trace_beyond_memory, refuse_too_many_processes
 from zenoh_cbef.words import counted, first_of
@@ -92,7 +93,7 @@ class _Display:
         )
         if slow := sorted({*status.slow} - self._slow, key=lambda one: (len(one), one)):
             self._slow.update(slow)
-            names = first_of([one.replace("/", " ") for one in slow], _NAMED)
+            names = first_of([in_words(one) for one in slow], _NAMED)
             tell(f"warning: {names} {'does' if len(slow) == 1 else 'do'} not keep up with real time; {REMEDY}")
         if not errors.is_terminal and now - self._told > 5.0:
             self._told = now
