@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from difflib import get_close_matches
 from functools import cache
@@ -18,8 +19,11 @@ from importlib.machinery import ModuleSpec
 from importlib.metadata import Distribution, PackageNotFoundError, distribution, entry_points, packages_distributions
 from importlib.util import find_spec
 from pathlib import Path
+from traceback import walk_tb
 
 from pydantic import BaseModel, ValidationError
+
+from zenoh_cbef.errors import UserError
 
 _OURS = "zenoh-cbef"
 _REFERENCE = re.compile(r"([^\W\d]\w*(?:\.[^\W\d]\w*)*):([^\W\d]\w*)", re.ASCII)
@@ -171,6 +175,41 @@ def told_options(model: object, name: str, given: Mapping[str, object], key: str
     if given:
         raise ValueError(f"{key} has {', '.join(given)}, but {name!r} has no options; leave {key} out")
     return {}
+
+
+@contextmanager
+def blaming(kind: type, method: str, check: str) -> Iterator[None]:
+    """Raise UserError for what a class of another package does wrong in here: which class, where, and what.
+
+    method: of the class, that is called in here. check: what in `zenoh_cbef.testing` tells more of such classes.
+    Mistakes of our own classes pass.
+    """
+    try:
+        yield
+    except (UserError, MemoryError):
+        raise
+    except Exception as error:
+        if _top_of(kind.__module__) == __package__:
+            raise
+        first = (str(error).splitlines() or [""])[0]
+        raise UserError(
+            f"{kind.__qualname__}.{method}() fails at {_place(kind, method, error)} ({type(error).__name__}: {first}); "
+            f"correct it: zenoh_cbef.testing.{check} tells more"
+        ) from error
+
+
+def _place(kind: type, method: str, error: Exception) -> str:
+    """The last line of the class's package on the way to an error; where the method begins, if there is none."""
+    code = getattr(getattr(kind, method, None), "__code__", None)
+    place = f"{code.co_filename}:{code.co_firstlineno}" if code else kind.__module__
+    for frame, line in walk_tb(error.__traceback__):
+        if _top_of(frame.f_globals.get("__name__", "")) == _top_of(kind.__module__):
+            place = f"{frame.f_code.co_filename}:{line}"
+    return place
+
+
+def _top_of(module: str) -> str:
+    return module.partition(".")[0]
 
 
 def mistake(error: ValidationError, key: str) -> str:

@@ -83,6 +83,11 @@ class Narrow(InformationWeighted):
         return Belief(found.state[:, :2], found.covariance)
 
 
+class Bare(InformationWeighted):
+    def conclude(self, payload, update):
+        return super().conclude(payload, update).state
+
+
 class Stubborn(InformationWeighted):
     """It takes a payload for its own only."""
 
@@ -103,7 +108,8 @@ class Stubborn(InformationWeighted):
         (Longer, "let both say the same"),
         (Sure, "not symmetric and positive"),
         (Unsaid, "abilities.covariance is False"),
-        (Narrow, r"the state is \(7, 2\), not \(7, 6\)"),
+        (Narrow, r"the state is float64 \(7, 2\), not float64 \(7, 6\)"),
+        (Bare, r"conclude\(\) gives float64 \(7, 6\); return a Belief"),
         (Stubborn, "from a convex combination .* the state is not finite"),
     ],
 )

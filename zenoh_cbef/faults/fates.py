@@ -9,6 +9,7 @@ import numpy as np
 
 from zenoh_cbef.arrays import Bools, Floats, Ids
 from zenoh_cbef.faults.base import Fault, MessageFault, Messages, Seeds
+from zenoh_cbef.plugins import blaming
 from zenoh_cbef.streams import LinkStreams
 
 _FLAGS = ("lost", "overtaken", "corrupted", "duplicated", "absent")
@@ -88,7 +89,8 @@ class Fates:
         for index, fault, chosen in self._faults:
             if not fault.active(step * self._dt):
                 continue
-            effect = fault.effect(messages, index)
+            with blaming(type(fault), "effect", "check_fault"):
+                effect = fault.effect(messages, index)
             for name in _FLAGS:
                 flag = getattr(effect, name)
                 if flag is not None:

@@ -12,6 +12,7 @@ from pydantic import Field
 
 from zenoh_cbef.arrays import Floats, Ids
 from zenoh_cbef.faults.base import Fault, Seeds
+from zenoh_cbef.plugins import blaming
 from zenoh_cbef.quantities import Agent
 from zenoh_cbef.tracking.moderation import LARGEST_SENT, is_within
 
@@ -124,7 +125,8 @@ class Outgoing:
                     past=past,
                     displaced=displaced,
                 )
-                sent[rows] = fault.sent(honest, index)
+                with blaming(type(fault), "sent", "check_fault"):
+                    sent[rows] = fault.sent(honest, index)
         return sent
 
     def _past(self, place: int, memory: int, step: int, round_: int, message: Floats) -> Floats:

@@ -13,6 +13,7 @@ from pydantic import Field
 from zenoh_cbef.arrays import Bools, Floats, Ids
 from zenoh_cbef.faults.absence import absent
 from zenoh_cbef.faults.base import Fault
+from zenoh_cbef.plugins import blaming
 from zenoh_cbef.quantities import Agent
 
 
@@ -69,6 +70,7 @@ def measured_ranges(faults: Sequence[Fault], ranges: Floats, *, seed: int, time:
         if isinstance(fault, SensorFault):
             on = fault.selects(agent) & fault.during(time)
             readings = Readings(seed, agent, step, time, ranges, signal_speed, on)
-            ranges = np.where(on, fault.measured(readings, index), ranges)
+            with blaming(type(fault), "measured", "check_fault"):
+                ranges = np.where(on, fault.measured(readings, index), ranges)
     gone = absent(faults, count, time)
     return np.where(gone, np.nan, ranges) if gone.any() else ranges

@@ -15,6 +15,7 @@ from zenoh_cbef.arrays import Floats
 from zenoh_cbef.courses import RECORDED, Course, CourseSettings, Order, kind_of
 from zenoh_cbef.datasets import read_dataset
 from zenoh_cbef.faults import measured_ranges
+from zenoh_cbef.plugins import blaming
 from zenoh_cbef.scenario.model import Scenario
 from zenoh_cbef.scenario.paths import agent_positions, step_times
 
@@ -56,12 +57,21 @@ def make_world(scenario: Scenario) -> World:
 
 def target_start(scenario: Scenario) -> Floats:
     """The target's true state at step 0, (6,). Not for recorded data."""
-    return np.asarray(_course(scenario).states(np.zeros(1))[0], dtype=np.float64)
+    return np.asarray(_states(scenario, np.zeros(1))[0])
 
 
 def target_path(scenario: Scenario) -> Floats:
     """The target's true states at steps 0 to K, (K + 1, 6). Not for recorded data."""
-    return _course(scenario).states(np.concatenate([np.zeros(1), step_times(scenario, scenario.length)]))
+    return _states(scenario, np.concatenate([np.zeros(1), step_times(scenario, scenario.length)]))
+
+
+def _states(scenario: Scenario, time: Floats) -> Floats:
+    """Raises UserError where a motion of another package does not give (t, 6)."""
+    with blaming(kind_of(scenario.target.motion), "states", "check_motion"):
+        states = np.asarray(_course(scenario).states(time), dtype=np.float64)
+        if states.shape != (expected := (len(time), 6)):
+            raise TypeError(f"states() gives {states.shape}, not {expected}")
+    return states
 
 
 def _course(scenario: Scenario) -> Course:

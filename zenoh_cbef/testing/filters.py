@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Self
 
 import numpy as np
 
@@ -14,6 +13,7 @@ from zenoh_cbef.plugins import read_options
 from zenoh_cbef.testing.nonconforming import Nonconforming
 from zenoh_cbef.tracking.compact import FLOAT32, Compact
 from zenoh_cbef.tracking.filters.base import Belief, Filter, Kind, Update, filter_of
+from zenoh_cbef.tracking.filters.plugged import Shapes
 from zenoh_cbef.tracking.filters.settings import FilterSettings
 from zenoh_cbef.tracking.motion import MotionSettings, make_motion
 from zenoh_cbef.tracking.ranging import Measurement, Space
@@ -44,27 +44,13 @@ class _Course:
         return [np.ascontiguousarray(part[rows]).tobytes() for part in parts]
 
 
-@dataclass(frozen=True)
-class _Rules:
-    """What a filter says of itself. size: of a state. shared: of a payload. covariance: whether it has one."""
-
-    size: int
-    shared: int
-    covariance: bool
-
-    @classmethod
-    def of(cls, kind: type[Kind], settings: FilterSettings) -> Self:
-        """The rules for one kind of filter."""
-        return cls(settings.motion.size, kind.sharing(settings).payload_size, kind.abilities.covariance)
+class _Rules(Shapes):
+    """What a filter says of itself, and what is reasonable."""
 
     def check_update(self, update: Update, measurement: Measurement, when: str) -> None:
         """Raise Nonconforming where a payload is of the wrong size or no number, or says something of no range."""
-        expected = len(measurement.range), self.shared
-        if update.payload.shape != expected or update.payload.dtype != np.float64:
-            raise Nonconforming(
-                f"{when} the payload is {update.payload.dtype} {update.payload.shape}, but sharing() says float64 "
-                f"{expected}; let both say the same"
-            )
+        if words := self.flaw_of_update(update, len(measurement.range)):
+            raise Nonconforming(f"{when} {words}")
         if not np.isfinite(update.payload).all():
             raise Nonconforming(
                 f"{when} the payload is not finite; a missing range is NaN, and an agent without one shares its "
@@ -79,21 +65,14 @@ class _Rules:
 
     def check_belief(self, belief: Belief, count: int, when: str) -> None:
         """Raise Nonconforming where a belief is of the wrong size, no number, or certain beyond reason."""
-        if belief.state.shape != (count, self.size):
-            raise Nonconforming(f"{when} the state is {belief.state.shape}, not {(count, self.size)}; {_REMEDY}")
+        if words := self.flaw_of_belief(belief, count):
+            raise Nonconforming(f"{when} {words}")
         if not np.isfinite(belief.state).all():
             raise Nonconforming(f"{when} the state is not finite; {_REMEDY}")
-        if (belief.covariance is not None) != self.covariance:
-            raise Nonconforming(
-                f"abilities.covariance is {self.covariance}, but conclude() says otherwise; let both say the same"
-            )
         if belief.covariance is not None:
-            self._check_covariance(belief.covariance, count, when)
+            self._check_covariance(belief.covariance, when)
 
-    def _check_covariance(self, covariance: Floats, count: int, when: str) -> None:
-        if covariance.shape != (count, self.size, self.size):
-            expected = count, self.size, self.size
-            raise Nonconforming(f"{when} the covariance is {covariance.shape}, not {expected}; {_REMEDY}")
+    def _check_covariance(self, covariance: Floats, when: str) -> None:
         if not np.isfinite(covariance).all():
             raise Nonconforming(f"{when} the covariance is not finite; {_REMEDY}")
         turned = np.swapaxes(covariance, 1, 2)

@@ -6,6 +6,7 @@ A kind of another package is named by its class, see plugins.py.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 
 import numpy as np
 
@@ -41,6 +42,7 @@ from zenoh_cbef.tracking.filters.models.imm import InteractingModels
 from zenoh_cbef.tracking.filters.models.joint_biases import JointBiases
 from zenoh_cbef.tracking.filters.models.squared_information import SquaredInformation
 from zenoh_cbef.tracking.filters.models.told_ranges import ToldRanges
+from zenoh_cbef.tracking.filters.plugged import PluggedFilter
 from zenoh_cbef.tracking.filters.settings import FilterSettings
 from zenoh_cbef.tracking.payloads import InformationPayloads, Payloads, SeveralPayloads, StatePayloads
 
@@ -106,7 +108,8 @@ def level_of(kind: str, xi: float) -> float:
 
 def sharing_of(kind: str, settings: FilterSettings) -> Sharing:
     """What agents with the filter of one kind exchange, with what the settings put around it."""
-    one = SquaredInformation.sharing if settings.squares else kind_of(kind).sharing
+    own = KINDS[kind].sharing if kind in KINDS else partial(PluggedFilter.sharing, kind_of(kind))
+    one = SquaredInformation.sharing if settings.squares else own
     if settings.tells_ranges:
         shared = ToldRanges.sharing(settings)
     else:
@@ -170,7 +173,7 @@ def _innermost(kind: str, settings: FilterSettings, xi: float) -> Filter:
     """What takes in the ranges: of one motion or of several, with biases or without."""
     if settings.tells_ranges:
         return ToldRanges.of(settings)
-    one = kind_of(kind).of
+    one = KINDS[kind].of if kind in KINDS else partial(PluggedFilter.of, kind_of(kind))
     if settings.squares:
         plain: Filter = SquaredInformation.of(settings, xi)
     else:

@@ -1,0 +1,59 @@
+"""Plug-ins that can be imported, and do wrong in a run: one sentence has the class, its line, and what it did."""
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from zenoh_cbef import plugins
+from zenoh_cbef.errors import UserError
+from zenoh_cbef.scenario.load import load
+from zenoh_cbef.simulator import simulate
+
+EXAMPLE = Path(__file__).resolve().parents[2] / "docs" / "examples" / "plugin"
+FILTER, MOTION, FAULT = "filter.kind=wrong:Mine", "target.motion=wrong:Mine", 'fault=[{kind="wrong:Mine"}]'
+CLASSES = {FILTER: "filters import FixedGains", MOTION: "motions import Helix", FAULT: "faults import Fading"}
+
+
+@pytest.fixture
+def written(monkeypatch, tmp_path):
+    """Writes the module `wrong`, with a class Mine, onto the path."""
+    monkeypatch.syspath_prepend(EXAMPLE)
+    monkeypatch.syspath_prepend(tmp_path)
+    yield lambda head, text: (tmp_path / "wrong.py").write_text(f"{head}class Mine(Example):\n{text}")
+    plugins.find.cache_clear()
+    for name in [name for name in sys.modules if name.split(".")[0] in {"wrong", "cbef_example"}]:
+        del sys.modules[name]
+
+
+@pytest.mark.parametrize(
+    ("method", "body", "case"),
+    [
+        ("update(self, belief, measurement)", "1 / 0", (FILTER, r"update.* at \S+wrong.py:5 \(ZeroDivisionError: div")),
+        ("update(self, belief)", "1", (FILTER, r"update.* at \S+wrong.py:4 \(TypeError: .*positional")),
+        ("update(self, belief, measurement)", "[]", (FILTER, r"update\(\) gives a list; return an Update")),
+        (
+            "conclude(self, payload, update)",
+            "payload",
+            (FILTER, r"conclude\(\) gives float64 \(6, 6\); return a Belief"),
+        ),
+        ("conclude(self, payload, update)", "{}['a']", (FILTER, r"conclude.* at \S+wrong.py:5 \(KeyError: 'a'\)")),
+        (
+            "conclude(self, payload, update)",
+            "Belief(payload[:, :3], None)",
+            (FILTER, r"state is float64 \(6, 3\), not"),
+        ),
+        (
+            "states(self, time)",
+            "time",
+            (MOTION, r"states.* at \S+wrong.py:4 \(TypeError: .*gives \(21,\), not \(21, 6\)"),
+        ),
+        ("effect(self, messages, index)", "messages.no", (FAULT, r"effect.* at \S+wrong.py:5 \(AttributeError: ")),
+    ],
+)
+def test_what_a_plugin_does_wrong_is_told_with_its_line(written, case, method, body):
+    setting, said = case
+    head = f"from zenoh_cbef.extending import Belief\nfrom cbef_example.{CLASSES[setting]} as Example\n"
+    written(head, f"    def {method}:\n        return {body}\n")
+    with pytest.raises(UserError, match=rf"Mine\..*{said}.*; correct it: zenoh_cbef\.testing\.check_\w+ tells more"):
+        simulate([load("tracking", ["steps=20", setting]).scenario])
