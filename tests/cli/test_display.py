@@ -10,6 +10,7 @@ from tests.terminal import Terminal
 from zenoh_cbef.cli.run import _Display
 from zenoh_cbef.cli.stops import StopRequests
 from zenoh_cbef.nodes.common.recording import Status
+from zenoh_cbef.nodes.launch.launcher import Death
 from zenoh_cbef.protocol.slow import REMEDY
 
 SHOWN = """
@@ -45,6 +46,17 @@ def test_processes_that_do_not_keep_up_are_named_once_with_the_remedy(capsys):
     status.slow.append("target")
     display.show(status)
     assert capsys.readouterr().err == f"warning: target does not keep up with real time; {REMEDY}\n"
+
+
+def test_what_the_recorder_cannot_do_and_deaths_are_told_at_once(capsys):
+    display, status = _Display(100, 12), Status("mine", "run.mcap", 100, behind=1, failure="the disk [/] is full")
+    display.show(status)
+    display.show(status)
+    lacks, late = capsys.readouterr().err.splitlines()
+    assert lacks == "warning: the log lacks what comes from now on: the disk [/] is full"
+    assert late.startswith("warning: the recorder does not keep up")
+    display.mourn(Death("agent 2", -9, ""))
+    assert capsys.readouterr().err == "agent 2 was killed by signal 9\n"
 
 
 def test_every_ctrl_c_of_a_run_is_counted_and_ends_nothing():

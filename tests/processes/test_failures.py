@@ -78,11 +78,14 @@ def test_a_killed_recorder_loses_little_and_the_log_so_far_is_analysed(world):
     run = world.start_run("steps=300")
     world.wait_for_messages(100_000)
     os.kill(world.pid_of("record"), signal.SIGKILL)
+    next(line for line in run.stderr if line == "recorder was killed by signal 9\n")
+    assert run.poll() is None, "it is told at once"
     out, err = run.communicate(timeout=120)
     assert run.returncode == 1
-    assert "recorder was killed by signal 9" in err
     assert "agent" not in err.replace("agents", "")
+    assert f"'zenoh-cbef recover {world.log}.active -o LOG' makes a whole one" in err
     assert "incomplete" in out
+    assert "? not logged" in out
     for verb in ("info", "analyze", "verify"):
         assert world.call(verb, str(world.log)).returncode == 0, verb
 

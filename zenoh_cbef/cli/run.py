@@ -10,6 +10,7 @@ from typing import Annotated
 
 import typer
 from rich.live import Live
+from rich.markup import escape
 from rich.progress import BarColumn, Progress, ProgressColumn, TextColumn, TimeRemainingColumn
 
 from zenoh_cbef.analysis.metrics import analyze, notes
@@ -26,12 +27,14 @@ from zenoh_cbef.cli.stops import StopRequests
 from zenoh_cbef.cli.tables import metrics_table
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.extras import MissingExtra
+from zenoh_cbef.log.common.naming import ACTIVE
 from zenoh_cbef.log.read.parts import find_log
 from zenoh_cbef.log.read.trace import read_trace
 from zenoh_cbef.log.tools.collection import place_of_log
 from zenoh_cbef.machine import require
 from zenoh_cbef.nodes.common.recording import Status
 from zenoh_cbef.nodes.launch.attempts import launch
+from zenoh_cbef.nodes.launch.launcher import Death, Launcher
 from zenoh_cbef.protocol.names import check_run
 from zenoh_cbef.protocol.session import Connection
 from zenoh_cbef.protocol.slow import REMEDY
@@ -65,6 +68,7 @@ class _Display:
         self._task = self._progress.add_task("", total=steps, rate="-", error="-", messages=0, lost=0, late=0)
         self._began: tuple[float, int] | None = None
         self._told, self._slow = time.monotonic(), set[str]()
+        self._behind, self._failure, self.mourned = 0, "", list[Death]()
         self.live = Live(self._progress, console=errors, refresh_per_second=5, transient=True)
 
     def begin(self, endpoint: str) -> None:
@@ -95,9 +99,24 @@ class _Display:
             self._slow.update(slow)
             names = first_of([in_words(one) for one in slow], _NAMED)
             tell(f"warning: {names} {'does' if len(slow) == 1 else 'do'} not keep up with real time; {REMEDY}")
+        self._tell_of_recorder(status)
         if not errors.is_terminal and now - self._told > 5.0:
             self._told = now
             errors.print(waits or f"step {status.step} of {status.steps}, error {error}, {status.messages} messages")
+
+    def _tell_of_recorder(self, status: Status) -> None:
+        """Warn of what the recorder cannot do, each time that it begins."""
+        if status.failure != self._failure:
+            self._failure = status.failure
+            tell(f"warning: the log lacks what comes from now on: {status.failure}")
+        if status.behind > self._behind:
+            self._behind = status.behind
+            tell("warning: the recorder does not keep up, and what does not fit its mailbox is lost to the log")
+
+    def mourn(self, death: Death) -> None:
+        """Say at once that a process has died."""
+        self.mourned.append(death)
+        errors.print(f"[red]{escape(str(death))}[/red]", highlight=False, soft_wrap=True)
 
     def _waits(self, status: Status) -> str:
         """What a run that has not begun waits for; empty for one that has."""
@@ -143,38 +162,47 @@ def run_processes(
     with place_of_log(run, log) as path, StopRequests() as stops:
         if path.exists():
             raise UserError(f"{path} exists and logs are never overwritten; choose another --log, or move it away")
-        started, deaths = _execute(arguments, loaded, run, path, sync, stops)
-    if not started:
+        launcher = _execute(arguments, loaded, run, path, sync, stops)
+    if not launcher.started:
         errors.print("stopped before the first step; nothing to analyse")
         raise typer.Exit(INTERRUPTED)
-    for death in deaths:
-        errors.print(f"[red]{death}[/red]", highlight=False, soft_wrap=True)
     if stops.count > 1:
         tell(f"ended at once; 'analyze {find_log(path)}' reads what was logged")
         raise typer.Exit(INTERRUPTED)
     _conclude(loaded, find_log(path), default=log is None, report=report)
     if stops.count:
         raise typer.Exit(INTERRUPTED)
-    if deaths:
-        raise typer.Exit(1)
+    if launcher.deaths:
+        raise typer.Exit(max(1, *(death.status for death in launcher.deaths)))
 
 
 def _execute(
     arguments: list[str], loaded: Loaded, run: str, path: Path, sync: bool, stops: StopRequests
-) -> tuple[bool, list[str]]:
+) -> Launcher:
+    """Run the processes; returns their launcher. Raises UserError where the run does not start."""
     display = _Display(loaded.scenario.length, loaded.scenario.count)
     tell(f"run {run}: {counted(loaded.scenario.count, 'agent')}, log {path}")
     try:
         launcher = launch(
-            arguments, loaded, run, path, sync=sync, on_start=display.begin, on_status=display.show, asked_to_stop=stops
+            arguments,
+            loaded,
+            run,
+            path,
+            sync=sync,
+            on_start=display.begin,
+            on_status=display.show,
+            on_death=display.mourn,
+            asked_to_stop=stops,
         )
     finally:
         display.live.stop()
-    started, deaths = launcher.started, launcher.deaths
-    if started or stops.count:
-        return started, [str(death) for death in deaths]
-    mistakes = [death for death in deaths if death.status == 2]
-    first = (mistakes or deaths)[0] if deaths else None
+    if launcher.started or stops.count:
+        for death in launcher.deaths:
+            if death not in display.mourned:
+                display.mourn(death)
+        return launcher
+    mistakes = [death for death in launcher.deaths if death.status == 2]
+    first = next(iter(mistakes or launcher.deaths), None)
     raise UserError(f"the run did not start: {first or 'no step was ever finished; see its log'}")
 
 
@@ -204,6 +232,8 @@ def _conclude(loaded: Loaded, path: Path, *, default: bool, report: bool) -> Non
             failed += write_outputs(analysis, folder, page.name.removesuffix(REPORT), report=report)
     console.print(metrics_table(analysis.metrics))
     console.print(f"log     {path}", highlight=False, soft_wrap=True)
+    if path.suffix == ACTIVE:
+        tell(f"note: the log was not closed; 'zenoh-cbef recover {path} -o LOG' makes a whole one of what was written")
     if report and page.exists():
         console.print(f"report  {page}", highlight=False, soft_wrap=True)
     tell_what_lacks(notes(analysis.metrics))

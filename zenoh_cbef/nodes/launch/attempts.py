@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from zenoh_cbef.nodes.common.recording import Status
-from zenoh_cbef.nodes.launch.launcher import Launcher
+from zenoh_cbef.nodes.launch.launcher import Death, Launcher
 from zenoh_cbef.scenario.load import Loaded
 
 _ATTEMPTS = 4
@@ -21,6 +21,7 @@ def launch(
     sync: bool = False,
     on_start: Callable[[str], None] = lambda _: None,
     on_status: Callable[[Status], None] = lambda _: None,
+    on_death: Callable[[Death], None] = lambda _: None,
     asked_to_stop: Callable[[], int] = lambda: 0,
 ) -> Launcher:
     """Run all processes to their end, as Launcher and its `watch` describe. Returns the last attempt's launcher.
@@ -30,7 +31,7 @@ def launch(
     for _ in range(_ATTEMPTS):
         with Launcher(arguments, loaded, run, log, sync=sync) as launcher:
             on_start(launcher.endpoint)
-            launcher.watch(on_status, asked_to_stop)
+            launcher.watch(on_status, asked_to_stop, on_death)
         if not launcher.lost_a_port:
             break
         log.unlink(missing_ok=True)  # the log of no step

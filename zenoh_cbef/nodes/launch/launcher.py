@@ -148,18 +148,27 @@ class Launcher:
         """The processes by name."""
         return {name: process.pid for name, process in self._processes.items()}
 
-    def watch(self, on_status: Callable[[Status], None], asked_to_stop: Callable[[], int]) -> None:
+    def watch(
+        self,
+        on_status: Callable[[Status], None],
+        asked_to_stop: Callable[[], int],
+        on_death: Callable[[Death], None] = lambda _: None,
+    ) -> None:
         """Watch until every process has ended.
 
-        on_status gets the recorder's reports. asked_to_stop: how often the user asked; once stops the run
-        cleanly, twice at once. A process that dies before the first step ends the run.
+        on_status gets the recorder's reports, on_death at once the deaths of a run that has begun. asked_to_stop: how
+        often the user asked; once stops the run cleanly, twice at once. A process that dies before the first step ends
+        the run.
         """
         with selectors.DefaultSelector() as selector:
             selector.register(self._reports[0], selectors.EVENT_READ)
             while len(self._ended) < len(self._processes) or self._restarts:
                 for _ in selector.select(0.05):
                     self._read_status(on_status)
+                known = len(self.deaths)
                 self._note_ends()
+                for death in self.deaths[known if self.started else len(self.deaths) :]:
+                    on_death(death)
                 self._restart()
                 self._obey(asked_to_stop())
 
