@@ -85,3 +85,15 @@ def test_times_in_milliseconds_are_told(tmp_path):
     [said] = odd(folder)
     assert "milliseconds; import them with --unit t=ms" in said
     assert odd(folder, "--unit", "t=ms") == []
+
+
+def test_a_silence_and_times_far_from_all_others_are_told(tmp_path):
+    good = read_files(as_dataset(written(tmp_path)))
+    assert findings(good) == []
+    first, end = good.range_time[[0, -1]]
+    silent = replace(good, range_time=good.range_time + 5.0 * (good.range_time > first + 10.0))
+    assert "no range from 10 to 15.1 s" in findings(silent)
+    stray = good.range_time.copy()
+    stray[-1] += 2000.0
+    said = f"1 range at t = {end + 2000.0:.12g} s far from all others, which are from {first:.12g} to "
+    assert any(one.startswith(said) for one in findings(replace(good, range_time=stray)))

@@ -215,3 +215,10 @@ def test_anchors_and_ranges_in_different_units_are_refused(tmp_path, unit_of_anc
     made = {"anchors": "id,x,y,z\n" + anchors, "ranges": "t,anchor_id,range\n" + rows}
     with pytest.raises(UserError, match=r"times too (far|much) .* look like millimetres; import them with --unit"):
         read_dataset(write(tmp_path, **made))
+
+
+def test_a_recording_that_fills_too_many_steps_is_refused_with_the_time_that_makes_it_so(tmp_path):
+    rows = "".join(f"{10.0 + 0.1 * number:.1f},3,5.0\n" for number in range(150))
+    folder = write(tmp_path, ranges=f"t,anchor_id,range\n{rows}5e9,3,5.0\n")
+    with pytest.raises(UserError, match="more than 10000000: 1 range at t = 5000000000 s far from all others"):
+        scenario_of(folder)

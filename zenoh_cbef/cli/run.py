@@ -176,9 +176,7 @@ def run_processes(
         raise typer.Exit(max(1, *(death.status for death in launcher.deaths)))
 
 
-def _execute(
-    arguments: list[str], loaded: Loaded, run: str, path: Path, sync: bool, stops: StopRequests
-) -> Launcher:
+def _execute(arguments: list[str], loaded: Loaded, run: str, path: Path, sync: bool, stops: StopRequests) -> Launcher:
     """Run the processes; returns their launcher. Raises UserError where the run does not start."""
     display = _Display(loaded.scenario.length, loaded.scenario.count)
     tell(f"run {run}: {counted(loaded.scenario.count, 'agent')}, log {path}")

@@ -8,6 +8,7 @@ import numpy as np
 
 from zenoh_cbef.datasets.dataset import Dataset
 from zenoh_cbef.datasets.fixes import fixes, is_planar
+from zenoh_cbef.datasets.gaps import gap
 from zenoh_cbef.datasets.units import odd_unit
 from zenoh_cbef.numbers import number
 from zenoh_cbef.words import counted
@@ -28,7 +29,8 @@ def findings(dataset: Dataset) -> list[str]:
     """Sentences; none for a recording about which nothing is odd."""
     unit = odd_unit(dataset)
     wrong = ([] if unit is None else [unit.said]) + _clock(dataset)
-    return wrong + _truth(dataset) + _silent(dataset) + ([] if wrong else _swapped(dataset))
+    silence = gap(dataset)
+    return wrong + [silence] * bool(silence) + _truth(dataset) + _silent(dataset) + ([] if wrong else _swapped(dataset))
 
 
 def _clock(dataset: Dataset) -> list[str]:

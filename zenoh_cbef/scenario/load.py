@@ -15,12 +15,13 @@ import tomli_w
 from pydantic import ValidationError
 
 from zenoh_cbef.datasets import dataset_folder, read_dataset
+from zenoh_cbef.datasets.gaps import gap
 from zenoh_cbef.datasets.scatter import scatter
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.plain import read_toml, whole
 from zenoh_cbef.scenario.library import Library
 from zenoh_cbef.scenario.mistakes import sentence
-from zenoh_cbef.scenario.model import Scenario
+from zenoh_cbef.scenario.model import MOST_STEPS, Scenario
 from zenoh_cbef.scenario.paths import step_times
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.scenario.plugged import stamped
@@ -185,6 +186,9 @@ def _lay_out(scenario: Scenario, folder: Path) -> Scenario:
     if scenario.steps is not None and scenario.steps > most:
         filled = f"{path} fills only {counted(most, 'step')} of {scenario.dt} s"
         raise UserError(f"steps = {scenario.steps}, but {filled}; lower it")
+    if scenario.steps is None and most > MOST_STEPS:
+        why = gap(dataset) or "give a longer dt, or import a part of it"
+        raise UserError(f"{path} fills {most} steps of {scenario.dt} s, more than {MOST_STEPS}: {why}")
     data["steps"] = steps = scenario.steps or most
     data["target"]["origin"] = origin = dataset.origin(scenario.dt)
     if dataset.has_truth and not np.isfinite(dataset.truth_at(origin + step_times(scenario, steps))).any():

@@ -217,12 +217,15 @@ class Zenoh(Table):
     tls: str | None = None
 
 
+MOST_STEPS = 10_000_000
+
+
 class Scenario(Table):
     """One run. steps None: 300, or as many as the dataset fills. dt: s."""
 
     name: Name = "tracking"
     seed: Seed = 1
-    steps: Annotated[int, Field(ge=1, le=10_000_000)] | None = None
+    steps: Annotated[int, Field(ge=1, le=MOST_STEPS)] | None = None
     dt: Duration = 0.1
     target: Target = Target()
     agents: Agents = Agents()
