@@ -179,6 +179,12 @@ def test_what_only_resembles_a_number_is_text(text):
     assert value_of(text) == text
 
 
+@pytest.mark.parametrize("text", ["[{kind='loss', probability=.1}]", "{a=}", '"open', " [1, loss]"])
+def test_a_list_table_or_quoted_text_that_is_no_toml_is_refused_as_such(text):
+    with pytest.raises(UserError, match=r"--set .*: the value is not valid TOML: .*; write 0\.1, not \.1"):
+        load("tracking", [f"fault={text}"])
+
+
 def test_an_entry_of_an_empty_list_is_told_to_be_given_as_a_whole():
     with pytest.raises(UserError, match=r"there is no entry 0, as the list is empty; give the whole list"):
         load("tracking", ["fault.0.probability=0.5"])

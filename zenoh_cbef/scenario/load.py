@@ -154,10 +154,12 @@ def _entry(entries: list[object], part: str, key: str) -> int:
 
 
 def value_of(text: str) -> object:
-    """A value as a command line has it: TOML, or else text without quotes."""
+    """A value as a command line has it: TOML, or else text without quotes. Raises UserError for a broken list."""
     try:
         return read_toml(f"value = {text}")["value"]
-    except ValueError:
+    except ValueError as error:
+        if text.lstrip().startswith(("[", "{", '"', "'")):
+            raise UserError(f"the value is not valid TOML: {error}; write 0.1, not .1, and text in quotes") from None
         return float(text) if _SHORT_NUMBER.fullmatch(text.strip()) else text.strip()
 
 
