@@ -45,7 +45,7 @@ def run(
     with place_of_log(name, None if log is None else Path(log)) as path:
         if path.exists():
             raise UserError(f"{path} exists and logs are never overwritten; choose another log, or move it away")
-        _execute(loaded, name, path, progress)
+        _execute(loaded, name if log is not None else path.parent.name, path, progress)
     return load(path)
 
 

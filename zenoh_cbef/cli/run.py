@@ -162,7 +162,10 @@ def run_processes(
     with place_of_log(run, log) as path, StopRequests() as stops:
         if path.exists():
             raise UserError(f"{path} exists and logs are never overwritten; choose another --log, or move it away")
-        launcher = _execute(arguments, loaded, run, path, sync, stops)
+        name = path.parent.name if log is None else run
+        if name != run:
+            tell(f"note: logs/{run} exists; this run is {name!r}, for other verbs too")
+        launcher = _execute(arguments, loaded, name, path, sync, stops)
     if not launcher.started:
         errors.print("stopped before the first step; nothing to analyse")
         raise typer.Exit(INTERRUPTED)
