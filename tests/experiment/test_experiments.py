@@ -14,6 +14,8 @@ import pytest
 
 from tests.cli.test_errors import call
 from zenoh_cbef.analysis.metrics import analyze
+from zenoh_cbef.experiment.engines import simulated
+from zenoh_cbef.experiment.numbers import numbers
 from zenoh_cbef.scenario.load import load
 from zenoh_cbef.simulator import simulate
 
@@ -107,9 +109,9 @@ def test_every_row_and_median_is_that_of_single_simulations(monkeypatch, capsys,
         (expect("ratio_to_centralized", "at_most = 9.0", "where = { loss = 0.3 }"), "met"),
         (expect("ratio_to_centralized", "at_least = 9.0"), "not met"),
         (expect("bytes_per_step", "at_least = 1\nat_most = 1e9", "where = { rounds = 5 }"), "met"),
-        (expect("ratio_to_centralised", "at_most = 9.0"), "cannot be judged"),
+        (expect("slow.target", "at_most = 9.0"), "cannot be judged"),
         (expect("agents", "at_most = 4") + expect("agents", "at_most = 3"), "not met"),
-        (expect("nothing", "at_most = 4") + expect("agents", "at_most = 3"), "not met"),
+        (expect("smoothed.lag", "at_most = 4") + expect("agents", "at_most = 3"), "not met"),
     ],
 )
 def test_the_exit_status_is_the_verdict(monkeypatch, capsys, tmp_path, rules, verdict):
@@ -117,8 +119,31 @@ def test_the_exit_status_is_the_verdict(monkeypatch, capsys, tmp_path, rules, ve
     assert found == {"met": 0, "not met": 1, "cannot be judged": 2}[verdict]
     assert summary_of(tmp_path)["verdict"] == verdict
     assert "Traceback" not in err
-    if "centralised" in rules:
-        assert "did you mean 'ratio_to_centralized'" in err
+    if verdict == "cannot be judged":
+        assert "no run has such a number" in err
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ([], "did you mean 'ratio_to_centralized'"),
+        (["--table", "csv", "--metric", "nope"], "--metric 'nope' is no number that runs have; docs/"),
+    ],
+)
+def test_a_wrong_name_of_a_number_is_refused_before_anything_runs(monkeypatch, capsys, tmp_path, options, said):
+    rules = "" if options else expect("ratio_to_centralised", "at_most = 9.0")
+    found, _, err = run(monkeypatch, capsys, tmp_path, SMALL + rules, "--jobs", "1", *options)
+    assert found == 2
+    assert said in err
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("setting", ["filter.lag_seconds=0.5", "target.motion=circle"])
+def test_the_numbers_that_runs_have_are_all_known_beforehand(setting):
+    outcome, *_ = simulated(load("tracking", ["steps=12", setting]).scenario, [1], 0.25)
+    told = {name for name, value in outcome.metrics.items() if type(value) in {int, float}}
+    assert told >= {"position_rmse", "status.tracking.share", "links.missed", "final.disagreement"}
+    assert told <= numbers()
 
 
 def test_a_cell_that_cannot_run_is_reported_and_the_rest_goes_on(monkeypatch, capsys, tmp_path):

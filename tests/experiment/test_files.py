@@ -54,6 +54,7 @@ MISTAKES = {
     "not a table": ('[[vary]]\nkey = "steps.x"\nvalues = [0.1]\n[set]\nsteps = 4', "steps is not a table"),
     "no table": ("vary = [3]", "vary[0] must be a table of keys"),
     "no list of faults": ('[[vary]]\nkey = "fault"\nvalues = [1, 2]', "fault must be a list of tables"),
+    "no such number": (LOSS + '[[expect]]\nmetric = "position_rms"\nat_most = 1', "did you mean 'position_rmse'"),
     "nowhere": (LOSS + '[[expect]]\nmetric = "x"\nat_most = 1\nwhere = { rounds = 3 }', "names no varied key"),
     "no such cell": (LOSS + '[[expect]]\nmetric = "x"\nat_most = 1\nwhere = { loss = 0.4 }', "no cell has where"),
 }

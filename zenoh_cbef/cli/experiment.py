@@ -26,6 +26,7 @@ from zenoh_cbef.experiment.cells import cells_of
 from zenoh_cbef.experiment.figures import written_value
 from zenoh_cbef.experiment.file import Written, purposes, read_experiment, read_source
 from zenoh_cbef.experiment.journal import JOURNAL
+from zenoh_cbef.experiment.numbers import check_number
 from zenoh_cbef.experiment.page import RESULTS, limits_of, values_of, write_outputs
 from zenoh_cbef.experiment.results import CellSummary, Outcome, Summary
 from zenoh_cbef.experiment.shards import WHOLE, read_shard, shards_in
@@ -183,6 +184,8 @@ class _Printed:
     def __post_init__(self) -> None:
         if self.metric is not None and self.as_table is None:
             raise UserError("--metric is for --table; give --table latex or --table csv too")
+        if self.metric is not None:
+            check_number(self.metric, "--metric")
 
 
 def _conclude(written: Written, sweep: Sweep, outcomes: list[list[Outcome]], folder: Path, printed: _Printed) -> None:

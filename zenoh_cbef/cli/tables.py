@@ -43,11 +43,11 @@ def metrics_table(metrics: Metrics) -> Fitting:
         table.add_row(*remark)
     if messages.sent:
         # A log that was cut off does not know what came later.
-        told = messages.missing or metrics.complete or metrics.stopped
+        known = messages.missing or metrics.complete or metrics.stopped
         table.add_row(
             "messages",
             Told(f"{messages.sent} sent"),
-            Told(f"{messages.missing if told else '?'} not logged"),
+            Told(f"{messages.missing if known else '?'} not logged"),
             Told(f"{messages.rejected} rejected"),
         )
     for counts in _on_links(metrics):

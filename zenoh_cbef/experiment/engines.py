@@ -11,6 +11,7 @@ from zenoh_cbef.analysis.metrics import Analysis, analyze, ratio_to_centralized
 from zenoh_cbef.analysis.traffic import other_bytes, round_bytes
 from zenoh_cbef.arrays import Floats
 from zenoh_cbef.errors import UserError
+from zenoh_cbef.experiment.numbers import SUMMED
 from zenoh_cbef.experiment.results import Curve, Outcome
 from zenoh_cbef.log.read.parts import find_log
 from zenoh_cbef.log.read.trace import read_trace
@@ -24,7 +25,6 @@ from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.simulator import simulate
 
 _CURVE_POINTS = 100
-_SUMMED = ("sent", "delivered", "lost", "late", "injected_lost", "injected_late", "corrupted", "duplicated")
 
 
 def simulated(scenario: Scenario, seeds: Sequence[int], skip: float) -> list[Outcome]:
@@ -85,7 +85,7 @@ def outcome_of(analysis: Analysis, bytes_per_step: float | None) -> Outcome:
     metrics = scalars(analysis.metrics.as_json())
     metrics["bytes_per_step"] = analysis.metrics.bytes_per_step or bytes_per_step
     links = analysis.trace.links
-    metrics |= {f"links.{name}": int(getattr(links, name).sum()) for name in _SUMMED}
+    metrics |= {f"links.{name}": int(getattr(links, name).sum()) for name in SUMMED}
     sent = int(links.sent.sum())
     metrics["links.missed"] = (sent - int(links.delivered.sum())) / sent if sent else None
     metrics |= _final(analysis)

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from difflib import get_close_matches
 
 import numpy as np
 
 from zenoh_cbef.analysis.results import Number
 from zenoh_cbef.experiment.cells import Cell, selected
 from zenoh_cbef.experiment.file import Expect, Written
+from zenoh_cbef.experiment.numbers import check_number
 from zenoh_cbef.experiment.results import (
     CellSummary,
     Curve,
@@ -48,9 +48,10 @@ def summarize(written: Written, cells: Sequence[Cell], outcomes: Sequence[Sequen
 
 
 def check_expectations(written: Written, cells: Sequence[Cell]) -> None:
-    """Refuse, before anything runs, an expectation that selects no cell."""
+    """Refuse, before anything runs, an expectation that selects no cell, or of what is no number of a run."""
     for one in written.experiment.expect:
         selected(cells, one.where, one.metric)
+        check_number(one.metric, "expect.metric")
 
 
 def _cell(cell: Cell, runs: Sequence[Outcome]) -> CellSummary:
@@ -110,11 +111,10 @@ def _judge(expect: Expect, cells: Sequence[Cell], told: Sequence[CellSummary]) -
 
 
 def _why(judged: Sequence[Judged], expect: Expect, told: Sequence[CellSummary]) -> str:
-    """Why a verdict is not possible: the file names a wrong metric, or runs failed."""
+    """Why a verdict is not possible: no run has the metric, or runs failed."""
     known = {name for one in told for name in one.metrics}
     if known and expect.metric not in known:
-        near = get_close_matches(expect.metric, sorted(known), 1)
-        return f"no run has such a number; {f'did you mean {near[0]!r}?' if near else 'results.csv has their names'}"
+        return "no run has such a number; results.csv has their names"
     if any(one.verdict == "cannot be judged" for one in judged):
         return "runs failed or have no such number"
     return ""
