@@ -7,9 +7,13 @@ from pathlib import Path
 
 import pytest
 
+from tests.cli.test_errors import call
 from tests.log.hand_made import Maker
+from tests.log.made import made_log
 from tests.within import within
 from zenoh_cbef.log.mcap.writer import McapWriter
+from zenoh_cbef.log.tools.collection import GOES_ON
+from zenoh_cbef.outside.registry import registered
 
 
 @pytest.fixture(scope="module")
@@ -87,3 +91,21 @@ def test_cat_says_where_nothing_matches(folder: Path) -> None:
     assert (nothing.returncode, nothing.stdout) == (0, "")
     assert "'zenoh-cbef info whole.mcap' has its topics" in nothing.stderr
     assert within(folder, "cat", "whole.mcap", "-y", "cbef/made/agent/1/.*").stderr == ""
+
+
+@pytest.mark.parametrize("verb", ["check", "info", "recover"])
+def test_a_log_that_is_being_written_is_not_called_damaged(monkeypatch, capsys, tmp_path, verb):
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    whole = made_log(tmp_path / "run.mcap", "steps=5")
+    log = tmp_path / "run.mcap.active"
+    log.write_bytes(whole.read_bytes()[:-2000])
+    output = ["-o", str(tmp_path / "new.mcap")] if verb == "recover" else []
+    with registered("made", []):
+        status, out, err = call(monkeypatch, capsys, verb, str(log), *output)
+    assert status == 0
+    assert GOES_ON in out + err
+    assert "killed" not in out + err
+    assert "lost" not in (out + err).replace("nothing was lost", "")
+    (tmp_path / "new.mcap").unlink(missing_ok=True)
+    _, out, err = call(monkeypatch, capsys, verb, str(log), *output)
+    assert GOES_ON not in out + err

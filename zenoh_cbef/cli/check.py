@@ -11,6 +11,7 @@ from zenoh_cbef.cli.offer import verb
 from zenoh_cbef.cli.options import AsJson, LogFile
 from zenoh_cbef.log.read.parts import open_log
 from zenoh_cbef.log.tools.check import Findings, check
+from zenoh_cbef.log.tools.collection import GOES_ON
 from zenoh_cbef.words import counted
 
 _SHOWN = 20
@@ -45,6 +46,8 @@ def _tell(found: Findings) -> None:
     if found.out_of_order:
         early = counted(found.out_of_order, "message was", "messages were")
         typer.echo(f"note: {early} logged before the one before it")
+    if found.goes_on:
+        typer.echo(f"note: {GOES_ON}")
     typer.echo(f"{counted(found.messages, 'message')}: " + ("something is wrong" if lines else "sound"))
 
 

@@ -15,6 +15,7 @@ from zenoh_cbef.cli.offer import verb
 from zenoh_cbef.cli.options import AsJson, LogFile
 from zenoh_cbef.log.common.naming import END, RESOLVED, RUN
 from zenoh_cbef.log.read.parts import Log, open_log
+from zenoh_cbef.log.tools.collection import GOES_ON, goes_on
 from zenoh_cbef.plain import read_toml
 
 _FOREIGN = "none, as this is no log of zenoh-cbef"
@@ -22,7 +23,10 @@ _FOREIGN = "none, as this is no log of zenoh-cbef"
 
 @dataclass(frozen=True)
 class _Described:
-    """What --json prints. run, end: the log's metadata of these names. start: ns since the epoch; duration: s."""
+    """What --json prints. run, end: the log's metadata of these names. start: ns since the epoch; duration: s.
+
+    goes_on: the log is still being written.
+    """
 
     file: str
     parts: list[str]
@@ -37,10 +41,13 @@ class _Described:
     duration: float
     channels: dict[str, int]
     attachments: dict[str, int]
+    goes_on: bool
 
     @property
     def state(self) -> str:
         """Whether the log was closed."""
+        if self.goes_on:
+            return GOES_ON
         if not self.complete:
             return "cut off: readable as far as it goes"
         return "complete" if self.run else "whole"
@@ -50,17 +57,18 @@ class _Described:
         """How its run ended."""
         if self.end:
             return self.end.get("status", "-")
-        return "no end record" + ("" if self.complete else ": the recorder was killed, or the file is cut off")
+        sound = self.complete or self.goes_on
+        return "no end record" + ("" if sound else ": the recorder was killed, or the file is cut off")
 
 
 def _describe(file: Log) -> _Described:
-    summary = file.summary()
+    summary, growing = file.summary(), goes_on(file)
     return _Described(
         file=str(file.path),
         parts=[str(part) for part in file.files],
         bytes=file.bytes,
         complete=file.complete,
-        damage=file.damage,
+        damage=file.lost if growing else file.damage,
         library=summary.library,
         run=file.metadata.get(RUN, {}),
         end=file.metadata.get(END),
@@ -69,6 +77,7 @@ def _describe(file: Log) -> _Described:
         duration=max(0, summary.end_time - summary.start_time) / 1e9,
         channels=dict(sorted(summary.channel_counts.items())),
         attachments={name: len(data) for name, data in file.attachments.items()},
+        goes_on=growing,
     )
 
 

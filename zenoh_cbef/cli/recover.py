@@ -8,10 +8,12 @@ from typing import Annotated
 import typer
 
 from zenoh_cbef.cli.completing import logs
-from zenoh_cbef.cli.console import warn
+from zenoh_cbef.cli.console import tell, warn
 from zenoh_cbef.cli.offer import verb
 from zenoh_cbef.cli.options import Compress, NewLog
-from zenoh_cbef.log.read.parts import find_log
+from zenoh_cbef.log.common.naming import ACTIVE
+from zenoh_cbef.log.read.parts import find_log, open_log
+from zenoh_cbef.log.tools.collection import GOES_ON, goes_on
 from zenoh_cbef.log.tools.recover import recover
 from zenoh_cbef.words import counted
 
@@ -25,7 +27,11 @@ def _recover(log: Damaged, output: NewLog, compression: Compress = "zstd") -> No
 
     Exit status: 0 nothing was lost, 3 something was lost, 1 nothing could be recovered.
     """
-    found = recover(find_log(log), output, compression)
+    source = find_log(log)
+    growing = source.name.endswith(ACTIVE) and goes_on(open_log(source))
+    found = recover(source, output, compression, growing=growing)
+    if growing:
+        tell(f"note: {GOES_ON}")
     warn(found.lost)
     if found.exit_status == 1:
         typer.echo("nothing could be recovered")

@@ -80,6 +80,11 @@ class Log:
         return [self._of(path, sentence) for path, file in self.files.items() for sentence in file.damage]
 
     @property
+    def lost(self) -> list[str]:
+        """Of the damage, what is wrong with the data; without the end that a file lacks while it is written."""
+        return [self._of(path, sentence) for path, file in self.files.items() for sentence in file.lost]
+
+    @property
     def bytes(self) -> int:
         """Size of all files."""
         return sum(path.stat().st_size for path in self.files)

@@ -13,6 +13,7 @@ from zenoh_cbef.log.mcap.heads import Batch
 from zenoh_cbef.log.read.decoding import Decoder
 from zenoh_cbef.log.read.header import read_header
 from zenoh_cbef.log.read.parts import Log
+from zenoh_cbef.log.tools.collection import goes_on
 from zenoh_cbef.protocol.keys import address
 from zenoh_cbef.protocol.messages import BadMessage
 from zenoh_cbef.protocol.short import ENCODING, SCHEMA
@@ -27,7 +28,8 @@ class Findings:
     damage: one sentence for each fault of the file. missing: numbers that are not there, by key and sender, with their
     stretches in gaps. unheard: missing numbers that were sent while the recorder was cut off; these and restarts are
     notes, no faults of the log. wrong: messages that are not valid on their key, by topic and reason. out_of_order:
-    messages with an earlier log time than the one before them in the file.
+    messages with an earlier log time than the one before them in the file. goes_on: the log is still being written, so
+    that it has no end is no fault.
     """
 
     messages: int = 0
@@ -37,6 +39,7 @@ class Findings:
     unheard: dict[str, int] = field(default_factory=dict)
     wrong: Counter[str] = field(default_factory=Counter)
     out_of_order: int = 0
+    goes_on: bool = False
 
     @property
     def exit_status(self) -> int:
@@ -89,8 +92,9 @@ def check(log: Log) -> Findings:
         decoder.take(batch)
         findings.messages += len(batch)
     # Attachments and metadata were read with the header: only now all damage is known.
-    findings.damage = log.damage
-    if END not in log.metadata:
+    findings.goes_on = goes_on(log)
+    findings.damage = log.lost if findings.goes_on else log.damage
+    if not findings.goes_on and END not in log.metadata:
         findings.damage.append("there is no end record: the recorder was killed, or could not write any more")
     for (key, sender), sequence in decoder.tally.sequences:
         if sequence.absurd:

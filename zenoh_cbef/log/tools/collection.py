@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.log.common.naming import ACTIVE
+from zenoh_cbef.log.common.naming import ACTIVE, RUN
 from zenoh_cbef.log.read.header import read_header
-from zenoh_cbef.log.read.parts import find_log, open_log
+from zenoh_cbef.log.read.parts import Log, find_log, open_log
 from zenoh_cbef.outside.registry import known_runs
 
 LOGS = Path("logs")
@@ -51,6 +51,14 @@ def new_folder(run: str) -> Path:
         else:
             return folder
     raise UserError(f"logs/{run} and 98 more exist; choose another place for the log")
+
+
+GOES_ON = "the run goes on: this is what was written so far"
+
+
+def goes_on(log: Log) -> bool:
+    """Whether a log is still being written, as its run goes on on this host."""
+    return [*log.files][-1].name.endswith(ACTIVE) and log.metadata.get(RUN, {}).get("run") in known_runs()
 
 
 @dataclass(frozen=True)

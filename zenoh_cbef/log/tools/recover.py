@@ -29,10 +29,11 @@ class Recovered:
         return 3 if self.lost else 0
 
 
-def recover(source: Path, output: Path, compression: Compression = "zstd") -> Recovered:
+def recover(source: Path, output: Path, compression: Compression = "zstd", *, growing: bool = False) -> Recovered:
     """Write what is sound in a log into a new one, in the same order, with its index; the old one is left alone.
 
-    Raises UserError where the new one exists or cannot be written, or the old one cannot be read at all.
+    growing: the old one is still being written, so that it has no end is no loss. Raises UserError where the new one
+    exists or cannot be written, or the old one cannot be read at all.
     """
     try:
         file = McapFile(source)
@@ -54,7 +55,7 @@ def recover(source: Path, output: Path, compression: Compression = "zstd") -> Re
         for name, metadata in described[1:]:
             new.describe(name, metadata)
         lost = [*file.lost]
-        if not file.closed:
+        if not (file.closed or growing):
             lost.append("the file ends without its closing record: what was not written by then is lost")
         result = Recovered(new.count, attachments, len(described), lost)
         if result.exit_status == 1:
