@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
 from tests.datasets.walked import STEPS, imported, written
 from zenoh_cbef.cli.dataset import VERB as DATASET
 from zenoh_cbef.datasets.findings import findings
+from zenoh_cbef.datasets.fixes import fixes
+from zenoh_cbef.datasets.picture import limits
 from zenoh_cbef.datasets.reading import read_files
 
 
@@ -97,3 +100,13 @@ def test_a_silence_and_times_far_from_all_others_are_told(tmp_path):
     stray[-1] += 2000.0
     said = f"1 range at t = {end + 2000.0:.12g} s far from all others, which are from {first:.12g} to "
     assert any(one.startswith(said) for one in findings(replace(good, range_time=stray)))
+
+
+def test_a_fix_far_off_does_not_make_the_picture_large(tmp_path):
+    good = read_files(as_dataset(written(tmp_path)))
+    places = fixes(good).places.copy()
+    places[3, :2] = 1e5, -1e5
+    low, high = limits(good, places)
+    assert np.all(low > -5.0)
+    assert np.all(high < 30.0)
+    assert np.all(low <= good.anchors[:, :2].min(axis=0))

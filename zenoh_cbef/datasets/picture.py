@@ -4,9 +4,26 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+
+from zenoh_cbef.arrays import Floats
 from zenoh_cbef.datasets.dataset import Dataset
 from zenoh_cbef.datasets.fixes import fixes
 from zenoh_cbef.extras import from_extra
+
+
+_SHARE = 5.0
+"""Per cent of the fixes that may lie beyond the picture, at each side: one far off would leave the rest a dot."""
+_MARGIN = 0.06
+
+
+def limits(dataset: Dataset, places: Floats) -> tuple[Floats, Floats]:
+    """The least and largest x and y that are drawn, m: anchors, truth, and most of the fixes, places (f, 2 or 3)."""
+    most = [np.percentile(places[:, :2], [_SHARE, 100.0 - _SHARE], axis=0)] if len(places) else []
+    shown = np.concatenate([dataset.anchors[:, :2], dataset.truth[:, :2], *most])
+    low, high = shown.min(axis=0), shown.max(axis=0)
+    margin = _MARGIN * float((high - low).max()) or 1.0
+    return low - margin, high + margin
 
 
 def draw(dataset: Dataset, path: Path) -> Path:
@@ -25,7 +42,8 @@ def draw(dataset: Dataset, path: Path) -> Path:
     for label, place in zip(dataset.labels, dataset.anchors, strict=True):
         axes.annotate(label, place[:2], xytext=(5, 5), textcoords="offset points")
     axes.set_aspect("equal", adjustable="datalim")
-    axes.set(xlabel="x (m)", ylabel="y (m)")
+    low, high = limits(dataset, found.places)
+    axes.set(xlabel="x (m)", ylabel="y (m)", xlim=(low[0], high[0]), ylim=(low[1], high[1]))
     axes.grid(visible=True, color="0.9")
     axes.legend(fontsize="small")
     path.parent.mkdir(parents=True, exist_ok=True)
