@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tests.datasets.walked import CORNERS, EPOCH, STEPS, anchors_in, distance, imported, is_the_walk, place
+from tests.log.made import made_log
 from zenoh_cbef.datasets import read_dataset, write_dataset
 from zenoh_cbef.datasets.importing.columns import map_of
 from zenoh_cbef.datasets.importing.units import units_of
@@ -111,3 +112,14 @@ def test_maps_and_units_are_read_from_words():
     assert map_of(["range=d_*", "truth.t=Stamp"]) == {"range": "d_*", "truth.t": "Stamp"}
     units = units_of(["mm", "anchors=ft", "t=us"])
     assert [str(units.length(file, "x", "x")) for file in ("anchors", "truth")] == ["0.3048", "0.001"]
+
+
+def test_logs_of_runs_and_files_that_are_no_text_are_named_as_such(tmp_path):
+    for source in (made_log(tmp_path / "run.mcap", "steps=2"), tmp_path):
+        with pytest.raises(UserError, match="is a log of zenoh-cbef; make a dataset of it: zenoh-cbef export .* --to"):
+            imported(source, "-o", tmp_path / "set")
+    ranges = tmp_path / "ranges.csv"
+    for name, data in (("UTF-16 text; save it as UTF-8", "t,a\n1,2\n".encode("utf-16")), ("no text", b"t,a\n\0\n")):
+        ranges.write_bytes(data)
+        with pytest.raises(UserError, match=f"ranges.csv is {name}"):
+            imported(ranges, "-o", tmp_path / "set")

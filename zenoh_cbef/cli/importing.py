@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from pathlib import Path
 from typing import Annotated
 
@@ -22,6 +23,8 @@ from zenoh_cbef.datasets.importing.units import units_of
 from zenoh_cbef.datasets.picture import draw
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.extras import MissingExtra
+from zenoh_cbef.log.common.naming import RUN
+from zenoh_cbef.log.read.parts import open_log
 
 _BAG = "Of ROS bags"
 _CSV = "Of CSV files"
@@ -64,6 +67,7 @@ def _import(
     new_folder_of(output, ["anchors.csv", "ranges.csv", "truth.csv"], force=force)
     if not source.exists():
         raise UserError(f"there is no {source}; name a CSV file, a folder, or a ROS bag")
+    _refuse_own_log(source)
     if bag_in(source):
         bags = Bags(map_of(mapped or ()), units, topic or (), truth, types or ())
         raw = bags.read(bag_of(source))
@@ -72,6 +76,18 @@ def _import(
     else:
         raw = _from_csv(source, anchors, truth, Reading(map_of(mapped or ()), units, separator))
     _finish(raw, source, output, height)
+
+
+def _refuse_own_log(source: Path) -> None:
+    if source.suffix != ".mcap" and not (source / "run.mcap").exists():
+        return
+    own = False
+    with suppress(UserError):  # what is no MCAP file at all is told by its reader
+        own = RUN in open_log(source).metadata
+    if own:
+        raise UserError(
+            f"{source} is a log of zenoh-cbef; make a dataset of it: zenoh-cbef export {source} --to dataset"
+        )
 
 
 def _from_csv(source: Path, anchors: Path | None, truth: str | None, reading: Reading) -> Raw:

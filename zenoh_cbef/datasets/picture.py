@@ -11,7 +11,6 @@ from zenoh_cbef.datasets.dataset import Dataset
 from zenoh_cbef.datasets.fixes import fixes
 from zenoh_cbef.extras import from_extra
 
-
 _SHARE = 5.0
 """Per cent of the fixes that may lie beyond the picture, at each side: one far off would leave the rest a dot."""
 _MARGIN = 0.06

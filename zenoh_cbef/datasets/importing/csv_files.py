@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import csv
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -20,6 +21,9 @@ FILES = {
     "ranges": ("range", "distance", "uwb", "tof", "twr", "measure"),
 }
 """By what words in its name a file of a folder is known, in this order."""
+
+
+_UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 
 
 @dataclass(frozen=True)
@@ -92,9 +96,13 @@ class Reading:
 
     def _sheet(self, path: Path) -> Sheet:
         try:
-            text = path.read_text(encoding="utf-8-sig", errors="replace")
+            data = path.read_bytes()
         except OSError as error:
             raise UserError(f"cannot read {path}: {error.strerror}; name a CSV file") from None
+        if b"\0" in data:
+            kind = "UTF-16 text; save it as UTF-8" if data[:2] in _UTF_16 else "no text; name a CSV file"
+            raise UserError(f"{path} is {kind}")
+        text = data.decode("utf-8-sig", errors="replace")
         lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith(("#", "%"))]
         if len(lines) < 2:
             raise UserError(f"{path} has no rows below a header; name another file")
