@@ -116,7 +116,7 @@ def test_maps_and_units_are_read_from_words():
 
 def test_logs_of_runs_and_files_that_are_no_text_are_named_as_such(tmp_path):
     for source in (made_log(tmp_path / "run.mcap", "steps=2"), tmp_path):
-        with pytest.raises(UserError, match="is a log of zenoh-cbef; make a dataset of it: zenoh-cbef export .* --to"):
+        with pytest.raises(UserError, match=r"is a log of zenoh-cbef; make a dataset of it: zenoh-cbef export .* --to"):
             imported(source, "-o", tmp_path / "set")
     ranges = tmp_path / "ranges.csv"
     for name, data in (("UTF-16 text; save it as UTF-8", "t,a\n1,2\n".encode("utf-16")), ("no text", b"t,a\n\0\n")):

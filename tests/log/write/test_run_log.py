@@ -35,7 +35,7 @@ def log(tmp_path: Path) -> RunLog:
     return made
 
 
-def test_all_is_lost_whose_folder_was_removed(log):
+def test_what_came_is_lost_where_the_folder_was_removed_and_another_part_begins(log):
     shutil.rmtree(log.path.parent)
     write(log, range(10, 15))
     log.flush()
@@ -43,7 +43,9 @@ def test_all_is_lost_whose_folder_was_removed(log):
     assert (log.count, log.dropped) == (0, 15)
     write(log, range(15, 20))
     log.close({})
-    assert (log.count, log.dropped) == (0, 20)
+    assert (log.count, log.dropped) == (5, 15)
+    (part,) = log.path.parent.glob("*.mcap")
+    assert [message.sequence for message in McapFile(part).messages()] == [*range(15, 20)]
 
 
 def test_a_folder_that_is_removed_just_before_the_end_is_noticed(log):

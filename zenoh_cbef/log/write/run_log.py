@@ -271,6 +271,7 @@ class RunLog:
         old, self._number = self._part, self._number + 1
         path = part_path(self.path, self._number)
         try:
+            path.parent.mkdir(parents=True, exist_ok=True)  # its folder may have been removed
             self._part = _Part(path, self._settings)
             self._part.describe(*self._described())
         except OSError as error:
