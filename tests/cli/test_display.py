@@ -7,6 +7,7 @@ import sys
 import pytest
 
 from tests.terminal import Terminal
+from zenoh_cbef.cli import progress
 from zenoh_cbef.cli.run import _Display
 from zenoh_cbef.cli.stops import StopRequests
 from zenoh_cbef.nodes.common.recording import Status
@@ -57,6 +58,14 @@ def test_what_the_recorder_cannot_do_and_deaths_are_told_at_once(capsys):
     assert late.startswith("warning: the recorder does not keep up")
     display.mourn(Death("agent 2", -9, ""))
     assert capsys.readouterr().err == "agent 2 was killed by signal 9\n"
+
+
+def test_work_that_takes_long_is_told_in_lines_where_there_is_no_terminal(capsys, monkeypatch):
+    with progress.bar("simulating", 30) as done:
+        done(1)
+        monkeypatch.setattr(progress, "_SECONDS", 0.0)
+        done(20)
+    assert capsys.readouterr().err == "simulating: 20 of 30\n"
 
 
 def test_every_ctrl_c_of_a_run_is_counted_and_ends_nothing():

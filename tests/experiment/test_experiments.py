@@ -14,8 +14,12 @@ import pytest
 
 from tests.cli.test_errors import call
 from zenoh_cbef.analysis.metrics import analyze
+from zenoh_cbef.experiment.cells import cells_of
 from zenoh_cbef.experiment.engines import simulated
+from zenoh_cbef.experiment.figures import figures_of
+from zenoh_cbef.experiment.file import read_experiment
 from zenoh_cbef.experiment.numbers import numbers
+from zenoh_cbef.experiment.summary import summarize
 from zenoh_cbef.scenario.load import load
 from zenoh_cbef.simulator import simulate
 
@@ -299,3 +303,15 @@ def test_a_wrong_command_is_one_sentence(monkeypatch, capsys, tmp_path, argument
     assert words in err
     assert len(err.strip().splitlines()) == 1
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(("values", "mode"), [('["sicf", "ci"]', "markers"), ("[3, 4]", "lines+markers")])
+def test_only_numbers_are_joined_by_lines(tmp_path, values, mode):
+    key = "filter.kind" if "sicf" in values else "consensus.rounds"
+    (tmp_path / "mine.toml").write_text(f'seeds = 1\n[set]\nsteps = 5\n[[vary]]\nkey = "{key}"\nvalues = {values}\n')
+    written = read_experiment(str(tmp_path / "mine.toml"))
+    cells = cells_of(written)
+    outcomes = [simulated(cell.scenario, [1], 0.25) for cell in cells if cell.scenario is not None]
+    figure = figures_of(summarize(written, cells, outcomes))[0]
+    modes = {line["mode"] for line in figure.plot["data"]}
+    assert modes == {mode, mode.split("+")[0]}

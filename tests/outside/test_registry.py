@@ -172,3 +172,14 @@ def test_the_run_of_another_user_is_named_and_not_taken(monkeypatch, tmp_path):
             find_run("mine")
         with registered("mine", []):
             assert find_run(None).name == "mine"
+
+
+def test_a_wrong_name_is_answered_with_those_that_there_are(monkeypatch, tmp_path):
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    with (
+        registered("here", []),
+        pytest.raises(UserError, match="there is run here.*; name one of these, or give --conn"),
+    ):
+        find_run("gone")
+    with pytest.raises(UserError, match="there is none.*; start it, or give --connect"):
+        find_run("gone")

@@ -20,6 +20,7 @@ from zenoh_cbef.cli.listing import list_named
 from zenoh_cbef.cli.offer import group
 from zenoh_cbef.cli.options import AsJson, Force, Jobs, Skip
 from zenoh_cbef.cli.places import new_folder_of
+from zenoh_cbef.cli.progress import Lines
 from zenoh_cbef.cli.typesetting import AsTable, Typesetting
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.experiment.cells import cells_of
@@ -156,8 +157,13 @@ def _swept(sweep: Sweep, folder: Path) -> list[list[Outcome]]:
     columns = (TextColumn("runs"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     try:
         with Progress(*columns, console=errors, transient=True, disable=not errors.is_terminal) as bar:
-            task = bar.add_task("", total=None)
-            return sweep.run(folder, lambda done, total: bar.update(task, completed=done, total=total))
+            task, lines = bar.add_task("", total=None), Lines("runs")
+
+            def show(done: int, total: int) -> None:
+                bar.update(task, completed=done, total=total)
+                lines.show(done, total)
+
+            return sweep.run(folder, show)
     except KeyboardInterrupt:
         place = sweep.shard.folder(folder)
         tell(f"interrupted; what is finished is in {place}, and the same command goes on from there")

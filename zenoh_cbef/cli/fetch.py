@@ -26,6 +26,7 @@ class _Display:
 
     def __init__(self, bar: Progress) -> None:
         self._bar, self._said = bar, -1
+        self.recorders: list[str] = []
         self._task = bar.add_task("waiting for recorders", total=None)
 
     def wait(self, here: int, wanted: int) -> None:
@@ -36,7 +37,8 @@ class _Display:
     def show(self, found: Sequence[Offer], come: int) -> None:
         total = sum(one.size for one in found)
         if not come:
-            names = ", ".join(one.recorder for one in found)
+            self.recorders = [one.recorder for one in found]
+            names = ", ".join(self.recorders)
             tell(f"fetching {counted(len(found), 'log')}, {total / 1e6:.1f} MB, from {names}")
         self._bar.update(self._task, description="fetching", total=total, completed=come)
 
@@ -74,7 +76,7 @@ def _fetch(
             waiting=lambda here: display.wait(here, wanted),
             progress=display.show,
         )
-        join(paths, output, compression)
+        join(paths, output, compression, display.recorders)
 
 
 VERB = verb(

@@ -35,21 +35,25 @@ def _merge(
     join(logs, output, compression)
 
 
-def join(logs: Sequence[Path], output: Path, compression: Compress) -> None:
-    """Merge logs, and say what came of it. Exits with status 3 where not all could be read."""
+def join(logs: Sequence[Path], output: Path, compression: Compress, names: Sequence[str] = ()) -> None:
+    """Merge logs, and say what came of it. Exits with status 3 where not all could be read.
+
+    names: what the logs are called, where that is not the path.
+    """
     opened = [open_log(path) for path in logs]
     found = merge(opened, output, compression)
-    damage = [f"{log.path}: {sentence}" for log in opened for sentence in log.damage]
+    called = dict(zip([log.path for log in opened], names or map(str, logs), strict=True))
+    damage = [f"{called[log.path]}: {sentence}" for log in opened for sentence in log.damage]
     warn(damage)
     typer.echo(f"{counted(found.messages, 'message')} in {output}, {counted(found.duplicates, 'duplicate')} left out")
     for clock in found.clocks:
-        typer.echo(_words(clock, opened[0].path))
+        typer.echo(_words(clock, called[clock.log], called[opened[0].path]))
     if damage:
         raise typer.Exit(LOSSY)
 
 
-def _words(clock: Clock, first: Path) -> str:
-    name = f"{clock.log} ({clock.host})" if clock.host else str(clock.log)
+def _words(clock: Clock, log: str, first: str) -> str:
+    name = f"{log} ({clock.host})" if clock.host else log
     if clock.offset is None or clock.doubt is None:
         return f"clock of {name}: not compared, as it shares no message with {first}"
     side = "ahead of" if clock.offset >= 0 else "behind"

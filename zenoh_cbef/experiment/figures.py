@@ -98,9 +98,10 @@ def _places(values: Sequence[Json]) -> Sequence[float | str]:
 
 
 def _lines(summary: Summary, measured: Measured) -> Plot:
-    """One line per combination of the other keys against the first."""
+    """One line per combination of the other keys against the first; points where that is no number."""
     cells, metric, words, yardsticks = summary.cells, measured.metric, summary.words, measured.yardsticks
     first, *others = summary.varied
+    line = "lines+" if _numbers([cell.values[first] for cell in cells]) else ""
     groups: dict[str, list[CellSummary]] = {}
     for cell in cells:
         name = cell_words({key: cell.values[key] for key in others}, words) if others else ""
@@ -118,7 +119,7 @@ def _lines(summary: Summary, measured: Measured) -> Plot:
         lines.append(
             {
                 "type": "scatter",
-                "mode": "lines+markers",
+                "mode": f"{line}markers",
                 "name": escape(name) or "network",
                 "x": _places([cell.values[first] for cell in known]),
                 "y": [one.median for one in found],
@@ -133,7 +134,8 @@ def _lines(summary: Summary, measured: Measured) -> Plot:
             # Consensus does not change a centralised filter: one line is enough where its values are the same.
             if any(line["x"] == drawn["x"] and line["y"] == drawn["y"] for line in lines):
                 continue
-            lines.append({"type": "scatter", "mode": "lines", "name": f"{escape(name)} {label}", **drawn, **dashed})
+            named = {"mode": "lines" if line else "markers", "name": f"{escape(name)} {label}"}
+            lines.append({"type": "scatter", **named, **drawn, **dashed})
     alone = [line for line in lines if "error_y" not in line]
     if len(alone) == 1:
         alone[0]["name"] = yardsticks[0][1]

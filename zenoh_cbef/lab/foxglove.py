@@ -48,7 +48,9 @@ class Foxglove:
                 name="zenoh-cbef lab", host=host, port=port, context=self._context, **self._offered()
             )
         except RuntimeError as error:
-            raise UserError(f"viewers cannot be served on port {port}: {error}; choose another port") from None
+            raise UserError(
+                f"viewers cannot be served on port {port}: {error}; choose another --foxglove-port"
+            ) from None
         self.port = self._server.port
         self._thread = threading.Thread(target=self._run, daemon=True)
 

@@ -150,5 +150,8 @@ def find_run(run: str | None) -> KnownRun:
     if run is None:
         raise UserError("no run goes on on this host; start one, or reach one of another host with --connect")
     if run not in runs:
-        raise UserError(f"no run {run!r} goes on on this host ({there}); give --run, or --connect for another host's")
+        remedy = "name one of these" if runs else "start it"
+        raise UserError(
+            f"no run {run!r} goes on on this host ({there}); {remedy}, or give --connect for another host's"
+        )
     return runs[run]

@@ -11,6 +11,9 @@ const CHARTS = [
   { title: "latency, ms", lines: [["latency", "--accent"]], factor: 1000 },
 ];
 
+/** Numbers at an axis, also very small ones, which would all be rounded to zero. */
+const short = (_, values) => values.map((value) => String(Number(value.toPrecision(3))));
+
 export class Curves {
   constructor(place, seek) {
     this.place = place;
@@ -58,7 +61,7 @@ export class Curves {
       legend: { show: false },
       cursor: { sync: { key: "time" }, drag: { x: false, y: false }, points: { size: 5 } },
       scales: { x: { time: false }, y: { range: (_, low, high) => [Math.min(0, low ?? 0), high > 0 ? high * 1.08 : 1] } },
-      axes: [{ ...axis, size: 20, gap: 2 }, { ...axis, size: 44, gap: 3, space: 18 }],
+      axes: [{ ...axis, size: 20, gap: 2 }, { ...axis, size: 44, gap: 3, space: 18, values: short }],
       series: [{}, ...this.lines(chart).map(([name, colour]) => ({
         label: name, stroke: css(colour), width: 1.4, points: { show: false }, dash: name === "claimed" ? [4, 3] : undefined,
       }))],
