@@ -312,6 +312,7 @@ def test_only_numbers_are_joined_by_lines(tmp_path, values, mode):
     written = read_experiment(str(tmp_path / "mine.toml"))
     cells = cells_of(written)
     outcomes = [simulated(cell.scenario, [1], 0.25) for cell in cells if cell.scenario is not None]
-    figure = figures_of(summarize(written, cells, outcomes))[0]
-    modes = {line["mode"] for line in figure.plot["data"]}
+    plot = figures_of(summarize(written, cells, outcomes))[0].plot
+    assert plot is not None
+    modes = {line["mode"] for line in plot["data"]}
     assert modes == {mode, mode.split("+")[0]}

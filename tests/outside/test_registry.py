@@ -174,12 +174,8 @@ def test_the_run_of_another_user_is_named_and_not_taken(monkeypatch, tmp_path):
             assert find_run(None).name == "mine"
 
 
-def test_a_wrong_name_is_answered_with_those_that_there_are(monkeypatch, tmp_path):
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
-    with (
-        registered("here", []),
-        pytest.raises(UserError, match="there is run here.*; name one of these, or give --conn"),
-    ):
+def test_a_wrong_name_is_answered_with_those_that_there_are():
+    with registered("here", []), pytest.raises(UserError, match=r"there is run here\); name one of these, or give --c"):
         find_run("gone")
-    with pytest.raises(UserError, match="there is none.*; start it, or give --connect"):
+    with pytest.raises(UserError, match=r"there is none\); start it, or give --connect"):
         find_run("gone")

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from zenoh_cbef.arrays import Floats, Ints
-from zenoh_cbef.errors import UserError
 from zenoh_cbef.extras import from_extra
 from zenoh_cbef.trace import SmoothedPath, Trace
 from zenoh_cbef.tracking.diagnostics import NAMES, WHOLE
+from zenoh_cbef.viewers.whole import whole
 
 WHOLE_COLUMNS = {"agent", "k", "first", "second"} | WHOLE
 """Columns of whole numbers."""
@@ -49,19 +49,15 @@ def export(trace: Trace, output: Path, kind: str) -> list[Path]:
     Raises UserError where that cannot be, or the package for parquet is missing.
     """
     write = _write_csv if kind == "csv" else _parquet_writer() if kind == "parquet" else None
-    try:
-        if write is None:
-            output.parent.mkdir(parents=True, exist_ok=True)
-            with output.open("wb") as stream:
-                np.savez_compressed(stream, allow_pickle=False, **arrays_of(trace))
-            return [output]
-        output.mkdir(parents=True, exist_ok=True)
-        paths = []
-        for name, (header, parts) in tables_of(trace).items():
-            paths.append(output / f"{name}.{kind}")
-            write(paths[-1], header, np.column_stack(parts).astype(np.float64))
-    except OSError as error:
-        raise UserError(f"cannot write {output}: {error.strerror}; choose another --output") from None
+    if write is None:
+        with whole(output) as fresh, fresh.open("wb") as stream:
+            np.savez_compressed(stream, allow_pickle=False, **arrays_of(trace))
+        return [output]
+    paths = []
+    for name, (header, parts) in tables_of(trace).items():
+        paths.append(output / f"{name}.{kind}")
+        with whole(paths[-1]) as fresh:
+            write(fresh, header, np.column_stack(parts).astype(np.float64))
     return paths
 
 
