@@ -128,8 +128,9 @@ def test_a_forged_estimate_far_away_does_not_stop_a_recorder():
     overview = Overview(Status(RUN, "", 50), lambda: 1)
     counts: dict[str, list] = {name: [] for name in ("neighbours", "received", "lost", "late", "latency")}
     far = {"k": 1, "state": [1e99] * 6, "innovation": None, "weight": None, **counts, "covariance": None}
-    overview.see("truth", KEYS.truth, encode(RUN, "target", 0, 0, {"k": 1, "state": [-1e99] * 6}))
-    overview.see("estimate", KEYS.estimate(0), encode(RUN, "agent/0", 0, 0, far))
+    overview.see("truth", KEYS.truth, [encode(RUN, "target", 0, 0, {"k": 1, "state": [-1e99] * 6})])
+    overview.see("estimate", KEYS.estimate(0), [encode(RUN, "agent/0", 0, 0, far)])
+    overview.catch_up()
     assert overview.status.step == 1
 
 
@@ -138,11 +139,12 @@ def test_a_recorder_tells_how_far_agents_are_that_a_target_has_left_behind():
     counts: dict[str, list] = {name: [] for name in ("neighbours", "received", "lost", "late", "latency")}
 
     def truth(step):
-        overview.see("truth", KEYS.truth, encode(RUN, "target", step, 0, {"k": step, "state": [0.0] * 6}))
+        overview.see("truth", KEYS.truth, [encode(RUN, "target", step, 0, {"k": step, "state": [0.0] * 6})])
 
     def estimate(agent, step):
         said = {"k": step, "state": [1.0] * 6, "innovation": None, "weight": None, **counts, "covariance": None}
-        overview.see("estimate", KEYS.estimate(agent), encode(RUN, f"agent/{agent}", step, 0, said))
+        overview.see("estimate", KEYS.estimate(agent), [encode(RUN, f"agent/{agent}", step, 0, said)])
+        overview.catch_up()
 
     for step in range(1, 1001):
         truth(step)

@@ -2,25 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Sequence
 from contextlib import suppress
-
-import numpy as np
 
 from zenoh_cbef.nodes.common.recording import Status
 from zenoh_cbef.protocol.keys import address
 from zenoh_cbef.protocol.kinds import ESTIMATE, TRUTH, EstimateMessage, TruthMessage
-from zenoh_cbef.protocol.messages import BadMessage, decode
+from zenoh_cbef.protocol.messages import BadMessage, decode_all
 
 _KEPT = 256
 """Steps that are kept while estimates are missing: more than agents can be apart."""
+_READ = ("v", "run", "from", "k", "state", "lost", "late")
+"""What is read of an estimate."""
+_MOST_WAITING, _MOST_BYTES = 100, 1 << 20
+"""Messages of a key that may wait to be read, fewer than there are steps that are kept; bytes of all messages."""
 
 
 class Overview:
     """Keeps a Status up to date from the messages that go by.
 
-    present: tells how many agents are there. reached: the latest step of which an estimate came. heard: the same for
-    each agent.
+    present: tells how many agents are there. reached: the latest step of which an estimate was read. heard: the same
+    for each agent.
     """
 
     def __init__(self, status: Status, present: Callable[[], int]) -> None:
@@ -32,22 +35,46 @@ class Overview:
         self._truth: dict[int, list[float]] = {}
         self._errors: dict[int, list[float]] = {}
         self._links: dict[int, tuple[int, int]] = {}
+        self._waiting: dict[tuple[str, str], list[bytes]] = {}
+        self._bytes = 0
 
     def note_slow(self, process: str) -> None:
         """A process of the run has said that it does not keep up."""
         if process not in self.status.slow:
             self.status.slow.append(process)
 
-    def see(self, kind: str, key: str, data: bytes) -> None:
-        """Take one truth or estimate message into account."""
-        at = address(key)
+    def see(self, kind: str, key: str, messages: Sequence[bytes]) -> None:
+        """Take truth or estimate messages of a key into account, with others at the next `catch_up`, or when many wait.
+
+        To read many at once takes a fraction of the time.
+        """
+        waiting = self._waiting.setdefault((kind, key), [])
+        waiting += messages
+        self._bytes += sum(map(len, messages))
+        if len(waiting) > _MOST_WAITING or self._bytes > _MOST_BYTES:
+            self.catch_up()
+
+    def catch_up(self) -> None:
+        """Read what waits: the truth before the estimates."""
+        waiting, self._waiting, self._bytes = self._waiting, {}, 0
+        for (kind, key), messages in sorted(waiting.items(), key=lambda one: one[0][0], reverse=True):
+            try:
+                self._read(kind, key, messages)
+            except BadMessage:
+                for one in messages:
+                    with suppress(BadMessage):
+                        self._read(kind, key, [one])
+
+    def _read(self, kind: str, key: str, messages: Sequence[bytes]) -> None:
+        at, run = address(key), self.status.run
         if at is None:
             return
-        with suppress(BadMessage):
-            if kind == "truth":
-                self._see_truth(decode(TRUTH, data, run=self.status.run, sender=at.owner))
-            else:
-                self._see_estimate(at.agent, decode(ESTIMATE, data, run=self.status.run, sender=at.owner))
+        if kind == "truth":
+            for truth in decode_all(TRUTH, messages, run=run, sender=at.owner):
+                self._see_truth(truth)
+        else:
+            for estimate in decode_all(ESTIMATE, messages, run=run, sender=at.owner, names=_READ):
+                self._see_estimate(at.agent, estimate)
 
     def _see_truth(self, message: TruthMessage) -> None:
         self._truth[message["k"]] = message["state"]
@@ -73,7 +100,7 @@ class Overview:
         self._expected = self.present() or self._expected
         if len(errors) >= self._expected:
             self.status.step = step
-            self.status.error = float(np.sqrt(np.mean(errors)))
+            self.status.error = math.sqrt(sum(errors) / len(errors))
             self._count_links()
             self._forget(step)
 
