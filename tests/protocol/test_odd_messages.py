@@ -134,6 +134,23 @@ def test_a_forged_estimate_far_away_does_not_stop_a_recorder():
     assert overview.status.step == 1
 
 
+def test_a_message_that_is_none_spoils_no_others_that_wait_with_it():
+    overview = Overview(Status(RUN, "", 50), lambda: 1)
+    counts: dict[str, list] = {name: [] for name in ("neighbours", "received", "lost", "late", "latency")}
+    plain = {"state": [0.0] * 6, "innovation": None, "weight": None, **counts, "covariance": None}
+    first, second = (encode(RUN, "agent/0", step, 0, {"k": step, **plain}) for step in (1, 2))
+    lacking = encode(RUN, "agent/0", 2, 0, {"k": 3, "state": [0.0] * 6})
+    overview.see("truth", KEYS.truth, [encode(RUN, "target", 0, 0, {"k": 1, "state": [3.0, 4.0, 0.0] * 2})])
+    overview.see("estimate", KEYS.estimate(0), [first, b"none", lacking])
+    assert not overview.heard, "they wait"
+    overview.catch_up()
+    assert (overview.status.step, overview.status.error) == (1, 5.0)
+    assert overview.heard == {0: 1}, "the one of step 3 lacks fields"
+    for _ in range(101):
+        overview.see("estimate", KEYS.estimate(0), [second])
+    assert overview.heard == {0: 2}, "no more wait than that"
+
+
 def test_a_recorder_tells_how_far_agents_are_that_a_target_has_left_behind():
     overview = Overview(Status(RUN, "", 2000), lambda: 2)
     counts: dict[str, list] = {name: [] for name in ("neighbours", "received", "lost", "late", "latency")}
