@@ -43,14 +43,13 @@ def run_recorder(
         # Subscribe before any process can see us: none sends before we listen. A full mailbox must not slow agents.
         mailboxes = [FairMailbox(node.session, one, CAPACITY) for one in expressions]
         briefing = brief(node)
-        text, scenario = briefing.text, briefing.scenario
+        scenario = briefing.scenario
         require(links=scenario.count + 1)
         led = led_by_a_target(node)
         if led:
             node.claim_name()
             Links(node).keep()
-        log = RunLog(path, scenario.record)
-        log.describe(source=text.source, resolved=text.resolved, run=described(identity, scenario, expressions))
+        log = _begun(path, identity, briefing, expressions)
         overview = _overview(node, Status(identity.run, str(path), scenario.length), briefing, expressions)
         source, mailboxes = at_source(node, log, scenario, mailboxes, CAPACITY)
         recorder = Recorder(node, log, overview, mailboxes, scenario, source=source)
@@ -73,6 +72,14 @@ def run_recorder(
         if stay:
             hand_over(node, path, stay, say)
     return status
+
+
+def _begun(path: Path, identity: Identity, briefing: Briefing, expressions: Sequence[str]) -> RunLog:
+    """A new log that says which run it is of."""
+    text, scenario = briefing.text, briefing.scenario
+    log = RunLog(path, scenario.record)
+    log.describe(source=text.source, resolved=text.resolved, run=described(identity, scenario, expressions))
+    return log
 
 
 def _overview(node: Node, status: Status, briefing: Briefing, expressions: Sequence[str]) -> Overview:
