@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Collection, Iterator, Sequence
 
 from zenoh_cbef.nodes.common.recording import Status
 from zenoh_cbef.protocol.keys import address
-from zenoh_cbef.protocol.kinds import ESTIMATE, TRUTH, EstimateMessage, TruthMessage
+from zenoh_cbef.protocol.kinds import ESTIMATE, TRUTH, EstimateMessage, Kind, M, TruthMessage
 from zenoh_cbef.protocol.messages import BadMessage, decode_all
 
 _KEPT = 256
 """Steps that are kept while estimates are missing: more than agents can be apart."""
 _READ = ("v", "run", "from", "k", "state", "lost", "late")
 """What is read of an estimate."""
-_MOST_WAITING, _MOST_BYTES = 100, 1 << 20
-"""Messages of a key that may wait to be read, fewer than there are steps that are kept; bytes of all messages."""
+_MOST_TRUTHS, _MOST_BYTES = 100, 1 << 19
+"""Steps that may wait to be read, fewer than are kept; and bytes."""
 
 
 class Overview:
@@ -35,7 +34,7 @@ class Overview:
         self._truth: dict[int, list[float]] = {}
         self._errors: dict[int, list[float]] = {}
         self._links: dict[int, tuple[int, int]] = {}
-        self._waiting: dict[tuple[str, str], list[bytes]] = {}
+        self._waiting: dict[str, list[tuple[str, bytes]]] = {"truth": [], "estimate": []}
         self._bytes = 0
 
     def note_slow(self, process: str) -> None:
@@ -48,33 +47,34 @@ class Overview:
 
         To read many at once takes a fraction of the time.
         """
-        waiting = self._waiting.setdefault((kind, key), [])
-        waiting += messages
+        waiting = self._waiting[kind]
+        waiting += [(key, data) for data in messages]
         self._bytes += sum(map(len, messages))
-        if len(waiting) > _MOST_WAITING or self._bytes > _MOST_BYTES:
+        if len(self._waiting["truth"]) > _MOST_TRUTHS or self._bytes > _MOST_BYTES:
             self.catch_up()
 
     def catch_up(self) -> None:
-        """Read what waits: the truth before the estimates."""
-        waiting, self._waiting, self._bytes = self._waiting, {}, 0
-        for (kind, key), messages in sorted(waiting.items(), key=lambda one: one[0][0], reverse=True):
-            try:
-                self._read(kind, key, messages)
-            except BadMessage:
-                for one in messages:
-                    with suppress(BadMessage):
-                        self._read(kind, key, [one])
+        """Read what waits."""
+        waiting, self._waiting, self._bytes = self._waiting, {"truth": [], "estimate": []}, 0
+        for _, truth in self._read(TRUTH, waiting["truth"]):
+            self._see_truth(truth)
+        for agent, estimate in self._read(ESTIMATE, waiting["estimate"], _READ):
+            self._see_estimate(agent, estimate)
 
-    def _read(self, kind: str, key: str, messages: Sequence[bytes]) -> None:
-        at, run = address(key), self.status.run
-        if at is None:
+    def _read(
+        self, kind: Kind[M], waiting: Sequence[tuple[str, bytes]], names: Collection[str] | None = None
+    ) -> Iterator[tuple[int, M]]:
+        """The agent of the key, and the message, of all that are as promised."""
+        try:
+            found = decode_all(kind, [data for _, data in waiting], run=self.status.run, names=names)
+        except BadMessage:
+            for one in waiting if len(waiting) > 1 else ():
+                yield from self._read(kind, [one], names)
             return
-        if kind == "truth":
-            for truth in decode_all(TRUTH, messages, run=run, sender=at.owner):
-                self._see_truth(truth)
-        else:
-            for estimate in decode_all(ESTIMATE, messages, run=run, sender=at.owner, names=_READ):
-                self._see_estimate(at.agent, estimate)
+        for (key, _), message in zip(waiting, found, strict=True):
+            at = address(key)
+            if at is not None and message["from"] == at.owner:
+                yield at.agent, message
 
     def _see_truth(self, message: TruthMessage) -> None:
         self._truth[message["k"]] = message["state"]
