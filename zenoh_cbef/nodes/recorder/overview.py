@@ -56,6 +56,8 @@ class Overview:
     def catch_up(self) -> None:
         """Read what waits."""
         waiting, self._waiting, self._bytes = self._waiting, {"truth": [], "estimate": []}, 0
+        # At the end all processes have left before their last words are read.
+        self._expected = self.present() or self._expected
         for _, truth in self._read(TRUTH, waiting["truth"]):
             self._see_truth(truth)
         for agent, estimate in self._read(ESTIMATE, waiting["estimate"], _READ):
@@ -96,8 +98,6 @@ class Overview:
         apart = [a - b for a, b in zip(message["state"][:3], truth[:3], strict=True)]
         # A forged estimate can be too far off for its square: a product is infinite then, where a power would raise.
         errors.append(sum(one * one for one in apart))
-        # At the end all processes have left before their last words are read.
-        self._expected = self.present() or self._expected
         if len(errors) >= self._expected:
             self.status.step = step
             self.status.error = math.sqrt(sum(errors) / len(errors))
@@ -109,7 +109,6 @@ class Overview:
 
         A target can be ahead of agents that are too slow for more steps than are kept.
         """
-        self._expected = self.present() or self._expected
         done = min(self.heard.values()) if len(self.heard) >= self._expected else 0
         if self.status.step < done < min(self._truth, default=done + 1):
             self.status.step = min(done, self.status.steps)
