@@ -21,12 +21,13 @@ _MANY = 10_000
 
 
 def is_within(values: Floats, limit: float) -> bool:
-    """Whether no number is beyond a limit, and none is NaN."""
+    """Whether no number is beyond a limit, and none is NaN. Callers keep NumPy from warning of an overflow."""
     if values.size > _MANY:
         return bool(values.max() <= limit and values.min() >= -limit)
     # A round asks twice. The sum of squares is one call, and nearly always far below; beyond, or where it is not
     # finite, each number is looked at.
-    if np.vdot(values, values) < 0.25 * limit * limit:
+    flat = values.ravel()
+    if flat.dot(flat) < 0.25 * limit * limit:
         return True
     return bool(np.maximum.reduce(np.abs(values), axis=None, initial=0.0) <= limit)
 
