@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -45,16 +46,19 @@ class Knowing(Wrapping):
         inner = belief.parts[0] if belief.parts else belief
         status = Status.first(len(belief.state)) if belief.status is None else belief.status
         update = self.filter.update(inner, measurement)
-        degrees = update.diagnostics.nis_degrees
-        heard = np.isfinite(update.diagnostics.nis) & (degrees > 0)
+        nis, degrees = update.diagnostics.nis, update.diagnostics.nis_degrees
+        heard = np.isfinite(nis) & (degrees > 0)
         if measurement.few is not None:
             heard &= ~measurement.few
-        fit = np.where(heard, np.minimum(update.diagnostics.nis / np.maximum(degrees, 1), CUT), 0.0)
+        fit = np.minimum(nis / np.maximum(degrees, 1), CUT)
+        fit[~heard] = 0.0
         if self.settings.judges_agents:
             counts = heard & (status.steps >= self.settings.first_fix)
             status = status.judging(self._misfit(fit, update.diagnostics.distrust, inner.bias), counts)
-            fit = np.where(counts & status.wrong, CUT, 0.0)
-        payload = np.concatenate([update.payload, heard[:, None].astype(np.float64), fit[:, None]], axis=1)
+            fit = CUT * (counts & status.wrong)
+        count, size = update.payload.shape
+        payload = np.empty((count, size + self.more))
+        payload[:, :size], payload[:, size], payload[:, size + 1] = update.payload, heard, fit
         return Update(payload, update.diagnostics, tuple(vars(status).values()), (update,))
 
     def conclude(self, payload: Floats, update: Update) -> Belief:
@@ -74,19 +78,22 @@ class Knowing(Wrapping):
         variance = self.settings.common_bias_std**2 + self.settings.own_bias_std**2
         return np.where(bias.weight * bias.value**2 > _UNLIKELY**2 * variance, CUT, fit)
 
-    def _most(self, belief: Belief) -> Floats | None:
-        """The mean misfit of a network that has lost its target; None: by the first rules."""
-        if not self.settings.judges_agents:
-            return None
-        relied_on = np.zeros(len(belief.state)) if belief.bias is None else belief.bias.weight
-        unknowns = self.settings.space.axes + np.where(relied_on > 0.5, 1.0, 0.0)
-        return most_misfit(unknowns, self.settings.network_size)
+    @cached_property
+    def _most(self) -> tuple[float, float]:
+        """The mean misfit of a network that has lost its target, without a bias and with one."""
+        axes = self.settings.space.axes
+        return most_misfit(axes, self.settings.network_size), most_misfit(axes + 1, self.settings.network_size)
 
     def _status(self, belief: Belief, payload: Floats, update: Update) -> Status:
         count, axes = self.settings.network_size, self.settings.space.axes
         mean = np.fmin(np.fmax(payload[:, -self.more :], 0.0), CUT)  # 0 for what is not a number
         if count > 1:
-            mean = np.where(unchanged(payload, update.payload)[:, None], 0.0, mean)
+            mean[unchanged(payload, update.payload)] = 0.0
+        most: float | Floats | None = None
+        if self.settings.judges_agents:
+            most, biased = self._most
+            if belief.bias is not None:
+                most = np.where(belief.bias.weight > 0.5, biased, most)
         covariance = belief.known_covariance
         variance = covariance[:, 0, 0]
         for axis in range(1, axes):
@@ -98,6 +105,6 @@ class Knowing(Wrapping):
             axes=axes,
             fix=self.settings.first_fix,
             dt=self.settings.motion.dt,
-            most=self._most(belief),
+            most=most,
             agents=0 if self.settings.presumes else count,
         )
