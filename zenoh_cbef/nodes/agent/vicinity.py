@@ -7,7 +7,6 @@ from math import ceil
 
 import numpy as np
 
-from zenoh_cbef.arrays import Bools
 from zenoh_cbef.scenario.network import by_radio, in_range_of
 from zenoh_cbef.scenario.plan import Plan
 

@@ -247,7 +247,7 @@ def unless_alone(belief: Belief, payload: Floats, update: Update) -> Belief:
     if not update.kept:
         return belief
     alone, (state, covariance) = unchanged(payload, update.payload), update.kept
-    if not np.count_nonzero(alone):
+    if not alone.nonzero()[0].size:
         return belief
     return Belief(
         np.where(alone[:, None], state, belief.state),

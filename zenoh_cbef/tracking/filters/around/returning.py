@@ -36,7 +36,7 @@ class Returning(Wrapping):
     def update(self, belief: Belief, measurement: Measurement) -> Update:
         """The filter's update."""
         inner = belief.parts[0] if belief.parts else belief
-        if belief.memory and np.count_nonzero(belief.memory[0]):
+        if belief.memory and belief.memory[0].nonzero()[0].size:
             added = np.where(belief.memory[0] > 0.0, bend(self.space, inner, measurement), 0.0)
             std = np.sqrt(variance_of(measurement, self.range_std) + added)
             measurement = replace(measurement, range_std=std)

@@ -14,8 +14,8 @@ from zenoh_cbef.tracking.filters.finding.doubts import SLOT, Doubts
 from zenoh_cbef.tracking.filters.finding.hypotheses import Hypotheses, Told, belief_at, speed_of
 from zenoh_cbef.tracking.filters.finding.moved import moved
 from zenoh_cbef.tracking.filters.finding.own_line import OwnLine
-from zenoh_cbef.tracking.filters.finding.reacquiring import Search
 from zenoh_cbef.tracking.filters.finding.remembered_ranges import Wandering
+from zenoh_cbef.tracking.filters.finding.search import Search
 from zenoh_cbef.tracking.filters.finding.squared_ranges import Seen
 from zenoh_cbef.tracking.filters.information_form import predict, unchanged, variance_of
 from zenoh_cbef.tracking.filters.rows import chosen
