@@ -15,7 +15,7 @@ from zenoh_cbef.tracking.filters.finding.first_fix import FirstFix
 from zenoh_cbef.tracking.filters.finding.knowing import Knowing
 from zenoh_cbef.tracking.filters.finding.moved import moved
 from zenoh_cbef.tracking.filters.finding.patience import gives_up, left_to_a_fix
-from zenoh_cbef.tracking.filters.finding.search import Search
+from zenoh_cbef.tracking.filters.finding.search import Search, decides
 from zenoh_cbef.tracking.filters.information_form import packed_size, predict, unchanged
 from zenoh_cbef.tracking.filters.rows import chosen
 from zenoh_cbef.tracking.filters.settings import FilterSettings
@@ -127,11 +127,6 @@ class Reacquiring(Wrapping):
             search = self._concluded(search, payload, update, apart)
         return self._turned(inner, search, before, wanted, apart)
 
-    def _decides(self, step: Floats) -> Bools:
-        """Whether this is a step in which agents tell their wishes; in the others the decision spreads."""
-        place = step % self.window
-        return np.asarray((place > 0.0) & (place <= self.window - self.settings.spreading))
-
     def _begun(self, belief: Belief) -> Search:
         (count, size), kept = belief.state.shape, 2 * self.window
         none, nowhere = np.zeros(count), (np.zeros((count, size)), np.zeros((count, size, size)))
@@ -154,7 +149,7 @@ class Reacquiring(Wrapping):
         if counted:
             wish += wish - 1.0
             wish[~lately] = 0.0
-        spreads = ~self._decides(step)
+        spreads = ~decides(self.settings, step)
         wish[spreads] = search.vote[spreads]
         if few is not None:
             wish *= ~few
@@ -167,7 +162,7 @@ class Reacquiring(Wrapping):
         """Of which agents (n,) the network wants a fix, as far as they know."""
         if self.settings.judges_agents:
             return np.asarray(average > _ANY)
-        return np.asarray(np.abs(average) > np.where(self._decides(search.step), _MOST, _ANY))
+        return np.asarray(np.abs(average) > np.where(decides(self.settings, search.step), _MOST, _ANY))
 
     def _fixing(self, payload: Floats, search: Search, heard: Measurement) -> tuple[Floats, Search]:
         """The payload of those in a fix, and what that leaves."""

@@ -9,6 +9,7 @@ import numpy as np
 
 from zenoh_cbef.arrays import Bools, Floats
 from zenoh_cbef.tracking.copying import replace
+from zenoh_cbef.tracking.filters.settings import FilterSettings
 from zenoh_cbef.tracking.ranging import Measurement
 
 
@@ -50,8 +51,19 @@ class Search:
     def at(self, step: Floats, new: Measurement, dt: float) -> Self:
         """The same in the next step (n,), dt (s) later, with what was heard in it."""
         count, kept = self.ages.shape
-        positions, ages, ranges = np.empty((count, kept + 1, 3)), np.empty((count, kept + 1)), np.empty((count, kept + 1))
+        positions, ages, ranges = (
+            np.empty((count, kept + 1, 3)),
+            np.empty((count, kept + 1)),
+            np.empty((count, kept + 1)),
+        )
         positions[:, :-1], positions[:, -1] = self.positions, new.position
         ages[:, :-1], ages[:, -1] = self.ages + dt, new.age
         ranges[:, :-1], ranges[:, -1] = self.ranges, new.range
         return replace(self, step=step, positions=positions, ages=ages, ranges=ranges)
+
+
+def decides(settings: FilterSettings, step: Floats) -> Bools:
+    """In which steps (n,) agents tell their wishes; in the others the decision spreads."""
+    window = settings.reacquires
+    place = step % window
+    return np.asarray((place > 0.0) & (place <= window - settings.spreading))
