@@ -110,7 +110,7 @@ def informing(measurement: Measurement, variance: Floats) -> Floats:
 
 def _spread(row: Floats, covariance: Floats, variance: float | Floats) -> Floats:
     """Predicted standard deviation of the own range's innovation, (n,), m."""
-    return np.asarray(np.sqrt(np.add.reduce(row * matvec(covariance, row), axis=1) + variance))
+    return np.asarray(np.sqrt(np.add.reduce(row * (covariance @ row[:, :, None])[:, :, 0], axis=1) + variance))
 
 
 def neighbourhood_information(

@@ -184,8 +184,7 @@ class FirstFix(Wrapping):
     def _fix_moving(self, payload: Floats, own: Floats) -> Belief:
         size = self.motion.size
         mixed, mine = (np.ascontiguousarray(part[:, : packed_size(size)]) for part in (payload, own))
-        averaged = belief_of(mixed, mine, size)
-        return Belief(averaged.state, averaged.known_covariance / self.network_size)
+        return belief_of(mixed, mine, size, self.network_size)
 
     def _fix_at_rest(self, payload: Floats, own: Floats, prior: Belief, step: int) -> Belief:
         axes, squared, others = self.space.axes, self._squared(step), self._others(step)

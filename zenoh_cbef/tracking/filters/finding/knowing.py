@@ -64,10 +64,33 @@ class Knowing(Wrapping):
     def conclude(self, payload: Floats, update: Update) -> Belief:
         """The filter's belief, and what it is worth."""
         inner = self.filter.conclude(np.ascontiguousarray(payload[:, : -self.more]), update.parts[0])
-        status = self._status(inner, payload, update)
-        if self.settings.plane:
+        former, settings = Status(*update.kept), self.settings
+        count, axes, dt = settings.network_size, settings.space.axes, settings.motion.dt
+        mean = np.fmin(np.fmax(payload[:, -self.more :], 0.0), CUT)  # 0 for what is not a number
+        if count > 1:
+            mean[unchanged(payload, update.payload)] = 0.0
+        most: float | Floats | None = None
+        if settings.judges_agents:
+            most, biased = self._most
+            if inner.bias is not None:
+                most = np.where(inner.bias.weight > 0.5, biased, most)
+        covariance = inner.known_covariance
+        variance = covariance[:, 0, 0]
+        for axis in range(1, axes):
+            variance = variance + covariance[:, axis, axis]
+        status = former.after(
+            heard=count * np.minimum(mean[:, 0], 1.0),
+            misfit=count * mean[:, 1],
+            spread=np.sqrt(variance),
+            axes=axes,
+            fix=settings.first_fix,
+            dt=dt,
+            most=most,
+            agents=0 if settings.presumes else count,
+        )
+        if settings.plane:
             rows = undecided(self.filter, inner) & (status.which != LOST)
-            status = status.told(rows, ACQUIRING, Status(*update.kept), self.settings.motion.dt)
+            status = status.told(rows, ACQUIRING, former, dt)
         return Belief(inner.state, inner.covariance, inner.bias, parts=(inner,), status=status)
 
     def _misfit(self, fit: Floats, distrust: Floats, bias: Bias | None) -> Floats:
@@ -83,28 +106,3 @@ class Knowing(Wrapping):
         """The mean misfit of a network that has lost its target, without a bias and with one."""
         axes = self.settings.space.axes
         return most_misfit(axes, self.settings.network_size), most_misfit(axes + 1, self.settings.network_size)
-
-    def _status(self, belief: Belief, payload: Floats, update: Update) -> Status:
-        count, axes = self.settings.network_size, self.settings.space.axes
-        mean = np.fmin(np.fmax(payload[:, -self.more :], 0.0), CUT)  # 0 for what is not a number
-        if count > 1:
-            mean[unchanged(payload, update.payload)] = 0.0
-        most: float | Floats | None = None
-        if self.settings.judges_agents:
-            most, biased = self._most
-            if belief.bias is not None:
-                most = np.where(belief.bias.weight > 0.5, biased, most)
-        covariance = belief.known_covariance
-        variance = covariance[:, 0, 0]
-        for axis in range(1, axes):
-            variance = variance + covariance[:, axis, axis]
-        return Status(*update.kept).after(
-            heard=count * np.minimum(mean[:, 0], 1.0),
-            misfit=count * mean[:, 1],
-            spread=np.sqrt(variance),
-            axes=axes,
-            fix=self.settings.first_fix,
-            dt=self.settings.motion.dt,
-            most=most,
-            agents=0 if self.settings.presumes else count,
-        )

@@ -94,9 +94,10 @@ class Reacquiring(Wrapping):
             measurement = left_to_a_fix(self.settings, measurement, (search.adrift > 0.0) | search.fixing)
         update = self.filter.update(inner, measurement)
         tag, payload = self._tag(search, step, known, np.isfinite(heard.range), measurement.few), update.payload
-        if idle or not search.fixing.nonzero()[0].size:
+        if idle or not (fixing := search.fixing).nonzero()[0].size:
             search = search.at(step, heard, self.settings.motion.dt)
         else:
+            tag[fixing] = search.doing[fixing]
             payload, search = self._fixing(payload, replace(search, step=step), heard)
         count, size = payload.shape
         longer = np.empty((count, size + self.more))
@@ -118,10 +119,13 @@ class Reacquiring(Wrapping):
         if alone.nonzero()[0].size:
             own = np.where(alone[:, None], before.payload, own)
         inner = self.filter.conclude(np.ascontiguousarray(own), before)
-        wanted = self._wanted(search, average)
+        if self.settings.judges_agents:
+            wanted = average > _ANY
+        else:
+            wanted = np.abs(average) > np.where(decides(self.settings, search.step), _MOST, _ANY)
         if idle and inner.status and not (wanted | inner.status.coasts).nonzero()[0].size:
             # No agent wants a fix, or has coasted too far.
-            memory = vars(self._left_behind(search, inner))
+            memory = vars(search) | {"place": inner.state, "place_covariance": inner.known_covariance}
             return replace(inner, memory=tuple(memory.values()), parts=(inner,))
         if search.fixing.nonzero()[0].size:
             search = self._concluded(search, payload, update, apart)
@@ -140,7 +144,7 @@ class Reacquiring(Wrapping):
         )
 
     def _tag(self, search: Search, step: Floats, known: Status, heard: Bools, few: Bools | None) -> Floats:
-        """What agents put into their payloads beside those of the filter or the fix, (n,)."""
+        """What agents that are in no fix put into their payloads beside those of the filter, (n,)."""
         counted, lately = self.settings.judges_agents, heard
         if (~heard).nonzero()[0].size:
             lately = heard | np.isfinite(search.ranges[:, -self.window :]).any(axis=1)
@@ -154,15 +158,7 @@ class Reacquiring(Wrapping):
         if few is not None:
             wish *= ~few
         wish[known.which == ACQUIRING] = 0.0
-        fixing = search.fixing
-        wish[fixing] = search.doing[fixing]
         return wish
-
-    def _wanted(self, search: Search, average: Floats) -> Bools:
-        """Of which agents (n,) the network wants a fix, as far as they know."""
-        if self.settings.judges_agents:
-            return np.asarray(average > _ANY)
-        return np.asarray(np.abs(average) > np.where(decides(self.settings, search.step), _MOST, _ANY))
 
     def _fixing(self, payload: Floats, search: Search, heard: Measurement) -> tuple[Floats, Search]:
         """The payload of those in a fix, and what that leaves."""
@@ -202,7 +198,15 @@ class Reacquiring(Wrapping):
         covariance = _pick(square, squared.known_covariance, refined.known_covariance)
         ahead = predict(self.settings.motion, Belief(search.fix, search.fix_covariance))
         state, covariance = _pick(apart, ahead[0], state), _pick(apart, ahead[1], covariance)
-        return replace(search, fix=state, fix_covariance=covariance, correction=state - search.correction)
+        return replace(
+            search,
+            fix=state,
+            fix_covariance=covariance,
+            correction=state - search.correction,
+            positions=search.positions[:, 1:],
+            ages=search.ages[:, 1:],
+            ranges=search.ranges[:, 1:],
+        )
 
     def _turned(self, inner: Belief, search: Search, before: Update, wanted: Bools, apart: Bools) -> Belief:
         """What agents say in this step, and do from the next one on."""
@@ -236,19 +240,12 @@ class Reacquiring(Wrapping):
         return Belief(state, covariance, inner.bias, tuple(vars(search).values()), (inner,), status)
 
     def _left_behind(self, search: Search, inner: Belief) -> Search:
-        """Where agents that are adrift have coasted to without the ranges since, and the ranges without the oldest."""
+        """Where agents that are adrift have coasted to without the ranges since."""
         adrift, place = search.adrift > 0.0, (inner.state, inner.known_covariance)
         if adrift.nonzero()[0].size:
             ahead = predict(self.settings.motion, Belief(search.place, search.place_covariance))
             place = _pick(adrift, ahead[0], place[0]), _pick(adrift, ahead[1], place[1])
-        return replace(
-            search,
-            place=place[0],
-            place_covariance=place[1],
-            positions=search.positions[:, 1:],
-            ages=search.ages[:, 1:],
-            ranges=search.ranges[:, 1:],
-        )
+        return replace(search, place=place[0], place_covariance=place[1])
 
     def _started(self, search: Search, begins: Bools) -> Search:
         """A fix from where agents have coasted to, or from anywhere, for those that begin one."""

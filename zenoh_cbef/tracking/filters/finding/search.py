@@ -49,16 +49,12 @@ class Search:
         return not (self.doing + self.vote + self.adrift).nonzero()[0].size
 
     def at(self, step: Floats, new: Measurement, dt: float) -> Self:
-        """The same in the next step (n,), dt (s) later, with what was heard in it."""
-        count, kept = self.ages.shape
-        positions, ages, ranges = (
-            np.empty((count, kept + 1, 3)),
-            np.empty((count, kept + 1)),
-            np.empty((count, kept + 1)),
-        )
-        positions[:, :-1], positions[:, -1] = self.positions, new.position
-        ages[:, :-1], ages[:, -1] = self.ages + dt, new.age
-        ranges[:, :-1], ranges[:, -1] = self.ranges, new.range
+        """The same in the next step (n,), dt (s) later, with what was heard in it in place of the oldest."""
+        shape = self.ages.shape
+        positions, ages, ranges = np.empty((*shape, 3)), np.empty(shape), np.empty(shape)
+        positions[:, :-1], positions[:, -1] = self.positions[:, 1:], new.position
+        ages[:, :-1], ages[:, -1] = self.ages[:, 1:] + dt, new.age
+        ranges[:, :-1], ranges[:, -1] = self.ranges[:, 1:], new.range
         return replace(self, step=step, positions=positions, ages=ages, ranges=ranges)
 
 
