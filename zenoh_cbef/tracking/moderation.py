@@ -16,6 +16,9 @@ per range (a spread of 1 nm), of 1e3 agents in 1e7 steps, times 1e12 for velocit
 a position of 1e15 m: 1e55 in all. And its fourth power is finite, so that an update can be computed from it.
 """
 
+SURELY_SENT = 0.25 * LARGEST_SENT**2
+"""Numbers whose sum of squares is below it are surely below LARGEST_SENT."""
+
 _MANY = 10_000
 """OpenBLAS splits a longer sum of squares among threads, which on a busy machine wait for one another for longer."""
 

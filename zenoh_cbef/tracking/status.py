@@ -134,9 +134,9 @@ class Status:
 
         Of two ranges in a row the one that fits better counts: outliers come singly, a wrong receiver stays wrong.
         """
-        own, latest = self.own.copy(), self.latest.copy()
-        own[heard] = (own + (np.minimum(misfit, latest) - own) / _OWN_MEMORY)[heard]
-        latest[heard] = misfit[heard]
+        own, latest = self.own + (np.minimum(misfit, self.latest) - self.own) / _OWN_MEMORY, misfit
+        if (~heard).nonzero()[0].size:
+            own, latest = np.where(heard, own, self.own), np.where(heard, latest, self.latest)
         return replace(self, own=own, latest=latest)
 
     @property
@@ -169,20 +169,21 @@ class Status:
         agents: how many have to prove the place, each with ranges of its own; 0: any ranges do.
         """
         reference = np.minimum(spread, self.reference * np.exp(_LEARNED * heard / axes))
-        steps, heard = self.steps + 1.0, heard.copy()
-        fixed = steps > fix
-        heard[~fixed] = 0.0
-        fades = np.exp(-heard / _MEMORY)
+        steps = self.steps + 1.0
+        early = steps <= fix
+        if early.nonzero()[0].size:
+            heard = np.where(early, 0.0, heard)
+        fades = np.exp(heard / -_MEMORY)
         fitted = self.heard + (heard if most is None else heard - np.minimum(misfit / CUT, heard))
         sums = fades * self.misfit + np.minimum(misfit, CUT * heard), fades * self.weight + heard
         lost = sums[0] > (_MOST if most is None else most) * sums[1]
-        known = fitted >= max(_FIRST * axes, _PROOF * agents)
-        if most is not None:
-            known |= lost
         which, seconds = np.array([TRACKING]).repeat(len(heard)), self.seconds + dt
         which[spread > _COASTS * reference] = COASTING
         which[lost] = LOST
-        which[~(fixed & ((self.which != ACQUIRING) | known))] = ACQUIRING
+        if (begins := early | (self.which == ACQUIRING)).nonzero()[0].size:
+            proved = fitted >= max(_FIRST * axes, _PROOF * agents)
+            known = proved if most is None else proved | lost
+            which[begins & ~known | early] = ACQUIRING
         seconds[which != self.which] = 0.0
         return type(self)(which, seconds, steps, fitted, *sums, reference, spread, self.own, self.latest)
 

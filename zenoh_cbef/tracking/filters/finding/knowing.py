@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from zenoh_cbef.arrays import Floats
+from zenoh_cbef.arrays import Bools, Floats
 from zenoh_cbef.tracking.filters.around.mirror_images import undecided
 from zenoh_cbef.tracking.filters.around.wrapping import Wrapping
 from zenoh_cbef.tracking.filters.base import Belief, Bias, Update
@@ -54,7 +54,11 @@ class Knowing(Wrapping):
         fit[~heard] = 0.0
         if self.settings.judges_agents:
             counts = heard & (status.steps >= self.settings.first_fix)
-            status = status.judging(self._misfit(fit, update.diagnostics.distrust, inner.bias), counts)
+            # How badly ranges fit, also where the filter has come to terms with them.
+            misfit = np.fmax(fit, CUT * update.diagnostics.distrust)
+            if inner.bias is not None:
+                misfit[self._explains_nothing(inner.bias)] = CUT
+            status = status.judging(misfit, counts)
             fit = CUT * (counts & status.wrong)
         count, size = update.payload.shape
         payload = np.empty((count, size + self.more))
@@ -93,13 +97,10 @@ class Knowing(Wrapping):
             status = status.told(rows, ACQUIRING, former, dt)
         return Belief(inner.state, inner.covariance, inner.bias, parts=(inner,), status=status)
 
-    def _misfit(self, fit: Floats, distrust: Floats, bias: Bias | None) -> Floats:
-        """How badly ranges fit, (n,), also where the filter has come to terms with them."""
-        fit = np.fmax(fit, CUT * distrust)
-        if bias is None:
-            return fit
+    def _explains_nothing(self, bias: Bias) -> Bools:
+        """Which agents (n,) rely on a bias far beyond its prior."""
         variance = self.settings.common_bias_std**2 + self.settings.own_bias_std**2
-        return np.where(bias.weight * bias.value**2 > _UNLIKELY**2 * variance, CUT, fit)
+        return np.asarray(bias.weight * bias.value**2 > _UNLIKELY**2 * variance)
 
     @cached_property
     def _most(self) -> tuple[float, float]:
