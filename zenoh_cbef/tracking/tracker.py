@@ -67,7 +67,7 @@ class Tracker:
         """Begin a step with what was measured; returns the first consensus message."""
         self._measurement, self._refused = measurement, self._none
         update = self._begin(measurement)
-        if not is_within(update.payload, LARGEST):
+        if not is_within(LARGEST, update.payload):
             update, self._refused = self._without(update, immoderate(update.payload))
         self._update = update
         if isinstance(self.consensus, Isolating):
@@ -95,7 +95,7 @@ class Tracker:
         if self._update is None:
             raise RuntimeError("conclude() comes after measure()")
         update, mixed = self._update, self.consensus.result()
-        if not is_within(mixed, LARGEST):
+        if not is_within(LARGEST, mixed):
             update, wild = self._without(update, immoderate(mixed))
             mixed = np.where(wild[:, None], update.payload, mixed)
             self._refused = self._refused | wild
