@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +23,8 @@ class Measurement:
     matter. lasting: (n,), how many own ranges say as much as one whose error is independent; None: each does.
     followed: (n,), m^2, by how much an innovation's variance is smaller as the estimate follows such errors; None: not
     at all. agent: (n,), the agents' numbers, None where those are no matter. few: (n,), which agents hear so few others
-    that their ranges do not tell where the target is; None: none.
+    that their ranges do not tell where the target is; None: none. overcounted: (n,), how often n times an agent's
+    average counts a range that the network has once; None: once.
     """
 
     position: Floats
@@ -36,6 +38,7 @@ class Measurement:
     followed: Floats | None = None
     agent: Ints | None = None
     few: Bools | None = None
+    overcounted: Floats | None = None
 
 
 def unheard(measurement: Measurement) -> Measurement:
@@ -55,7 +58,7 @@ class Space:
 
     height: float | None = None
 
-    @property
+    @cached_property
     def axes(self) -> int:
         """Number of estimated axes."""
         return 3 if self.height is None else 2
@@ -99,8 +102,10 @@ def own_range(space: Space, state: Floats, position: Floats, age: Floats) -> tup
     offset = space.position(state) - position
     offset[:, :axes] -= age[:, None] * state[:, axes : 2 * axes]
     distance = np.sqrt(np.add.reduce(offset * offset, axis=1))
+    apart = distance.copy()
+    apart[~(distance > 0.0)] = 1.0
     rows = np.zeros(state.shape)
-    direction = np.divide(offset[:, :axes], np.where(distance > 0.0, distance, 1.0)[:, None], out=rows[:, :axes])
+    direction = np.divide(offset[:, :axes], apart[:, None], out=rows[:, :axes])
     np.multiply(-age[:, None], direction, out=rows[:, axes : 2 * axes])
     return distance, rows
 
