@@ -12,7 +12,7 @@ from zenoh_cbef.analysis.consistency import Consistency, over_seeds
 from zenoh_cbef.analysis.metrics import Analysis
 from zenoh_cbef.analysis.summary import pick
 from zenoh_cbef.arrays import Floats
-from zenoh_cbef.cli.console import number
+from zenoh_cbef.numbers import number
 
 
 def ratios(runs: Sequence[Analysis]) -> Floats:

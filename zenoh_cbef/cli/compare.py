@@ -15,18 +15,19 @@ from rich.table import Table
 
 from zenoh_cbef.analysis.compare import SMOOTHED, Row, differences, filled, names_of, row, table_of, write_comparison
 from zenoh_cbef.analysis.metrics import analyze, notes
-from zenoh_cbef.cli.completing import logs
-from zenoh_cbef.cli.console import console, number, tell, tell_what_lacks, warn
-from zenoh_cbef.cli.fitting import Fitting
-from zenoh_cbef.cli.offer import verb
-from zenoh_cbef.cli.options import AsJson, Force, Skip, Smooth
-from zenoh_cbef.cli.places import new_file
-from zenoh_cbef.cli.smoothing import smoothed
-from zenoh_cbef.cli.typesetting import AsTable
+from zenoh_cbef.cli.calling.offer import verb
+from zenoh_cbef.cli.options.completing import logs
+from zenoh_cbef.cli.options.places import new_file
+from zenoh_cbef.cli.options.shared import AsJson, Force, Skip, Smooth
+from zenoh_cbef.cli.options.smoothing import smoothed
+from zenoh_cbef.cli.options.typesetting import AsTable
+from zenoh_cbef.cli.terminal.console import console, tell, tell_what_lacks, warn
+from zenoh_cbef.cli.terminal.fitting import Fitting
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.read.parts import find_log
 from zenoh_cbef.log.read.trace import read_trace
 from zenoh_cbef.log.tools.collection import expanded
+from zenoh_cbef.numbers import number
 from zenoh_cbef.trace import Trace
 
 Logs = Annotated[

@@ -8,8 +8,8 @@ from typing import Annotated
 
 import typer
 
-from zenoh_cbef.cli.joining import JoiningCommand, JoiningContext, warn_of_exposure
-from zenoh_cbef.cli.offer import verb
+from zenoh_cbef.cli.calling.offer import verb
+from zenoh_cbef.cli.options.joining import JoiningCommand, JoiningContext, warn_of_exposure
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.outside.router import run_router
 from zenoh_cbef.protocol.session import configuration

@@ -8,10 +8,10 @@ from typing import Annotated
 import typer
 
 from zenoh_cbef.analysis.timeline import check_format, write_timeline
-from zenoh_cbef.cli.console import tell
-from zenoh_cbef.cli.offer import verb
-from zenoh_cbef.cli.options import LONGEST_SECONDS, Force, LogFile
-from zenoh_cbef.cli.places import beside, new_file
+from zenoh_cbef.cli.calling.offer import verb
+from zenoh_cbef.cli.options.places import beside, new_file
+from zenoh_cbef.cli.options.shared import LONGEST_SECONDS, Force, LogFile
+from zenoh_cbef.cli.terminal.console import tell
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.read.exchange import read_exchange
 from zenoh_cbef.log.read.parts import find_log
