@@ -25,7 +25,7 @@ LEVELS = (
     ("protocol", "scenario"),
     ("faults",),
     ("courses", "datasets", "tracking"),
-    ("streams", "extras", "numbers", "quantities", "plain", "machine", "plugins"),
+    ("streams", "extras", "numbers", "quantities", "plain", "machine", "plugins", "writing"),
     ("arrays", "errors", "words", "__init__"),
     ("checkout",),
 )

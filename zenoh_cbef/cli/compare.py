@@ -29,6 +29,7 @@ from zenoh_cbef.log.read.trace import read_trace
 from zenoh_cbef.log.tools.collection import expanded
 from zenoh_cbef.numbers import number
 from zenoh_cbef.trace import Trace
+from zenoh_cbef.writing import writing
 
 Logs = Annotated[
     list[Path],
@@ -87,7 +88,8 @@ def _compare(
         if path.suffix == ".html":
             write_comparison(analyses, names, path)
         else:
-            _write(path, _csv(rows))
+            with writing(path):
+                path.write_text(_csv(rows), encoding="utf-8")
 
 
 def _read(logs: Sequence[Path]) -> tuple[list[Path], list[Trace]]:
@@ -117,13 +119,6 @@ def _csv(rows: list[Row]) -> str:
     writer.writeheader()
     writer.writerows(told)
     return text.getvalue()
-
-
-def _write(path: Path, text: str) -> None:
-    try:
-        path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise UserError(f"cannot write {path}: {error.strerror}; choose another --output") from None
 
 
 def runs_table(rows: list[Row]) -> Fitting:

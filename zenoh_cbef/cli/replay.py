@@ -26,10 +26,8 @@ from zenoh_cbef.log.tools.selection import select
 from zenoh_cbef.nodes.replay.player import PlayerState
 from zenoh_cbef.nodes.replay.replay import Playback, replay_run, run_replay
 from zenoh_cbef.numbers import number
-from zenoh_cbef.protocol.session import Connection
+from zenoh_cbef.protocol.session import PORT, Connection
 from zenoh_cbef.words import counted
-
-_PORT = 7447
 
 
 class Destination(StrEnum):
@@ -156,7 +154,7 @@ def _connection(joining: Joining) -> Connection:
     connection = joining.connection("replay")
     if joining.client or joining.connect or joining.listen or joining.config:
         return connection
-    return replace(connection, listen=[connection.loopback(_PORT)])
+    return replace(connection, listen=[connection.loopback(PORT)])
 
 
 def _to_network(log: Path, connection: Connection, selection: Selection, how: Playback) -> None:
