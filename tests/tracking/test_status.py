@@ -131,7 +131,7 @@ class Biased:
     def __init__(self, bias: float, weight: float) -> None:
         self._bias = Bias(np.array([bias]), np.array([0.1]), np.array([weight]))
 
-    def update(self, belief: Belief, measurement: Measurement) -> Update:
+    def update(self, belief: Belief, measurement: Measurement) -> Update:  # noqa: ARG002 - it fits, whatever it is
         fits = Diagnostics.where(np.array([True]), nis=np.ones(1), nis_degrees=np.ones(1, dtype=np.int64))
         return Update(np.zeros((1, 1)), fits, (belief.state, belief.known_covariance))
 
