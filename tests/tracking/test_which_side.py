@@ -98,12 +98,19 @@ def test_agents_are_in_one_plane_that_are_hardly_off_it(off, flat):
 @pytest.mark.parametrize(("beside", "flat"), [(0.0, False), (1e-4, False), (1e-2, True)])
 def test_agents_on_one_line_are_in_no_plane(beside, flat):
     places = np.array([[-8.0, 0, 0], [8, 0, 0], [2, beside, 0]])
-    assert is_lost(places, Fixed(ON)) == flat
+    assert is_lost(places, amid(places)) == flat
+
+
+def amid(places):
+    """A target amid the agents, which moves along their longest axis."""
+    return Fixed(np.concatenate([MIDDLE + np.array([0.3, 0.2, 0.1]) + AXES @ places.mean(axis=0), AXES[:, 0]]))
 
 
 def test_the_share_of_their_reach_counts_and_not_the_distance():
     places = np.vstack([FLAT, [3.0, 1.0, 1e-2]])
     assert not is_lost(places, Fixed(ON))
+    thin = np.array([[-1000.0, 0, 0], [1000, 0, 0], [0, 1, 0], [0, -1, 1e-2]])
+    assert is_lost(thin, amid(thin))
     assert is_lost(1e3 * FLAT + np.vstack([np.zeros((2, 3)), [[0, 0, 1e-2]]]), Fixed(ON))
 
 
