@@ -82,18 +82,6 @@ def test_an_agent_that_was_cut_off_does_not_make_the_others_begin_again():
     assert (status[0, 280:] == TRACKING).all()
 
 
-def test_a_run_that_searches_does_not_make_another_of_its_batch_search():
-    keys = "steps=75", "agents.count=4", "dt=0.2"
-    scenarios = [load("tracking", [*keys, f"seed={seed}"]).scenario for seed in (1, 2)]
-    heard = [heard_in(Plan(one), make_world(one)) for one in scenarios]
-    heard[0].ranges[:, 15:60] = np.nan
-    together = simulate(scenarios, heard=heard)
-    assert (together[0].diagnostics.status[:, 60:] == ACQUIRING).any(axis=1).all()
-    for one, told, expected in zip(scenarios, heard, together, strict=True):
-        [alone] = simulate([one], heard=[told])
-        np.testing.assert_array_equal(alone.estimates, expected.estimates)
-
-
 BIASED = ("sensor.bias=0.3", "filter.bias=estimate")
 
 
