@@ -136,7 +136,8 @@ class Biased:
         return Update(np.zeros((1, 1)), fits, (belief.state, belief.known_covariance))
 
     def conclude(self, payload: Floats, update: Update) -> Belief:  # noqa: ARG002 - there is nothing to learn
-        return Belief(*update.kept, bias=self._bias)
+        state, covariance = update.kept
+        return Belief(state, covariance, self._bias)
 
 
 @pytest.mark.parametrize(
