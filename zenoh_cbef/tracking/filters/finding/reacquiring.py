@@ -242,7 +242,7 @@ class Reacquiring(Wrapping):
         else:
             wanted = np.abs(average) > np.where(self._decides(search.step), _MOST, _ANY)
         search = self._left_behind(search, inner)
-        if search.idle and inner.status and not np.count_nonzero(concerned & (wanted | astray)):
+        if search.idle and inner.status and not np.count_nonzero(wanted | astray):
             return replace(inner, memory=tuple(vars(search).values()), parts=(inner,))
         place = search.step % self.window
         ends = place == 0.0
