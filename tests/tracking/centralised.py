@@ -24,6 +24,11 @@ def settings_of(motion=MOTION, bias=0.0, count=COUNT, **more):
     return FilterSettings(motion, space, STD, np.inf, count, **own, **keys)
 
 
+def switching(*models, leaving=0.1):
+    """Settings of a target that switches between motions."""
+    return {"models": models, "leaving": leaving}
+
+
 def where(state, axes):
     """Where a target was when its beacon was emitted."""
     return np.append(state[:axes] - AGE * state[axes : 2 * axes], () if axes == 3 else HEIGHT)

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.tracking.centralised import switching
 from zenoh_cbef.tracking.filters import Belief, FilterSettings, make_filter, payloads_of
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
 from zenoh_cbef.tracking.ranging import Measurement, Space
@@ -34,7 +35,7 @@ CASES: dict[str, tuple[str, dict[str, object]]] = {
     "squares": ("icf", {"squares": True}),
     "told": ("icf", {"tells_ranges": True}),
     "biased": ("icf", {"bias": "estimate", "common_bias_std": 0.3, "own_bias_std": 0.2}),
-    "models": ("icf", {"models": (MOTION, replace(MOTION, acceleration_std=3.0)), "leaving": 0.1}),
+    "models": ("icf", switching(MOTION, replace(MOTION, acceleration_std=3.0))),
 }
 
 

@@ -23,6 +23,7 @@ from tests.tracking.centralised import (
     same,
     settings_of,
     step_of,
+    switching,
     weights_of,
     whole,
 )
@@ -70,7 +71,7 @@ def test_whatever_the_weights_all_agents_are_one_kalman_filter(motion, guesses, 
         assert (belief.bias is None) == (bias == 0.0)
 
 
-@pytest.mark.parametrize("more", [{}, {"bias": 0.4}, {"models": (MOTION, MOTION), "leaving": 0.1}])
+@pytest.mark.parametrize("more", [{}, {"bias": 0.4}, switching(MOTION, MOTION)])
 def test_who_misses_messages_lacks_these_ranges_and_goes_on_from_its_own_estimate(more):
     random = np.random.default_rng(2)
     filter_, bias = make_filter("icf", settings_of(**more)), more.get("bias", 0.0)
@@ -114,7 +115,7 @@ def test_a_belief_at_another_place_is_no_guess_and_what_is_known_of_biases_stays
 def test_several_motions_are_an_interacting_multiple_model_filter():
     random, leaving = np.random.default_rng(4), 0.1
     motions = MOTION, ACCELERATION, NearlyConstantVelocity(DT, 4.0, 3)
-    filter_ = make_filter("icf", settings_of(models=motions, leaving=leaving))
+    filter_ = make_filter("icf", settings_of(**switching(*motions, leaving=leaving)))
     belief = guesses_of(random, np.arange(6.0), WIDE)
     chance, truth = np.full(3, 1.0 / 3.0), np.arange(6.0)
     parts = [whole(motion, belief.state.mean(axis=0), WIDE) for motion in motions]
@@ -176,7 +177,7 @@ def test_at_first_the_target_may_be_anywhere_with_one_chance_in_a_hundred(models
     """Two priors of each motion, of which the ranges decide."""
     random = np.random.default_rng(6)
     elsewhere = np.array([[2.0, 3, 4, 0, 0, 0]]), np.diag([5.0, 5, 5, 2, 2, 2])[None] ** 2
-    filter_ = make_filter("icf", settings_of(anywhere=elsewhere, models=models, leaving=0.2))
+    filter_ = make_filter("icf", settings_of(anywhere=elsewhere, **(switching(*models) if models else {})))
     belief = guesses_of(random, np.zeros(6), WIDE)
     new = heard(np.array([off, 0.0, 0.0, 0, 0, 0]), random)
     priors = (1.0, (belief.state.mean(axis=0), WIDE)), (0.01, (elsewhere[0][0], elsewhere[1][0]))
