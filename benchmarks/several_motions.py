@@ -44,7 +44,7 @@ def keys(plan: Plan, noise: float, switching: float) -> list[str]:
         f'{{motion="{kind}",acceleration_std={factor * one.acceleration_std!r},turn_rate_change={change!r}}}'
         for kind, factor, one in zip(kinds, factors, plan.models, strict=True)
     ]
-    chance = switching * plan.scenario.filter.switching
+    chance = switching * SWITCHING
     return ["filter.motion=imm", f"filter.models=[{','.join(models)}]", f"filter.switching={chance!r}"]
 
 
