@@ -127,7 +127,10 @@ def test_the_centralised_filter_is_the_filter_by_the_book():
 def test_a_network_of_different_states_is_the_centralised_one():
     motions = (CALM, TURN, WILD)
     states, chances = network(settings(motions))
-    models, belief = CentralModels(Switching(motions, (LEAVING,)), Space(), np.inf), Belief(BEGIN[0][None], BEGIN[1][None])
+    models, belief = (
+        CentralModels(Switching(motions, (LEAVING,)), Space(), np.inf),
+        Belief(BEGIN[0][None], BEGIN[1][None]),
+    )
     for k in range(STEPS):
         seen = Ranges(PLACES[None], RANGES[None, :, k], np.zeros((1, AGENTS)), np.full((1, AGENTS), STD))
         belief, _ = models.step(belief, seen)
@@ -148,7 +151,10 @@ def test_models_that_are_all_the_same_are_the_single_filter():
 def test_agents_of_different_noise_count_by_their_own():
     motions, noise = (CALM, TURN, WILD), STD * np.linspace(0.5, 3.0, AGENTS)
     filter_, mine = make_filter("icf", settings(motions)), Belief(*map(everyone, BEGIN))
-    models, belief = CentralModels(Switching(motions, (LEAVING,)), Space(), np.inf), Belief(BEGIN[0][None], BEGIN[1][None])
+    models, belief = (
+        CentralModels(Switching(motions, (LEAVING,)), Space(), np.inf),
+        Belief(BEGIN[0][None], BEGIN[1][None]),
+    )
     for k in range(STEPS // 2 + 3):
         seen = Ranges(PLACES[None], RANGES[None, :, k], np.zeros((1, AGENTS)), noise[None])
         belief, _ = models.step(belief, seen)

@@ -23,13 +23,13 @@ that step. Between these two a covariance would be
 far too small or too large for a turn that is not quite round, so the first is one of several motions, too.
 """
 
-_LASTING, _OFTEN, _ALWAYS = 0.003, 0.03, 0.3
+_LASTING, _OFTEN, _ALWAYS = 0.005, 0.03, 0.3
 """How likely a target leaves its motion in a step: a few times in a run, in a turn, and as soon as it begins another.
 
 The last is for few ranges: what happens between two of them then looks like one motion.
 """
 
-_FACTORS = tuple(4.0**power for power in range(-3, 3))
+_FACTORS = tuple(2.0**power for power in range(-6, 5))
 """By what a noise that is in doubt is multiplied: of two that differ by a factor of two, either does."""
 
 

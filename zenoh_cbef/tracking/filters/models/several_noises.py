@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Self
 
@@ -13,10 +13,9 @@ from zenoh_cbef.tracking.copying import replace
 from zenoh_cbef.tracking.filters.base import Belief, Filter, Sharing, Update
 from zenoh_cbef.tracking.filters.information_form import unchanged
 from zenoh_cbef.tracking.filters.settings import FilterSettings
-from zenoh_cbef.tracking.linalg import inverse, matvec
-from zenoh_cbef.tracking.motion import Predicted
+from zenoh_cbef.tracking.linalg import inverse, matvec, outer
+from zenoh_cbef.tracking.motion import LinearMotion, Predicted, linear
 from zenoh_cbef.tracking.ranging import Measurement, unheard
-from zenoh_cbef.tracking.switching import Gaussian, Switching, moments
 
 
 @dataclass(frozen=True)
@@ -38,72 +37,90 @@ class SeveralNoises:
     disagree about a measurement, which a model of much noise follows too far. So here agents agree on x alone, and move
     all models by what theirs is off.
 
-    filter: of one motion, which takes its belief for a prediction.
+    Models mix at each step as in Blom and Bar-Shalom (IEEE TAC 33(8), 1988). As the target takes to all other noises
+    alike, model j begins with two parts: the mixture of all models, and its own.
+
+    filter: of one motion, which takes its belief for a prediction. motions: linear ones, alike but for their noise.
+    leaving: the probability that the target takes to another noise, in a step.
     """
 
     filter: Filter
-    switching: Switching
+    motions: tuple[LinearMotion, ...]
+    leaving: float
 
     @classmethod
     def sharing(cls, settings: FilterSettings, of_one: Callable[[FilterSettings], Sharing]) -> Sharing:
         """What a filter of one noise exchanges, and a state; no matrix of it is positive definite."""
-        one = of_one(settings)
-        return replace(one.longer(settings.motion.size), blocks=())
+        return replace(of_one(settings).longer(settings.motion.size), blocks=())
 
     @classmethod
     def of(cls, settings: FilterSettings, of_one: Callable[[FilterSettings], Filter]) -> Self:
         """The filter of these settings; of_one: makes the filter of one motion."""
         motion = settings.motion
         predicted = Predicted(motion.dt, motion.acceleration_std, motion.axes)
-        return cls(of_one(replace(settings, motion=predicted)), Switching(settings.noises, settings.leaving))
+        motions = tuple(linear(one) for one in settings.noises)
+        return cls(of_one(replace(settings, motion=predicted)), motions, settings.leaving[0])
 
     def update(self, belief: Belief, measurement: Measurement) -> Update:
         """What the own range tells about the mixture of all predictions, and that mixture's mean."""
-        ahead, priors = self._predicted(belief)
-        prior = Belief(*self._mixture(ahead, priors))
+        ahead, means, spreads = self._predicted(belief)
+        state, covariance = _mixture(ahead, means, spreads)
+        prior = Belief(state, covariance)
         told, silent = (self.filter.update(prior, one) for one in (measurement, unheard(measurement)))
-        payload = np.concatenate([told.payload - silent.payload, prior.state], axis=1)
-        kept = ahead, prior.state, prior.known_covariance, *(part for each in priors for part in each)
-        return Update(payload, told.diagnostics, kept, (silent,))
+        payload = np.concatenate([told.payload - silent.payload, state], axis=1)
+        return Update(payload, told.diagnostics, (ahead, means, spreads, state, covariance), (silent,))
 
     def conclude(self, payload: Floats, update: Update) -> Belief:
         """All models' beliefs, weighed anew; of an agent that heard no neighbour, their predictions."""
-        (ahead, state, covariance, *flat), (silent,) = update.kept, update.parts
+        (ahead, means, spreads, state, covariance), (silent,) = update.kept, update.parts
         size, alone = state.shape[1], unchanged(payload, update.payload)[:, None]
         found = self.filter.conclude(silent.payload + np.where(alone, 0.0, payload[:, :-size]), silent)
         off = np.where(alone, 0.0, payload[:, -size:] - state)
         after = inverse(found.known_covariance)
         gained, told = after - inverse(covariance), matvec(after, found.state - state)
-        beliefs, misfits = [], []
-        for mean, spread in zip(flat[::2], flat[1::2], strict=True):
-            known, away = inverse(spread), mean + off - state
-            posterior = inverse(known + gained)
-            vector = matvec(known, away) + told
-            moved = matvec(posterior, vector)
-            cost = np.add.reduce(away * matvec(known, away) - moved * vector, axis=1)
-            misfits.append(cost + np.linalg.slogdet(spread)[1] - np.linalg.slogdet(posterior)[1])
-            beliefs.append((state + moved, posterior))
-        chance = self.switching.weighed(ahead, np.stack(misfits, axis=1))
-        mixture = self._mixture(chance, beliefs)
-        return Belief(*mixture, chance=chance, parts=tuple(Belief(*one) for one in beliefs))
+        known, away = inverse(spreads), means + (off - state)[:, None]
+        posterior = inverse(known + gained[:, None])
+        vector = matvec(known, away) + told[:, None]
+        moved = matvec(posterior, vector)
+        cost = np.add.reduce(away * matvec(known, away) - moved * vector, axis=2)
+        misfit = cost + np.linalg.slogdet(spreads)[1] - np.linalg.slogdet(posterior)[1]
+        chance = ahead * np.exp(-0.5 * (misfit - np.minimum.reduce(misfit, axis=1)[:, None]))
+        chance /= np.add.reduce(chance, axis=1)[:, None]
+        return self._believed(chance, state[:, None] + moved, posterior)
 
     def moved(self, belief: Belief, place: Belief) -> Belief:
         """A belief of this filter at another place; all noises are as likely as at first."""
-        state, covariance = place.state, place.known_covariance
-        chance, beliefs = self.switching.begun(state, covariance)
-        parts = tuple(Belief(*one) for one in beliefs)
-        return replace(belief, state=state, covariance=covariance, chance=chance, parts=parts)
+        count = len(self.motions)
+        means, spreads = (np.repeat(one[:, None], count, axis=1) for one in (place.state, place.known_covariance))
+        begun = self._believed(np.full(means.shape[:2], 1.0 / count), means, spreads)
+        return replace(belief, state=place.state, covariance=place.covariance, chance=begun.chance, parts=begun.parts)
 
-    def _predicted(self, belief: Belief) -> tuple[Floats, list[Gaussian]]:
-        """How likely the models are, and what each predicts."""
+    def _believed(self, chance: Floats, means: Floats, spreads: Floats) -> Belief:
+        models = range(len(self.motions))
+        parts = (Belief(np.ascontiguousarray(means[:, j]), np.ascontiguousarray(spreads[:, j])) for j in models)
+        return Belief(*_mixture(chance, means, spreads), chance=chance, parts=tuple(parts))
+
+    def _predicted(self, belief: Belief) -> tuple[Floats, Floats, Floats]:
+        """How likely the models are, (n, M), and what each predicts, (n, M, s) and (n, M, s, s)."""
         carried = self.moved(belief, belief) if belief.chance is None else belief
-        beliefs = [(one.state, one.known_covariance) for one in carried.parts]
-        ahead, mixed = self.switching.mixed(carried.known_chance, beliefs)
-        return ahead, [
-            (motion.predict_state(state), motion.predict_covariance(covariance, state))
-            for motion, (state, covariance) in zip(self.switching.motions, mixed, strict=True)
-        ]
+        means = np.stack([one.state for one in carried.parts], axis=1)
+        spreads = np.stack([one.known_covariance for one in carried.parts], axis=1)
+        mean, spread = _mixture(carried.known_chance, means, spreads)
+        other = self.leaving / (len(self.motions) - 1)
+        stays = (1.0 - self.leaving - other) * carried.known_chance
+        ahead = stays + other
+        own = (stays / ahead)[:, :, None]
+        begin = own * means + (1.0 - own) * mean[:, None]
+        apart, away = (outer(one, one) for one in (means - begin, mean[:, None] - begin))
+        own = own[..., None]
+        whole = own * (spreads + apart) + (1.0 - own) * (spread[:, None] + away)
+        transition = self.motions[0].transition
+        noise = np.stack([one.process_noise for one in self.motions])
+        return ahead, matvec(transition, begin), transition @ whole @ transition.T + noise
 
-    def _mixture(self, chance: Floats, beliefs: Sequence[Gaussian]) -> Gaussian:
-        likely = self.switching.of_models(chance)
-        return moments([likely[:, j] for j in range(len(beliefs))], list(beliefs))
+
+def _mixture(chance: Floats, means: Floats, spreads: Floats) -> tuple[Floats, Floats]:
+    """Mean (n, s) and covariance (n, s, s) of M Gaussians, (n, M, s) and (n, M, s, s), with weights (n, M)."""
+    mean = np.add.reduce(chance[:, :, None] * means, axis=1)
+    apart = means - mean[:, None]
+    return mean, np.add.reduce(chance[:, :, None, None] * (spreads + outer(apart, apart)), axis=1)
