@@ -16,7 +16,7 @@ LEAVING, STD = PLAN.settings.leaving, PLAN.range_std
 
 
 def drawn(random):
-    """Paths (r, K, 6) of targets that begin with the first motion, and leave it, each as often as one of the assumptions says."""
+    """Paths (r, K, 6) of targets that leave their first motion, and others, as often as one of the assumptions says."""
     models, count = PLAN.models, len(PLAN.models)
     states, which, paths = np.zeros((RUNS, 7)), np.zeros(RUNS, dtype=int), []
     states[:, 3:6] = random.normal(size=(RUNS, 3))

@@ -79,6 +79,7 @@ def test_a_message_holds_a_state_more():
     [
         ([], False),
         (["filter.acceleration_std=0.3"], True),
+        (["filter.acceleration_std=0.1", "dt=1"], True),
         (["filter.acceleration_std=0.3", "filter.defaults=12"], False),
         (["filter.acceleration_std=0.3", "consensus.precision=int16"], False),
         (["filter.acceleration_std=0.3", "consensus.rounds=0"], False),
@@ -100,10 +101,10 @@ def test_the_noise_of_a_target_that_is_not_known_to_have_it_is_doubted(keys, dou
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("std", [0.04, 0.3, 3.0])
-def test_a_told_noise_that_is_wrong_costs_little_and_no_honesty(std):
+@pytest.mark.parametrize(("std", "dt", "steps"), [(0.04, 0.1, 300), (0.3, 0.1, 300), (3.0, 0.1, 300), (0.1, 1.0, 120)])
+def test_a_told_noise_that_is_wrong_costs_little_and_no_honesty(std, dt, steps):
     def found(*keys):
-        runs = load("tracking", keys).scenario
+        runs = load("tracking", [*keys, f"dt={dt}", f"steps={steps}"]).scenario
         return analyze(simulate([runs.model_copy(update={"seed": 3001 + seed}) for seed in range(3)]))
 
     known, told = found(), found(f"filter.acceleration_std={std}")

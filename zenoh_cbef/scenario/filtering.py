@@ -64,9 +64,9 @@ class Filtering:
     @cached_property
     def noises(self) -> tuple[Motion, ...]:
         """The filter's motion with the noises of which ranges decide; none where the noise is not in doubt."""
-        single = self.tells_ranges or self.bias != "none" or self.distrusts_others or self.models or self.plane
+        single = self.bias != "none" or self.distrusts_others or self.models or self.plane
         unfit = single or not self.abilities.models or self.scenario.filter.recovery
-        return () if unfit else doubted_noises(self.scenario, self.motion)
+        return () if unfit else doubted_noises(self.scenario, self.motion, told=self.tells_ranges)
 
     @cached_property
     def tells_ranges(self) -> bool:

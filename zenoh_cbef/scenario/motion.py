@@ -29,7 +29,7 @@ _LASTING, _OFTEN, _ALWAYS = 0.005, 0.03, 0.3
 The last is for few ranges: what happens between two of them then looks like one motion.
 """
 
-_FACTORS = tuple(2.0**power for power in range(-6, 5))
+_FACTORS, _FEWER = (tuple(2.0**power for power in range(least, 5, step)) for least, step in ((-6, 1), (-4, 2)))
 """By what a noise that is in doubt is multiplied: of two that differ by a factor of two, either does."""
 
 
@@ -74,10 +74,11 @@ def assumed_models(scenario: Scenario, range_std: float, axes: int, *, told: boo
     return tuple(make_motion(name, replace(settings, acceleration_std=std)) for name, std in each)
 
 
-def doubted_noises(scenario: Scenario, motion: Motion) -> tuple[Motion, ...]:
+def doubted_noises(scenario: Scenario, motion: Motion, *, told: bool) -> tuple[Motion, ...]:
     """A motion with several noises, where that of the target is not known: one is given to the filter, or none is.
 
-    Not where ranges are real: there biases are estimated beside the motion, or errors last.
+    Not where ranges are real: there biases are estimated beside the motion, or errors last. told: agents tell each
+    other their ranges, and each noise has many branches.
     """
     chosen, stage = scenario.filter, scenario.consensus
     known = (scenario.target.motion == "ncv" and chosen.acceleration_std is None) or chosen.defaults < 13
@@ -85,7 +86,9 @@ def doubted_noises(scenario: Scenario, motion: Motion) -> tuple[Motion, ...]:
     together = exact and scenario.count > 1 and stage.rounds > 0 and chosen.measurement == "range"
     if known or trust.real(scenario) or not together or not isinstance(motion, LinearMotion) or motion.extra_std:
         return ()
-    return tuple(replace(motion, acceleration_std=factor * motion.acceleration_std) for factor in _FACTORS)
+    return tuple(
+        replace(motion, acceleration_std=factor * motion.acceleration_std) for factor in (_FEWER if told else _FACTORS)
+    )
 
 
 def assumed_motion(scenario: Scenario, range_std: float, axes: int) -> Motion:

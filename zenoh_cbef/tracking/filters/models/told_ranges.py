@@ -76,7 +76,7 @@ class ToldRanges:
     @classmethod
     def of(cls, settings: FilterSettings) -> Self:
         """The filter of these settings."""
-        motions = settings.models or (settings.motion,)
+        motions = settings.models or settings.noises or (settings.motion,)
         return cls(
             motions,
             Switching(motions, settings.leaving),
