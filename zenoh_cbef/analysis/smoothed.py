@@ -36,7 +36,7 @@ class SmoothedErrors:
 
 def told_whole(plan: Plan) -> bool:
     """Whether position and velocity, which a log holds, are all that the filter knows of the target's motion."""
-    return not plan.models and plan.motion.size == len(plan.space.kept)
+    return not (plan.models or plan.noises) and plan.motion.size == len(plan.space.kept)
 
 
 def smoothed_run(trace: Trace) -> Trace:

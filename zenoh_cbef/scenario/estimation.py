@@ -78,7 +78,7 @@ class Filter(Table):
     turn_rate_change: Factor | None = 0.01
     models: tuple[Model, ...] = ()
     agile: Literal["jump", "ncv"] = "jump"
-    switching: Chance = 0.03
+    switching: Annotated[Chance | Literal["auto"], Field(description="a number from 0 to 1, or 'auto'")] = "auto"
     range_std: Annotated[Length | Literal["auto"] | None, Field(description="a number from 1e-9 to 1e7, or 'auto'")] = (
         None
     )
