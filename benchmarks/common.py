@@ -16,7 +16,7 @@ from typing import IO
 from rich.table import Table
 
 from zenoh_cbef.analysis.metrics import Analysis, analyze
-from zenoh_cbef.cli.console import number
+from zenoh_cbef.numbers import number
 from zenoh_cbef.scenario.load import load
 from zenoh_cbef.simulator import simulate
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.cli.test_errors import call
+from tests.cli.command_line import call
 from tests.log.hand_made import Maker
 from tests.log.made import made_log
 from tests.within import within

@@ -12,8 +12,8 @@ from tests.datasets.walked import STEPS, imported, written
 from zenoh_cbef.cli.dataset import VERB as DATASET
 from zenoh_cbef.datasets.findings import findings
 from zenoh_cbef.datasets.fixes import fixes
+from zenoh_cbef.datasets.folder import read_files
 from zenoh_cbef.datasets.picture import limits
-from zenoh_cbef.datasets.reading import read_files
 
 
 def as_dataset(folder):

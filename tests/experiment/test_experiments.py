@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.cli.test_errors import call
+from tests.cli.command_line import call
 from zenoh_cbef.analysis.metrics import analyze
 from zenoh_cbef.experiment.cells import cells_of
 from zenoh_cbef.experiment.engines import simulated

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from zenoh_cbef.errors import UserError
+from zenoh_cbef.writing import writing
 
 
 @contextmanager
@@ -16,11 +16,9 @@ def whole(output: Path) -> Iterator[Path]:
 
     Where the block fails nothing is left, and what was there before stays. Raises UserError for an OSError.
     """
-    try:
+    with writing(output, "make room, or choose another --output"):
         output.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix=".export-", dir=output.parent) as folder:
             fresh = Path(folder) / output.name
             yield fresh
             fresh.replace(output)
-    except OSError as error:
-        raise UserError(f"cannot write {output}: {error.strerror}; make room, or choose another --output") from None

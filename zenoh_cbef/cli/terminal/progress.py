@@ -8,7 +8,7 @@ from contextlib import contextmanager
 
 from rich.progress import Progress
 
-from zenoh_cbef.cli.console import errors, tell
+from zenoh_cbef.cli.terminal.console import errors, tell
 
 _SECONDS = 10.0
 """From one line to the next."""
