@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from zenoh_cbef.arrays import Floats
 from zenoh_cbef.tracking.filters.around.mirror_images import undecided
-from zenoh_cbef.tracking.filters.around.wrapping import Wrapping
+from zenoh_cbef.tracking.filters.around.wrapping import Wrapping, denied
 from zenoh_cbef.tracking.filters.base import Belief, Bias, Update
 from zenoh_cbef.tracking.filters.information_form import unchanged
 from zenoh_cbef.tracking.filters.settings import FilterSettings
 from zenoh_cbef.tracking.ranging import Measurement
-from zenoh_cbef.tracking.status import ACQUIRING, CUT, LOST, Status, most_misfit
+from zenoh_cbef.tracking.status import ACQUIRING, CUT, LOST, TRACKING, WRONG, Status, most_misfit, wrong_among
 
 _UNLIKELY = 4.0
 """How many of its prior standard deviations a bias is off that explains nothing."""
@@ -53,7 +54,7 @@ class Knowing(Wrapping):
         if self.settings.judges_agents:
             counts = heard & (status.steps >= self.settings.first_fix)
             status = status.judging(self._misfit(fit, update.diagnostics.distrust, inner.bias), counts)
-            fit = np.where(counts & status.wrong, CUT, 0.0)
+            fit = np.where(counts & (status.own > self._wrong), CUT, 0.0)
         payload = np.concatenate([update.payload, heard[:, None].astype(np.float64), fit[:, None]], axis=1)
         return Update(payload, update.diagnostics, tuple(vars(status).values()), (update,))
 
@@ -64,6 +65,9 @@ class Knowing(Wrapping):
         if self.settings.plane:
             rows = undecided(self.filter, inner) & (status.which != LOST)
             status = status.told(rows, ACQUIRING, Status(*update.kept), self.settings.motion.dt)
+        if self.settings.seeks:
+            rows = denied(self.filter, inner) & (status.which == TRACKING)
+            status = status.told(rows, ACQUIRING, Status(*update.kept), self.settings.motion.dt)
         return Belief(inner.state, inner.covariance, inner.bias, parts=(inner,), status=status)
 
     def _misfit(self, fit: Floats, distrust: Floats, bias: Bias | None) -> Floats:
@@ -73,6 +77,12 @@ class Knowing(Wrapping):
             return fit
         variance = self.settings.common_bias_std**2 + self.settings.own_bias_std**2
         return np.where(bias.weight * bias.value**2 > _UNLIKELY**2 * variance, CUT, fit)
+
+    @cached_property
+    def _wrong(self) -> float:
+        """The mean misfit of an agent whose ranges do not fit; a filter that seeks holds among more outliers."""
+        told = self.settings.outliers
+        return wrong_among(told[0]) if self.settings.seeks and told is not None else WRONG
 
     def _most(self, belief: Belief) -> Floats | None:
         """The mean misfit of a network that has lost its target; None: by the first rules."""
