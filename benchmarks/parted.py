@@ -9,13 +9,13 @@ import numpy as np
 from rich.table import Table
 
 from benchmarks.common import plain_table
+from benchmarks.reach import groups
 from benchmarks.stress import FIRST, SEEDS, believed, cases, scenario_of
 from zenoh_cbef.analysis.metrics import Analysis, analyze, counted_agents
 from zenoh_cbef.analysis.strong import strong
 from zenoh_cbef.analysis.strong.told import told
 from zenoh_cbef.simulator import simulate
 from zenoh_cbef.trace import Trace
-from zenoh_cbef.tracking import graph
 from zenoh_cbef.tracking.status import TRACKING
 
 CASE = "message-liar"
@@ -28,13 +28,6 @@ FOUND = (
 COLUMNS = ("seed", "agents", "RMSE (m)", "strong, their ranges alone", "NEES/d", "tracking (%)")
 
 
-def groups(trace: Trace) -> list[list[int]]:
-    """The groups of honest agents that reach each other without a liar."""
-    honest = counted_agents(trace)
-    edges = trace.edges[honest[trace.edges].all(axis=1)]
-    return [each for each in graph.components(len(honest), edges) if honest[each].all()]
-
-
 def run(repeats: int, seeds: int = SEEDS, first: int = FIRST) -> Iterator[Table]:
     """All seeds in a row, and a row for each group of a seed in which there are several; nothing is timed."""
     del repeats
@@ -42,13 +35,18 @@ def run(repeats: int, seeds: int = SEEDS, first: int = FIRST) -> Iterator[Table]
     with np.errstate(all="ignore"):
         traces = simulate([one.model_copy(update={"seed": first + more}) for more in range(seeds)])
         done = analyze([believed(trace) for trace in traces])
-        parted = [each for each in done if len(groups(each.trace)) > 1]
-        rows = [_row(each, group) for each in parted for group in groups(each.trace)]
+        parted = [each for each in done if len(_groups(each.trace)) > 1]
+        rows = [_row(each, group) for each in parted for group in _groups(each.trace)]
     near = sum((each.metrics.ratio_to_centralized or np.inf) < NEAR for each in done)
     found = [_named(trace) for trace in traces]
     name = f"{CASE}: {seeds} seeds from {first}"
     yield plain_table(name, FOUND, [[near, sum(all_ for all_, _ in found), sum(honest for _, honest in found)]])
     yield plain_table(f"{name}, groups in {len(parted)} of them", COLUMNS, rows)
+
+
+def _groups(trace: Trace) -> list[list[int]]:
+    """The groups of honest agents that reach each other without a liar."""
+    return groups(trace, counted_agents(trace))
 
 
 def _named(trace: Trace) -> tuple[bool, bool]:

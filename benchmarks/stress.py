@@ -12,6 +12,7 @@ import numpy as np
 from rich.table import Table
 
 from benchmarks.common import plain_table
+from benchmarks.reach import reaches
 from zenoh_cbef.analysis.metrics import Analysis, analyze, counted_agents
 from zenoh_cbef.analysis.strong import strong
 from zenoh_cbef.analysis.strong.told import told
@@ -107,9 +108,7 @@ def scores(scenario: Scenario, wrong: str = "", seeds: int = SEEDS, first: int =
     with np.errstate(all="ignore"):
         traces = [believed(trace) for trace in simulate(scenarios, heard=heard)]
         runs = analyze(traces)
-        states, _ = strong(*told(traces, len(traces[0].time)))
-    twin = np.array([pick(run.metrics, "centralized.position_rmse") for run in runs])
-    best_one = _errors(traces, states, runs[0].first)
+        twin, best_one = _yardsticks(traces, runs[0].first)
     best = np.fmin(twin, best_one)
     return Scores(
         np.array([pick(run.metrics, "position_rmse") for run in runs]),
@@ -119,6 +118,20 @@ def scores(scenario: Scenario, wrong: str = "", seeds: int = SEEDS, first: int =
         np.array([_tracking(*each) for each in zip(runs, best, strict=True)]),
         np.array([_wrongly(*each) for each in zip(runs, best, strict=True)]),
     )
+
+
+def _yardsticks(traces: Sequence[Trace], first: int) -> tuple[Floats, Floats]:
+    """RMSE of the twin and of the strong yardstick in each run: root mean square over agents of what reaches each."""
+    reached = [(run, one) for run, trace in enumerate(traces) for one in reaches(trace)]
+    heard = [one.trace for _, one in reached]
+    states, _ = strong(*told(heard, len(heard[0].time)))
+    twin = np.array([pick(run.metrics, "centralized.position_rmse") for run in analyze(heard)])
+    run, share = np.array([run for run, _ in reached]), np.array([float(len(one.agents)) for _, one in reached])
+
+    def over_agents(errors: Floats) -> Floats:
+        return np.sqrt(np.bincount(run, share * errors**2) / np.bincount(run, share))
+
+    return over_agents(twin), over_agents(_errors(heard, states, first))
 
 
 def _heard(plan: Plan, wrong: str) -> Heard:

@@ -30,6 +30,7 @@ from benchmarks.__main__ import BENCHMARKS  # noqa: E402
 from benchmarks.common import analyses, at_least, below, children  # noqa: E402
 from benchmarks.fuzz_logs import fuzz_logs  # noqa: E402
 from benchmarks.fuzz_material import Material  # noqa: E402
+from benchmarks.reach import reaches  # noqa: E402
 from benchmarks.rival_process import first_payload  # noqa: E402
 from benchmarks.watched_round import STEP, Stopwatch  # noqa: E402
 from zenoh_cbef.datasets import read_dataset  # noqa: E402
@@ -341,3 +342,24 @@ def test_messages_that_come_late_and_those_that_never_come_count_as_late(monkeyp
     assert len(found.latency) > 0
     lossy = realtime.measure("tracking", 2, 10.0, ['fault=[{kind="loss",probability=0.4}]'])
     assert lossy.late > 0.3
+
+
+def test_a_yardstick_has_the_ranges_that_reach_an_agent_and_no_others() -> None:
+    crash = 'fault=[{kind="crash",agents=[2],from=1.0,until=2.0},{kind="byzantine",mode="constant",agents=[4]}]'
+    chosen = ["agents.count=6", "network.graph=path", "steps=40", crash]
+    (trace,) = simulate([load("tracking", chosen).scenario])
+    found = {tuple(each.agents): np.isfinite(each.trace.ranges) for each in reaches(trace)}
+    assert list(found) == [(0, 1), (3,), (5,)], "the path is cut at the liar, and at the agent that is away"
+    away = (trace.time >= 1.0) & (trace.time < 2.0)
+    for agents, heard in found.items():
+        assert heard[list(agents)].all(), "an agent's own ranges reach it"
+    assert heard_of(found[0, 1], ~away) == {0, 1, 2, 3}
+    assert heard_of(found[0, 1], away) == {0, 1}
+    assert heard_of(found[3,], away) == {3}
+    assert heard_of(found[5,], ~away) == {5}
+
+
+def heard_of(heard: np.ndarray, steps: np.ndarray) -> set[int]:
+    """The agents of whom a range is there in all of the steps."""
+    assert set(heard[:, steps].mean(axis=1).tolist()) <= {0.0, 1.0}
+    return set(np.flatnonzero(heard[:, steps].all(axis=1)).tolist())

@@ -72,7 +72,7 @@ def test_a_single_agent_is_predicted_at_the_posterior_bound():
         Plan(scenario).plain_motion,
         sight_of(Plan(scenario)),
         np.ones((1, 1, 1, 1)),
-        weight=np.ones(1),
+        weight=np.ones((1, 1)),
         clipping=Clipping.at(np.inf),
     )
     np.testing.assert_allclose(expected.position[0], np.trace(bound[:, :3, :3], axis1=1, axis2=2), rtol=1e-6)
@@ -106,7 +106,7 @@ def test_the_predicted_error_is_that_of_the_recursion_drawn_many_times(xi):
         state = np.einsum("diab,dib->dia", claimed, np.einsum("ij,djb->dib", how, vectors))
         found[k] = np.mean(np.sum((state - truth[:, None])[:, :, :3] ** 2, axis=2))
     clipping = Clipping.at(xi)
-    expected = propagate(np.eye(6), MOTION, sight, how[None, None], weight=np.full(1, 3.0), clipping=clipping)
+    expected = propagate(np.eye(6), MOTION, sight, how[None, None], weight=np.full((1, 3), 3.0), clipping=clipping)
     # Saturation is accounted for to second order only, and worst in the first steps.
     start, tolerance = (0, 0.06) if xi == np.inf else (6, 0.15)
     np.testing.assert_allclose(found[start:], expected.position[0, start:], rtol=tolerance)
@@ -126,6 +126,7 @@ def foretold(scenarios):
         ("consensus.rounds=2", "consensus.acceleration=chebyshev"),
         ("consensus.rounds=3", "filter.kind=icf"),
         ("consensus.rounds=3", "filter.kind=ci"),
+        ("agents.count=20", "network.graph=path", "consensus.rounds=6"),
     ],
 )
 def test_predictions_agree_with_simulations_over_seeds(overrides):

@@ -159,6 +159,15 @@ def test_every_motion_is_the_same_for_agents_on_their_own_and_in_a_batch(motion,
         assert_same(simulate([one])[0], expected)
 
 
+@pytest.mark.parametrize("filter_", [{"kind": "sicf"}, {"kind": "icf", "motion": "imm"}])
+def test_what_averages_of_few_agents_count_for_is_the_same_for_agents_on_their_own_and_in_parts(filter_, monkeypatch):
+    monkeypatch.setattr(network, "FEW", 0)
+    few = scenario(3, filter=filter_, consensus={"rounds": 1, "weights": "uniform", "epsilon": 0.05}, steps=30)
+    assert (Plan(few).overcounted > 1.0).all()
+    assert_agents_on_their_own_compute(few)
+    assert_same_in_parts(few, monkeypatch)
+
+
 SAYING: dict[str, dict] = {
     "bias": {"filter": {"kind": "sicf", "bias": "estimate"}},
     "bias_weight": {"filter": {"kind": "sicf", "bias": "auto"}, "sensor": {"bias": 0.3}},

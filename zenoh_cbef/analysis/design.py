@@ -206,7 +206,9 @@ class _Predictor:
         self._plain_sight = determined(plan)
         shared = self._rounds(*configured)
         both = np.stack([np.full_like(shared, 1.0 / count), shared])
-        self.centralized, expected = self._errors(both, np.array([count, self._weight]))
+        self.centralized, expected = self._errors(
+            both, np.stack([np.full(scenario.count, count), self._counts(*configured)])
+        )
         self.found = {configured: expected}
 
     def predict(self, wanted: Sequence[tuple[Scheme, int]]) -> None:
@@ -217,13 +219,17 @@ class _Predictor:
         # The most rounds first: fewer are contained in them.
         new.sort(key=lambda one: -one[1])
         matrices = np.stack([self._rounds(scheme, rounds) for scheme, rounds in new])
-        self.found.update(zip(new, self._errors(matrices, np.full(len(new), self._weight)), strict=True))
+        self.found.update(zip(new, self._errors(matrices, np.stack([self._counts(*one) for one in new])), strict=True))
 
     def compared(self, scheme: Scheme, rounds: int) -> Compared:
         """What was predicted, beside the centralised filter."""
         found = self.found[scheme, rounds]
         ratio = found.position_rmse / self.centralized.position_rmse
         return Compared(**vars(found), ratio_to_centralized=ratio)
+
+    def _counts(self, scheme: Scheme, rounds: int) -> Floats:
+        """How often agents count their own ranges, (n,)."""
+        return self._weight / with_scheme(self._plan, scheme, rounds=rounds).overcounted
 
     def _rounds(self, scheme: Scheme, rounds: int) -> Floats:
         if rounds == 0:

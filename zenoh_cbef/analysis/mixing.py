@@ -22,12 +22,13 @@ def configured_scheme(plan: Plan) -> Scheme:
     return "chebyshev" if plan.scenario.consensus.acceleration == "chebyshev" else "average"
 
 
-def with_scheme(plan: Plan, scheme: Scheme, *, linear: bool = False) -> Plan:
+def with_scheme(plan: Plan, scheme: Scheme, *, linear: bool = False, rounds: int | None = None) -> Plan:
     """The plan with another way of averaging, without trimming, which is not linear.
 
-    linear: without rounding of messages, too.
+    linear: without rounding of messages, too. rounds: None: as many as the plan has.
     """
     settings = {
+        "rounds": plan.rounds if rounds is None else rounds,
         "scheme": "running-sums" if scheme == "running-sums" else "average",
         "acceleration": "chebyshev" if scheme == "chebyshev" else "none",
         "trim": 0,

@@ -84,16 +84,17 @@ def propagate(
 ) -> Expected:
     """Expected errors of icf, sicf, hcmci and ci: the recursion of claimed covariances and of true ones.
 
-    Agent j shares Y_j = P_j^-1 + beta w h_j h_j^T/sigma^2, and P_i = (sum_j M_ij Y_j)^-1 is what i claims after L
-    rounds; beta = n for icf and sicf, omega for hcmci, 1 for ci and local, and M what L rounds do to a payload. Errors:
+    Agent j shares Y_j = P_j^-1 + beta_j w h_j h_j^T/sigma^2, and P_i = (sum_j M_ij Y_j)^-1 is what i claims after L
+    rounds; beta_j is n for icf and sicf, less where an average is of few agents, omega for hcmci, 1 for ci and local,
+    and M what L rounds do to a payload. Errors:
 
-        e_i <- P_i sum_j M_ij [ P_j^-1 e_j + beta w_j h_j v_j/sigma^2 ]
+        e_i <- P_i sum_j M_ij [ P_j^-1 e_j + beta_j w_j h_j v_j/sigma^2 ]
 
     with range noise v_j and saturation gain w_j, which is 1 without saturation and else replaced by its statistical
     linearisation. So the joint covariance of all agents' errors, with the correlations between agents, is
     propagated exactly as far as the linearisation holds.
 
-    initial: (s, s), of independent first guesses. mixing: (c, K or 1, n, n). weight: beta, (c,).
+    initial: (s, s), of independent first guesses. mixing: (c, K or 1, n, n). weight: beta, (c, n).
     """
     ways, agents = len(mixing), mixing.shape[-1]
     steps, _, size = sight.rows.shape
@@ -101,7 +102,7 @@ def propagate(
     error = np.broadcast_to(np.kron(np.eye(agents), initial), (ways, agents * size, agents * size))
     forward = np.kron(np.eye(agents), motion.transition)
     process = np.kron(np.ones((agents, agents)), motion.process_noise)
-    variance, axes, beta = sight.range_std**2, motion.axes, weight[:, None, None, None]
+    variance, axes, beta = sight.range_std**2, motion.axes, weight[:, :, None, None]
     own, joined = np.empty((2, ways, steps, agents, size, size))
     for k in range(steps):
         rows, how = sight.rows[k], mixing[:, k if mixing.shape[1] > 1 else 0]
@@ -117,7 +118,7 @@ def propagate(
         carried = claimed[:, :, None] @ (how[:, :, :, None, None] * kept[:, None])
         carried = np.swapaxes(carried, 2, 3).reshape(ways, agents * size, agents * size)
         noise = np.sqrt(spread * power)
-        pushed = beta / variance * noise[:, None, :, None] * how[:, :, :, None] * rows
+        pushed = weight[:, None, :, None] / variance * noise[:, None, :, None] * how[:, :, :, None] * rows
         pushed = (claimed @ np.swapaxes(pushed, 2, 3)).reshape(ways, agents * size, agents)
         error = carried @ error @ np.swapaxes(carried, 1, 2) + pushed @ np.swapaxes(pushed, 1, 2)
         own[:, k] = np.einsum("caiaj->caij", error.reshape(ways, agents, size, agents, size))

@@ -106,6 +106,7 @@ def agent_tracker(plan: Plan, agent: int) -> tuple[Tracker, list[int]]:
         _guarded(_stage(plan, row.present, weights, plan.bounds[[agent]]), plan, row.present, row.index),
         plan.space,
         Belief(belief.state[[agent]], belief.known_covariance[[agent]]),
+        plan.overcounted[[agent]],
     )
     return tracker, row.index[0].tolist()
 
@@ -141,7 +142,7 @@ def batch_parts(plans: Sequence[Plan], size: int, hears: Bools) -> tuple[Parts, 
 
 @dataclass(frozen=True)
 class _Batch:
-    """All agents of runs, what they begin with and how they average: weights (n, m), bounds (n, 2)."""
+    """All agents of runs, what they begin with and how they average: see `Plan`."""
 
     plan: Plan
     neighbours: graph.Neighbours
@@ -149,6 +150,7 @@ class _Batch:
     bounds: Floats
     states: Floats
     covariances: Floats
+    overcounted: Floats
 
     @classmethod
     def of(cls, plans: Sequence[Plan]) -> Self:
@@ -162,6 +164,7 @@ class _Batch:
             np.concatenate([one.bounds for one in plans]),
             np.concatenate([one.state for one in beliefs]),
             np.concatenate([one.known_covariance for one in beliefs]),
+            np.concatenate([one.overcounted for one in plans]),
         )
 
     def part(
@@ -189,7 +192,8 @@ class _Batch:
         )
         names = own.index % plan.scenario.count
         begin = Belief(self.states[rows], self.covariances[rows])
-        return Tracker(plan.filter, _guarded(stage, plan, own.present, names), plan.space, begin)
+        guarded = _guarded(stage, plan, own.present, names)
+        return Tracker(plan.filter, guarded, plan.space, begin, self.overcounted[rows])
 
 
 def smoother_of(plan: Plan) -> FixedLag | None:

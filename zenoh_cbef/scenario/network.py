@@ -10,6 +10,10 @@ from zenoh_cbef.scenario import trust
 from zenoh_cbef.scenario.model import Scenario
 from zenoh_cbef.scenario.paths import agent_positions, placement
 from zenoh_cbef.tracking import graph, weights
+from zenoh_cbef.tracking.effective import effective_sizes
+
+_HALF = 0.5
+"""An average of a larger share of the agents passes for one of all."""
 
 FEW = 12
 """How many agents may put a number each into every payload."""
@@ -88,6 +92,20 @@ def consensus_weights(scenario: Scenario, neighbours: graph.Neighbours) -> Float
     if scenario.consensus.weights == "uniform":
         return weights.uniform_weights(neighbours, epsilon(scenario, neighbours))
     return weights.metropolis_weights(neighbours)
+
+
+def overcounted(scenario: Scenario, neighbours: graph.Neighbours, chosen: Floats) -> Floats:
+    """How often n times an agent's average counts what the network has once, (n,); 1 where that is no matter.
+
+    Where averages are of fewer than half of the agents, each counts its own neighbourhood several times (see
+    `effective_sizes`). A few agents are then too sure by so little that counting less costs more. chosen: the weight
+    of every neighbour, (n, m).
+    """
+    stage, count = scenario.consensus, scenario.count
+    if scenario.filter.defaults < 13 or count <= FEW or not stage.rounds or stage.acceleration != "none":
+        return np.ones(count)
+    sizes = effective_sizes(neighbours, chosen, stage.rounds)
+    return np.asarray(count / sizes) if float(sizes.mean()) < _HALF * count else np.ones(count)
 
 
 def bounds(scenario: Scenario, neighbours: graph.Neighbours) -> tuple[float, float]:

@@ -103,6 +103,13 @@ class Plan(Filtering):
         return network.consensus_weights(self.scenario, self.neighbours)
 
     @cached_property
+    def overcounted(self) -> Floats:
+        """How often agents count a range that the network has once, as n times an average stands for it, (n,)."""
+        if not self.abilities.biases or self.settings.tells_ranges:
+            return np.ones(self.scenario.count)
+        return network.overcounted(self.scenario, self.neighbours, self.weights)
+
+    @cached_property
     def bounds(self) -> Floats:
         """Least and largest eigenvalue of W other than 1, the same for every agent, (n, 2); zeros where unused."""
         return np.tile(network.bounds(self.scenario, self.neighbours), (self.scenario.count, 1))

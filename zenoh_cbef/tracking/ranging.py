@@ -22,7 +22,8 @@ class Measurement:
     matter. lasting: (n,), how many own ranges say as much as one whose error is independent; None: each does.
     followed: (n,), m^2, by how much an innovation's variance is smaller as the estimate follows such errors; None: not
     at all. agent: (n,), the agents' numbers, None where those are no matter. few: (n,), which agents hear so few others
-    that their ranges do not tell where the target is; None: none.
+    that their ranges do not tell where the target is; None: none. overcounted: (n,), how often n times an agent's
+    average counts a range that the network has once; None: once.
     """
 
     position: Floats
@@ -36,6 +37,7 @@ class Measurement:
     followed: Floats | None = None
     agent: Ints | None = None
     few: Bools | None = None
+    overcounted: Floats | None = None
 
 
 def unheard(measurement: Measurement) -> Measurement:

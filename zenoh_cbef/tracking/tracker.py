@@ -46,15 +46,20 @@ class Tracker:
     `exchange` return is what every agent of the batch sends in the coming round, (n, d). `exchange` takes one round's
     messages (n, m, d), of which some were delivered (n, m), None for all.
 
+    overcounted: (n,), how often n times an agent's average counts a range that the network has once; None: once.
+
     Forged messages can make a step overflow. The tracker finds that in its results, so its callers keep NumPy from
     warning of it (np.errstate).
     """
 
-    def __init__(self, filter_: Filter, consensus: Consensus, space: Space, initial: Belief) -> None:
+    def __init__(
+        self, filter_: Filter, consensus: Consensus, space: Space, initial: Belief, overcounted: Floats | None = None
+    ) -> None:
         self.filter = filter_
         self.consensus, self.exchange = consensus, consensus.mix
         self.space = space
         self.belief = initial
+        self._overcounted = None if overcounted is None or (overcounted == 1.0).all() else overcounted
         self._update: Update | None = None
         self._newcomers: tuple[Belief, Bools] | None = None
         self._none = self._refused = np.zeros(len(initial.state), dtype=bool)
@@ -65,6 +70,8 @@ class Tracker:
 
     def measure(self, measurement: Measurement) -> Floats:
         """Begin a step with what was measured; returns the first consensus message."""
+        if self._overcounted is not None:
+            measurement = replace(measurement, overcounted=self._overcounted)
         self._measurement, self._refused = measurement, self._none
         update = self._begin(measurement)
         if not is_within(update.payload, LARGEST):

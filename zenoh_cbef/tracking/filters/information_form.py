@@ -101,8 +101,10 @@ def variance_of(measurement: Measurement, range_std: float) -> Floats:
 
 
 def informing(measurement: Measurement, variance: Floats) -> Floats:
-    """The variance (n,), m^2, with which the own range informs: larger than its noise's where errors last."""
-    return variance if measurement.lasting is None else variance * measurement.lasting
+    """The variance (n,), m^2, with which the own range informs: its noise's, times how often the range is counted."""
+    for often in (measurement.lasting, measurement.overcounted):
+        variance = variance if often is None else variance * often
+    return variance
 
 
 def _spread(row: Floats, covariance: Floats, variance: float | Floats) -> Floats:

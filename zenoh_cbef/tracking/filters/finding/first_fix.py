@@ -249,8 +249,10 @@ class FirstFix(Wrapping):
             level = self.xi * np.sqrt(expected) if seen.steps > 1 else np.full_like(expected, np.inf)
             variance = variance + contamination(*self.outliers, level)
         if not self.own_bias_std:
-            return variance, self._rows(ranges, latest, correction, variance)
-        return variance, self._rows(ranges, latest, correction, variance - alike[:, None], self.bias_std**2)
+            rows = self._rows(ranges, latest, correction, variance)
+        else:
+            rows = self._rows(ranges, latest, correction, variance - alike[:, None], self.bias_std**2)
+        return variance, rows if measurement.overcounted is None else rows.counted(measurement.overcounted)
 
     def _rows(
         self, ranges: Remembered, latest: Belief, correction: Floats, noise: Floats, constant: float = 0.0

@@ -8,6 +8,7 @@ from typing import Self
 import numpy as np
 
 from zenoh_cbef.arrays import Bools, Floats
+from zenoh_cbef.tracking.copying import replace
 from zenoh_cbef.tracking.diagnostics import Diagnostics
 from zenoh_cbef.tracking.filters.finding.squared_ranges import Seen
 from zenoh_cbef.tracking.filters.information_form import pack
@@ -133,6 +134,12 @@ class Rows:
     newest: Floats
     weight: Floats
     latest: Diagnostics
+
+    def counted(self, often: Floats) -> Rows:
+        """The same, of ranges that the network's information will hold so many times, (n,)."""
+        once = 1.0 / often[:, None]
+        vector, matrix, newest = self.vector * once, self.matrix * once[:, :, None], self.newest * once
+        return replace(self, vector=vector, matrix=matrix, newest=newest)
 
 
 def contamination(share: float, mean: float, level: Floats) -> Floats:

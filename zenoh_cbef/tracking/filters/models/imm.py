@@ -71,7 +71,7 @@ class InteractingModels:
         parts = [one.update(Belief(*mixture), measurement) for one, mixture in zip(self.filters, mixtures, strict=True)]
         told, costs = parts[0].diagnostics, []
         for j, part in enumerate(parts):
-            costs.append(self._own_cost(part, ahead[:, j], variance_of(measurement, self.range_std)))
+            costs.append(self._own_cost(part, ahead[:, j], measurement))
             told = told.chosen(ahead[:, j] >= np.maximum.reduce(ahead, axis=1), part.diagnostics)
         payload = np.concatenate([*(part.payload for part in parts), np.stack(costs, axis=1)], axis=1)
         return Update(payload, replace(told, maneuver=ahead[:, -1].copy()), (ahead,), tuple(parts))
@@ -101,14 +101,16 @@ class InteractingModels:
         """The mean of all models' beliefs and its covariance; chance: (n, M)."""
         return self.switching.combined(chance, [_gaussian(one) for one in beliefs])
 
-    def _own_cost(self, part: Update, ahead: Floats, variance: Floats) -> Floats:
+    def _own_cost(self, part: Update, ahead: Floats, measurement: Measurement) -> Floats:
         """c_i, (n,), of one model's update. ahead: (n,), its probability before the step."""
         told, (state, covariance) = part.diagnostics, part.kept
+        variance, often = variance_of(measurement, self.range_std), measurement.overcounted
         weight, square = told.weight, told.innovation**2
         if self.widens:
             spread = np.sqrt(square / np.where(told.nis > 0.0, told.nis, 1.0))
             weight = variance * saturated_precision(weight, variance, spread, widens=True)
         own = np.nan_to_num(weight * square / variance - np.log(weight))
+        own = own if often is None else own / often
         before = np.linalg.slogdet(covariance)[1] - 2.0 * np.log(ahead)
         return np.asarray(own + self._explained(part.payload, state) + before / self.network_size)
 
