@@ -57,7 +57,6 @@ def test_elsewhere_they_do_not(more):
         OUTLIERS[1:],
         ONE_BIASED[1:],
         ["filter.initial_position_std=5"],
-        ["agents.low=[-20,-1,-1]", "agents.high=[20,1,1]"],
     ],
 )
 def test_agents_tell_ranges_where_a_fix_may_take_wrong_ones_for_right(sets):

@@ -11,9 +11,6 @@ from zenoh_cbef.scenario.model import Scenario
 from zenoh_cbef.tracking.filters import abilities_of
 from zenoh_cbef.tracking.motion import Motion
 
-_DEVIATIONS = 3.0
-"""How many standard deviations hardly any fix is off."""
-
 
 def tells_ranges(scenario: Scenario, motions: Sequence[Motion], range_std: float, settling: int) -> bool:
     """Whether agents tell each other their ranges: where a first fix would fail, or may, and they are few.
@@ -24,7 +21,7 @@ def tells_ranges(scenario: Scenario, motions: Sequence[Motion], range_std: float
     agile = motions[-1]
     if not _may(scenario, agile.axes):
         return False
-    if len(motions) == 1 and scenario.filter.defaults > 12 and _may_mistake(scenario, range_std, agile.axes):
+    if len(motions) == 1 and scenario.filter.defaults > 12 and _may_mistake(scenario):
         return True
     heard = scenario.count * (1.0 - scenario.sensor.dropout_probability)
     return _strays(scenario, agile, range_std, settling) and (len(motions) == 1 or heard < agile.axes + 1)
@@ -45,24 +42,16 @@ def _may(scenario: Scenario, axes: int) -> bool:
     return chosen.defaults > 11 and few and exact and honest and fits
 
 
-def _may_mistake(scenario: Scenario, range_std: float, axes: int) -> bool:
-    """Whether a first fix may take wrong ranges for right ones, or end at a place that only looks right.
+def _may_mistake(scenario: Scenario) -> bool:
+    """Whether a first fix may take wrong ranges for right ones: there are some, or guesses are too wide to be tried.
 
-    Where the scenario tells of wrong ranges, the guesses are too wide to be tried, or agents are nearly on a line.
+    Only where every range comes to every agent in its step, whatever the graph, and the noise of ranges is known: what
+    learns it stands around other filters. Biases that the scenario tells of are better estimated without.
     """
     wrong = scenario.sensor.outlier_probability > 0.0 or trust.errs(scenario)
-    return wrong or start.bends_over_guess(scenario) or _is_thin(scenario, range_std, axes)
-
-
-def _is_thin(scenario: Scenario, range_std: float, axes: int) -> bool:
-    """Whether ranges bend by more than their noise over three deviations of what they leave open across the network.
-
-    Agents within t of the middle in a direction, evenly, tell by t/sqrt(3) of d how far the target is off in it. In a
-    plane a target and its mirror image are tracked otherwise, so it is the second direction that counts.
-    """
-    low, high = start.box(scenario)
-    thin, half = float(np.sort((high - low)[:axes])[1]) / 2.0, start.half_box(scenario)
-    return half > 0.0 and _DEVIATIONS**2 * 3.0 * range_std * half > 2.0 * scenario.count * thin**2
+    everywhere = scenario.consensus.rounds >= scenario.count - 1
+    known = scenario.filter.range_std is None and scenario.sensor.bias_std == 0.0
+    return everywhere and known and (wrong or start.bends_over_guess(scenario))
 
 
 def _explained(scenario: Scenario) -> bool:
