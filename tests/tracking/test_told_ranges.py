@@ -72,6 +72,11 @@ def test_agents_tell_ranges_where_a_fix_may_take_wrong_ones_for_right(sets):
         ["filter.initial_position=[7,7,7]"],
         ["sensor.dropout_probability=0.8"],
         ["filter.motion='imm'", *OUTLIERS[1:]],
+        ["filter.start=given", *OUTLIERS[1:]],
+        ["filter.range_std=0.2", *OUTLIERS[1:]],
+        ["consensus.rounds=4", *OUTLIERS[1:]],
+        ["agents.count=6", "agents.low=[-10,-10,0]", "agents.high=[10,10,0]", *OUTLIERS[1:]],
+        ["sensor.bias_std=0.5", *OUTLIERS[1:]],
     ],
 )
 def test_elsewhere_their_messages_get_no_longer(sets):

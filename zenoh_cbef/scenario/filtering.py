@@ -54,7 +54,8 @@ class Filtering:
     @property
     def seeks(self) -> bool:
         """Whether they look for a target that those deny to be where it is thought to be, without another fix."""
-        return self.tells_ranges and not self.models and self.scenario.filter.defaults > 12
+        chosen = self.scenario.filter
+        return self.tells_ranges and not self.models and chosen.reacquire and chosen.defaults > 12
 
     @cached_property
     def plain_motion(self) -> LinearMotion:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from zenoh_cbef.scenario import bending, network, start, trust
+from zenoh_cbef.scenario import bending, near_plane, network, start, trust
 from zenoh_cbef.scenario.model import Scenario
 from zenoh_cbef.tracking.filters import abilities_of
 from zenoh_cbef.tracking.motion import Motion
@@ -21,7 +21,7 @@ def tells_ranges(scenario: Scenario, motions: Sequence[Motion], range_std: float
     agile = motions[-1]
     if not _may(scenario, agile.axes):
         return False
-    if len(motions) == 1 and scenario.filter.defaults > 12 and _may_mistake(scenario):
+    if len(motions) == 1 and scenario.filter.defaults > 12 and _may_mistake(scenario, range_std, agile.axes):
         return True
     heard = scenario.count * (1.0 - scenario.sensor.dropout_probability)
     return _strays(scenario, agile, range_std, settling) and (len(motions) == 1 or heard < agile.axes + 1)
@@ -42,16 +42,19 @@ def _may(scenario: Scenario, axes: int) -> bool:
     return chosen.defaults > 11 and few and exact and honest and fits
 
 
-def _may_mistake(scenario: Scenario) -> bool:
+def _may_mistake(scenario: Scenario, range_std: float, axes: int) -> bool:
     """Whether a first fix may take wrong ranges for right ones: there are some, or guesses are too wide to be tried.
 
-    Only where every range comes to every agent in its step, whatever the graph, and the noise of ranges is known: what
-    learns it stands around other filters. Biases that the scenario tells of are better estimated without.
+    Only where the scenario leaves it to agents how they find their target, every range comes to every agent in its
+    step, whatever the graph, and the noise of ranges is known: what learns it stands around other filters. Biases that
+    the scenario tells of, and mirror images, are better estimated without.
     """
-    wrong = scenario.sensor.outlier_probability > 0.0 or trust.errs(scenario)
+    chosen, sensor = scenario.filter, scenario.sensor
+    wrong = sensor.outlier_probability > 0.0 or trust.errs(scenario) or start.bends_over_guess(scenario)
     everywhere = scenario.consensus.rounds >= scenario.count - 1
-    known = scenario.filter.range_std is None and scenario.sensor.bias_std == 0.0
-    return everywhere and known and (wrong or start.bends_over_guess(scenario))
+    known = chosen.range_std is None and sensor.bias_std == 0.0
+    flat = bending.mirrored(scenario, range_std, axes) or near_plane.plane(scenario, range_std, axes)
+    return wrong and everywhere and known and chosen.start != "given" and chosen.reacquire and not flat
 
 
 def _explained(scenario: Scenario) -> bool:
