@@ -45,12 +45,15 @@ def _may(scenario: Scenario, axes: int) -> bool:
 def _may_mistake(scenario: Scenario, range_std: float, axes: int) -> bool:
     """Whether a first fix may take wrong ranges for right ones: there are some, or guesses are too wide to be tried.
 
+    Of one wrong receiver only if the others are no more than there are unknowns: then no other agent proves which it is.
+
     Only where the scenario leaves it to agents how they find their target, every range comes to every agent in its
     step, whatever the graph, and the noise of ranges is known: what learns it stands around other filters. Biases that
     the scenario tells of, and mirror images, are better estimated without.
     """
     chosen, sensor = scenario.filter, scenario.sensor
-    wrong = sensor.outlier_probability > 0.0 or trust.errs(scenario) or start.bends_over_guess(scenario)
+    none_to_spare = trust.errs(scenario) and scenario.count == axes + 2
+    wrong = sensor.outlier_probability > 0.0 or none_to_spare or start.bends_over_guess(scenario)
     everywhere = scenario.consensus.rounds >= scenario.count - 1
     known = chosen.range_std is None and sensor.bias_std == 0.0
     flat = bending.mirrored(scenario, range_std, axes) or near_plane.plane(scenario, range_std, axes)
