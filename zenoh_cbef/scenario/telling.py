@@ -45,7 +45,7 @@ def _may(scenario: Scenario, axes: int) -> bool:
 def _may_mistake(scenario: Scenario, range_std: float, axes: int) -> bool:
     """Whether a first fix may take wrong ranges for right ones: there are some, or guesses are too wide to be tried.
 
-    Of one wrong receiver only if the others are no more than there are unknowns: then no other agent proves which it is.
+    Of a wrong receiver only if the others are as few as the unknowns: then no other agent proves which it is.
 
     Only where the scenario leaves it to agents how they find their target, every range comes to every agent in its
     step, whatever the graph, and the noise of ranges is known: what learns it stands around other filters. Biases that
