@@ -75,6 +75,12 @@ class Filtering:
         motions = assumed_models(*assumed) if self._switches else (self.motion,)
         return telling.tells_ranges(self.scenario, motions, self.range_std, self.settling_steps)
 
+    @property
+    def seeks(self) -> bool:
+        """Whether they look for a target that those deny to be where it is thought to be, without another fix."""
+        chosen = self.scenario.filter
+        return self.tells_ranges and not self.models and chosen.reacquire and chosen.defaults > 12
+
     @cached_property
     def plain_motion(self) -> LinearMotion:
         """What smoothing and predictions are computed with, which are of linear models in position and velocity."""
@@ -149,6 +155,7 @@ class Filtering:
             middle=start.middle(scenario)[: self.space.axes],
             squares=self.squares,
             tells_ranges=self.tells_ranges,
+            seeks=self.seeks,
             plane=self.plane,
             space=self.space,
             range_std=self.range_std,
@@ -187,7 +194,7 @@ class Filtering:
     def _finding(self, settings: FilterSettings) -> FilterSettings:
         """With what finds the target, at first and again, and says what the estimate is."""
         scenario, chosen, able, tells = self.scenario, self.scenario.filter, self.abilities, self.tells_ranges
-        window = start.window(scenario, self.settling_steps)
+        window = 0 if self.seeks else start.window(scenario, self.settling_steps)
         pauses = not tells and bending.may_pause(scenario, self.plain_motion, self.range_std)
         return replace(
             settings,

@@ -134,8 +134,13 @@ def outliers(scenario: Scenario) -> tuple[float, float] | None:
 
 def tries_guess(scenario: Scenario) -> bool:
     """Whether a first fix tries the guess: where ranges are straight lines over how far that may be off."""
+    return scenario.filter.defaults > 2 and not among_outliers(scenario) and not bends_over_guess(scenario)
+
+
+def bends_over_guess(scenario: Scenario) -> bool:
+    """Whether ranges bend by more than their noise over how far a guess may be off."""
     sag = initial_std(scenario)[0] ** 2 / (2.0 * max(half_box(scenario), 1e-3))
-    return scenario.filter.defaults > 2 and not among_outliers(scenario) and bool(sag < scenario.sensor.range_std)
+    return bool(sag >= scenario.sensor.range_std)
 
 
 def search(scenario: Scenario) -> tuple[Floats, Floats]:

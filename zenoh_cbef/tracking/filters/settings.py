@@ -44,7 +44,8 @@ class FilterSettings:
     motions between which the target switches, the most agile one last; none: it moves by `motion` alone. leaving: the
     probability that it leaves its motion in a step. middle: a point near all agents, the same for all, m. squares:
     whether agents share squared ranges, and linearise what averaging leaves. tells_ranges:
-    whether they tell each other their ranges, and each takes in all. plane: that they are near, a point of it
+    whether they tell each other their ranges, and each takes in all; seeks: and, while these deny the place, looks for
+    the target elsewhere. plane: that they are near, a point of it
     and its normal; None: near none, or mirror images are no matter. outliers: what share of the ranges are
     too long, and by how much (m) on average, where the scenario tells so and a first fix takes it into account.
     options: of a kind of another package, `filter.options`.
@@ -95,6 +96,7 @@ class FilterSettings:
     middle: tuple[float, ...] = (0.0, 0.0, 0.0)
     squares: bool = False
     tells_ranges: bool = False
+    seeks: bool = False
     plane: tuple[tuple[float, ...], tuple[float, ...]] | None = None
     outliers: tuple[float, float] | None = None
     guesses: tuple[int, int] | None = (1, 1)
