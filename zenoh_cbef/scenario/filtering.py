@@ -63,9 +63,13 @@ class Filtering:
 
     @cached_property
     def noises(self) -> tuple[Motion, ...]:
-        """The filter's motion with the noises of which ranges decide; none where the noise is not in doubt."""
+        """The filter's motion with the noises of which ranges decide; none where the noise is not in doubt.
+
+        Ranges that are often wrong first have to tell where the target is.
+        """
         single = self.bias != "none" or self.distrusts_others or self.models or self.plane
-        unfit = single or not self.abilities.models or self.scenario.filter.recovery
+        mistaken = self.tells_ranges and telling.may_mistake(self.scenario, self.range_std, self.space.axes)
+        unfit = single or mistaken or not self.abilities.models or self.scenario.filter.recovery
         return () if unfit else doubted_noises(self.scenario, self.motion, told=self.tells_ranges)
 
     @cached_property
@@ -79,7 +83,8 @@ class Filtering:
     def seeks(self) -> bool:
         """Whether they look for a target that those deny to be where it is thought to be, without another fix."""
         chosen = self.scenario.filter
-        return self.tells_ranges and not self.models and chosen.reacquire and chosen.defaults > 12
+        several = self.models or self.noises
+        return self.tells_ranges and not several and chosen.reacquire and chosen.defaults > 12
 
     @cached_property
     def plain_motion(self) -> LinearMotion:

@@ -21,7 +21,7 @@ def tells_ranges(scenario: Scenario, motions: Sequence[Motion], range_std: float
     agile = motions[-1]
     if not _may(scenario, agile.axes):
         return False
-    if len(motions) == 1 and scenario.filter.defaults > 12 and _may_mistake(scenario, range_std, agile.axes):
+    if len(motions) == 1 and may_mistake(scenario, range_std, agile.axes):
         return True
     heard = scenario.count * (1.0 - scenario.sensor.dropout_probability)
     return _strays(scenario, agile, range_std, settling) and (len(motions) == 1 or heard < agile.axes + 1)
@@ -42,7 +42,7 @@ def _may(scenario: Scenario, axes: int) -> bool:
     return chosen.defaults > 11 and few and exact and honest and fits
 
 
-def _may_mistake(scenario: Scenario, range_std: float, axes: int) -> bool:
+def may_mistake(scenario: Scenario, range_std: float, axes: int) -> bool:
     """Whether a first fix may take wrong ranges for right ones: there are some, or guesses are too wide to be tried.
 
     Of a wrong receiver only if the others are as few as the unknowns: then no other agent proves which it is.
@@ -52,6 +52,8 @@ def _may_mistake(scenario: Scenario, range_std: float, axes: int) -> bool:
     the scenario tells of, and mirror images, are better estimated without.
     """
     chosen, sensor = scenario.filter, scenario.sensor
+    if chosen.defaults < 13:
+        return False
     none_to_spare = trust.errs(scenario) and scenario.count == axes + 2
     wrong = sensor.outlier_probability > 0.0 or none_to_spare or start.bends_over_guess(scenario)
     everywhere = scenario.consensus.rounds >= scenario.count - 1
