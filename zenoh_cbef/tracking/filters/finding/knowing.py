@@ -64,7 +64,7 @@ class Knowing(Wrapping):
         if self.settings.plane:
             rows = undecided(self.filter, inner) & (status.which != LOST)
             status = status.told(rows, ACQUIRING, Status(*update.kept), self.settings.motion.dt)
-        return Belief(inner.state, inner.covariance, inner.bias, parts=(inner,), status=status)
+        return Belief(inner.state, inner.covariance, inner.bias, parts=(inner,), status=status, excess=inner.excess)
 
     def _misfit(self, fit: Floats, distrust: Floats, bias: Bias | None) -> Floats:
         """How badly ranges fit, (n,), also where the filter has come to terms with them."""

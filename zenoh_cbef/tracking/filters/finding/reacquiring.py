@@ -42,13 +42,14 @@ _ANY = 1e-9
 class Search:
     """How far an agent is with looking for its target again, arrays (n, ...).
 
-    step: the step. doing: 0 the filter, otherwise a part of a fix. vote: whether the network wants a fix. adrift: above
-    0 where the agent has coasted too far to go on. place: its estimate without the ranges since then, prior: what a fix
-    starts from, fix: the latest iteration; state and covariance each. correction: what that one changed. positions,
-    ages, ranges: of the last steps.
+    step: the step. begun: that after which the fix began. doing: 0 the filter, otherwise a part of a fix. vote: whether
+    the network wants a fix. adrift: above 0 where the agent has coasted too far to go on. place: its estimate without
+    the ranges since then, prior: what a fix starts from, fix: the latest iteration; state and covariance each.
+    correction: what that one changed. positions, ages, ranges: of the last steps.
     """
 
     step: Floats
+    begun: Floats
     doing: Floats
     vote: Floats
     adrift: Floats
@@ -82,18 +83,17 @@ class Reacquiring(Wrapping):
     covariance then gets too small at a wrong place, and the filter stays there. So agents keep the ranges of the last
     2 W steps, and look for the target as in a first fix, on squared ranges for W/5 steps and by Gauss-Newton for the
     rest of W, if more than half of them want to: those that have coasted too far (drifted.py) and hear ranges again,
-    and those that have lost the target for long (patience.py). The former start from where they
-    have coasted to, with the covariance that they have then, the latter from anywhere.
+    and those that have lost the target for long (patience.py). The former start from where they have coasted to, with
+    the covariance that they have then, the latter from anywhere.
 
-    All have to begin in the same step, or payloads of two kinds would be averaged. So a fix begins after a step that W
-    divides. One number more in a payload agrees upon that: at first in every W steps the agents' wishes, 1 or -1, and 0
-    of those that hear no ranges, of which the greater part decides; in the last of them whether the decision is known,
-    so that it spreads to all; in a fix a number that marks its part. An agent whose average shows that others do
-    something else goes on by prediction in this step. By the first rules of the status agents vote with 1 or 0, and
-    more than half of all have to want a fix.
+    All have to begin in the same step, or payloads of two kinds would be averaged. So a fix begins after a step that D
+    divides: W, or where ranges are real as few as a decision takes. One number more in a payload agrees upon that: at
+    first in every D steps the agents' wishes, 1 or -1, and 0 of those that hear no ranges, of which the greater part
+    decides; in the last of them whether the decision is known, so that it spreads to all; in a fix a number that marks
+    its part. An agent whose average shows that others do something else goes on by prediction in this step. By the
+    first rules of the status agents vote with 1 or 0, and more than half of all have to want a fix.
 
-    window: W. anywhere: where the target may be if nothing is known, state (1, s) and covariance (1, s, s), the same
-    for all agents.
+    window: W. anywhere: where the target may be if nothing is known, state (1, s), covariance (1, s, s), for all alike.
     """
 
     settings: FilterSettings
@@ -145,15 +145,14 @@ class Reacquiring(Wrapping):
 
     def _decides(self, step: Floats) -> Bools:
         """Whether this is a step in which agents tell their wishes; in the others the decision spreads."""
-        place = step % self.window
-        return np.asarray((place > 0.0) & (place <= self.window - self.settings.spreading))
+        cycle = self.settings.deciding or self.window
+        return np.asarray((step % cycle > 0.0) & (step % cycle <= cycle - self.settings.spreading))
 
     def _begun(self, belief: Belief) -> Search:
         (count, size), kept = belief.state.shape, 2 * self.window
         none, nowhere = np.zeros(count), (np.zeros((count, size)), np.zeros((count, size, size)))
         return Search(
-            *(none, none, none, none),
-            *(belief.state, belief.known_covariance),
+            *(none, none, none, none, none, belief.state, belief.known_covariance),
             *(*nowhere, *nowhere, nowhere[0]),
             np.zeros((count, kept, 3)),
             np.zeros((count, kept)),
@@ -184,11 +183,9 @@ class Reacquiring(Wrapping):
     def _fixing(self, payload: Floats, search: Search, heard: Measurement) -> tuple[Floats, Search]:
         """The payload of those in a fix, and what that leaves; for all others the ranges of this step."""
         if not np.count_nonzero(search.fixing):
-            seen = (
-                np.concatenate([search.positions, heard.position[:, None]], axis=1),
-                np.concatenate([search.ages + self.settings.motion.dt, heard.age[:, None]], axis=1),
-                np.concatenate([search.ranges, heard.range[:, None]], axis=1),
-            )
+            known = search.positions, search.ages + self.settings.motion.dt, search.ranges
+            new = heard.position, heard.age, heard.range
+            seen = tuple(np.concatenate([one, two[:, None]], axis=1) for one, two in zip(known, new, strict=True))
         else:
             belief = self._iterate(search)
             squared, refined = self.squares.update(belief, heard), self.refines.update(belief, heard)
@@ -202,12 +199,12 @@ class Reacquiring(Wrapping):
     def _iterate(self, search: Search) -> Belief:
         """The fix so far; for agents that are in none, whose result is not used, their estimate."""
         place = search.place, search.place_covariance
-        prior, fix = (search.prior, search.prior_covariance), (search.fix, search.fix_covariance)
+        both = (search.prior, search.prior_covariance), (search.fix, search.fix_covariance)
         (prior_state, prior_covariance), (state, covariance) = (
-            tuple(_pick(search.fixing, *pair) for pair in zip(one, place, strict=True)) for one in (prior, fix)
+            tuple(_pick(search.fixing, *pair) for pair in zip(one, place, strict=True)) for one in both
         )
-        seen = search.positions, search.ages, search.ranges
-        return Belief(state, covariance, memory=(prior_state, prior_covariance, *seen, search.correction))
+        seen = search.positions, search.ages, search.ranges, search.correction
+        return Belief(state, covariance, memory=(prior_state, prior_covariance, *seen))
 
     def _concluded(self, search: Search, payload: Floats, update: Update, apart: Bools) -> Search:
         """The fix after this step; `correction` comes as what was predicted."""
@@ -244,15 +241,15 @@ class Reacquiring(Wrapping):
         search = self._left_behind(search, inner)
         if search.idle and inner.status and not np.count_nonzero(concerned & (wanted | astray)):
             return replace(inner, memory=tuple(vars(search).values()), parts=(inner,))
-        place = search.step % self.window
-        ends = place == 0.0
+        ends, since = search.step % (self.settings.deciding or self.window) == 0.0, search.step - search.begun
         vote = ~fixing & (concerned & ~apart & wanted | (search.vote > 0.0) & ~alike)
-        begins, done = ends & vote, ends & fixing
+        begins, done = ends & vote, fixing & (since == self.window)
         search = self._started(search, begins)
         adrift = np.where(settled, np.where(astray, _WINDOWS, search.adrift), 0.0)
         # An agent that was alone in its wish has its neighbours' estimate by now.
-        adrift = np.where(begins, 0.0, adrift - (ends & ~status.coasts & (adrift > 0.0)))
-        halfway = fixing & (place == self.window // _SQUARED_SHARE)
+        passed = search.step % self.window == 0.0
+        adrift = np.where(begins, 0.0, adrift - (passed & ~status.coasts & (adrift > 0.0)))
+        halfway = fixing & (since == self.window // _SQUARED_SHARE)
         doing = np.where(begins, _SQUARED, np.where(halfway, _REFINED, np.where(done, 0.0, search.doing)))
         search = replace(search, doing=doing, vote=np.where(vote & ~ends, 1.0, 0.0), adrift=adrift)
         if done.any():
@@ -262,7 +259,8 @@ class Reacquiring(Wrapping):
         inner = replace(inner, status=status)
         state = _pick(fixing, search.fix, inner.state)
         covariance = _pick(fixing, search.fix_covariance, inner.known_covariance)
-        return Belief(state, covariance, inner.bias, tuple(vars(search).values()), (inner,), status)
+        excess = None if inner.excess is None else np.where(fixing, 0.0, inner.excess)
+        return Belief(state, covariance, inner.bias, tuple(vars(search).values()), (inner,), status, excess=excess)
 
     def _left_behind(self, search: Search, inner: Belief) -> Search:
         """Where agents that are adrift have coasted to without the ranges since, and the ranges without the oldest."""
@@ -287,6 +285,7 @@ class Reacquiring(Wrapping):
         state, covariance = (_pick(begins & adrift, *pair) for pair in pairs)
         return replace(
             search,
+            begun=np.where(begins, search.step, search.begun),
             prior=_pick(begins, state, search.prior),
             prior_covariance=_pick(begins, covariance, search.prior_covariance),
             fix=_pick(begins, state, search.fix),
