@@ -132,7 +132,7 @@ class Doors:
             self._log = self._new_log(self._logged)
         kind = self._log.add(key, data, self._logged)
         if kind in {"truth", "estimate"}:
-            self._overview.see(kind, key, data)
+            self._overview.see(kind, key, [data])
         return "refused: not a message of the run" if kind == UNKNOWN else "accepted"
 
     def log_reader(self, material: Material) -> str:

@@ -9,7 +9,7 @@ import subprocess
 import tempfile
 import time
 from collections.abc import Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
@@ -18,6 +18,7 @@ from rich.table import Table
 
 from benchmarks.by_hand import by_hand
 from benchmarks.common import Children, Row, children, results
+from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.read.parts import open_log
 from zenoh_cbef.nodes.launch.ports import free_ports
 from zenoh_cbef.protocol.keys import Keys
@@ -29,6 +30,7 @@ KILLS = 200
 _SENDER = "receiver/probe"
 _AGE = 1.0
 _PAUSE = 0.0005
+_START_SECONDS, _LOOK_SECONDS = 60.0, 0.05
 
 
 @dataclass(frozen=True)
@@ -61,36 +63,46 @@ class Kills:
         session = self._stack.enter_context(open_session(connection))
         self._key = key = Keys(self._run).event(_SENDER)
         who = {"run": self._run, "sender": _SENDER}
-        self._events = Outbox(session, key, **who, may_drop=True, clock=time.time_ns, memory=Memory())
+        # It waits where the recorder does not keep up: what a sender drops, and cannot be asked for, no log has.
+        self._events = Outbox(session, key, **who, may_drop=False, clock=time.time_ns, memory=Memory())
         return self
 
     def __exit__(self, *_: object) -> None:
         self._stack.close()
 
     def kill(self, number: int, after: float) -> Kill:
-        """Start a recorder, and kill it some time after it has written for somewhat more than a second."""
+        """Start a recorder, and kill it a second and some time after the first of our messages is in its log."""
         log = self._folder / f"{number}.mcap"
-        active = log.with_name(log.name + ".active")
+        sent: list[tuple[int, float]] = []
         with children() as family:
             recorder = self._start(family, log)
-            until = time.monotonic() + 30.0
-            while not active.exists() and time.monotonic() < until:
-                time.sleep(0.01)
-            sent: list[tuple[int, float]] = []
-            until = time.monotonic() + _AGE + 0.5 + after
-            while time.monotonic() < until:
-                sent.append((self._events.sent, time.monotonic()))
-                self._events.send(kind="note", text="x" * 100)
-                time.sleep(_PAUSE)
+            until = time.monotonic() + _START_SECONDS
+            while not self._found(log) and time.monotonic() < until:
+                self._send(sent, _LOOK_SECONDS)
+            self._send(sent, _AGE + after)
             killed = time.monotonic()
             recorder.kill()
             recorder.wait()
-        found = {message.sequence for message in open_log(log).messages() if message.channel.topic == self._key}
+        found = self._found(log)
         first = min(found, default=self._events.sent)
         due = [(seq, killed - at) for seq, at in sent if seq >= first]
         old = [seq for seq, age in due if age > _AGE]
         missing = [age for seq, age in due if seq not in found]
         return Kill(len(old), len({*old} - found), max(missing, default=0.0), recorder.returncode)
+
+    def _send(self, sent: list[tuple[int, float]], seconds: float) -> None:
+        """Send for so long, and note number and time of each message."""
+        until = time.monotonic() + seconds
+        while time.monotonic() < until:
+            sent.append((self._events.sent, time.monotonic()))
+            self._events.send(kind="note", text="x" * 100)
+            time.sleep(_PAUSE)
+
+    def _found(self, log: Path) -> set[int]:
+        """The numbers of our messages that are in a log; none where there is no log yet."""
+        with suppress(UserError):
+            return {one.sequence for one in open_log(log).messages() if one.channel.topic == self._key}
+        return set()
 
     def _start(self, family: Children, log: Path) -> subprocess.Popen[bytes]:
         links = [part for endpoint in self._hubs for part in ("--connect", endpoint)]

@@ -46,7 +46,7 @@ def test_a_run_without_agents_begins_where_the_last_one_goes():
         return Absences(away, agents=2, dt=0.1, steps=6)
 
     assert (absences(0, 1).empty, absences(0).empty, absences().empty) == (3, None, None)
-    assert (bool(absences(0)), bool(absences())) == (True, False)
+    assert (absences(0).any, absences().any) == (True, False)
     assert not absences().at(3).any()
 
 

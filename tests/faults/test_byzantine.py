@@ -41,6 +41,7 @@ def run(senders, steps=8, rounds=2, rows=slice(None)):
 HONEST = run(outgoing())
 
 
+@np.errstate(over="ignore")  # as agents and the simulator do
 def test_what_is_sent_stays_below_what_receivers_take_for_a_lie_of_no_agent():
     # A payload that grows from round to round, as the lies of several agents echo, never gets farther.
     wild = outgoing(byzantine(mode="scale", magnitude=1e7)).message(1, 1, np.full((4, 3), 1e58))

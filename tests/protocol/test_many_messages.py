@@ -164,3 +164,14 @@ def test_a_host_whose_bytes_are_in_the_other_order_sends_the_same(monkeypatch: p
     monkeypatch.setattr(round_codec, "_LITTLE", False)
     assert rounds() == sent
     assert [CODEC.decode(data)[3] for data in sent] == [payload.tobytes() for payload in PAYLOADS]
+
+
+def test_a_caller_who_reads_some_fields_asks_for_these_alone() -> None:
+    several = events({"seq": 1, "data": 5}, {"bogus": 2})
+    assert [one["text"] for one in decode_all(kinds.EVENT, several, run=RUN, names=["text"])] == ["x", "x"]
+    with pytest.raises(BadMessage, match="data"):
+        decode_all(kinds.EVENT, several, run=RUN, names=["text", "data"])
+    with pytest.raises(BadMessage, match="missing"):
+        decode_all(kinds.EVENT, events({}, without="kind"), run=RUN, names=["text"])
+    with pytest.raises(BadMessage, match="of run"):
+        decode_all(kinds.EVENT, events({"run": "other"}), run=RUN, names=["text"])

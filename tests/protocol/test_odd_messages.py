@@ -128,9 +128,27 @@ def test_a_forged_estimate_far_away_does_not_stop_a_recorder():
     overview = Overview(Status(RUN, "", 50), lambda: 1)
     counts: dict[str, list] = {name: [] for name in ("neighbours", "received", "lost", "late", "latency")}
     far = {"k": 1, "state": [1e99] * 6, "innovation": None, "weight": None, **counts, "covariance": None}
-    overview.see("truth", KEYS.truth, encode(RUN, "target", 0, 0, {"k": 1, "state": [-1e99] * 6}))
-    overview.see("estimate", KEYS.estimate(0), encode(RUN, "agent/0", 0, 0, far))
+    overview.see("truth", KEYS.truth, [encode(RUN, "target", 0, 0, {"k": 1, "state": [-1e99] * 6})])
+    overview.see("estimate", KEYS.estimate(0), [encode(RUN, "agent/0", 0, 0, far)])
+    overview.catch_up()
     assert overview.status.step == 1
+
+
+def test_a_message_that_is_none_spoils_no_others_that_wait_with_it():
+    overview = Overview(Status(RUN, "", 50), lambda: 1)
+    counts: dict[str, list] = {name: [] for name in ("neighbours", "received", "lost", "late", "latency")}
+    plain = {"state": [0.0] * 6, "innovation": None, "weight": None, **counts, "covariance": None}
+    first, second = (encode(RUN, "agent/0", step, 0, {"k": step, **plain}) for step in (1, 2))
+    lacking = encode(RUN, "agent/0", 2, 0, {"k": 3, "state": [0.0] * 6})
+    overview.see("truth", KEYS.truth, [encode(RUN, "target", 0, 0, {"k": 1, "state": [3.0, 4.0, 0.0] * 2})])
+    overview.see("estimate", KEYS.estimate(0), [first, b"none", lacking])
+    assert not overview.heard, "they wait"
+    overview.catch_up()
+    assert (overview.status.step, overview.status.error) == (1, 5.0)
+    assert overview.heard == {0: 1}, "the one of step 3 lacks fields"
+    overview.see("estimate", KEYS.estimate(1), [second])
+    overview.see("estimate", KEYS.estimate(0), [second] * 4000)
+    assert overview.heard == {0: 2}, "no more wait than that, and no message is another agent's"
 
 
 def test_a_recorder_tells_how_far_agents_are_that_a_target_has_left_behind():
@@ -138,11 +156,12 @@ def test_a_recorder_tells_how_far_agents_are_that_a_target_has_left_behind():
     counts: dict[str, list] = {name: [] for name in ("neighbours", "received", "lost", "late", "latency")}
 
     def truth(step):
-        overview.see("truth", KEYS.truth, encode(RUN, "target", step, 0, {"k": step, "state": [0.0] * 6}))
+        overview.see("truth", KEYS.truth, [encode(RUN, "target", step, 0, {"k": step, "state": [0.0] * 6})])
 
     def estimate(agent, step):
         said = {"k": step, "state": [1.0] * 6, "innovation": None, "weight": None, **counts, "covariance": None}
-        overview.see("estimate", KEYS.estimate(agent), encode(RUN, f"agent/{agent}", step, 0, said))
+        overview.see("estimate", KEYS.estimate(agent), [encode(RUN, f"agent/{agent}", step, 0, said)])
+        overview.catch_up()
 
     for step in range(1, 1001):
         truth(step)

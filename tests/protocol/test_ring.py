@@ -17,11 +17,21 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, rule
 
-from zenoh_cbef.protocol.ring import LEAST_BYTES, RingError, RingReader, RingWriter, fill_of, is_written
+from zenoh_cbef.protocol.ring import (
+    FRAME_BYTES,
+    LEAST_BYTES,
+    RingError,
+    RingReader,
+    RingWriter,
+    Said,
+    fill_of,
+    is_written,
+)
 from zenoh_cbef.protocol.ring_folder import FOLDER, RingFolder, clear_rings, tag_of
 
 NAMES = ["range", "round"]
 HERE, THERE = 1, 2
+MOMENT = (1 << 63) + 5
 
 WRITER = """
 import os, signal, sys, time
@@ -30,14 +40,14 @@ from zenoh_cbef.protocol import ring
 path, bytes_, at = sys.argv[1], int(sys.argv[2]), int(sys.argv[3])
 writer = ring.RingWriter(Path(path), ["count"], bytes_, lambda _: True)
 number, checksum = 0, ring.crc32
-def dying(data, place):
+def dying(data, start):
     if number == at:
         os.kill(os.getpid(), signal.SIGKILL)  # the bytes are there, the rest is not
-    return checksum(data, place)
+    return checksum(data, start)
 ring.crc32 = dying
 while True:
     data = number.to_bytes(8, "little") * (1 + number % 40)
-    while not writer.write(0, data):
+    while not writer.write(0, len(data), (1 << 63) + 5, data):
         time.sleep(0.001)
     number += 1
 """
@@ -48,7 +58,18 @@ def alive(_tag: int) -> bool:
 
 
 def read_all(reader: RingReader) -> list[tuple[str, bytes]]:
-    return [(said.name, said.data) for said in reader.read(1 << 30)]
+    return [named(reader, one) for one in reader.read(1 << 30)]
+
+
+def named(reader: RingReader, said: Said) -> tuple[str, bytes]:
+    """The name of its kind, and its bytes, of a message whose number and time are those that `leave` gives it."""
+    kind, number, sent, data = said
+    assert (number, sent) == (len(data), MOMENT)
+    return reader.names[kind], data
+
+
+def leave(writer: RingWriter, kind: int, data: bytes) -> bool:
+    return writer.write(kind, len(data), MOMENT, data)
 
 
 @pytest.fixture
@@ -74,13 +95,13 @@ class OneRing(RuleBasedStateMachine):
 
     @rule(kind=st.integers(0, 1), data=st.binary(max_size=900))
     def write(self, kind: int, data: bytes) -> None:
-        if self.writer.write(kind, data):
+        if leave(self.writer, kind, data):
             self.due.append((NAMES[kind], data))
             self.others_due.append((NAMES[kind], data))
 
     @rule(most=st.sampled_from([1, 3, 1000]))
     def read(self, most: int) -> None:
-        got = [(said.name, said.data) for said in self.reader.read(most)]
+        got = [named(self.reader, one) for one in self.reader.read(most)]
         assert got == self.due[:most]
         del self.due[:most]
         self.unsaved += got
@@ -118,15 +139,15 @@ TestOneRing.settings = settings(max_examples=30, stateful_step_count=40, deadlin
 def test_a_full_ring_takes_nothing_and_loses_nothing(path: Path) -> None:
     writer, reader = RingWriter(path, NAMES, LEAST_BYTES, alive), None
     sent = 0
-    while writer.write(0, sent.to_bytes(50, "little")):
+    while leave(writer, 0, sent.to_bytes(50, "little")):
         sent += 1
     reader = RingReader(path, HERE, alive)
     assert [int.from_bytes(data, "little") for _, data in read_all(reader)] == [*range(sent)]
-    assert not writer.write(0, b"read, but not safe yet")
+    assert not leave(writer, 0, b"read, but not safe yet")
     assert fill_of(path) > 0.9
     reader.save()
     assert fill_of(path) == 0.0
-    assert writer.write(1, b"room again")
+    assert leave(writer, 1, b"room again")
     assert read_all(reader) == [("round", b"room again")]
     reader.close()
     writer.close(remove=True)
@@ -139,13 +160,13 @@ def test_a_dead_reader_holds_a_ring_up_only_while_no_other_reads_it(path: Path) 
     dead = RingReader(path, THERE, alive)
     dead.close()
     sent = 0
-    while writer.write(0, bytes(50)):
+    while leave(writer, 0, bytes(50)):
         sent += 1
     reader = RingReader(path, HERE, lambda tag: tag in living)
     assert len(read_all(reader)) == sent
-    assert not writer.write(0, bytes(50))
+    assert not leave(writer, 0, bytes(50))
     reader.save()
-    assert writer.write(0, bytes(50))
+    assert leave(writer, 0, bytes(50))
     assert writer.readers
     living.clear()
     assert not writer.readers
@@ -157,11 +178,11 @@ def test_what_the_slower_of_two_readers_has_not_taken_stays(path: Path) -> None:
     writer = RingWriter(path, NAMES, LEAST_BYTES, alive)
     fast, slow = RingReader(path, HERE, alive), RingReader(path, THERE, alive)
     sent = 0
-    while writer.write(0, sent.to_bytes(50, "little")):
+    while leave(writer, 0, sent.to_bytes(50, "little")):
         sent += 1
     assert len(read_all(fast)) == sent
     fast.save()
-    assert not writer.write(0, bytes(50))
+    assert not leave(writer, 0, bytes(50))
     assert [int.from_bytes(data, "little") for _, data in read_all(slow)] == [*range(sent)]
     for end in (fast, slow):
         end.close()
@@ -171,8 +192,8 @@ def test_what_the_slower_of_two_readers_has_not_taken_stays(path: Path) -> None:
 
 def test_a_message_that_does_not_fit_is_refused(path: Path) -> None:
     writer = RingWriter(path, NAMES, LEAST_BYTES, alive)
-    assert not writer.write(0, bytes(LEAST_BYTES))
-    assert writer.write(0, bytes(LEAST_BYTES - 8))
+    assert not leave(writer, 0, bytes(LEAST_BYTES))
+    assert leave(writer, 0, bytes(LEAST_BYTES - FRAME_BYTES))
     writer.close(remove=True)
 
 
@@ -218,8 +239,8 @@ def test_a_ring_is_known_to_be_written_while_its_writer_lives(path: Path) -> Non
 
 def test_bytes_that_are_not_the_writer_s_are_not_read(path: Path) -> None:
     writer = RingWriter(path, NAMES, LEAST_BYTES, alive)
-    writer.write(0, b"true")
-    writer.write(0, b"false")
+    leave(writer, 0, b"true")
+    leave(writer, 0, b"false")
     with path.open("r+b") as file:
         file.seek(path.read_bytes().index(b"false"))
         file.write(b"x")
@@ -227,7 +248,7 @@ def test_bytes_that_are_not_the_writer_s_are_not_read(path: Path) -> None:
     assert read_all(reader) == [("range", b"true")]
     assert read_all(reader) == []
     reader.pass_over()
-    writer.write(1, b"later")
+    leave(writer, 1, b"later")
     assert read_all(reader) == [("round", b"later")]
     reader.close()
     writer.close(remove=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from zenoh_cbef.protocol.ring import DATA_BYTE, LEAST_BYTES, RingReader, RingWriter, fill_of
+from zenoh_cbef.protocol.ring import DATA_BYTE, FRAME_BYTES, LEAST_BYTES, RingReader, RingWriter, fill_of
 
 
 def alive(_tag: int) -> bool:
@@ -17,7 +17,7 @@ def said(number: int) -> bytes:
 
 def room(data: bytes) -> int:
     """Bytes of a message and its frame, in whole words."""
-    return (8 + len(data) + 7) // 8 * 8
+    return (FRAME_BYTES + len(data) + 7) // 8 * 8
 
 
 def test_messages_of_all_sizes_come_as_they_were_left_lap_after_lap(tmp_path: Path) -> None:
@@ -29,10 +29,10 @@ def test_messages_of_all_sizes_come_as_they_were_left_lap_after_lap(tmp_path: Pa
         data = said(number)
         if place % LEAST_BYTES + room(data) > LEAST_BYTES:  # it is passed over to the next lap
             place += LEAST_BYTES - place % LEAST_BYTES
-        assert writer.write(number % 2, data)
+        assert writer.write(number % 2, number, 0, data)
         place += room(data)
         assert reader.waiting > 0
-        assert [(one.name, one.data) for one in reader.read(9)] == [("ab"[number % 2], data)]
+        assert reader.read(9) == [(number % 2, number, 0, data)]
         assert reader.waiting == 0
         reader.save()
         assert fill_of(path) == 0.0
@@ -45,21 +45,21 @@ def test_a_ring_takes_as_much_as_it_has_room_for_and_no_more(tmp_path: Path) -> 
     path = tmp_path / "one.ring"
     writer = RingWriter(path, ["a"], LEAST_BYTES + 5, alive)
     assert path.stat().st_size == DATA_BYTE + LEAST_BYTES
-    data = bytes(56)  # of 64 with its frame
+    data = bytes(64 - FRAME_BYTES)  # of 64 with its frame
     count = LEAST_BYTES // 64
     for number in range(count):
         assert fill_of(path) == number / count
-        assert writer.write(0, data)
+        assert writer.write(0, 0, 0, data)
     assert fill_of(path) == 1.0
-    assert not writer.write(0, b"")
+    assert not writer.write(0, 0, 0, b"")
     reader = RingReader(path, 1, alive)
     assert reader.waiting == LEAST_BYTES
     assert len(reader.read(1)) == 1
     assert reader.waiting == LEAST_BYTES - 64
-    assert not writer.write(0, data)
+    assert not writer.write(0, 0, 0, data)
     reader.save()
-    assert not writer.write(0, bytes(57))
-    assert writer.write(0, data)
+    assert not writer.write(0, 0, 0, bytes(65 - FRAME_BYTES))
+    assert writer.write(0, 0, 0, data)
     assert len(reader.read(1000)) == count
     reader.close()
     writer.close(remove=True)
@@ -69,15 +69,15 @@ def test_a_new_reader_begins_where_the_slowest_one_is(tmp_path: Path) -> None:
     path = tmp_path / "one.ring"
     writer = RingWriter(path, ["a"], LEAST_BYTES, alive)
     for letter in (b"1", b"2", b"3"):
-        writer.write(0, letter)
+        writer.write(0, 0, 0, letter)
     first = RingReader(path, 1, alive)
     assert len(first.read(2)) == 2
     first.save()
     second = RingReader(path, 2, alive)
-    assert [one.data for one in second.read(9)] == [b"3"]
+    assert [one[3] for one in second.read(9)] == [b"3"]
     second.save()
     third = RingReader(path, 3, alive)
-    assert [one.data for one in third.read(9)] == [b"3"]
+    assert [one[3] for one in third.read(9)] == [b"3"]
     again = RingReader(path, 2, alive)
     assert again.read(9) == []
     for one in (first, second, third, again):
@@ -90,12 +90,12 @@ def test_a_reader_that_was_forgotten_goes_on_with_what_comes(tmp_path: Path) -> 
     writer = RingWriter(path, ["a"], LEAST_BYTES, lambda tag: tag in living)
     slow, quick = RingReader(path, 2, alive), RingReader(path, 1, alive)
     for number in range(3 * LEAST_BYTES // 64):
-        assert writer.write(0, number.to_bytes(56, "little"))
+        assert writer.write(0, 0, 0, number.to_bytes(40, "little"))
         assert len(quick.read(9)) == 1
         quick.save()
     assert slow.read(9) == []
-    assert writer.write(0, b"late")
-    assert [one.data for one in slow.read(9)] == [b"late"]
+    assert writer.write(0, 0, 0, b"late")
+    assert [one[3] for one in slow.read(9)] == [b"late"]
     slow.close()
     quick.close()
     writer.close(remove=True)

@@ -95,7 +95,7 @@ def test_agents_of_a_group_that_is_too_small_do_not_vote_on_another_fix():
     search = chosen._begun(Belief(np.zeros((2, 6)), np.tile(np.eye(6), (2, 1, 1))))  # noqa: SLF001 - a first step
     tracks = replace(Status.first(2), which=np.full(2, TRACKING))
     few, both = np.array([True, False]), np.array([True, True])
-    assert chosen._tag(replace(search, step=np.ones(2)), tracks, both, few).tolist() == [0.0, -1.0]  # noqa: SLF001
+    assert chosen._tag(search, np.ones(2), tracks, both, few).tolist() == [0.0, -1.0]  # noqa: SLF001
 
 
 @pytest.mark.parametrize("motion", ["ncv", "imm"])

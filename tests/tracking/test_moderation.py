@@ -30,18 +30,18 @@ WILD = st.sampled_from([1e90, 1e101, 1e160, -1e200, 1e308, -1e308])
 def test_one_number_of_many_tells_whether_all_are_within_a_limit(share: float, limit: float, rows: int) -> None:
     values = np.full((rows, 5, 31), 0.6 * limit)
     for others in (values, np.zeros_like(values), values[:, :0], values.swapaxes(1, 2)):
-        assert is_within(others, limit)
+        assert is_within(limit, others)
         for place in range(0, others.size, 29 * rows):
             tried = others.copy()
             tried.flat[place] = share * limit
-            assert is_within(tried, limit) == (abs(share) <= 1.0)
+            assert is_within(limit, tried) == (abs(share) <= 1.0)
 
 
 @pytest.mark.parametrize(("share", "within"), [(1.0, True), (-1.0, True), (1.1, False), (-1.1, False), (np.nan, False)])
 def test_one_number_of_a_million_tells_it_too(share: float, within: bool) -> None:
     values = np.zeros(1_000_001)
     values[-1] = share * LARGEST
-    assert is_within(values, LARGEST) is within
+    assert is_within(LARGEST, values) is within
 
 
 @pytest.mark.parametrize("kind", sorted(KINDS))

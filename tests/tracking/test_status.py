@@ -88,12 +88,12 @@ def test_where_too_few_agents_fit_to_prove_a_place_it_is_not_tracked():
 
 
 def test_how_many_agents_have_to_fit():
-    def lost(agents: int, wrong: int, unknowns: float = 3.0) -> bool:
-        return bool(9.0 * wrong / agents > most_misfit(np.array([unknowns]), agents)[0])
+    def lost(agents: int, wrong: int, unknowns: int = 3) -> bool:
+        return 9.0 * wrong / agents > most_misfit(unknowns, agents)
 
     assert [lost(agents, 1) for agents in (3, 4, 5)] == [False, True, False], "three agents never prove a place"
     assert [lost(agents, 2) for agents in (5, 6, 7)] == [True, False, False]
-    assert lost(5, 1, unknowns=4.0), "a bias in common is one unknown more"
+    assert lost(5, 1, unknowns=4), "a bias in common is one unknown more"
     assert [lost(20, wrong) for wrong in (11, 13)] == [False, True]
 
 

@@ -84,9 +84,8 @@ def propagate(
 ) -> Expected:
     """Expected errors of icf, sicf, hcmci and ci: the recursion of claimed covariances and of true ones.
 
-    Agent j shares Y_j = P_j^-1 + beta_j w h_j h_j^T/sigma^2, and P_i = (sum_j M_ij Y_j)^-1 is what i claims after L
-    rounds; beta_j is n for icf and sicf, less where an average is of few agents, omega for hcmci, 1 for ci and local,
-    and M what L rounds do to a payload. Errors:
+    Agent j shares Y_j = P_j^-1 + beta_j w h_j h_j^T/sigma^2, and i claims P_i = (sum_j M_ij Y_j)^-1; M is what L rounds
+    do to a payload, beta n for icf and sicf (less where averages are of few), omega for hcmci, 1 for the rest. Errors:
 
         e_i <- P_i sum_j M_ij [ P_j^-1 e_j + beta_j w_j h_j v_j/sigma^2 ]
 

@@ -16,7 +16,7 @@ from zenoh_cbef.cli.offer import verb
 from zenoh_cbef.cli.options import Run, Stay
 from zenoh_cbef.log.common.naming import free_path, left_active
 from zenoh_cbef.nodes.common.recording import Status
-from zenoh_cbef.nodes.recorder.recorder import run_recorder
+from zenoh_cbef.nodes.recorder.process import run_recorder
 from zenoh_cbef.words import counted
 
 

@@ -43,22 +43,20 @@ class Absence(Off):
 class Absences:
     """When the agents of a scenario are not there, and when they come back.
 
-    faults: all of a scenario. agents: how many there are. dt: s. steps: how many there are.
+    faults: all of a scenario. agents: how many there are. dt: s. steps: how many there are. any: whether an agent is
+    ever not there.
     """
 
     def __init__(self, faults: Sequence[Fault], *, agents: int, dt: float, steps: int) -> None:
-        self._any = any(isinstance(fault, Absence) for fault in faults)
+        self.any = any(isinstance(fault, Absence) for fault in faults)
         self._gone: Bools = np.broadcast_to(np.False_, (agents, steps + 1))
         self._forgotten = self._gone
-        if self._any:
+        if self.any:
             time = dt * np.arange(steps + 1, dtype=np.float64)
             self._gone = absent(faults, agents, time)
             self._gone[:, 0] = False  # Every agent is there at the start.
             forgetful = [fault for fault in faults if isinstance(fault, Absence) and fault.forgets]
             self._forgotten = _lasting(absent(forgetful, agents, time) & self._gone, self._gone)
-
-    def __bool__(self) -> bool:
-        return self._any
 
     def at(self, step: int) -> Bools:
         """Which agents (n,) are not there in a step."""
@@ -71,7 +69,7 @@ class Absences:
 
     def stretches(self) -> list[tuple[int, int]]:
         """First and last step of each stretch in which the same agents are not there; all are there in the others."""
-        if not self._any:
+        if not self.any:
             return []
         changes = np.flatnonzero((self._gone[:, 2:] != self._gone[:, 1:-1]).any(axis=0)) + 2
         parts = pairwise([1, *changes.tolist(), self._gone.shape[1]])

@@ -96,7 +96,7 @@ class Outgoing:
             if self._rounded is not None:
                 message = self._rounded(np.where(silent[:, None], 0.0, message))
             message = np.where(silent[:, None], np.nan, message) if silent.any() else message
-        return message if is_within(message, LARGEST_SENT) else np.clip(message, -LARGEST_SENT, LARGEST_SENT)
+        return message if is_within(LARGEST_SENT, message) else np.clip(message, -LARGEST_SENT, LARGEST_SENT)
 
     def ranges(self, step: int, ranges: Floats) -> Floats:
         """Ranges (n,) as they are sent, m; a displaced target is farther away by the length of the displacement.

@@ -21,7 +21,7 @@ def range_body(step: int, position: Floats, range_: float) -> dict[str, object]:
 def diagnostics_body(told: Diagnostics, row: int) -> dict[str, float | int | None]:
     """The diagnostics of one agent, a row of the batch, as fields of a message."""
     body: dict[str, float | int | None] = {}
-    for name, values in told.named().items():
+    for name, values in vars(told).items():
         value: float | int = values.item(row)
         if isfinite(value):
             body[name] = value

@@ -78,7 +78,7 @@ def or_nil(test: Test) -> Test:
     """Values that pass a test, or nil."""
 
     def hold(values: Values) -> bool:
-        known = [value for value in values if value is not None]
+        known = [value for value in values if value is not None] if None in values else values
         return not known or test(known)
 
     return hold

@@ -8,7 +8,7 @@ of little-endian float64, last in the map.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any, TypedDict
 
 import msgpack
@@ -94,17 +94,20 @@ def _check_fields(message: Mapping[str, object], kind: Kind[M]) -> None:
         raise BadMessage(f"field {min(kind.required - message.keys())} is missing")
 
 
-def decode_all(kind: Kind[M], messages: Sequence[bytes], *, run: str, sender: str = "") -> list[M]:
+def decode_all(
+    kind: Kind[M], messages: Sequence[bytes], *, run: str, sender: str = "", names: Collection[str] | None = None
+) -> list[M]:
     """As decode, of many messages at once, in a fraction of the time.
 
-    Raises BadMessage where any of them is not as promised; decode says of one what is wrong.
+    names: the fields that the caller reads, all where it is None; others need not be as promised. Raises BadMessage
+    where any of the messages is not as promised; decode says of one what is wrong.
     """
     maps: Any = [unpack(data) for data in messages]
     fields = kind.fields
     layouts = {frozenset(message) for message in maps}
-    for name in frozenset().union(*layouts):
+    for name in frozenset().union(*layouts) if names is None else names:
         values = [message[name] for message in maps if name in message]
-        if name not in fields or not fields[name].hold(values):
+        if name not in fields or (values and not fields[name].hold(values)):
             raise BadMessage(f"field {name!r:.40} is not as promised")
     if not all(kind.required <= layout for layout in layouts):
         raise BadMessage("a field is missing")

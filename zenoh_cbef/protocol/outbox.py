@@ -36,8 +36,8 @@ class Outbox:
         self.key, self._memory = key, memory
         self._clock = clock
         self.sent = 0
-        self.leave: Callable[[bytes], None] | None = None
-        """Leaves a message for recorders on this host, before it is sent."""
+        self.leave: Callable[[int, int, bytes], None] | None = None
+        """Leaves a message, with its number and sending time, for recorders on this host, before it is sent."""
         self._envelope = {"v": VERSION, "run": run, "from": sender}
         self._pack = msgpack.Packer().pack
         self._publisher = session.declare_publisher(
@@ -48,20 +48,20 @@ class Outbox:
 
     def send(self, **body: object) -> bytes:
         """Publish one message, bin fields last; returns it as it was sent."""
-        data: bytes = self._pack({**self._envelope, "seq": self.sent, "sent": self._clock(), **body})
+        seq, now = self.sent, self._clock()
+        data: bytes = self._pack({**self._envelope, "seq": seq, "sent": now, **body})
         step = body.get("k")
-        self._memory.keep(self.sent, step if isinstance(step, int) else None, data)
-        if self.leave is not None:
-            self.leave(data)
-        self._publisher.put(data)
-        self.sent += 1
+        self._put(seq, now, step if isinstance(step, int) else None, data)
         return data
 
     def send_round(self, codec: Codec, step: int, round_: int, payload: Floats) -> None:
         """Publish one consensus message; payload: d numbers."""
-        data = codec.encode(self.sent, self._clock(), step, round_, payload)
-        self._memory.keep(self.sent, step, data)
+        seq, now = self.sent, self._clock()
+        self._put(seq, now, step, codec.encode(seq, now, step, round_, payload))
+
+    def _put(self, seq: int, now: int, step: int | None, data: bytes) -> None:
+        self._memory.keep(seq, step, data)
         if self.leave is not None:
-            self.leave(data)
+            self.leave(seq, now, data)
         self._publisher.put(data)
-        self.sent += 1
+        self.sent = seq + 1

@@ -1,9 +1,9 @@
 """A ring in a file that processes map: what one process says, for recorders on its host.
 
-The writer stores a message's bytes, then their length and checksum, then one word, the head: how far it has written
+The writer stores a message's bytes and a frame that says what they are, then one word, the head: how far it has written
 since it began. A reader looks no further than the head, so a message is there whole or not at all, whenever the writer
-is killed. What it left stays in the file when it is dead. The checksum covers the place, too. So where a processor
-shows the stores in another order, or the bytes are those of an older lap, the reader finds nothing there yet.
+is killed. What it left stays in the file when it is dead. The checksum covers place and frame, too. So where a
+processor shows the stores in another order, or the bytes are those of an older lap, the reader finds nothing there yet.
 
 A reader's place is in the file as well: the next recorder goes on from there. The writer writes over nothing that a
 reader still needs.
@@ -18,10 +18,9 @@ import struct
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import NamedTuple
 from zlib import crc32
 
-_MAGIC = int.from_bytes(b"cbefrng1", "little")
+_MAGIC = int.from_bytes(b"cbefrng2", "little")
 _WORD = 8
 _AT_MAGIC, _AT_SIZE, _AT_HEAD, _AT_LEFT, _AT_NAMES = range(5)
 """Words at the beginning of the file: what it is, bytes of the ring, the head, whether its writer has left it for good,
@@ -31,23 +30,21 @@ _SLOTS, _SLOT_WORDS, _FIRST_SLOT = 8, 8, 32
 _STARTS = range(_FIRST_SLOT, _FIRST_SLOT + _SLOTS * _SLOT_WORDS, _SLOT_WORDS)
 _NAMES_BYTE, DATA_BYTE = 1024, 4096
 """Where the names of what is in the ring begin, and where the ring."""
-_FRAME = struct.Struct("=II")
+_FRAME = struct.Struct("=IIQQ")
+"""In front of a message: its kind and length in one word of 32 bits, its checksum, its number, its sending time."""
+FRAME_BYTES = _FRAME.size
 _KIND_SHIFT, _LENGTH = 24, (1 << 24) - 1
 _SKIP = 255
+_SKIPPED = _SKIP << _KIND_SHIFT
+_32_BITS = (1 << 32) - 1
 LEAST_BYTES = 1 << 12
+
+Said = tuple[int, int, int, bytes]
+"""A message in a ring: its kind, a number of the ring's names; its sender's number and sending time (ns); its bytes."""
 
 
 class RingError(Exception):
     """The file is no ring, or the ring has no room for another reader."""
-
-
-def _frame_bytes(length: int) -> int:
-    """Bytes that a message of so many takes: with its frame, up to a whole word."""
-    return (_FRAME.size + length + _WORD - 1) & -_WORD
-
-
-def _checksum(data: bytes, place: int, kind: int) -> int:
-    return crc32(data, (place ^ kind << _KIND_SHIFT) & 0xFFFFFFFF)
 
 
 def _is_held(file: int) -> bool:
@@ -116,21 +113,26 @@ class RingWriter:
             raise
         self._head, self._until = 0, self._size
 
-    def write(self, kind: int, data: bytes) -> bool:
-        """Leave a message of a kind, a number of `names`; False where there is no room for it."""
-        head, need = self._head, _frame_bytes(len(data))
+    def write(self, kind: int, number: int, sent: int, data: bytes) -> bool:
+        """Leave a message of a kind, a number of `names`; False where there is no room for it.
+
+        number: its sender's for it; sent: when, ns since the Unix epoch.
+        """
+        head, length = self._head, len(data)
+        need = FRAME_BYTES + length + _WORD - 1 & -_WORD
         at = head % self._size
         rest = self._size - at
         skip = rest if need > rest else 0
         if head + skip + need > self._until and not self._make_room(head + skip + need):
             return False
+        if skip >= FRAME_BYTES:  # where not even a frame has room, the reader knows
+            _FRAME.pack_into(self._map, DATA_BYTE + at, _SKIPPED, head + _SKIPPED & _32_BITS, 0, 0)
         if skip:
-            _FRAME.pack_into(self._map, DATA_BYTE + at, _SKIP << _KIND_SHIFT, _checksum(b"", head, _SKIP))
             head, at = head + skip, 0
         at += DATA_BYTE
-        begin = at + _FRAME.size
-        self._map[begin : begin + len(data)] = data
-        _FRAME.pack_into(self._map, at, kind << _KIND_SHIFT | len(data), _checksum(data, head, kind))
+        begin, word = at + FRAME_BYTES, kind << _KIND_SHIFT | length
+        self._map[begin : begin + length] = data
+        _FRAME.pack_into(self._map, at, word, crc32(data, head + word + number + sent & _32_BITS), number, sent)
         self._head = head + need
         self._words[_AT_HEAD] = self._head  # one store of a word: the message is there
         return True
@@ -170,16 +172,10 @@ class RingWriter:
         os.close(self._file)
 
 
-class Said(NamedTuple):
-    """A message from a ring: the name of its kind, and its bytes."""
-
-    name: str
-    data: bytes
-
-
 class RingReader:
     """The end of one reader. tag: which, any number but 0; one reader at a time. Raises RingError, OSError.
 
+    names: what kinds of messages there are.
     A reader whose tag the ring does not know begins with the oldest message that no reader has taken.
     """
 
@@ -200,7 +196,7 @@ class RingReader:
             self.close()
             raise RingError(f"{path} is no ring")
         text = self._map[_NAMES_BYTE : _NAMES_BYTE + min(self._words[_AT_NAMES], DATA_BYTE - _NAMES_BYTE)]
-        self._names = text.decode(errors="replace").split("\n")
+        self.names = text.decode(errors="replace").split("\n")
         try:
             self._slot = self._claim(tag, is_read)
         except RingError:
@@ -230,23 +226,26 @@ class RingReader:
     def read(self, most: int) -> list[Said]:
         """The next messages, at most so many. What is not whole yet is not there."""
         found: list[Said] = []
-        place, head = self._place, self._known()[_AT_HEAD]
-        if head - place > self._size:  # The writer forgot a reader that was taken for dead.
+        place, head, size, content = self._place, self._known()[_AT_HEAD], self._size, self._map
+        if head - place > size:  # The writer forgot a reader that was taken for dead.
             place = head
         while place < head and len(found) < most:
-            at = DATA_BYTE + place % self._size
-            begin = at + _FRAME.size
-            word, checksum = _FRAME.unpack_from(self._map, at)
-            kind, length = word >> _KIND_SHIFT, word & _LENGTH
-            data = self._map[begin : begin + length]
-            if len(data) != length or _checksum(data, place, kind) != checksum:
-                break
-            if kind == _SKIP:
-                place += self._size - place % self._size
+            at = place % size
+            if size - at < FRAME_BYTES:
+                place += size - at
                 continue
-            place += _frame_bytes(length)
-            if kind < len(self._names):
-                found.append(Said(self._names[kind], data))
+            begin = DATA_BYTE + at + FRAME_BYTES
+            word, checksum, number, sent = _FRAME.unpack_from(content, begin - FRAME_BYTES)
+            length = word & _LENGTH
+            data = content[begin : begin + length]
+            if len(data) != length or crc32(data, place + word + number + sent & _32_BITS) != checksum:
+                break
+            if word == _SKIPPED:
+                place += size - at
+                continue
+            place += FRAME_BYTES + length + _WORD - 1 & -_WORD
+            if (kind := word >> _KIND_SHIFT) < len(self.names):
+                found.append((kind, number, sent, data))
         self._place = place
         return found
 

@@ -137,7 +137,7 @@ def check_faults(plan: Plan) -> None:
 
 def _check_absences(plan: Plan) -> None:
     scenario, absences, settled = plan.scenario, plan.absences, plan.first_fix_steps
-    if not absences:
+    if not absences.any:
         return
     if absences.empty is not None:
         raise UserError(

@@ -78,20 +78,19 @@ class Average:
 
     def mix(self, received: Floats, delivered: Bools | None) -> Floats:
         """One multiplication by W; delivered: (n, m), or (n, m, d) where only components of messages count."""
-        return self._tell(self._averaged(received, delivered))
-
-    def _averaged(self, received: Floats, delivered: Bools | None) -> Floats:
         # The own value stands in for a missing one, so its term is zero and the rows of W always sum to one. The sum
         # is never -0.0, which padding in a larger batch would turn into 0.0.
         if self.links is None:
-            terms = self._weighed(received)
+            terms = self._terms if self._terms.shape == received.shape else self._room(received)
+            np.subtract(received, self._told[:, None, :], out=terms)  # w_ij (q_j - q_i), (n, m, d)
+            terms *= self._factors
             if delivered is not None and not delivered.all():
                 terms[~delivered] = 0.0
             total = neighbour_sum(terms)
         else:
             total = self._over(self.links, received, delivered)
         total += self._value
-        return total
+        return self._tell(total)
 
     def _over(self, links: Links, sent: Floats, delivered: Bools | None) -> Floats:
         """The same sum of what all agents sent, link by link."""
@@ -108,19 +107,15 @@ class Average:
             terms[missed] = 0.0
         return links.summed(terms)
 
-    def _weighed(self, received: Floats) -> Floats:
-        """w_ij (q_j - q_i), (n, m, d)."""
+    def _room(self, received: Floats) -> Floats:
+        """Where the terms of messages go, (n, m, d); with it the factors are found."""
         if self.workspace is not None:
-            terms = np.subtract(received, self._told[:, None, :], out=self.workspace.of(*received.shape))
-            terms *= self.weights[:, :, None]
-            return terms
-        if self._terms.shape != received.shape:
-            # Once, laid out as the messages are: a factor for each of their numbers halves a large batch's time.
-            self._terms, self._factors = np.empty_like(received), np.empty_like(received)
-            self._factors[...] = self.weights[:, :, None]
-        terms = np.subtract(received, self._told[:, None, :], out=self._terms)
-        terms *= self._factors
-        return terms
+            self._factors = self.weights[:, :, None]
+            return self.workspace.of(*received.shape)
+        # Once, laid out as the messages are: a factor for each of their numbers halves a large batch's time.
+        self._terms, self._factors = np.empty_like(received), np.empty_like(received)
+        self._factors[...] = self.weights[:, :, None]
+        return self._terms
 
     def result(self) -> Floats:
         """The value after the last round."""
@@ -152,12 +147,12 @@ class Chebyshev(Average):
         self._previous = payload
         self._omega = np.ones_like(self._ratio)
         self._rounds = 0
-        return self._tell(payload)
+        return super()._tell(payload)
 
-    def mix(self, received: Floats, delivered: Bools | None) -> Floats:
-        """One step of the recurrence y(l+1) = y(l-1) + omega (a(W)/a(1) y(l) - y(l-1))."""
+    def _tell(self, value: Floats) -> Floats:
+        """One step of the recurrence y(l+1) = y(l-1) + omega (a(W)/a(1) y(l) - y(l-1)); value: W y(l)."""
         own = self._value
-        scaled = (self._averaged(received, delivered) - self._middle * own) / self._gap
+        scaled = (value - self._middle * own) / self._gap
         if self._rounds == 1:
             self._omega = 1.0 / (1.0 - 0.5 * self._ratio**2)
         elif self._rounds > 1:
@@ -165,7 +160,7 @@ class Chebyshev(Average):
         following = self._previous + self._omega * (scaled - self._previous)
         self._previous = own
         self._rounds += 1
-        return self._tell(following)
+        return super()._tell(following)
 
 
 @dataclass

@@ -63,9 +63,11 @@ class Diagnostics:
         said: dict[str, Numbers] = dict.fromkeys(NAMES, np.array([np.nan]).repeat(len(measured)))
         for name in WHOLE:
             said[name] = known[name] if name in known else nothing(name, len(measured))
+        missing = ~measured
         for name, one in known.items():
             if name not in WHOLE:
-                said[name] = np.where(measured, one, np.nan)
+                said[name] = values = one.copy()
+                values[missing] = np.nan
         return cls(**said)
 
     @classmethod

@@ -16,19 +16,26 @@ per range (a spread of 1 nm), of 1e3 agents in 1e7 steps, times 1e12 for velocit
 a position of 1e15 m: 1e55 in all. And its fourth power is finite, so that an update can be computed from it.
 """
 
+SURELY_SENT = 0.25 * LARGEST_SENT**2
+"""Numbers whose sum of squares is below it are surely below LARGEST_SENT."""
+
 _MANY = 10_000
 """OpenBLAS splits a longer sum of squares among threads, which on a busy machine wait for one another for longer."""
 
 
-def is_within(values: Floats, limit: float) -> bool:
-    """Whether no number is beyond a limit, and none is NaN."""
-    if values.size > _MANY:
-        return bool(values.max() <= limit and values.min() >= -limit)
-    # A round asks twice. The sum of squares is one call, and nearly always far below; beyond, or where it is not
-    # finite, each number is looked at.
-    if np.vdot(values, values) < 0.25 * limit * limit:
-        return True
-    return bool(np.maximum.reduce(np.abs(values), axis=None, initial=0.0) <= limit)
+def is_within(limit: float, *arrays: Floats) -> bool:
+    """Whether no number is beyond a limit, and none is NaN. Callers keep NumPy from warning of an overflow."""
+    for values in arrays:
+        if values.size > _MANY:
+            within = values.max() <= limit and values.min() >= -limit
+        else:
+            # The sum of squares is one call, and nearly always far below; beyond, or where it is not finite, each
+            # number is looked at.
+            flat = values.ravel()
+            within = flat.dot(flat) < 0.25 * limit * limit or np.abs(flat).max(initial=0.0) <= limit
+        if not within:
+            return False
+    return True
 
 
 def immoderate(values: Floats) -> Bools:
@@ -39,15 +46,13 @@ def immoderate(values: Floats) -> Bools:
 def is_moderate(belief: Belief) -> bool:
     """Whether all numbers of a belief and of its parts are finite and within the limit."""
     # A filter around another one often hands on that one's very arrays: each is looked at once.
-    parts, looked_at = [belief], set[int]()
+    parts, arrays = [belief], dict[int, Floats]()
     for part in parts:
         parts += part.parts
-        for values in (part.state, part.covariance):
-            if values is not None and id(values) not in looked_at:
-                looked_at.add(id(values))
-                if not is_within(values, LARGEST):
-                    return False
-    return True
+        arrays[id(part.state)] = part.state
+        if part.covariance is not None:
+            arrays[id(part.covariance)] = part.covariance
+    return is_within(LARGEST, *arrays.values())
 
 
 def immoderate_belief(belief: Belief) -> Bools:

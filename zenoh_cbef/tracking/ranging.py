@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,7 +58,7 @@ class Space:
 
     height: float | None = None
 
-    @property
+    @cached_property
     def axes(self) -> int:
         """Number of estimated axes."""
         return 3 if self.height is None else 2
@@ -101,8 +102,10 @@ def own_range(space: Space, state: Floats, position: Floats, age: Floats) -> tup
     offset = space.position(state) - position
     offset[:, :axes] -= age[:, None] * state[:, axes : 2 * axes]
     distance = np.sqrt(np.add.reduce(offset * offset, axis=1))
+    apart = distance.copy()
+    apart[~(distance > 0.0)] = 1.0
     rows = np.zeros(state.shape)
-    direction = np.divide(offset[:, :axes], np.where(distance > 0.0, distance, 1.0)[:, None], out=rows[:, :axes])
+    direction = np.divide(offset[:, :axes], apart[:, None], out=rows[:, :axes])
     np.multiply(-age[:, None], direction, out=rows[:, axes : 2 * axes])
     return distance, rows
 

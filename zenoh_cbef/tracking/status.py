@@ -134,8 +134,10 @@ class Status:
 
         Of two ranges in a row the one that fits better counts: outliers come singly, a wrong receiver stays wrong.
         """
-        own = self.own + (np.minimum(misfit, self.latest) - self.own) / _OWN_MEMORY
-        return replace(self, own=np.where(heard, own, self.own), latest=np.where(heard, misfit, self.latest))
+        own, latest = self.own + (np.minimum(misfit, self.latest) - self.own) / _OWN_MEMORY, misfit
+        if (~heard).nonzero()[0].size:
+            own, latest = np.where(heard, own, self.own), np.where(heard, latest, self.latest)
+        return replace(self, own=own, latest=latest)
 
     @property
     def wrong(self) -> Bools:
@@ -156,7 +158,7 @@ class Status:
         axes: int,
         fix: int,
         dt: float,
-        most: Floats | None = None,
+        most: float | Floats | None = None,
         agents: int = 0,
     ) -> Self:
         """A step of dt (s) later.
@@ -166,34 +168,32 @@ class Status:
         network that has lost its target; None: by the first rules, where misfit is of ranges and not of agents.
         agents: how many have to prove the place, each with ranges of its own; 0: any ranges do.
         """
-        steps, reference = self.steps + 1.0, self.reference * np.exp(_LEARNED * heard / axes)
-        fixed = steps > fix
-        heard = np.where(fixed, heard, 0.0)
-        fades = np.exp(-heard / _MEMORY)
-        after = replace(
-            self,
-            steps=steps,
-            heard=self.heard + (heard if most is None else heard - np.minimum(misfit / CUT, heard)),
-            misfit=fades * self.misfit + np.minimum(misfit, CUT * heard),
-            weight=fades * self.weight + heard,
-            reference=np.minimum(spread, reference),
-            spread=spread,
-        )
-        which = np.where(after.coasts, COASTING, TRACKING)
-        lost = after.misfit > (_MOST if most is None else most) * after.weight
-        which = np.where(lost, LOST, which)
-        known = (after.heard >= max(_FIRST * axes, _PROOF * agents)) | (lost & (most is not None))
-        settled = fixed & ((self.which != ACQUIRING) | known)
-        return replace(after, which=which).told(~settled, ACQUIRING, self, dt)
+        reference = np.minimum(spread, self.reference * np.exp(_LEARNED * heard / axes))
+        steps = self.steps + 1.0
+        early = steps <= fix
+        if early.nonzero()[0].size:
+            heard = np.where(early, 0.0, heard)
+        fades = np.exp(heard / -_MEMORY)
+        fitted = self.heard + (heard if most is None else heard - np.minimum(misfit / CUT, heard))
+        sums = fades * self.misfit + np.minimum(misfit, CUT * heard), fades * self.weight + heard
+        lost = sums[0] > (_MOST if most is None else most) * sums[1]
+        which, seconds = np.array([TRACKING]).repeat(len(heard)), self.seconds + dt
+        which[spread > _COASTS * reference] = COASTING
+        which[lost] = LOST
+        if (begins := early | (self.which == ACQUIRING)).nonzero()[0].size:
+            proved = fitted >= max(_FIRST * axes, _PROOF * agents)
+            known = proved if most is None else proved | lost
+            which[begins & ~known | early] = ACQUIRING
+        seconds[which != self.which] = 0.0
+        return type(self)(which, seconds, steps, fitted, *sums, reference, spread, self.own, self.latest)
 
 
-def most_misfit(unknowns: Floats, agents: int) -> Floats:
-    """The mean misfit of a network that has lost its target, (n,), where agents tell whether their ranges fit.
+def most_misfit(unknowns: int, agents: int) -> float:
+    """The mean misfit of a network that has lost its target, where agents tell whether their ranges fit.
 
-    unknowns: (n,), what is fitted to the ranges of a moment: coordinates, and a bias that all ranges share.
+    unknowns: what is fitted to the ranges of a moment: coordinates, and a bias that all ranges share.
     """
-    proved = np.minimum(_MOST, CUT * (1.0 - (unknowns + _SPARE) / agents))
-    return np.where(unknowns < agents, proved, _MOST)
+    return min(_MOST, CUT * (1.0 - (unknowns + _SPARE) / agents)) if unknowns < agents else _MOST
 
 
 def status_name(number: float | None) -> str | None:

@@ -74,7 +74,7 @@ class Tracker:
             measurement = replace(measurement, overcounted=self._overcounted)
         self._measurement, self._refused = measurement, self._none
         update = self._begin(measurement)
-        if not is_within(update.payload, LARGEST):
+        if not is_within(LARGEST, update.payload):
             update, self._refused = self._without(update, immoderate(update.payload))
         self._update = update
         if isinstance(self.consensus, Isolating):
@@ -98,46 +98,45 @@ class Tracker:
         return begun if rows.all() else merged(self.filter.update(self.belief, measurement), begun, rows)
 
     def conclude(self) -> Estimate:
-        """End the step."""
+        """End the step. Agents whose result is immoderate take back what they measured and heard."""
         if self._update is None:
             raise RuntimeError("conclude() comes after measure()")
-        self.belief, update = self._concluded(self._update)
-        self._newcomers = None
-        covariance, bias, diagnostics = self.belief.covariance, self.belief.bias, update.diagnostics
+        update, mixed = self._update, self.consensus.result()
+        if not is_within(LARGEST, mixed):
+            update, wild = self._without(update, immoderate(mixed))
+            mixed = np.where(wild[:, None], update.payload, mixed)
+            self._refused = self._refused | wild
+        belief = self.filter.conclude(mixed, update)
+        if not is_moderate(belief):
+            belief, update = self._predicted(belief, update)
+        self.belief, self._newcomers = belief, None
+        covariance, bias, diagnostics = belief.covariance, belief.bias, update.diagnostics
         if isinstance(self.consensus, Isolating):
             diagnostics = replace(diagnostics, isolated=self.consensus.judge())
         if isinstance(self.consensus, Triggered):
             diagnostics = replace(diagnostics, silent=self.consensus.silent)
         if bias is not None:
             diagnostics = replace(diagnostics, bias=bias.value, bias_std=bias.std, bias_weight=bias.weight)
-        if (status := self.belief.status) is not None:
+        if (status := belief.status) is not None:
             diagnostics = replace(diagnostics, status=status.which, status_seconds=status.seconds)
         if (excess := self.belief.excess) is not None:
             diagnostics = replace(diagnostics, excess=excess)
         return Estimate(
-            self.space.embed_state(self.belief.state),
+            self.space.embed_state(belief.state),
             None if covariance is None else self.space.embed_covariance(covariance),
             diagnostics,
             self._refused,
         )
 
-    def _concluded(self, update: Update) -> tuple[Belief, Update]:
-        """What the step leaves. Agents whose result is immoderate take back what they measured and heard."""
-        mixed = self.consensus.result()
-        if not is_within(mixed, LARGEST):
-            update, wild = self._without(update, immoderate(mixed))
-            mixed = np.where(wild[:, None], update.payload, mixed)
-            self._refused = self._refused | wild
-        belief = self.filter.conclude(mixed, update)
-        if not is_moderate(belief):
-            wild = immoderate_belief(belief)
-            nothing = self._begin(unheard(self._measurement))
-            predicted = self.filter.conclude(nothing.payload, nothing)
-            # Where the prediction is not finite either, the scenario diverges by itself.
-            wild &= ~immoderate_belief(predicted)
-            belief, update = chosen(belief, predicted, wild), merged(update, nothing, wild)
-            self._refused = self._refused | wild
-        return belief, update
+    def _predicted(self, belief: Belief, update: Update) -> tuple[Belief, Update]:
+        """What the step leaves, where that is immoderate a prediction."""
+        wild = immoderate_belief(belief)
+        nothing = self._begin(unheard(self._measurement))
+        predicted = self.filter.conclude(nothing.payload, nothing)
+        # Where the prediction is not finite either, the scenario diverges by itself.
+        wild &= ~immoderate_belief(predicted)
+        self._refused = self._refused | wild
+        return chosen(belief, predicted, wild), merged(update, nothing, wild)
 
     def _without(self, update: Update, rows: Bools) -> tuple[Update, Bools]:
         """An update in which some agents (n,) have heard nothing, and for which of them that gives a finite result."""

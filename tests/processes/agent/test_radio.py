@@ -36,7 +36,7 @@ def test_an_agent_links_before_it_is_in_range_and_keeps_links_for_a_while(agent:
         assert vicinity.wanted() == {one for one in others if soon[one].any()}
         assert vicinity.kept() == {one for one in others if soon[one].any() or lately[one].any()}
         if step > 1:
-            arriving = vicinity.arriving(step)
+            arriving = vicinity.arriving
             assert arriving is not None
             assert np.flatnonzero(arriving).tolist() == np.flatnonzero(near[:, step - 1] & ~near[:, step - 2]).tolist()
     assert len(changed) == {0: 2, 1: 2, 2: 4}[agent]

@@ -8,12 +8,14 @@ from __future__ import annotations
 import os
 import struct
 import zlib
+from array import array
 from collections import Counter
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Literal, Self
 
+import numpy as np
 import zstandard
 from mcap.opcode import Opcode
 
@@ -72,7 +74,7 @@ class McapWriter:
         self._compress = _compressor(compression)
         self._chunk_bytes = chunk_bytes
         self._chunk = bytearray()
-        self._indexes: dict[int, list[int]] = {}
+        self._indexes: dict[int, array[int]] = {}
         self._schemas: dict[int, bytes] = {0: b""}
         self._channels: dict[int, bytes] = {}
         self._message_counts: Counter[int] = Counter()
@@ -184,13 +186,13 @@ class McapWriter:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _declare(self, channel_id: int) -> list[int]:
+    def _declare(self, channel_id: int) -> array[int]:
         """Begin a channel's message index in the open chunk."""
         declaration = self._channels.get(channel_id)
         if declaration is None:
             raise ValueError(f"no channel {channel_id} is registered, or the file is closed")
         self._chunk += declaration
-        index: list[int] = []
+        index = array("Q")
         self._indexes[channel_id] = index
         return index
 
@@ -200,18 +202,19 @@ class McapWriter:
         if not counts:
             return
         self._chunk, self._indexes = bytearray(), {}
-        start = min(min(indexes[channel][::2]) for channel in counts)
-        end = max(max(indexes[channel][::2]) for channel in counts)
+        # Times and offsets in turn.
+        entries = {channel: np.asarray(indexes[channel]).astype("<u8", copy=False) for channel in counts}
+        start = min(int(each[::2].min()) for each in entries.values())
+        end = max(int(each[::2].max()) for each in entries.values())
         compressed = self._compress(chunk)
         head = _CHUNK.pack(start, end, len(chunk), zlib.crc32(chunk))
         head += _sized(self._compression) + struct.pack("<Q", len(compressed))
         chunk_length = _RECORD.size + len(head) + len(compressed)
         block = bytearray(_RECORD.pack(Opcode.CHUNK, chunk_length - _RECORD.size) + head + compressed)
         offsets = b""
-        for channel in counts:
+        for channel, each in entries.items():
             offsets += struct.pack("<HQ", channel, self.bytes_written + len(block))
-            entries = struct.pack(f"<{len(indexes[channel])}Q", *indexes[channel])
-            block += _record(Opcode.MESSAGE_INDEX, struct.pack("<H", channel) + _sized(entries))
+            block += _record(Opcode.MESSAGE_INDEX, struct.pack("<H", channel) + _sized(each.tobytes()))
         index = struct.pack("<QQQQ", start, end, self.bytes_written, chunk_length) + _sized(offsets)
         index += struct.pack("<Q", len(block) - chunk_length) + _sized(self._compression)
         index += struct.pack("<QQ", len(compressed), len(chunk))

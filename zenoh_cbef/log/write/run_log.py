@@ -6,27 +6,26 @@ import errno
 import json
 import os
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import NamedTuple
 
 from zenoh_cbef import __version__
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.common.naming import ACTIVE, END, RESOLVED, RUN, SOURCE, left_active, part_path
 from zenoh_cbef.log.common.sequence import Sequences
 from zenoh_cbef.log.mcap.writer import McapWriter
-from zenoh_cbef.protocol.fields import LONGEST
+from zenoh_cbef.log.write.labels import Label, label_of
 from zenoh_cbef.protocol.keys import Address, address
 from zenoh_cbef.protocol.kinds import MESSAGE_KINDS
-from zenoh_cbef.protocol.messages import BadMessage, json_schema, unpack
-from zenoh_cbef.protocol.short import ENCODING, SCHEMA, is_short, numbered
+from zenoh_cbef.protocol.messages import json_schema
+from zenoh_cbef.protocol.ring import Said
+from zenoh_cbef.protocol.short import ENCODING, SCHEMA
 from zenoh_cbef.scenario.model import Record
 
 UNKNOWN = "unknown"
 """The kind of data that is no message of a run."""
 
-_MOST = 1 << 63
 _NOWHERE = Address("", UNKNOWN, "no process")
 _FREE, _LONGEST_KEY = 1000, 1000
 """Keys that no run has which a log names, likewise keys with names that processes chose, and characters of a key.
@@ -35,8 +34,6 @@ A file has numbers for 65535 channels. Those of the agents and the target always
 at most three digits.
 """
 
-
-_MSGPACK = "msgpack"
 
 _Named = dict[bool, set[tuple[str, str]]]
 """Keys of processes with chosen names (False), and keys that no run has; with the encoding of their messages, "" of
@@ -100,33 +97,6 @@ class _Part:
         self.writer.add_metadata(END, end)
         self.writer.close()
         self.active.rename(self.path)
-
-
-class _Label(NamedTuple):
-    seq: int
-    sent: int
-    sender: str
-    encoding: str = _MSGPACK
-
-
-def _label(key: str, data: bytes) -> _Label | None:
-    """What an MCAP record repeats of a message; None where it is no message of ours."""
-    try:
-        message = unpack(data)
-    except BadMessage:
-        return _short_label(key, data)
-    seq, sent, sender = message.get("seq"), message.get("sent"), message.get("from")
-    if type(seq) is not int or type(sent) is not int or type(sender) is not str:
-        return None
-    return _Label(seq, sent, sender) if 0 <= seq < _MOST and 0 <= sent < _MOST and len(sender) <= LONGEST else None
-
-
-def _short_label(key: str, data: bytes) -> _Label | None:
-    at = address(key)
-    if at is None or not is_short(data, at):
-        return None
-    seq, sent = numbered(data)
-    return _Label(seq, sent, at.owner, ENCODING) if sent < _MOST else None
 
 
 class RunLog:
@@ -196,26 +166,56 @@ class RunLog:
 
     def add(self, key: str, data: bytes, log_time: int) -> str:
         """Write one message as it came; returns its kind, UNKNOWN where it is no message of ours."""
-        label, part = _label(key, data), self._part
-        encoding = "" if label is None else label.encoding
-        place = part.channels.get((key, encoding)) or part.register(key, self._named, encoding)
+        label = label_of(key, data)
+        place = self._place(key, label)
         if place is None:
             self.foreign += 1
             return UNKNOWN
         at, channel = place
+        seq, sent = (0, log_time) if label is None else label[:2]
         self._taken += 1
         try:
-            if label is not None:
-                part.writer.add_message(channel, log_time, label.sent, label.seq, data)
-            else:
-                part.writer.add_message(channel, log_time, log_time, 0, data)
+            self._part.writer.add_message(channel, log_time, sent, seq, data)
         except OSError as error:
             self._fail(error)
         if label is not None and at.is_of(label.sender):
-            self._sequences.of(key, label.sender).take(label.seq)
-        if part.writer.bytes_written - part.head_bytes >= self._rotate_bytes:
-            self._rotate()
+            self._sequences.of(key, label.sender).take(seq)
+        self._rotate_where_full()
         return at.kind
+
+    def add_all(self, keys: Sequence[str], said: Sequence[Said], log_time: int) -> None:
+        """Write what a process has left in its ring, each message on one of its keys.
+
+        The first message of each key is read; where it is what its frame says, the other frames are believed.
+        """
+        places = {}
+        for kind in {one[0] for one in said}:
+            own = [one for one in said if one[0] == kind]
+            label = label_of(keys[kind], own[0][3])
+            place = self._place(keys[kind], label)
+            if label is None or place is None or label[:2] != own[0][1:3] or not place[0].is_of(label.sender):
+                for kind_, _, _, data in said:
+                    self.add(keys[kind_], data, log_time)
+                return
+            places[kind] = place[1], self._sequences.of(keys[kind], label.sender), [one[1] for one in own]
+        channels, add = {kind: channel for kind, (channel, _, _) in places.items()}, self._part.writer.add_message
+        self._taken += len(said)
+        for kind, number, sent, data in said:
+            try:
+                add(channels[kind], log_time, sent, number, data)
+            except OSError as error:
+                self._fail(error)
+        for _, sequence, numbers in places.values():
+            sequence.take_all(numbers)
+        self._rotate_where_full()
+
+    def _place(self, key: str, label: Label | None) -> tuple[Address, int] | None:
+        encoding = "" if label is None else label.encoding
+        return self._part.channels.get((key, encoding)) or self._part.register(key, self._named, encoding)
+
+    def _rotate_where_full(self) -> None:
+        if self._part.writer.bytes_written - self._part.head_bytes >= self._rotate_bytes:
+            self._rotate()
 
     def flush(self, *, sync: bool = False) -> None:
         """Hand everything so far to the operating system; with sync, to the disk. A new file begins if it is time."""
@@ -248,7 +248,7 @@ class RunLog:
 
     def wants(self, key: str, sender: str, data: bytes) -> bool:
         """Whether a message is one of a sender's that are missing."""
-        label, found = _label(key, data), self._sequences.find(key, sender)
+        label, found = label_of(key, data), self._sequences.find(key, sender)
         return label is not None and label.sender == sender and found is not None and found.lacks(label.seq)
 
     def _fail(self, error: OSError) -> None:

@@ -119,9 +119,9 @@ class Agent:
                     break
                 if self._realtime:
                     self._news.heed()
-                elif self._news.lacks(self._lists):
+                elif self._news.heard < self._lists:
                     self._news.await_(self._lists, step)
-                self._step(step, beacon, there=not self.plan.absences or self._heed_absences(step))
+                self._step(step, beacon, there=not self.plan.absences.any or self._heed_absences(step))
             except Stopped:
                 break
             last = step
@@ -175,7 +175,7 @@ class Agent:
         return deadline
 
     def _is_there(self, step: int) -> bool:
-        return not self.plan.absences or not self.plan.absences.at(step)[self.agent]
+        return not self.plan.absences.any or not self.plan.absences.at(step)[self.agent]
 
     def _await(self, step: int) -> None:
         """Wait for the beginning of a step, in portions: by a wrong clock it can be hours away."""
@@ -213,8 +213,8 @@ class Agent:
 
     def _step(self, step: int, beacon: tuple[float, float], *, there: bool) -> None:
         """One step: measure, exchange messages with the neighbours round by round, conclude, and say what came out."""
-        if not self._realtime and (arriving := self.vicinity.arriving(step)) is not None:
-            self.neighbourhood.expect(arriving)
+        if self.vicinity.arriving is not None and not self._realtime:
+            self.neighbourhood.expect(self.vicinity.arriving)
         outgoing, deadline = self.outgoing, None
         message = self.tracker.measure(self._measure(step, beacon, there=there))
         for round_ in range(1, self.plan.rounds + 1):

@@ -19,7 +19,7 @@ from zenoh_cbef.protocol.mailbox import CAPACITY, Mailbox
 from zenoh_cbef.protocol.messages import nil_to_nan
 from zenoh_cbef.protocol.short import codec_of
 from zenoh_cbef.scenario.plan import Plan
-from zenoh_cbef.tracking.moderation import LARGEST_SENT, is_within
+from zenoh_cbef.tracking.moderation import LARGEST_SENT, SURELY_SENT
 
 _OUTWAIT_SECONDS = 5.0
 
@@ -45,6 +45,7 @@ class Neighbourhood:
         self._node, self.ids = node, list(ids)
         self.fates, self._rounds, self._lag = fates, rounds, lag
         self._received = np.zeros((1, len(self.ids), width))
+        self._flat = self._received.ravel()
         self._no_ranges = np.zeros((1, 0, 3)), np.zeros((1, 0))
         self._rows = [memoryview(row).cast("B") for row in self._received[0]]
         self._counts = {name: [0] * len(self.ids) for name in ("received", "lost", "late")}
@@ -161,12 +162,12 @@ class Neighbourhood:
         if slowest != self._order[0]:
             self._order.remove(slowest)
             self._order.insert(0, slowest)
-        if not is_within(self._received, LARGEST_SENT):
+        if not self._flat.dot(self._flat) < SURELY_SENT:
             self._refuse_immoderate(turn, delivered, deadline)
         return self._received, None if all(delivered) else np.array([delivered])
 
     def _refuse_immoderate(self, turn: int, delivered: list[bool], deadline: float | None) -> None:
-        """Drop payloads that no agent sends, and wait for their senders again.
+        """Drop payloads that no agent sends, if there are any, and wait for their senders again.
 
         A forged message must not take the place of a true one.
         """

@@ -20,14 +20,14 @@ _AGAIN_SECONDS = 0.05
 class News:
     """The lists of injected faults that an agent takes in; each list has all of them.
 
-    take: lives with the faults of a list; raises UserError where it is none. patience: s that the agent waits in
-    lockstep for a list of which a beacon has told.
+    heard: how many lists there were. take: lives with the faults of a list; raises UserError where it is none.
+    patience: s that the agent waits in lockstep for a list of which a beacon has told.
     """
 
     def __init__(self, node: Node, rejections: Rejections, take: Callable[[str], None], patience: float) -> None:
         self._node, self._rejections, self._take, self._patience = node, rejections, take, patience
         self._box = Mailbox(node.session, node.keys.faults)
-        self._heard = 0
+        self.heard = 0
         self._uninformed = False
         node.presence.on_change(self._note_target)
 
@@ -49,19 +49,15 @@ class News:
         """In lockstep: take in lists until there were as many as a step's beacon tells of."""
         until = time.monotonic() + self._patience
         self._read([])
-        while self._heard < due and not self._node.stopping:
+        while self.heard < due and not self._node.stopping:
             if time.monotonic() > until:
-                self._heard = due
+                self.heard = due
                 text = f"agent {self._node.identity.name} did not hear of the faults that begin with step {step}"
                 self._node.event(MISSED, text, step=step)
                 return
             self._read(ask_latest(self._node.session, self._box.key))
-            if self._heard < due:
+            if self.heard < due:
                 time.sleep(_AGAIN_SECONDS)
-
-    def lacks(self, due: int) -> bool:
-        """Whether there were lists that have not come."""
-        return self._heard < due
 
     def _read(self, told: list[bytes]) -> None:
         while (data := self._box.poll()) is not None:
@@ -69,8 +65,8 @@ class News:
         for data in told:
             try:
                 message = decode(FAULTS, data, run=self._node.identity.run, sender="target")
-                if message["seq"] >= self._heard:
+                if message["seq"] >= self.heard:
                     self._take(message["tables"])
-                    self._heard = message["seq"] + 1
+                    self.heard = message["seq"] + 1
             except (BadMessage, UserError) as error:
                 self._rejections.add(self._box.key, str(error))

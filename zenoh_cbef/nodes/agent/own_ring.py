@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 
 from zenoh_cbef.nodes.common.node import Node
@@ -37,16 +37,17 @@ class OwnRing:
             return
         self._folder = folder
         for kind, box in enumerate(boxes):
-            box.leave = partial(self._leave, kind)
+            box.leave = partial(self._leave, self._ring, kind)
 
     def begin(self) -> None:
         """Say what went wrong, now that recorders hear the agent."""
         if self._trouble:
             self._node.event(RING, self._trouble, agent=self._agent)
 
-    def _leave(self, kind: int, data: bytes) -> None:
-        ring = self._ring
-        if ring is None or ring.write(kind, data) or (ring.readers and self._wrote_later(ring, kind, data)):
+    def _leave(self, ring: RingWriter, kind: int, number: int, sent: int, data: bytes) -> None:
+        if ring.write(kind, number, sent, data):
+            return
+        if ring.readers and self._wrote_later(partial(ring.write, kind, number, sent, data)):
             return
         for box in self._boxes:
             box.leave = None
@@ -54,11 +55,11 @@ class OwnRing:
         text = f"the ring of agent {self._agent} is full; recorders hear it over Zenoh from now on"
         self._node.event(RING, text, agent=self._agent)
 
-    def _wrote_later(self, ring: RingWriter, kind: int, data: bytes) -> bool:
+    def _wrote_later(self, write: Callable[[], bool]) -> bool:
         until = time.monotonic() + (_PATIENCE_SECONDS if self._may_wait else 0.0)
         while time.monotonic() < until and not self._node.stopping:
             time.sleep(_LOOK_SECONDS)
-            if ring.write(kind, data):
+            if write():
                 return True
         return False
 

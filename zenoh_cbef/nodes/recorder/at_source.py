@@ -12,15 +12,14 @@ from zenoh_cbef.nodes.common.node import Node
 from zenoh_cbef.nodes.recorder.rings import Rings
 from zenoh_cbef.protocol.fair_mailbox import FairMailbox
 from zenoh_cbef.protocol.recorded import apart, covering
+from zenoh_cbef.protocol.ring import Said
 from zenoh_cbef.scenario import Scenario
 
-_GATHER_SECONDS = 0.05
-"""How often rings are read. What is in them is safe, and fewer wake-ups cost the agents less."""
 _LOOK_SECONDS = 0.2
 _LAST_SECONDS = 10.0
 
-Drain = Callable[[FairMailbox, Callable[[], bool]], None]
-"""Writes what comes to a mailbox, until a condition holds."""
+WriteAll = Callable[[Sequence[str], Sequence[Said]], None]
+"""Writes what a process has left in its ring, each message on one of its keys."""
 
 
 class AtSource:
@@ -35,7 +34,7 @@ class AtSource:
         self.expressions = list(expressions)
         self._node, self._capacity = node, capacity
         self._boxes: list[FairMailbox] = []
-        self._threads: list[threading.Thread] = []
+        self._looked = -_LOOK_SECONDS
         self._early: list[tuple[str, bytes]] = []
         self._repeated: Counter[tuple[str, bytes]] = Counter()
         self._subscribe()
@@ -58,69 +57,56 @@ class AtSource:
             return False
         return self.rings.lets_in(key, data)
 
-    def run(
-        self, done: threading.Event, lock: threading.Lock, write: Callable[[str, bytes], None], drain: Drain
-    ) -> None:
-        """Write what comes, until done."""
-        looked = -_LOOK_SECONDS
-        with lock:
-            for one in self._early:
-                if self.rings.lets_in(*one):
-                    write(*one)
-        self._follow(done, drain)
-        while not done.wait(_GATHER_SECONDS):
-            self.write_waiting(lock, write)
-            if time.monotonic() - looked > _LOOK_SECONDS:
-                looked = time.monotonic()
-                with lock:
-                    lacks = self.rings.lacks
-                if lacks and not self._boxes:
-                    self._subscribe()
-                    self._follow(done, drain)
-                elif not lacks and self._boxes:
-                    self._unsubscribe()
-        self._unsubscribe()
-        for thread in self._threads:
-            thread.join()
+    def begin(self, write: Callable[[str, bytes], None]) -> None:
+        """Write what had come before. The caller has the log's lock."""
+        for one in self._early:
+            if self.rings.lets_in(*one):
+                write(*one)
 
-    def write_waiting(self, lock: threading.Lock, write: Callable[[str, bytes], None]) -> bool:
+    def turn(self, lock: threading.Lock, write_all: WriteAll, drain: Callable[[FairMailbox], None]) -> None:
+        """Write what has come since, and subscribe, or end that, where it is time. drain: writes what a mailbox has."""
+        for box in self._boxes:
+            drain(box)
+        self._write_waiting(lock, write_all)
+        if time.monotonic() - self._looked < _LOOK_SECONDS:
+            return
+        self._looked = time.monotonic()
+        with lock:
+            lacks = self.rings.lacks
+        if lacks and not self._boxes:
+            self._subscribe()
+        elif not lacks:
+            self._unsubscribe(drain)
+
+    def _write_waiting(self, lock: threading.Lock, write_all: WriteAll) -> bool:
         """Write what is in the rings, at most a portion of each; whether there was anything."""
+        found = False
         with lock:
             self.rings.look()
-            found = self.rings.read()
-            for key, data in found:
-                write(key, data)
-        return bool(found)
+            for keys, said in self.rings.read():
+                write_all(keys, said)
+                found = True
+        return found
 
-    def finish(self, lock: threading.Lock, write: Callable[[str, bytes], None]) -> None:
+    def finish(self, lock: threading.Lock, write_all: WriteAll, drain: Callable[[FairMailbox], None]) -> None:
         """Write what is left. Agents that go on would keep the recorder for ever."""
         until = time.monotonic() + _LAST_SECONDS
-        while self.write_waiting(lock, write) and time.monotonic() < until:
+        with lock:
+            self.rings.look(now=True)
+        while self._write_waiting(lock, write_all) and time.monotonic() < until:
             pass
+        self._unsubscribe(drain)
 
     def close(self) -> None:
         """All that was written is safe: let go of the rings."""
         self.rings.save()
         self.rings.close()
 
-    def _follow(self, done: threading.Event, drain: Drain) -> None:
-        for box in self._boxes:
-
-            def ended(box: FairMailbox = box) -> bool:
-                return done.is_set() or box not in self._boxes
-
-            def follow(box: FairMailbox = box, ended: Callable[[], bool] = ended) -> None:
-                drain(box, ended)
-                box.close()
-
-            self._threads = [thread for thread in self._threads if thread.is_alive()]
-            self._threads.append(threading.Thread(target=follow, daemon=True))
-            self._threads[-1].start()
-
-    def _unsubscribe(self) -> None:
+    def _unsubscribe(self, drain: Callable[[FairMailbox], None]) -> None:
         ended, self._boxes = self._boxes, []
         for box in ended:
-            box.wake()
+            drain(box)
+            box.close()
 
 
 def at_source(

@@ -2,25 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from contextlib import suppress
-
-import numpy as np
+import math
+from collections.abc import Callable, Collection, Iterator, Sequence
 
 from zenoh_cbef.nodes.common.recording import Status
 from zenoh_cbef.protocol.keys import address
-from zenoh_cbef.protocol.kinds import ESTIMATE, TRUTH, EstimateMessage, TruthMessage
-from zenoh_cbef.protocol.messages import BadMessage, decode
+from zenoh_cbef.protocol.kinds import ESTIMATE, TRUTH, EstimateMessage, Kind, M, TruthMessage
+from zenoh_cbef.protocol.messages import BadMessage, decode_all
 
 _KEPT = 256
 """Steps that are kept while estimates are missing: more than agents can be apart."""
+_READ = ("v", "run", "from", "k", "state", "lost", "late")
+"""What is read of an estimate."""
+_MOST_TRUTHS, _MOST_BYTES = 100, 1 << 19
+"""Steps that may wait to be read, fewer than are kept; and bytes."""
 
 
 class Overview:
     """Keeps a Status up to date from the messages that go by.
 
-    present: tells how many agents are there. reached: the latest step of which an estimate came. heard: the same for
-    each agent.
+    present: tells how many agents are there. reached: the latest step of which an estimate was read. heard: the same
+    for each agent.
     """
 
     def __init__(self, status: Status, present: Callable[[], int]) -> None:
@@ -32,22 +34,49 @@ class Overview:
         self._truth: dict[int, list[float]] = {}
         self._errors: dict[int, list[float]] = {}
         self._links: dict[int, tuple[int, int]] = {}
+        self._waiting: dict[str, list[tuple[str, bytes]]] = {"truth": [], "estimate": []}
+        self._bytes = 0
 
     def note_slow(self, process: str) -> None:
         """A process of the run has said that it does not keep up."""
         if process not in self.status.slow:
             self.status.slow.append(process)
 
-    def see(self, kind: str, key: str, data: bytes) -> None:
-        """Take one truth or estimate message into account."""
-        at = address(key)
-        if at is None:
+    def see(self, kind: str, key: str, messages: Sequence[bytes]) -> None:
+        """Take truth or estimate messages of a key into account, with others at the next `catch_up`, or when many wait.
+
+        To read many at once takes a fraction of the time.
+        """
+        waiting = self._waiting[kind]
+        waiting += [(key, data) for data in messages]
+        self._bytes += sum(map(len, messages))
+        if len(self._waiting["truth"]) > _MOST_TRUTHS or self._bytes > _MOST_BYTES:
+            self.catch_up()
+
+    def catch_up(self) -> None:
+        """Read what waits."""
+        waiting, self._waiting, self._bytes = self._waiting, {"truth": [], "estimate": []}, 0
+        # At the end all processes have left before their last words are read.
+        self._expected = self.present() or self._expected
+        for _, truth in self._read(TRUTH, waiting["truth"]):
+            self._see_truth(truth)
+        for agent, estimate in self._read(ESTIMATE, waiting["estimate"], _READ):
+            self._see_estimate(agent, estimate)
+
+    def _read(
+        self, kind: Kind[M], waiting: Sequence[tuple[str, bytes]], names: Collection[str] | None = None
+    ) -> Iterator[tuple[int, M]]:
+        """The agent of the key, and the message, of all that are as promised."""
+        try:
+            found = decode_all(kind, [data for _, data in waiting], run=self.status.run, names=names)
+        except BadMessage:
+            for one in waiting if len(waiting) > 1 else ():
+                yield from self._read(kind, [one], names)
             return
-        with suppress(BadMessage):
-            if kind == "truth":
-                self._see_truth(decode(TRUTH, data, run=self.status.run, sender=at.owner))
-            else:
-                self._see_estimate(at.agent, decode(ESTIMATE, data, run=self.status.run, sender=at.owner))
+        for (key, _), message in zip(waiting, found, strict=True):
+            at = address(key)
+            if at is not None and message["from"] == at.owner:
+                yield at.agent, message
 
     def _see_truth(self, message: TruthMessage) -> None:
         self._truth[message["k"]] = message["state"]
@@ -69,11 +98,9 @@ class Overview:
         apart = [a - b for a, b in zip(message["state"][:3], truth[:3], strict=True)]
         # A forged estimate can be too far off for its square: a product is infinite then, where a power would raise.
         errors.append(sum(one * one for one in apart))
-        # At the end all processes have left before their last words are read.
-        self._expected = self.present() or self._expected
         if len(errors) >= self._expected:
             self.status.step = step
-            self.status.error = float(np.sqrt(np.mean(errors)))
+            self.status.error = math.sqrt(sum(errors) / len(errors))
             self._count_links()
             self._forget(step)
 
@@ -82,7 +109,6 @@ class Overview:
 
         A target can be ahead of agents that are too slow for more steps than are kept.
         """
-        self._expected = self.present() or self._expected
         done = min(self.heard.values()) if len(self.heard) >= self._expected else 0
         if self.status.step < done < min(self._truth, default=done + 1):
             self.status.step = min(done, self.status.steps)

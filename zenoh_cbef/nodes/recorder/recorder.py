@@ -1,46 +1,46 @@
-"""The recorder process: writes everything that crosses the network into one log, and survives being killed."""
+"""Writes everything that crosses the network into one log, and survives being killed."""
 
 from __future__ import annotations
 
 import threading
 import time
 from collections.abc import Callable, Sequence
-from pathlib import Path
 
 from zenoh_cbef.log.write.run_log import RunLog
-from zenoh_cbef.machine import require
-from zenoh_cbef.nodes.common.briefing import Briefing, brief, introduce
-from zenoh_cbef.nodes.common.links import Links
-from zenoh_cbef.nodes.common.node import Identity, Node
+from zenoh_cbef.nodes.common.node import Node
 from zenoh_cbef.nodes.common.recording import Status
 from zenoh_cbef.nodes.recorder.acknowledgements import Acknowledgements
-from zenoh_cbef.nodes.recorder.at_source import AtSource, at_source
-from zenoh_cbef.nodes.recorder.attendance import Attendance, led_by_a_target, takes_part
-from zenoh_cbef.nodes.recorder.described import as_text, described
-from zenoh_cbef.nodes.recorder.handover import hand_over
+from zenoh_cbef.nodes.recorder.at_source import AtSource
+from zenoh_cbef.nodes.recorder.attendance import Attendance, takes_part
 from zenoh_cbef.nodes.recorder.overview import Overview
 from zenoh_cbef.nodes.recorder.recovery import Recovery
 from zenoh_cbef.plain import count_in, counts_in
 from zenoh_cbef.protocol.fair_mailbox import FairMailbox
-from zenoh_cbef.protocol.keys import address, agent_named
+from zenoh_cbef.protocol.keys import address
 from zenoh_cbef.protocol.kinds import EVENT
 from zenoh_cbef.protocol.messages import BadMessage, decode
-from zenoh_cbef.protocol.reached import serve_reached
-from zenoh_cbef.protocol.recorded import belongs, covering, recorded_keys
+from zenoh_cbef.protocol.recorded import belongs, covering
+from zenoh_cbef.protocol.ring import Said
 from zenoh_cbef.protocol.slow import SLOW
 from zenoh_cbef.scenario import Scenario
 
-_CAPACITY = 1 << 17
+CAPACITY = 1 << 17
+"""Messages that a mailbox of a recorder holds."""
 _REPORT_SECONDS = 0.2
-_GATHER_SECONDS = 0.005
+_GATHER_SECONDS, _AT_SOURCE_SECONDS = 0.005, 0.05
+"""How long messages gather before they are written; and where agents leave theirs in rings, in which they are safe."""
 _PORTION = 10_000
 _BEHIND_SECONDS = 1.0
+_LOCKED_SECONDS = 0.05
 _PROMISES = 2000
 """Beyond so many processes that say what they sent, none is believed whose name is its own choice."""
 
 
 class Recorder:
     """Writes messages from the network into the log: each mailbox in a thread, the first in the caller's.
+
+    With a source, the caller's thread looks at all of them, and at the rings, twenty times a second: each wake-up would
+    take a core from the agents, and wait for what it has pushed out of the caches.
 
     record.on_full "stop" in the scenario: the recording ends when the log can no longer be written.
     """
@@ -75,36 +75,47 @@ class Recorder:
         """Record until all processes have left, or until told to stop."""
         threads = [threading.Thread(target=self._tick, args=(sync, report), daemon=True)]
         threads.append(threading.Thread(target=self._recovery.run, args=(self._done,), daemon=True))
-        threads += [
-            threading.Thread(target=self._drain, args=(one, self._done.is_set), daemon=True)
-            for one in self._mailboxes[1:]
-        ]
-        if self._source is not None:
-            given = (self._done, self._lock, self._write, self._drain)
-            threads.append(threading.Thread(target=self._source.run, args=given, daemon=True))
+        if self._source is None:
+            threads += [threading.Thread(target=self._drain, args=(one,), daemon=True) for one in self._mailboxes[1:]]
+        else:
+            with self._lock:
+                self._source.begin(self._write)
         for thread in threads:
             thread.start()
         try:
             while not self._finished():
-                self._write_waiting(self._mailboxes[0], self._mailboxes[0].receive_from())
-                # A wake-up for every single message costs more than writing it: let a few gather.
-                time.sleep(_GATHER_SECONDS)
+                self._turn()
         finally:
             self._done.set()
             self._wake()
             for thread in threads:
                 thread.join()
         for mailbox in self._mailboxes:
-            for _ in range(0, _CAPACITY, _PORTION):  # a flood has no end
-                self._write_waiting(mailbox, mailbox.poll_from())
+            self._empty(mailbox)
         if self._source is not None:
-            self._source.finish(self._lock, self._write)
+            self._source.finish(self._lock, self._write_all, self._empty)
 
-    def _drain(self, mailbox: FairMailbox, ended: Callable[[], bool]) -> None:
-        while not ended():
+    def _turn(self) -> None:
+        """Wait for messages, and write them."""
+        if self._source is None:
+            self._write_waiting(self._mailboxes[0], self._mailboxes[0].receive_from())
+            # A wake-up for every single message costs more than writing it: let a few gather.
+            time.sleep(_GATHER_SECONDS)
+            return
+        time.sleep(_AT_SOURCE_SECONDS)
+        for mailbox in self._mailboxes:
+            self._write_waiting(mailbox, mailbox.poll_from())
+        self._source.turn(self._lock, self._write_all, self._empty)
+
+    def _drain(self, mailbox: FairMailbox) -> None:
+        while not self._done.is_set():
             self._write_waiting(mailbox, mailbox.receive_from())
             time.sleep(_GATHER_SECONDS)
         self._write_waiting(mailbox, mailbox.poll_from())
+
+    def _empty(self, mailbox: FairMailbox) -> None:
+        for _ in range(0, CAPACITY, _PORTION):  # a flood has no end
+            self._write_waiting(mailbox, mailbox.poll_from())
 
     def _wake(self) -> None:
         for mailbox in self._mailboxes:
@@ -138,7 +149,8 @@ class Recorder:
                 flushed = time.monotonic()
             self._warn()
             self._acknowledgements.catch_up()
-            self._wake()
+            if self._source is None:
+                self._wake()
             report(self.status())
 
     def _warn(self) -> None:
@@ -164,9 +176,22 @@ class Recorder:
         status = self.overview.status
         status.agents = self.overview.present()
         with self._lock:
+            self.overview.catch_up()
             status.messages, status.missing = self.log.count, self.log.missing
             status.dropped, status.failure, status.foreign = self.log.dropped, self.log.failure, self.log.foreign
         return status
+
+    def reached(self) -> dict[int, int]:
+        """Of each agent, the step of the last estimate that was taken in.
+
+        Zenoh's thread asks, for which the holder of the lock may be waiting.
+        """
+        if self._lock.acquire(timeout=_LOCKED_SECONDS):
+            try:
+                self.overview.catch_up()
+            finally:
+                self._lock.release()
+        return dict(self.overview.heard)
 
     def _write_heard(self, key: str, data: bytes) -> None:
         if self._source is None or self._source.lets_in(key, data):
@@ -175,9 +200,16 @@ class Recorder:
     def _write(self, key: str, data: bytes) -> None:
         kind = self.log.add(key, data, time.time_ns())
         if kind in ("truth", "estimate"):
-            self.overview.see(kind, key, data)
+            self.overview.see(kind, key, [data])
         elif kind == "event":
             self._note_promises(key, data)
+
+    def _write_all(self, keys: Sequence[str], said: Sequence[Said]) -> None:
+        self.log.add_all(keys, said, time.time_ns())
+        for kind, key in enumerate(keys):
+            at = address(key)
+            if at is not None and at.kind == "estimate":
+                self.overview.see("estimate", key, [one[3] for one in said if one[0] == kind])
 
     def _note_promises(self, key: str, data: bytes) -> None:
         at = address(key)
@@ -222,65 +254,3 @@ class Recorder:
             with self._lock:
                 lacking |= self._source.rings.waiting
         return self.node.stopping or self._attendance.over(lacking=lacking, step=self.overview.reached)
-
-
-def run_recorder(
-    identity: Identity,
-    path: Path,
-    *,
-    keys: Sequence[str] = (),
-    sync: bool,
-    report: Callable[[Status], None],
-    stay: float = 0.0,
-    say: Callable[[str], None] = lambda _: None,
-) -> Status:
-    """Run the recorder process until the run ends or it is told to stop; returns the last status.
-
-    keys: key expressions of what is recorded, whole or relative to the run; everything where there are none. stay: how
-    long (s) the log can be fetched afterwards; say: gets sentences on that.
-    """
-    expressions = recorded_keys(identity.run, keys)
-    with Node(identity) as node:
-        # Subscribe before any process can see us: none sends before we listen. A full mailbox must not slow agents.
-        mailboxes = [FairMailbox(node.session, one, _CAPACITY) for one in expressions]
-        briefing = brief(node)
-        text, scenario = briefing.text, briefing.scenario
-        require(links=scenario.count + 1)
-        led = led_by_a_target(node)
-        if led:
-            node.claim_name()
-            Links(node).keep()
-        log = RunLog(path, scenario.record)
-        log.describe(source=text.source, resolved=text.resolved, run=described(identity, scenario, expressions))
-        overview = _overview(node, Status(identity.run, str(path), scenario.length), briefing, expressions)
-        source, mailboxes = at_source(node, log, scenario, mailboxes, _CAPACITY)
-        recorder = Recorder(node, log, overview, mailboxes, scenario, source=source)
-        node.presence.announce(f"record/{identity.name}")
-        if led:  # a replay's subscribers get the recorded messages only
-            introduce(identity, briefing.clock, recorder.say)
-        try:
-            recorder.run(sync=sync, report=report)
-        finally:
-            status = recorder.status()
-            finished = recorder.target_ended == scenario.length
-            log.close({"status": "finished" if finished else "stopped", **as_text(status)})
-            if source is not None:
-                source.close()
-        status = recorder.status()
-        status.state = "done"
-        report(status)
-        node.presence.withdraw()
-        if stay:
-            hand_over(node, path, stay, say)
-    return status
-
-
-def _overview(node: Node, status: Status, briefing: Briefing, expressions: Sequence[str]) -> Overview:
-    """What the recorder sees, of which it tells the target how far it has got."""
-    overview = Overview(status, lambda: sum(agent_named(name) is not None for name in node.presence.names()))
-    if briefing.text.step is None:
-        # Of one that comes later the target learns which agents it hears.
-        covers, agents = covering(expressions), range(briefing.scenario.count)
-        overview.heard = dict.fromkeys((agent for agent in agents if covers(node.keys.estimate(agent))), 0)
-    serve_reached(node.session, node.keys, f"record/{node.identity.name}", lambda: overview.heard)
-    return overview

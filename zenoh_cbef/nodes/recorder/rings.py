@@ -5,39 +5,40 @@ from __future__ import annotations
 import os
 import time
 from collections import Counter
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import suppress
 
 from zenoh_cbef.log.write.run_log import RunLog
 from zenoh_cbef.nodes.common.node import Node
 from zenoh_cbef.nodes.common.ring_place import ring_folder
 from zenoh_cbef.protocol.keys import address
-from zenoh_cbef.protocol.ring import RingError, RingReader
+from zenoh_cbef.protocol.ring import RingError, RingReader, Said
 from zenoh_cbef.protocol.ring_folder import RingFolder, RingName, tag_of
 
-_LOOK_SECONDS = 0.05
+_LOOK_SECONDS = 0.2
 _PORTION = 2000
 _STUCK_SECONDS = 5.0
 
 
 class _Open:
-    """A ring that is being read."""
+    """A ring that is being read. takes: tells of a key whether it is recorded."""
 
-    def __init__(self, name: RingName, reader: RingReader) -> None:
+    def __init__(self, name: RingName, reader: RingReader, takes: Callable[[str], bool]) -> None:
         self.name, self.reader = name, reader
         self.left = False
         self._stuck_since: float | None = None
+        self._others = {kind for kind, key in enumerate(reader.names) if not takes(key)}
 
-    def read(self) -> list[tuple[str, bytes]]:
+    def read(self) -> list[Said]:
         """The next messages. What cannot be read for seconds, as no process writes it any more, is passed over."""
-        found = [(said.name, said.data) for said in self.reader.read(_PORTION)]
+        found = self.reader.read(_PORTION)
         if found or not self.reader.waiting:
             self._stuck_since = None
         elif self._stuck_since is None:
             self._stuck_since = time.monotonic()
         elif time.monotonic() - self._stuck_since > _STUCK_SECONDS:
             self.reader.pass_over()
-        return found
+        return [one for one in found if one[0] not in self._others] if self._others else found
 
 
 class Rings:
@@ -54,7 +55,6 @@ class Rings:
         self._refused: set[RingName] = set()
         self._lives: dict[int, str] = {}
         self._looked = -1.0
-        self._taken: dict[str, bool] = {}
         self._folder: RingFolder | None = None
         self._held: int | None = None
         with suppress(OSError):  # without a folder it has no rings
@@ -74,30 +74,27 @@ class Rings:
             self._refused.add(name)
             if name.agent in self._agents:
                 with suppress(RingError, OSError), self._folder.alone():
-                    self._open[name] = _Open(name, RingReader(path, self._tag, self._folder.is_read))
+                    reader = RingReader(path, self._tag, self._folder.is_read)
+                    self._open[name] = _Open(name, reader, self._takes)
                     self._refused.discard(name)
 
-    def read(self) -> list[tuple[str, bytes]]:
-        """What agents have left since; of an agent's rings the oldest first."""
-        found, busy = [], set()
+    def read(self) -> Iterator[tuple[Sequence[str], list[Said]]]:
+        """What agents have left since, with the keys that it is on; of an agent's rings the oldest first."""
+        busy = set()
         # Whether a ring is still written takes two calls of the system: only another ring of its agent waits for it.
         rings = Counter(name.agent for name in self._open)
         for ring in list(self._open.values()):
             if ring.name.agent in busy:
                 continue
             ring.left = ring.reader.left  # before it is read: what is there now is all
-            got = ring.read()
-            found += [one for one in got if self._takes(one[0])]
+            if found := ring.read():
+                yield ring.reader.names, found
             if rings[ring.name.agent] > 1 and (ring.reader.waiting or (not ring.left and ring.reader.written)):
                 busy.add(ring.name.agent)
-        return found
 
     def _takes(self, key: str) -> bool:
-        taken = self._taken.get(key)
-        if taken is None:
-            at = address(key)
-            taken = self._taken[key] = at is not None and at.agent in self._agents and self._covers(key)
-        return taken
+        at = address(key)
+        return at is not None and at.agent in self._agents and self._covers(key)
 
     def save(self) -> None:
         """What was read is safe in the file. Rings that end are removed."""

@@ -81,16 +81,19 @@ def own_information(
     """
     predicted, row = own_range(space, state, measurement.position, measurement.age)
     measured = np.isfinite(measurement.range)
-    innovation = np.where(measured, measurement.range - predicted, 0.0)
+    missing = ~measured
+    innovation = measurement.range - predicted
+    innovation[missing] = 0.0
     variance = variance_of(measurement, range_std)
     spread = _spread(row, covariance, variance)
     weight = saturation(innovation, xi * spread, power)
-    weighed = np.where(measured, weight, 0.0)
-    precision = saturated_precision(weighed, informing(measurement, variance), spread, widens=widens)
+    said = told(measured, innovation, weight, spread)
+    weight[missing] = 0.0
+    precision = saturated_precision(weight, informing(measurement, variance), spread, widens=widens)
     return RangeInformation(
         (precision * (innovation + np.add.reduce(row * state, axis=1)))[:, None] * row,
-        precision[:, None, None] * outer(row, row),
-        told(measured, innovation, weight, spread),
+        precision[:, None, None] * (row[:, :, None] * row[:, None]),
+        said,
     )
 
 
@@ -109,7 +112,7 @@ def informing(measurement: Measurement, variance: Floats) -> Floats:
 
 def _spread(row: Floats, covariance: Floats, variance: float | Floats) -> Floats:
     """Predicted standard deviation of the own range's innovation, (n,), m."""
-    return np.asarray(np.sqrt(np.add.reduce(row * matvec(covariance, row), axis=1) + variance))
+    return np.asarray(np.sqrt(np.add.reduce(row * (covariance @ row[:, :, None])[:, :, 0], axis=1) + variance))
 
 
 def neighbourhood_information(
@@ -197,11 +200,14 @@ def packed_size(size: int) -> int:
 
 def pack(vector: Floats, matrix: Floats) -> Floats:
     """Information vectors (n, s) and matrices (n, s, s) as payloads (n, s + s(s+1)/2)."""
-    return np.concatenate([vector, pack_upper(matrix)], axis=1)
+    count, size = vector.shape
+    packed = np.empty((count, size + size * (size + 1) // 2))
+    packed[:, :size], packed[:, size:] = vector, pack_upper(matrix)
+    return packed
 
 
-def belief_of(payload: Floats, own: Floats, size: int) -> Belief:
-    """State O^-1 V and covariance O^-1 of packed information.
+def belief_of(payload: Floats, own: Floats, size: int, share: int = 1) -> Belief:
+    """State O^-1 V and covariance O^-1/m of packed information, of which the whole has `share` times as much, m.
 
     Accelerated averaging weighs some agents negatively, the more so where messages are lost, so now and then
     the result is no information matrix. The agent then keeps to its own, as if all messages had been lost.
@@ -209,12 +215,12 @@ def belief_of(payload: Floats, own: Floats, size: int) -> Belief:
     matrices = unpack_upper(payload[:, size:], size)
     covariance = _surely_sound(matrices)
     if covariance is not None:
-        return Belief(matvec(covariance, payload[:, :size]), covariance)
+        return Belief(matvec(covariance, payload[:, :size]), covariance / share)
     eigenvalues = np.linalg.eigvalsh(matrices)
     sound = eigenvalues[:, 0] > _LEAST * eigenvalues[:, -1]
     payload = np.where(sound[:, None], payload, own)
     covariance = inverse(unpack_upper(payload[:, size:], size))
-    return Belief(matvec(covariance, payload[:, :size]), covariance)
+    return Belief(matvec(covariance, payload[:, :size]), covariance / share)
 
 
 def _surely_sound(matrices: Floats) -> Floats | None:
@@ -243,7 +249,7 @@ def unless_alone(belief: Belief, payload: Floats, update: Update) -> Belief:
     if not update.kept:
         return belief
     alone, (state, covariance) = unchanged(payload, update.payload), update.kept
-    if not np.count_nonzero(alone):
+    if not alone.nonzero()[0].size:
         return belief
     return Belief(
         np.where(alone[:, None], state, belief.state),
@@ -269,8 +275,9 @@ def saturated_precision(weight: Floats, variance: Floats, spread: Floats, *, wid
     """
     if not widens:
         return weight / variance
-    there = weight > 0.0
-    return np.where(there, 1.0, 0.0) / (variance + spread**2 * (1.0 / np.where(there, weight, 1.0) - 1.0))
+    there, above = weight > 0.0, weight.copy()
+    above[~there] = 1.0
+    return there / (variance + spread**2 * (1.0 / above - 1.0))
 
 
 def saturation(innovation: Floats, level: Floats, power: int = 1) -> Floats:
@@ -281,6 +288,6 @@ def saturation(innovation: Floats, level: Floats, power: int = 1) -> Floats:
     size = np.abs(innovation)
     inside = size <= level
     if np.logical_and.reduce(inside, axis=None):
-        return np.ones(inside.shape)
+        return inside.astype(np.float64)
     gain = np.where(inside, 1.0, level / np.where(size > 0.0, size, 1.0))
     return gain if power == 1 else gain**power

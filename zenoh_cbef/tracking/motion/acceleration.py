@@ -21,7 +21,7 @@ class NearlyConstantAcceleration(LinearMotion):
         """The model of these settings."""
         return cls(settings.dt, settings.acceleration_std, settings.axes)
 
-    @property
+    @cached_property
     def size(self) -> int:
         """Position, velocity and acceleration."""
         return 3 * self.axes

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol, Self
 
 import numpy as np
 
 from zenoh_cbef.arrays import Floats
-from zenoh_cbef.tracking.linalg import matvec
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,7 @@ class LinearMotion:
         """The model of these settings."""
         return cls(settings.dt, settings.stepwise_std, settings.axes)
 
-    @property
+    @cached_property
     def size(self) -> int:
         """Number of state components."""
         return 2 * self.axes
@@ -119,7 +119,7 @@ class LinearMotion:
 
     def predict_state(self, state: Floats) -> Floats:
         """A x for states (n, s)."""
-        return matvec(self.transition, state)
+        return np.asarray((self.transition @ state[:, :, None])[:, :, 0])
 
     def predict_covariance(self, covariance: Floats, state: Floats | None = None) -> Floats:  # noqa: ARG002
         """A P A^T + Q for covariances (n, s, s), wherever the state is."""

@@ -36,16 +36,15 @@ class Returning(Wrapping):
     def update(self, belief: Belief, measurement: Measurement) -> Update:
         """The filter's update."""
         inner = belief.parts[0] if belief.parts else belief
-        if belief.memory and np.count_nonzero(belief.memory[0]):
+        if belief.memory and belief.memory[0].nonzero()[0].size:
             added = np.where(belief.memory[0] > 0.0, bend(self.space, inner, measurement), 0.0)
             std = np.sqrt(variance_of(measurement, self.range_std) + added)
             measurement = replace(measurement, range_std=std)
-        update = self.filter.update(inner, measurement)
-        return Update(update.payload, update.diagnostics, parts=(update,))
+        return self.filter.update(inner, measurement)
 
     def conclude(self, payload: Floats, update: Update) -> Belief:
         """The filter's belief, and whether no neighbour was heard."""
-        inner = self.filter.conclude(payload, update.parts[0])
+        inner = self.filter.conclude(payload, update)
         alone = unchanged(payload, update.payload).astype(np.float64)
         return replace(inner, memory=(alone,), parts=(inner,), chance=None)
 

@@ -59,7 +59,7 @@ class Doubts:
     @property
     def none(self) -> bool:
         """Whether no agent tells, wishes to, or lately did, and none is left out."""
-        return not np.count_nonzero(self.doing + self.vote + self.rest + self.left + self.open)
+        return not (self.doing + self.vote + self.rest + self.left + self.open).nonzero()[0].size
 
     def saying(self, status: Status) -> Self:
         """The same with what is said of the estimate."""
@@ -67,14 +67,15 @@ class Doubts:
 
     def after(self, new: Measurement, dt: float) -> Self:
         """A step of dt (s) later: with the ranges of this step, and without the oldest."""
-        return replace(
-            self,
-            step=self.step + 1.0 if new.step is None else np.full(len(self.step), float(new.step)),
-            agent=self.agent if new.agent is None else new.agent.astype(np.float64),
-            positions=np.concatenate([self.positions[:, 1:], new.position[:, None]], axis=1),
-            ages=np.concatenate([self.ages[:, 1:] + dt, new.age[:, None]], axis=1),
-            ranges=np.concatenate([self.ranges[:, 1:], new.range[:, None]], axis=1),
-        )
+        step, agent = self.step + 1.0, self.agent if new.agent is None else new.agent.astype(np.float64)
+        if new.step is not None:
+            step[:] = new.step
+        shape = self.ages.shape
+        positions, ages, ranges = np.empty((*shape, 3)), np.empty(shape), np.empty(shape)
+        positions[:, :-1], positions[:, -1] = self.positions[:, 1:], new.position
+        ages[:, :-1], ages[:, -1] = self.ages[:, 1:] + dt, new.age
+        ranges[:, :-1], ranges[:, -1] = self.ranges[:, 1:], new.range
+        return replace(self, step=step, agent=agent, positions=positions, ages=ages, ranges=ranges)
 
     def told(self, status: Status, dt: float) -> Status:
         """What an estimate is worth that is doubted.

@@ -109,10 +109,21 @@ class FirstFix(Wrapping):
         return SquaredRanges(self.space, self.network_size, self.xi, rate=step > 1 or not self.careful)
 
     def update(self, belief: Belief, measurement: Measurement) -> Update:
-        """The agent's share of the information in all ranges so far."""
+        """The agent's share of the information in all ranges so far; after the fix the filter's update."""
         if belief.parts:
             inner = self.filter.update(belief.parts[0], measurement)
             return Update(inner.payload, inner.diagnostics, inner.kept, (inner,))
+        return self._share(belief, measurement)
+
+    def conclude(self, payload: Floats, update: Update) -> Belief:
+        """The fix so far; after the last step of it, where the filter that follows begins, and then its belief."""
+        if update.parts:
+            inner = self.filter.conclude(payload, update.parts[0])
+            return Belief(inner.state, inner.covariance, inner.bias, parts=(inner,))
+        return self._fixed(payload, update)
+
+    def _share(self, belief: Belief, measurement: Measurement) -> Update:
+        """The update of a step of the fix."""
         latest, prior, seen, correction = self._history(belief, measurement)
         variance, rows = self._linearised(latest, seen, correction, measurement)
         if self._squares(seen.steps):
@@ -123,11 +134,8 @@ class FirstFix(Wrapping):
         kept = prior.state, prior.known_covariance, seen.positions, seen.ages, seen.ranges, latest.state
         return Update(payload, rows.latest, kept)
 
-    def conclude(self, payload: Floats, update: Update) -> Belief:
-        """The fix so far; after the last step of it, where the filter that follows begins."""
-        if update.parts:
-            inner = self.filter.conclude(payload, update.parts[0])
-            return Belief(inner.state, inner.covariance, inner.bias, parts=(inner,))
+    def _fixed(self, payload: Floats, update: Update) -> Belief:
+        """What a step of the fix finds."""
         *history, predicted = update.kept
         steps, prior = history[-1].shape[1], Belief(history[0], history[1])
         if self._squares(steps):
@@ -176,8 +184,7 @@ class FirstFix(Wrapping):
     def _fix_moving(self, payload: Floats, own: Floats) -> Belief:
         size = self.motion.size
         mixed, mine = (np.ascontiguousarray(part[:, : packed_size(size)]) for part in (payload, own))
-        averaged = belief_of(mixed, mine, size)
-        return Belief(averaged.state, averaged.known_covariance / self.network_size)
+        return belief_of(mixed, mine, size, self.network_size)
 
     def _fix_at_rest(self, payload: Floats, own: Floats, prior: Belief, step: int) -> Belief:
         axes, squared, others = self.space.axes, self._squared(step), self._others(step)

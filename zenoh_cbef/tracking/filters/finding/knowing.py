@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
-from zenoh_cbef.arrays import Floats
+from zenoh_cbef.arrays import Bools, Floats
 from zenoh_cbef.tracking.filters.around.mirror_images import undecided
 from zenoh_cbef.tracking.filters.around.wrapping import Wrapping
 from zenoh_cbef.tracking.filters.base import Belief, Bias, Update
@@ -45,59 +46,64 @@ class Knowing(Wrapping):
         inner = belief.parts[0] if belief.parts else belief
         status = Status.first(len(belief.state)) if belief.status is None else belief.status
         update = self.filter.update(inner, measurement)
-        degrees = update.diagnostics.nis_degrees
-        heard = np.isfinite(update.diagnostics.nis) & (degrees > 0)
+        nis, degrees = update.diagnostics.nis, update.diagnostics.nis_degrees
+        heard = np.isfinite(nis) & (degrees > 0)
         if measurement.few is not None:
             heard &= ~measurement.few
-        fit = np.where(heard, np.minimum(update.diagnostics.nis / np.maximum(degrees, 1), CUT), 0.0)
+        fit = np.minimum(nis / np.maximum(degrees, 1), CUT)
+        fit[~heard] = 0.0
         if self.settings.judges_agents:
             counts = heard & (status.steps >= self.settings.first_fix)
-            status = status.judging(self._misfit(fit, update.diagnostics.distrust, inner.bias), counts)
-            fit = np.where(counts & status.wrong, CUT, 0.0)
-        payload = np.concatenate([update.payload, heard[:, None].astype(np.float64), fit[:, None]], axis=1)
+            # How badly ranges fit, also where the filter has come to terms with them.
+            misfit = np.fmax(fit, CUT * update.diagnostics.distrust)
+            if inner.bias is not None:
+                misfit[self._explains_nothing(inner.bias)] = CUT
+            status = status.judging(misfit, counts)
+            fit = CUT * (counts & status.wrong)
+        count, size = update.payload.shape
+        payload = np.empty((count, size + self.more))
+        payload[:, :size], payload[:, size], payload[:, size + 1] = update.payload, heard, fit
         return Update(payload, update.diagnostics, tuple(vars(status).values()), (update,))
 
     def conclude(self, payload: Floats, update: Update) -> Belief:
         """The filter's belief, and what it is worth."""
         inner = self.filter.conclude(np.ascontiguousarray(payload[:, : -self.more]), update.parts[0])
-        status = self._status(inner, payload, update)
-        if self.settings.plane:
-            rows = undecided(self.filter, inner) & (status.which != LOST)
-            status = status.told(rows, ACQUIRING, Status(*update.kept), self.settings.motion.dt)
-        return Belief(inner.state, inner.covariance, inner.bias, parts=(inner,), status=status, excess=inner.excess)
-
-    def _misfit(self, fit: Floats, distrust: Floats, bias: Bias | None) -> Floats:
-        """How badly ranges fit, (n,), also where the filter has come to terms with them."""
-        fit = np.fmax(fit, CUT * distrust)
-        if bias is None:
-            return fit
-        variance = self.settings.common_bias_std**2 + self.settings.own_bias_std**2
-        return np.where(bias.weight * bias.value**2 > _UNLIKELY**2 * variance, CUT, fit)
-
-    def _most(self, belief: Belief) -> Floats | None:
-        """The mean misfit of a network that has lost its target; None: by the first rules."""
-        if not self.settings.judges_agents:
-            return None
-        relied_on = np.zeros(len(belief.state)) if belief.bias is None else belief.bias.weight
-        unknowns = self.settings.space.axes + np.where(relied_on > 0.5, 1.0, 0.0)
-        return most_misfit(unknowns, self.settings.network_size)
-
-    def _status(self, belief: Belief, payload: Floats, update: Update) -> Status:
-        count, axes = self.settings.network_size, self.settings.space.axes
+        former, settings = Status(*update.kept), self.settings
+        count, axes, dt = settings.network_size, settings.space.axes, settings.motion.dt
         mean = np.fmin(np.fmax(payload[:, -self.more :], 0.0), CUT)  # 0 for what is not a number
         if count > 1:
-            mean = np.where(unchanged(payload, update.payload)[:, None], 0.0, mean)
-        covariance = belief.known_covariance
+            mean[unchanged(payload, update.payload)] = 0.0
+        most: float | Floats | None = None
+        if settings.judges_agents:
+            most, biased = self._most
+            if inner.bias is not None:
+                most = np.where(inner.bias.weight > 0.5, biased, most)
+        covariance = inner.known_covariance
         variance = covariance[:, 0, 0]
         for axis in range(1, axes):
             variance = variance + covariance[:, axis, axis]
-        return Status(*update.kept).after(
+        status = former.after(
             heard=count * np.minimum(mean[:, 0], 1.0),
             misfit=count * mean[:, 1],
             spread=np.sqrt(variance),
             axes=axes,
-            fix=self.settings.first_fix,
-            dt=self.settings.motion.dt,
-            most=self._most(belief),
-            agents=0 if self.settings.presumes else count,
+            fix=settings.first_fix,
+            dt=dt,
+            most=most,
+            agents=0 if settings.presumes else count,
         )
+        if settings.plane:
+            rows = undecided(self.filter, inner) & (status.which != LOST)
+            status = status.told(rows, ACQUIRING, former, dt)
+        return Belief(inner.state, inner.covariance, inner.bias, parts=(inner,), status=status, excess=inner.excess)
+
+    def _explains_nothing(self, bias: Bias) -> Bools:
+        """Which agents (n,) rely on a bias far beyond its prior."""
+        variance = self.settings.common_bias_std**2 + self.settings.own_bias_std**2
+        return np.asarray(bias.weight * bias.value**2 > _UNLIKELY**2 * variance)
+
+    @cached_property
+    def _most(self) -> tuple[float, float]:
+        """The mean misfit of a network that has lost its target, without a bias and with one."""
+        axes = self.settings.space.axes
+        return most_misfit(axes, self.settings.network_size), most_misfit(axes + 1, self.settings.network_size)

@@ -29,9 +29,11 @@ def gives_up(settings: FilterSettings, known: Status, ranges: Floats) -> Bools:
     Soon, by the ninth rules, if an agent's latest range does not fit, it has enough of them for another fix, and the
     last one had helped.
     """
+    long = np.asarray(known.which == LOST)
+    if not long.nonzero()[0].size:
+        return long
     window = ranges.shape[1] // 2
     steps = known.seconds / settings.motion.dt
-    long = known.which == LOST
     patient = steps >= _PATIENCE * window
     if settings.prompt:
         often = np.isfinite(ranges).sum(axis=1) >= window

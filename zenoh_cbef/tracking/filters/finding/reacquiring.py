@@ -15,12 +15,13 @@ from zenoh_cbef.tracking.filters.finding.first_fix import FirstFix
 from zenoh_cbef.tracking.filters.finding.knowing import Knowing
 from zenoh_cbef.tracking.filters.finding.moved import moved
 from zenoh_cbef.tracking.filters.finding.patience import gives_up, left_to_a_fix
+from zenoh_cbef.tracking.filters.finding.search import Search, decides
 from zenoh_cbef.tracking.filters.information_form import packed_size, predict, unchanged
 from zenoh_cbef.tracking.filters.rows import chosen
 from zenoh_cbef.tracking.filters.settings import FilterSettings
 from zenoh_cbef.tracking.linalg import pack_upper
 from zenoh_cbef.tracking.ranging import Measurement
-from zenoh_cbef.tracking.status import ACQUIRING, COASTING, LOST, Status
+from zenoh_cbef.tracking.status import ACQUIRING, COASTING, Status
 
 _SQUARED, _REFINED = 1e6, 2e6
 """What agents in the two parts of a fix put where others vote: an average tells a mixture."""
@@ -39,43 +40,6 @@ _ANY = 1e-9
 
 
 @dataclass(frozen=True)
-class Search:
-    """How far an agent is with looking for its target again, arrays (n, ...).
-
-    step: the step. begun: that after which the fix began. doing: 0 the filter, otherwise a part of a fix. vote: whether
-    the network wants a fix. adrift: above 0 where the agent has coasted too far to go on. place: its estimate without
-    the ranges since then, prior: what a fix starts from, fix: the latest iteration; state and covariance each.
-    correction: what that one changed. positions, ages, ranges: of the last steps.
-    """
-
-    step: Floats
-    begun: Floats
-    doing: Floats
-    vote: Floats
-    adrift: Floats
-    place: Floats
-    place_covariance: Floats
-    prior: Floats
-    prior_covariance: Floats
-    fix: Floats
-    fix_covariance: Floats
-    correction: Floats
-    positions: Floats
-    ages: Floats
-    ranges: Floats
-
-    @property
-    def fixing(self) -> Bools:
-        """Which agents are in a fix, (n,)."""
-        return np.asarray(self.doing > 0.0)
-
-    @property
-    def idle(self) -> bool:
-        """Whether no agent is in a fix, wants one, or is adrift."""
-        return not np.count_nonzero(self.doing + self.vote + self.adrift)
-
-
-@dataclass(frozen=True)
 class Reacquiring(Wrapping):
     """Any filter that knows what its estimate is, and least squares on the latest ranges where that is too little.
 
@@ -83,17 +47,18 @@ class Reacquiring(Wrapping):
     covariance then gets too small at a wrong place, and the filter stays there. So agents keep the ranges of the last
     2 W steps, and look for the target as in a first fix, on squared ranges for W/5 steps and by Gauss-Newton for the
     rest of W, if more than half of them want to: those that have coasted too far (drifted.py) and hear ranges again,
-    and those that have lost the target for long (patience.py). The former start from where they have coasted to, with
-    the covariance that they have then, the latter from anywhere.
+    and those that have lost the target for long (patience.py). The former start from where they
+    have coasted to, with the covariance that they have then, the latter from anywhere.
 
-    All have to begin in the same step, or payloads of two kinds would be averaged. So a fix begins after a step that D
-    divides: W, or where ranges are real as few as a decision takes. One number more in a payload agrees upon that: at
-    first in every D steps the agents' wishes, 1 or -1, and 0 of those that hear no ranges, of which the greater part
-    decides; in the last of them whether the decision is known, so that it spreads to all; in a fix a number that marks
-    its part. An agent whose average shows that others do something else goes on by prediction in this step. By the
-    first rules of the status agents vote with 1 or 0, and more than half of all have to want a fix.
+    All have to begin in the same step, or payloads of two kinds would be averaged. So a fix begins after a step that W
+    divides, or where ranges are real as few as a decision takes. One number more in a payload agrees upon that: at first in every W steps the agents' wishes, 1 or -1, and 0
+    of those that hear no ranges, of which the greater part decides; in the last of them whether the decision is known,
+    so that it spreads to all; in a fix a number that marks its part. An agent whose average shows that others do
+    something else goes on by prediction in this step. By the first rules of the status agents vote with 1 or 0, and
+    more than half of all have to want a fix.
 
-    window: W. anywhere: where the target may be if nothing is known, state (1, s), covariance (1, s, s), for all alike.
+    window: W. anywhere: where the target may be if nothing is known, state (1, s) and covariance (1, s, s), the same
+    for all agents.
     """
 
     settings: FilterSettings
@@ -118,93 +83,102 @@ class Reacquiring(Wrapping):
         """The filter's update, or that of a fix, and the vote."""
         inner = belief.parts[0] if belief.parts else belief
         search = Search(*belief.memory) if belief.memory else self._begun(inner)
-        step = search.step + 1.0 if measurement.step is None else np.full(len(search.step), float(measurement.step))
-        search, heard = replace(search, step=step), self._unbiased(belief, measurement)
-        left = left_to_a_fix(self.settings, measurement, (search.adrift > 0.0) | search.fixing)
-        update, known = self.filter.update(inner, left), inner.status or Status.first(len(step))
-        tag = self._tag(search, known, np.isfinite(heard.range), measurement.few)
-        payload, search = self._fixing(update.payload, search, heard)
-        payload = np.concatenate([payload, tag[:, None]], axis=1)
-        return Update(payload, update.diagnostics, tuple(vars(search).values()), (update,))
+        known, idle, heard = inner.status or Status.first(len(search.step)), search.idle, measurement
+        step = search.step + 1.0
+        if measurement.step is not None:
+            step[:] = measurement.step
+        if belief.bias is not None:
+            # Without the bias of the ranges, as far as it is relied on.
+            heard = replace(measurement, range=measurement.range - belief.bias.weight * belief.bias.value)
+        if not idle:
+            measurement = left_to_a_fix(self.settings, measurement, (search.adrift > 0.0) | search.fixing)
+        update = self.filter.update(inner, measurement)
+        tag, payload = self._tag(search, step, known, np.isfinite(heard.range), measurement.few), update.payload
+        if idle or not (fixing := search.fixing).nonzero()[0].size:
+            search = search.at(step, heard, self.settings.motion.dt)
+        else:
+            tag[fixing] = search.doing[fixing]
+            payload, search = self._fixing(payload, replace(search, step=step), heard)
+        count, size = payload.shape
+        longer = np.empty((count, size + self.more))
+        longer[:, :size], longer[:, size] = payload, tag
+        return Update(longer, update.diagnostics, tuple(vars(search).values()), (update,))
 
     def conclude(self, payload: Floats, update: Update) -> Belief:
         """The filter's belief, or the fix so far."""
         search, before = Search(*update.kept), update.parts[0]
-        tag, average = update.payload[:, -1], np.where(np.isnan(payload[:, -1]), 0.0, payload[:, -1])
-        apart = np.where(search.fixing, np.abs(average - tag) > _ANY * tag, np.abs(average) > 2.0)
-        apart |= unchanged(payload[:, : -self.more], update.payload[:, : -self.more])
-        own = payload[:, : -self.more]
+        own, average = payload[:, : -self.more], payload[:, -1].copy()
+        average[np.isnan(average)] = 0.0
+        apart = np.abs(average) > 2.0
+        if not (idle := search.idle):
+            tag = update.payload[:, -1]
+            apart = np.where(search.fixing, np.abs(average - tag) > _ANY * tag, apart)
+        apart |= unchanged(own, update.payload[:, : -self.more])
         # Where others do something else nothing that was averaged is of use: as if no neighbour had been heard.
-        alone = search.fixing | apart
-        if np.count_nonzero(alone):
+        alone = apart if idle else search.fixing | apart
+        if alone.nonzero()[0].size:
             own = np.where(alone[:, None], before.payload, own)
         inner = self.filter.conclude(np.ascontiguousarray(own), before)
-        if np.count_nonzero(search.fixing):
+        if self.settings.judges_agents:
+            wanted = average > _ANY
+        else:
+            wanted = np.abs(average) > np.where(decides(self.settings, search.step), _MOST, _ANY)
+        if idle and inner.status and not (wanted | inner.status.coasts).nonzero()[0].size:
+            # No agent wants a fix, or has coasted too far.
+            memory = vars(search) | {"place": inner.state, "place_covariance": inner.known_covariance}
+            return replace(inner, memory=tuple(memory.values()), parts=(inner,))
+        if search.fixing.nonzero()[0].size:
             search = self._concluded(search, payload, update, apart)
-        return self._turned(inner, search, before, average, apart)
-
-    def _decides(self, step: Floats) -> Bools:
-        """Whether this is a step in which agents tell their wishes; in the others the decision spreads."""
-        cycle = self.settings.deciding or self.window
-        return np.asarray((step % cycle > 0.0) & (step % cycle <= cycle - self.settings.spreading))
+        return self._turned(inner, search, before, wanted, apart)
 
     def _begun(self, belief: Belief) -> Search:
         (count, size), kept = belief.state.shape, 2 * self.window
         none, nowhere = np.zeros(count), (np.zeros((count, size)), np.zeros((count, size, size)))
         return Search(
-            *(none, none, none, none, none, belief.state, belief.known_covariance),
+            *(none, none, none, none, none),
+            *(belief.state, belief.known_covariance),
             *(*nowhere, *nowhere, nowhere[0]),
             np.zeros((count, kept, 3)),
             np.zeros((count, kept)),
             np.full((count, kept), np.nan),
         )
 
-    def _unbiased(self, belief: Belief, measurement: Measurement) -> Measurement:
-        """Without the bias of the ranges, as far as it is relied on."""
-        if belief.bias is None:
-            return measurement
-        return replace(measurement, range=measurement.range - belief.bias.weight * belief.bias.value)
-
-    def _tag(self, search: Search, known: Status, heard: Bools, few: Bools | None) -> Floats:
-        """What agents put into their payloads beside those of the filter or the fix, (n,)."""
-        counted = self.settings.judges_agents
-        if search.idle and not counted and not np.count_nonzero(known.which == LOST):
-            return np.zeros(len(heard))
-        lately = heard | np.isfinite(search.ranges[:, -self.window :]).any(axis=1)
-        wish = self._wants(search, known, lately)
+    def _tag(self, search: Search, step: Floats, known: Status, heard: Bools, few: Bools | None) -> Floats:
+        """What agents that are in no fix put into their payloads beside those of the filter, (n,)."""
+        counted, lately = self.settings.judges_agents, heard
+        if (~heard).nonzero()[0].size:
+            lately = heard | np.isfinite(search.ranges[:, -self.window :]).any(axis=1)
+        gone = gives_up(self.settings, known, search.ranges)
+        wish = ((search.adrift > 0.0) & lately | gone).astype(np.float64)
         if counted:
-            wish = np.where(lately, 2.0 * wish - 1.0, 0.0)
-        vote = np.where(self._decides(search.step), wish, search.vote) * (1.0 if few is None else ~few)
-        return np.where(search.fixing, search.doing, np.where(known.which == ACQUIRING, 0.0, vote))
-
-    def _wants(self, search: Search, known: Status, lately: Bools) -> Floats:
-        return np.where((search.adrift > 0.0) & lately | gives_up(self.settings, known, search.ranges), 1.0, 0.0)
+            wish += wish - 1.0
+            wish[~lately] = 0.0
+        spreads = ~decides(self.settings, step)
+        wish[spreads] = search.vote[spreads]
+        if few is not None:
+            wish *= ~few
+        wish[known.which == ACQUIRING] = 0.0
+        return wish
 
     def _fixing(self, payload: Floats, search: Search, heard: Measurement) -> tuple[Floats, Search]:
-        """The payload of those in a fix, and what that leaves; for all others the ranges of this step."""
-        if not np.count_nonzero(search.fixing):
-            known = search.positions, search.ages + self.settings.motion.dt, search.ranges
-            new = heard.position, heard.age, heard.range
-            seen = tuple(np.concatenate([one, two[:, None]], axis=1) for one, two in zip(known, new, strict=True))
-        else:
-            belief = self._iterate(search)
-            squared, refined = self.squares.update(belief, heard), self.refines.update(belief, heard)
-            payload = _pick(search.doing == _SQUARED, squared.payload, payload)
-            payload = _pick(search.doing == _REFINED, refined.payload, payload)
-            prior, prior_covariance, *found, predicted = refined.kept
-            search = replace(search, prior=prior, prior_covariance=prior_covariance, correction=predicted)
-            seen = found[0], found[1], found[2]
-        return payload, replace(search, positions=seen[0], ages=seen[1], ranges=seen[2])
+        """The payload of those in a fix, and what that leaves."""
+        belief = self._iterate(search)
+        squared, refined = self.squares.update(belief, heard), self.refines.update(belief, heard)
+        payload = _pick(search.doing == _SQUARED, squared.payload, payload)
+        payload = _pick(search.doing == _REFINED, refined.payload, payload)
+        prior, covariance, positions, ages, ranges, predicted = refined.kept
+        search = replace(search, prior=prior, prior_covariance=covariance, correction=predicted)
+        return payload, replace(search, positions=positions, ages=ages, ranges=ranges)
 
     def _iterate(self, search: Search) -> Belief:
         """The fix so far; for agents that are in none, whose result is not used, their estimate."""
         place = search.place, search.place_covariance
-        both = (search.prior, search.prior_covariance), (search.fix, search.fix_covariance)
+        prior, fix = (search.prior, search.prior_covariance), (search.fix, search.fix_covariance)
         (prior_state, prior_covariance), (state, covariance) = (
-            tuple(_pick(search.fixing, *pair) for pair in zip(one, place, strict=True)) for one in both
+            tuple(_pick(search.fixing, *pair) for pair in zip(one, place, strict=True)) for one in (prior, fix)
         )
-        seen = search.positions, search.ages, search.ranges, search.correction
-        return Belief(state, covariance, memory=(prior_state, prior_covariance, *seen))
+        seen = search.positions, search.ages, search.ranges
+        return Belief(state, covariance, memory=(prior_state, prior_covariance, *seen, search.correction))
 
     def _concluded(self, search: Search, payload: Floats, update: Update, apart: Bools) -> Search:
         """The fix after this step; `correction` comes as what was predicted."""
@@ -224,9 +198,17 @@ class Reacquiring(Wrapping):
         covariance = _pick(square, squared.known_covariance, refined.known_covariance)
         ahead = predict(self.settings.motion, Belief(search.fix, search.fix_covariance))
         state, covariance = _pick(apart, ahead[0], state), _pick(apart, ahead[1], covariance)
-        return replace(search, fix=state, fix_covariance=covariance, correction=state - search.correction)
+        return replace(
+            search,
+            fix=state,
+            fix_covariance=covariance,
+            correction=state - search.correction,
+            positions=search.positions[:, 1:],
+            ages=search.ages[:, 1:],
+            ranges=search.ranges[:, 1:],
+        )
 
-    def _turned(self, inner: Belief, search: Search, before: Update, average: Floats, apart: Bools) -> Belief:
+    def _turned(self, inner: Belief, search: Search, before: Update, wanted: Bools, apart: Bools) -> Belief:
         """What agents say in this step, and do from the next one on."""
         former, fixing = Status(*before.kept), search.fixing
         status = inner.status or former
@@ -234,12 +216,8 @@ class Reacquiring(Wrapping):
         # By the eleventh rules agents that begin anew do as the others do, and a group that is too small does nothing.
         concerned = settled | (alike := self.settings.cut_off > 0)
         astray = drifted(self.settings, inner, status, search.positions[:, -1])
-        if self.settings.judges_agents:
-            wanted = average > _ANY
-        else:
-            wanted = np.abs(average) > np.where(self._decides(search.step), _MOST, _ANY)
         search = self._left_behind(search, inner)
-        if search.idle and inner.status and not np.count_nonzero(concerned & (wanted | astray)):
+        if search.idle and inner.status and not (concerned & (wanted | astray)).nonzero()[0].size:
             return replace(inner, memory=tuple(vars(search).values()), parts=(inner,))
         ends, since = search.step % (self.settings.deciding or self.window) == 0.0, search.step - search.begun
         vote = ~fixing & (concerned & ~apart & wanted | (search.vote > 0.0) & ~alike)
@@ -263,19 +241,12 @@ class Reacquiring(Wrapping):
         return Belief(state, covariance, inner.bias, tuple(vars(search).values()), (inner,), status, excess=excess)
 
     def _left_behind(self, search: Search, inner: Belief) -> Search:
-        """Where agents that are adrift have coasted to without the ranges since, and the ranges without the oldest."""
+        """Where agents that are adrift have coasted to without the ranges since."""
         adrift, place = search.adrift > 0.0, (inner.state, inner.known_covariance)
-        if np.count_nonzero(adrift):
+        if adrift.nonzero()[0].size:
             ahead = predict(self.settings.motion, Belief(search.place, search.place_covariance))
             place = _pick(adrift, ahead[0], place[0]), _pick(adrift, ahead[1], place[1])
-        return replace(
-            search,
-            place=place[0],
-            place_covariance=place[1],
-            positions=search.positions[:, 1:],
-            ages=search.ages[:, 1:],
-            ranges=search.ranges[:, 1:],
-        )
+        return replace(search, place=place[0], place_covariance=place[1])
 
     def _started(self, search: Search, begins: Bools) -> Search:
         """A fix from where agents have coasted to, or from anywhere, for those that begin one."""

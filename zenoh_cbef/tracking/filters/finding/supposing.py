@@ -14,8 +14,8 @@ from zenoh_cbef.tracking.filters.finding.doubts import SLOT, Doubts
 from zenoh_cbef.tracking.filters.finding.hypotheses import Hypotheses, Told, belief_at, speed_of
 from zenoh_cbef.tracking.filters.finding.moved import moved
 from zenoh_cbef.tracking.filters.finding.own_line import OwnLine
-from zenoh_cbef.tracking.filters.finding.reacquiring import Search
 from zenoh_cbef.tracking.filters.finding.remembered_ranges import Wandering
+from zenoh_cbef.tracking.filters.finding.search import Search, decides
 from zenoh_cbef.tracking.filters.finding.squared_ranges import Seen
 from zenoh_cbef.tracking.filters.information_form import predict, unchanged, variance_of
 from zenoh_cbef.tracking.filters.rows import chosen
@@ -115,50 +115,48 @@ class Supposing(Wrapping):
         doubts = (Doubts(*belief.memory) if belief.memory else self._begun(belief)).after(
             measurement, self.settings.motion.dt
         )
-        left = doubts.left > 0.0
-        heard = replace(measurement, range=np.where(left, np.nan, measurement.range))
-        update, status = self.filter.update(inner, heard), inner.status or Status.first(len(left))
-        if np.count_nonzero(left):
+        left, tells, heard = doubts.left > 0.0, doubts.doing > 0.0, measurement
+        if leaves := left.nonzero()[0].size:
+            heard = replace(measurement, range=np.where(left, np.nan, measurement.range))
             doubts = replace(doubts, own=self._own(doubts.own, inner, measurement))
-        tells = doubts.doing > 0.0
-        wish = np.where(status.wrong & ~left, 1.0, 0.0)
-        tag = np.where(tells, _MARK, np.where(self._decides(doubts.step), wish, doubts.vote))
-        payload = update.payload
-        if np.count_nonzero(tells):
+        update, status = self.filter.update(inner, heard), inner.status or Status.first(len(left))
+        tag, spreads = (status.wrong & ~left).astype(np.float64), ~decides(self.settings, doubts.step)
+        tag[spreads] = doubts.vote[spreads]
+        payload, diagnostics = update.payload, update.diagnostics
+        if tells.nonzero()[0].size:
             doubts = self._slot(doubts, inner, measurement)
             payload = np.where(tells[:, None], self._told(doubts), payload)
-        diagnostics = update.diagnostics
-        if np.count_nonzero(left):
+            tag[tells] = _MARK
+        if leaves:
             diagnostics = replace(diagnostics, distrust=np.where(left, 1.0, diagnostics.distrust))
-        payload = np.concatenate([payload, tag[:, None]], axis=1)
-        return Update(payload, diagnostics, tuple(vars(doubts).values()), (update,))
+        count, size = payload.shape
+        longer = np.empty((count, size + self.more))
+        longer[:, :size], longer[:, size] = payload, tag
+        return Update(longer, diagnostics, tuple(vars(doubts).values()), (update,))
 
     def conclude(self, payload: Floats, update: Update) -> Belief:
         """The filter's belief, or where what all told says that the target is."""
         doubts, before = Doubts(*update.kept), update.parts[0]
-        tag, average = update.payload[:, -1], np.where(np.isnan(payload[:, -1]), 0.0, payload[:, -1])
-        tells = doubts.doing > 0.0
-        apart = np.where(tells, np.abs(average - tag) > _ANY * tag, np.abs(average) > 2.0)
+        tells, own, average = doubts.doing > 0.0, payload[:, :-1], payload[:, -1].copy()
+        average[np.isnan(average)] = 0.0
+        apart = np.abs(average) > 2.0
+        if tells.nonzero()[0].size:
+            tag = update.payload[:, -1]
+            apart = np.where(tells, np.abs(average - tag) > _ANY * tag, apart)
         alone = tells | apart
-        own = payload[:, :-1]
-        if np.count_nonzero(alone):
+        if alone.nonzero()[0].size:
             own = np.where(alone[:, None], before.payload, own)
         inner = self.filter.conclude(np.ascontiguousarray(own), before)
-        if doubts.none and inner.status and not np.count_nonzero(average > _ANY):
+        if doubts.none and inner.status and not (average > _ANY).nonzero()[0].size:
             memory = tuple(vars(doubts.saying(inner.status)).values())
             return Belief(inner.state, inner.covariance, inner.bias, memory, (inner,), inner.status)
         apart |= unchanged(payload[:, :-1], update.payload[:, :-1])
-        if np.count_nonzero(tells):
+        if tells.nonzero()[0].size:
             doubts, inner = self._compared(doubts, inner, payload, apart)
         return self._turned(doubts, inner, average, apart)
 
     def _begun(self, belief: Belief) -> Doubts:
         return Doubts.first(len(belief.state), self.settings.network_size, 2 * self.window)
-
-    def _decides(self, step: Floats) -> Bools:
-        """Whether this is a step in which agents tell their wishes; in the others the decision spreads."""
-        place = step % self.window
-        return np.asarray((place > 0.0) & (place <= self.window - self.settings.spreading))
 
     def _own(self, own: Floats, inner: Belief, new: Measurement) -> Floats:
         """How badly the ranges of an agent fit that leaves them out."""

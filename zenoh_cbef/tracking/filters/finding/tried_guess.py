@@ -58,10 +58,8 @@ class TriedGuess(FirstFix):
 
     power: ClassVar[int] = 4
 
-    def update(self, belief: Belief, measurement: Measurement) -> Update:
+    def _share(self, belief: Belief, measurement: Measurement) -> Update:
         """The agent's share of the information in all ranges so far, or whether these fit."""
-        if belief.parts:
-            return super().update(belief, measurement)
         latest, prior, seen, correction = self._history(belief, measurement)
         variance, rows = self._linearised(latest, seen, correction, measurement)
         left = belief.memory[-1] if belief.memory else np.ones(len(latest.state))
@@ -80,10 +78,8 @@ class TriedGuess(FirstFix):
         kept = prior.state, prior.known_covariance, seen.positions, seen.ages, seen.ranges, correction, left
         return Update(payload, rows.latest, (*kept, latest.state, latest.known_covariance))
 
-    def conclude(self, payload: Floats, update: Update) -> Belief:
+    def _fixed(self, payload: Floats, update: Update) -> Belief:
         """The fix so far; after the last step of it, where the filter that follows begins."""
-        if update.parts:
-            return super().conclude(payload, update)
         *history, correction, left, predicted, covariance = update.kept
         step, prior = history[-1].shape[1], Belief(history[0], history[1])
         if self._asks(step):

@@ -90,6 +90,5 @@ class SaturatedInformation:
 
     def conclude(self, payload: Floats, update: Update) -> Belief:
         """State and covariance from the averaged information, of which the network has n times as much."""
-        averaged = belief_of(payload, update.payload, self.motion.size)
-        belief = Belief(averaged.state, averaged.known_covariance / self.network_size)
+        belief = belief_of(payload, update.payload, self.motion.size, self.network_size)
         return unless_alone(belief, payload, update) if self.network_size > 1 else belief
