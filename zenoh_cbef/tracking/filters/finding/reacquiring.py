@@ -51,11 +51,11 @@ class Reacquiring(Wrapping):
     have coasted to, with the covariance that they have then, the latter from anywhere.
 
     All have to begin in the same step, or payloads of two kinds would be averaged. So a fix begins after a step that W
-    divides, or where ranges are real as few as a decision takes. One number more in a payload agrees upon that: at first in every W steps the agents' wishes, 1 or -1, and 0
-    of those that hear no ranges, of which the greater part decides; in the last of them whether the decision is known,
-    so that it spreads to all; in a fix a number that marks its part. An agent whose average shows that others do
-    something else goes on by prediction in this step. By the first rules of the status agents vote with 1 or 0, and
-    more than half of all have to want a fix.
+    divides, or where ranges are real as few as a decision takes. One number more in a payload agrees upon that: at
+    first in every W steps the agents' wishes, 1 or -1, and 0 of those that hear no ranges, of which the greater part
+    decides; in the last of them whether the decision is known, so that it spreads to all; in a fix a number that marks
+    its part. An agent whose average shows that others do something else goes on by prediction in this step. By the
+    first rules of the status agents vote with 1 or 0, and more than half of all have to want a fix.
 
     window: W. anywhere: where the target may be if nothing is known, state (1, s) and covariance (1, s, s), the same
     for all agents.
