@@ -3,16 +3,46 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from rich.table import Table
 
 from benchmarks.common import SEEDS, Row, analyses, at_least, below, results
-from zenoh_cbef.analysis.consistency import Consistency, over_seeds
+from zenoh_cbef.analysis.consistency import chi2_band
 from zenoh_cbef.analysis.metrics import Analysis
 from zenoh_cbef.analysis.summary import pick
 from zenoh_cbef.arrays import Floats
-from zenoh_cbef.cli.console import number
+from zenoh_cbef.numbers import number
+
+
+@dataclass(frozen=True)
+class Consistency:
+    """A statistic averaged over s seeds, per agent and step.
+
+    averaged: (n, K). band: where it lies with 95 % probability if the covariances are right. mean: over agents
+    and the scored window. inside, under, over: shares of (agent, step) pairs of that window.
+    """
+
+    averaged: Floats
+    band: tuple[float, float]
+    mean: float
+    inside: float
+    under: float
+    over: float
+
+
+def over_seeds(values: Floats, degrees: float, first: int) -> Consistency:
+    """Compare a statistic of independent runs, (s, n, K), with the chi-squared distribution of s x degrees.
+
+    Agents that agree are not independent of one another, so the average is over seeds only. first: index of the
+    first step of the scored window.
+    """
+    band = chi2_band(degrees, len(values))
+    averaged = values.mean(axis=0)
+    scored = averaged[:, first:]
+    under, over = float((scored < band[0]).mean()), float((scored > band[1]).mean())
+    return Consistency(averaged, band, float(scored.mean()), 1.0 - under - over, under, over)
 
 
 def ratios(runs: Sequence[Analysis]) -> Floats:

@@ -18,7 +18,7 @@ from rich.progress import track
 from rich.table import Table
 
 from zenoh_cbef.analysis.metrics import Analysis, analyze
-from zenoh_cbef.cli.console import number
+from zenoh_cbef.numbers import number
 from zenoh_cbef.scenario.load import load
 from zenoh_cbef.simulator import simulate
 

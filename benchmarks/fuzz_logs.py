@@ -18,7 +18,7 @@ from mcap.writer import CompressionType, Writer
 
 from benchmarks.fuzz_material import AGENTS, RUN, Material
 from benchmarks.made_logs import MadeLog
-from zenoh_cbef.cli.main import main
+from zenoh_cbef.cli.calling.main import main
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.common.naming import END, RESOLVED
 from zenoh_cbef.log.common.naming import RUN as ABOUT

@@ -20,10 +20,10 @@ from rich.table import Table
 from benchmarks.common import Row, below, results
 from benchmarks.processes import agents_of, bytes_on, cpu_seconds, own_megabytes, resident_megabytes
 from benchmarks.virtual import Lab, Processes, laboratory, links_on
-from zenoh_cbef.cli.console import number
 from zenoh_cbef.log.prove.verify import verify
 from zenoh_cbef.log.read.parts import open_log
 from zenoh_cbef.machine import require
+from zenoh_cbef.numbers import number
 from zenoh_cbef.scenario.load import load
 
 HOSTS, AGENTS = 10, 100

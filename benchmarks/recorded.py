@@ -16,7 +16,7 @@ from benchmarks.common import followed, plain_table
 from zenoh_cbef.analysis.metrics import analyze
 from zenoh_cbef.analysis.summary import pick
 from zenoh_cbef.arrays import Bools
-from zenoh_cbef.cli.console import number
+from zenoh_cbef.numbers import number
 from zenoh_cbef.scenario.load import load
 from zenoh_cbef.simulator import simulate
 from zenoh_cbef.trace import Trace

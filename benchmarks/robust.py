@@ -11,7 +11,7 @@ from benchmarks.common import Row, below, results
 from zenoh_cbef.analysis.metrics import Analysis, analyze
 from zenoh_cbef.analysis.summary import pick
 from zenoh_cbef.arrays import Floats
-from zenoh_cbef.cli.console import number
+from zenoh_cbef.numbers import number
 from zenoh_cbef.scenario import network
 from zenoh_cbef.scenario.load import load
 from zenoh_cbef.simulator import simulate

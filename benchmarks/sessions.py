@@ -11,9 +11,9 @@ from rich.table import Table
 
 from benchmarks.common import Row, at_least, children, results
 from benchmarks.processes import cpu_seconds, resident_megabytes
-from zenoh_cbef.cli.console import number
 from zenoh_cbef.machine import require
 from zenoh_cbef.nodes.launch.ports import free_ports
+from zenoh_cbef.numbers import number
 from zenoh_cbef.protocol.session import Connection, open_session
 
 SESSIONS = 1200

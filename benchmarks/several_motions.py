@@ -25,12 +25,16 @@ CASES = (
     *("straight-and-short-steps", "sharp-turns"),
 )
 VARIANTS = {
-    "as assumed": (1.0, 1.0),
+    "as assumed": None,
+    "switching in 3 % of the steps": (1.0, 1.0),
     "switching / 10": (1.0, 0.1),
     "noise / 10": (0.1, 1.0),
     "both / 1000": (1e-3, 1e-3),
 }
-"""By what the noise of the two calm motions, and of the turn's rate, is multiplied, and the chance to switch."""
+"""By what the noise of the two calm motions, and of the turn's rate, is multiplied, and SWITCHING."""
+
+SWITCHING = 0.03
+"""A chance to leave a motion in a step. As assumed: what ranges choose."""
 
 COLUMNS = ("case", "filter", "RMSE (m)", "NEES/d", "of the position", "of the velocity")
 
@@ -44,7 +48,7 @@ def keys(plan: Plan, noise: float, switching: float) -> list[str]:
         f'{{motion="{kind}",acceleration_std={factor * one.acceleration_std!r},turn_rate_change={change!r}}}'
         for kind, factor, one in zip(kinds, factors, plan.models, strict=True)
     ]
-    chance = switching * plan.scenario.filter.switching
+    chance = switching * SWITCHING
     return ["filter.motion=imm", f"filter.models=[{','.join(models)}]", f"filter.switching={chance!r}"]
 
 
@@ -60,7 +64,7 @@ def run(repeats: int, seeds: int = SEEDS, first: int = FIRST) -> Iterator[Table]
             said = [np.stack([getattr(trace, part)[0] for trace in traces]) for part in ("estimates", "covariances")]
             rows = [_row(case, "network, agent 0", said, truth, begin)]
             for name, factors in VARIANTS.items():
-                plan = Plan(scenario_of(cases()[case], keys(traces[0].plan, *factors)))
+                plan = Plan(scenario_of(cases()[case], keys(traces[0].plan, *factors) if factors else []))
                 beliefs = centralized_run([replace(trace, plan=plan) for trace in traces], steps)
                 rows.append(_row(case, f"centralised, {name}", stacked(plan.space, beliefs), truth, begin))
             rows.append(_row(case, "strong", strong(*told(traces, steps)), truth, begin))

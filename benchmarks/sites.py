@@ -18,10 +18,10 @@ from benchmarks.common import Row, plain_table, results
 from benchmarks.processes import agents_of
 from benchmarks.virtual import Lab, Processes, laboratory, links_on
 from zenoh_cbef.arrays import Floats
-from zenoh_cbef.cli.console import number
 from zenoh_cbef.log.prove.verify import verify
 from zenoh_cbef.log.read.parts import open_log
 from zenoh_cbef.log.read.trace import read_trace
+from zenoh_cbef.numbers import number
 from zenoh_cbef.scenario.load import load
 
 AGENTS = 6

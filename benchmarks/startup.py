@@ -16,8 +16,8 @@ from rich.table import Table
 from benchmarks.by_hand import by_hand
 from benchmarks.common import ROOT, Row, below, results
 from benchmarks.processes import cpu_seconds
-from zenoh_cbef.cli.console import number
 from zenoh_cbef.log.read.parts import open_log
+from zenoh_cbef.numbers import number
 from zenoh_cbef.protocol.keys import Keys
 from zenoh_cbef.protocol.presence import Presence
 from zenoh_cbef.protocol.session import Connection, open_session

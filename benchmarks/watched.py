@@ -15,7 +15,7 @@ from pathlib import Path
 from types import FrameType
 
 import zenoh_cbef
-from zenoh_cbef.cli.main import main
+from zenoh_cbef.cli.calling.main import main
 from zenoh_cbef.nodes.agent.agent import Agent
 from zenoh_cbef.nodes.agent.entrance import Entry
 

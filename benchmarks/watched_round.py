@@ -18,7 +18,7 @@ from typing import ParamSpec, TypeVar
 from benchmarks.processes import Used, used_by
 from benchmarks.watched import WATCHED
 from zenoh_cbef.arrays import Bools, Floats
-from zenoh_cbef.cli.main import main
+from zenoh_cbef.cli.calling.main import main
 from zenoh_cbef.nodes.agent import neighbour
 from zenoh_cbef.nodes.agent.agent import Agent
 from zenoh_cbef.nodes.agent.entrance import Entry

@@ -24,7 +24,7 @@ signal.signal(signal.SIGHUP, signal.SIG_DFL)
 MANY_FILES = 300
 HERE = Path(__file__).parent
 WITH_PROCESSES = (
-    "cli/test_endings.py",
+    "cli/calling/test_endings.py",
     "cli/test_errors.py",
     "experiment/test_experiments.py",
     "netlab",

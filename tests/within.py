@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from zenoh_cbef.cli.main import main
+from zenoh_cbef.cli.calling.main import main
 
 
 def within(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:

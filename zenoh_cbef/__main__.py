@@ -1,5 +1,5 @@
 """`python -m zenoh_cbef` is `zenoh-cbef`."""
 
-from zenoh_cbef.cli.main import main
+from zenoh_cbef.cli.calling.main import main
 
 main()

@@ -59,6 +59,9 @@ Agent = Annotated[int, Field(ge=0, lt=10**6)]
 
 Count = Annotated[int, Field(ge=1, le=1000)]
 
+MOST_AGENTS = 1000
+"""How many agents of a run can be processes; a simulation has no limit but memory."""
+
 AgentCount = Annotated[int, Field(ge=1, le=10**9)]
 """How many agents: what fits into memory, which is said before a simulation, and fewer as processes."""
 

@@ -48,6 +48,12 @@ class Links:
         """Late without a fault of the scenario."""
         return self.late - self.injected_late
 
+    @property
+    def missed(self) -> float | None:
+        """The share of all messages that were not delivered; None where none was sent."""
+        sent = int(self.sent.sum())
+        return (sent - int(self.delivered.sum())) / sent if sent else None
+
 
 @dataclass(frozen=True)
 class Passing:

@@ -7,8 +7,8 @@ from collections.abc import Iterator
 
 from typer.core import TyperArgument, TyperCommand, TyperGroup, TyperOption
 
-from zenoh_cbef.cli.joining import JoiningCommand
-from zenoh_cbef.cli.verbs import GROUPS, load
+from zenoh_cbef.cli.calling.verbs import GROUPS, load
+from zenoh_cbef.cli.options.joining import JoiningCommand
 
 _HEAD = """# Verbs
 

@@ -7,7 +7,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from zenoh_cbef.analysis.consistency import chi2_band, described, nees_of, over_seeds, trailing_mean
+from benchmarks.accuracy import over_seeds
+from zenoh_cbef.analysis.consistency import chi2_band, described, nees_of, trailing_mean
 from zenoh_cbef.analysis.metrics import analyze
 from zenoh_cbef.scenario.load import load
 from zenoh_cbef.simulator import simulate

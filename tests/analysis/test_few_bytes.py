@@ -11,9 +11,9 @@ from tests.log.made import made_log
 from zenoh_cbef.analysis.demand import ENVELOPE, demand
 from zenoh_cbef.analysis.design import design
 from zenoh_cbef.analysis.metrics import analyze
-from zenoh_cbef.cli.design_tables import design_lines
 from zenoh_cbef.cli.info import _payloads
-from zenoh_cbef.cli.tables import metrics_table
+from zenoh_cbef.cli.terminal.design import design_lines
+from zenoh_cbef.cli.terminal.results import metrics_table
 from zenoh_cbef.log.read.parts import open_log
 from zenoh_cbef.log.read.trace import read_trace
 from zenoh_cbef.scenario.load import load

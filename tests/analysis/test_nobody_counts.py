@@ -5,7 +5,7 @@ from rich.console import Console
 
 from zenoh_cbef.analysis.metrics import analyze
 from zenoh_cbef.analysis.outputs import write_outputs
-from zenoh_cbef.cli.tables import metrics_table
+from zenoh_cbef.cli.terminal.results import metrics_table
 from zenoh_cbef.scenario.load import parse
 from zenoh_cbef.simulator import simulate
 

@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import pytest
 
-from tests.cli.test_recent import AFTER, SECOND, told
+from tests.cli.terminal.test_status import AFTER, SECOND, told
 from zenoh_cbef.analysis.metrics import analyze, notes
 from zenoh_cbef.analysis.results import Slowness
 from zenoh_cbef.nodes.common.pace import Pace

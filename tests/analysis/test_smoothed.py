@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
-from tests.cli.test_errors import call
+from tests.cli.command_line import call
 from tests.log.made import made_log
 from zenoh_cbef.analysis.error_charts import error_charts
 from zenoh_cbef.analysis.metrics import analyze

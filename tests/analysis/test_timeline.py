@@ -9,8 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from zenoh_cbef.analysis.timeline import timeline_html, timeline_svg, write_timeline
-from zenoh_cbef.errors import UserError
+from zenoh_cbef.analysis.timeline import timeline_html, timeline_svg
 from zenoh_cbef.trace import Exchange, Fortune, Passage
 
 SVG = "{http://www.w3.org/2000/svg}"
@@ -118,9 +117,3 @@ def test_events_have_the_times_of_the_axis_not_of_the_picture():
     page = timeline_html(exchange([]))
     assert "<td>1.4000 s</td>" in page
     assert "Times since the start" in page
-
-
-def test_other_formats_are_refused(tmp_path):
-    with pytest.raises(UserError, match=r"\.svg for the picture"):
-        write_timeline(exchange([]), tmp_path / "x.png")
-    assert not list(tmp_path.iterdir())

@@ -1,14 +1,25 @@
-"""The verbs of the command line, walked through as the program itself finds them."""
+"""The verbs of the command line, called, and walked through as the program itself finds them."""
 
 from __future__ import annotations
 
+import sys
 from functools import cache
 from typing import Any
 
+import pytest
 import typer
 from typer.core import TyperCommand, TyperGroup
 
-from zenoh_cbef.cli import verbs
+from zenoh_cbef.cli.calling import main, verbs
+
+
+def call(monkeypatch, capsys, *arguments: str) -> tuple[int, str, str]:
+    """The exit status of a command line, and what it prints on standard output and on standard error."""
+    monkeypatch.setattr(sys, "argv", ["zenoh-cbef", *arguments])
+    with pytest.raises(SystemExit) as ended:
+        main.main()
+    captured = capsys.readouterr()
+    return int(ended.value.code or 0), captured.out, captured.err
 
 
 def names() -> list[str]:

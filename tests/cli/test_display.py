@@ -7,8 +7,8 @@ import sys
 import pytest
 
 from tests.terminal import Terminal
+from zenoh_cbef.cli.calling.stops import StopRequests
 from zenoh_cbef.cli.run import _Display
-from zenoh_cbef.cli.stops import StopRequests
 from zenoh_cbef.nodes.common.recording import Status
 from zenoh_cbef.protocol.slow import REMEDY
 

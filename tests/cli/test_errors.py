@@ -8,16 +8,7 @@ from pathlib import Path
 import pytest
 from mcap.writer import Writer
 
-from zenoh_cbef.cli import main as command_line
-
-
-def call(monkeypatch, capsys, *arguments: str) -> tuple[int, str, str]:
-    monkeypatch.setattr(sys, "argv", ["zenoh-cbef", *arguments])
-    with pytest.raises(SystemExit) as ended:
-        command_line.main()
-    captured = capsys.readouterr()
-    return int(ended.value.code or 0), captured.out, captured.err
-
+from tests.cli.command_line import call
 
 MISTAKES = {
     "unknown scenario": (["sim", "trakcing"], "did you mean 'tracking'"),

@@ -9,10 +9,9 @@ from typing import Any
 import pytest
 from typer.core import TyperOption
 
-from tests.cli.command_line import leaves
-from tests.cli.test_errors import call
-from zenoh_cbef.cli import main as command_line
-from zenoh_cbef.cli import verbs
+from tests.cli.command_line import call, leaves
+from zenoh_cbef.cli.calling import main as command_line
+from zenoh_cbef.cli.calling import verbs
 from zenoh_cbef.protocol.certificates import make_certificates
 
 GIVEN = {

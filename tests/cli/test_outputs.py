@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.cli.test_errors import call
+from tests.cli.command_line import call
 from zenoh_cbef.analysis import outputs
 
 

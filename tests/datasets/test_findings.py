@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 from tests.datasets.walked import STEPS, imported, written
 from zenoh_cbef.cli.dataset import VERB as DATASET
 from zenoh_cbef.datasets.findings import findings
-from zenoh_cbef.datasets.reading import read_files
+from zenoh_cbef.datasets.folder import read_files
 
 
 def as_dataset(folder):

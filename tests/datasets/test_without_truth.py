@@ -14,7 +14,7 @@ from zenoh_cbef.analysis.design import design
 from zenoh_cbef.analysis.metrics import analyze
 from zenoh_cbef.analysis.report import write_report
 from zenoh_cbef.cli.compare import runs_table
-from zenoh_cbef.cli.tables import metrics_table
+from zenoh_cbef.cli.terminal.results import metrics_table
 from zenoh_cbef.datasets import read_dataset, write_dataset
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.scenario.checks import check

@@ -16,7 +16,7 @@ import zenoh
 from check_jsonschema.builtin_schemas import get_builtin_schema
 
 from tests.cli.command_line import parse
-from zenoh_cbef.cli.ids import ids_of
+from zenoh_cbef.cli.terminal.ids import ids_of
 from zenoh_cbef.scenario.checks import check
 from zenoh_cbef.scenario.load import load
 from zenoh_cbef.scenario.plan import Plan

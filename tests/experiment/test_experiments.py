@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.cli.test_errors import call
+from tests.cli.command_line import call
 from zenoh_cbef.analysis.metrics import analyze
 from zenoh_cbef.scenario.load import load
 from zenoh_cbef.simulator import simulate

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.cli.test_errors import call
+from tests.cli.command_line import call
 from zenoh_cbef.analysis.results import Metrics
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.experiment import cores, seeds

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.cli.test_errors import call
+from tests.cli.command_line import call
 from zenoh_cbef.experiment.cells import Cell, cells_of
 from zenoh_cbef.experiment.file import read_experiment
 from zenoh_cbef.experiment.shards import Shard, lacking, read_shard

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from tests.processes.conftest import settings
-from zenoh_cbef.cli import main as command_line
+from zenoh_cbef.cli.calling import main as command_line
 from zenoh_cbef.nodes.launch import launcher
 from zenoh_cbef.nodes.launch.ports import free_ports
 

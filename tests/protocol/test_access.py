@@ -20,7 +20,7 @@ from zenoh_cbef.protocol.tls import Tls
 @pytest.fixture(autouse=True)
 def _few_agents(monkeypatch):
     """Rules for the agents that are here: a session takes half a second to read those of a thousand (test_rules.py)."""
-    monkeypatch.setattr(access, "AGENTS", 2)
+    monkeypatch.setattr(access, "MOST_AGENTS", 2)
 
 
 @pytest.fixture(scope="module")

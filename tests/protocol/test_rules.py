@@ -9,7 +9,8 @@ from typing import Any
 import pytest
 import zenoh
 
-from zenoh_cbef.protocol.access import AGENTS, access_control
+from zenoh_cbef.protocol.access import access_control
+from zenoh_cbef.quantities import MOST_AGENTS
 
 RULES: dict[str, Any] = access_control()
 RUN = "cbef/mine"
@@ -107,7 +108,7 @@ def test_publications_go_out_only_to_processes_that_may_hear_them_and_all_else_i
 
 def test_every_agent_of_the_largest_scenario_has_rules_and_a_subject_of_its_name() -> None:
     names = {f"agent-{agent}" for agent in range(1000)} | set(MAY) - {"agent-7"}
-    assert AGENTS == 1000
+    assert MOST_AGENTS == 1000
     assert {one["id"]: one["cert_common_names"] for one in RULES["subjects"]} == {name: [name] for name in names}
     assert {one["id"] for one in RULES["policies"]} == names
     assert allowed("agent-999", "put", f"{RUN}/agent/999/round")

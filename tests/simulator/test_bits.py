@@ -54,7 +54,14 @@ def test_a_run_is_the_same_alone_in_a_batch_and_in_parts(kind, stage, fault, mon
 
 
 @pytest.mark.parametrize(
-    "more", [{"lag_seconds": 1.0}, {"motion": "imm"}, {"bias": "estimate"}, {"planar_height": 0.4}]
+    "more",
+    [
+        {"lag_seconds": 1.0},
+        {"motion": "imm"},
+        {"bias": "estimate"},
+        {"planar_height": 0.4},
+        {"acceleration_std": 0.3, "lag_seconds": 1.0},
+    ],
 )
 def test_a_run_that_smooths_and_forgets_is_the_same_in_parts(more, monkeypatch):
     crash = {"kind": "crash", "agents": [1], "from": 2.3, "until": 2.6}
@@ -157,6 +164,12 @@ def test_every_motion_is_the_same_for_agents_on_their_own_and_in_a_batch(motion,
     runs = [scenario(seed, filter=filter_, fault=[away], steps=8) for seed in (1, 2)]
     for one, expected in zip(runs, simulate(runs), strict=True):
         assert_same(simulate([one])[0], expected)
+
+
+def test_noises_in_doubt_are_weighed_the_same_for_agents_on_their_own():
+    doubting = scenario(3, filter={"kind": "sicf", "acceleration_std": 0.3}, fault=[LOSS], steps=8)
+    assert Plan(doubting).noises
+    assert_agents_on_their_own_compute(doubting)
 
 
 @pytest.mark.parametrize("filter_", [{"kind": "sicf"}, {"kind": "icf", "motion": "imm"}])

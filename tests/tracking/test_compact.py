@@ -61,6 +61,20 @@ def test_sender_and_receivers_take_a_payload_for_the_same_and_rounding_twice_is_
         assert compact.rounded(row[None]).tobytes() == expected.tobytes()
 
 
+def test_what_was_rounded_stays_in_its_layout_though_a_shorter_one_is_sound_for_it_now():
+    # In eight bits c = 60.5 + rounds to 61 units, which is too near to singular, and 60.5 to 60, which is not.
+    unit, rng = 2.0**-7, np.random.default_rng(2)
+    entries = unit * np.array([64.0, 60.5 + 1e-6, 67.0])
+    edge = np.concatenate([[0.0, 0.0], entries, [3.0]])[None]
+    plain = payloads((2,), 6, seed=2, conditions=0)[:1]
+    compact = Compact(6, (2,), "int8")
+    payload = np.concatenate([plain, edge, plain + 1e-3 * rng.normal(size=plain.shape)])
+    rounded = compact.rounded(payload)
+    np.testing.assert_allclose(rounded[1, 2:5], unit * np.array([64.0, 60.5, 67.0]))
+    assert compact.rounded(rounded).tobytes() == rounded.tobytes()
+    assert compact.pack_all(rounded) == compact.pack_all(payload)
+
+
 @pytest.mark.parametrize(("precision", "apart"), [("int16", 1e-3), ("int12", 0.03), ("int8", 0.4)])
 @given(seed=st.integers(0, 10**6), place=st.integers(-1, 5))
 @examples(40)

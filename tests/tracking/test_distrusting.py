@@ -13,7 +13,7 @@ from rich.console import Console
 from tests.unaided import errors
 from zenoh_cbef.analysis.metrics import analyze
 from zenoh_cbef.analysis.report import write_report
-from zenoh_cbef.cli.tables import metrics_table
+from zenoh_cbef.cli.terminal.results import metrics_table
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.scenario.load import load, parse
 from zenoh_cbef.scenario.plan import Plan

@@ -74,7 +74,7 @@ def by_the_book(motions):
 
 def settings(models, **more):
     return FilterSettings(
-        CALM, Space(), STD, np.inf, AGENTS, models=models, leaving=LEAVING, middle=(3.0, -2.0, 1.0), **more
+        CALM, Space(), STD, np.inf, AGENTS, models=models, leaving=(LEAVING,), middle=(3.0, -2.0, 1.0), **more
     )
 
 
@@ -108,7 +108,7 @@ def test_a_network_that_averages_exactly_is_the_filter_by_the_book():
 
 
 def test_the_centralised_filter_is_the_filter_by_the_book():
-    models = CentralModels(Switching((CALM, WILD), LEAVING), Space(), np.inf)
+    models = CentralModels(Switching((CALM, WILD), (LEAVING,)), Space(), np.inf)
     beliefs = centralized_models(
         Belief(BEGIN[0][None], BEGIN[1][None]),
         models,
@@ -127,7 +127,10 @@ def test_the_centralised_filter_is_the_filter_by_the_book():
 def test_a_network_of_different_states_is_the_centralised_one():
     motions = (CALM, TURN, WILD)
     states, chances = network(settings(motions))
-    models, belief = CentralModels(Switching(motions, LEAVING), Space(), np.inf), Belief(BEGIN[0][None], BEGIN[1][None])
+    models, belief = (
+        CentralModels(Switching(motions, (LEAVING,)), Space(), np.inf),
+        Belief(BEGIN[0][None], BEGIN[1][None]),
+    )
     for k in range(STEPS):
         seen = Ranges(PLACES[None], RANGES[None, :, k], np.zeros((1, AGENTS)), np.full((1, AGENTS), STD))
         belief, _ = models.step(belief, seen)
@@ -148,7 +151,10 @@ def test_models_that_are_all_the_same_are_the_single_filter():
 def test_agents_of_different_noise_count_by_their_own():
     motions, noise = (CALM, TURN, WILD), STD * np.linspace(0.5, 3.0, AGENTS)
     filter_, mine = make_filter("icf", settings(motions)), Belief(*map(everyone, BEGIN))
-    models, belief = CentralModels(Switching(motions, LEAVING), Space(), np.inf), Belief(BEGIN[0][None], BEGIN[1][None])
+    models, belief = (
+        CentralModels(Switching(motions, (LEAVING,)), Space(), np.inf),
+        Belief(BEGIN[0][None], BEGIN[1][None]),
+    )
     for k in range(STEPS // 2 + 3):
         seen = Ranges(PLACES[None], RANGES[None, :, k], np.zeros((1, AGENTS)), noise[None])
         belief, _ = models.step(belief, seen)
@@ -162,7 +168,7 @@ def test_agents_of_different_noise_count_by_their_own():
 def test_an_agent_alone_is_the_centralised_filter_of_its_own_ranges():
     motions, alone = (CALM, WILD), replace(settings((CALM, WILD)), network_size=1)
     filter_, mine = make_filter("sicf", replace(alone, xi=1.5)), Belief(BEGIN[0][None], BEGIN[1][None])
-    models, belief = CentralModels(Switching(motions, LEAVING), Space(), 1.5), mine
+    models, belief = CentralModels(Switching(motions, (LEAVING,)), Space(), 1.5), mine
     for k in range(STEPS // 3):  # One agent's geometry makes covariances longer and longer.
         seen = Ranges(PLACES[None, :1], RANGES[None, :1, k], np.zeros((1, 1)), np.full((1, 1), STD))
         belief, told = models.step(belief, seen)

@@ -16,12 +16,12 @@ LEAVING, STD = PLAN.settings.leaving, PLAN.range_std
 
 
 def drawn(random):
-    """Paths (r, K, 6) of targets that begin with the first motion, and leave their motion as often as assumed."""
+    """Paths (r, K, 6) of targets that leave their first motion, and others, as often as one of the assumptions says."""
     models, count = PLAN.models, len(PLAN.models)
     states, which, paths = np.zeros((RUNS, 7)), np.zeros(RUNS, dtype=int), []
     states[:, 3:6] = random.normal(size=(RUNS, 3))
     for _ in range(STEPS):
-        left = random.random(RUNS) < LEAVING
+        left = random.random(RUNS) < np.resize(LEAVING, RUNS)
         which = (which + left * random.integers(1, count, RUNS)) % count
         for j, motion in enumerate(models):
             rows, size = which == j, motion.size

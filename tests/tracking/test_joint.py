@@ -55,8 +55,8 @@ def averaged(chosen, initial, positions, ranges, age):
         (5, {"learns_noise": True}),
         (5, {"first_fix": 6, "squared_fix": 3}),
         (5, {"first_fix": 6, "learns_noise": True}),
-        (5, {"power": 2, "models": (CALM, WILD), "leaving": 0.1}),
-        (5, {"models": (CALM, WILD), "leaving": 0.1, "learns_noise": True, "first_fix": 4}),
+        (5, {"power": 2, "models": (CALM, WILD), "leaving": (0.1,)}),
+        (5, {"models": (CALM, WILD), "leaving": (0.1,), "learns_noise": True, "first_fix": 4}),
         # Of one agent's bias the network's filter is the joint one: it leaves out correlations between agents alone.
         (1, {**AUTO, "bias": "estimate", "learns_noise": True}),
         (1, AUTO),

@@ -96,6 +96,22 @@ def heard(position, ranges):
     return Measurement(position, ranges, np.zeros(count), np.empty((count, 0, 3)), np.empty((count, 0)))
 
 
+@pytest.mark.parametrize("claims", [False, True])
+def test_a_range_brings_its_error_into_the_estimate_as_far_as_that_follows_it(claims):
+    """By the gain K: K sigma^2, of a range that is taken for F times as noisy, unless errors only widen claims."""
+    known = replace(Receiver.first(1), agreed=np.array([2.0 / np.pi * np.arcsin(0.8)]), pairs=np.ones(1))
+    inner = SaturatedInformation(MOTION, Space(), STD, 1)
+    filter_ = LastingErrors(inner, MOTION, Space(), STD, learns=False, fix=0, claims=claims)
+    belief = Belief(np.zeros((1, 6)), 0.01 * np.eye(6)[None], memory=tuple(vars(known).values()))
+    update = filter_.update(belief, heard(np.array([[1e4, 0.0, 0.0]]), np.full(1, 1e4)))
+    after = Receiver(*filter_.conclude(update.payload, update).memory)
+    spread = MOTION.predict_covariance(0.01 * np.eye(6)[None])[0, 0, 0]
+    factor = 1.0 if claims else 1.8 / 0.2
+    assert after.taken[0] == pytest.approx(STD**2 * spread / (spread + factor * STD**2), rel=1e-6)
+    silent = filter_.update(filter_.conclude(update.payload, update), heard(np.ones((1, 3)), np.array([np.nan])))
+    assert Receiver(*filter_.conclude(silent.payload, silent).memory).taken[0] == after.taken[0]
+
+
 def tracked(correlation, *, wrapped=True, learns=False, begin=STD, seed=3, claims=False, weighs=False):
     """Mean NEES over its ideal in the second half of a run, sigma in the end, and all states; the average is exact."""
     rng = np.random.default_rng(seed)

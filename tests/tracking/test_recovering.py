@@ -47,6 +47,14 @@ def test_covariances_double_in_deviation_where_most_of_those_who_measured_are_su
     np.testing.assert_array_equal(concluded.covariance, (4.0 if widened else 1.0) * plain.covariance)
 
 
+def test_an_agent_that_hears_no_neighbour_goes_on_by_prediction_as_without_it():
+    made, update = surprised(3)
+    inner = replace(update, payload=update.payload[:, :-1])
+    alone = made.conclude(update.payload, update)
+    np.testing.assert_array_equal(alone.state, made.filter.conclude(inner.payload, inner).state)
+    np.testing.assert_array_equal(alone.state, np.zeros((6, 6)))
+
+
 @pytest.mark.parametrize("others", [(), ("filter.distrust=true",), ("filter.range_std=auto",)])
 def test_a_network_that_begins_elsewhere_finds_its_target_sooner(others):
     """Whatever else is put around the filter."""

@@ -97,7 +97,7 @@ def test_a_message_is_as_long_as_was_agreed(around: dict[str, Any], *, recovers:
     motions = tuple(make_motion(kind, MotionSettings(0.1, 0.3)) for kind in around.get("models", ()))
     settings = FilterSettings(
         NearlyConstantVelocity(0.1, 0.3), Space(), 0.1, 1.0, network_size=3, recovers=recovers, distrusts=distrusts,
-        common_bias_std=0.3, own_bias_std=0.2, leaving=0.1, first_fix=2,
+        common_bias_std=0.3, own_bias_std=0.2, leaving=(0.1,), first_fix=2,
         **{**around, "models": motions},
     )  # fmt: skip
     agreed = sharing_of("sicf", settings).payload_size

@@ -194,7 +194,8 @@ def test_the_backward_step_of_any_motion_is_the_regression_on_sampled_next_state
 
 
 SWITCHING = Switching(
-    tuple(make_motion(kind, MotionSettings(0.4, 0.8, turn_rate_std=0.4)) for kind in ("ncv", "turn", "stationary")), 0.3
+    tuple(make_motion(kind, MotionSettings(0.4, 0.8, turn_rate_std=0.4)) for kind in ("ncv", "turn", "stationary")),
+    (0.3,),
 )
 
 

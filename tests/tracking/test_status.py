@@ -8,9 +8,13 @@ import numpy as np
 import pytest
 
 from zenoh_cbef.analysis.metrics import analyze
+from zenoh_cbef.arrays import Floats
 from zenoh_cbef.scenario.load import load
 from zenoh_cbef.simulator import simulate
-from zenoh_cbef.tracking.filters import Belief, make_filter
+from zenoh_cbef.tracking.diagnostics import Diagnostics
+from zenoh_cbef.tracking.filters import Belief, Update, make_filter
+from zenoh_cbef.tracking.filters.base import Bias
+from zenoh_cbef.tracking.filters.finding.knowing import Knowing
 from zenoh_cbef.tracking.filters.settings import FilterSettings
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
 from zenoh_cbef.tracking.ranging import Measurement, Space
@@ -119,6 +123,38 @@ def test_agents_agree_and_metrics_are_told_apart(kind):
     assert told["coasting"].position_rmse == pytest.approx(np.sqrt(np.mean(analysis.position_error[now] ** 2)))
     assert told["coasting"].nees == pytest.approx(np.mean(analysis.nees[now]))
     assert told["lost"].position_rmse is None
+
+
+class Biased:
+    """A filter whose ranges all fit, as it explains them by a bias."""
+
+    def __init__(self, bias: float, weight: float) -> None:
+        self._bias = Bias(np.array([bias]), np.array([0.1]), np.array([weight]))
+
+    def update(self, belief: Belief, measurement: Measurement) -> Update:  # noqa: ARG002 - it fits, whatever it is
+        fits = Diagnostics.where(np.array([True]), nis=np.ones(1), nis_degrees=np.ones(1, dtype=np.int64))
+        return Update(np.zeros((1, 1)), fits, (belief.state, belief.known_covariance))
+
+    def conclude(self, payload: Floats, update: Update) -> Belief:  # noqa: ARG002 - there is nothing to learn
+        state, covariance = update.kept
+        return Belief(state, covariance, self._bias)
+
+
+@pytest.mark.parametrize(
+    ("bias", "weight", "wrong"),
+    [(0.0, 1.0, False), (1.9, 1.0, False), (2.1, 1.0, True), (-2.1, 1.0, True), (2.7, 0.5, False), (2.9, 0.5, True)],
+)
+def test_ranges_do_not_fit_that_are_explained_by_a_bias_four_deviations_off(bias, weight, wrong):
+    settings = FilterSettings(
+        NearlyConstantVelocity(0.1, 0.5), Space(), 0.1, 2.0, 4, common_bias_std=0.3, own_bias_std=0.4
+    )
+    knowing, belief = Knowing(Biased(bias, weight), settings), Belief(np.zeros((1, 6)), np.eye(6)[None])
+    none = np.empty((1, 0, 3)), np.empty((1, 0))
+    heard = Measurement(np.zeros((1, 3)), np.ones(1), np.zeros(1), *none)
+    for _ in range(20):
+        update = knowing.update(belief, heard)
+        belief = knowing.conclude(update.payload, update)
+    assert update.payload[0].tolist() == [0.0, 1.0, 9.0 if wrong else 0.0]
 
 
 @pytest.mark.parametrize("keys", [("filter.kind=kcf",), ("filter.kind=cbef",), ("filter.status=false",)])

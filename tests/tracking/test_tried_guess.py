@@ -78,15 +78,28 @@ def settings(**other):
     return FilterSettings(motion, Space(), 0.1, 2.0, 6, search=search, **found)
 
 
-def asked(ranges, **other):
-    """What one of six agents at the origin says in step 4, of a target that its guess has 10 m away."""
+def guessing(ranges, **other):
+    """The last update, and what one of six agents at the origin believes, of a target that its guess has 10 m away."""
     filter_ = make_filter("sicf", settings(**other))
     belief = Belief(np.array([[10.0, 0, 0, 0, 0, 0]]), np.diag([1.0] * 3 + [1e-4] * 3)[None])
     for range_ in ranges:
         own = Measurement(np.zeros((1, 3)), np.array([range_]), np.zeros(1), np.empty((1, 0, 3)), np.empty((1, 0)))
         update = filter_.update(belief, own)
         belief = filter_.conclude(update.payload, update)
-    return update.payload[0]
+    return update, belief
+
+
+def asked(ranges, **other):
+    """What that agent says in step 4."""
+    return guessing(ranges, **other)[0].payload[0]
+
+
+@pytest.mark.parametrize(("first", "forgotten"), [(np.nan, False), (10.0, False), (90.0, True)])
+def test_a_guess_is_forgotten_where_ranges_deny_it_and_not_for_want_of_them(first, forgotten):
+    _, belief = guessing([first] * 6)
+    # Nothing is heard of what is across the line of sight: a metre by the guess, a hundred without it.
+    across = np.sqrt(belief.known_covariance[0, [1, 2], [1, 2]])
+    np.testing.assert_allclose(across, 100.0 if forgotten else 1.0, rtol=0.01)
 
 
 def test_agents_say_whether_their_ranges_fit():

@@ -5,7 +5,7 @@ import sys
 import numpy as np
 import pytest
 
-from tests.cli.test_errors import call
+from tests.cli.command_line import call
 from tests.log.made import made_log
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.read.trace import read_trace

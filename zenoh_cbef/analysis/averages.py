@@ -22,6 +22,18 @@ def rms(values: Floats) -> Number:
     return None if square is None else float(np.sqrt(square))
 
 
+def mean_over_agents(values: Floats) -> Floats:
+    """The mean of the finite values over the first axis; NaN where there is none."""
+    present = np.isfinite(values)
+    total, count = np.where(present, values, 0.0).sum(axis=0), present.sum(axis=0)
+    return np.where(count > 0, total / np.maximum(count, 1), np.nan)
+
+
+def rms_over_agents(values: Floats) -> Floats:
+    """The root of their mean square, likewise."""
+    return np.sqrt(mean_over_agents(np.where(np.isfinite(values), values, np.nan) ** 2))
+
+
 def running_mean(values: Floats) -> Floats:
     """(1/k) sum_{t<=k} along the last axis; steps without a value are left out of sum and count."""
     present = np.isfinite(values)

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from zenoh_cbef.analysis.averages import rms_over_agents
 from zenoh_cbef.analysis.claimed import claimed_position_error
 from zenoh_cbef.analysis.figures import agent_style, log_axis, log_limits, points_each
 from zenoh_cbef.analysis.metrics import Analysis
@@ -17,12 +18,12 @@ from zenoh_cbef.analysis.plots import series
 from zenoh_cbef.analysis.results import Number
 from zenoh_cbef.analysis.summary import pick
 from zenoh_cbef.arrays import Floats
-from zenoh_cbef.errors import UserError
 from zenoh_cbef.extras import from_extra
 from zenoh_cbef.pages.parts import Figure, Plot, Table, number, plots_of
 from zenoh_cbef.pages.render import render
 from zenoh_cbef.plain import Json
 from zenoh_cbef.trace import Trace
+from zenoh_cbef.writing import writing
 
 SMOOTHED = "smoothed.position_rmse"
 
@@ -65,10 +66,9 @@ class Row:
 
 def row(analysis: Analysis, name: str) -> Row:
     """One run's row. missed: share of the messages between agents that were lost or late."""
-    metrics, plan, links = analysis.metrics, analysis.trace.plan, analysis.trace.links
-    sent = int(links.sent.sum())
+    metrics, plan = analysis.metrics, analysis.trace.plan
     values = {column: pick(metrics, column) for column in COLUMNS}
-    values["missed"] = (sent - int(links.delivered.sum())) / sent if sent else np.nan
+    known = {column: value if np.isfinite(value) else None for column, value in values.items()}
     return Row(
         run=name,
         filter=metrics.filter,
@@ -78,7 +78,7 @@ def row(analysis: Analysis, name: str) -> Row:
         consensus=configured_scheme(plan),
         rounds=plan.rounds,
         complete=metrics.complete,
-        metrics={column: value if np.isfinite(value) else None for column, value in values.items()},
+        metrics=known | {"missed": analysis.trace.links.missed},
     )
 
 
@@ -134,10 +134,8 @@ def write_comparison(analyses: Sequence[Analysis], names: Sequence[str], path: P
         plots=plots_of(figures),
         plotly=plotly.get_plotlyjs(),
     )
-    try:
+    with writing(path):
         path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise UserError(f"cannot write {path}: {error.strerror}; choose another --output") from None
 
 
 def table_of(rows: Sequence[Row]) -> Table:
@@ -155,13 +153,13 @@ def figures_of(analyses: Sequence[Analysis], names: Sequence[str]) -> list[Figur
     """The runs' average MSEE and position error over time."""
     caption = "A click on a name in the legend hides or shows its line."
     if not any(one.metrics.scored.steps for one in analyses):
-        claimed = [_rms_of_agents(claimed_position_error(one.trace)) for one in analyses]
+        claimed = [rms_over_agents(claimed_position_error(one.trace)) for one in analyses]
         unit = "claimed position error, RMS (m)"
         told = f"What covariances claim: no truth is known. {caption}"
         plot = _curves([one.trace.time for one in analyses], claimed, names, unit)
         return [Figure("position-error", "Position error as claimed", told, plot)]
     average = [one.msee_average for one in analyses]
-    error = [_rms_of_agents(one.position_error) for one in analyses]
+    error = [rms_over_agents(one.position_error) for one in analyses]
     times = [one.trace.time for one in analyses]
     unit = "average MSEE (m² + m²/s²)"
     return [
@@ -178,12 +176,6 @@ def _curves(times: Sequence[Floats], values: Sequence[Floats], names: Sequence[s
     low, high = np.log10(log_limits(np.concatenate([np.ravel(line) for line in values])))
     axes = {"xaxis": {"title": {"text": "time (s)"}}, "yaxis": log_axis(title, low, high)}
     return {"data": lines, "layout": {**axes, "showlegend": True}}
-
-
-def _rms_of_agents(error: Floats) -> Floats:
-    present = np.isfinite(error)
-    squares = np.where(present, error, 0.0) ** 2
-    return np.asarray(np.sqrt(squares.sum(axis=0) / np.maximum(present.sum(axis=0), 1)))
 
 
 def _both_known(first: Floats, second: Floats) -> tuple[Floats, Floats]:

@@ -7,7 +7,6 @@ chi-squared (Bar-Shalom, Li, Kirubarajan, Estimation with Applications to Tracki
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -19,22 +18,6 @@ from zenoh_cbef.analysis.results import Honesty, Number, OverTime
 from zenoh_cbef.arrays import Bools, Floats, Ints
 
 _STRETCHES = 20
-
-
-@dataclass(frozen=True)
-class Consistency:
-    """A statistic averaged over s seeds, per agent and step.
-
-    averaged: (n, K). band: where it lies with 95 % probability if the covariances are right. mean: over agents
-    and the scored window. inside, under, over: shares of (agent, step) pairs of that window.
-    """
-
-    averaged: Floats
-    band: tuple[float, float]
-    mean: float
-    inside: float
-    under: float
-    over: float
 
 
 def chi2_band(degrees: float, count: int = 1) -> tuple[float, float]:
@@ -49,19 +32,6 @@ def nees_of(error: Floats, covariance: Floats) -> Floats:
     safe = covariance if known.all() else np.where(known[:, :, None, None], covariance, np.eye(error.shape[2]))
     scaled = np.linalg.solve(safe, np.nan_to_num(error)[..., None])[..., 0]
     return np.where(known, np.sum(error * scaled, axis=2), np.nan)
-
-
-def over_seeds(values: Floats, degrees: float, first: int) -> Consistency:
-    """Compare a statistic of independent runs, (s, n, K), with the chi-squared distribution of s x degrees.
-
-    Agents that agree are not independent of one another, so the average is over seeds only. first: index of the
-    first step of the scored window.
-    """
-    band = chi2_band(degrees, len(values))
-    averaged = values.mean(axis=0)
-    scored = averaged[:, first:]
-    under, over = float((scored < band[0]).mean()), float((scored > band[1]).mean())
-    return Consistency(averaged, band, float(scored.mean()), 1.0 - under - over, under, over)
 
 
 def described(values: Floats, degrees: Ints, *, time: Floats, first: int, counted: Bools) -> Honesty | None:

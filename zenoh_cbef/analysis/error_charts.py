@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from zenoh_cbef.analysis.averages import mean_over_agents, rms_over_agents
 from zenoh_cbef.analysis.claimed import claimed_position_error
 from zenoh_cbef.analysis.consistency import chi2_band, trailing_mean
 from zenoh_cbef.analysis.coverage import truth_steps
@@ -15,7 +16,7 @@ _NIS_STEPS = 20
 
 def error_charts(analysis: Analysis) -> list[Chart]:
     """Describe the position error, NEES, NIS and disagreement of each agent or of all."""
-    average = np.ma.masked_invalid(analysis.nees).mean(axis=0).filled(np.nan)
+    average = mean_over_agents(analysis.nees)
     charts = (
         _position_chart(analysis),
         Chart(
@@ -61,8 +62,8 @@ def _position_chart(analysis: Analysis) -> Chart:
     ]
     caption = "Distance of each agent's estimate from the truth. Bound: root of its position block's trace."
     if analysis.smoothed is not None:
-        square = np.ma.masked_invalid(analysis.smoothed.position[analysis.counted] ** 2).mean(axis=0).filled(np.nan)
-        references.append(Reference("smoothed", "network", np.sqrt(square)))
+        smoothed = rms_over_agents(analysis.smoothed.position[analysis.counted])
+        references.append(Reference("smoothed", "network", smoothed))
         caption += " Smoothed: root mean square of the agents' smoothed estimates."
     return Chart(
         "position-error",

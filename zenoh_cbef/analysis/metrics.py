@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from zenoh_cbef.analysis.averages import last, rms, running_mean
+from zenoh_cbef.analysis.averages import last, mean_over_agents, rms, running_mean
 from zenoh_cbef.analysis.claimed import claimed_position_error
 from zenoh_cbef.analysis.consistency import agents_bands, chi2_band, described, nees_of
 from zenoh_cbef.analysis.coverage import estimated_steps, lacks, stretches, unseen_note
@@ -133,7 +133,7 @@ def errors_of(trace: Trace, beside: Yardsticks, skip: float, path: Floats | None
         first=_first(np.asarray(np.isfinite(error[counted]).all(axis=2).any(axis=0)), skip),
         counted=counted,
         msee=msee,
-        msee_average=running_mean(_mean_over_agents(np.sum(error[counted] ** 2, axis=2))),
+        msee_average=running_mean(mean_over_agents(np.sum(error[counted] ** 2, axis=2))),
         position_error=np.linalg.norm(error[:, :, :3], axis=2),
         velocity_error=np.linalg.norm(error[:, :, 3:], axis=2),
         nees=nees_of(error[:, :, kept], trace.covariances[:, :, kept[:, None], kept]),
@@ -166,12 +166,6 @@ def _estimated_only(trace: Trace, error: Floats) -> Floats:
     counted = np.zeros(6, dtype=bool)
     counted[trace.plan.space.kept] = True
     return np.where(counted, error, 0.0)
-
-
-def _mean_over_agents(values: Floats) -> Floats:
-    present = np.isfinite(values)
-    count = present.sum(axis=0)
-    return np.where(count > 0, np.where(present, values, 0.0).sum(axis=0) / np.maximum(count, 1), np.nan)
 
 
 def _metrics(errors: Errors) -> Metrics:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from zenoh_cbef.analysis.averages import rms_over_agents
+from zenoh_cbef.analysis.claimed import claimed_position_error
 from zenoh_cbef.analysis.faulted import faults_of
 from zenoh_cbef.analysis.figures import agent_names
 from zenoh_cbef.analysis.metrics import Analysis
@@ -66,7 +68,7 @@ def _verdicts(analysis: Analysis, until: Ints) -> list[Verdict]:
     trace, passing = analysis.trace, analysis.trace.passing
     links = np.stack([trace.links.source, trace.links.destination], axis=1)
     there = np.isfinite(trace.estimates[:, :, 0])
-    error, claimed = (_mean_square(values) for values in (analysis.position_error, _claimed(trace.covariances)))
+    error, claimed = map(rms_over_agents, (analysis.position_error, claimed_position_error(trace)))
     slow = _slow(analysis)
     found = []
     for place, step in enumerate(until.tolist()):
@@ -92,16 +94,6 @@ def _came(counts: Floats, place: int, stretch: int) -> Bools:
     """Which links carried messages lately, (e,): all, where no agent tells."""
     lately = counts[:, max(place + 1 - -(-RECENT // stretch), 0) : place + 1, 0]
     return np.asarray(np.isnan(counts[:, :, 0]).all() | (np.nansum(lately, axis=1) > 0.0))
-
-
-def _claimed(covariances: Floats) -> Floats:
-    """How wrong the agents claim to be, (n, K), m."""
-    return np.asarray(np.sqrt(np.einsum("nkii->nk", covariances[:, :, :3, :3])))
-
-
-def _mean_square(values: Floats) -> Floats:
-    """Root mean square over the agents, (K,)."""
-    return np.asarray(np.sqrt(np.ma.masked_invalid(values**2).mean(axis=0).filled(np.nan)))
 
 
 def _slow(analysis: Analysis) -> list[tuple[float, str]]:

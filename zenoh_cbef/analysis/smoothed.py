@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from zenoh_cbef.analysis.averages import rms
+from zenoh_cbef.analysis.averages import mean_over_agents, rms
 from zenoh_cbef.analysis.consistency import described, nees_of
 from zenoh_cbef.analysis.results import Smoothing
 from zenoh_cbef.analysis.yardsticks import centralized_run, jointly
@@ -37,7 +37,7 @@ class SmoothedErrors:
 
 def told_whole(plan: Plan) -> bool:
     """Whether position and velocity, which a log holds, are all that the filter knows of the target's motion."""
-    return not plan.models and plan.motion.size == len(plan.space.kept)
+    return not (plan.models or plan.noises) and plan.motion.size == len(plan.space.kept)
 
 
 def smoothed_run(trace: Trace) -> Trace:
@@ -82,7 +82,7 @@ def smoothed_errors(trace: Trace, counted: Bools, central: Floats | None) -> Smo
         np.linalg.norm(error[:, :, axes:], axis=2),
         nees_of(error, path.covariances[:, :, kept[:, None], kept]),
         np.linalg.norm((central - trace.truth)[:, kept[:axes]], axis=1),
-        np.ma.masked_invalid(path.states[counted, :, :3]).mean(axis=0).filled(np.nan),
+        mean_over_agents(path.states[counted, :, :3]),
     )
 
 

@@ -9,11 +9,11 @@ from pathlib import Path
 
 import numpy as np
 
-from zenoh_cbef.errors import UserError
 from zenoh_cbef.pages.parts import Table
 from zenoh_cbef.pages.render import render
 from zenoh_cbef.trace import Exchange, Fortune, Passage
 from zenoh_cbef.words import counted
+from zenoh_cbef.writing import writing
 
 _LEFT, _RIGHT, _TOP, _BOTTOM = 92.0, 28.0, 62.0, 96.0
 _ROUND_WIDTH, _NARROWEST, _WIDEST = 62.0, 820.0, 6000.0
@@ -38,20 +38,11 @@ _ARRIVE: frozenset[Fortune] = frozenset(("in time", "duplicated", "late"))
 """Fortunes that end with an arrow's head."""
 
 
-def check_format(path: Path) -> None:
-    """Raises UserError where a picture cannot be written under this name."""
-    if path.suffix not in {".svg", ".html"}:
-        raise UserError(f"--output {path} must end with .svg for the picture or .html for a page around it")
-
-
 def write_timeline(exchange: Exchange, path: Path) -> None:
     """Write the picture as .svg, or a page with it as .html. Raises UserError where it cannot be written."""
-    check_format(path)
     text = timeline_svg(exchange) if path.suffix == ".svg" else timeline_html(exchange)
-    try:
+    with writing(path):
         path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise UserError(f"cannot write {path}: {error.strerror}; choose another --output") from None
 
 
 def timeline_html(exchange: Exchange) -> str:

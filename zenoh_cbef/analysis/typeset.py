@@ -15,9 +15,9 @@ from zenoh_cbef.analysis.figures import paper_charts
 from zenoh_cbef.analysis.metrics import Analysis
 from zenoh_cbef.analysis.plots import time_plot
 from zenoh_cbef.analysis.printed import drawn
-from zenoh_cbef.errors import UserError
 from zenoh_cbef.extras import from_extra
 from zenoh_cbef.pages.parts import Table
+from zenoh_cbef.writing import writing
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -61,15 +61,13 @@ def save(figure: Figure, path: Path, kind: Format, title: str, command: str = ""
         "svg": {"Title": title, "Creator": made, "Description": command, "Date": None},
         "png": {"Title": title, "Software": made, "Description": command},
     }
-    with from_extra("matplotlib", _WHAT).rc_context({"svg.hashsalt": "zenoh-cbef", "svg.fonttype": "path"}):
-        try:
-            if kind == "pgf":
-                path.write_text(_pgf(figure, [title, made, command]), encoding="utf-8")
-            else:
-                told = {name: value for name, value in metadata[kind].items() if value != ""}
-                figure.savefig(path, format=kind, dpi=_DPI, metadata=told)
-        except OSError as error:
-            raise UserError(f"cannot write {path}: {error.strerror}; choose another --output") from None
+    same = from_extra("matplotlib", _WHAT).rc_context({"svg.hashsalt": "zenoh-cbef", "svg.fonttype": "path"})
+    with same, writing(path):
+        if kind == "pgf":
+            path.write_text(_pgf(figure, [title, made, command]), encoding="utf-8")
+        else:
+            told = {name: value for name, value in metadata[kind].items() if value != ""}
+            figure.savefig(path, format=kind, dpi=_DPI, metadata=told)
     figure.set_layout_engine("none")  # The layout is that of the first file, and takes half of the time.
     return path
 

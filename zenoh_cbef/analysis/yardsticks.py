@@ -111,8 +111,8 @@ def centralized_steps(plan: Plan, initial: Floats, steps: Iterator[Ranges]) -> I
         for found in joint_beliefs(belief, plan.settings, xi, agents, first):
             belief = Belief(*begun(plan.motion, found.state, found.known_covariance))
             yield belief
-    if plan.models:
-        switching = Switching(plan.settings.models, plan.settings.leaving)
+    if motions := plan.models or plan.noises:
+        switching = Switching(motions, plan.settings.leaving)
         models = CentralModels(switching, plan.space, xi, plan.power, plan.settings.widens)
         yield from centralized_models(belief, models, steps)
     else:

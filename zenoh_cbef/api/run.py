@@ -13,10 +13,10 @@ from zenoh_cbef.analysis.results import Metrics
 from zenoh_cbef.api.frames import to_pandas, to_xarray
 from zenoh_cbef.api.plotting import Plots
 from zenoh_cbef.arrays import Floats
-from zenoh_cbef.errors import UserError
 from zenoh_cbef.scenario import Scenario
 from zenoh_cbef.trace import Trace
 from zenoh_cbef.viewers.arrays import Array, arrays_of
+from zenoh_cbef.writing import writing
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -130,8 +130,6 @@ class Run:
     def report(self, path: str | Path = "report.html") -> Path:
         """Write one page that opens anywhere, offline; returns its path. Raises UserError where it cannot be."""
         page = Path(path)
-        try:
+        with writing(page, "choose another path"):
             write_report(self.analysis, page)
-        except OSError as error:
-            raise UserError(f"cannot write {page}: {error.strerror}; choose another path") from None
         return page

@@ -7,11 +7,12 @@ from typing import Annotated
 
 import typer
 
-from zenoh_cbef.cli.joining import JoiningCommand, JoiningContext, Patience, identity_of
-from zenoh_cbef.cli.offer import verb
-from zenoh_cbef.cli.options import MOST_AGENTS, Run
+from zenoh_cbef.cli.calling.offer import verb
+from zenoh_cbef.cli.options.joining import JoiningCommand, JoiningContext, Patience, identity_of
+from zenoh_cbef.cli.options.shared import Run
 from zenoh_cbef.nodes.agent.agent import run_agent
 from zenoh_cbef.protocol.tls import common_name
+from zenoh_cbef.quantities import MOST_AGENTS
 
 
 def _agent(

@@ -11,14 +11,14 @@ import typer
 from zenoh_cbef.analysis.metrics import analyze, notes
 from zenoh_cbef.analysis.outputs import FIGURES, METRICS, REPORT, write_outputs
 from zenoh_cbef.analysis.report import errors_table
-from zenoh_cbef.cli.completing import logs
-from zenoh_cbef.cli.console import console, tell, tell_what_lacks
-from zenoh_cbef.cli.offer import verb
-from zenoh_cbef.cli.options import AsJson, Force, Skip, Smooth
-from zenoh_cbef.cli.places import beside, new_folder_of
-from zenoh_cbef.cli.smoothing import smoothed
-from zenoh_cbef.cli.tables import metrics_table
-from zenoh_cbef.cli.typesetting import AsTable
+from zenoh_cbef.cli.calling.offer import verb
+from zenoh_cbef.cli.options.completing import logs
+from zenoh_cbef.cli.options.places import beside, new_folder_of
+from zenoh_cbef.cli.options.shared import AsJson, Force, Skip, Smooth
+from zenoh_cbef.cli.options.smoothing import smoothed
+from zenoh_cbef.cli.options.typesetting import AsTable
+from zenoh_cbef.cli.terminal.console import console, tell, tell_what_lacks
+from zenoh_cbef.cli.terminal.results import metrics_table
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.read.parts import find_log
 from zenoh_cbef.log.read.trace import read_trace

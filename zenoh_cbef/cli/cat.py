@@ -7,10 +7,10 @@ from pathlib import Path
 
 import typer
 
-from zenoh_cbef.cli.choosing import LOSSY, selection_of
-from zenoh_cbef.cli.console import tell, warn
-from zenoh_cbef.cli.offer import verb
-from zenoh_cbef.cli.options import End, Exclude, Include, LogFile, Start
+from zenoh_cbef.cli.calling.offer import verb
+from zenoh_cbef.cli.options.choosing import LOSSY, selection_of
+from zenoh_cbef.cli.options.shared import End, Exclude, Include, LogFile, Start
+from zenoh_cbef.cli.terminal.console import tell, warn
 from zenoh_cbef.log.read.parts import open_log
 from zenoh_cbef.log.tools.show import lines
 

@@ -7,10 +7,10 @@ from typing import Annotated
 
 import typer
 
-from zenoh_cbef.cli.offer import group
-from zenoh_cbef.cli.options import MOST_AGENTS
+from zenoh_cbef.cli.calling.offer import group
 from zenoh_cbef.protocol.certificates import make_certificates
 from zenoh_cbef.protocol.tls import common_name
+from zenoh_cbef.quantities import MOST_AGENTS
 
 _ROLES = ("target", "record", "router", "receiver", "operator")
 _LOCAL = ("localhost", "127.0.0.1", "::1")

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import typer
 
-from zenoh_cbef.cli.offer import verb
-from zenoh_cbef.cli.options import AsJson, LogFile
+from zenoh_cbef.cli.calling.offer import verb
+from zenoh_cbef.cli.options.shared import AsJson, LogFile
 from zenoh_cbef.log.read.parts import open_log
 from zenoh_cbef.log.tools.check import Findings, check
 from zenoh_cbef.words import counted

@@ -15,19 +15,21 @@ from rich.table import Table
 
 from zenoh_cbef.analysis.compare import SMOOTHED, Row, differences, filled, names_of, row, table_of, write_comparison
 from zenoh_cbef.analysis.metrics import analyze, notes
-from zenoh_cbef.cli.completing import logs
-from zenoh_cbef.cli.console import console, number, tell, tell_what_lacks, warn
-from zenoh_cbef.cli.fitting import Fitting
-from zenoh_cbef.cli.offer import verb
-from zenoh_cbef.cli.options import AsJson, Force, Skip, Smooth
-from zenoh_cbef.cli.places import new_file
-from zenoh_cbef.cli.smoothing import smoothed
-from zenoh_cbef.cli.typesetting import AsTable
+from zenoh_cbef.cli.calling.offer import verb
+from zenoh_cbef.cli.options.completing import logs
+from zenoh_cbef.cli.options.places import new_file
+from zenoh_cbef.cli.options.shared import AsJson, Force, Skip, Smooth
+from zenoh_cbef.cli.options.smoothing import smoothed
+from zenoh_cbef.cli.options.typesetting import AsTable
+from zenoh_cbef.cli.terminal.console import console, tell, tell_what_lacks, warn
+from zenoh_cbef.cli.terminal.fitting import Fitting
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.read.parts import find_log
 from zenoh_cbef.log.read.trace import read_trace
 from zenoh_cbef.log.tools.collection import expanded
+from zenoh_cbef.numbers import number
 from zenoh_cbef.trace import Trace
+from zenoh_cbef.writing import writing
 
 Logs = Annotated[
     list[Path],
@@ -86,7 +88,8 @@ def _compare(
         if path.suffix == ".html":
             write_comparison(analyses, names, path)
         else:
-            _write(path, _csv(rows))
+            with writing(path):
+                path.write_text(_csv(rows), encoding="utf-8")
 
 
 def _read(logs: Sequence[Path]) -> tuple[list[Path], list[Trace]]:
@@ -116,13 +119,6 @@ def _csv(rows: list[Row]) -> str:
     writer.writeheader()
     writer.writerows(told)
     return text.getvalue()
-
-
-def _write(path: Path, text: str) -> None:
-    try:
-        path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise UserError(f"cannot write {path}: {error.strerror}; choose another --output") from None
 
 
 def runs_table(rows: list[Row]) -> Fitting:

@@ -8,14 +8,14 @@ from typing import Annotated
 
 import typer
 
-from zenoh_cbef.cli.console import console
-from zenoh_cbef.cli.offer import group
-from zenoh_cbef.cli.options import AsJson
-from zenoh_cbef.cli.places import new_file
-from zenoh_cbef.cli.recordings import summary_table, tell_findings
+from zenoh_cbef.cli.calling.offer import group
+from zenoh_cbef.cli.options.places import new_file
+from zenoh_cbef.cli.options.shared import AsJson
+from zenoh_cbef.cli.terminal.console import console
+from zenoh_cbef.cli.terminal.recordings import summary_table, tell_findings
 from zenoh_cbef.datasets.findings import findings, summary
+from zenoh_cbef.datasets.folder import read_files
 from zenoh_cbef.datasets.picture import draw
-from zenoh_cbef.datasets.reading import read_files
 from zenoh_cbef.datasets.recorded import PREFIX, dataset_folder
 
 _Folder = Annotated[

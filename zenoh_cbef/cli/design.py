@@ -8,10 +8,10 @@ from typing import Annotated
 import typer
 
 from zenoh_cbef.analysis.design import design
-from zenoh_cbef.cli.console import console, warn
-from zenoh_cbef.cli.design_tables import design_lines
-from zenoh_cbef.cli.offer import verb
-from zenoh_cbef.cli.options import AsJson, Overrides, ScenarioName, Skip
+from zenoh_cbef.cli.calling.offer import verb
+from zenoh_cbef.cli.options.shared import AsJson, Overrides, ScenarioName, Skip
+from zenoh_cbef.cli.terminal.console import console, warn
+from zenoh_cbef.cli.terminal.design import design_lines
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.scenario.checks import check
 from zenoh_cbef.scenario.load import load

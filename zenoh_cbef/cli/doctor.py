@@ -11,11 +11,11 @@ from typing import Annotated
 import typer
 from rich.text import Text
 
-from zenoh_cbef.cli.asking import RunName, locate
-from zenoh_cbef.cli.console import console
-from zenoh_cbef.cli.joining import Joining, JoiningCommand, JoiningContext
-from zenoh_cbef.cli.offer import verb
-from zenoh_cbef.cli.options import MOST_AGENTS, AsJson
+from zenoh_cbef.cli.calling.offer import verb
+from zenoh_cbef.cli.options.asking import RunName, locate
+from zenoh_cbef.cli.options.joining import Joining, JoiningCommand, JoiningContext
+from zenoh_cbef.cli.options.shared import AsJson
+from zenoh_cbef.cli.terminal.console import console
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.outside.doctor import (
     OK,
@@ -29,6 +29,7 @@ from zenoh_cbef.outside.doctor import (
 )
 from zenoh_cbef.outside.doctor_run import check_run
 from zenoh_cbef.outside.registry import known_runs
+from zenoh_cbef.quantities import MOST_AGENTS
 
 _AGENTS = 100
 _COLOURS = {OK: "green", WARNING: "yellow", PROBLEM: "red"}

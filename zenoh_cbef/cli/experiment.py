@@ -12,15 +12,15 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 from typer.core import TyperGroup
 
-from zenoh_cbef.cli.completing import experiments
-from zenoh_cbef.cli.console import console, errors, number, tell
-from zenoh_cbef.cli.fitting import Fitting
-from zenoh_cbef.cli.interrupts import INTERRUPTED
-from zenoh_cbef.cli.listing import list_named
-from zenoh_cbef.cli.offer import group
-from zenoh_cbef.cli.options import AsJson, Force, Jobs, Skip
-from zenoh_cbef.cli.places import new_folder_of
-from zenoh_cbef.cli.typesetting import AsTable, Typesetting
+from zenoh_cbef.cli.calling.interrupts import INTERRUPTED
+from zenoh_cbef.cli.calling.offer import group
+from zenoh_cbef.cli.options.completing import experiments
+from zenoh_cbef.cli.options.places import new_folder_of
+from zenoh_cbef.cli.options.shared import AsJson, Force, Jobs, Skip
+from zenoh_cbef.cli.options.typesetting import AsTable, Typesetting
+from zenoh_cbef.cli.terminal.console import console, errors, tell
+from zenoh_cbef.cli.terminal.fitting import Fitting
+from zenoh_cbef.cli.terminal.listing import list_named
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.experiment.cells import cells_of
 from zenoh_cbef.experiment.figures import written_value
@@ -33,6 +33,7 @@ from zenoh_cbef.experiment.summary import EXIT_STATUS, check_expectations, summa
 from zenoh_cbef.experiment.sweep import Sweep
 from zenoh_cbef.experiment.table import rows_of
 from zenoh_cbef.experiment.typeset import FITTING, metric_table, results_table
+from zenoh_cbef.numbers import number
 from zenoh_cbef.plain import read_toml
 from zenoh_cbef.words import counted
 

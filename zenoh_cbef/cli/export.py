@@ -9,11 +9,11 @@ from typing import Annotated
 import typer
 
 from zenoh_cbef.analysis.coverage import lacks
-from zenoh_cbef.cli.console import tell_what_lacks
-from zenoh_cbef.cli.offer import verb
-from zenoh_cbef.cli.options import Force, LogFile, Smooth
-from zenoh_cbef.cli.places import new_folder_of, new_place, stem_of
-from zenoh_cbef.cli.smoothing import smoothed
+from zenoh_cbef.cli.calling.offer import verb
+from zenoh_cbef.cli.options.places import new_folder_of, new_place, stem_of
+from zenoh_cbef.cli.options.shared import Force, LogFile, Smooth
+from zenoh_cbef.cli.options.smoothing import smoothed
+from zenoh_cbef.cli.terminal.console import tell_what_lacks
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.read.parts import find_log
 from zenoh_cbef.log.read.trace import read_trace

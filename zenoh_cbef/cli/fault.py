@@ -9,13 +9,13 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from zenoh_cbef.cli.asking import RunName, locate
-from zenoh_cbef.cli.completing import faults as kinds_begun
-from zenoh_cbef.cli.console import console
-from zenoh_cbef.cli.fitting import Fitting
-from zenoh_cbef.cli.joining import JoiningCommand, JoiningContext
-from zenoh_cbef.cli.offer import group
-from zenoh_cbef.cli.options import LONGEST_SECONDS, AsJson
+from zenoh_cbef.cli.calling.offer import group
+from zenoh_cbef.cli.options.asking import RunName, locate
+from zenoh_cbef.cli.options.completing import faults as kinds_begun
+from zenoh_cbef.cli.options.joining import JoiningCommand, JoiningContext
+from zenoh_cbef.cli.options.shared import LONGEST_SECONDS, AsJson
+from zenoh_cbef.cli.terminal.console import console
+from zenoh_cbef.cli.terminal.fitting import Fitting
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.outside.operator import Operator
 from zenoh_cbef.scenario.load import value_of

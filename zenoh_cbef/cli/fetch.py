@@ -10,11 +10,11 @@ from typing import Annotated
 import typer
 from rich.progress import Progress
 
-from zenoh_cbef.cli.console import errors, tell
-from zenoh_cbef.cli.joining import JoiningCommand, JoiningContext
+from zenoh_cbef.cli.calling.offer import verb
 from zenoh_cbef.cli.merge import join
-from zenoh_cbef.cli.offer import verb
-from zenoh_cbef.cli.options import LONGEST_SECONDS, Compress, NewLog, Run
+from zenoh_cbef.cli.options.joining import JoiningCommand, JoiningContext
+from zenoh_cbef.cli.options.shared import LONGEST_SECONDS, Compress, NewLog, Run
+from zenoh_cbef.cli.terminal.console import errors, tell
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.outside.fetching import fetch_logs
 from zenoh_cbef.protocol.log_service import Offer

@@ -15,11 +15,11 @@ from zenoh_cbef.analysis.metrics import analyze
 from zenoh_cbef.analysis.printed import Style, drawn
 from zenoh_cbef.analysis.timeline_plot import timeline_figure
 from zenoh_cbef.analysis.typeset import FORMATS, Format, save
-from zenoh_cbef.cli.completing import logs
-from zenoh_cbef.cli.console import errors
-from zenoh_cbef.cli.offer import verb
-from zenoh_cbef.cli.options import Force, Skip
-from zenoh_cbef.cli.places import new_folder_of
+from zenoh_cbef.cli.calling.offer import verb
+from zenoh_cbef.cli.options.completing import logs
+from zenoh_cbef.cli.options.places import new_folder_of
+from zenoh_cbef.cli.options.shared import Force, Skip
+from zenoh_cbef.cli.terminal.console import errors
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.experiment.page import PRINTED, read_figures
 from zenoh_cbef.log.read.exchange import read_exchange

@@ -6,10 +6,10 @@ from typing import Annotated
 
 import typer
 
-from zenoh_cbef.cli.choosing import LOSSY, selection_of
-from zenoh_cbef.cli.console import warn
-from zenoh_cbef.cli.offer import verb
-from zenoh_cbef.cli.options import Compress, End, Exclude, Include, LogFile, NewLog, Start
+from zenoh_cbef.cli.calling.offer import verb
+from zenoh_cbef.cli.options.choosing import LOSSY, selection_of
+from zenoh_cbef.cli.options.shared import Compress, End, Exclude, Include, LogFile, NewLog, Start
+from zenoh_cbef.cli.terminal.console import warn
 from zenoh_cbef.log.read.parts import open_log
 from zenoh_cbef.log.tools.filtering import filter_log
 from zenoh_cbef.words import counted

@@ -10,13 +10,13 @@ from typing import Annotated
 
 import typer
 
-from zenoh_cbef.cli.console import errors, tell
-from zenoh_cbef.cli.ids import ids_of, shortened
-from zenoh_cbef.cli.interrupts import INTERRUPTED
-from zenoh_cbef.cli.joining import Joining, JoiningCommand, JoiningContext, Patience, warn_of_exposure
-from zenoh_cbef.cli.offer import verb
-from zenoh_cbef.cli.options import Run, Stay
-from zenoh_cbef.cli.stops import StopRequests
+from zenoh_cbef.cli.calling.interrupts import INTERRUPTED
+from zenoh_cbef.cli.calling.offer import verb
+from zenoh_cbef.cli.calling.stops import StopRequests
+from zenoh_cbef.cli.options.joining import Joining, JoiningCommand, JoiningContext, Patience, warn_of_exposure
+from zenoh_cbef.cli.options.shared import Run, Stay
+from zenoh_cbef.cli.terminal.console import errors, tell
+from zenoh_cbef.cli.terminal.ids import ids_of, shortened
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.machine import require
 from zenoh_cbef.nodes.launch.fleet import Fleet, Member, missing

@@ -7,9 +7,9 @@ from typing import Annotated
 
 import typer
 
-from zenoh_cbef.cli.asking import RunName, locate
-from zenoh_cbef.cli.joining import JoiningCommand, JoiningContext, Patience
-from zenoh_cbef.cli.offer import verb
+from zenoh_cbef.cli.calling.offer import verb
+from zenoh_cbef.cli.options.asking import RunName, locate
+from zenoh_cbef.cli.options.joining import JoiningCommand, JoiningContext, Patience
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.outside.health import is_there
 from zenoh_cbef.protocol.keys import agent_named

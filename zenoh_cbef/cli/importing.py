@@ -7,11 +7,11 @@ from typing import Annotated
 
 import typer
 
-from zenoh_cbef.cli.console import console, tell
-from zenoh_cbef.cli.offer import verb
-from zenoh_cbef.cli.options import Force
-from zenoh_cbef.cli.places import new_folder_of
-from zenoh_cbef.cli.recordings import summary_table, tell_findings
+from zenoh_cbef.cli.calling.offer import verb
+from zenoh_cbef.cli.options.places import new_folder_of
+from zenoh_cbef.cli.options.shared import Force
+from zenoh_cbef.cli.terminal.console import console, tell
+from zenoh_cbef.cli.terminal.recordings import summary_table, tell_findings
 from zenoh_cbef.datasets import write_dataset
 from zenoh_cbef.datasets.first_scenario import write_scenario
 from zenoh_cbef.datasets.importing.bags import Bags, bag_in, bag_of

@@ -9,10 +9,10 @@ from pathlib import Path
 
 from rich.table import Table
 
-from zenoh_cbef.cli.console import console
-from zenoh_cbef.cli.fitting import Fitting
-from zenoh_cbef.cli.offer import verb
-from zenoh_cbef.cli.options import AsJson, LogFile
+from zenoh_cbef.cli.calling.offer import verb
+from zenoh_cbef.cli.options.shared import AsJson, LogFile
+from zenoh_cbef.cli.terminal.console import console
+from zenoh_cbef.cli.terminal.fitting import Fitting
 from zenoh_cbef.log.common.naming import END, RESOLVED, RUN
 from zenoh_cbef.log.read.parts import Log, open_log
 from zenoh_cbef.plain import read_toml

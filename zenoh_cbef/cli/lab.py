@@ -11,12 +11,12 @@ from urllib.parse import urljoin
 
 import typer
 
-from zenoh_cbef.cli.asking import locate
-from zenoh_cbef.cli.console import tell
-from zenoh_cbef.cli.joining import JoiningCommand, JoiningContext
-from zenoh_cbef.cli.leash import follow_parent
-from zenoh_cbef.cli.offer import verb
-from zenoh_cbef.cli.options import Overrides
+from zenoh_cbef.cli.calling.leash import follow_parent
+from zenoh_cbef.cli.calling.offer import verb
+from zenoh_cbef.cli.options.asking import locate
+from zenoh_cbef.cli.options.joining import JoiningCommand, JoiningContext
+from zenoh_cbef.cli.options.shared import Overrides
+from zenoh_cbef.cli.terminal.console import tell
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.lab.bench import Bench
 from zenoh_cbef.lab.guard import LOOPBACK, Guard

@@ -6,10 +6,10 @@ from typing import Annotated, Literal
 
 import typer
 
-from zenoh_cbef.cli.console import tell
-from zenoh_cbef.cli.joining import JoiningCommand, JoiningContext, Patience, identity_of
-from zenoh_cbef.cli.offer import verb
-from zenoh_cbef.cli.options import LONGEST_SECONDS, Run
+from zenoh_cbef.cli.calling.offer import verb
+from zenoh_cbef.cli.options.joining import JoiningCommand, JoiningContext, Patience, identity_of
+from zenoh_cbef.cli.options.shared import LONGEST_SECONDS, Run
+from zenoh_cbef.cli.terminal.console import tell
 from zenoh_cbef.nodes.receiver.receiver import run_receiver
 
 

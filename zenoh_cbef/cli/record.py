@@ -10,10 +10,10 @@ from typing import Annotated
 
 import typer
 
-from zenoh_cbef.cli.console import tell
-from zenoh_cbef.cli.joining import JoiningCommand, JoiningContext, Patience, identity_of
-from zenoh_cbef.cli.offer import verb
-from zenoh_cbef.cli.options import Run, Stay
+from zenoh_cbef.cli.calling.offer import verb
+from zenoh_cbef.cli.options.joining import JoiningCommand, JoiningContext, Patience, identity_of
+from zenoh_cbef.cli.options.shared import Run, Stay
+from zenoh_cbef.cli.terminal.console import tell
 from zenoh_cbef.log.common.naming import free_path, left_active
 from zenoh_cbef.nodes.common.recording import Status
 from zenoh_cbef.nodes.recorder.process import run_recorder

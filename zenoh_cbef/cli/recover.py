@@ -7,10 +7,10 @@ from typing import Annotated
 
 import typer
 
-from zenoh_cbef.cli.completing import logs
-from zenoh_cbef.cli.console import warn
-from zenoh_cbef.cli.offer import verb
-from zenoh_cbef.cli.options import Compress, NewLog
+from zenoh_cbef.cli.calling.offer import verb
+from zenoh_cbef.cli.options.completing import logs
+from zenoh_cbef.cli.options.shared import Compress, NewLog
+from zenoh_cbef.cli.terminal.console import warn
 from zenoh_cbef.log.read.parts import find_log
 from zenoh_cbef.log.tools.recover import recover
 from zenoh_cbef.words import counted

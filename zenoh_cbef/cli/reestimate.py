@@ -7,15 +7,16 @@ from typing import Annotated
 
 import typer
 
-from zenoh_cbef.cli.beforehand import tell_beforehand
-from zenoh_cbef.cli.console import console, number, tell_what_lacks
-from zenoh_cbef.cli.offer import verb
-from zenoh_cbef.cli.options import LogFile, Overrides, Smooth
-from zenoh_cbef.cli.progress import bar
+from zenoh_cbef.cli.calling.offer import verb
+from zenoh_cbef.cli.options.shared import LogFile, Overrides, Smooth
+from zenoh_cbef.cli.terminal.beforehand import tell_beforehand
+from zenoh_cbef.cli.terminal.console import console, tell_what_lacks
+from zenoh_cbef.cli.terminal.progress import bar
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.prove.reestimate import Reestimated, reestimate
 from zenoh_cbef.log.read.measurements import read_measurements
 from zenoh_cbef.log.tools.collection import place_of_log
+from zenoh_cbef.numbers import number
 from zenoh_cbef.protocol.names import check_run
 from zenoh_cbef.scenario.load import Loaded
 from zenoh_cbef.words import counted

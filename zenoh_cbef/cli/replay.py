@@ -11,12 +11,12 @@ from typing import Annotated
 
 import typer
 
-from zenoh_cbef.cli.console import number, tell_what_lacks
-from zenoh_cbef.cli.interrupts import INTERRUPTED
-from zenoh_cbef.cli.joining import Joining, JoiningCommand, JoiningContext, identity_of
-from zenoh_cbef.cli.offer import verb
-from zenoh_cbef.cli.options import LONGEST_SECONDS, WHICH, Exclude, Include, LogFile
+from zenoh_cbef.cli.calling.interrupts import INTERRUPTED
+from zenoh_cbef.cli.calling.offer import verb
+from zenoh_cbef.cli.options.joining import Joining, JoiningCommand, JoiningContext, identity_of
+from zenoh_cbef.cli.options.shared import LONGEST_SECONDS, WHICH, Exclude, Include, LogFile
 from zenoh_cbef.cli.run import run_processes
+from zenoh_cbef.cli.terminal.console import tell_what_lacks
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.read.header import read_header
 from zenoh_cbef.log.read.measurements import read_measurements
@@ -25,10 +25,9 @@ from zenoh_cbef.log.tools.playlist import Selection
 from zenoh_cbef.log.tools.selection import select
 from zenoh_cbef.nodes.replay.player import PlayerState
 from zenoh_cbef.nodes.replay.replay import Playback, replay_run, run_replay
-from zenoh_cbef.protocol.session import Connection
+from zenoh_cbef.numbers import number
+from zenoh_cbef.protocol.session import PORT, Connection
 from zenoh_cbef.words import counted
-
-_PORT = 7447
 
 
 class Destination(StrEnum):
@@ -155,7 +154,7 @@ def _connection(joining: Joining) -> Connection:
     connection = joining.connection("replay")
     if joining.client or joining.connect or joining.listen or joining.config:
         return connection
-    return replace(connection, listen=[connection.loopback(_PORT)])
+    return replace(connection, listen=[connection.loopback(PORT)])
 
 
 def _to_network(log: Path, connection: Connection, selection: Selection, how: Playback) -> None:

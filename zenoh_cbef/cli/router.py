@@ -8,13 +8,11 @@ from typing import Annotated
 
 import typer
 
-from zenoh_cbef.cli.joining import JoiningCommand, JoiningContext, warn_of_exposure
-from zenoh_cbef.cli.offer import verb
+from zenoh_cbef.cli.calling.offer import verb
+from zenoh_cbef.cli.options.joining import JoiningCommand, JoiningContext, warn_of_exposure
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.outside.router import run_router
-from zenoh_cbef.protocol.session import configuration
-
-_PORT = 7447
+from zenoh_cbef.protocol.session import PORT, configuration
 
 
 def _router(
@@ -28,7 +26,7 @@ def _router(
         raise UserError("a router cannot join as a client; leave --client out, and name other routers with --connect")
     connection = ctx.joining.connection("router", mode="router")
     if not connection.listen and connection.config is None:
-        connection = replace(connection, listen=[connection.loopback(_PORT)])
+        connection = replace(connection, listen=[connection.loopback(PORT)])
     if print_config:
         typer.echo(configuration(connection))
         return

@@ -14,16 +14,16 @@ from rich.progress import BarColumn, Progress, ProgressColumn, TextColumn, TimeR
 
 from zenoh_cbef.analysis.metrics import analyze, notes
 from zenoh_cbef.analysis.outputs import REPORT, write_outputs
-from zenoh_cbef.cli.beforehand import tell_beforehand
-from zenoh_cbef.cli.console import console, errors, number, tell, tell_what_lacks
-from zenoh_cbef.cli.interrupts import INTERRUPTED
-from zenoh_cbef.cli.joining import warn_of_exposure
-from zenoh_cbef.cli.leash import follow_input
-from zenoh_cbef.cli.offer import verb
-from zenoh_cbef.cli.options import Overrides, ScenarioName
-from zenoh_cbef.cli.places import beside
-from zenoh_cbef.cli.stops import StopRequests
-from zenoh_cbef.cli.tables import metrics_table
+from zenoh_cbef.cli.calling.interrupts import INTERRUPTED
+from zenoh_cbef.cli.calling.leash import follow_input
+from zenoh_cbef.cli.calling.offer import verb
+from zenoh_cbef.cli.calling.stops import StopRequests
+from zenoh_cbef.cli.options.joining import warn_of_exposure
+from zenoh_cbef.cli.options.places import beside
+from zenoh_cbef.cli.options.shared import Overrides, ScenarioName
+from zenoh_cbef.cli.terminal.beforehand import tell_beforehand
+from zenoh_cbef.cli.terminal.console import console, errors, tell, tell_what_lacks
+from zenoh_cbef.cli.terminal.results import metrics_table
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.extras import MissingExtra
 from zenoh_cbef.log.read.parts import find_log
@@ -32,6 +32,7 @@ from zenoh_cbef.log.tools.collection import place_of_log
 from zenoh_cbef.machine import require
 from zenoh_cbef.nodes.common.recording import Status
 from zenoh_cbef.nodes.launch.attempts import launch
+from zenoh_cbef.numbers import number
 from zenoh_cbef.protocol.names import check_run
 from zenoh_cbef.protocol.session import Connection
 from zenoh_cbef.protocol.slow import REMEDY

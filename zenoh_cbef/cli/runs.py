@@ -11,14 +11,15 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from zenoh_cbef.cli.completing import logs
-from zenoh_cbef.cli.console import console, errors, number
-from zenoh_cbef.cli.fitting import Fitting
-from zenoh_cbef.cli.offer import group
-from zenoh_cbef.cli.options import AsJson
+from zenoh_cbef.cli.calling.offer import group
+from zenoh_cbef.cli.options.completing import logs
+from zenoh_cbef.cli.options.shared import AsJson
+from zenoh_cbef.cli.terminal.console import console, errors
+from zenoh_cbef.cli.terminal.fitting import Fitting
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.tools.collection import Kept, find_run, remove, runs, tag
 from zenoh_cbef.log.tools.judged import judged
+from zenoh_cbef.numbers import number
 
 Names = Annotated[list[str], typer.Argument(metavar="RUN...", autocompletion=logs, help="Names of runs in logs/.")]
 _RESULTS = ("complete", "stopped", "incomplete", "lost", "unknown")

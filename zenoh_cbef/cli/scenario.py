@@ -7,10 +7,10 @@ from typing import Annotated
 
 import typer
 
-from zenoh_cbef.cli.completing import scenarios
-from zenoh_cbef.cli.listing import list_named
-from zenoh_cbef.cli.offer import group
-from zenoh_cbef.cli.options import Overrides, ScenarioName
+from zenoh_cbef.cli.calling.offer import group
+from zenoh_cbef.cli.options.completing import scenarios
+from zenoh_cbef.cli.options.shared import Overrides, ScenarioName
+from zenoh_cbef.cli.terminal.listing import list_named
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.scenario.checks import check
 from zenoh_cbef.scenario.load import load, purposes, read_source, to_toml

@@ -10,13 +10,13 @@ import typer
 
 from zenoh_cbef.analysis.metrics import notes
 from zenoh_cbef.analysis.summary import summarize
-from zenoh_cbef.cli.beforehand import tell_beforehand
-from zenoh_cbef.cli.console import console, tell, tell_what_lacks
-from zenoh_cbef.cli.offer import verb
-from zenoh_cbef.cli.options import AsJson, Force, Jobs, Overrides, ScenarioName, Skip
-from zenoh_cbef.cli.places import new_file
-from zenoh_cbef.cli.progress import bar
-from zenoh_cbef.cli.tables import metrics_table, summary_table
+from zenoh_cbef.cli.calling.offer import verb
+from zenoh_cbef.cli.options.places import new_file
+from zenoh_cbef.cli.options.shared import AsJson, Force, Jobs, Overrides, ScenarioName, Skip
+from zenoh_cbef.cli.terminal.beforehand import tell_beforehand
+from zenoh_cbef.cli.terminal.console import console, tell, tell_what_lacks
+from zenoh_cbef.cli.terminal.progress import bar
+from zenoh_cbef.cli.terminal.results import metrics_table, summary_table
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.experiment.seeds import analyses_of, metrics_of
 from zenoh_cbef.scenario.load import load

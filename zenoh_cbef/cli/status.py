@@ -10,12 +10,12 @@ from typing import Annotated
 import typer
 from rich.live import Live
 
-from zenoh_cbef.cli.asking import RunName, locate
-from zenoh_cbef.cli.console import console
-from zenoh_cbef.cli.joining import JoiningCommand, JoiningContext
-from zenoh_cbef.cli.offer import verb
-from zenoh_cbef.cli.options import AsJson
-from zenoh_cbef.cli.status_tables import status_view
+from zenoh_cbef.cli.calling.offer import verb
+from zenoh_cbef.cli.options.asking import RunName, locate
+from zenoh_cbef.cli.options.joining import JoiningCommand, JoiningContext
+from zenoh_cbef.cli.options.shared import AsJson
+from zenoh_cbef.cli.terminal.console import console
+from zenoh_cbef.cli.terminal.status import status_view
 from zenoh_cbef.outside.operator import Operator
 from zenoh_cbef.outside.status import RunStatus
 

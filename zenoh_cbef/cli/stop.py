@@ -7,11 +7,11 @@ from typing import Annotated
 
 import typer
 
-from zenoh_cbef.cli.asking import RunName, locate
-from zenoh_cbef.cli.console import errors
-from zenoh_cbef.cli.joining import JoiningCommand, JoiningContext
-from zenoh_cbef.cli.offer import verb
-from zenoh_cbef.cli.options import LONGEST_SECONDS
+from zenoh_cbef.cli.calling.offer import verb
+from zenoh_cbef.cli.options.asking import RunName, locate
+from zenoh_cbef.cli.options.joining import JoiningCommand, JoiningContext
+from zenoh_cbef.cli.options.shared import LONGEST_SECONDS
+from zenoh_cbef.cli.terminal.console import errors
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.outside.operator import Operator
 

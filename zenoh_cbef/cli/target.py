@@ -9,20 +9,19 @@ from typing import Annotated
 
 import typer
 
-from zenoh_cbef.cli.joining import Joining, JoiningCommand, JoiningContext, Patience, identity_of
-from zenoh_cbef.cli.offer import verb
-from zenoh_cbef.cli.options import MOST_AGENTS, Overrides, ScenarioName
+from zenoh_cbef.cli.calling.offer import verb
+from zenoh_cbef.cli.options.joining import Joining, JoiningCommand, JoiningContext, Patience, identity_of
+from zenoh_cbef.cli.options.shared import Overrides, ScenarioName
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.read.measurements import read_measurements
 from zenoh_cbef.nodes.target.target import run_target
 from zenoh_cbef.protocol.names import check_run
-from zenoh_cbef.protocol.session import Connection
+from zenoh_cbef.protocol.session import PORT, Connection
+from zenoh_cbef.quantities import MOST_AGENTS
 from zenoh_cbef.scenario.checks import check
 from zenoh_cbef.scenario.load import load
 from zenoh_cbef.scenario.model import Zenoh
 from zenoh_cbef.words import counted
-
-_PORT = 7447
 
 
 def _connection(joining: Joining, zenoh: Zenoh) -> Connection:
@@ -36,7 +35,7 @@ def _connection(joining: Joining, zenoh: Zenoh) -> Connection:
         config=joining.config or zenoh.config,
         tls=joining.tls or (None if zenoh.tls is None else Path(zenoh.tls)),
     ).connection("target")
-    listen = connection.listen or (() if connection.mode == "client" else (connection.loopback(_PORT),))
+    listen = connection.listen or (() if connection.mode == "client" else (connection.loopback(PORT),))
     return replace(connection, listen=listen, multicast=zenoh.multicast)
 
 

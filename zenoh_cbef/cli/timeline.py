@@ -7,16 +7,17 @@ from typing import Annotated
 
 import typer
 
-from zenoh_cbef.analysis.timeline import check_format, write_timeline
-from zenoh_cbef.cli.console import tell
-from zenoh_cbef.cli.offer import verb
-from zenoh_cbef.cli.options import LONGEST_SECONDS, Force, LogFile
-from zenoh_cbef.cli.places import beside, new_file
+from zenoh_cbef.analysis.timeline import write_timeline
+from zenoh_cbef.cli.calling.offer import verb
+from zenoh_cbef.cli.options.places import beside, new_file
+from zenoh_cbef.cli.options.shared import LONGEST_SECONDS, Force, LogFile
+from zenoh_cbef.cli.terminal.console import tell
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.read.exchange import read_exchange
 from zenoh_cbef.log.read.parts import find_log
 from zenoh_cbef.plain import whole
 
+_PICTURES = {".svg": "for the picture", ".html": "for a page around it"}
 Since = Annotated[
     float | None,
     typer.Option(
@@ -48,8 +49,7 @@ def _timeline(
 
     Times are real ones, in lockstep too: seconds since the target's start signal.
     """
-    picture = beside(find_log(log), "timeline.html") if output is None else new_file(output, force=force)
-    check_format(picture)
+    picture = beside(find_log(log), "timeline.html") if output is None else new_file(output, _PICTURES, force=force)
     if steps is not None and (since is not None or until is not None):
         raise UserError("--steps and --from or --until name a part in two ways; give one of them")
     if since is not None and until is not None and since >= until:

@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
-from zenoh_cbef.cli.offer import verb
-from zenoh_cbef.cli.options import LogFile
+from zenoh_cbef.cli.calling.offer import verb
+from zenoh_cbef.cli.options.shared import LogFile
 from zenoh_cbef.log.prove.verify import verify
 
 Tolerance = Annotated[

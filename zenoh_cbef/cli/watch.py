@@ -11,13 +11,14 @@ from rich.live import Live
 from rich.panel import Panel
 from rich.text import Text
 
-from zenoh_cbef.cli.asking import RunName, locate
-from zenoh_cbef.cli.braille import plot
-from zenoh_cbef.cli.console import console, number
-from zenoh_cbef.cli.joining import JoiningCommand, JoiningContext
-from zenoh_cbef.cli.offer import verb
-from zenoh_cbef.cli.status_tables import agents_table, events_view, headline, links_line, links_table, status_view
+from zenoh_cbef.cli.calling.offer import verb
+from zenoh_cbef.cli.options.asking import RunName, locate
+from zenoh_cbef.cli.options.joining import JoiningCommand, JoiningContext
+from zenoh_cbef.cli.terminal.braille import plot
+from zenoh_cbef.cli.terminal.console import console
+from zenoh_cbef.cli.terminal.status import agents_table, events_view, headline, links_line, links_table, status_view
 from zenoh_cbef.errors import UserError
+from zenoh_cbef.numbers import number
 from zenoh_cbef.outside.keyboard import Keyboard
 from zenoh_cbef.outside.operator import Operator
 from zenoh_cbef.outside.status import RunStatus

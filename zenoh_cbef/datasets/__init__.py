@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from zenoh_cbef.datasets.dataset import Dataset
-from zenoh_cbef.datasets.reading import read_dataset
+from zenoh_cbef.datasets.folder import read_dataset, write_dataset
 from zenoh_cbef.datasets.recorded import dataset_folder
-from zenoh_cbef.datasets.writing import write_dataset
 
 __all__ = ["Dataset", "dataset_folder", "read_dataset", "write_dataset"]

@@ -9,9 +9,17 @@ from pathlib import Path
 import numpy as np
 
 from zenoh_cbef.arrays import Floats
-from zenoh_cbef.datasets.layout import COLUMNS, MOST, NAMING
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.words import counted
+
+COLUMNS = {"anchors": "id,x,y,z", "ranges": "t,anchor_id,range", "truth": "t,x,y,z"}
+"""The header of each file by its name without .csv. truth.csv may be left out."""
+
+_NAMING = frozenset({"id", "anchor_id"})
+"""The columns that name an anchor; all others are numbers."""
+
+_MOST = {"t": 1e12, "x": 1e7, "y": 1e7, "z": 1e7, "range": 1e7}
+"""The largest size of a column's numbers, s and m: that of a scenario's coordinates."""
 
 
 @dataclass(frozen=True)
@@ -26,7 +34,7 @@ def read_table(folder: Path, name: str) -> Table:
     """Read one file of a folder. Raises UserError where it is missing, empty or not as documented."""
     path, columns = folder / f"{name}.csv", COLUMNS[name].split(",")
     rows = _rows(path, COLUMNS[name])
-    naming = [place for place, column in enumerate(columns) if column in NAMING]
+    naming = [place for place, column in enumerate(columns) if column in _NAMING]
     kept = [place for place in range(len(columns)) if place not in naming]
     try:
         numbers = np.array([[float(values[place]) for place in kept] for values in rows])
@@ -37,7 +45,7 @@ def read_table(folder: Path, name: str) -> Table:
     if not np.isfinite(numbers).all():
         raise UserError(f"{path} has rows that are not {COLUMNS[name]} in finite numbers; correct them")
     for place, values in zip(kept, numbers.T, strict=True):
-        column, most = columns[place], MOST[columns[place]]
+        column, most = columns[place], _MOST[columns[place]]
         if (np.abs(values) > most).any():
             worst = values[np.abs(values).argmax()]
             raise UserError(
@@ -91,7 +99,7 @@ def _flaw(path: Path, columns: Sequence[str]) -> str:
             return f"line {number} has {counted(len(values), 'value')}"
         for column, value in zip(columns, values if line.strip() else (), strict=False):
             try:
-                float("0" if column in NAMING else value)
+                float("0" if column in _NAMING else value)
             except ValueError:
                 return f"line {number} has {value.strip()!r:.40}"
     return "a number is written in an unusual way"

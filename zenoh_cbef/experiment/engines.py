@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
+from zenoh_cbef.analysis.averages import rms_over_agents
 from zenoh_cbef.analysis.metrics import Analysis, analyze, ratio_to_centralized
 from zenoh_cbef.analysis.traffic import other_bytes, round_bytes
-from zenoh_cbef.arrays import Floats
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.experiment.results import Curve, Outcome
 from zenoh_cbef.log.read.parts import find_log
@@ -86,13 +86,12 @@ def outcome_of(analysis: Analysis, bytes_per_step: float | None) -> Outcome:
     metrics["bytes_per_step"] = analysis.metrics.bytes_per_step or bytes_per_step
     links = analysis.trace.links
     metrics |= {f"links.{name}": int(getattr(links, name).sum()) for name in _SUMMED}
-    sent = int(links.sent.sum())
-    metrics["links.missed"] = (sent - int(links.delivered.sum())) / sent if sent else None
+    metrics["links.missed"] = links.missed
     metrics |= _final(analysis)
     steps = np.unique(np.linspace(0, len(analysis.trace.time) - 1, _CURVE_POINTS).round().astype(int))
     curves = (
         analysis.trace.time[steps],
-        _rms(analysis.position_error[analysis.counted][:, steps]),
+        rms_over_agents(analysis.position_error[analysis.counted][:, steps]),
         analysis.disagreement[steps],
     )
     curve = Curve(*([_short(value) for value in values.tolist()] for values in curves))
@@ -102,21 +101,14 @@ def outcome_of(analysis: Analysis, bytes_per_step: float | None) -> Outcome:
 def _final(analysis: Analysis) -> dict[str, float | None]:
     """Metrics of the last tenth of the run alone: the errors that remain after a fault."""
     last = slice(-max(1, len(analysis.trace.time) // 10), None)
-    position = float(_rms(analysis.position_error[analysis.counted, last].ravel()))
+    position = float(rms_over_agents(analysis.position_error[analysis.counted, last].ravel()))
     ratio = ratio_to_centralized(analysis, last)
     found = {
         "final.position_rmse": position,
         "final.ratio_to_centralized": np.nan if ratio is None else ratio,
-        "final.disagreement": float(_rms(analysis.disagreement[last])),
+        "final.disagreement": float(rms_over_agents(analysis.disagreement[last])),
     }
     return {name: value if np.isfinite(value) else None for name, value in found.items()}
-
-
-def _rms(error: Floats) -> Floats:
-    present = np.isfinite(error)
-    squares = np.where(present, error, 0.0) ** 2
-    mean = squares.sum(axis=0) / np.maximum(present.sum(axis=0), 1)
-    return np.where(present.any(axis=0), np.sqrt(mean), np.nan)
 
 
 def _short(value: float) -> float | None:

@@ -10,7 +10,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, Field, JsonValue, ValidationError, model_validator
+from pydantic import BaseModel, Field, JsonValue, ValidationError
 
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.plain import Json, read_toml
@@ -40,11 +40,10 @@ class Expect(Table):
     at_least: Finite | None = None
     where: dict[str, JsonValue] = Field(default={}, description="a table of varied keys and their values")
 
-    @model_validator(mode="after")
-    def _limited(self) -> Expect:
-        if self.at_most is None and self.at_least is None:
-            raise ValueError(f"the expectation of {self.metric} has no limit; give at_most or at_least")
-        return self
+    def mistakes(self) -> dict[str, bool]:
+        """See Table."""
+        said = f"the expectation of {self.metric} has no limit; give at_most or at_least"
+        return {said: self.at_most is None and self.at_least is None}
 
     def holds(self, value: float) -> bool:
         """Whether a value keeps the limits."""
@@ -67,17 +66,18 @@ class Experiment(Table):
     vary: tuple[Vary, ...] = Field(default=(), description="a list of tables, each written [[vary]]")
     expect: tuple[Expect, ...] = Field(default=(), description="a list of tables, each written [[expect]]")
 
-    @model_validator(mode="after")
-    def _consistent(self) -> Experiment:
+    def mistakes(self) -> dict[str, bool]:
+        """See Table."""
         keys = [one.key for one in self.vary]
         twice = next((key for key in keys if keys.count(key) > 1), None)
-        if twice is not None:
-            raise ValueError(f"{twice} is varied twice; list all its values in one [[vary]]")
-        if "seed" in {*keys, *self.set}:
-            raise ValueError("seed is not varied or set; give the seeds as seeds = 20 or seeds = [1, 2, 3]")
-        if isinstance(self.seeds, tuple) and len(set(self.seeds)) < len(self.seeds):
-            raise ValueError("seeds lists a seed twice; list each once")
-        return self
+        return {
+            f"{twice} is varied twice; list all its values in one [[vary]]": twice is not None,
+            "seed is not varied or set; give the seeds as seeds = 20 or seeds = [1, 2, 3]": "seed"
+            in {*keys, *self.set},
+            "seeds lists a seed twice; list each once": (
+                isinstance(self.seeds, tuple) and len(set(self.seeds)) < len(self.seeds)
+            ),
+        }
 
 
 @dataclass(frozen=True)

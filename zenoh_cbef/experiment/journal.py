@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Self
 
 from zenoh_cbef import __version__
-from zenoh_cbef.errors import UserError
 from zenoh_cbef.experiment.results import Curve, Outcome
 from zenoh_cbef.scenario import Scenario
+from zenoh_cbef.writing import writing
 
 JOURNAL = "finished.jsonl"
 """Its file in the folder of an experiment."""
@@ -33,12 +33,10 @@ class Journal:
 
     def __init__(self, folder: Path) -> None:
         self._path = folder / JOURNAL
-        try:
+        with writing(f"into {folder}"):
             folder.mkdir(parents=True, exist_ok=True)
             self._found = {run: one for run, one in _read(self._path) if one.error is None}
             self._stream = self._path.open("a", encoding="utf-8")
-        except OSError as error:
-            raise UserError(f"cannot write into {folder}: {error.strerror}; choose another --output") from None
         if self._stream.tell() and not _ends_a_line(self._path):
             self._stream.write("\n")  # the line that an interruption cut off
 

@@ -19,6 +19,7 @@ from zenoh_cbef.extras import MissingExtra, from_extra
 from zenoh_cbef.pages.parts import Figure, Table, plots_of
 from zenoh_cbef.pages.render import render
 from zenoh_cbef.words import counted
+from zenoh_cbef.writing import writing
 
 RESULTS = ("results.csv", "results.parquet", "summary.json", "index.html", "results.tex", "figures")
 """What is written into an experiment's folder."""
@@ -35,7 +36,7 @@ def write_outputs(summary: Summary, rows: Sequence[Row], source: str, folder: Pa
 
     Raises UserError where the folder cannot be written into.
     """
-    try:
+    with writing(f"into {folder}"):
         missing = [write_table(rows, folder)]
         text = json.dumps(summary.as_json(), indent=1)
         (folder / "summary.json").write_text(text + "\n", encoding="utf-8")
@@ -43,8 +44,6 @@ def write_outputs(summary: Summary, rows: Sequence[Row], source: str, folder: Pa
             latex(results_table(summary, most=FITTING), f"experiment {summary.experiment}"), encoding="utf-8"
         )
         missing.append(_write_page(summary, source, folder))
-    except OSError as error:
-        raise UserError(f"cannot write into {folder}: {error.strerror}; choose another --output") from None
     return [sentence for sentence in missing if sentence]
 
 

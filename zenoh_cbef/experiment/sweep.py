@@ -28,16 +28,6 @@ class Work:
     key: str
     seeds: list[int]
 
-    def __call__(self, engine: str, skip: float, logs: Path) -> Done:
-        """Do them. Never raises for what a run does: an outcome then holds its `error`."""
-        if self.cell.scenario is None:
-            raise RuntimeError("a cell without a scenario cannot be run")
-        if engine == "simulate":
-            return self, simulated(self.cell.scenario, self.seeds, skip)
-        folders = [logs / f"cell-{self.cell.index}-seed-{seed}" for seed in self.seeds]
-        runs = zip(self.seeds, folders, strict=True)
-        return self, [executed(self.cell.scenario, seed, skip, folder) for seed, folder in runs]
-
 
 Done = tuple[Work, list[Outcome]]
 
@@ -128,4 +118,11 @@ class Sweep:
 
 
 def _do(work: Work, *, engine: str, skip: float, logs: Path) -> Done:
-    return work(engine, skip, logs)
+    """Do some runs. Never raises for what a run does: an outcome then holds its `error`."""
+    cell, seeds = work.cell, work.seeds
+    if cell.scenario is None:
+        raise RuntimeError("a cell without a scenario cannot be run")
+    if engine == "simulate":
+        return work, simulated(cell.scenario, seeds, skip)
+    folders = {seed: logs / f"cell-{cell.index}-seed-{seed}" for seed in seeds}
+    return work, [executed(cell.scenario, seed, skip, folder) for seed, folder in folders.items()]

@@ -62,8 +62,9 @@ class Page:
     def answered(self, asked: Asked) -> None:
         """Called when an answer is on its way."""
         if asked.get("ask") == "frame":
-            for source in filter(None, (self._bench.source, self._bench.beside)):
-                source.shown.set()
+            for source in (self._bench.source, self._bench.beside):
+                if source is not None:
+                    source.shown.set()
 
     def waits(self, asked: Asked) -> bool:
         """Whether a page asks for a frame newer than there is."""

@@ -89,7 +89,7 @@ class Bench:
 
     def inject(self, fault: Mapping[str, object], seconds: float | None) -> dict[str, object]:
         """Inject a fault into the run. Raises UserError."""
-        number, since = self._opened().inject(fault, seconds)
+        number, since = self._opened().orders.inject(fault, seconds)
         self._given.append(number)
         return {"fault": number, "from": since}
 
@@ -101,18 +101,18 @@ class Bench:
 
     def clear(self, number: int) -> dict[str, object]:
         """End an injected fault. Raises UserError."""
-        ended = self._opened().clear([number])
+        ended = self._opened().orders.clear([number])
         self._given = [one for one in self._given if one != number]
         return {"ended": ended}
 
     def stop(self) -> dict[str, object]:
         """End the run. Raises UserError."""
-        self._opened().stop()
+        self._opened().orders.stop()
         return {}
 
     def hold(self, *, on: bool, steps: int, rounds: int) -> dict[str, object]:
         """Let the run stand still after so many more steps, or rounds of one, or go on. Raises UserError."""
-        return {**self._opened().hold(on=on, steps=steps, rounds=rounds)}
+        return {**self._opened().orders.hold(on=on, steps=steps, rounds=rounds)}
 
     def scenario_text(self) -> str:
         """The scenario that repeats what is open, injected faults included. Raises UserError."""

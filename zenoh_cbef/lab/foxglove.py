@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import threading
 from contextlib import suppress
-from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
 from zenoh_cbef.errors import UserError
@@ -56,9 +55,7 @@ class Foxglove:
         self._thread.start()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._over.set()
         self._thread.join()
         self._server.stop()

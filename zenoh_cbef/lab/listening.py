@@ -6,7 +6,6 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from types import TracebackType
 from typing import Self
 
 import numpy as np
@@ -75,18 +74,16 @@ class Listener:
             for data in ask_latest(session, keys.faults):
                 hear_faults(keys.faults, data)
         except BaseException:
-            self.operator.__exit__(None, None, None)
+            self.operator.__exit__()
             raise
         self._threads = [threading.Thread(target=self._follow, args=box, daemon=True) for box in boxes]
         for thread in self._threads:
             thread.start()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._over.set()
-        self.operator.__exit__(kind, value, trace)
+        self.operator.__exit__()
 
     def _note(self, there: bool) -> None:
         with self.lock:

@@ -6,6 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
+from zenoh_cbef.analysis.averages import mean_over_agents
 from zenoh_cbef.analysis.faulted import faults_of
 from zenoh_cbef.arrays import Floats, Ints
 from zenoh_cbef.log.read.receipts import Receipts
@@ -147,18 +148,18 @@ class Scene:
         states = recording.estimates.numbers("state", until)[:, since:, :3]
         truth = recording.truth.numbers("state", until)[0, since:, :3]
         covariance = recording.estimates.numbers("covariance", until)[:, since:].reshape(*states.shape[:2], 6, 6)
-        apart = np.sum((states - _mean(states)) ** 2, axis=2)
+        apart = np.sum((states - mean_over_agents(states)) ** 2, axis=2)
         came, lost, late, latency = np.moveaxis(self.fresh(since, until), 2, 0)
         sent = _sum(came) + _sum(lost) + _sum(late)
         with np.errstate(divide="ignore", invalid="ignore"):
             shares = {"lost": _sum(lost) / sent, "late": _sum(late) / sent}
         return {
-            "error": np.sqrt(_mean(np.asarray(np.sum((states - truth) ** 2, axis=2)))),
-            "disagreement": np.sqrt(_mean(apart)),
-            "claimed": np.sqrt(_mean(np.einsum("nkii->nk", covariance[:, :, :3, :3]))),
-            "nis": _mean(recording.estimates.numbers("said", until)[:, since:, NAMES.index("nis")]),
+            "error": np.sqrt(mean_over_agents(np.asarray(np.sum((states - truth) ** 2, axis=2)))),
+            "disagreement": np.sqrt(mean_over_agents(apart)),
+            "claimed": np.sqrt(mean_over_agents(np.einsum("nkii->nk", covariance[:, :, :3, :3]))),
+            "nis": mean_over_agents(recording.estimates.numbers("said", until)[:, since:, NAMES.index("nis")]),
             **shares,
-            "latency": _mean(latency),
+            "latency": mean_over_agents(latency),
         }
 
     def fresh(self, since: int, until: int) -> Floats:
@@ -191,13 +192,6 @@ class Scene:
             rows = np.array([order[one] for one in receipts.neighbours if one in order], dtype=np.int64)
             self._rows[agent] = rows
         return rows
-
-
-def _mean(values: Floats) -> Floats:
-    """The mean of what is known over the first axis, NaN where nothing is."""
-    known = np.isfinite(values)
-    total = np.where(known, values, 0.0).sum(axis=0)
-    return np.where(known.any(axis=0), total / np.maximum(known.sum(axis=0), 1), np.nan)
 
 
 def _sum(values: Floats) -> Floats:

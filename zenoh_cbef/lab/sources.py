@@ -7,7 +7,6 @@ import time
 from collections.abc import Mapping
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Protocol
 
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.lab.listening import Listener
@@ -35,38 +34,24 @@ LIVE = frozenset({"goes on", "is out of reach"})
 """States of a run of which more may come."""
 
 
-class Source(Protocol):
-    """A scene, and what can be done to it. lock: held while the scene is read. shown: set when a page has a frame."""
+class _Past:
+    """Takes no orders."""
 
-    scene: Scene
-    lock: threading.Lock
-    live: bool
-    shown: threading.Event
+    def inject(self, fault: Mapping[str, object], seconds: float | None) -> tuple[int, float]:  # noqa: ARG002
+        """Refuse."""
+        raise UserError("this is a log; start a run to inject faults into it")
 
-    @property
-    def state(self) -> str:
-        """What the page calls it: "log", "is read" (a log), "goes on", "is out of reach" or "ended"."""
-        ...
-
-    def inject(self, fault: Mapping[str, object], seconds: float | None) -> tuple[int, float]:
-        """Inject a fault; returns its number and from when it is on (run time, s). Raises UserError."""
-        ...
-
-    def clear(self, numbers: list[int]) -> list[int]:
-        """End injected faults; returns which. Raises UserError."""
-        ...
+    def clear(self, numbers: list[int]) -> list[int]:  # noqa: ARG002
+        """Refuse."""
+        raise UserError("this is a log; its faults are what they were")
 
     def stop(self) -> None:
-        """End the run. Raises UserError."""
-        ...
+        """Refuse."""
+        raise UserError("this is a log; its run has ended")
 
-    def hold(self, *, on: bool, steps: int, rounds: int) -> Holding:
-        """Let the run stand still after so many more steps, or rounds of one, or go on. Raises UserError."""
-        ...
-
-    def close(self) -> None:
-        """Let go of it."""
-        ...
+    def hold(self, *, on: bool, steps: int, rounds: int) -> Holding:  # noqa: ARG002
+        """Refuse."""
+        raise UserError("this is a log; its run has ended")
 
 
 class LogSource:
@@ -76,6 +61,7 @@ class LogSource:
     """
 
     live = False
+    orders = _Past()
 
     def __init__(self, path: Path, at_once: float = _AT_ONCE_SECONDS, *, measured: bool = False) -> None:
         self.lock = threading.Lock()
@@ -103,22 +89,6 @@ class LogSource:
             time.sleep(_YIELD_SECONDS)
         self.state = "log"
 
-    def inject(self, fault: Mapping[str, object], seconds: float | None) -> tuple[int, float]:  # noqa: ARG002
-        """Refuse."""
-        raise UserError("this is a log; start a run to inject faults into it")
-
-    def clear(self, numbers: list[int]) -> list[int]:  # noqa: ARG002
-        """Refuse."""
-        raise UserError("this is a log; its faults are what they were")
-
-    def stop(self) -> None:
-        """Refuse."""
-        raise UserError("this is a log; its run has ended")
-
-    def hold(self, *, on: bool, steps: int, rounds: int) -> Holding:  # noqa: ARG002
-        """Refuse."""
-        raise UserError("this is a log; its run has ended")
-
     def close(self) -> None:
         """Read no further."""
         self._closed.set()
@@ -133,7 +103,7 @@ class RunSource:
     def __init__(self, run: str, connection: Connection, patience: float, *, measured: bool = False) -> None:
         self._held, self.shown = ExitStack(), threading.Event()
         self._listener = self._held.enter_context(Listener(run, connection, patience, measured=measured))
-        self.lock = self._listener.lock
+        self.lock, self.orders = self._listener.lock, self._listener.operator
         self.scene = Scene(self._listener.recording)
 
     @property
@@ -143,22 +113,14 @@ class RunSource:
             return "ended"
         return "goes on" if self._listener.there else "is out of reach"
 
-    def inject(self, fault: Mapping[str, object], seconds: float | None) -> tuple[int, float]:
-        """Inject a fault; returns its number and from when it is on (run time, s). Raises UserError."""
-        return self._listener.operator.inject(fault, seconds)
-
-    def clear(self, numbers: list[int]) -> list[int]:
-        """End injected faults; returns which. Raises UserError."""
-        return self._listener.operator.clear(numbers)
-
-    def stop(self) -> None:
-        """End the run. Raises UserError."""
-        self._listener.operator.stop()
-
-    def hold(self, *, on: bool, steps: int, rounds: int) -> Holding:
-        """Let the run stand still after so many more steps, or rounds of one, or go on. Raises UserError."""
-        return self._listener.operator.hold(on=on, steps=steps, rounds=rounds)
-
     def close(self) -> None:
         """Leave the run, which goes on."""
         self._held.close()
+
+
+Source = LogSource | RunSource
+"""A scene, and what can be done to it.
+
+lock: held while the scene is read. shown: set when a page has a frame. live: whether it is a run. orders: an operator,
+or what refuses. state, as the page calls it: "log", "is read" (a log), "goes on", "is out of reach" or "ended".
+"""

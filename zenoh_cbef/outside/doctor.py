@@ -25,13 +25,12 @@ from zenoh_cbef.machine import (
 )
 from zenoh_cbef.protocol.reach import unreachable, wait_for_link
 from zenoh_cbef.protocol.runtimes import MOST_LINKS
-from zenoh_cbef.protocol.session import Connection, open_session
+from zenoh_cbef.protocol.session import PORT, Connection, open_session
 from zenoh_cbef.protocol.tls import Tls
 
 OK, WARNING, PROBLEM = "ok", "warning", "problem"
 _PYTHON = (3, 11)
 _ZENOH = ((1, 10), (2, 0))
-_PORT = 7447
 _SCOUTING = ("224.0.0.224", 7446)
 _LITTLE_DISK, _TOO_LITTLE_DISK = 2e9, 1e8
 _SECONDS = 2.0
@@ -156,11 +155,11 @@ def _port() -> Finding:
     with socket.socket() as probe:
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
-            probe.bind(("127.0.0.1", _PORT))
+            probe.bind(("127.0.0.1", PORT))
         except OSError as error:
-            words = f"{_PORT}, where 'target' listens unless told otherwise, cannot be had ({error.strerror})"
+            words = f"{PORT}, where 'target' listens unless told otherwise, cannot be had ({error.strerror})"
             return Finding("port", WARNING, f"{words}; use --listen there, or end the program that has it")
-    return Finding("port", OK, f"{_PORT}, where 'target' listens unless told otherwise, is free")
+    return Finding("port", OK, f"{PORT}, where 'target' listens unless told otherwise, is free")
 
 
 def _multicast() -> Finding:

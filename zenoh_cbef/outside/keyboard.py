@@ -10,7 +10,6 @@ import termios
 import threading
 import tty
 from collections.abc import Callable, Mapping
-from types import TracebackType
 from typing import Self
 
 SPACE, RIGHT, UP, DOWN = " ", "right", "up", "down"
@@ -38,9 +37,7 @@ class Keyboard:
             self._thread.start()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         if self._terminal is not None:
             os.write(self._end[1], b".")
             self._thread.join()

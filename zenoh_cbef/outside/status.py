@@ -12,6 +12,7 @@ from typing import TypedDict, TypeVar
 import numpy as np
 
 from zenoh_cbef.arrays import Floats
+from zenoh_cbef.protocol.directory import Apart
 from zenoh_cbef.protocol.keys import agent_named
 from zenoh_cbef.protocol.kinds import ESTIMATE, EVENT, EstimateMessage, EventMessage
 from zenoh_cbef.protocol.messages import BadMessage, decode, unpack_floats
@@ -83,18 +84,6 @@ class LinkStatus:
 
 
 @dataclass(frozen=True)
-class ApartStatus:
-    """Two processes, as in "agent/3", neither of which reaches the other.
-
-    carried: whether the target carries what they tell each other; otherwise neither hears the other.
-    """
-
-    first: str
-    second: str
-    carried: bool
-
-
-@dataclass(frozen=True)
 class RunStatus:
     """A run. error, disagreement: root mean squares over the agents that take part, m, in the step that all have done.
 
@@ -123,7 +112,7 @@ class RunStatus:
     events: list[SaidEvent]
     slow: list[str] = field(default_factory=list)
     unobservable: str = ""
-    apart: list[ApartStatus] = field(default_factory=list)
+    apart: list[Apart] = field(default_factory=list)
 
 
 def read_status(told: StatusAnswer) -> RunStatus:
@@ -162,7 +151,7 @@ def read_status(told: StatusAnswer) -> RunStatus:
         events=[_said(one) for one in events],
         slow=_slow(events, told["time"]),
         unobservable=told.get("unobservable", ""),
-        apart=[ApartStatus(*one) for one in told.get("apart", [])],
+        apart=[Apart(*one) for one in told.get("apart", [])],
     )
 
 

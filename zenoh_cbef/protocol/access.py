@@ -11,9 +11,7 @@ from zenoh_cbef.plain import Json
 from zenoh_cbef.protocol.keys import Keys
 from zenoh_cbef.protocol.tls import common_name
 from zenoh_cbef.protocol.tokens import claim_token, life_token, over_token, ready_token
-
-AGENTS = 1000
-"""Agents that have rules: as many as a scenario can have."""
+from zenoh_cbef.quantities import MOST_AGENTS
 
 _ANY = Keys("*")
 _HEAR = ["declare_subscriber"]
@@ -85,7 +83,7 @@ _ROLES: dict[str, list[Rule]] = {
 
 def access_control(*, detour: bool = False) -> dict[str, Json]:
     """Zenoh's access_control section. detour: for a client of the target, to which it passes on what others say."""
-    roles = _ROLES | {common_name("agent", str(agent)): _agent(agent) for agent in range(AGENTS)}
+    roles = _ROLES | {common_name("agent", str(agent)): _agent(agent) for agent in range(MOST_AGENTS)}
     if detour:
         roles["target"] = _ROLES["router"]
     rules = [_rule("out", "egress", [one for one in _ALL if one not in _PUT], [_ANY.everything])]

@@ -13,3 +13,8 @@ def ask_all(session: zenoh.Session, selector: str, seconds: float) -> Iterator[z
         selector, timeout=seconds, target=zenoh.QueryTarget.ALL, consolidation=zenoh.ConsolidationMode.NONE
     )
     return (reply.ok for reply in replies if reply.ok is not None)
+
+
+def all_answers(session: zenoh.Session, selector: str, seconds: float = 1.0) -> list[bytes]:
+    """What they answer, without who does."""
+    return [sample.payload.to_bytes() for sample in ask_all(session, selector, seconds)]

@@ -10,7 +10,7 @@ import zenoh
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.plain import flaw
 from zenoh_cbef.protocol.answering import Answering
-from zenoh_cbef.protocol.messages import VERSION, BadMessage, unpack
+from zenoh_cbef.protocol.messages import VERSION, BadMessage, unpack, unpack_ours
 from zenoh_cbef.protocol.questions import Answer, Question
 
 Request = dict[str, object]
@@ -33,9 +33,7 @@ def serve_control(session: zenoh.Session, key: str, answer: Callable[[Request], 
 
 def read_request(data: bytes) -> Request:
     """A request as a map; its `ask` is a text that says what is asked for. Raises BadMessage."""
-    request = unpack(data)
-    if request.get("v") != VERSION:
-        raise BadMessage(f"version {request.get('v')!r:.40}, not {VERSION}")
+    request = unpack_ours(data)
     if words := flaw(request):
         raise BadMessage(words)
     if not isinstance(request.get("ask"), str):

@@ -14,7 +14,7 @@ import zenoh
 from zenoh_cbef.protocol.answering import Answering
 from zenoh_cbef.protocol.claims import Claims
 from zenoh_cbef.protocol.keys import Keys
-from zenoh_cbef.protocol.messages import VERSION, BadMessage, unpack
+from zenoh_cbef.protocol.messages import VERSION, BadMessage, unpack_ours
 
 MOST_ENDPOINTS = 32
 _LONGEST = 200
@@ -146,7 +146,7 @@ def _packed(place: Place) -> list[object]:
 
 
 def _read_question(name: str, data: bytes) -> tuple[Place, tuple[str, ...], tuple[str, ...]]:
-    asked = _unpack(data)
+    asked = unpack_ours(data)
     place = _place(asked.get("place"))
     if place.name != name:
         raise BadMessage("it speaks for another process")
@@ -154,18 +154,11 @@ def _read_question(name: str, data: bytes) -> tuple[Place, tuple[str, ...], tupl
 
 
 def _read_answer(data: bytes) -> Told:
-    told = _unpack(data)
+    told = unpack_ours(data)
     places, detours = told.get("places"), told.get("detours")
     if not isinstance(places, list) or not isinstance(detours, dict):
         raise BadMessage("it tells no places")
     return Told([_place(one) for one in places], {one: detours[one] is True for one in _texts([*detours])})
-
-
-def _unpack(data: bytes) -> dict[str, object]:
-    found = unpack(data)
-    if found.get("v") != VERSION:
-        raise BadMessage(f"version {found.get('v')!r:.40}, not {VERSION}")
-    return dict(found)
 
 
 def _place(told: object) -> Place:

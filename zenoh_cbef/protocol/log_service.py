@@ -22,6 +22,7 @@ from zenoh_cbef.protocol.asking import ask_all
 from zenoh_cbef.protocol.fields import Counts, Texts, field_of
 from zenoh_cbef.protocol.keys import Keys
 from zenoh_cbef.protocol.messages import LARGEST, VERSION, BadMessage, unpack
+from zenoh_cbef.writing import writing
 
 PART = LARGEST // 2
 """Bytes of a file that come at once."""
@@ -102,13 +103,10 @@ def fetch(
     Raises UserError where the recorder does not answer any more, or what came is not what it has.
     """
     for number, (path, size, digest) in enumerate(zip(paths, offer.sizes, offer.digests, strict=True)):
-        try:
-            with path.open("wb") as file:
-                for data in _parts(session, keys.log(offer.recorder), number, size):
-                    file.write(data)
-                    progress(len(data))
-        except OSError as error:
-            raise UserError(f"cannot write {path}: {error.strerror}; make room, or choose another place") from None
+        with writing(path, "make room, or choose another place"), path.open("wb") as file:
+            for data in _parts(session, keys.log(offer.recorder), number, size):
+                file.write(data)
+                progress(len(data))
         if _digest(path) != digest:
             raise UserError(f"{path} is not what {offer.recorder} has; fetch it again")
     for _ in ask_all(session, f"{keys.log(offer.recorder)}?done=1", _ANSWER_SECONDS):

@@ -7,13 +7,11 @@ from collections import deque
 
 import zenoh
 
-from zenoh_cbef.protocol.asking import ask_all
+from zenoh_cbef.protocol.asking import all_answers
 
 KEPT_SECONDS = 60.0
 KEPT_BYTES = 1 << 16
 """How long messages of a key are kept, and how many bytes of them, where nothing else is said."""
-
-_ASK_SECONDS = 1.0
 
 
 _Kept = tuple[int, int | None, float, bytes]
@@ -78,20 +76,16 @@ class Archive:
                 query.reply(key, data)
 
 
-def _ask(session: zenoh.Session, selector: str) -> list[bytes]:
-    return [sample.payload.to_bytes() for sample in ask_all(session, selector, _ASK_SECONDS)]
-
-
 def ask_latest(session: zenoh.Session, key: str, step: int | None = None) -> list[bytes]:
     """The messages published last on a key, or in a step; empty where no process answers in time."""
-    return _ask(session, key if step is None else f"{key}?k={step}")
+    return all_answers(session, key if step is None else f"{key}?k={step}")
 
 
 def ask_since(session: zenoh.Session, key: str, step: int) -> list[bytes]:
     """The messages published on a key since a step, as far as their sender has kept them."""
-    return _ask(session, f"{key}?since={step}")
+    return all_answers(session, f"{key}?since={step}")
 
 
 def ask_numbers(session: zenoh.Session, key: str, first: int, last: int) -> list[bytes]:
     """The messages published on a key with these numbers, as far as their sender has kept them."""
-    return _ask(session, f"{key}?first={first};last={last}")
+    return all_answers(session, f"{key}?first={first};last={last}")

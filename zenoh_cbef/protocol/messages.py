@@ -68,6 +68,14 @@ def unpack(data: bytes) -> dict[str, object]:
     return message
 
 
+def unpack_ours(data: bytes) -> dict[str, object]:
+    """The same of a question or an answer of this version of the protocol."""
+    found = unpack(data)
+    if found.get("v") != VERSION:
+        raise BadMessage(f"version {found.get('v')!r:.40}, not {VERSION}")
+    return found
+
+
 def decode(kind: Kind[M], data: bytes, *, run: str, sender: str = "") -> M:
     """Read and check one message. sender: the process that owns the key, "" for any. Raises BadMessage."""
     message: Any = unpack(data)

@@ -12,7 +12,7 @@ import zenoh
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.plain import count_in
 from zenoh_cbef.protocol.answering import Answering
-from zenoh_cbef.protocol.asking import ask_all
+from zenoh_cbef.protocol.asking import all_answers
 from zenoh_cbef.protocol.fields import Counts, field_of
 from zenoh_cbef.protocol.keys import Keys
 from zenoh_cbef.protocol.messages import VERSION, BadMessage, unpack
@@ -89,7 +89,7 @@ def fetch_scenario(
     until, renewal = time.monotonic() + patience, Renewal(session, connection)
     while not stopped():
         left = min(max(_ASK_SECONDS, until - time.monotonic()), _LONGEST_SECONDS)
-        answers = _ask(session, Keys(run).scenario, left)
+        answers = all_answers(session, Keys(run).scenario, left)
         if answers:
             texts = [read_scenario(answer, run) for answer in answers]
             if len({text.resolved for text in texts}) > 1:
@@ -105,17 +105,12 @@ def fetch_scenario(
     raise UserError(f"no target of run {run!r} answers: {why_no_answer(session, connection, run)}")
 
 
-def _ask(session: zenoh.Session, selector: str, seconds: float = _ASK_SECONDS) -> list[bytes]:
-    """The answers of all targets of the run; there should be one."""
-    return [sample.payload.to_bytes() for sample in ask_all(session, selector, seconds)]
-
-
 def measure_clock(session: zenoh.Session, run: str, tries: int = 4) -> Clock | None:
     """Compare our clock with the target's as NTP does; the fastest of a few tries, None where no target answers."""
     found: list[Clock] = []
     for _ in range(tries):
         before = time.time_ns()
-        answers = _ask(session, f"{Keys(run).scenario}?{_TIME_ONLY}")
+        answers = all_answers(session, f"{Keys(run).scenario}?{_TIME_ONLY}")
         after = time.time_ns()
         told = time_in(answers[0]) if answers else None
         if told is None:

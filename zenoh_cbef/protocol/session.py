@@ -46,6 +46,10 @@ _SIZE_LIMIT: Json = {
 """Zenoh drops larger messages as they come in, before they fill mailboxes."""
 
 
+PORT = 7447
+"""Where a target, a router or a replay listens that is not told otherwise."""
+
+
 @dataclass(frozen=True)
 class Connection:
     """How a process joins the network.

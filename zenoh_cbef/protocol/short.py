@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Sequence
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,22 +52,6 @@ def numbered(data: bytes) -> tuple[int, int]:
 def step_of(data: bytes) -> int:
     """The step of a message."""
     return int(_HEAD.unpack_from(data)[3])
-
-
-class Codec(Protocol):
-    """Reads and writes one sender's round messages."""
-
-    def encode(self, seq: int, sent: int, step: int, round_: int, payload: Floats) -> bytes:
-        """One message; payload: d numbers."""
-
-    def decode(self, data: bytes) -> tuple[int, int, int, bytes]:
-        """Step, round, sending time (ns) and payload: d float64. Raises BadMessage."""
-
-    def decode_all(self, messages: Sequence[bytes]) -> Rounds:
-        """Many messages at once. Raises BadMessage where any is not as promised."""
-
-    def decode_table(self, table: NDArray[np.uint8]) -> Rounds | None:
-        """The same of messages of one size (m, size); None where they have to be looked at one by one."""
 
 
 def codec_of(run: str, sender: str, width: int, compact: Compact | None) -> Codec:
@@ -126,3 +109,7 @@ class ShortCodec:
             raise BadMessage(str(error)) from None
         seq, sent = heads["seq"].astype(np.uint32), heads["sent"].astype(np.uint64)
         return Rounds(seq, sent, heads["step"].astype(np.uint32), heads["round"].astype(np.uint32), payload)
+
+
+Codec = RoundCodec | ShortCodec
+"""Reads and writes one sender's round messages."""

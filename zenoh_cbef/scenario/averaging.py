@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from zenoh_cbef.quantities import Chance, Deviations
 from zenoh_cbef.scenario.table import Eigenvalue, Table
@@ -42,55 +42,36 @@ class Consensus(Table):
             return None
         return Compact(width, blocks, self.precision, silences=self.trigger > 0.0)
 
-    @model_validator(mode="after")
-    def _plain_with_lag(self) -> Consensus:
-        if self.lag and (self.scheme == "running-sums" or self.acceleration != "none" or self.trim):
-            raise ValueError(
-                f"consensus.lag = {self.lag} needs plain averaging, as only that intersects covariances; set "
-                "consensus.acceleration = 'none', consensus.trim = 0 and consensus.scheme = 'average' or 'auto'"
-            )
-        return self
-
-    @model_validator(mode="after")
-    def _plain_with_trigger(self) -> Consensus:
-        plain = self.scheme != "running-sums" and self.acceleration == "none" and not (self.trim or self.lag)
-        if self.trigger and (self.isolate is True or not plain):
-            raise ValueError(
-                f"consensus.trigger = {self.trigger:g} needs plain averaging, in which a message may stand for later "
-                "ones; set consensus.acceleration = 'none', consensus.trim = 0, consensus.lag = 0, consensus.isolate = "
-                "false and consensus.scheme = 'average' or 'auto'"
-            )
-        return self
-
-    @model_validator(mode="after")
-    def _judged_as_sent(self) -> Consensus:
-        if self.isolate is True and (self.lag or self.acceleration != "none"):
-            raise ValueError(
-                "consensus.isolate = true judges whether a message is what its sender can know now; set "
-                "consensus.acceleration = 'none' and consensus.lag = 0, or leave isolate out"
-            )
-        return self
-
-    @model_validator(mode="after")
-    def _combinable(self) -> Consensus:
-        if self.bounds is not None and (self.acceleration != "chebyshev" or self.bounds[0] > self.bounds[1]):
-            raise ValueError(
-                f"consensus.bounds = {list(self.bounds)} are the least and the largest eigenvalue for "
-                "consensus.acceleration = 'chebyshev'; set that and give the lower one first, or leave bounds out"
-            )
-        if self.scheme == "running-sums" and self.acceleration != "none":
-            raise ValueError(
-                "consensus.scheme = 'running-sums' cannot be accelerated; "
-                "set consensus.acceleration = 'none', or consensus.scheme = 'average'"
-            )
-        if self.scheme == "running-sums" and self.precision.startswith("int"):
-            raise ValueError(
-                f"consensus.precision = {self.precision!r} leaves too little of the shares in running sums; set "
-                "consensus.precision = 'float32', or consensus.scheme = 'average'"
-            )
-        if self.trim and (self.scheme == "running-sums" or self.acceleration != "none"):
-            raise ValueError(
-                f"consensus.trim = {self.trim} needs plain averaging, in which no agent weighs negatively; "
-                "set consensus.acceleration = 'none' and consensus.scheme = 'average' or 'auto'"
-            )
-        return self
+    def mistakes(self) -> dict[str, bool]:
+        """See Table."""
+        sums, accelerated = self.scheme == "running-sums", self.acceleration != "none"
+        plain, bounds = not (sums or accelerated or self.trim), self.bounds or (0.0, 0.0)
+        return {
+            f"consensus.lag = {self.lag} needs plain averaging, as only that intersects covariances; set "
+            "consensus.acceleration = 'none', consensus.trim = 0 and consensus.scheme = 'average' or 'auto'": (
+                self.lag > 0 and not plain
+            ),
+            f"consensus.trigger = {self.trigger:g} needs plain averaging, in which a message may stand for later ones; "
+            "set consensus.acceleration = 'none', consensus.trim = 0, consensus.lag = 0, consensus.isolate = false and "
+            "consensus.scheme = 'average' or 'auto'": (
+                self.trigger > 0.0 and (self.isolate is True or self.lag > 0 or not plain)
+            ),
+            "consensus.isolate = true judges whether a message is what its sender can know now; set "
+            "consensus.acceleration = 'none' and consensus.lag = 0, or leave isolate out": (
+                self.isolate is True and (self.lag > 0 or accelerated)
+            ),
+            f"consensus.bounds = {list(bounds)} are the least and the largest eigenvalue for consensus.acceleration = "
+            "'chebyshev'; set that and give the lower one first, or leave bounds out": (
+                self.bounds is not None and (self.acceleration != "chebyshev" or bounds[0] > bounds[1])
+            ),
+            "consensus.scheme = 'running-sums' cannot be accelerated; set consensus.acceleration = 'none', or "
+            "consensus.scheme = 'average'": sums and accelerated,
+            f"consensus.precision = {self.precision!r} leaves too little of the shares in running sums; set "
+            "consensus.precision = 'float32', or consensus.scheme = 'average'": (
+                sums and self.precision.startswith("int")
+            ),
+            f"consensus.trim = {self.trim} needs plain averaging, in which no agent weighs negatively; set "
+            "consensus.acceleration = 'none' and consensus.scheme = 'average' or 'auto'": (
+                self.trim > 0 and (sums or accelerated)
+            ),
+        }

@@ -203,9 +203,8 @@ def smoother_of(plan: Plan) -> FixedLag | None:
 
 def backwards_of(plan: Plan) -> Backwards:
     """By what a smoother goes back from step to step."""
-    if not plan.models:
-        return OneMotion(plan.motion)
-    return SeveralMotions(Switching(plan.models, plan.settings.leaving))
+    motions = plan.models or plan.noises
+    return SeveralMotions(Switching(motions, plan.settings.leaving)) if motions else OneMotion(plan.motion)
 
 
 def fates_of(plan: Plan, seed: Seeds, source: Ids, destination: Ids, *, realtime: bool = False) -> Fates:

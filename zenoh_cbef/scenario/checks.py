@@ -9,6 +9,7 @@ import numpy as np
 from zenoh_cbef.datasets import read_dataset
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.faults import Crash, MessageFault, SenderFault
+from zenoh_cbef.quantities import MOST_AGENTS
 from zenoh_cbef.scenario import paths, proportions, sight, size
 from zenoh_cbef.scenario.model import Scenario
 from zenoh_cbef.scenario.plan import Plan
@@ -76,7 +77,7 @@ def _check_edges(scenario: Scenario, edges: graph.Edges) -> list[str]:
         )
     parts = graph.components(count, edges)
     apart = count - max(map(len, parts))
-    if apart > (_APART * count if count > size.PROCESSES else 0):
+    if apart > (_APART * count if count > MOST_AGENTS else 0):
         raise UserError(
             f"the network falls apart: agents {_named(parts[1])} cannot reach agents {_named(parts[0])}; "
             "add edges, or choose another network.graph, probability or radius"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, Field, field_validator, model_validator
+from pydantic import AfterValidator, Field, field_validator
 
 from zenoh_cbef.quantities import Acceleration, Chance, Duration, Factor, Length, Metres, Rate, Seconds, Speed, Spread
 from zenoh_cbef.scenario.table import EachPosition, EachVelocity, Options, Table, one_of
@@ -78,7 +78,7 @@ class Filter(Table):
     turn_rate_change: Factor | None = 0.01
     models: tuple[Model, ...] = ()
     agile: Literal["jump", "ncv"] = "jump"
-    switching: Chance = 0.03
+    switching: Annotated[Chance | Literal["auto"], Field(description="a number from 0 to 1, or 'auto'")] = "auto"
     range_std: Annotated[Length | Literal["auto"] | None, Field(description="a number from 1e-9 to 1e7, or 'auto'")] = (
         None
     )
@@ -112,94 +112,48 @@ class Filter(Table):
     def _known_motion(cls, value: str) -> str:
         return one_of(value, ("auto", *MOTIONS, "imm"))
 
-    @model_validator(mode="after")
-    def _takes_options(self) -> Filter:
+    def mistakes(self) -> dict[str, bool]:
+        """See Table. Raises ValueError for options that the kind does not take."""
         options_of(self.kind, self.options or {})
-        return self
+        return self._of_motions() | self._of_kind()
 
-    @model_validator(mode="after")
-    def _moves(self) -> Filter:
-        if self.motion not in ("auto", "ncv") and not self._abilities.covariance:
-            raise ValueError(
-                f"filter.motion = {self.motion!r} is not for {self.kind!r}, which has no covariance; set filter.motion "
-                "= 'ncv', or filter.kind = 'sicf'"
-            )
-        if self.bias == "estimate" and not (self.motion == "auto" or is_linear(self.motion)):
-            raise ValueError(
-                f"filter.bias = 'estimate' needs one linear motion, which {self.motion!r} is not; choose another "
-                "filter.motion, or set filter.bias = 'auto', which leaves biases alone then"
-            )
-        if self.motion == "imm" and not self._abilities.models:
-            raise ValueError(
-                f"filter.motion = 'imm' is not for {self.kind!r}; set filter.kind = 'sicf' or 'icf', or another motion"
-            )
-        if len(self.models) == 1 or (self.models and self.motion != "imm"):
-            raise ValueError(
-                "filter.models lists the motions of filter.motion = 'imm', two or more; set that motion and list two, "
-                "or leave filter.models out"
-            )
-        return self
+    def _of_motions(self) -> dict[str, bool]:
+        able, kind = self._abilities, self.kind
+        return {
+            f"filter.motion = {self.motion!r} is not for {kind!r}, which has no covariance; set filter.motion = "
+            "'ncv', or filter.kind = 'sicf'": self.motion not in ("auto", "ncv") and not able.covariance,
+            f"filter.bias = 'estimate' needs one linear motion, which {self.motion!r} is not; choose another "
+            "filter.motion, or set filter.bias = 'auto', which leaves biases alone then": (
+                self.bias == "estimate" and not (self.motion == "auto" or is_linear(self.motion))
+            ),
+            f"filter.motion = 'imm' is not for {kind!r}; set filter.kind = 'sicf' or 'icf', or another motion": (
+                self.motion == "imm" and not able.models
+            ),
+            "filter.models lists the motions of filter.motion = 'imm', two or more; set that motion and list two, or "
+            "leave filter.models out": len(self.models) == 1 or (bool(self.models) and self.motion != "imm"),
+        }
 
-    @model_validator(mode="after")
-    def _linearises(self) -> Filter:
-        if self.linearise == "after" and not self._abilities.biases:
-            raise ValueError(
-                f"filter.linearise = 'after' is not for {self.kind!r}; set filter.kind = 'sicf' or 'icf', or "
-                "filter.linearise = 'auto', which leaves other filters alone"
-            )
-        return self
-
-    @model_validator(mode="after")
-    def _recovers(self) -> Filter:
-        if self.recovery and not self._abilities.information:
-            raise ValueError(
-                f"filter.recovery is for filters that average information, not for {self.kind!r}; "
-                "set filter.kind = 'sicf', or leave filter.recovery out"
-            )
-        return self
-
-    @model_validator(mode="after")
-    def _smooths(self) -> Filter:
-        if self.lag_seconds and not self._abilities.covariance:
-            raise ValueError(
-                f"filter.lag_seconds needs to know how sure each estimate is, and {self.kind!r} has no covariance; "
-                "set filter.kind = 'sicf', or leave filter.lag_seconds out"
-            )
-        return self
-
-    @model_validator(mode="after")
-    def _may_distrust(self) -> Filter:
-        if self.distrust is True and (not self._abilities.information or self.measurement == "difference"):
-            raise ValueError(
-                f"filter.distrust compares what neighbours say of their own ranges, so it is not for {self.kind!r} on "
-                f"{self.measurement}s; set filter.kind = 'sicf', or leave filter.distrust out"
-            )
-        return self
-
-    @model_validator(mode="after")
-    def _may_tell_members(self) -> Filter:
-        if self.membership is True and not self._abilities.biases:
-            raise ValueError(
-                f"filter.membership is for filters that take averages for the whole network's, not for {self.kind!r}; "
-                "set filter.kind = 'sicf' or 'icf', or leave filter.membership out"
-            )
-        return self
-
-    @model_validator(mode="after")
-    def _counted_once(self) -> Filter:
-        if self.measurement == "difference" and not self._abilities.differences:
-            raise ValueError(
-                f"filter.measurement = 'difference' would count ranges more than once in {self.kind!r}, as agents' "
-                "differences share them; set filter.kind = 'ci', or filter.measurement = 'range'"
-            )
-        if self.bias == "estimate" and not self._abilities.biases:
-            raise ValueError(
-                f"filter.bias = 'estimate' is not for {self.kind!r}; set filter.kind = 'sicf' or 'icf', or filter.bias "
-                "= 'auto', which leaves biases alone in other filters"
-            )
-        if self.range_std == "auto" and (not self._abilities.noise or self.measurement == "difference"):
-            raise ValueError(
-                f"filter.range_std = 'auto' is not for {self.kind!r} on {self.measurement}s; give a number, or set "
-                "filter.kind = 'sicf'"
-            )
-        return self
+    def _of_kind(self) -> dict[str, bool]:
+        able, kind, differences = self._abilities, self.kind, self.measurement == "difference"
+        return {
+            f"filter.linearise = 'after' is not for {kind!r}; set filter.kind = 'sicf' or 'icf', or filter.linearise = "
+            "'auto', which leaves other filters alone": self.linearise == "after" and not able.biases,
+            f"filter.recovery is for filters that average information, not for {kind!r}; set filter.kind = 'sicf', or "
+            "leave filter.recovery out": self.recovery and not able.information,
+            f"filter.lag_seconds needs to know how sure each estimate is, and {kind!r} has no covariance; set "
+            "filter.kind = 'sicf', or leave filter.lag_seconds out": self.lag_seconds > 0.0 and not able.covariance,
+            f"filter.distrust compares what neighbours say of their own ranges, so it is not for {kind!r} on "
+            f"{self.measurement}s; set filter.kind = 'sicf', or leave filter.distrust out": (
+                self.distrust is True and (not able.information or differences)
+            ),
+            f"filter.membership is for filters that take averages for the whole network's, not for {kind!r}; set "
+            "filter.kind = 'sicf' or 'icf', or leave filter.membership out": (
+                self.membership is True and not able.biases
+            ),
+            f"filter.measurement = 'difference' would count ranges more than once in {kind!r}, as agents' differences "
+            "share them; set filter.kind = 'ci', or filter.measurement = 'range'": differences and not able.differences,
+            f"filter.bias = 'estimate' is not for {kind!r}; set filter.kind = 'sicf' or 'icf', or filter.bias = "
+            "'auto', which leaves biases alone in other filters": self.bias == "estimate" and not able.biases,
+            f"filter.range_std = 'auto' is not for {kind!r} on {self.measurement}s; give a number, or set "
+            "filter.kind = 'sicf'": self.range_std == "auto" and (not able.noise or differences),
+        }

@@ -9,7 +9,14 @@ from zenoh_cbef.arrays import Floats
 from zenoh_cbef.faults import Absences
 from zenoh_cbef.scenario import bending, near_plane, network, start, telling, trust
 from zenoh_cbef.scenario.model import Scenario
-from zenoh_cbef.scenario.motion import assumed_models, assumed_motion, plain_motion, switches
+from zenoh_cbef.scenario.motion import (
+    assumed_models,
+    assumed_motion,
+    doubted_noises,
+    leaving,
+    plain_motion,
+    switches,
+)
 from zenoh_cbef.tracking.copying import replace
 from zenoh_cbef.tracking.filters import Abilities, abilities_of
 from zenoh_cbef.tracking.filters.settings import FilterSettings
@@ -41,15 +48,32 @@ class Filtering:
     @cached_property
     def models(self) -> tuple[Motion, ...]:
         """The motions between which the target switches; none where the filter assumes one."""
+        return (
+            assumed_models(self.scenario, self.range_std, self.space.axes, told=self.tells_ranges)
+            if self._switches
+            else ()
+        )
+
+    @cached_property
+    def _switches(self) -> bool:
+        """Whether the filter assumes that the target switches between motions."""
         biased = trust.may_be_biased(self.scenario) and self.scenario.filter.bias != "none"
         single = self.distrusts_others or (self.scenario.filter.recovery and self.scenario.filter.defaults < 4)
-        several = switches(self.scenario, alone=biased or single or not self.abilities.models)
-        return assumed_models(self.scenario, self.range_std, self.space.axes) if several else ()
+        return switches(self.scenario, alone=biased or single or not self.abilities.models)
+
+    @cached_property
+    def noises(self) -> tuple[Motion, ...]:
+        """The filter's motion with the noises of which ranges decide; none where the noise is not in doubt."""
+        single = self.bias != "none" or self.distrusts_others or self.models or self.plane
+        unfit = single or not self.abilities.models or self.scenario.filter.recovery
+        return () if unfit else doubted_noises(self.scenario, self.motion, told=self.tells_ranges)
 
     @cached_property
     def tells_ranges(self) -> bool:
         """Whether agents tell each other their ranges, of which each takes in all."""
-        return telling.tells_ranges(self.scenario, self.models or (self.motion,), self.range_std, self.settling_steps)
+        assumed = self.scenario, self.range_std, self.space.axes
+        motions = assumed_models(*assumed) if self._switches else (self.motion,)
+        return telling.tells_ranges(self.scenario, motions, self.range_std, self.settling_steps)
 
     @cached_property
     def plain_motion(self) -> LinearMotion:
@@ -120,7 +144,8 @@ class Filtering:
         return FilterSettings(
             motion=self.motion,
             models=self.models,
-            leaving=chosen.switching,
+            leaving=leaving(scenario, doubted=bool(self.noises), told=self.tells_ranges),
+            noises=self.noises,
             middle=start.middle(scenario)[: self.space.axes],
             squares=self.squares,
             tells_ranges=self.tells_ranges,

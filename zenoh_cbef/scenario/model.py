@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, field_validator
 
 from zenoh_cbef.courses import RECORDED, kind_of, options_of
 from zenoh_cbef.faults import AnyFault
@@ -71,20 +71,20 @@ class Target(Table):
             kind_of(value)
         return value
 
-    @model_validator(mode="after")
-    def _takes_options(self) -> Target:
+    def mistakes(self) -> dict[str, bool]:
+        """See Table. Raises ValueError for options that the motion does not take."""
         options_of(self.motion, self.options or {})
-        return self
-
-    @model_validator(mode="after")
-    def _complete(self) -> Target:
-        if self.motion == "waypoints" and len(self.waypoints) < 2:
-            raise ValueError("target.waypoints needs at least two points for target.motion = 'waypoints'")
-        if self.orders and self.motion != "manual":
-            raise ValueError("target.orders steer a target by hand: set target.motion = 'manual', or leave them out")
-        if self.motion == "dataset" and self.path is None:
-            raise ValueError("target.path must name the dataset folder for target.motion = 'dataset'")
-        return self
+        return {
+            "target.waypoints needs at least two points for target.motion = 'waypoints'": (
+                self.motion == "waypoints" and len(self.waypoints) < 2
+            ),
+            "target.orders steer a target by hand: set target.motion = 'manual', or leave them out": (
+                bool(self.orders) and self.motion != "manual"
+            ),
+            "target.path must name the dataset folder for target.motion = 'dataset'": (
+                self.motion == RECORDED and self.path is None
+            ),
+        }
 
 
 class Agents(Table):
@@ -101,21 +101,19 @@ class Agents(Table):
     waypoints: tuple[tuple[Position, ...], ...] = ()
     speed: Speed = 1.0
 
-    @model_validator(mode="after")
-    def _complete(self) -> Agents:
-        if self.positions is not None and self.count is not None and self.count > len(self.positions):
-            raise ValueError(
-                f"agents.count = {self.count} is more than the {len(self.positions)} agents.positions; "
-                "add positions or lower the count"
-            )
-        if self.positions is not None and not self.positions:
-            raise ValueError("agents.positions is empty; list a position for each agent, or leave it out")
-        if self.labels is not None and len(self.labels) != self.number:
-            raise ValueError(f"agents.labels lists {len(self.labels)} for {self.number} agents; give one each")
-        given = len(self.waypoints)
-        if self.motion == "waypoints" and (given != self.number or not all(self.waypoints)):
-            raise ValueError(f"agents.waypoints needs one list of points for each of the {self.number} agents; add it")
-        return self
+    def mistakes(self) -> dict[str, bool]:
+        """See Table."""
+        many, listed, ways = self.number, len(self.positions or ()), self.waypoints
+        labels = many if self.labels is None else len(self.labels)
+        return {
+            f"agents.count = {self.count} is more than the {listed} agents.positions; add positions or lower the "
+            "count": self.positions is not None and many > listed,
+            "agents.positions is empty; list a position for each agent, or leave it out": self.positions == (),
+            f"agents.labels lists {labels} for {many} agents; give one each": labels != many,
+            f"agents.waypoints needs one list of points for each of the {many} agents; add it": (
+                self.motion == "waypoints" and (len(ways) != many or not all(ways))
+            ),
+        }
 
     @property
     def number(self) -> int:
@@ -245,49 +243,38 @@ class Scenario(Table):
         """Number of steps."""
         return 300 if self.steps is None else self.steps
 
-    @model_validator(mode="after")
-    def _counted_once(self) -> Scenario:
-        if self.consensus.lag and (self.filter.kind != "ci" or self.filter.measurement != "range"):
-            raise ValueError(
-                f"consensus.lag = {self.consensus.lag} fuses estimates that share their past, which only covariance "
-                "intersection may; set filter.kind = 'ci' and filter.measurement = 'range', or leave lag out"
-            )
-        return self
-
-    @model_validator(mode="after")
-    def _comparable(self) -> Scenario:
-        if self.consensus.trim and self.filter.motion == "imm":
-            raise ValueError(
-                f"consensus.trim = {self.consensus.trim} compares the information of one filter, and filter.motion = "
-                "'imm' has several; choose another motion, or leave trim out"
-            )
-        return self
-
-    @model_validator(mode="after")
-    def _judged_by_a_state(self) -> Scenario:
-        chosen = self.filter
+    def mistakes(self) -> dict[str, bool]:
+        """See Table."""
+        stage, chosen = self.consensus, self.filter
         judged = abilities_of(chosen.kind).information and chosen.motion != "imm" and chosen.bias != "estimate"
-        if self.consensus.isolate is True and not judged:
-            raise ValueError(
-                "consensus.isolate = true compares the information of one filter about position and velocity; set "
-                "filter.kind = 'sicf', filter.bias = 'none' and another filter.motion than 'imm', or leave isolate out"
-            )
-        return self
+        recorded = self.target.motion == RECORDED
+        return {
+            f"consensus.lag = {stage.lag} fuses estimates that share their past, which only covariance intersection "
+            "may; set filter.kind = 'ci' and filter.measurement = 'range', or leave lag out": (
+                stage.lag > 0 and (chosen.kind != "ci" or chosen.measurement != "range")
+            ),
+            f"consensus.trim = {stage.trim} compares the information of one filter, and filter.motion = 'imm' has "
+            "several; choose another motion, or leave trim out": stage.trim > 0 and chosen.motion == "imm",
+            "consensus.isolate = true compares the information of one filter about position and velocity; set "
+            "filter.kind = 'sicf', filter.bias = 'none' and another filter.motion than 'imm', or leave isolate out": (
+                stage.isolate is True and not judged
+            ),
+            "agents.motion must be 'static' for target.motion = 'dataset': its anchors rest": (
+                recorded and self.agents.motion != "static"
+            ),
+            # A dataset that is not read yet says how many agents there are.
+            **({} if recorded and self.agents.positions is None else self._miscounted()),
+        }
 
-    @model_validator(mode="after")
-    def _consistent(self) -> Scenario:
-        if self.target.motion == "dataset":
-            if self.agents.motion != "static":
-                raise ValueError("agents.motion must be 'static' for target.motion = 'dataset': its anchors rest")
-            if self.agents.positions is None:
-                return self  # The dataset, which is not read yet, says how many agents there are.
-        count = self.count
-        for key, value in {
+    def _miscounted(self) -> dict[str, bool]:
+        """Keys that list a value for each agent, and not for as many as there are."""
+        each = {
             "filter.initial_position": self.filter.initial_position,
             "filter.initial_velocity": self.filter.initial_velocity,
-            "sensor.bias": self.sensor.bias,
-        }.items():
-            one_each = isinstance(value, tuple) and (key == "sensor.bias" or isinstance((*value, ())[0], tuple))
-            if isinstance(value, tuple) and one_each and len(value) != count:
-                raise ValueError(f"{key} lists {len(value)} values for {count} agents; give one, or one per agent")
-        return self
+        }
+        listed = {key: len(one) for key, one in each.items() if one is not None and isinstance((*one, ())[0], tuple)}
+        listed |= {"sensor.bias": len(self.sensor.bias)} if isinstance(self.sensor.bias, tuple) else {}
+        return {
+            f"{key} lists {many} values for {self.count} agents; give one, or one per agent": many != self.count
+            for key, many in listed.items()
+        }

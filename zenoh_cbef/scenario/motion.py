@@ -23,6 +23,15 @@ that step. Between these two a covariance would be
 far too small or too large for a turn that is not quite round, so the first is one of several motions, too.
 """
 
+_LASTING, _OFTEN, _ALWAYS = 0.005, 0.03, 0.3
+"""How likely a target leaves its motion in a step: a few times in a run, in a turn, and as soon as it begins another.
+
+The last is for few ranges: what happens between two of them then looks like one motion.
+"""
+
+_FACTORS, _FEWER = (tuple(2.0**power for power in range(least, 5, step)) for least, step in ((-6, 1), (-4, 2)))
+"""By what a noise that is in doubt is multiplied: of two that differ by a factor of two, either does."""
+
 
 def switches(scenario: Scenario, *, alone: bool) -> bool:
     """Whether the filter assumes several motions. alone: whether there is a reason to let a filter stand alone."""
@@ -33,17 +42,53 @@ def switches(scenario: Scenario, *, alone: bool) -> bool:
     return emulated and chosen.acceleration_std is None and not alone
 
 
-def assumed_models(scenario: Scenario, range_std: float, axes: int) -> tuple[Motion, ...]:
-    """The motions between which the target switches, the most agile one last."""
+def leaving(scenario: Scenario, *, doubted: bool, told: bool) -> tuple[float, ...]:
+    """The probabilities that the target leaves its motion in a step, between which ranges decide; one that is given.
+
+    doubted: its noise, which lasts. told: agents tell each other their ranges.
+    """
+    chosen = scenario.filter
+    if doubted:
+        return (_LASTING,)
+    if chosen.switching != "auto":
+        return (chosen.switching,)
+    if chosen.defaults < 13:
+        return (_OFTEN,)
+    return (_LASTING, _OFTEN, _ALWAYS) if told else (_LASTING, _OFTEN)
+
+
+def assumed_models(scenario: Scenario, range_std: float, axes: int, *, told: bool = False) -> tuple[Motion, ...]:
+    """The motions between which the target switches, the most agile one last.
+
+    told: agents tell each other their ranges, so a motion more makes no message longer.
+    """
     chosen, settings = scenario.filter, _settings(scenario, range_std, axes)
     if chosen.models:
-        told = [one.model_dump(exclude={"motion"}, exclude_none=True) for one in chosen.models]
+        given = [one.model_dump(exclude={"motion"}, exclude_none=True) for one in chosen.models]
         names = [one.motion for one in chosen.models]
-        return tuple(make_motion(name, replace(settings, **keys)) for name, keys in zip(names, told, strict=True))
+        return tuple(make_motion(name, replace(settings, **keys)) for name, keys in zip(names, given, strict=True))
     calm = _noise(scenario, range_std, _CALM) if chosen.acceleration_std is None else chosen.acceleration_std
     middle, agile = (one / _CALM * calm for one in (_INDEX, _AGILE))
-    each = ("ncv", calm), ("turn", calm), ("ncv", middle), (chosen.agile, agile)
+    between = [("ncv", (middle * agile) ** 0.5)] if told and chosen.defaults > 12 else []
+    each = ("ncv", calm), ("turn", calm), ("ncv", middle), *between, (chosen.agile, agile)
     return tuple(make_motion(name, replace(settings, acceleration_std=std)) for name, std in each)
+
+
+def doubted_noises(scenario: Scenario, motion: Motion, *, told: bool) -> tuple[Motion, ...]:
+    """A motion with several noises, where that of the target is not known: one is given to the filter, or none is.
+
+    Not where ranges are real: there biases are estimated beside the motion, or errors last. told: agents tell each
+    other their ranges, and each noise has many branches.
+    """
+    chosen, stage = scenario.filter, scenario.consensus
+    known = (scenario.target.motion == "ncv" and chosen.acceleration_std is None) or chosen.defaults < 13
+    exact = not (stage.precision.startswith("int") or stage.trigger or stage.lag or stage.trim)
+    together = exact and scenario.count > 1 and stage.rounds > 0 and chosen.measurement == "range"
+    if known or trust.real(scenario) or not together or not isinstance(motion, LinearMotion) or motion.extra_std:
+        return ()
+    return tuple(
+        replace(motion, acceleration_std=factor * motion.acceleration_std) for factor in (_FEWER if told else _FACTORS)
+    )
 
 
 def assumed_motion(scenario: Scenario, range_std: float, axes: int) -> Motion:

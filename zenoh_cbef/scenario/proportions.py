@@ -10,10 +10,9 @@ import numpy as np
 from zenoh_cbef.arrays import Floats
 from zenoh_cbef.datasets import Dataset, read_dataset
 from zenoh_cbef.numbers import number
-from zenoh_cbef.scenario import bending, paths
-from zenoh_cbef.scenario.model import Scenario
+from zenoh_cbef.scenario import bending
 from zenoh_cbef.scenario.plan import Plan
-from zenoh_cbef.scenario.start import half_box
+from zenoh_cbef.scenario.start import half_box, half_diagonal
 from zenoh_cbef.scenario.world import target_path
 
 _SEEN = 3.0
@@ -31,11 +30,6 @@ def warnings(plan: Plan) -> list[str]:
         _recorded(plan) if plan.scenario.target.motion == "dataset" else _emulated_noise(plan) + _out_of_plane(plan)
     )
     return _long_steps(plan) + _coarse(plan) + recorded
-
-
-def _half(scenario: Scenario) -> float:
-    """Half of the diagonal of the box around the agents, m."""
-    return float(np.linalg.norm(np.ptp(paths.placement(scenario), axis=0))) / 2.0
 
 
 def _long_steps(plan: Plan) -> list[str]:
@@ -57,7 +51,7 @@ def _long_steps(plan: Plan) -> list[str]:
 
 
 def _coarse(plan: Plan) -> list[str]:
-    half = _half(plan.scenario)
+    half = half_diagonal(plan.scenario)
     if plan.range_std <= half or half == 0.0:
         return []
     warning = (
@@ -83,7 +77,7 @@ def _out_of_plane(plan: Plan) -> list[str]:
     if height is None:
         return []
     seen = scenario.model_copy(update={"steps": min(scenario.length, _MOST_STEPS)})
-    off, half = float(np.abs(target_path(seen)[:, 2] - height).max()), _half(scenario)
+    off, half = float(np.abs(target_path(seen)[:, 2] - height).max()), half_diagonal(scenario)
     if off**2 <= 2.0 * half * _SEEN * plan.range_std or half == 0.0:
         return []
     warning = (

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.machine import available_bytes
+from zenoh_cbef.quantities import MOST_AGENTS
 from zenoh_cbef.scenario.model import Scenario
 from zenoh_cbef.scenario.network import by_radio
 from zenoh_cbef.scenario.plan import Plan
@@ -21,15 +22,11 @@ _IN_RANGE = 3
 """Arrays of one byte for two agents in a step, which the graph `radio` takes."""
 
 
-PROCESSES = 1000
-"""The most agents of a run of processes; a simulation has no limit but memory."""
-
-
 def refuse_too_many_processes(scenario: Scenario) -> None:
     """Raise UserError where a scenario has more agents than a run of processes may have."""
-    if scenario.count > PROCESSES:
+    if scenario.count > MOST_AGENTS:
         raise UserError(
-            f"{scenario.count} agents are too many for processes, which may be {PROCESSES}: lower agents.count, or "
+            f"{scenario.count} agents are too many for processes, which may be {MOST_AGENTS}: lower agents.count, or "
             "simulate them with 'sim'"
         )
 
@@ -55,7 +52,7 @@ def simulation_bytes(plan: Plan, runs: int = 1) -> int:
     scenario = plan.scenario
     cells = scenario.count * scenario.length
     # A large batch is computed in parts, and only its agents' memories are kept: what a filter remembers.
-    state = _REMEMBERED * scenario.count * (1 if scenario.count > PROCESSES else 0)
+    state = _REMEMBERED * scenario.count * (1 if scenario.count > MOST_AGENTS else 0)
     return world_bytes(scenario) + runs * _SIMULATED * cells + _ANALYSED * cells + state
 
 

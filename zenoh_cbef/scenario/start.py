@@ -30,13 +30,13 @@ def initial_std(scenario: Scenario) -> Floats:
     """Standard deviations of the initial estimate, (6,): m, then m/s."""
     position, velocity = scenario.filter.initial_position_std, scenario.filter.initial_velocity_std
     if position is None and scenario.target.motion == "dataset":
-        position = _half_diagonal(scenario) or None
+        position = half_diagonal(scenario) or None
     return np.repeat([position or 1.0, velocity or 1.0], 3)
 
 
 def widened_std(scenario: Scenario) -> Floats:
     """As initial_std, where the network looks for its target by a first fix, (6,)."""
-    least = np.repeat([_FARTHEST * _half_diagonal(scenario), _FASTEST], 3)
+    least = np.repeat([_FARTHEST * half_diagonal(scenario), _FASTEST], 3)
     return np.asarray(np.maximum(initial_std(scenario), least))
 
 
@@ -198,7 +198,8 @@ def half_box(scenario: Scenario) -> float:
     return float(np.linalg.norm(high - low)) / 2.0
 
 
-def _half_diagonal(scenario: Scenario) -> float:
+def half_diagonal(scenario: Scenario) -> float:
+    """Half of the diagonal of the box around the agents, m."""
     return float(np.linalg.norm(np.ptp(paths.placement(scenario), axis=0))) / 2.0
 
 

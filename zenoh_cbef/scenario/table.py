@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from collections.abc import Mapping
+from typing import Annotated, Self
 
-from pydantic import BaseModel, ConfigDict, Field, JsonValue
+from pydantic import BaseModel, ConfigDict, Field, JsonValue, model_validator
 
 from zenoh_cbef.quantities import Metres, Motion, Position
 
@@ -36,6 +37,17 @@ class Table(BaseModel):
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
+
+    def mistakes(self) -> Mapping[str, bool]:
+        """What keys may be that do not fit each other, in sentences with the remedy, each with whether they are."""
+        return {}
+
+    @model_validator(mode="after")
+    def _fitting(self) -> Self:
+        for sentence, made in self.mistakes().items():
+            if made:
+                raise ValueError(sentence)
+        return self
 
 
 def one_of(value: str, choices: tuple[str, ...]) -> str:

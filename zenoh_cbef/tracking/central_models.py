@@ -48,7 +48,7 @@ class CentralModels:
         parts = [one.posterior for one in taken]
         mixture = self.switching.combined(chance, parts)
         joined = Belief(*mixture, chance=chance, parts=tuple(Belief(*one) for one in parts))
-        return joined, _likeliest(taken, ahead)
+        return joined, _likeliest(taken, self.switching.of_models(ahead))
 
 
 def _likeliest(taken: list[Taken], ahead: Floats) -> Taken:

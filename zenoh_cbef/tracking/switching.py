@@ -13,17 +13,22 @@ from zenoh_cbef.tracking.motion import Motion, begun
 Gaussian = tuple[Floats, Floats]
 """Means (n, s) and covariances (n, s, s)."""
 
+_CHANGES = 0.001
+"""The probability that, in a step, the target takes to leaving its models more or less often."""
+
 
 @dataclass(frozen=True)
 class Switching:
     """M models and how the target switches between them: a Markov chain, of which it leaves a model with `leaving`.
 
     The steps of the interacting multiple model filter (Blom and Bar-Shalom, IEEE TAC 33(8), 1988). leaving: probability
-    in one step; every other model is then equally likely.
+    in one step; every other model is then equally likely. Where several are given, the ranges decide between them: the
+    chain is one of pairs, of a probability to leave and a model, and all pairs of one model have that model's estimate.
+    So probabilities of pairs are (n, R M) for R such probabilities, all models of the first one first.
     """
 
     motions: tuple[Motion, ...]
-    leaving: float
+    leaving: tuple[float, ...]
 
     @property
     def size(self) -> int:
@@ -31,45 +36,61 @@ class Switching:
         return 2 * self.motions[0].axes
 
     def begun(self, state: Floats, covariance: Floats) -> tuple[Floats, list[Gaussian]]:
-        """Equal probabilities (n, M), and all models' beliefs from one about position and velocity."""
-        count = len(self.motions)
+        """Equal probabilities (n, R M), and all models' beliefs from one about position and velocity."""
+        count = len(self.leaving) * len(self.motions)
         return np.full((len(state), count), 1.0 / count), [begun(one, state, covariance) for one in self.motions]
 
     def mixed(self, chance: Floats, beliefs: list[Gaussian]) -> tuple[Floats, list[Gaussian]]:
-        """Probabilities (n, M) of the next step, and what each model begins it with."""
-        count = len(self.motions)
-        other = self.leaving / max(1, count - 1)
-        ahead = np.stack([other + (1.0 - self.leaving - other) * chance[:, j] for j in range(count)], axis=1)
-        mixtures = []
-        for j in range(count):
-            weights = [chance[:, i] * (1.0 - self.leaving if i == j else other) / ahead[:, j] for i in range(count)]
-            mixtures.append(moments(weights, [self._as_of(beliefs[i], i, j) for i in range(count)]))
+        """Probabilities (n, R M) of the next step, and what each model begins it with."""
+        ahead, ways = self._chain(chance)
+        likely, mixtures = self.of_models(ahead), []
+        for j in range(len(self.motions)):
+            weights = [way / likely[:, j] for way in ways[j]]
+            mixtures.append(moments(weights, [self._as_of(one, i, j) for i, one in enumerate(beliefs)]))
         return ahead, mixtures
+
+    def of_models(self, chance: Floats) -> Floats:
+        """Probabilities (n, M) of the models, whatever the probability to leave one."""
+        return _over_rates(chance, len(self.motions))
 
     def pairs(self, chance: Floats, later: Floats, beliefs: list[Gaussian]) -> Gaussian:
         """Position and velocity in a step and in the next one together: means (n, 2 s), covariances (n, 2 s, 2 s).
 
-        chance, later: the models' probabilities (n, M) after the ranges of either step. beliefs: of the first.
+        chance, later: probabilities (n, R M) after the ranges of either step. beliefs: of the first.
         """
-        count, size = len(self.motions), self.size
-        other = self.leaving / max(1, count - 1)
-        weights, parts = [], []
+        size, weights, parts = self.size, [], []
+        ahead, ways = self._chain(chance)
+        shares = self.of_models(later) / self.of_models(ahead)
         for j, motion in enumerate(self.motions):
-            share = later[:, j] / (other + (1.0 - self.leaving - other) * chance[:, j])
-            for i in range(count):
-                state, covariance = self._as_of(beliefs[i], i, j)
+            for i, one in enumerate(beliefs):
+                state, covariance = self._as_of(one, i, j)
                 cross = covariance @ np.swapaxes(motion.jacobian(state), -1, -2)
-                ahead = motion.predict_covariance(covariance, state)
-                now, both, then = (part[:, :size, :size] for part in (covariance, cross, ahead))
+                ahead_of = motion.predict_covariance(covariance, state)
+                now, both, then = (part[:, :size, :size] for part in (covariance, cross, ahead_of))
                 mean = np.concatenate([state[:, :size], motion.predict_state(state)[:, :size]], axis=1)
                 parts.append((mean, np.block([[now, both], [np.swapaxes(both, 1, 2), then]])))
-                weights.append(chance[:, i] * (1.0 - self.leaving if i == j else other) * share)
+                weights.append(ways[j][i] * shares[:, j])
         return moments(weights, parts)
 
+    def _chain(self, chance: Floats) -> tuple[Floats, list[list[Floats]]]:
+        """Probabilities (n, R M) of the next step; and for each model j those, (n,), to come there from each model."""
+        count = len(self.motions)
+        before = _drifted(chance, count) if len(self.leaving) > 1 else chance
+        ways, ahead = [[np.zeros(len(chance))] * count for _ in range(count)], []
+        for rate, leaving in enumerate(self.leaving):
+            these = before[:, rate * count : (rate + 1) * count]
+            total = np.add.reduce(these, axis=1) if len(self.leaving) > 1 else 1.0
+            other = leaving / max(1, count - 1)
+            for j in range(count):
+                ahead.append(other * total + (1.0 - leaving - other) * these[:, j])
+                for i in range(count):
+                    ways[j][i] = ways[j][i] + these[:, i] * (1.0 - leaving if i == j else other)
+        return np.stack(ahead, axis=1), ways
+
     def weighed(self, ahead: Floats, misfits: Floats) -> Floats:
-        """Probabilities (n, M) after a step, from those before it and the models' misfits: see `misfit`."""
+        """Probabilities (n, R M) after a step, from those before it and the models' misfits (n, M): see `misfit`."""
         least = np.minimum.reduce(misfits, axis=1)[:, None]
-        scaled = ahead * np.exp(-0.5 * (misfits - least))
+        scaled = ahead * np.tile(np.exp(-0.5 * (misfits - least)), len(self.leaving))
         total = scaled[:, 0].copy()
         for j in range(1, scaled.shape[1]):
             total += scaled[:, j]
@@ -77,7 +98,8 @@ class Switching:
 
     def combined(self, chance: Floats, beliefs: list[Gaussian]) -> Gaussian:
         """Mean and covariance of position and velocity, of the mixture of all models."""
-        size, weights = self.size, [chance[:, j] for j in range(len(self.motions))]
+        size, likely = self.size, self.of_models(chance)
+        weights = [likely[:, j] for j in range(len(self.motions))]
         return moments(weights, [(state[:, :size], covariance[:, :size, :size]) for state, covariance in beliefs])
 
     def _as_of(self, belief: Gaussian, i: int, j: int) -> Gaussian:
@@ -86,6 +108,20 @@ class Switching:
             return belief
         state, covariance = belief
         return begun(self.motions[j], state[:, : self.size], covariance[:, : self.size, : self.size])
+
+
+def _over_rates(chance: Floats, count: int) -> Floats:
+    """Sums (n, count) over the probabilities to leave a model."""
+    total = chance[:, :count].copy()
+    for start in range(count, chance.shape[1], count):
+        total += chance[:, start : start + count]
+    return total
+
+
+def _drifted(chance: Floats, count: int) -> Floats:
+    """Probabilities a step later, as now and then the target takes to another probability to leave a model."""
+    rates = chance.shape[1] // count
+    return np.asarray((1.0 - _CHANGES) * chance + _CHANGES / rates * np.tile(_over_rates(chance, count), rates))
 
 
 def moments(weights: list[Floats], parts: list[Gaussian]) -> Gaussian:

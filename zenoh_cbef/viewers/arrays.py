@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from zenoh_cbef.arrays import Floats, Ints
-from zenoh_cbef.errors import UserError
 from zenoh_cbef.extras import from_extra
 from zenoh_cbef.trace import SmoothedPath, Trace
 from zenoh_cbef.tracking.diagnostics import NAMES, WHOLE
+from zenoh_cbef.writing import writing
 
 WHOLE_COLUMNS = {"agent", "k", "first", "second"} | WHOLE
 """Columns of whole numbers."""
@@ -49,7 +49,7 @@ def export(trace: Trace, output: Path, kind: str) -> list[Path]:
     Raises UserError where that cannot be, or the package for parquet is missing.
     """
     write = _write_csv if kind == "csv" else _parquet_writer() if kind == "parquet" else None
-    try:
+    with writing(output):
         if write is None:
             output.parent.mkdir(parents=True, exist_ok=True)
             with output.open("wb") as stream:
@@ -60,8 +60,6 @@ def export(trace: Trace, output: Path, kind: str) -> list[Path]:
         for name, (header, parts) in tables_of(trace).items():
             paths.append(output / f"{name}.{kind}")
             write(paths[-1], header, np.column_stack(parts).astype(np.float64))
-    except OSError as error:
-        raise UserError(f"cannot write {output}: {error.strerror}; choose another --output") from None
     return paths
 
 

@@ -13,6 +13,7 @@ from zenoh_cbef.errors import UserError
 from zenoh_cbef.extras import from_extra
 from zenoh_cbef.viewers.colours import TRUTH, agent_colour, body_size, health_colour
 from zenoh_cbef.viewers.scene import Scene
+from zenoh_cbef.writing import writing
 
 _UNKNOWN_TURN = 1e6
 """Variance of an attitude that is not estimated, rad^2: a point has none."""
@@ -38,7 +39,7 @@ def write_ros2(scene: Scene, output: Path) -> list[Path]:
     """
     rosbag2 = from_extra("rosbags.rosbag2", "the export for ROS 2")
     messages = _Messages(scene)
-    try:
+    with writing(output):
         _clear(output)
         output.parent.mkdir(parents=True, exist_ok=True)
         with rosbag2.Writer(output, version=9, storage_plugin=rosbag2.StoragePlugin.MCAP) as writer:
@@ -48,8 +49,6 @@ def write_ros2(scene: Scene, output: Path) -> list[Path]:
                 if topic not in connections:
                     connections[topic] = writer.add_connection(topic, kind, typestore=messages.store)
                 writer.write(connections[topic], time, messages.store.serialize_cdr(message, kind))
-    except OSError as error:
-        raise UserError(f"cannot write {output}: {error.strerror}; choose another --output") from None
     return [output]
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from zenoh_cbef.analysis.averages import mean_over_agents, rms_over_agents
 from zenoh_cbef.analysis.chi2 import chi2_quantile
 from zenoh_cbef.analysis.metrics import Errors, analyze
 from zenoh_cbef.arrays import Floats, Ints
@@ -74,16 +75,16 @@ class Scene:
         """Numbers of the whole network by step, (K,) each; NaN where there is none."""
         one, smoothed = self.analysis, {}
         if one.smoothed is not None:
-            smoothed = {"smoothed_position_error": np.sqrt(_mean(one.smoothed.position[one.counted] ** 2))}
+            smoothed = {"smoothed_position_error": rms_over_agents(one.smoothed.position[one.counted])}
         return {
-            "position_error": np.sqrt(_mean(one.position_error[one.counted] ** 2)),
+            "position_error": rms_over_agents(one.position_error[one.counted]),
             **smoothed,
-            "velocity_error": np.sqrt(_mean(one.velocity_error[one.counted] ** 2)),
+            "velocity_error": rms_over_agents(one.velocity_error[one.counted]),
             "centralized_position_error": one.centralized_position_error,
-            "nees": _mean(one.nees[one.counted]),
-            "nis": _mean(one.trace.diagnostics.nis),
+            "nees": mean_over_agents(one.nees[one.counted]),
+            "nis": mean_over_agents(one.trace.diagnostics.nis),
             "disagreement": one.disagreement,
-            "delivered": _mean(self.delivered),
+            "delivered": mean_over_agents(self.delivered),
         }
 
     def agent_metrics(self, agent: int) -> dict[str, Floats]:
@@ -95,7 +96,7 @@ class Scene:
             "range": trace.ranges[agent],
             "range_age": np.where(np.isfinite(trace.ranges[agent]), trace.age[agent], np.nan),
             **trace.diagnostics.each(lambda values: values[agent].astype(np.float64)).named(),
-            "delivered": _mean(self.delivered[self.links[:, 1] == agent]),
+            "delivered": mean_over_agents(self.delivered[self.links[:, 1] == agent]),
         }
 
 
@@ -124,7 +125,7 @@ def scene_of(recording: Recording, errors: Errors, since: int, start: int, event
         links=links,
         delivered=_delivered(recording, links, since, since + len(trace.time)),
         ellipsoids=ellipsoids(trace.covariances[:, :, :3, :3]),
-        estimate=_mean(trace.estimates[:, :, :3]),
+        estimate=mean_over_agents(trace.estimates[:, :, :3]),
         smoothed=None if errors.smoothed is None else errors.smoothed.path,
         events=events,
     )
@@ -219,11 +220,3 @@ def quaternions(rotations: Floats) -> Floats:
     k[:, 3, 3] = trace
     _, vectors = np.linalg.eigh(k / 3.0)
     return np.asarray(vectors[:, :, -1])
-
-
-def _mean(values: Floats) -> Floats:
-    """Mean of the known values over the first axis; NaN where none is known."""
-    present = np.isfinite(values)
-    count = present.sum(axis=0)
-    total = np.where(present, values, 0.0).sum(axis=0)
-    return np.where(count > 0, total / np.maximum(count, 1), np.nan)

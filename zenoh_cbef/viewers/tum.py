@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from zenoh_cbef.arrays import Floats
-from zenoh_cbef.errors import UserError
 from zenoh_cbef.viewers.scene import Scene
+from zenoh_cbef.writing import writing
 
 
 def write_tum(scene: Scene, output: Path) -> list[Path]:
@@ -22,15 +22,13 @@ def write_tum(scene: Scene, output: Path) -> list[Path]:
     if trace.smoothed is not None:
         paths |= {f"agent_{agent}_smoothed": one for agent, one in enumerate(trace.smoothed.states)}
     written = []
-    try:
+    with writing(output):
         output.mkdir(parents=True, exist_ok=True)
         for name, states in paths.items():
             lines = _lines(scene, states)
             if lines:
                 written.append(output / f"{name}.tum")
                 written[-1].write_text("".join(lines), encoding="ascii")
-    except OSError as error:
-        raise UserError(f"cannot write {output}: {error.strerror}; choose another --output") from None
     return written
 
 

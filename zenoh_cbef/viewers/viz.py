@@ -6,25 +6,23 @@ from importlib.resources import files
 from pathlib import Path
 
 from zenoh_cbef import __version__
-from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.mcap.writer import McapWriter
 from zenoh_cbef.viewers.colours import LAYOUT
 from zenoh_cbef.viewers.drawing import Drawing
 from zenoh_cbef.viewers.scene import Scene
+from zenoh_cbef.writing import writing
 
 
 def write_viz(scene: Scene, output: Path) -> list[Path]:
     """Write the file, and a layout for it beside; returns both. Raises UserError where they cannot be written."""
     drawing = Drawing(scene)
     layout = output.with_name(f"{output.stem}-layout.json")
-    try:
+    with writing(output):
         output.parent.mkdir(parents=True, exist_ok=True)
         with McapWriter(output, library=f"zenoh-cbef {__version__}") as writer:
             writer.add_metadata("cbef.viz", {"run": scene.trace.name, "version": __version__})
             _write(drawing, scene, writer)
         layout.write_text((files("zenoh_cbef.viewers") / LAYOUT).read_text(encoding="utf-8"), encoding="utf-8")
-    except OSError as error:
-        raise UserError(f"cannot write {output}: {error.strerror}; choose another --output") from None
     return [output, layout]
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.cli.test_errors import call
+from tests.cli.command_line import call
 from tests.log.made import START, made_log
 from zenoh_cbef.analysis.coverage import stretches
 from zenoh_cbef.analysis.metrics import Analysis, analyze

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.cli.test_errors import call
+from tests.cli.command_line import call
 from tests.log.hand_made import KEYS, Maker
 from tests.log.made import made_log
 from zenoh_cbef.log.mcap.contents import Chunk, decompress

@@ -7,7 +7,7 @@ import time
 import pytest
 
 from tests.processes.conftest import World, processes_of, settings
-from zenoh_cbef.cli.ids import ids_of, shortened
+from zenoh_cbef.cli.terminal.ids import ids_of, shortened
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.nodes.launch.children import Nursery
 from zenoh_cbef.nodes.launch.fleet import SLOW_SECONDS, Fleet

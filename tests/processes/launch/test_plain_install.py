@@ -32,7 +32,7 @@ sys.meta_path.insert(0, Refuse())
 
 CALLS = """
 import contextlib, io, json, sys
-from zenoh_cbef.cli.main import main
+from zenoh_cbef.cli.calling.main import main
 
 for words in json.loads(sys.argv[1]):
     sys.argv = ["zenoh-cbef", *words]

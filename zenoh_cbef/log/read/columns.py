@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
 
 import numpy as np
 
@@ -24,33 +23,10 @@ _LAYOUTS = 16
 """So many layouts are kept for a key. Whole numbers are written in as few bytes as they need, so a run has several."""
 
 
-class _Part(Protocol):
-    """Some messages (m,)."""
-
-    @property
-    def names(self) -> frozenset[str]:
-        """Of all fields that any of them has."""
-
-    def integers(self, name: str) -> Ints:
-        """The whole number of a field that all of them have, (m,)."""
-
-    def sizes(self, name: str) -> Ints:
-        """How many items the list or doubles of a field have, (m,); -1 where the message lacks it."""
-
-    def numbers(self, name: str, width: int) -> Floats:
-        """As `Columns.numbers`."""
-
-    def values(self, name: str) -> list[object]:
-        """As `Columns.values`."""
-
-    def by_sender(self, rows: Ints) -> list[tuple[str, Ints]]:
-        """Their senders, each with its own of these rows (m,)."""
-
-
 class Columns:
     """Checked messages (m,) of one kind, in order."""
 
-    def __init__(self, parts: Sequence[tuple[Ints, _Part]]) -> None:
+    def __init__(self, parts: Sequence[tuple[Ints, _Rows | _Maps]]) -> None:
         self._parts = parts
         self._count = sum(len(rows) for rows, _ in parts)
 
@@ -148,7 +124,7 @@ class Reader:
 
     def read(self, batch: Batch, rows: Ints) -> Columns:
         """Some messages of a batch. Raises BadMessage where any is not as promised."""
-        parts: list[tuple[Ints, _Part]] = []
+        parts: list[tuple[Ints, _Rows | _Maps]] = []
         single: list[Ints] = []
         sizes = batch.end[rows] - batch.start[rows]
         for size in sorted(set(sizes.tolist())):
@@ -163,9 +139,9 @@ class Reader:
             parts.append((left, _Maps(maps)))
         return Columns(parts)
 
-    def _alike(self, table: Bytes, places: Ints) -> tuple[list[tuple[Ints, _Part]], Ints]:
+    def _alike(self, table: Bytes, places: Ints) -> tuple[list[tuple[Ints, _Rows | _Maps]], Ints]:
         """Those of some messages of one size (m, size) that have a layout in common with others, and the other ones."""
-        parts: list[tuple[Ints, _Part]] = []
+        parts: list[tuple[Ints, _Rows | _Maps]] = []
         single = [places[:0]]
         known = [one for one in self._layouts if one.size == table.shape[1]]
         attempts = _ATTEMPTS

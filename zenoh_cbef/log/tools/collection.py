@@ -15,6 +15,7 @@ from zenoh_cbef.log.common.naming import ACTIVE
 from zenoh_cbef.log.read.header import read_header
 from zenoh_cbef.log.read.parts import find_log, open_log
 from zenoh_cbef.outside.registry import known_runs
+from zenoh_cbef.writing import writing
 
 LOGS = Path("logs")
 UNKNOWN = "unknown"
@@ -114,10 +115,8 @@ def tag(run: Kept, add: Sequence[str], remove: Sequence[str]) -> list[str]:
             raise UserError(f"{one!r} is no tag; use letters, digits, dot, dash and underscore")
     now = sorted({*run.tags, *add} - set(remove))
     place = run.log.parent / _TAGS
-    try:
+    with writing(place, "make room, or change its permissions"):
         place.write_text(json.dumps(now) + "\n", encoding="utf-8")
-    except OSError as error:
-        raise UserError(f"cannot write {place}: {error.strerror}; make room, or change its permissions") from None
     return now
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from types import TracebackType
 from typing import Self
 
 from mcap import records
@@ -14,6 +13,7 @@ from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.common.naming import ACTIVE
 from zenoh_cbef.log.mcap.contents import Channel, RawMessage
 from zenoh_cbef.log.mcap.writer import Compression, McapWriter
+from zenoh_cbef.writing import writing
 
 
 class OutputLog:
@@ -27,11 +27,9 @@ class OutputLog:
         for taken in (path, self._active):
             if taken.exists():
                 raise UserError(f"{taken} exists and logs are never overwritten; name another --output")
-        try:
+        with writing(path, "name another --output"):
             path.parent.mkdir(parents=True, exist_ok=True)
             self._writer = McapWriter(self._active, compression=compression, library=f"zenoh-cbef {__version__}")
-        except OSError as error:
-            raise UserError(f"cannot write {path}: {error.strerror}; name another --output") from None
         # By identity first: equal channels are met as many objects, and each is compared once.
         self._known: dict[int, tuple[Channel, int]] = {}
         self._channels: list[tuple[Channel, int]] = []
@@ -64,9 +62,7 @@ class OutputLog:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, _kind: object, value: BaseException | None, _trace: object) -> None:
         if not self._active.exists():
             return
         try:

@@ -22,6 +22,7 @@ from zenoh_cbef.protocol.messages import json_schema
 from zenoh_cbef.protocol.ring import Said
 from zenoh_cbef.protocol.short import ENCODING, SCHEMA
 from zenoh_cbef.scenario.model import Record
+from zenoh_cbef.writing import writing
 
 UNKNOWN = "unknown"
 """The kind of data that is no message of a run."""
@@ -120,11 +121,9 @@ class RunLog:
                 f"{left} is being written, or its recorder was killed, and logs are never overwritten; choose another "
                 "name, or 'recover' what is in it and move it away"
             )
-        try:
+        with writing(path, "choose another place for the log"):
             path.parent.mkdir(parents=True, exist_ok=True)
             self._part = _Part(path, settings)
-        except OSError as error:
-            raise UserError(f"cannot write {path}: {error.strerror}; choose another place for the log") from None
         self._number = 1
         self._description: tuple[str, str, Mapping[str, str]] = "", "", {}
         self._sequences = Sequences()

@@ -11,13 +11,24 @@ import time
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
-from types import TracebackType
 from typing import Self
 
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.nodes.launch.nursery import LENGTH, NAME, PAIR, ROOM, STARTED, VERBS, fork_here
 
 _LOOK_SECONDS = 0.01
+_TAIL = 4000
+
+
+def last_words(place: Path) -> str:
+    """The last line of a file into which a process wrote its words; "" where it wrote none."""
+    text = place.read_bytes()[-_TAIL:].decode(errors="replace").strip()
+    return text.splitlines()[-1].removeprefix("zenoh-cbef: ") if text else ""
+
+
+def how_ended(status: int) -> str:
+    """An exit status, negative for a signal, in words."""
+    return f"was killed by signal {-status}" if status < 0 else f"ended with status {status}"
 
 
 class Child:
@@ -43,9 +54,6 @@ class Child:
             with suppress(ProcessLookupError):
                 os.kill(self.pid, number)
 
-    def close(self) -> None:
-        """It has no pipes of its own."""
-
 
 class Nursery:
     """Starts processes. Use as a context manager: leaving it ends the nursery, not the processes.
@@ -66,9 +74,7 @@ class Nursery:
             self.pid = forked or _begun(theirs, self._verbs, self._program or NAME)
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._orders.close()
         for end in (self._leash, self._hold):
             os.close(end)

@@ -12,13 +12,12 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
 from typing import Self
 
 from zenoh_cbef.machine import keep_to_core
 from zenoh_cbef.nodes.common.ending import PLACE, Ending, ending_at
 from zenoh_cbef.nodes.common.node import FLEET, LEASH
-from zenoh_cbef.nodes.launch.children import Child, Nursery
+from zenoh_cbef.nodes.launch.children import Child, Nursery, how_ended, last_words
 
 _REFUSED = 2
 """Exit status of a process that was called in a way that cannot work."""
@@ -33,7 +32,6 @@ SLOW_SECONDS = 10.0
 """An agent that takes longer to get into its run waits for others, and holds up no further starts."""
 _LONG_SECONDS = 60.0
 """A process that lived for so long did not die of its start."""
-_TAIL = 4000
 
 
 @dataclass
@@ -86,15 +84,13 @@ class Fleet:
         self._nursery = Nursery(("agent",)).__enter__()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         for member in self._running():
             self._send(member, signal.SIGKILL)
         for member in self._running():
             if member.child is not None:
                 member.child.wait(_POLITE_SECONDS)
-        self._nursery.__exit__(kind, value, trace)
+        self._nursery.__exit__()
         for end in (self._told, self._tell):
             os.close(end)
         self._folder.cleanup()
@@ -155,7 +151,7 @@ class Fleet:
         if status is None:
             return
         member.child = None
-        words, ending = self._last_words(member), ending_at(self._place(member).with_suffix(".json"))
+        words, ending = last_words(self._place(member)), ending_at(self._place(member).with_suffix(".json"))
         if status == 0:
             member.over = True
         elif self._asked:
@@ -165,8 +161,7 @@ class Fleet:
         elif status == _REFUSED and ending is None:
             member.over, member.refused, member.why = True, True, words
         else:
-            how = f"was killed by signal {-status}" if status < 0 else f"ended with status {status}"
-            self._start_again(member, f"{how}: {words}" if words else how)
+            self._start_again(member, f"{how_ended(status)}: {words}" if words else how_ended(status))
 
     def _obey_scenario(self, member: Member, ending: Ending) -> None:
         if ending.steps_away is None:
@@ -182,10 +177,6 @@ class Fleet:
             member.over, member.why = True, why
         else:
             self.news.append(f"agent {member.agent} {why}; it is started again")
-
-    def _last_words(self, member: Member) -> str:
-        text = self._place(member).read_bytes()[-_TAIL:].decode(errors="replace").strip()
-        return text.splitlines()[-1].removeprefix("zenoh-cbef: ") if text else ""
 
     def _obey(self, asked: int) -> None:
         now = time.monotonic()

@@ -12,14 +12,13 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
 from typing import Self
 
 from zenoh_cbef.machine import keep_to_core
 from zenoh_cbef.nodes.common.ending import PLACE, Ending, ending_at
 from zenoh_cbef.nodes.common.node import LEASH, RUN
 from zenoh_cbef.nodes.common.recording import Status
-from zenoh_cbef.nodes.launch.children import Child, Nursery
+from zenoh_cbef.nodes.launch.children import Child, Nursery, how_ended, last_words
 from zenoh_cbef.nodes.launch.ports import free_ports
 from zenoh_cbef.protocol.ring_folder import clear_rings
 from zenoh_cbef.protocol.runtimes import ONE_RUNTIME, RUNTIME
@@ -31,7 +30,6 @@ _ENDING_SECONDS = 20.0
 """How long the other processes may take to end after the target: their last words take ten at most."""
 _PATIENCE_SECONDS = 30.0
 """The others are started together with the target, which may have a large world to make before it answers."""
-_TAIL = 4000
 
 
 @dataclass(frozen=True)
@@ -48,10 +46,7 @@ class Death:
     ending: Ending | None = None
 
     def __str__(self) -> str:
-        if self.status == 0:
-            how = "had to be ended"
-        else:
-            how = f"was killed by signal {-self.status}" if self.status < 0 else f"ended with status {self.status}"
+        how = how_ended(self.status) if self.status else "had to be ended"
         return f"{self.name} {how}" + (f": {self.words}" if self.words else "")
 
 
@@ -87,14 +82,12 @@ class Launcher:
             raise
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._clear()
 
     def _clear(self) -> None:
         self.kill()
-        self._nursery.__exit__(None, None, None)
+        self._nursery.__exit__()
         if self._loaded.scenario.record.rings:
             clear_rings(self._run)
         for end in self._reports:
@@ -183,7 +176,7 @@ class Launcher:
             if status == -signal.SIGKILL and ending is not None and ending.cause == "crash":
                 self._plan_restart(name, ending.steps_away)
             elif status != 0 and not (status < 0 and name in self._told):
-                self.deaths.append(Death(name, status, self._last_words(name), ending))
+                self.deaths.append(Death(name, status, last_words(self._words(name)), ending))
 
     def _plan_restart(self, name: str, steps: int | None) -> None:
         """Where the scenario has an agent come back: at once in lockstep, as the others wait for it."""
@@ -198,12 +191,7 @@ class Launcher:
         for name in [name for name, due in self._restarts.items() if time.monotonic() >= due]:
             del self._restarts[name]
             self._ended.discard(name)
-            self._processes[name].close()
             self._spawn(name, self._commands[name])
-
-    def _last_words(self, name: str) -> str:
-        text = self._words(name).read_bytes()[-_TAIL:].decode(errors="replace").strip()
-        return text.splitlines()[-1].removeprefix("zenoh-cbef: ") if text else ""
 
     @property
     def lost_a_port(self) -> bool:
@@ -264,4 +252,3 @@ class Launcher:
             if process.wait(_LAST_SECONDS) is None:
                 process.send(signal.SIGKILL)
                 process.wait(_LAST_SECONDS)
-            process.close()

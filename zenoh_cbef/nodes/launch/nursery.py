@@ -178,10 +178,10 @@ def main(verbs: Sequence[str]) -> None:
     orders = socket.socket(fileno=os.dup(0))
     os.environ["TERM"] = "dumb"  # what its processes print goes to files
     if _forks():
-        for name in ("zenoh_cbef.cli.main", "zenoh_cbef.cli.warned"):
+        for name in ("zenoh_cbef.cli.calling.main", "zenoh_cbef.cli.calling.warned"):
             import_module(name)
         for verb in verbs:
-            import_module("zenoh_cbef.cli.verbs").rehearse(verb)
+            import_module("zenoh_cbef.cli.calling.verbs").rehearse(verb)
         import_module("zenoh_cbef.nodes.launch.rehearsal").rehearse()
     gc.collect()
     gc.freeze()  # a collection in a forked process leaves these pages alone

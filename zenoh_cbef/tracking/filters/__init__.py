@@ -39,6 +39,7 @@ from zenoh_cbef.tracking.filters.kinds.sicf import SaturatedInformation
 from zenoh_cbef.tracking.filters.models.biased_information import BiasedInformation
 from zenoh_cbef.tracking.filters.models.imm import InteractingModels
 from zenoh_cbef.tracking.filters.models.joint_biases import JointBiases
+from zenoh_cbef.tracking.filters.models.several_noises import SeveralNoises
 from zenoh_cbef.tracking.filters.models.squared_information import SquaredInformation
 from zenoh_cbef.tracking.filters.models.told_ranges import ToldRanges
 from zenoh_cbef.tracking.filters.settings import FilterSettings
@@ -110,7 +111,8 @@ def sharing_of(kind: str, settings: FilterSettings) -> Sharing:
     if settings.tells_ranges:
         shared = ToldRanges.sharing(settings)
     else:
-        shared = InteractingModels.sharing(settings, one) if settings.models else one(settings)
+        several = SeveralNoises.sharing if settings.noises else InteractingModels.sharing
+        shared = several(settings, one) if settings.models or settings.noises else one(settings)
     if settings.bias != "none" and not settings.tells_ranges:
         biased = (JointBiases if settings.joint_biases else BiasedInformation).sharing(settings)
         both = replace(shared.longer(biased.payload_size + AutoBias.more), blocks=shared.blocks + biased.blocks)
@@ -133,7 +135,7 @@ def sharing_of(kind: str, settings: FilterSettings) -> Sharing:
 def payloads_of(kind: str, settings: FilterSettings) -> Payloads:
     """How to read the payloads of the filter of one kind, with what the settings put around it."""
     axes, size = settings.space.axes, settings.motion.size
-    if settings.tells_ranges or not abilities_of(kind).information:
+    if settings.tells_ranges or settings.noises or not abilities_of(kind).information:
         return StatePayloads(axes)
     if settings.models or settings.plane:
         sizes = [one.size for one in settings.models] or [size, size]
@@ -170,9 +172,12 @@ def _innermost(kind: str, settings: FilterSettings, xi: float) -> Filter:
     """What takes in the ranges: of one motion or of several, with biases or without."""
     if settings.tells_ranges:
         return ToldRanges.of(settings)
-    one = kind_of(kind).of
-    if settings.squares:
-        plain: Filter = SquaredInformation.of(settings, xi)
+
+    def one(settings: FilterSettings) -> Filter:
+        return SquaredInformation.of(settings, xi) if settings.squares else kind_of(kind).of(settings)
+
+    if settings.noises:
+        plain: Filter = SeveralNoises.of(settings, one)
     else:
         plain = InteractingModels.of(settings, one) if settings.models else one(settings)
     return plain if settings.bias == "none" else _biased(settings, plain, xi)

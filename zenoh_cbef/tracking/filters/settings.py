@@ -94,7 +94,8 @@ class FilterSettings:
     tries_guess: bool = False
     search: tuple[Floats, Floats] | None = None
     models: tuple[Motion, ...] = ()
-    leaving: float = 0.0
+    leaving: tuple[float, ...] = (0.0,)
+    noises: tuple[Motion, ...] = ()
     middle: tuple[float, ...] = (0.0, 0.0, 0.0)
     squares: bool = False
     tells_ranges: bool = False

@@ -7,6 +7,7 @@ from zenoh_cbef.tracking.motion.base import LinearMotion, Motion, MotionSettings
 from zenoh_cbef.tracking.motion.decay import DecayingVelocity
 from zenoh_cbef.tracking.motion.jump import Jump
 from zenoh_cbef.tracking.motion.ncv import NearlyConstantVelocity
+from zenoh_cbef.tracking.motion.predicted import Predicted
 from zenoh_cbef.tracking.motion.stationary import Stationary
 from zenoh_cbef.tracking.motion.turn import CoordinatedTurn
 
@@ -16,6 +17,7 @@ __all__ = [
     "Motion",
     "MotionSettings",
     "NearlyConstantVelocity",
+    "Predicted",
     "begun",
     "beside_constants",
     "is_linear",

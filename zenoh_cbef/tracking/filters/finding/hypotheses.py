@@ -107,10 +107,10 @@ class _Problem:
         offset = here - self.told.positions[:, None, None]
         distance = np.sqrt(np.add.reduce(offset * offset, axis=-1))
         unit = (offset / np.where(distance > 0.0, distance, 1.0)[..., None])[..., :axes]
-        velocity = state[..., None, axes : 2 * axes]
+        velocity = state[..., None, axes:]
         rate = np.add.reduce(unit * velocity, axis=-1)
         rows = np.zeros((*distance.shape, _PAIR, size))
-        rows[..., 0, :axes] = rows[..., 1, axes : 2 * axes] = unit
+        rows[..., 0, :axes] = rows[..., 1, axes:] = unit
         rows[..., 1, :axes] = (velocity - rate[..., None] * unit) / np.maximum(distance, 1e-9)[..., None]
         wrong = self.told.lines[:, None, None] - np.stack([distance, rate], axis=-1)
         used = self.told.known[:, None] * self.kept

@@ -13,6 +13,7 @@ from zenoh_cbef.tracking.filters.base import Belief, Filter
 from zenoh_cbef.tracking.filters.models.biased_information import BiasedInformation
 from zenoh_cbef.tracking.filters.models.imm import InteractingModels
 from zenoh_cbef.tracking.filters.models.joint_biases import JointBiases
+from zenoh_cbef.tracking.filters.models.several_noises import SeveralNoises
 from zenoh_cbef.tracking.filters.models.told_ranges import ToldRanges
 
 
@@ -34,7 +35,7 @@ def moved(chosen: Filter, belief: Belief, place: Belief) -> Belief:
         return replace(there, parts=(moved(chosen.plain, plain, place), moved(chosen.biased, biased, place)))
     if isinstance(chosen, BiasedInformation | JointBiases):
         return replace(there, memory=chosen.moved(belief.memory, place))
-    if isinstance(chosen, ToldRanges):
+    if isinstance(chosen, SeveralNoises | ToldRanges):
         return chosen.moved(belief, place)
     if isinstance(chosen, InteractingModels):
         chance, parts = chosen.switching.begun(place.state, place.known_covariance)

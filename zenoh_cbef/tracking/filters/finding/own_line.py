@@ -75,7 +75,5 @@ def _line_of_medians(ranges: Floats, ages: Floats, measured: Bools) -> tuple[Flo
 def _median(values: Floats, counts: Bools) -> Floats:
     """Of those of the values (n, k) that count, (n,); 0 where none does."""
     order, many = np.sort(np.where(counts, values, np.inf), axis=1), counts.sum(axis=1)
-    middle = np.stack([np.maximum(many - 1, 0) // 2, many // 2], axis=1)
-    middle = np.minimum(middle, values.shape[1] - 1)
-    pair = np.take_along_axis(order, middle, axis=1)
-    return np.where(many > 0, 0.5 * (np.where(many > 0, pair[:, 0], 0.0) + np.where(many > 0, pair[:, 1], 0.0)), 0.0)
+    pair = np.take_along_axis(order, np.stack([(many - 1) // 2, many // 2], axis=1), axis=1)
+    return np.where(many > 0, 0.5 * (pair[:, 0] + pair[:, 1]), 0.0)

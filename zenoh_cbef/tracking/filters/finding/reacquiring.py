@@ -217,7 +217,7 @@ class Reacquiring(Wrapping):
         concerned = settled | (alike := self.settings.cut_off > 0)
         astray = drifted(self.settings, inner, status, search.positions[:, -1])
         search = self._left_behind(search, inner)
-        if search.idle and inner.status and not (concerned & (wanted | astray)).nonzero()[0].size:
+        if search.idle and inner.status and not (wanted | astray).nonzero()[0].size:
             return replace(inner, memory=tuple(vars(search).values()), parts=(inner,))
         ends, since = search.step % (self.settings.deciding or self.window) == 0.0, search.step - search.begun
         vote = ~fixing & (concerned & ~apart & wanted | (search.vote > 0.0) & ~alike)

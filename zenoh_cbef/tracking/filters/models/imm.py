@@ -69,12 +69,12 @@ class InteractingModels:
         chance, beliefs = self._carried(belief)
         ahead, mixtures = self.switching.mixed(chance, beliefs)
         parts = [one.update(Belief(*mixture), measurement) for one, mixture in zip(self.filters, mixtures, strict=True)]
-        told, costs = parts[0].diagnostics, []
+        told, costs, likely = parts[0].diagnostics, [], self.switching.of_models(ahead)
         for j, part in enumerate(parts):
-            costs.append(self._own_cost(part, ahead[:, j], measurement))
-            told = told.chosen(ahead[:, j] >= np.maximum.reduce(ahead, axis=1), part.diagnostics)
+            costs.append(self._own_cost(part, likely[:, j], measurement))
+            told = told.chosen(likely[:, j] >= np.maximum.reduce(likely, axis=1), part.diagnostics)
         payload = np.concatenate([*(part.payload for part in parts), np.stack(costs, axis=1)], axis=1)
-        return Update(payload, replace(told, maneuver=ahead[:, -1].copy()), (ahead,), tuple(parts))
+        return Update(payload, replace(told, maneuver=likely[:, -1].copy()), (ahead,), tuple(parts))
 
     def conclude(self, payload: Floats, update: Update) -> Belief:
         """The mixture of all models' beliefs, weighed anew."""
@@ -93,12 +93,14 @@ class InteractingModels:
         usable = np.asarray(np.isfinite(measured).all(axis=1))
         if self.network_size > 1:
             usable &= ~unchanged(payload, update.payload)
-        heard = self.switching.weighed(np.ones_like(ahead), np.where(usable[:, None], measured, 0.0))
+        # The misfits have the network's probabilities of the motions, each agent its own of how often these change.
+        among = ahead / np.tile(self.switching.of_models(ahead), len(self.switching.leaving))
+        heard = self.switching.weighed(among, np.where(usable[:, None], measured, 0.0))
         chance = np.where(usable[:, None], heard, ahead)
         return Belief(*self.mixture(chance, beliefs), chance=chance, parts=tuple(beliefs))
 
     def mixture(self, chance: Floats, beliefs: Sequence[Belief]) -> Gaussian:
-        """The mean of all models' beliefs and its covariance; chance: (n, M)."""
+        """The mean of all models' beliefs and its covariance; chance: (n, R M)."""
         return self.switching.combined(chance, [_gaussian(one) for one in beliefs])
 
     def _own_cost(self, part: Update, ahead: Floats, measurement: Measurement) -> Floats:

@@ -76,7 +76,7 @@ class ToldRanges:
     @classmethod
     def of(cls, settings: FilterSettings) -> Self:
         """The filter of these settings."""
-        motions = settings.models or (settings.motion,)
+        motions = settings.models or settings.noises or (settings.motion,)
         return cls(
             motions,
             Switching(motions, settings.leaving),
@@ -253,6 +253,7 @@ class ToldRanges:
         ranges, noise = new.range[:, None], variance_of(new, self.range_std)[:, None]
         heard = self._at(new.position[:, None], ranges, new.age[:, None], noise)
         said: list[Diagnostics] = []
+        likely = self.switching.of_models(ahead)
         for motion, (state, covariance, likelihood) in enumerate(priors):
             first = self._centred(state[:, :1]), covariance[:, :1], likelihood[:, :1]
             prior = Branches.of(first, self.space.axes, self._biases)
@@ -262,9 +263,9 @@ class ToldRanges:
             innovation = expected.excess[:, 0] / expected.unit[:, 0]
             weight = 1.0 / (1.0 + np.exp(np.minimum(wrong - right, 500.0)))
             one = told(np.isfinite(new.range), innovation, weight, spread)
-            likeliest = ahead[:, motion] >= np.maximum.reduce(ahead, axis=1)
+            likeliest = likely[:, motion] >= np.maximum.reduce(likely, axis=1)
             said = [said[0].chosen(likeliest, one) if said else one]
-        return replace(said[0], maneuver=ahead[:, -1].copy()) if len(self.motions) > 1 else said[0]
+        return replace(said[0], maneuver=likely[:, -1].copy()) if len(self.motions) > 1 else said[0]
 
     def _centred(self, state: Floats, sign: float = 1.0) -> Floats:
         """States (..., s) with the position counted from the middle, or with sign -1 back."""

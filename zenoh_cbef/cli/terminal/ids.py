@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-from zenoh_cbef.cli.options import MOST_AGENTS
 from zenoh_cbef.errors import UserError
+from zenoh_cbef.quantities import MOST_AGENTS
 
 _IDS = re.compile(r"(\d+)(?:-(\d+))?")
 

@@ -8,8 +8,8 @@ from rich.table import Table
 
 from zenoh_cbef.analysis.results import Bias, Distrust, Honesty, Metrics, Slowness
 from zenoh_cbef.analysis.summary import SUMMARIZED, Summary
-from zenoh_cbef.cli.console import number
-from zenoh_cbef.cli.fitting import Fitting, Told
+from zenoh_cbef.cli.terminal.fitting import Fitting, Told
+from zenoh_cbef.numbers import number
 from zenoh_cbef.words import counted, first_of
 
 _NAMED = 8

@@ -4,7 +4,7 @@ from io import StringIO
 
 from rich.console import Console
 
-from zenoh_cbef.cli.status_tables import headline, links_table
+from zenoh_cbef.cli.terminal.status import headline, links_table
 from zenoh_cbef.outside.status import read_status
 from zenoh_cbef.protocol.messages import encode
 from zenoh_cbef.tracking.diagnostics import NAMES, WHOLE

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from zenoh_cbef.cli.console import tell
-from zenoh_cbef.cli.progress import bar
+from zenoh_cbef.cli.terminal.console import tell
+from zenoh_cbef.cli.terminal.progress import bar
 from zenoh_cbef.log.prove.smoothed import smoothed_trace
 from zenoh_cbef.trace import Trace
 

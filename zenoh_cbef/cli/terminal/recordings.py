@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from rich.table import Table
 
-from zenoh_cbef.cli.console import warn
-from zenoh_cbef.cli.fitting import Fitting
+from zenoh_cbef.cli.terminal.console import warn
+from zenoh_cbef.cli.terminal.fitting import Fitting
 from zenoh_cbef.datasets import Dataset
 from zenoh_cbef.datasets.findings import findings, summary
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from zenoh_cbef.cli.console import tell, warn
+from zenoh_cbef.cli.terminal.console import tell, warn
 from zenoh_cbef.scenario.checks import check
 from zenoh_cbef.scenario.plan import Plan
 

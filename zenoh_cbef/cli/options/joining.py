@@ -12,7 +12,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperArgument, TyperCommand, TyperOption
 
-from zenoh_cbef.cli.options import LONGEST_SECONDS
+from zenoh_cbef.cli.options.shared import LONGEST_SECONDS
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.nodes.common.node import Identity
 from zenoh_cbef.protocol.names import checked

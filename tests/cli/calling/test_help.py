@@ -12,10 +12,9 @@ from typing import Any
 
 import pytest
 
-from tests.cli.command_line import leaves, loaded, names, parse
-from tests.cli.test_errors import call
-from zenoh_cbef.cli import verbs
-from zenoh_cbef.cli.joining import JoiningCommand
+from tests.cli.command_line import call, leaves, loaded, names, parse
+from zenoh_cbef.cli.calling import verbs
+from zenoh_cbef.cli.options.joining import JoiningCommand
 from zenoh_cbef.faults import KINDS
 from zenoh_cbef.outside.registry import registered
 
@@ -34,7 +33,7 @@ def test_help_names_every_verb_once_under_the_heading_of_its_group(monkeypatch, 
 
 
 def test_every_file_with_a_verb_has_its_line():
-    folder = Path(verbs.__file__).parent
+    folder = Path(verbs.__file__).parents[1]
     files = {path.stem for path in folder.glob("*.py") if "\nVERB = " in path.read_text(encoding="utf-8")}
     assert {verbs.FILES.get(name, name) for name in names()} == files
 
@@ -103,9 +102,14 @@ def test_experiments_are_listed_and_shown_by_commands_of_their_own(monkeypatch, 
     assert "did you mean 'loss'" in call(monkeypatch, capsys, "experiment", "show", "los")[2]
 
 
-IMPORTED = (
-    "import sys; from zenoh_cbef.cli.main import main\ntry: main()\nfinally: print(*sys.modules, file=sys.stderr)"
-)
+IMPORTED = """
+import sys
+from zenoh_cbef.cli.calling.main import main
+try:
+    main()
+finally:
+    print(*sys.modules, file=sys.stderr)
+"""
 
 
 @pytest.mark.processes
@@ -114,12 +118,12 @@ def test_help_imports_no_verb_and_nothing_that_takes_long(words):
     done = subprocess.run([sys.executable, "-c", IMPORTED, *words.split()], capture_output=True, text=True, check=False)
     assert "zenoh-cbef" in done.stdout
     assert HEAVY.isdisjoint(done.stderr.split())
-    assert "zenoh_cbef.cli.verbs" in done.stderr.split()
+    assert "zenoh_cbef.cli.calling.verbs" in done.stderr.split()
 
 
 @pytest.mark.processes
 def test_a_verb_imports_no_other():
-    script = "from zenoh_cbef.cli import verbs; verbs.load('check'); import sys; print(*sys.modules)"
+    script = "from zenoh_cbef.cli.calling import verbs; verbs.load('check'); import sys; print(*sys.modules)"
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     there = {name.rpartition(".")[2] for name in done.stdout.split() if name.startswith("zenoh_cbef.cli.")}
     assert set(names()) & there == {"check"}

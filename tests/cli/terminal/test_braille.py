@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from zenoh_cbef.cli.braille import plot
+from zenoh_cbef.cli.terminal.braille import plot
 
 BLANK = "\u2800"
 VALUES = st.lists(st.none() | st.floats(1e-9, 1e9), max_size=60)

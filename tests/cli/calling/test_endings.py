@@ -23,7 +23,7 @@ class Finder:
         if name == {module!r}:
             os.kill(os.getpid(), signal.SIGINT)
 sys.meta_path.insert(0, Finder())
-from zenoh_cbef.cli.main import main
+from zenoh_cbef.cli.calling.main import main
 main()
 """
 AT_EXIT = """
@@ -33,7 +33,7 @@ class Finder:
         if name == "typer":
             atexit.register(lambda: os.kill(os.getpid(), signal.SIGINT))
 sys.meta_path.insert(0, Finder())
-from zenoh_cbef.cli.main import main
+from zenoh_cbef.cli.calling.main import main
 main()
 """
 # Sends Ctrl-C when the last objects go, or when an error is told.
@@ -43,7 +43,7 @@ class Last:
     def __del__(self, kill=os.kill, me=os.getpid()):
         kill(me, signal.SIGINT)
 last = Last()
-from zenoh_cbef.cli.main import main
+from zenoh_cbef.cli.calling.main import main
 main()
 """
 AT_WORDS = """
@@ -55,7 +55,7 @@ class Words:
     def flush(self):
         sys.__stderr__.flush()
 sys.stderr = Words()
-from zenoh_cbef.cli.main import main
+from zenoh_cbef.cli.calling.main import main
 main()
 """
 

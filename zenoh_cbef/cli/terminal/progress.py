@@ -7,7 +7,7 @@ from contextlib import contextmanager
 
 from rich.progress import Progress
 
-from zenoh_cbef.cli.console import errors
+from zenoh_cbef.cli.terminal.console import errors
 
 
 @contextmanager

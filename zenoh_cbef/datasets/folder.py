@@ -1,15 +1,17 @@
-"""From a folder to a dataset."""
+"""From a folder to a dataset, and back."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from zenoh_cbef.datasets.dataset import Dataset
-from zenoh_cbef.datasets.table import Table, read_table
+from zenoh_cbef.datasets.table import COLUMNS, Table, read_table
 from zenoh_cbef.datasets.units import clash_of_units
 from zenoh_cbef.errors import UserError
+from zenoh_cbef.writing import writing
 
 
 def read_dataset(folder: Path) -> Dataset:
@@ -45,3 +47,32 @@ def read_files(folder: Path) -> Dataset:
         truth_time=known[:, 0],
         truth=known[:, 1:4],
     )
+
+
+def write_dataset(dataset: Dataset, folder: Path) -> list[Path]:
+    """Write a recorded set; returns its files. Every number reads back as it was.
+
+    A truth.csv that is there, where the dataset has no truth, goes: it would be another recording's. Raises UserError
+    where the folder cannot be written.
+    """
+    labels = dataset.labels
+    tables: dict[str, Iterable[Sequence[object]]] = {
+        "anchors": [(label, *row) for label, row in zip(labels, dataset.anchors.tolist(), strict=True)],
+        "ranges": [
+            (time, labels[anchor], distance)
+            for time, anchor, distance in zip(
+                dataset.range_time.tolist(), dataset.range_anchor.tolist(), dataset.ranges.tolist(), strict=True
+            )
+        ],
+    }
+    if dataset.has_truth:
+        known = zip(dataset.truth_time.tolist(), dataset.truth.tolist(), strict=True)
+        tables["truth"] = [(time, *row) for time, row in known]
+    with writing(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+        if not dataset.has_truth:
+            (folder / "truth.csv").unlink(missing_ok=True)
+        for name, rows in tables.items():
+            lines = [COLUMNS[name], *(",".join(map(str, row)) for row in rows)]
+            (folder / f"{name}.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return [folder / f"{name}.csv" for name in tables]

@@ -7,10 +7,6 @@ from collections.abc import Iterable
 
 from rich.console import Console
 
-from zenoh_cbef.numbers import number
-
-__all__ = ["console", "errors", "number", "tell", "tell_what_lacks", "warn"]
-
 # FORCE_COLOR, which notebooks set, is a wish for colours: what moves in place fills a pipe with each of its pictures.
 console = Console(force_terminal=None if sys.stdout.isatty() else False)
 errors = Console(stderr=True, force_terminal=None if sys.stderr.isatty() else False)

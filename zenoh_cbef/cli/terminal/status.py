@@ -10,9 +10,9 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from zenoh_cbef.cli.console import number
-from zenoh_cbef.cli.fitting import Fitting
-from zenoh_cbef.cli.ids import ids_of, shortened
+from zenoh_cbef.cli.terminal.fitting import Fitting
+from zenoh_cbef.cli.terminal.ids import ids_of, shortened
+from zenoh_cbef.numbers import number
 from zenoh_cbef.outside.status import AgentStatus, LinkStatus, RunStatus, Whereabouts
 from zenoh_cbef.protocol.slow import REMEDY, SLOW
 from zenoh_cbef.protocol.tokens import in_words

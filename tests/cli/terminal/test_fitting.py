@@ -18,10 +18,10 @@ from zenoh_cbef.analysis.design import design
 from zenoh_cbef.analysis.metrics import analyze
 from zenoh_cbef.analysis.summary import summarize
 from zenoh_cbef.cli import compare
-from zenoh_cbef.cli.design_tables import design_lines
-from zenoh_cbef.cli.fitting import Fitting, Told
-from zenoh_cbef.cli.status_tables import agents_table, headline, links_table
-from zenoh_cbef.cli.tables import metrics_table, summary_table
+from zenoh_cbef.cli.terminal.design import design_lines
+from zenoh_cbef.cli.terminal.fitting import Fitting, Told
+from zenoh_cbef.cli.terminal.results import metrics_table, summary_table
+from zenoh_cbef.cli.terminal.status import agents_table, headline, links_table
 from zenoh_cbef.outside.status import AgentStatus, LinkStatus, RunStatus, Whereabouts
 from zenoh_cbef.scenario.load import load
 from zenoh_cbef.simulator import simulate

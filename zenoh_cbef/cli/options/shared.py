@@ -7,12 +7,11 @@ from typing import Annotated, Literal
 
 import typer
 
-from zenoh_cbef.cli.completing import logs, runs, scenarios
+from zenoh_cbef.cli.options.completing import logs, runs, scenarios
 from zenoh_cbef.protocol.names import check_run
 
 LONGEST_SECONDS = 1e9
 """What options of time take at most, s: some thirty years, so that every time can be told in whole nanoseconds."""
-MOST_AGENTS = 1000
 
 ScenarioName = Annotated[
     str,

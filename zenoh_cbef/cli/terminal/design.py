@@ -9,8 +9,8 @@ from rich.table import Table
 from zenoh_cbef.analysis.designed import Design
 from zenoh_cbef.analysis.mixing import Scheme
 from zenoh_cbef.analysis.recommended import Recommended
-from zenoh_cbef.cli.console import number
-from zenoh_cbef.cli.fitting import Fitting
+from zenoh_cbef.cli.terminal.fitting import Fitting
+from zenoh_cbef.numbers import number
 from zenoh_cbef.words import counted
 
 _MOST_ROWS = 12

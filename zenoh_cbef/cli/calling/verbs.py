@@ -14,7 +14,7 @@ from typer.core import TyperArgument, TyperGroup, TyperOption
 from typer.exceptions import Abort, TyperException
 
 from zenoh_cbef import __version__
-from zenoh_cbef.cli.interrupts import raise_from_here
+from zenoh_cbef.cli.calling.interrupts import raise_from_here
 from zenoh_cbef.errors import Interrupted, UserError
 
 GROUPS = {

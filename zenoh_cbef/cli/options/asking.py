@@ -8,9 +8,9 @@ from typing import Annotated
 
 import typer
 
-from zenoh_cbef.cli.completing import runs
-from zenoh_cbef.cli.console import tell
-from zenoh_cbef.cli.joining import Joining
+from zenoh_cbef.cli.options.completing import runs
+from zenoh_cbef.cli.options.joining import Joining
+from zenoh_cbef.cli.terminal.console import tell
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.outside.registry import KnownRun, find_run
 from zenoh_cbef.protocol.names import check_run

@@ -12,7 +12,7 @@ import os
 import sys
 from importlib import import_module
 
-from zenoh_cbef.cli.interrupts import INTERRUPTED, end_deaf, leave_at_once
+from zenoh_cbef.cli.calling.interrupts import INTERRUPTED, end_deaf, leave_at_once
 from zenoh_cbef.errors import Interrupted, UserError
 
 _MISTAKE = 2
@@ -63,9 +63,9 @@ def _run() -> int:
     try:
         try:
             if {"COMP_WORDS", "COMP_CWORD"} <= os.environ.keys():  # bash asks what may come next
-                import_module("zenoh_cbef.cli.completing").mend_words()
-            verbs = import_module("zenoh_cbef.cli.verbs")
-            with import_module("zenoh_cbef.cli.warned").plain_warnings():
+                import_module("zenoh_cbef.cli.options.completing").mend_words()
+            verbs = import_module("zenoh_cbef.cli.calling.verbs")
+            with import_module("zenoh_cbef.cli.calling.warned").plain_warnings():
                 verbs.call()
         finally:
             leave_at_once()  # an exception among the words about another one would be a traceback

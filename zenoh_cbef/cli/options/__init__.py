@@ -1,0 +1,1 @@
+"""What verbs take, where several take the same."""
