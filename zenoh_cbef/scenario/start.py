@@ -111,6 +111,14 @@ def spreading(scenario: Scenario, window: int) -> int:
     return int(min(steps, window // 2))
 
 
+def deciding(scenario: Scenario, window: int) -> int:
+    """Every how many steps agents decide whether another fix begins; 0: once in each window.
+
+    Where ranges are real they may be rare: a window of them is seconds, which a network that was silent need not wait.
+    """
+    return spreading(scenario, window) + 1 if trust.real(scenario) and scenario.filter.defaults > 12 else 0
+
+
 def squared_steps(scenario: Scenario, steps: int) -> int:
     """How many steps of a first fix are on squared ranges: half, or as few as give every unknown a range."""
     half = steps // 2

@@ -98,7 +98,7 @@ class Knowing(Wrapping):
         if settings.seeks:
             rows = denied(self.filter, inner) & (status.which == TRACKING)
             status = status.told(rows, ACQUIRING, former, dt)
-        return Belief(inner.state, inner.covariance, inner.bias, parts=(inner,), status=status)
+        return Belief(inner.state, inner.covariance, inner.bias, parts=(inner,), status=status, excess=inner.excess)
 
     def _explains_nothing(self, bias: Bias) -> Bools:
         """Which agents (n,) rely on a bias far beyond its prior."""
