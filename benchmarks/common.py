@@ -7,12 +7,14 @@ import signal
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO
+from typing import IO, TypeVar
 
+from rich.console import Console
+from rich.progress import track
 from rich.table import Table
 
 from zenoh_cbef.analysis.metrics import Analysis, analyze
@@ -22,6 +24,7 @@ from zenoh_cbef.simulator import simulate
 
 ROOT = Path(__file__).resolve().parents[1]
 SEEDS = 20
+Part = TypeVar("Part")
 
 
 @dataclass(frozen=True)
@@ -63,6 +66,11 @@ def plain_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[obje
     for row in rows:
         table.add_row(*(number(cell) if isinstance(cell, float) else str(cell) for cell in row))
     return table
+
+
+def followed(parts: Sequence[Part], description: str) -> Iterable[Part]:
+    """The parts of something that takes long, with a bar of progress on standard error while they are gone through."""
+    return track(parts, description=description, console=Console(stderr=True), transient=True)
 
 
 def analyses(name: str, overrides: Sequence[str] = (), *, seeds: int = SEEDS) -> list[Analysis]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,11 +11,17 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
-from benchmarks.common import plain_table
+from benchmarks.common import followed, plain_table
 from benchmarks.recorded import WRONG, errors
 from zenoh_cbef.arrays import Floats
 
 SEEDS = 3
+BIASES = ("none", "estimate", "auto")
+"""The settings of filter.bias, the default last."""
+
+
+Scores = Sequence[tuple[float, float, float, float]]
+"""What `errors` says of each seed."""
 
 
 @dataclass(frozen=True)
@@ -142,14 +148,15 @@ def run(repeats: int) -> Iterator[Table]:
             folders = [Path(place) / f"{name} {seed}" for seed in range(SEEDS)]
             for seed, folder in enumerate(folders):
                 write(kind, seed, folder)
-            for bias in ("none", "estimate", "auto"):
-                scored = [errors(settings(kind, folder) | {"filter.bias": bias}) for folder in folders]
-                found = [(near, ratio) for near, _, ratio, _ in scored]
-                each = [
-                    f"{middle(column):.4f}" for column in zip(*found, strict=True) for middle in (np.median, np.max)
-                ]
-                rows.append([name, bias, *each])
-            wrong += _told_wrong(name, kind, folders)
+            varied: list[tuple[str, object]] = [("filter.bias", bias) for bias in BIASES]
+            varied += [("filter.range_std", factor * kind.std) for factor in WRONG]
+            # What is not varied is as told: biases "auto", and the noise that the set was made with.
+            scored = [
+                [errors(settings(kind, folder) | {key: value}) for folder in folders]
+                for key, value in followed(varied, name)
+            ]
+            rows += [[name, bias, *_spread(found)] for bias, found in zip(BIASES, scored, strict=False)]
+            wrong += _told_wrong(name, dict(zip((1.0, *WRONG), scored[len(BIASES) - 1 :], strict=True)))
     heads = ["set", "filter.bias", "RMSE (m), median", "worst", "ratio to centralised, median", "worst"]
     yield plain_table(f"made-up sets, {SEEDS} seeds, last 75 %", heads, rows)
     heads = [
@@ -163,13 +170,16 @@ def run(repeats: int) -> Iterator[Table]:
     yield plain_table("the same with a noise that is not so", heads, wrong)
 
 
-def _told_wrong(name: str, kind: Kind, folders: list[Path]) -> list[list[str]]:
-    """Rows of a kind: what a wrong noise costs over the true one."""
-    near, nees = {}, {}
-    for factor in (1.0, *WRONG):
-        told = {"filter.range_std": factor * kind.std}
-        scored = [errors(settings(kind, folder) | told) for folder in folders]
-        near[factor], nees[factor] = np.array([(each[0], each[3]) for each in scored]).T
+def _spread(scored: Scores) -> list[str]:
+    """Median and worst of errors, and of ratios to the centralised filter."""
+    found = [(near, ratio) for near, _, ratio, _ in scored]
+    return [f"{middle(column):.4f}" for column in zip(*found, strict=True) for middle in (np.median, np.max)]
+
+
+def _told_wrong(name: str, scored: Mapping[float, Scores]) -> list[list[str]]:
+    """Rows of a kind: what a noise of so many times the true one costs over the true one."""
+    near = {factor: np.array([each[0] for each in found]) for factor, found in scored.items()}
+    nees = {factor: np.array([each[3] for each in found]) for factor, found in scored.items()}
     return [
         [name, f"{factor:g} times the true one"]
         + [f"{middle(near[factor] / near[1.0]):.3f}" for middle in (np.median, np.max)]

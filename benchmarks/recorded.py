@@ -12,7 +12,7 @@ import numpy as np
 from rich.table import Table
 
 from benchmarks import silences
-from benchmarks.common import plain_table
+from benchmarks.common import followed, plain_table
 from zenoh_cbef.analysis.metrics import analyze
 from zenoh_cbef.analysis.summary import pick
 from zenoh_cbef.arrays import Bools
@@ -47,7 +47,7 @@ WRONG = (0.5, 2.0)
 def run(repeats: int) -> Iterator[Table]:
     """One row per set and setting that is varied, from the usual one, then one per silence; nothing is timed."""
     del repeats
-    rows, silent = [], []
+    rows, silent = list[list[str]](), list[list[object]]()
     for name, (steps, range_std, height, wanted) in SETTINGS.items():
         if not (SETS / name).is_dir():
             rows.append([name, "not beside the repository, in ../shared/data", "", "", "", "", ""])
@@ -60,16 +60,14 @@ def run(repeats: int) -> Iterator[Table]:
             "filter.planar_height": height,
             "filter.acceleration_std": 1.0,
         }
+        told = [factor * range_std for factor in WRONG]
+        varied = [(key, value) for key, values in VARIED.items() for value in values or steps[1:]]
+        for key, value in followed([*varied, *(("filter.range_std", one) for one in told)], name):
+            near, far, ratio, nees = errors(usual | {key: value})
+            # What is wanted is wanted of biases as they are by default, and of the noise as it is.
+            limit = "" if value in told or (key == "filter.bias" and value != "auto") else f"{wanted}"
+            rows.append([name, f"{key} = {value}", f"{near:.4f}", limit, number(far), f"{ratio:.3f}", f"{nees:.2f}"])
         silent += silences.rows(name, usual)
-        for key, values in VARIED.items():
-            told = [factor * range_std for factor in WRONG] if key == "filter.range_std" else []
-            for value in (*(values or steps[1:]), *told):
-                near, far, ratio, nees = errors(usual | {key: value})
-                # What is wanted is wanted of biases as they are by default, and of the noise as it is.
-                limit = "" if value in told or (key == "filter.bias" and value != "auto") else f"{wanted}"
-                rows.append(
-                    [name, f"{key} = {value}", f"{near:.4f}", limit, number(far), f"{ratio:.3f}", f"{nees:.2f}"]
-                )
     columns = ["set", "setting", "RMSE in the plane (m)", "at most", "in silence (m)", "ratio to centralised", "NEES/d"]
     yield plain_table("recorded ranges, last 75 %", columns, rows)
     yield plain_table("silences cut into them, error in the plane (m)", silences.COLUMNS, silent)
@@ -81,7 +79,7 @@ def errors(settings: Mapping[str, object]) -> tuple[float, float, float, float]:
     The ratio is to the centralised filter. NEES: within SILENT of a range, over its ideal.
     """
     scenario = load("tracking", [f"{key}={value}" for key, value in settings.items()]).scenario
-    found = analyze(simulate([scenario]))[0]
+    found = analyze(simulate([scenario]), strongest=False)[0]
     squares = found.position_error[:, found.first :] ** 2
     silent = silent_steps(found.trace)[found.first :] & np.isfinite(squares).any(axis=0)
     near, far = (

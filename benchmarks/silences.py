@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from benchmarks.common import followed
 from zenoh_cbef.arrays import Bools
 from zenoh_cbef.scenario.load import load
 from zenoh_cbef.scenario.plan import Plan
@@ -32,7 +33,7 @@ def rows(name: str, settings: Mapping[str, object]) -> list[list[object]]:
     world = make_world(scenario)
     heard = heard_in(Plan(scenario), world)
     found = []
-    for seconds in SECONDS:
+    for seconds in followed(SECONDS, f"{name}, silences"):
         room = world.time[-1] - seconds - _AFTER - _SETTLED
         if room < 0.0:
             continue

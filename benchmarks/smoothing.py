@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from rich.table import Table
 
-from benchmarks.common import plain_table
+from benchmarks.common import followed, plain_table
 from benchmarks.recorded import SETS, SETTINGS
 from zenoh_cbef.analysis.metrics import Analysis, analyze
 from zenoh_cbef.analysis.summary import pick
@@ -43,7 +43,7 @@ def run(repeats: int) -> Iterator[Table]:
 
 def _simulated() -> Table:
     rows: list[list[str]] = []
-    for name, (scenario, *overrides) in CASES.items():
+    for name, (scenario, *overrides) in followed(list(CASES.items()), "cases"):
         traces = traces_of(scenario, overrides, SEEDS)
         lags = LAGS if name == "tracking" else (1.0, None)
         rows += [[name, _named(lag), *figures(with_lag(traces, lag))] for lag in lags]
@@ -58,9 +58,9 @@ def _simulated() -> Table:
 
 def _recorded() -> Table:
     lags, rows = (1.0, 5.0, None), list[list[str]]()
-    for name, (steps, range_std, height, _) in SETTINGS.items():
+    for name, (steps, range_std, height, _) in followed(list(SETTINGS.items()), "recorded sets"):
         if not (SETS / name).is_dir():
-            rows.append([name, "not beside the repository, in ../shared/data", *[""] * len(lags)])
+            rows.append([name, "not beside the repository, in ../shared/data", *[""] * (len(lags) + 1)])
             continue
         keys = {"path": SETS / name, "motion": "dataset"}
         overrides = [f"target.{key}={value}" for key, value in keys.items()]
@@ -68,10 +68,11 @@ def _recorded() -> Table:
         traces = traces_of("tracking", overrides, 1)
         found = [with_lag(traces, lag)[0].metrics for lag in lags]
         values = [pick(found[0], "position_rmse"), *(pick(one, "smoothed.position_rmse") for one in found)]
-        rows.append([name, *(f"{value:.4g}" for value in values)])
+        ratio = pick(found[-1], "smoothed.ratio_to_centralized")
+        rows.append([name, *(f"{value:.4g}" for value in values), f"{ratio:.4f}"])
     return plain_table(
         "recorded sets: position RMSE in the plane, m, last 75 %",
-        ["set", "filter", *(_named(lag) for lag in lags)],
+        ["set", "filter", *(_named(lag) for lag in lags), "ratio to the centralised smoother"],
         rows,
     )
 
@@ -92,13 +93,16 @@ def with_lag(traces: Sequence[Trace], lag: float | None) -> list[Analysis]:
     if plan.models:  # Of what its several models know a trace has no more than position and velocity.
         waits = {"lag_seconds": steps * plan.scenario.dt if lag is None else lag}
         chosen = plan.scenario.filter.model_copy(update=waits)
-        return analyze(simulate([one.scenario.model_copy(update={"filter": chosen}) for one in traces]))
+        again = simulate([one.scenario.model_copy(update={"filter": chosen}) for one in traces])
+        return analyze(again, strongest=False)
     waited = steps if lag is None else round(lag / plan.scenario.dt)
     states, covariances = (np.concatenate([getattr(one, name) for one in traces]) for name in _PARTS)
-    found = smoothed(states, covariances, plan.plain_motion, plan.space, waited)
+    excess = np.concatenate([one.diagnostics.excess for one in traces])
+    found = smoothed(states, covariances, plan.plain_motion, plan.space, waited, excess=excess)
     each = (part.reshape(len(traces), -1, *part.shape[1:]) for part in found)
     paths = [SmoothedPath(path, spread, waited) for path, spread in zip(*each, strict=True)]
-    return analyze([replace(trace, smoothed=path) for trace, path in zip(traces, paths, strict=True)])
+    done = [replace(trace, smoothed=path) for trace, path in zip(traces, paths, strict=True)]
+    return analyze(done, strongest=False)
 
 
 _PARTS = ("estimates", "covariances")

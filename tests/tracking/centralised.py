@@ -26,7 +26,7 @@ def settings_of(motion=MOTION, bias=0.0, count=COUNT, **more):
 
 def switching(*models, leaving=0.1):
     """Settings of a target that switches between motions."""
-    return {"models": models, "leaving": leaving}
+    return {"models": models, "leaving": (leaving,)}
 
 
 def where(state, axes):

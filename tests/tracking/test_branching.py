@@ -95,7 +95,7 @@ def test_a_row_is_the_same_in_every_batch():
     together = conditioned(prior, heard, (0.3, 20.0))
     for row in range(7):
         own = slice(row, row + 1)
-        one = Branches(prior.mean[own], prior.covariance[own], prior.likelihood[own], 3)
+        one = Branches(prior.mean[own], prior.covariance[own], prior.likelihood[own], prior.wrong[own], 3)
         alone = conditioned(one, Heard(*(part[own] for part in vars(heard).values())), (0.3, 20.0))
         for whole, part in zip(together, alone, strict=True):
             np.testing.assert_array_equal(whole[own], part)

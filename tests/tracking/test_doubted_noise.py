@@ -26,15 +26,15 @@ def heard(position, ranges):
     return Measurement(position, ranges, np.zeros(count), np.empty((count, 0, 3)), np.empty((count, 0)))
 
 
-def tracked(given, *, doubted, followed=None):
+def tracked(given, *, doubted, followed=None, counts=True, steps=STEPS):
     """Position RMSE (m) and NEES over its ideal in the second half of a run, and all estimates; exact averages."""
     rng = np.random.default_rng(3)
     agents = rng.uniform(-10.0, 10.0, (AGENTS, 3))
     plain = SaturatedInformation(MOTION, Space(), given, AGENTS, 2.0, 2)
-    chosen = DoubtedNoise(plain, given, AGENTS, fix=5) if doubted else plain
+    chosen = DoubtedNoise(plain, given, AGENTS, fix=5, counts=counts) if doubted else plain
     truth, belief = np.zeros(6), Belief(np.zeros((AGENTS, 6)), np.repeat(0.1 * np.eye(6)[None], AGENTS, axis=0))
     errors, nees, states = [], [], []
-    for _ in range(STEPS):
+    for _ in range(steps):
         truth = MOTION.transition @ truth
         truth[3:] += 0.5 * 0.1 * rng.normal(size=3)
         told = heard(agents, np.linalg.norm(agents - truth[:3], axis=1) + rng.normal(0.0, TRUE, AGENTS))
@@ -46,7 +46,7 @@ def tracked(given, *, doubted, followed=None):
         errors.append(off @ off)
         nees.append(off @ np.linalg.solve(belief.known_covariance[0, :3, :3], off) / 3.0)
         states.append(belief.state)
-    return np.sqrt(np.mean(errors[STEPS // 2 :])), np.mean(nees[STEPS // 2 :]), np.array(states)
+    return np.sqrt(np.mean(errors[steps // 2 :])), np.mean(nees[steps // 2 :]), np.array(states)
 
 
 def test_a_noise_that_is_right_is_left_as_it_is_bit_for_bit():
@@ -63,6 +63,12 @@ def test_a_noise_that_is_half_or_twice_of_the_true_one_costs_little_and_the_netw
     assert abs(np.log(doubted[1])) < 0.35 < abs(np.log(believed[1]))
 
 
+@pytest.mark.parametrize("factor", [0.5, 2.0])
+def test_a_network_that_counts_its_ranges_finds_out_within_a_hundred_of_them(factor):
+    soon, late = (tracked(factor * TRUE, doubted=True, counts=counts, steps=20)[1] for counts in (True, False))
+    assert abs(np.log(soon)) < 0.7 * abs(np.log(late))
+
+
 def test_small_innovations_of_an_estimate_that_follows_its_errors_are_no_reason_to_trust_ranges_more():
     believed = tracked(2.0 * TRUE, doubted=False)
     followed = tracked(2.0 * TRUE, doubted=True, followed=0.75 * (2.0 * TRUE) ** 2)
@@ -75,8 +81,9 @@ def test_noise_is_doubted_where_ranges_are_recorded_and_it_is_given():
         return Plan(parse({"target": {"motion": target, "path": "set"}, "agents": places, "filter": more}, "test"))
 
     assert plan().settings.doubts_noise
-    before = [plan(defaults=rules).sharing.payload_size for rules in (5, 11)]
-    assert before[1] == before[0] + DoubtedNoise.more
+    by_rules = {rules: plan(defaults=rules).sharing.payload_size for rules in (5, 11, 12, 13)}
+    assert by_rules[11] == by_rules[5] + 2
+    assert by_rules[13] == by_rules[12] + 1
     assert plan(range_std="auto").settings.doubts_noise
     for kept in ({"defaults": 5}, {"range_std": "auto", "defaults": 11}, {"kind": "kcf"}):
         assert not plan(**kept).settings.doubts_noise

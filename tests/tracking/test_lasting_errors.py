@@ -112,12 +112,13 @@ def test_a_range_brings_its_error_into_the_estimate_as_far_as_that_follows_it(cl
     assert Receiver(*filter_.conclude(silent.payload, silent).memory).taken[0] == after.taken[0]
 
 
-def tracked(correlation, *, wrapped=True, learns=False, begin=STD, seed=3, claims=False):
+def tracked(correlation, *, wrapped=True, learns=False, begin=STD, seed=3, claims=False, weighs=False):
     """Mean NEES over its ideal in the second half of a run, sigma in the end, and all states; the average is exact."""
     rng = np.random.default_rng(seed)
     agents = rng.uniform(-10.0, 10.0, (AGENTS, 3))
     inner = SaturatedInformation(MOTION, Space(), begin, AGENTS, 3.0)
-    filter_ = LastingErrors(inner, MOTION, Space(), begin, learns=learns, fix=0, claims=claims) if wrapped else inner
+    outer = LastingErrors(inner, MOTION, Space(), begin, learns=learns, fix=0, claims=claims, weighs=weighs)
+    filter_ = outer if wrapped else inner
     truth, errors = np.zeros(6), lasting(rng, (AGENTS, STEPS), correlation)
     belief = Belief(np.zeros((AGENTS, 6)), np.repeat(0.1 * np.eye(6)[None], AGENTS, axis=0))
     nees, states = [], []
@@ -151,6 +152,30 @@ def test_by_todays_rules_it_knows_that_too_and_weighs_ranges_as_if_errors_did_no
         np.testing.assert_array_equal(one[2], other[2])
     assert 1.0 / 1.5 < np.mean([each[0] for each in wide]) < 1.8 < np.mean([each[0] for each in plain])
     assert np.mean([tracked(0.0, claims=True, seed=one)[0] for one in seeds]) == pytest.approx(1.0, abs=0.3)
+
+
+@pytest.mark.slow
+def test_a_sigma_that_is_told_too_small_shows_in_what_is_claimed_also_where_errors_last():
+    def nees(begin, *, weighs):
+        return np.mean([tracked(0.9, begin=begin, claims=True, weighs=weighs, seed=seed)[0] for seed in (3, 4, 5)])
+
+    assert 1.0 / 1.5 < nees(STD, weighs=True) < 1.5
+    assert nees(0.5 * STD, weighs=True) < 1.5
+    assert nees(0.5 * STD, weighs=False) > 3.0
+
+
+def test_errors_that_never_change_and_others_beside_them_count_for_as_long_as_the_estimate_keeps_them():
+    rng, kept, share = np.random.default_rng(4), 0.8, 0.5
+    residuals = np.sqrt(share) * rng.normal(size=(400, 1)) + np.sqrt(1.0 - share) * rng.normal(size=(400, 250))
+    known, one = Receiver.first(len(residuals)), np.ones(len(residuals))
+    for residual in residuals.T:
+        known = known.after(residual, one, 0.0 * one, kept * one, one > 0.0, weighs=True)
+    weights = (1.0 - kept) * kept ** np.arange(100)
+    exact = weights @ (share + (1.0 - share) * np.eye(100)) @ weights / (weights @ weights)
+    assert np.mean(known.agreed / known.pairs) == pytest.approx(2.0 / np.pi * np.arcsin(share), abs=0.03)
+    sure = replace(known, agreed=2.0 / np.pi * np.arcsin(share) * known.pairs)
+    assert sure.factor(weighs=True) == pytest.approx(exact, rel=1e-6)
+    assert sure.factor(weighs=False).max() < 0.5 * exact
 
 
 @pytest.mark.parametrize("correlation", [0.0, 0.8])

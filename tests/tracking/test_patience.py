@@ -56,9 +56,11 @@ def test_a_fix_that_did_not_help_is_not_made_again_soon():
     assert gives_up(settings_of(), known(LOST, 30, 9.0, 119.0), ranges).tolist() == [True]
 
 
-def test_of_real_receivers_nothing_is_sooner():
-    assert settings_of().prompt
-    assert not settings_of("sensor.real=true").prompt
+def test_of_real_receivers_nothing_is_given_up_sooner_but_a_fix_waits_for_no_window():
+    assert (settings_of().prompt, settings_of().deciding) == (True, 0)
+    real, before = (settings_of("sensor.real=true", f"filter.defaults={rules}") for rules in (13, 12))
+    assert (real.prompt, real.deciding) == (False, real.spreading + 1)
+    assert (before.prompt, before.deciding) == (False, 0)
 
 
 def test_a_filter_that_is_adrift_hears_no_ranges_where_it_would_learn_biases_from_them():

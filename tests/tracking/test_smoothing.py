@@ -95,6 +95,16 @@ def test_the_whole_run_smoothed_is_its_least_squares_solution(space):
         assert (states[:, :, 2] == space.height).all()
 
 
+def test_what_errors_that_last_add_to_a_covariance_is_no_information():
+    problem, excess = Linear(Space()), np.linspace(0.0, 4.0, ROWS * STEPS).reshape(ROWS, STEPS)
+    states, covariances = problem.filtered()
+    wide = (1.0 + excess)[:, :, None, None]
+    how = problem.motion, problem.space
+    plain, found = smoothed(states, covariances, *how), smoothed(states, covariances * wide, *how, excess=excess)
+    np.testing.assert_allclose(found[0], plain[0], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(found[1], plain[1] * wide, rtol=0, atol=1e-9)
+
+
 def test_a_fixed_lag_is_the_least_squares_solution_of_what_was_known_then():
     problem, lag = Linear(Space()), 3
     found, uncertain = smoothed(*problem.filtered(), problem.motion, problem.space, lag)

@@ -41,7 +41,7 @@ def test_agents_tell_ranges_where_a_fix_would_fail(sets):
 @pytest.mark.parametrize(
     "more",
     [
-        "dt=0.1", "agents.count=4", "agents.count=13", "consensus.rounds=0", "consensus.precision=float32",
+        "agents.count=4", "agents.count=13", "consensus.rounds=0", "consensus.precision=float32",
         "consensus.trigger=0.1", "sensor.bias=0.2", "filter.kind=icf", "filter.xi=2", "filter.saturation=bounded",
         "filter.linearise=before", "filter.bias=none", "filter.recovery=true",
         'fault=[{kind="byzantine",mode="constant",magnitude=5.0,agents=[3]}]',
@@ -49,6 +49,39 @@ def test_agents_tell_ranges_where_a_fix_would_fail(sets):
 )  # fmt: skip
 def test_elsewhere_they_do_not(more):
     assert not Plan(load("tracking", [*OUTLIERS, more]).scenario).tells_ranges
+
+
+@pytest.mark.parametrize(
+    "sets",
+    [
+        OUTLIERS[1:],
+        [*ONE_BIASED[1:], "agents.count=5"],
+        ["filter.initial_position_std=5"],
+    ],
+)
+def test_agents_tell_ranges_where_a_fix_may_take_wrong_ones_for_right(sets):
+    for rules, tells in ((12, False), (13, True)):
+        plan = Plan(load("tracking", [*sets, f"filter.defaults={rules}"]).scenario)
+        assert plan.tells_ranges is plan.seeks is tells
+
+
+@pytest.mark.parametrize(
+    "sets",
+    [
+        [],
+        ["filter.initial_position=[7,7,7]"],
+        ["sensor.dropout_probability=0.8"],
+        ["filter.motion='imm'", *OUTLIERS[1:]],
+        ONE_BIASED[1:],
+        ["filter.start=given", *OUTLIERS[1:]],
+        ["filter.range_std=0.2", *OUTLIERS[1:]],
+        ["consensus.rounds=4", *OUTLIERS[1:]],
+        ["agents.count=6", "agents.low=[-10,-10,0]", "agents.high=[10,10,0]", *OUTLIERS[1:]],
+        ["sensor.bias_std=0.5", *OUTLIERS[1:]],
+    ],
+)
+def test_elsewhere_their_messages_get_no_longer(sets):
+    assert not Plan(load("tracking", sets).scenario).tells_ranges
 
 
 def test_among_outliers_and_in_long_steps_the_network_is_not_lost():

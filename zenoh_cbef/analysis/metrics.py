@@ -27,7 +27,7 @@ from zenoh_cbef.analysis.results import (
     Yardstick,
 )
 from zenoh_cbef.analysis.slowness import slow_note, slowness
-from zenoh_cbef.analysis.smoothed import SmoothedErrors, smoothed_errors, smoothing_of
+from zenoh_cbef.analysis.smoothed import SmoothedErrors, centralized_paths, smoothed_errors, smoothing_of
 from zenoh_cbef.analysis.standing import standing_of
 from zenoh_cbef.analysis.yardsticks import Yardsticks, yardsticks
 from zenoh_cbef.arrays import Bools, Floats
@@ -80,13 +80,14 @@ class Analysis(Errors):
     metrics: Metrics
 
 
-def analyze(traces: Sequence[Trace], skip: float = 0.25) -> list[Analysis]:
+def analyze(traces: Sequence[Trace], skip: float = 0.25, *, strongest: bool = True) -> list[Analysis]:
     """Analyse runs of one shape; the centralised filter and the bound of all of them run as one batch.
 
     skip: the share of steps left out at the start of RMSE, NEES and ratios, or of those that can be scored,
-    whichever is less. MSEE starts at step 1.
+    whichever is less. MSEE starts at step 1. strongest: see `yardsticks`.
     """
-    errors = [errors_of(*each, skip) for each in zip(traces, yardsticks(traces), strict=True)]
+    beside = yardsticks(traces, strongest=strongest), centralized_paths(traces)
+    errors = [errors_of(trace, found, skip, path) for trace, found, path in zip(traces, *beside, strict=True)]
     return [Analysis(**vars(one), metrics=_metrics(one)) for one in errors]
 
 
@@ -112,8 +113,11 @@ def counted_agents(trace: Trace) -> Bools:
     return counted if counted.any() else np.ones_like(counted)
 
 
-def errors_of(trace: Trace, beside: Yardsticks, skip: float) -> Errors:
-    """The errors of a trace; skip: see `analyze`. Those of a step rest on that step alone, but running means do not."""
+def errors_of(trace: Trace, beside: Yardsticks, skip: float, path: Floats | None = None) -> Errors:
+    """The errors of a trace. skip: see `analyze`. path: of the centralised smoother, (K, 6), where it is smoothed.
+
+    Those of a step rest on that step alone, but running means do not.
+    """
     states, bound = beside.centralized, beside.bound
     error, reference = (_estimated_only(trace, each - trace.truth) for each in (trace.estimates, states))
     positions = trace.estimates[:, :, :3]
@@ -143,7 +147,7 @@ def errors_of(trace: Trace, beside: Yardsticks, skip: float) -> Errors:
         bound=bound,
         bound_position_error=np.sqrt(np.trace(bound[:, :3, :3], axis1=1, axis2=2)),
         bound_msee=running_mean(np.trace(bound, axis1=1, axis2=2)),
-        smoothed=smoothed_errors(trace, counted),
+        smoothed=smoothed_errors(trace, counted, path),
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -53,7 +54,8 @@ def smoothed_run(trace: Trace) -> Trace:
             "estimate again with another filter: zenoh-cbef reestimate LOG --smooth --set filter.kind=sicf"
         )
     states = np.where(known[:, :, None], trace.estimates, np.nan)
-    found = smoothed(states, trace.covariances, trace.plan.plain_motion, trace.plan.space)
+    how = trace.plan.plain_motion, trace.plan.space
+    found = smoothed(states, trace.covariances, *how, excess=trace.diagnostics.excess)
     return replace(trace, smoothed=SmoothedPath(*found, lag=len(trace.time)))
 
 
@@ -64,14 +66,16 @@ def _sound(covariances: Floats) -> Bools:
     return np.asarray(finite & (least[:, :, -1] > 0.0) & (least[:, :, 0] >= -1e-9 * least[:, :, -1]))
 
 
-def smoothed_errors(trace: Trace, counted: Bools) -> SmoothedErrors | None:
-    """The errors of a run's smoothed path, of all agents; None where it has none. counted: (n,), those of the mean."""
+def smoothed_errors(trace: Trace, counted: Bools, central: Floats | None) -> SmoothedErrors | None:
+    """The errors of a run's smoothed path, of all agents; None where it has none.
+
+    counted: (n,), those of the mean. central: of the centralised smoother, see `centralized_paths`.
+    """
     path = trace.smoothed
-    if path is None:
+    if path is None or central is None:
         return None
     kept, axes = trace.plan.space.kept, trace.plan.space.axes
     error = np.where(np.isfinite(trace.estimates), path.states - trace.truth, np.nan)[:, :, kept]
-    central = _centralized(trace, path.lag)
     return SmoothedErrors(
         path.lag,
         np.linalg.norm(error[:, :, :axes], axis=2),
@@ -82,18 +86,26 @@ def smoothed_errors(trace: Trace, counted: Bools) -> SmoothedErrors | None:
     )
 
 
-def _centralized(trace: Trace, lag: int) -> Floats:
-    """The states of the centralised smoother, (K, 6), NaN where the log lacks what it needs."""
-    plan, steps = trace.plan, trace.measured_steps
-    found = np.full(trace.truth.shape, np.nan)
+def centralized_paths(traces: Sequence[Trace]) -> Sequence[Floats | None]:
+    """The states of the centralised smoother in runs of one shape, (K, 6) each; None of runs without a smoothed path.
+
+    NaN where a log lacks what it needs. Runs that are smoothed alike are one batch.
+    """
+    alike = {(trace.smoothed.lag if trace.smoothed else 0, trace.measured_steps) for trace in traces}
+    if len(alike) > 1:
+        return [path for trace in traces for path in centralized_paths([trace])]
+    [(lag, steps)] = alike
+    if not lag:
+        return [None] * len(traces)
+    plan, found = traces[0].plan, np.full((len(traces), *traces[0].truth.shape), np.nan)
     if steps == 0 or (jointly(plan) and not told_whole(plan)):
-        return found
+        return list(found)
     window = FixedLag(backwards_of(plan), plan.space, min(lag, steps))
-    for step, belief in enumerate(centralized_run([trace], steps), 1):
+    for step, belief in enumerate(centralized_run(traces, steps), 1):
         window.take(step, belief)
         for one in window.due(last=step == steps):
-            found[one.step - 1] = one.state[0]
-    return found
+            found[:, one.step - 1] = one.state
+    return list(found)
 
 
 def smoothing_of(errors: SmoothedErrors, trace: Trace, first: int, counted: Bools) -> Smoothing:

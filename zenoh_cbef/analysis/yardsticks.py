@@ -32,8 +32,8 @@ Where the filter assumes several motions it always is: the bound is that of the 
 class Yardsticks:
     """Of one run: states of the centralised filter and of the strong one (K, 6), and bounds (K, 6, 6); NaN if unknown.
 
-    strong: of the strong yardstick where the centralised filter is in doubt or assumes several motions, elsewhere the
-    centralised filter's.
+    strong: of the strong yardstick where the centralised filter is in doubt or assumes several motions, elsewhere, or
+    where it is not asked for, the centralised filter's.
     """
 
     centralized: Floats
@@ -41,8 +41,8 @@ class Yardsticks:
     bound: Floats
 
 
-def yardsticks(traces: Sequence[Trace]) -> list[Yardsticks]:
-    """The yardsticks of runs of one shape, as one batch.
+def yardsticks(traces: Sequence[Trace], *, strongest: bool = True) -> list[Yardsticks]:
+    """The yardsticks of runs of one shape, as one batch. strongest: whether the strong one is asked for.
 
     NaN from the first step on of which a measurement is not in the trace: what follows would know less than the
     network did. The bound is NaN where the truth is not known, too; there it goes on along the centralised estimate.
@@ -60,7 +60,7 @@ def yardsticks(traces: Sequence[Trace]) -> list[Yardsticks]:
     best = states.copy()
     plan = traces[0].plan
     doubted = np.flatnonzero(bool(plan.models) | _doubted(plan, states - truth, bounds)).tolist()
-    if doubted:
+    if doubted and strongest:
         found, _ = strong(*told([traces[run] for run in doubted], reach))
         best[np.ix_(np.array(doubted), np.arange(reach), traces[0].plan.space.kept)] = found
     for run, steps in enumerate(measured):

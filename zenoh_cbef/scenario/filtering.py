@@ -63,9 +63,13 @@ class Filtering:
 
     @cached_property
     def noises(self) -> tuple[Motion, ...]:
-        """The filter's motion with the noises of which ranges decide; none where the noise is not in doubt."""
+        """The filter's motion with the noises of which ranges decide; none where the noise is not in doubt.
+
+        Ranges that are often wrong first have to tell where the target is.
+        """
         single = self.bias != "none" or self.distrusts_others or self.models or self.plane
-        unfit = single or not self.abilities.models or self.scenario.filter.recovery
+        mistaken = self.tells_ranges and telling.may_mistake(self.scenario, self.range_std, self.space.axes)
+        unfit = single or mistaken or not self.abilities.models or self.scenario.filter.recovery
         return () if unfit else doubted_noises(self.scenario, self.motion, told=self.tells_ranges)
 
     @cached_property
@@ -74,6 +78,13 @@ class Filtering:
         assumed = self.scenario, self.range_std, self.space.axes
         motions = assumed_models(*assumed) if self._switches else (self.motion,)
         return telling.tells_ranges(self.scenario, motions, self.range_std, self.settling_steps)
+
+    @property
+    def seeks(self) -> bool:
+        """Whether they look for a target that those deny to be where it is thought to be, without another fix."""
+        chosen = self.scenario.filter
+        several = self.models or self.noises
+        return self.tells_ranges and not several and chosen.reacquire and chosen.defaults > 12
 
     @cached_property
     def plain_motion(self) -> LinearMotion:
@@ -149,6 +160,7 @@ class Filtering:
             middle=start.middle(scenario)[: self.space.axes],
             squares=self.squares,
             tells_ranges=self.tells_ranges,
+            seeks=self.seeks,
             plane=self.plane,
             space=self.space,
             range_std=self.range_std,
@@ -179,6 +191,7 @@ class Filtering:
             told_biases=biased and trust.tells_biases(scenario),
             lasting=single and trust.lasts(scenario),
             doubts_noise=doubts,
+            counts_ranges=chosen.defaults > 12,
             learns_noise=chosen.range_std == "auto" and not doubts,
             recorded=trust.lasts(scenario) and chosen.defaults > 11,
             outliers=start.outliers(scenario),
@@ -187,7 +200,7 @@ class Filtering:
     def _finding(self, settings: FilterSettings) -> FilterSettings:
         """With what finds the target, at first and again, and says what the estimate is."""
         scenario, chosen, able, tells = self.scenario, self.scenario.filter, self.abilities, self.tells_ranges
-        window = start.window(scenario, self.settling_steps)
+        window = 0 if self.seeks else start.window(scenario, self.settling_steps)
         pauses = not tells and bending.may_pause(scenario, self.plain_motion, self.range_std)
         return replace(
             settings,
@@ -196,6 +209,7 @@ class Filtering:
             judges_agents=chosen.status_rules > 1,
             reacquires=window,
             spreading=start.spreading(scenario, window),
+            deciding=start.deciding(scenario, window),
             bends=chosen.defaults > 7 and not tells,
             prompt=chosen.defaults > 8 and not trust.real(scenario),
             supposes=pauses and start.supposes(scenario, window),

@@ -111,6 +111,14 @@ def spreading(scenario: Scenario, window: int) -> int:
     return int(min(steps, window // 2))
 
 
+def deciding(scenario: Scenario, window: int) -> int:
+    """Every how many steps agents decide whether another fix begins; 0: once in each window.
+
+    Where ranges are real they may be rare: a window of them is seconds, which a network that was silent need not wait.
+    """
+    return spreading(scenario, window) + 1 if trust.real(scenario) and scenario.filter.defaults > 12 else 0
+
+
 def squared_steps(scenario: Scenario, steps: int) -> int:
     """How many steps of a first fix are on squared ranges: half, or as few as give every unknown a range."""
     half = steps // 2
@@ -134,8 +142,13 @@ def outliers(scenario: Scenario) -> tuple[float, float] | None:
 
 def tries_guess(scenario: Scenario) -> bool:
     """Whether a first fix tries the guess: where ranges are straight lines over how far that may be off."""
+    return scenario.filter.defaults > 2 and not among_outliers(scenario) and not bends_over_guess(scenario)
+
+
+def bends_over_guess(scenario: Scenario) -> bool:
+    """Whether ranges bend by more than their noise over how far a guess may be off."""
     sag = initial_std(scenario)[0] ** 2 / (2.0 * max(half_box(scenario), 1e-3))
-    return scenario.filter.defaults > 2 and not among_outliers(scenario) and bool(sag < scenario.sensor.range_std)
+    return bool(sag >= scenario.sensor.range_std)
 
 
 def search(scenario: Scenario) -> tuple[Floats, Floats]:

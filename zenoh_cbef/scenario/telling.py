@@ -6,23 +6,25 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from zenoh_cbef.scenario import bending, network, start, trust
+from zenoh_cbef.scenario import bending, near_plane, network, start, trust
 from zenoh_cbef.scenario.model import Scenario
 from zenoh_cbef.tracking.filters import abilities_of
 from zenoh_cbef.tracking.motion import Motion
 
 
 def tells_ranges(scenario: Scenario, motions: Sequence[Motion], range_std: float, settling: int) -> bool:
-    """Whether agents tell each other their ranges: where a first fix would fail, and they are few.
+    """Whether agents tell each other their ranges: where a first fix would fail, or may, and they are few.
 
     A target that switches between motions is followed without, if there are enough ranges in a step.
     motions: what the filter assumes, the most agile one last. range_std: m. settling: steps of a fix.
     """
     agile = motions[-1]
-    if not _may(scenario, agile.axes) or not _strays(scenario, agile, range_std, settling):
+    if not _may(scenario, agile.axes):
         return False
+    if len(motions) == 1 and may_mistake(scenario, range_std, agile.axes):
+        return True
     heard = scenario.count * (1.0 - scenario.sensor.dropout_probability)
-    return len(motions) == 1 or heard < agile.axes + 1
+    return _strays(scenario, agile, range_std, settling) and (len(motions) == 1 or heard < agile.axes + 1)
 
 
 def _may(scenario: Scenario, axes: int) -> bool:
@@ -38,6 +40,26 @@ def _may(scenario: Scenario, axes: int) -> bool:
     few = axes + 1 < scenario.count <= network.FEW and stage.rounds > 0
     fits = able.saturates and able.biases and left_open and _explained(scenario)
     return chosen.defaults > 11 and few and exact and honest and fits
+
+
+def may_mistake(scenario: Scenario, range_std: float, axes: int) -> bool:
+    """Whether a first fix may take wrong ranges for right ones: there are some, or guesses are too wide to be tried.
+
+    Of a wrong receiver only if the others are as few as the unknowns: then no other agent proves which it is.
+
+    Only where the scenario leaves it to agents how they find their target, every range comes to every agent in its
+    step, whatever the graph, and the noise of ranges is known: what learns it stands around other filters. Biases that
+    the scenario tells of, and mirror images, are better estimated without.
+    """
+    chosen, sensor = scenario.filter, scenario.sensor
+    if chosen.defaults < 13:
+        return False
+    none_to_spare = trust.errs(scenario) and scenario.count == axes + 2
+    wrong = sensor.outlier_probability > 0.0 or none_to_spare or start.bends_over_guess(scenario)
+    everywhere = scenario.consensus.rounds >= scenario.count - 1
+    known = chosen.range_std is None and sensor.bias_std == 0.0
+    flat = bending.mirrored(scenario, range_std, axes) or near_plane.plane(scenario, range_std, axes)
+    return wrong and everywhere and known and chosen.start != "given" and chosen.reacquire and not flat
 
 
 def _explained(scenario: Scenario) -> bool:

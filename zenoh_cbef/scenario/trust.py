@@ -114,8 +114,7 @@ def shares_biases(scenario: Scenario) -> bool:
     few = 1 < scenario.count <= joint_biases.MOST and scenario.consensus.rounds > 0
     if scenario.target.motion == "dataset":
         return few and chosen.defaults > 11
-    constant = not any(isinstance(one, SensorFault) and one.error > 0.0 for one in scenario.fault)
-    told = tells_biases(scenario) and constant and _are_alike(scenario)
+    told = tells_biases(scenario) and not errs(scenario) and _are_alike(scenario)
     return told and few and chosen.defaults > 8 and chosen.bias_common_std is None
 
 
@@ -206,6 +205,11 @@ def isolates(scenario: Scenario) -> bool:
 
 def _has_liars(scenario: Scenario) -> bool:
     return any(isinstance(one, SenderFault) for one in scenario.fault)
+
+
+def errs(scenario: Scenario) -> bool:
+    """Whether the scenario tells of receivers that will be wrong."""
+    return any(isinstance(one, SensorFault) and one.error > 0.0 for one in scenario.fault)
 
 
 def _at_fault(scenario: Scenario) -> bool:

@@ -82,9 +82,12 @@ class OneMotion:
     motion: Motion
 
     def kept(self, belief: Belief) -> Belief:
-        """State and covariance."""
+        """State and covariance, as the filter goes on with them: what errors that last add to it is no information."""
+        covariance = belief.known_covariance
+        if belief.excess is not None:
+            covariance = covariance / (1.0 + belief.excess)[:, None, None]
         # Products of matrices depend on how these lie in memory, and that on how many agents there are.
-        return Belief(np.ascontiguousarray(belief.state), np.ascontiguousarray(belief.known_covariance))
+        return Belief(np.ascontiguousarray(belief.state), np.ascontiguousarray(covariance))
 
     def between(self, before: Belief, after: Belief) -> Backward:  # noqa: ARG002
         """By the model alone."""

@@ -33,7 +33,8 @@ class Diagnostics:
     far the state relies on that estimate, 0 to 1. maneuver: probability of the most agile of several motions, before
     the step's ranges. isolated: the neighbour that the agent isolated last, by its number. status: what the estimate
     is, as a number of `status.STATUSES`. status_seconds: how long it has been so, s. silent: in how many
-    rounds of the step the agent kept silent.
+    rounds of the step the agent kept silent. excess: by what share the covariance is larger than that which the filter
+    goes on with, as errors of ranges last.
     """
 
     innovation: Floats
@@ -49,6 +50,7 @@ class Diagnostics:
     status: FloatsIfAny
     status_seconds: FloatsIfAny
     silent: FloatsIfAny
+    excess: FloatsIfAny
 
     @classmethod
     def of(cls, *shape: int, **known: Numbers) -> Self:

@@ -10,6 +10,7 @@ import numpy as np
 
 from zenoh_cbef.arrays import Bools, Floats
 from zenoh_cbef.tracking.backwards import Backward, Backwards, OneMotion
+from zenoh_cbef.tracking.copying import replace
 from zenoh_cbef.tracking.filters.base import Belief
 from zenoh_cbef.tracking.motion import LinearMotion
 from zenoh_cbef.tracking.ranging import Space
@@ -42,6 +43,7 @@ class FixedLag:
         self._latest: Belief | None = None
         self._step = 0
         self._age = np.zeros(0, dtype=np.int64)
+        self._excess: deque[Floats | None] = deque(maxlen=lag + 1)
 
     def take(self, step: int, belief: Belief, new: Bools | None = None) -> None:
         """Take in the filter's belief of the next step; new: agents (n,) that begin with it."""
@@ -51,6 +53,7 @@ class FixedLag:
         else:
             self._window.append(self._backwards.between(self._latest, latest))
         self._latest = latest
+        self._excess.append(belief.excess)
         self._step, self._age = step, self._age + 1
         if new is not None:
             self._age[new] = 0
@@ -81,6 +84,8 @@ class FixedLag:
             yield state, covariance
 
     def _told(self, before: int, state: Floats, covariance: Floats) -> Smoothed:
+        if (excess := self._excess[-1 - before]) is not None:
+            covariance = covariance * (1.0 + excess)[:, None, None]
         finite = np.asarray(np.isfinite(state).all(axis=1) & np.isfinite(covariance).all(axis=(1, 2)))
         return Smoothed(
             self._step - before,
@@ -92,18 +97,26 @@ class FixedLag:
 
 
 def smoothed(
-    states: Floats, covariances: Floats, motion: LinearMotion, space: Space, lag: int | None = None
+    states: Floats,
+    covariances: Floats,
+    motion: LinearMotion,
+    space: Space,
+    lag: int | None = None,
+    *,
+    excess: Floats | None = None,
 ) -> tuple[Floats, Floats]:
     """Smooth the estimates of K steps, (n, K, 6) and (n, K, 6, 6), by a lag, None for the whole run; NaN for nothing.
 
-    motion: of position and velocity alone, as these are all that a log has.
+    motion: of position and velocity alone, as these are all that a log has. excess: see `Diagnostics`, (n, K).
     Steps without an estimate, between others, are predicted from the one before.
     """
     found, uncertain = np.full_like(states, np.nan), np.full_like(covariances, np.nan)
     steps = states.shape[1]
     window = FixedLag(OneMotion(motion), space, steps if lag is None else min(lag, steps))
+    wider = np.zeros(states.shape[:2]) if excess is None else np.nan_to_num(excess)
     for step, belief in enumerate(_without_gaps(states, covariances, motion, space), 1):
-        window.take(step, belief)
+        wide = wider[:, step - 1] if np.count_nonzero(wider) else None
+        window.take(step, replace(belief, excess=wide))
         for one in window.due(last=step == steps):
             found[one.known, one.step - 1] = one.state[one.known]
             uncertain[one.known, one.step - 1] = one.covariance[one.known]

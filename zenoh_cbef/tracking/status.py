@@ -47,6 +47,12 @@ Four of ten make it 4.2, give or take 0.3, of a network that tracks well and mus
 WRONG = 3.6
 """The mean of the smaller of two cut NIS of an agent whose ranges do not fit: as if six of ten were outliers."""
 
+
+def wrong_among(outliers: float) -> float:
+    """WRONG where the scenario tells of a share of outliers: as if six of ten of the other ranges were some, too."""
+    return WRONG * (1.0 + outliers * 2.0 / 3.0) ** 2
+
+
 DOUBT = 2.0
 """What that mean begins with: with some doubt, as a network that has found a wrong place has to notice soon."""
 

@@ -119,6 +119,8 @@ class Tracker:
             diagnostics = replace(diagnostics, bias=bias.value, bias_std=bias.std, bias_weight=bias.weight)
         if (status := belief.status) is not None:
             diagnostics = replace(diagnostics, status=status.which, status_seconds=status.seconds)
+        if (excess := self.belief.excess) is not None:
+            diagnostics = replace(diagnostics, excess=excess)
         return Estimate(
             self.space.embed_state(belief.state),
             None if covariance is None else self.space.embed_covariance(covariance),

@@ -125,7 +125,7 @@ def sharing_of(kind: str, settings: FilterSettings) -> Sharing:
     more = settings.recovers * Recovering.more + settings.distrusts * Distrusting.more
     more += (
         LastingErrors.numbers(settings)
-        + settings.doubts_noise * DoubtedNoise.more
+        + DoubtedNoise.numbers(settings)
         + settings.says_status * Knowing.more
         + (settings.reacquires > 0) * Reacquiring.more
         + settings.supposes * Supposing.more
@@ -161,7 +161,7 @@ def make_filter(kind: str, settings: FilterSettings) -> Filter:
         chosen = Returning(chosen, settings.space, settings.range_std, newcomers=settings.cut_off > 0)
     chosen = _begun(kind, settings, chosen, xi)
     if settings.doubts_noise:
-        chosen = DoubtedNoise(chosen, settings.range_std, settings.network_size, settings.first_fix)
+        chosen = DoubtedNoise.of(settings, chosen)
     if settings.lasting:
         chosen = LastingErrors.of(settings, chosen)
     elif settings.learns_noise:

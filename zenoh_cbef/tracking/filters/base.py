@@ -32,7 +32,8 @@ class Belief:
     bias: of the agent's ranges, None for a filter that does not estimate it. memory: arrays (n, ...), and parts:
     beliefs, that a filter carries to the next step beyond its state; a belief without them is an initial one. status:
     None where agents do not say what their estimate is. chance: (n, M), where the parts are of M motions, how likely
-    each is. tied: of a first fix, what the agent's own ranges say of its bias d given the state x: a (n,), b (n, s)
+    each is. excess: (n,), by what share the covariance is larger than that which the filter goes on with; None: not at
+    all. tied: of a first fix, what the agent's own ranges say of its bias d given the state x: a (n,), b (n, s)
     and s (n,), with d ~ N(a + b^T x, s).
     """
 
@@ -43,6 +44,7 @@ class Belief:
     parts: tuple[Belief, ...] = ()
     status: Status | None = None
     chance: Floats | None = None
+    excess: Floats | None = None
     tied: tuple[Floats, Floats, Floats] | None = None
 
     @property

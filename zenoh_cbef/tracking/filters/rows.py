@@ -39,6 +39,7 @@ def chosen(old: Belief, new: Belief, rows: Bools) -> Belief:
         parts=tuple(chosen(*pair, rows) for pair in zip(old.parts, new.parts, strict=True)),
         status=pick_all(old.status, new.status),
         chance=pick_any(old.chance, new.chance),
+        excess=pick_any(old.excess, new.excess),
     )
 
 
@@ -81,5 +82,6 @@ def _combined(beliefs: Sequence[Belief], how: Callable[[Sequence[Floats]], Float
         parts=tuple(_combined(parts, how) for parts in zip(*(one.parts for one in beliefs), strict=True)),
         status=said_of([one.status for one in beliefs]),
         chance=any_of([one.chance for one in beliefs]),
+        excess=any_of([one.excess for one in beliefs]),
         tied=None if first is None or second is None or third is None else (first, second, third),
     )

@@ -17,8 +17,9 @@ class FilterSettings:
     range_std: m; learns_noise: it is where learning it begins. lasting: whether errors of
     successive ranges may be alike. recorded: whether such errors widen what agents claim, and not
     the noise by which they weigh ranges, and a bias is believed also for the share of the misfit that it explains.
-    doubts_noise: whether range_std may be wrong by a
-    factor of two. xi, omega: see the filter; omega None: network_size. network_size: number of agents.
+    doubts_noise: whether range_std may be wrong by a factor of two; counts_ranges: whether the network counts the
+    ranges that say so, and lasting errors are weighed with all that an estimate keeps of them.
+    xi, omega: see the filter; omega None: network_size. network_size: number of agents.
     differenced: whether ci and local take in differences of ranges in place of the
     agent's own range. power: of the saturation. widens: whether
     a saturated range widens its whole innovation, not its noise alone. recovers: whether
@@ -29,7 +30,8 @@ class FilterSettings:
     fit, or ranges, and whether only those that hear ranges vote for another fix. reacquires: how many steps another
     fix takes, 0 for none; spreading: in how many steps all agents know a decision; anywhere: where that fix looks
     for the target, like search. bends: whether agents coast no further than ranges are straight lines. prompt: whether
-    another fix begins soon after the target is lost, and has the first ranges after a silence to itself. supposes:
+    another fix begins soon after the target is lost, and has the first ranges after a silence to itself; deciding:
+    every how many steps agents decide whether one begins, 0: as many as it takes. supposes:
     whether all tell each other what they measured where ranges of one do not fit. cut_off: how many
     rounds a step has, where agents may be cut off from others and tell who is there; 0: they do not. presumes: whether
     agents presume that ranges fit and that all others are there until they know better. sides: whether they say so
@@ -44,7 +46,8 @@ class FilterSettings:
     motions between which the target switches, the most agile one last; none: it moves by `motion` alone. leaving: the
     probability that it leaves its motion in a step. middle: a point near all agents, the same for all, m. squares:
     whether agents share squared ranges, and linearise what averaging leaves. tells_ranges:
-    whether they tell each other their ranges, and each takes in all. plane: that they are near, a point of it
+    whether they tell each other their ranges, and each takes in all; seeks: and, while these deny the place, looks for
+    the target elsewhere. plane: that they are near, a point of it
     and its normal; None: near none, or mirror images are no matter. outliers: what share of the ranges are
     too long, and by how much (m) on average, where the scenario tells so and a first fix takes it into account.
     options: of a kind of another package, `filter.options`.
@@ -70,6 +73,7 @@ class FilterSettings:
     spreading: int = 1
     bends: bool = False
     prompt: bool = False
+    deciding: int = 0
     supposes: bool = False
     cut_off: int = 0
     presumes: bool = True
@@ -85,6 +89,7 @@ class FilterSettings:
     lasting: bool = False
     recorded: bool = False
     doubts_noise: bool = False
+    counts_ranges: bool = False
     first_fix: int = 0
     squared_fix: int = 0
     tries_guess: bool = False
@@ -95,6 +100,7 @@ class FilterSettings:
     middle: tuple[float, ...] = (0.0, 0.0, 0.0)
     squares: bool = False
     tells_ranges: bool = False
+    seeks: bool = False
     plane: tuple[tuple[float, ...], tuple[float, ...]] | None = None
     outliers: tuple[float, float] | None = None
     guesses: tuple[int, int] | None = (1, 1)

@@ -88,7 +88,9 @@ class CutOff(Wrapping):
             mixed = np.where(part < 1.0, part * mixed + (1.0 - part) * quiet, mixed)
             mixed = np.where(predicts[:, None], before.payload, mixed)
         inner = self.filter.conclude(mixed, before)
-        return Belief(inner.state, inner.covariance, inner.bias, (known, there), (inner,), inner.status)
+        return Belief(
+            inner.state, inner.covariance, inner.bias, (known, there), (inner,), inner.status, excess=inner.excess
+        )
 
     def _few(self, share: Floats) -> Bools:
         """Which agents (n,) are in a group of fewer than there are axes; share: of all agents, (n,)."""

@@ -9,6 +9,7 @@ import numpy as np
 
 from zenoh_cbef.arrays import Bools, Floats
 from zenoh_cbef.tracking.copying import replace
+from zenoh_cbef.tracking.diagnostics import Diagnostics
 from zenoh_cbef.tracking.filters.around.wrapping import Wrapping
 from zenoh_cbef.tracking.filters.base import Belief, Filter, Update
 from zenoh_cbef.tracking.filters.information_form import variance_of
@@ -26,6 +27,13 @@ _MEMORY, _BEGIN = 100.0, 20.0
 _MOST = 0.98
 """The largest correlation of successive errors that counts: further ranges then still tell a hundredth."""
 
+_CUT, _LEAST = 9.0, 0.1
+"""Where a square is cut off, so that outliers do not decide, and the least share of its variance that following leaves.
+"""
+
+_CALM = 0.1
+"""Distrust from which on an agent's ranges teach nothing of their size."""
+
 _SLOWEST = 0.02
 """Least step of the logarithm of sigma."""
 
@@ -37,16 +45,21 @@ _WIDEST = 30.0
 class Receiver:
     """What an agent knows of its receiver, arrays (n,).
 
-    agreed, pairs: fading sums of the product of two successive residuals' signs, and of their number. last: the sign of
-    the last residual. left: the share of what the estimate knew at the last own range that it still rests on. scale:
-    log sigma over where that began. seen: own ranges so far. large: what the last residual says of sigma. steps: since
-    the start. taken: the variance of its error that the last own range
-    brought into the estimate, m^2. excess: by what share the variance of the position is larger than the filter's.
+    agreed, pairs: fading sums of the product of a residual's sign and the mean of those before it, and of their number.
+    last: that mean, by rules before the thirteenth the last sign alone; past: the sum of its weights. sizes, counted:
+    fading sums of the squares of innovations over what they should be, and of their number. left: the share of what the
+    estimate knew at the last own range that it still rests on. scale: log sigma over where that began. seen: own ranges
+    so far. large: what the last residual says of sigma. steps: since the start. taken: the variance of its error that
+    the last own range brought into the estimate, m^2. excess: by what share the variance of the position is larger than
+    the filter's.
     """
 
     agreed: Floats
     pairs: Floats
+    sizes: Floats
+    counted: Floats
     last: Floats
+    past: Floats
     left: Floats
     scale: Floats
     seen: Floats
@@ -59,35 +72,84 @@ class Receiver:
     def first(cls, count: int) -> Self:
         """Of so many agents before the first step."""
         none, one = np.zeros(count), np.ones(count)
-        return cls(none, _BEGIN * one, none, one, none, none, none, none, none, none)
+        return cls(none, _BEGIN * one, _BEGIN * one, _BEGIN * one, none, none, one, none, none, none, none, none, none)
 
     @property
     def alike(self) -> Floats:
-        """The correlation of successive errors, (n,), from 0 on."""
+        """The correlation of an error with those before it, (n,), from 0 on."""
         return np.clip(np.sin(0.5 * np.pi * self.agreed / self.pairs), 0.0, _MOST)
 
     @property
-    def followed(self) -> Floats:
-        """By how much the variance of an innovation is smaller as the estimate follows errors, (n,), m^2."""
-        return 2.0 * self.taken * self.alike / (1.0 - self.alike * self.left)
+    def larger(self) -> Floats:
+        """How many times as large as they should be the squares of innovations are, (n,), from 1 on."""
+        return np.maximum(self.sizes / self.counted, 1.0)
 
-    def after(self, residual: Floats, variance: Floats, network: Floats, forgotten: Floats, measured: Bools) -> Self:
+    def carried(self, *, weighs: bool) -> Floats:
+        """The correlation of an error with all that the estimate keeps of those before it, (n,).
+
+        weighs: whether that is measured; otherwise as of errors of which each has to do with the one before alone.
+        """
+        left = np.minimum(self.left, _MOST)
+        return self.alike / (1.0 - (left if weighs else self.alike * self.left))
+
+    @property
+    def followed(self) -> Floats:
+        """By how much the variance of an innovation is smaller as the estimate follows errors, (n,), m^2.
+
+        At least: of errors of which each has to do with the one before alone. More of it would hide that a noise is
+        told twice as large.
+        """
+        return 2.0 * self.taken * self.carried(weighs=False)
+
+    def factor(self, *, weighs: bool) -> Floats:
+        """F, (n,)."""
+        if weighs:
+            return 1.0 + 2.0 * self.left * self.carried(weighs=True)
+        correlation = self.alike * self.left
+        return (1.0 + correlation) / (1.0 - correlation)
+
+    def measuring(self, told: Diagnostics) -> Self:
+        """With what an own range's innovation says of its size; a receiver that is distrusted says nothing."""
+        usable = (told.nis > 0.0) & ~(told.distrust > _CALM)
+        square = np.where(usable, told.innovation, 1.0) ** 2
+        variance = square / np.where(usable, told.nis, 1.0)
+        followed = 2.0 * self.taken * self.carried(weighs=True)
+        free = np.maximum(variance - followed, _LEAST * variance)
+        kept = np.where(usable, 1.0 - 1.0 / _MEMORY, 1.0)
+        return replace(
+            self,
+            sizes=kept * self.sizes + np.where(usable, np.minimum(square / free, _CUT), 0.0),
+            counted=kept * self.counted + usable,
+        )
+
+    def after(
+        self,
+        residual: Floats,
+        variance: Floats,
+        network: Floats,
+        forgotten: Floats,
+        measured: Bools,
+        *,
+        weighs: bool = False,
+    ) -> Self:
         """A step later.
 
         residual: of the own range, m, NaN where it teaches nothing, and the variance that it should have, m^2. network:
         the average of what all agents' last residuals said. forgotten: what share of the past this step has left.
-        measured: whether there was an own range.
+        measured: whether there was an own range. weighs: whether all residuals that the estimate keeps count.
         """
         heard = np.isfinite(residual)
         sign = np.sign(np.where(heard, residual, 0.0))
         kept = np.where(heard, 1.0 - 1.0 / _MEMORY, 1.0)
         gain = np.maximum(1.0 / (1.0 + self.seen / 5.0), _SLOWEST)
         limit = np.log(_WIDEST)
+        past = self.left * self.past * weighs
         return replace(
             self,
             agreed=kept * self.agreed + sign * self.last,
-            pairs=kept * self.pairs + np.abs(sign * self.last),
-            last=np.where(heard, sign, self.last),
+            pairs=kept * self.pairs + np.abs(sign) * ((self.past > 0.0) if weighs else np.abs(self.last)),
+            last=np.where(heard, (sign + past * self.last) / (1.0 + past), self.last),
+            past=np.where(heard, 1.0 + past, self.past),
             left=np.where(measured, 1.0, self.left) * forgotten,
             scale=np.clip(self.scale + gain * network, -limit, limit),
             seen=self.seen + heard,
@@ -118,6 +180,14 @@ class LastingErrors(Wrapping):
 
         excess <- (1 - kappa) excess + kappa (mean F - 1),    kappa = tr(P+ - P+ P-^-1 P+)/tr(P+)
 
+    With `weighs`, by today's rules, c is the correlation of an error with all those before it that the estimate still
+    rests on, as far as it does: errors that last for long decay more slowly than powers of the first correlation. And
+    innovations z that are larger than they should be widen what is claimed, as they tell of a sigma that is too small
+    also where the estimate follows errors:
+
+        F = (1 + 2 k c/(1 - k)) max(1, mean[min(z^2/(S - 2 H P+ H^T c/(1 - k)), 9)]),
+        c = sin(pi/2 mean[sign(e) m]),    m <- (sign(e) + k w m)/(1 + k w),  w <- 1 + k w
+
     By rules before the twelfth the information in a range is divided by F; its innovation is judged as before. A filter
     that trusts ranges less lags the more, and then has alike residuals.
 
@@ -141,13 +211,14 @@ class LastingErrors(Wrapping):
     learns: bool
     fix: int
     claims: bool = False
+    weighs: bool = False
 
     @classmethod
     def of(cls, settings: FilterSettings, inner: Filter) -> Self:
         """Around a filter with these settings."""
         std, learns = settings.range_std, settings.learns_noise
-        fix, claims = settings.first_fix, settings.recorded
-        return cls(inner, settings.motion, settings.space, std, learns=learns, fix=fix, claims=claims)
+        fix, claims, weighs = settings.first_fix, settings.recorded, settings.recorded and settings.counts_ranges
+        return cls(inner, settings.motion, settings.space, std, learns=learns, fix=fix, claims=claims, weighs=weighs)
 
     @staticmethod
     def numbers(settings: FilterSettings) -> int:
@@ -158,11 +229,10 @@ class LastingErrors(Wrapping):
         """The filter's update; kept: what the agent knew of its receiver, and what the residual needs."""
         inner = belief.parts[0] if belief.parts else belief
         known = Receiver(*belief.memory) if belief.memory else Receiver.first(len(belief.state))
-        correlation = known.alike * known.left
-        factor = (1.0 + correlation) / (1.0 - correlation)
+        factor = known.factor(weighs=self.weighs)
         if self.learns:
             measurement = replace(measurement, range_std=self.range_std * np.exp(known.scale))
-        told = [known.large] * self.learns + [factor] * self.claims
+        told = [known.large] * self.learns + [factor * known.larger if self.weighs else factor] * self.claims
         if self.claims:
             factor = np.ones_like(factor)
         update = self.filter.update(inner, replace(measurement, lasting=factor, followed=known.followed))
@@ -171,6 +241,7 @@ class LastingErrors(Wrapping):
         covariance = self.motion.predict_covariance(inner.known_covariance, inner.state)
         _, before = self._predicted(state, covariance, measurement.position, measurement.age)
         heard = measurement.position, measurement.range, measurement.age, variance_of(measurement, self.range_std)
+        known = known.measuring(update.diagnostics)
         kept = *vars(known).values(), *heard, factor, before, covariance
         return Update(payload, update.diagnostics, kept, (update,))
 
@@ -187,14 +258,15 @@ class LastingErrors(Wrapping):
         residual = np.where(known.steps < self.fix, np.nan, range_ - predicted - bias)
         free = 1.0 - np.minimum(after / (factor * variance), 1.0)
         forgotten = np.clip(after / np.where(before > 0.0, before, 1.0), 0.0, 1.0)
-        known = known.after(residual, free * variance, network, forgotten, np.isfinite(range_))
+        known = known.after(residual, free * variance, network, forgotten, np.isfinite(range_), weighs=self.weighs)
         known = replace(
             known, large=known.large * free, taken=np.where(np.isfinite(range_), after / factor, known.taken)
         )
         if self.claims:
             known = replace(known, excess=self._excess(known.excess, payload[:, -1], prior, inner))
             wide = inner.known_covariance * (1.0 + known.excess)[:, None, None]
-            return replace(inner, covariance=wide, memory=tuple(vars(known).values()), parts=(inner,))
+            wider = replace(inner, covariance=wide, memory=tuple(vars(known).values()), parts=(inner,))
+            return replace(wider, excess=known.excess) if self.weighs else wider
         return replace(inner, memory=tuple(vars(known).values()), parts=(inner,))
 
     def _excess(self, before: Floats, factor: Floats, prior: Floats, belief: Belief) -> Floats:

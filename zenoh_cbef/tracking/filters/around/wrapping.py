@@ -5,6 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
+import numpy as np
+
+from zenoh_cbef.arrays import Bools
 from zenoh_cbef.tracking.filters.base import Belief, Filter
 from zenoh_cbef.tracking.filters.models.told_ranges import ToldRanges
 
@@ -29,3 +32,10 @@ class Wrapping:
 def resumed(chosen: Filter, belief: Belief) -> Belief:
     """A belief of another filter, in the form that `chosen` needs after its first step."""
     return chosen.resumed(belief) if isinstance(chosen, Wrapping | ToldRanges) else belief
+
+
+def denied(around: Filter, belief: Belief) -> Bools:
+    """Of which agents (n,) the ranges that they tell each other deny the place."""
+    while isinstance(around, Wrapping) and belief.parts:
+        around, belief = around.filter, belief.parts[0]
+    return around.denied(belief) if isinstance(around, ToldRanges) else np.zeros(len(belief.state), dtype=bool)

@@ -9,12 +9,12 @@ import numpy as np
 
 from zenoh_cbef.arrays import Bools, Floats
 from zenoh_cbef.tracking.filters.around.mirror_images import undecided
-from zenoh_cbef.tracking.filters.around.wrapping import Wrapping
+from zenoh_cbef.tracking.filters.around.wrapping import Wrapping, denied
 from zenoh_cbef.tracking.filters.base import Belief, Bias, Update
 from zenoh_cbef.tracking.filters.information_form import unchanged
 from zenoh_cbef.tracking.filters.settings import FilterSettings
 from zenoh_cbef.tracking.ranging import Measurement
-from zenoh_cbef.tracking.status import ACQUIRING, CUT, LOST, Status, most_misfit
+from zenoh_cbef.tracking.status import ACQUIRING, CUT, LOST, TRACKING, WRONG, Status, most_misfit, wrong_among
 
 _UNLIKELY = 4.0
 """How many of its prior standard deviations a bias is off that explains nothing."""
@@ -59,7 +59,7 @@ class Knowing(Wrapping):
             if inner.bias is not None:
                 misfit[self._explains_nothing(inner.bias)] = CUT
             status = status.judging(misfit, counts)
-            fit = CUT * (counts & status.wrong)
+            fit = CUT * (counts & (status.own > self._wrong))
         count, size = update.payload.shape
         payload = np.empty((count, size + self.more))
         payload[:, :size], payload[:, size], payload[:, size + 1] = update.payload, heard, fit
@@ -95,12 +95,21 @@ class Knowing(Wrapping):
         if settings.plane:
             rows = undecided(self.filter, inner) & (status.which != LOST)
             status = status.told(rows, ACQUIRING, former, dt)
-        return Belief(inner.state, inner.covariance, inner.bias, parts=(inner,), status=status)
+        if settings.seeks:
+            rows = denied(self.filter, inner) & (status.which == TRACKING)
+            status = status.told(rows, ACQUIRING, former, dt)
+        return Belief(inner.state, inner.covariance, inner.bias, parts=(inner,), status=status, excess=inner.excess)
 
     def _explains_nothing(self, bias: Bias) -> Bools:
         """Which agents (n,) rely on a bias far beyond its prior."""
         variance = self.settings.common_bias_std**2 + self.settings.own_bias_std**2
         return np.asarray(bias.weight * bias.value**2 > _UNLIKELY**2 * variance)
+
+    @cached_property
+    def _wrong(self) -> float:
+        """The mean misfit of an agent whose ranges do not fit; a filter that seeks holds among more outliers."""
+        told = self.settings.outliers
+        return wrong_among(told[0]) if self.settings.seeks and told is not None else WRONG
 
     @cached_property
     def _most(self) -> tuple[float, float]:

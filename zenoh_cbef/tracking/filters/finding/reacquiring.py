@@ -51,11 +51,11 @@ class Reacquiring(Wrapping):
     have coasted to, with the covariance that they have then, the latter from anywhere.
 
     All have to begin in the same step, or payloads of two kinds would be averaged. So a fix begins after a step that W
-    divides. One number more in a payload agrees upon that: at first in every W steps the agents' wishes, 1 or -1, and 0
-    of those that hear no ranges, of which the greater part decides; in the last of them whether the decision is known,
-    so that it spreads to all; in a fix a number that marks its part. An agent whose average shows that others do
-    something else goes on by prediction in this step. By the first rules of the status agents vote with 1 or 0, and
-    more than half of all have to want a fix.
+    divides, or where ranges are real as few as a decision takes. One number more in a payload agrees upon that: at
+    first in every W steps the agents' wishes, 1 or -1, and 0 of those that hear no ranges, of which the greater part
+    decides; in the last of them whether the decision is known, so that it spreads to all; in a fix a number that marks
+    its part. An agent whose average shows that others do something else goes on by prediction in this step. By the
+    first rules of the status agents vote with 1 or 0, and more than half of all have to want a fix.
 
     window: W. anywhere: where the target may be if nothing is known, state (1, s) and covariance (1, s, s), the same
     for all agents.
@@ -135,7 +135,7 @@ class Reacquiring(Wrapping):
         (count, size), kept = belief.state.shape, 2 * self.window
         none, nowhere = np.zeros(count), (np.zeros((count, size)), np.zeros((count, size, size)))
         return Search(
-            *(none, none, none, none),
+            *(none, none, none, none, none),
             *(belief.state, belief.known_covariance),
             *(*nowhere, *nowhere, nowhere[0]),
             np.zeros((count, kept, 3)),
@@ -219,15 +219,15 @@ class Reacquiring(Wrapping):
         search = self._left_behind(search, inner)
         if search.idle and inner.status and not (wanted | astray).nonzero()[0].size:
             return replace(inner, memory=tuple(vars(search).values()), parts=(inner,))
-        place = search.step % self.window
-        ends = place == 0.0
+        ends, since = search.step % (self.settings.deciding or self.window) == 0.0, search.step - search.begun
         vote = ~fixing & (concerned & ~apart & wanted | (search.vote > 0.0) & ~alike)
-        begins, done = ends & vote, ends & fixing
+        begins, done = ends & vote, fixing & (since == self.window)
         search = self._started(search, begins)
         adrift = np.where(settled, np.where(astray, _WINDOWS, search.adrift), 0.0)
         # An agent that was alone in its wish has its neighbours' estimate by now.
-        adrift = np.where(begins, 0.0, adrift - (ends & ~status.coasts & (adrift > 0.0)))
-        halfway = fixing & (place == self.window // _SQUARED_SHARE)
+        passed = search.step % self.window == 0.0
+        adrift = np.where(begins, 0.0, adrift - (passed & ~status.coasts & (adrift > 0.0)))
+        halfway = fixing & (since == self.window // _SQUARED_SHARE)
         doing = np.where(begins, _SQUARED, np.where(halfway, _REFINED, np.where(done, 0.0, search.doing)))
         search = replace(search, doing=doing, vote=np.where(vote & ~ends, 1.0, 0.0), adrift=adrift)
         if done.any():
@@ -237,7 +237,8 @@ class Reacquiring(Wrapping):
         inner = replace(inner, status=status)
         state = _pick(fixing, search.fix, inner.state)
         covariance = _pick(fixing, search.fix_covariance, inner.known_covariance)
-        return Belief(state, covariance, inner.bias, tuple(vars(search).values()), (inner,), status)
+        excess = None if inner.excess is None else np.where(fixing, 0.0, inner.excess)
+        return Belief(state, covariance, inner.bias, tuple(vars(search).values()), (inner,), status, excess=excess)
 
     def _left_behind(self, search: Search, inner: Belief) -> Search:
         """Where agents that are adrift have coasted to without the ranges since."""
@@ -255,6 +256,7 @@ class Reacquiring(Wrapping):
         state, covariance = (_pick(begins & adrift, *pair) for pair in pairs)
         return replace(
             search,
+            begun=np.where(begins, search.step, search.begun),
             prior=_pick(begins, state, search.prior),
             prior_covariance=_pick(begins, covariance, search.prior_covariance),
             fix=_pick(begins, state, search.fix),

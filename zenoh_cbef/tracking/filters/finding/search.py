@@ -17,13 +17,14 @@ from zenoh_cbef.tracking.ranging import Measurement
 class Search:
     """How far an agent is with looking for its target again, arrays (n, ...).
 
-    step: the step. doing: 0 the filter, otherwise a part of a fix. vote: whether the network wants a fix. adrift: above
-    0 where the agent has coasted too far to go on. place: its estimate without the ranges since then, prior: what a fix
-    starts from, fix: the latest iteration; state and covariance each. correction: what that one changed. positions,
-    ages, ranges: of the last steps.
+    step: the step. begun: that after which the fix began. doing: 0 the filter, otherwise a part of a fix. vote: whether
+    the network wants a fix. adrift: above 0 where the agent has coasted too far to go on. place: its estimate without
+    the ranges since then, prior: what a fix starts from, fix: the latest iteration; state and covariance each.
+    correction: what that one changed. positions, ages, ranges: of the last steps.
     """
 
     step: Floats
+    begun: Floats
     doing: Floats
     vote: Floats
     adrift: Floats
@@ -60,6 +61,6 @@ class Search:
 
 def decides(settings: FilterSettings, step: Floats) -> Bools:
     """In which steps (n,) agents tell their wishes; in the others the decision spreads."""
-    window = settings.reacquires
-    place = step % window
-    return np.asarray((place > 0.0) & (place <= window - settings.spreading))
+    cycle = settings.deciding or settings.reacquires
+    place = step % cycle
+    return np.asarray((place > 0.0) & (place <= cycle - settings.spreading))

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from zenoh_cbef.arrays import Floats
+from zenoh_cbef.arrays import Bools, Floats
 from zenoh_cbef.tracking.copying import replace
 from zenoh_cbef.tracking.filters.rows import Rows
 from zenoh_cbef.tracking.linalg import matvec, outer
@@ -66,7 +66,9 @@ class Expected:
 class Branches:
     """Hypotheses on which ranges are wrong: k of n agents.
 
-    mean: (n, k, d). covariance: (n, k, d, d). likelihood: (n, k), its logarithm. biases: where those of a state begin.
+    mean: (n, k, d). covariance: (n, k, d, d). likelihood: (n, k), its logarithm. wrong: (n, k), how many ranges of the
+    step are. biases: where those of a state begin. share: (n, 1), p where the scenario tells of no outliers; None: by
+    the first rules.
     Squared ranges are linear in y = (x, e), e = |u|^2 with the position u: see `SquaredInformation`, which has the same
     equations. x: position, velocity, what else moves it, and perhaps the agents' biases from component `biases` on.
 
@@ -76,7 +78,8 @@ class Branches:
 
         right:  (1 - p) N(z; 0, S)              z: innovation, S: its variance
         wrong:  p exp(-z/m)/m  for z > 0        where the scenario tells of outliers: share p, mean m
-                p exp(-|z|/m)/(2 m)             otherwise, p = .02, m = 50 sigma
+                p exp(-|z|/m)/(2 m)             otherwise, m = 50 sigma; by the first rules, p = .02
+                p/(2 m (1 + |z|/m)^2)           otherwise, by today's
 
     So what is decided of a range rests on all ranges before it in the step, and what was decided of those is taken back
     where later ones deny it: of 2 k branches the k likeliest stay. After the last one the estimate is the mixture's
@@ -86,11 +89,13 @@ class Branches:
     mean: Floats
     covariance: Floats
     likelihood: Floats
+    wrong: Floats
     axes: int
     biases: int | None = None
+    share: Floats | None = None
 
     @classmethod
-    def of(cls, priors: Priors, axes: int, biases: int | None = None) -> Branches:
+    def of(cls, priors: Priors, axes: int, biases: int | None = None, share: Floats | None = None) -> Branches:
         """Of each prior one; e as the statistical linear regression on it tells."""
         state, covariance, likelihood = priors
         size, place = state.shape[2], state[:, :, :axes]
@@ -106,7 +111,7 @@ class Branches:
         cross = matvec(covariance, slope)
         whole[:, :, :size, size] = whole[:, :, size, :size] = cross
         whole[:, :, size, size] = np.add.reduce(slope * cross, axis=2) + 2.0 * np.add.reduce(flat * flat, axis=2)
-        return cls(mean, whole, likelihood, axes, biases)
+        return cls(mean, whole, likelihood, np.zeros_like(likelihood), axes, biases, share)
 
     def expected(self, heard: Heard, agent: int, which: Rows | None = None) -> Expected:
         """Of one agent's range: column `agent` of what was heard, whose bias is that of agent `which`."""
@@ -143,7 +148,7 @@ class Branches:
         """With the range of an agent, right or wrong."""
         there = np.isfinite(heard.range[:, agent])[:, None]
         told = self.expected(heard, agent)
-        right, wrong = likelihoods(told, heard.variance[:, agent, None], outliers)
+        right, wrong = likelihoods(told, heard.variance[:, agent, None], outliers, self.share)
         cross = matvec(self.covariance, told.row)
         gain = np.where(there, 1.0 / told.total, 0.0)[:, :, None] * cross
         mean = self.mean + gain * told.excess[:, :, None]
@@ -156,6 +161,7 @@ class Branches:
             mean=np.concatenate([mean, self.mean], axis=1),
             covariance=np.concatenate([covariance, self.covariance], axis=1),
             likelihood=likelihood,
+            wrong=np.concatenate([self.wrong, self.wrong + there], axis=1),
         )
         return both.likeliest()
 
@@ -167,10 +173,41 @@ class Branches:
             mean=np.take_along_axis(self.mean, kept[:, :, None], axis=1),
             covariance=np.take_along_axis(self.covariance, kept[:, :, None, None], axis=1),
             likelihood=np.take_along_axis(self.likelihood, kept, axis=1),
+            wrong=np.take_along_axis(self.wrong, kept, axis=1),
         )
 
-    def distinct(self) -> Priors:
-        """Those that later steps have to decide about: branches near a likelier one are merged with it."""
+    def some(self, part: slice) -> Branches:
+        """Some of the branches."""
+        mean, covariance = self.mean[:, part], self.covariance[:, part]
+        return replace(
+            self, mean=mean, covariance=covariance, likelihood=self.likelihood[:, part], wrong=self.wrong[:, part]
+        )
+
+    def beside(self, other: Branches) -> Branches:
+        """These and others."""
+        return replace(
+            self,
+            mean=np.concatenate([self.mean, other.mean], axis=1),
+            covariance=np.concatenate([self.covariance, other.covariance], axis=1),
+            likelihood=np.concatenate([self.likelihood, other.likelihood], axis=1),
+            wrong=np.concatenate([self.wrong, other.wrong], axis=1),
+        )
+
+    def unless(self, rows: Bools) -> Branches:
+        """The same, but of some agents (n,) none of them is right."""
+        return replace(self, likelihood=np.where(rows[:, None], NEVER, self.likelihood))
+
+    @property
+    def wrong_ranges(self) -> Floats:
+        """How many ranges of the step are wrong, (n,), on average over all branches."""
+        weight = np.exp(self.likelihood - np.maximum.reduce(self.likelihood, axis=1)[:, None])
+        return _sum(weight * self.wrong) / _sum(weight)
+
+    def distinct(self, most: Floats | None = None) -> Priors:
+        """Those that later steps have to decide about: branches near a likelier one are merged with it.
+
+        most: (n, 1), from which likelihoods are counted; None: from the likeliest.
+        """
         size, rows = self.mean.shape[2] - 1, np.arange(len(self.mean))
         state, covariance = self.mean[:, :, :size], self.covariance[:, :, :size, :size]
         left, found = self.likelihood, []
@@ -184,7 +221,8 @@ class Branches:
             found.append(_mixture(state, covariance, chosen))
             left = np.where(member, NEVER, left)
         states, covariances, likelihoods_ = (np.stack(each, axis=1) for each in zip(*found, strict=True))
-        most = np.maximum.reduce(likelihoods_, axis=1)[:, None]
+        if most is None:
+            most = np.maximum.reduce(likelihoods_, axis=1)[:, None]
         return states, covariances, np.maximum(likelihoods_ - most, NEVER)
 
     def merged(self) -> tuple[Floats, Floats, Floats]:
@@ -200,16 +238,40 @@ def conditioned(prior: Branches, heard: Heard, outliers: tuple[float, float] | N
     return prior
 
 
-def likelihoods(told: Expected, noise: Floats, outliers: tuple[float, float] | None) -> tuple[Floats, Floats]:
-    """Logarithms of how likely a range is that is right, and one that is wrong, (n, k). noise: its variance, m^2."""
+def likelihoods(
+    told: Expected, noise: Floats, outliers: tuple[float, float] | None, untold: Floats | None = None
+) -> tuple[Floats, Floats]:
+    """Logarithms of how likely a range is that is right, and one that is wrong, (n, k).
+
+    noise: its variance, m^2. untold: see `Branches.share`.
+    """
     share, mean = _UNTOLD if outliers is None else outliers
     variance, innovation = told.total / told.unit**2, told.excess / told.unit
-    right = np.log1p(-share) - 0.5 * (innovation**2 / variance + np.log(2.0 * np.pi * variance))
+    right = -0.5 * (innovation**2 / variance + np.log(2.0 * np.pi * variance))
+    long = mean if outliers is not None else mean * np.sqrt(noise)
+    if untold is not None:
+        wrong = _wrong(innovation, variance, long, told=outliers is not None)
+        chance = untold if outliers is None else np.full_like(untold, share)
+        return right + np.log1p(-chance), wrong + np.log(chance)
+    right = np.log1p(-share) + right
     if outliers is not None:
         short = np.minimum(innovation, 0.0) ** 2 / variance
         return right, np.log(share / mean) - np.maximum(innovation, 0.0) / mean - 0.5 * short
-    long = mean * np.sqrt(noise)
     return right, np.log(0.5 * share / long) - np.abs(innovation) / long
+
+
+def _wrong(innovation: Floats, variance: Floats, mean: Floats | float, *, told: bool) -> Floats:
+    """Logarithm of the density of a wrong range's innovation, (n, k), whatever the place's variance (m^2) in it.
+
+    Without that in it, a place of which little is known would make all ranges likelier wrong than right. mean: of the
+    error, m; half of the normal density of the place lies on either side. told: whether errors are exponential.
+    """
+    half = np.sqrt(0.5 * np.pi * variance)
+    longer = mean + half
+    if not told:
+        return np.asarray(-np.log(2.0 * longer) - 2.0 * np.log1p(np.abs(innovation) / longer))
+    short = np.minimum(innovation, 0.0) ** 2 / variance
+    return np.asarray(-np.log(longer + half) - np.maximum(innovation, 0.0) / longer - 0.5 * short)
 
 
 def _mixture(states: Floats, covariances: Floats, likelihood: Floats) -> tuple[Floats, Floats, Floats]:

@@ -14,6 +14,8 @@ from zenoh_cbef.tracking.diagnostics import Diagnostics
 from zenoh_cbef.tracking.filters.base import Belief, Bias, Sharing, Update
 from zenoh_cbef.tracking.filters.information_form import packed_size, told, unchanged, variance_of
 from zenoh_cbef.tracking.filters.models.branching import KEPT, NEVER, Branches, Heard, Priors, conditioned, likelihoods
+from zenoh_cbef.tracking.filters.models.contending import Contest, share, uncounted
+from zenoh_cbef.tracking.filters.models.slots import SLOT, Slots
 from zenoh_cbef.tracking.filters.rows import Rows
 from zenoh_cbef.tracking.filters.settings import FilterSettings
 from zenoh_cbef.tracking.linalg import matvec
@@ -21,14 +23,8 @@ from zenoh_cbef.tracking.motion import Motion, begun, beside_constants, linear
 from zenoh_cbef.tracking.ranging import Measurement, Space
 from zenoh_cbef.tracking.switching import Gaussian, Switching
 
-SLOT = 7
-"""Numbers that an agent tells: 1, its position (3), its range, its age and its noise."""
-
 _DOUBT = 0.01
 """How likely it is beforehand that the guesses are wrong, and the target may be anywhere."""
-
-_ANY = 1e-9
-"""More than rounding leaves of an average of zeros."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +45,8 @@ class ToldRanges:
 
     The estimate begins with the mean of the agents' guesses x_i, which is worth as much as there are independent ones,
     or anywhere: a second prior, unlikely beforehand, about which ranges decide: of one motion in as many steps as that
-    takes, as what is not decided yet is carried on, of several in the first.
+    takes, as what is not decided yet is carried on, of several in the first. Where it seeks, the network looks for a
+    target of one motion wherever else it may be, too, while its ranges deny the place (contending.py).
 
     range_std: sigma (m). network_size: n. middle: the point from which positions are counted, m. guesses: how many of
     position and of velocity are independent. outliers: see branching.py. own_std: of constant biases, m, which are all
@@ -67,6 +64,7 @@ class ToldRanges:
     outliers: tuple[float, float] | None = None
     own_std: float = 0.0
     anywhere: tuple[Floats, Floats] | None = None
+    seeks: bool = False
 
     @classmethod
     def sharing(cls, settings: FilterSettings) -> Sharing:
@@ -88,6 +86,7 @@ class ToldRanges:
             settings.outliers,
             settings.own_bias_std if settings.joint_biases else 0.0,
             settings.anywhere,
+            settings.seeks,
         )
 
     @property
@@ -108,36 +107,44 @@ class ToldRanges:
     def update(self, belief: Belief, measurement: Measurement) -> Update:
         """What the agent tells: its prior's mean, and its range."""
         begins = np.full(len(belief.state), float(belief.chance is None and not belief.memory))
+        counts = belief.memory[3] if self.seeks and belief.memory else uncounted(len(belief.state))
         ahead, priors = self._priors(belief)
         own = self._own(measurement)
         count, agents = len(ahead), self.network_size
         slots = np.zeros((count, agents, SLOT))
-        slots[np.arange(count), own] = self._slot(measurement)
+        slots[np.arange(count), own] = self._slots.told(measurement)
         payload = np.concatenate([priors[0][0][:, 0, : self._told], slots.reshape(count, -1)], axis=1)
         payload = np.pad(payload, ((0, 0), (0, self.size - payload.shape[1])))
-        kept = ahead, own.astype(np.float64), begins, *(part for prior in priors for part in prior)
-        return Update(payload, self._diagnosed(ahead, priors, measurement, own), kept)
+        kept = ahead, own.astype(np.float64), begins, counts, *(part for prior in priors for part in prior)
+        return Update(payload, self._diagnosed(ahead, priors, measurement, own, self._share(counts)), kept)
 
     def conclude(self, payload: Floats, update: Update) -> Belief:
         """The estimate from all ranges that came; of an agent that heard no neighbour, its prior."""
-        ahead, own, begins, *parts = update.kept
+        ahead, own, begins, counts, *parts = update.kept
         alone = unchanged(payload, update.payload) if self.network_size > 1 else np.zeros(len(ahead), dtype=bool)
         guessed = (payload - update.payload)[:, : self._told] * (begins * ~alone)[:, None]
-        heard, found, misfits = self._heard(payload, alone), [], []
+        averages = payload[:, self._told :][:, : self.network_size * SLOT]
+        heard, found, misfits = self._slots.heard(averages, alone), [], []
         for state, *rest in zip(parts[::3], parts[1::3], parts[2::3], strict=True):
             centred = self._centred(state)
             centred[:, 0, : self._told] += guessed
-            prior = Branches.of((centred, rest[0], rest[1]), self.space.axes, self._biases)
-            branches = conditioned(prior, heard, self.outliers)
+            prior = Branches.of((centred, rest[0], rest[1]), self.space.axes, self._biases, self._share(counts))
+            branches, later = self._after(prior, heard, counts)
             after, spread, likelihood = branches.merged()
             found.append((self._centred(after, -1.0), spread))
             misfits.append(-2.0 * likelihood)
         if len(self.motions) == 1:
-            states, covariances, likelihood = branches.distinct()
-            return self._single(*found[0], own, (self._centred(states, -1.0), covariances, likelihood))
+            return self._single(*found[0], own, (self._centred(later[0], -1.0), *later[1:]))
         chance = self.switching.weighed(ahead, np.stack(misfits, axis=1))
         parts_of = tuple(Belief(*one) for one in found)
         return Belief(*self.switching.combined(chance, found), chance=chance, parts=parts_of)
+
+    def _after(self, prior: Branches, heard: Heard, counts: Floats) -> tuple[Branches, tuple[Floats, ...]]:
+        """All branches, and of one motion what the next step begins with."""
+        if self.seeks:
+            return self._contest.after(prior, self._elsewhere(len(counts)), heard, counts)
+        branches = conditioned(prior, heard, self.outliers)
+        return branches, branches.distinct() if len(self.motions) == 1 else ()
 
     def resumed(self, belief: Belief) -> Belief:
         """A belief of another filter, in the form that this one carries from step to step: it is no guess."""
@@ -153,7 +160,24 @@ class ToldRanges:
         if belief.memory:
             size, (states, covariances) = self.motions[0].size, belief.memory[:2]
             whole[:, size:], spread[:, size:, size:] = states[:, 0, size:], covariances[:, 0, size:, size:]
-        return replace(belief, state=state, covariance=covariance, memory=_alike(whole, spread))
+        count = len(state)
+        memory = (*_alike(whole, spread, 2 * KEPT), uncounted(count)) if self.seeks else _alike(whole, spread)
+        return replace(belief, state=state, covariance=covariance, memory=memory)
+
+    def denied(self, belief: Belief) -> Bools:
+        """Of which agents (n,) ranges deny the place."""
+        return self._contest.denied(belief.memory[3])
+
+    @cached_property
+    def _slots(self) -> Slots:
+        return Slots(self.space, self.range_std, self.middle, self.network_size)
+
+    @cached_property
+    def _contest(self) -> Contest:
+        return Contest(self.space.axes, self.outliers)
+
+    def _share(self, counts: Floats) -> Floats | None:
+        return share(counts) if self.seeks else None
 
     @property
     def _biases(self) -> int | None:
@@ -190,11 +214,22 @@ class ToldRanges:
         """With where the target may be if the guesses are wrong in the second place."""
         if self.anywhere is None:
             return priors
-        size, (state, covariance, likelihood) = self._told, (each.copy() for each in priors)
-        place = self.anywhere[0][:, :size], self.anywhere[1][:, :size, :size]
-        begins = begun(motion, *place) if len(self.motions) > 1 else self._begun(*place)
+        state, covariance, likelihood = (each.copy() for each in priors)
+        begins = begun(motion, *self._place) if len(self.motions) > 1 else self._begun(*self._place)
         state[:, 1], covariance[:, 1], likelihood[:, 1] = *begins, np.log(_DOUBT)
         return state, covariance, likelihood
+
+    @property
+    def _place(self) -> Gaussian:
+        if self.anywhere is None:
+            raise ValueError("agents that seek have to know where the target may be")
+        size = self._told
+        return self.anywhere[0][:, :size], self.anywhere[1][:, :size, :size]
+
+    def _elsewhere(self, count: int) -> Priors:
+        """Where the target is, if it is where no hypothesis has it: one prior of each agent."""
+        state, covariance = (np.repeat(one, count, axis=0) for one in self._begun(*self._place))
+        return self._centred(state)[:, None], covariance[:, None], np.zeros((count, 1))
 
     @cached_property
     def _dynamics(self) -> tuple[Floats, Floats]:
@@ -209,7 +244,7 @@ class ToldRanges:
             ahead, spread = motion.predict_state(states), motion.predict_covariance(covariances, states)
         return ahead.reshape(state.shape), spread.reshape(covariance.shape), likelihood
 
-    def _single(self, state: Floats, covariance: Floats, own: Floats, later: Priors) -> Belief:
+    def _single(self, state: Floats, covariance: Floats, own: Floats, later: tuple[Floats, ...]) -> Belief:
         """The belief of one motion, with the agent's own bias."""
         size, bias = self.motions[0].size, None
         if self._more:
@@ -225,40 +260,19 @@ class ToldRanges:
             raise ValueError("agents that tell each other their ranges have to know their numbers")
         return measurement.agent.astype(np.intp) % self.network_size
 
-    def _slot(self, measurement: Measurement) -> Floats:
-        """What agents tell, (n, SLOT): zeros where they have no range."""
-        there = np.isfinite(measurement.range)
-        std = np.sqrt(variance_of(measurement, self.range_std))
-        last = np.where(there, measurement.range, 0.0), measurement.age, std
-        slot = np.concatenate([np.ones((len(there), 1)), measurement.position, np.stack(last, axis=1)], axis=1)
-        return np.where(there[:, None], slot, 0.0)
-
-    def _heard(self, payload: Floats, alone: Bools) -> Heard:
-        """What an agent knows of all ranges, nothing if it was alone."""
-        slots = payload[:, self._told :][:, : self.network_size * SLOT].reshape(-1, self.network_size, SLOT)
-        share = slots[:, :, :1]
-        there = (np.abs(share) > _ANY) & ~alone[:, None, None]
-        slots = np.where(there, slots / np.where(there, share, 1.0), 0.0)
-        ranges = np.where(there[:, :, 0], slots[:, :, 4], np.nan)
-        return self._at(slots[:, :, 1:4], ranges, slots[:, :, 5], np.where(there[:, :, 0], slots[:, :, 6], 1.0) ** 2)
-
-    def _at(self, positions: Floats, ranges: Floats, age: Floats, variance: Floats) -> Heard:
-        axes, height = self.space.axes, np.zeros_like(ranges)
-        if self.space.height is not None:
-            height = (self.space.height - positions[:, :, 2]) ** 2
-        return Heard(positions[:, :, :axes] - np.array(self.middle), height, ranges, age, variance)
-
-    def _diagnosed(self, ahead: Floats, priors: list[Priors], new: Measurement, own: Rows) -> Diagnostics:
+    def _diagnosed(
+        self, ahead: Floats, priors: list[Priors], new: Measurement, own: Rows, share_: Floats | None
+    ) -> Diagnostics:
         """What is said of the own range, by the likeliest motion before it was heard; weight: whether it is right."""
         ranges, noise = new.range[:, None], variance_of(new, self.range_std)[:, None]
-        heard = self._at(new.position[:, None], ranges, new.age[:, None], noise)
+        heard = self._slots.at(new.position[:, None], ranges, new.age[:, None], noise)
         said: list[Diagnostics] = []
         likely = self.switching.of_models(ahead)
         for motion, (state, covariance, likelihood) in enumerate(priors):
             first = self._centred(state[:, :1]), covariance[:, :1], likelihood[:, :1]
             prior = Branches.of(first, self.space.axes, self._biases)
             expected = prior.expected(heard, 0, own)
-            right, wrong = (one[:, 0] for one in likelihoods(expected, noise, self.outliers))
+            right, wrong = (one[:, 0] for one in likelihoods(expected, noise, self.outliers, share_))
             spread = np.sqrt(expected.total[:, 0]) / expected.unit[:, 0]
             innovation = expected.excess[:, 0] / expected.unit[:, 0]
             weight = 1.0 / (1.0 + np.exp(np.minimum(wrong - right, 500.0)))

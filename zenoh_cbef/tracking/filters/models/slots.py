@@ -1,0 +1,52 @@
+"""What agents put into payloads that tell each other their ranges, each at its own place, and read from averages."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from zenoh_cbef.arrays import Bools, Floats
+from zenoh_cbef.tracking.filters.information_form import variance_of
+from zenoh_cbef.tracking.filters.models.branching import Heard
+from zenoh_cbef.tracking.ranging import Measurement, Space
+
+SLOT = 7
+"""Numbers that an agent tells: 1, its position (3), its range, its age and its noise."""
+
+_ANY = 1e-9
+"""More than rounding leaves of an average of zeros."""
+
+
+@dataclass(frozen=True)
+class Slots:
+    """Places for the ranges of n agents. range_std: sigma (m). middle: from which positions are counted, m."""
+
+    space: Space
+    range_std: float
+    middle: tuple[float, ...]
+    network_size: int
+
+    def told(self, measurement: Measurement) -> Floats:
+        """What agents tell, (n, SLOT): zeros where they have no range."""
+        there = np.isfinite(measurement.range)
+        std = np.sqrt(variance_of(measurement, self.range_std))
+        last = np.where(there, measurement.range, 0.0), measurement.age, std
+        slot = np.concatenate([np.ones((len(there), 1)), measurement.position, np.stack(last, axis=1)], axis=1)
+        return np.where(there[:, None], slot, 0.0)
+
+    def heard(self, averages: Floats, alone: Bools) -> Heard:
+        """What agents know of all ranges, nothing if they were alone. averages: (n, network_size * SLOT)."""
+        slots = averages.reshape(-1, self.network_size, SLOT)
+        share = slots[:, :, :1]
+        there = (np.abs(share) > _ANY) & ~alone[:, None, None]
+        slots = np.where(there, slots / np.where(there, share, 1.0), 0.0)
+        ranges = np.where(there[:, :, 0], slots[:, :, 4], np.nan)
+        return self.at(slots[:, :, 1:4], ranges, slots[:, :, 5], np.where(there[:, :, 0], slots[:, :, 6], 1.0) ** 2)
+
+    def at(self, positions: Floats, ranges: Floats, age: Floats, variance: Floats) -> Heard:
+        """Ranges of agents at positions (n, m, 3), by the estimated axes."""
+        axes, height = self.space.axes, np.zeros_like(ranges)
+        if self.space.height is not None:
+            height = (self.space.height - positions[:, :, 2]) ** 2
+        return Heard(positions[:, :, :axes] - np.array(self.middle), height, ranges, age, variance)
