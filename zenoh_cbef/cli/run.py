@@ -36,6 +36,7 @@ from zenoh_cbef.nodes.common.recording import Status
 from zenoh_cbef.nodes.launch.attempts import launch
 from zenoh_cbef.nodes.launch.launcher import Death, Launcher
 from zenoh_cbef.numbers import number
+from zenoh_cbef.outside.registry import refuse_what_goes_on
 from zenoh_cbef.protocol.names import check_run
 from zenoh_cbef.protocol.session import Connection
 from zenoh_cbef.protocol.slow import REMEDY
@@ -155,6 +156,7 @@ def run_processes(
 
     arguments: what tells the target the scenario that `loaded` is. log: None for a folder of its own in logs/.
     """
+    refuse_what_goes_on(run)
     refuse_too_many_processes(loaded.scenario)
     tell_beforehand(loaded.plan)
     refuse_a_trace_beyond_memory(loaded.plan)

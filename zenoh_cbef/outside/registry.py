@@ -61,11 +61,7 @@ def registered(run: str, endpoints: Sequence[str], *, launched: bool = False) ->
     launched: whether `run` has started this process. Raises UserError where a run of this name goes on already: on
     another network, as it would have been heard of.
     """
-    if run in (runs := known_runs()):
-        raise UserError(
-            f"a run {run!r} goes on on this host already, at {', '.join(runs[run].endpoints)}; "
-            "give this one another name with --run, or end that one"
-        )
+    refuse_what_goes_on(run)
     path = _folder() / f"{run}.json"
     with ExitStack() as held:
         with suppress(OSError):
@@ -80,6 +76,15 @@ def registered(run: str, endpoints: Sequence[str], *, launched: bool = False) ->
             held.callback(partial(path.unlink, missing_ok=True))
             unseen.rename(path)
         yield
+
+
+def refuse_what_goes_on(run: str) -> None:
+    """Raise UserError where a run of this name goes on on this host."""
+    if run in (runs := known_runs()):
+        raise UserError(
+            f"a run {run!r} goes on on this host already, at {', '.join(runs[run].endpoints)}; "
+            "give this one another name with --run, or end that one"
+        )
 
 
 def known_runs() -> dict[str, KnownRun]:

@@ -120,6 +120,7 @@ def test_two_targets_of_one_name(world, target):
     another = ["target", "paper", "--run", world.run, "--listen", f"tcp/127.0.0.1:{unused_port()}"]
     assert f"a run {world.run!r} goes on on this host already, at {target}" in refusal(world, *another)
     assert f"target is already in run {world.run!r}" in refusal(world, *another, "--connect", target)
+    assert f"a run {world.run!r} goes on on this host already" in refusal(world, "run", "paper", "--run", world.run)
 
 
 def test_two_targets_with_different_scenarios_that_did_not_know_of_each_other(world, target, monkeypatch, tmp_path):
