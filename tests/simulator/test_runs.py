@@ -109,7 +109,7 @@ def test_a_trace_holds_the_run():
     [trace] = simulate([one], keep_payloads=True, progress=steps.append)
     assert steps == [1, 2, 3, 4, 5]
     assert trace.payloads is not None
-    assert trace.payloads.shape == (5, 5, 4, 31)
+    assert trace.payloads.shape == (5, 5, 4, Plan(one).message_size)
     assert trace.covariances.shape == (5, 5, 6, 6)
     np.testing.assert_array_equal(np.isnan(trace.diagnostics.innovation), np.isnan(trace.ranges))
     np.testing.assert_array_equal(np.isnan(trace.diagnostics.weight), np.isnan(trace.ranges))

@@ -40,7 +40,7 @@ def draw(dataset: Dataset, path: Path) -> Path:
     axes.plot(dataset.anchors[:, 0], dataset.anchors[:, 1], "D", color="black", label="anchors", zorder=4)
     for label, place in zip(dataset.labels, dataset.anchors, strict=True):
         axes.annotate(label, place[:2], xytext=(5, 5), textcoords="offset points")
-    axes.set_aspect("equal", adjustable="datalim")
+    axes.set_aspect("equal", adjustable="box")
     low, high = limits(dataset, found.places)
     axes.set(xlabel="x (m)", ylabel="y (m)", xlim=(low[0], high[0]), ylim=(low[1], high[1]))
     axes.grid(visible=True, color="0.9")

@@ -168,7 +168,8 @@ class Reacquiring(Wrapping):
         payload = _pick(search.doing == _REFINED, refined.payload, payload)
         prior, covariance, positions, ages, ranges, predicted = refined.kept
         search = replace(search, prior=prior, prior_covariance=covariance, correction=predicted)
-        return payload, replace(search, positions=positions, ages=ages, ranges=ranges)
+        # The oldest was for this fix alone: however agents of one batch go on, they keep as many.
+        return payload, replace(search, positions=positions[:, 1:], ages=ages[:, 1:], ranges=ranges[:, 1:])
 
     def _iterate(self, search: Search) -> Belief:
         """The fix so far; for agents that are in none, whose result is not used, their estimate."""
@@ -182,7 +183,8 @@ class Reacquiring(Wrapping):
 
     def _concluded(self, search: Search, payload: Floats, update: Update, apart: Bools) -> Search:
         """The fix after this step; `correction` comes as what was predicted."""
-        kept = search.prior, search.prior_covariance, search.positions, search.ages, search.ranges, search.correction
+        of_the_fix = np.pad(search.ranges, ((0, 0), (1, 0)))
+        kept = search.prior, search.prior_covariance, search.positions, search.ages, of_the_fix, search.correction
         square = search.doing == _SQUARED
 
         def concluded(fix: FirstFix, rows: Bools, size: int) -> Belief:
@@ -198,15 +200,7 @@ class Reacquiring(Wrapping):
         covariance = _pick(square, squared.known_covariance, refined.known_covariance)
         ahead = predict(self.settings.motion, Belief(search.fix, search.fix_covariance))
         state, covariance = _pick(apart, ahead[0], state), _pick(apart, ahead[1], covariance)
-        return replace(
-            search,
-            fix=state,
-            fix_covariance=covariance,
-            correction=state - search.correction,
-            positions=search.positions[:, 1:],
-            ages=search.ages[:, 1:],
-            ranges=search.ranges[:, 1:],
-        )
+        return replace(search, fix=state, fix_covariance=covariance, correction=state - search.correction)
 
     def _turned(self, inner: Belief, search: Search, before: Update, wanted: Bools, apart: Bools) -> Belief:
         """What agents say in this step, and do from the next one on."""
