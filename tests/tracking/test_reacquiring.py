@@ -45,8 +45,8 @@ def test_after_a_long_silence_the_target_is_tracked_within_seconds_of_ranges():
 @pytest.mark.slow
 def test_a_network_that_holds_on_to_a_wrong_place_begins_again():
     # By later rules ranges show that the acceleration is wrong, too.
-    wrong = "filter.start=given", "filter.initial_position=[30,-30,10]", "filter.acceleration_std=0.01"
-    wrong += ("filter.defaults=12",)
+    start = "filter.start=given", "filter.initial_position=[30,-30,10]"
+    wrong = *start, "filter.acceleration_std=0.01", "filter.defaults=12"
     held, found = runs(*wrong, "filter.reacquire=false", steps=150), runs(*wrong, steps=150)
     assert np.median([errors(trace)[100] for trace in held]) > 1.0
     for trace in found:
