@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Self
 
 import numpy as np
@@ -72,7 +72,8 @@ class Receiver:
     def first(cls, count: int) -> Self:
         """Of so many agents before the first step."""
         none, one = np.zeros(count), np.ones(count)
-        return cls(none, _BEGIN * one, _BEGIN * one, _BEGIN * one, none, none, one, none, none, none, none, none, none)
+        begun = {"pairs": _BEGIN * one, "sizes": _BEGIN * one, "counted": _BEGIN * one, "left": one}
+        return cls(**{each.name: begun.get(each.name, none) for each in fields(cls)})
 
     @property
     def alike(self) -> Floats:

@@ -76,17 +76,17 @@ class ToldRanges:
         """The filter of these settings."""
         motions = settings.models or settings.noises or (settings.motion,)
         return cls(
-            motions,
-            Switching(motions, settings.leaving),
-            settings.space,
-            settings.range_std,
-            settings.network_size,
-            settings.middle,
-            settings.guesses or (1, 1),
-            settings.outliers,
-            settings.own_bias_std if settings.joint_biases else 0.0,
-            settings.anywhere,
-            settings.seeks,
+            motions=motions,
+            switching=Switching(motions, settings.leaving),
+            space=settings.space,
+            range_std=settings.range_std,
+            network_size=settings.network_size,
+            middle=settings.middle,
+            guesses=settings.guesses or (1, 1),
+            outliers=settings.outliers,
+            own_std=settings.own_bias_std if settings.joint_biases else 0.0,
+            anywhere=settings.anywhere,
+            seeks=settings.seeks,
         )
 
     @property
