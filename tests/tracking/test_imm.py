@@ -107,6 +107,21 @@ def test_a_network_that_averages_exactly_is_the_filter_by_the_book():
     assert chances[STEPS // 2 : STEPS // 2 + 2, 1].max() > 0.9
 
 
+def test_ranges_that_are_counted_without_end_say_nothing_of_the_motion_either():
+    filter_, belief = make_filter("icf", settings((CALM, WILD))), Belief(*map(everyone, BEGIN))
+    none = np.empty((AGENTS, 0, 3)), np.empty((AGENTS, 0))
+
+    def after(belief, ranges, often):
+        told = Measurement(PLACES, ranges, np.zeros(AGENTS), *none, overcounted=np.full(AGENTS, often))
+        update = filter_.update(belief, told)
+        return filter_.conclude(everyone(update.payload.mean(axis=0)), update)
+
+    for k in range(3):  # until the motions predict different places
+        belief = after(belief, RANGES[:, k], 1.0)
+    found = [after(belief, *one).known_chance for one in ((RANGES[:, 3] + 3.0, 1e12), (np.full(AGENTS, np.nan), 1.0))]
+    np.testing.assert_allclose(found[0], found[1], atol=1e-6)
+
+
 def test_the_centralised_filter_is_the_filter_by_the_book():
     models = CentralModels(Switching((CALM, WILD), (LEAVING,)), Space(), np.inf)
     beliefs = centralized_models(

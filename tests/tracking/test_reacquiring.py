@@ -174,3 +174,12 @@ def test_a_network_that_tracks_among_forty_percent_of_wrong_ranges_does_not_begi
     for trace in simulate(scenarios, heard=heard):
         assert (trace.diagnostics.status[:, 30:] == TRACKING).all()
         assert errors(trace)[30:].max() < 1.0
+
+
+def test_agents_that_come_back_while_others_are_in_a_fix_go_on() -> None:
+    # In step 91 two of five agents begin with their neighbours' estimates, and one of those is in a fix.
+    away = 'fault=[{kind="crash",agents=[1,2],from=5.0,until=9.0}]'
+    corners = "target.waypoints=[[-9,0,0],[0,9,2],[9,0,0],[0,-9,2],[-9,0,0]]"
+    keys = "agents.count=5", away, "target.motion=waypoints", "target.speed=8", corners, "steps=93", "seed=1031"
+    [trace] = simulate([load("tracking", keys).scenario])
+    assert np.isfinite(trace.estimates[:, 90:]).all()
