@@ -215,6 +215,7 @@ class Filtering:
             supposes=pauses and start.supposes(scenario, window),
             cut_off=scenario.consensus.rounds * (able.biases and network.tells_members(scenario)),
             presumes=trust.presumes(scenario),
+            undetermined=chosen.defaults > 13 and bending.undetermined(scenario, self.range_std, self.space.axes),
             sides=able.biases and network.may_be_in_a_plane(scenario, self.space.axes),
             anywhere=start.anywhere(scenario, self.motion, self.space),
             first_fix=self.first_fix_steps,

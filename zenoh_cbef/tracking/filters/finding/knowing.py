@@ -92,6 +92,8 @@ class Knowing(Wrapping):
             most=most,
             agents=0 if settings.presumes else count,
         )
+        if settings.undetermined:
+            status = status.told(status.which == TRACKING, ACQUIRING, former, dt)
         if settings.plane:
             rows = undecided(self.filter, inner) & (status.which != LOST)
             status = status.told(rows, ACQUIRING, former, dt)
