@@ -34,8 +34,8 @@ class FilterSettings:
     every how many steps agents decide whether one begins, 0: as many as it takes. supposes:
     whether all tell each other what they measured where ranges of one do not fit. cut_off: how many
     rounds a step has, where agents may be cut off from others and tell who is there; 0: they do not. presumes: whether
-    agents presume that ranges fit and that all others are there until they know better. undetermined: whether their places
-    leave open where the target is, so that they never say that they track it. sides: whether they say so
+    agents presume that ranges fit and that all others are there until they know better. undetermined: whether their
+    places leave open where the target is, so that they never say that they track it. sides: whether they say so
     when they do not know on which side of them the target is. bias: none,
     estimate or auto; likelihoods: whether auto weighs it by these, or by the NIS; common_bias_std, own_bias_std: its
     prior, m. told_biases: whether they are constant, and as large as told: a first fix says what it knows of them, and
