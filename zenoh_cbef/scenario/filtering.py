@@ -207,6 +207,7 @@ class Filtering:
             returns=chosen.defaults > 3,
             says_status=chosen.status and able.information,
             judges_agents=chosen.status_rules > 1,
+            hearing=self.settling_steps * network.counts_hearers(scenario),
             reacquires=window,
             spreading=start.spreading(scenario, window),
             deciding=start.deciding(scenario, window),

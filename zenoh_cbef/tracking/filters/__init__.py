@@ -126,7 +126,7 @@ def sharing_of(kind: str, settings: FilterSettings) -> Sharing:
     more += (
         LastingErrors.numbers(settings)
         + DoubtedNoise.numbers(settings)
-        + settings.says_status * Knowing.more
+        + Knowing.numbers(settings)
         + (settings.reacquires > 0) * Reacquiring.more
         + settings.supposes * Supposing.more
         + OneSide.numbers(settings)

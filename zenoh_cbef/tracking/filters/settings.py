@@ -27,7 +27,9 @@ class FilterSettings:
     whether agents give their own implausible ranges less weight. returns: whether an
     agent's range counts less after a step in which it heard no neighbour. says_status: whether they say
     if they acquire, track, coast, or have lost the target; judges_agents: whether that counts agents that do not
-    fit, or ranges, and whether only those that hear ranges vote for another fix. reacquires: how many steps another
+    fit, or ranges, and whether only those that hear ranges vote for another fix. hearing: for
+    how many steps after a range an agent counts as one that hears the target; 0: agents do not count those.
+    reacquires: how many steps another
     fix takes, 0 for none; spreading: in how many steps all agents know a decision; anywhere: where that fix looks
     for the target, like search. bends: whether agents coast no further than ranges are straight lines. prompt: whether
     another fix begins soon after the target is lost, and has the first ranges after a silence to itself; deciding:
@@ -70,6 +72,7 @@ class FilterSettings:
     returns: bool = False
     says_status: bool = False
     judges_agents: bool = True
+    hearing: int = 0
     reacquires: int = 0
     spreading: int = 1
     bends: bool = False
