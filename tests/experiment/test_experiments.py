@@ -195,6 +195,28 @@ def test_finished_runs_are_not_done_again_and_what_is_missing_is(monkeypatch, ca
     assert "123.0" not in {row["position_rmse"] for row in rows_of(tmp_path)}
 
 
+def test_an_experiment_writes_over_no_other_ones_results_but_over_its_own(monkeypatch, capsys, tmp_path):
+    text = SMALL.replace("seeds = 3", "seeds = 1")
+    assert run(monkeypatch, capsys, tmp_path, text)[0] == 0
+    first = (tmp_path / "out" / "results.csv").read_bytes()
+    (tmp_path / "other.toml").write_text(text)
+    said = "out holds the results of another experiment (mine of tracking, over fault.0.probability and"
+    for name, changed in (("other", text), ("mine", text.replace('"tracking"', '"paper"')), ("mine", _OTHER_KEY)):
+        (tmp_path / f"{name}.toml").write_text(changed)
+        for command in (["run"], ["run", "--shard", "1/2"], ["join"]):
+            status, _, err = call(monkeypatch, capsys, "experiment", *command, f"{name}.toml", "-o", "out")
+            assert status == 2
+            assert said in err
+    assert (tmp_path / "out" / "results.csv").read_bytes() == first
+    assert run(monkeypatch, capsys, tmp_path, text.replace("[2, 5]", "[2, 3, 5]"))[0] == 0
+    assert len(rows_of(tmp_path)) == 6
+    assert call(monkeypatch, capsys, "experiment", "other.toml", "-o", "out", "--force")[0] == 0
+    assert summary_of(tmp_path)["experiment"] == "other"
+
+
+_OTHER_KEY = 'seeds = 1\n[set]\nsteps = 5\n[[vary]]\nkey = "agents.count"\nvalues = [4]\n'
+
+
 def _rows(run, monkeypatch, capsys, folder: Path, seeds: str) -> list[dict[str, str]]:
     run(monkeypatch, capsys, folder, SMALL.replace("seeds = 3", seeds))
     return rows_of(folder)

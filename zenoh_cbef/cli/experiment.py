@@ -28,7 +28,7 @@ from zenoh_cbef.experiment.figures import written_value
 from zenoh_cbef.experiment.file import Written, purposes, read_experiment, read_source
 from zenoh_cbef.experiment.journal import JOURNAL
 from zenoh_cbef.experiment.numbers import check_number
-from zenoh_cbef.experiment.page import RESULTS, limits_of, values_of, write_outputs
+from zenoh_cbef.experiment.page import RESULTS, limits_of, other_experiment, values_of, write_outputs
 from zenoh_cbef.experiment.results import CellSummary, Outcome, Summary
 from zenoh_cbef.experiment.shards import WHOLE, read_shard, shards_in
 from zenoh_cbef.experiment.summary import EXIT_STATUS, check_expectations, summarize
@@ -115,11 +115,10 @@ def _run(
     check_expectations(written, cells)
     part = WHOLE if shard is None else read_shard(shard)
     sweep = Sweep(experiment=written.experiment, cells=cells, skip=skip, jobs=jobs, dask=dask, tell=tell, shard=part)
-    folder = output or Path("experiments") / written.name
+    folder = _own(output, written, force=force)
     if shard is not None:
         _tell_shard(sweep, _swept(sweep, folder), folder)
         return
-    # A sweep goes on in its own folder, and takes no other's.
     own = force or (folder / JOURNAL).exists()
     folder = new_folder_of(folder, RESULTS, force=own)
     _conclude(written, sweep, _swept(sweep, folder), folder, printed)
@@ -140,9 +139,17 @@ def _join(
     written = read_experiment(what, _changes(seeds))
     sweep = Sweep(written.experiment, cells_of(written), skip)
     check_expectations(written, sweep.cells)
-    folder = output or Path("experiments") / written.name
+    folder = _own(output, written, force=force)
     folder = new_folder_of(folder, RESULTS, force=force or bool(shards_in(folder)))
     _conclude(written, sweep, sweep.joined(folder), folder, printed)
+
+
+def _own(output: Path | None, written: Written, *, force: bool) -> Path:
+    """The folder of an experiment, which goes on in its own one. Raises UserError for another's, without `force`."""
+    folder = output or Path("experiments") / written.name
+    if not force and (whose := other_experiment(folder, written)):
+        raise UserError(f"{folder} holds the results of {whose}; name another --output, or write over it with --force")
+    return folder
 
 
 def _changes(seeds: str | None) -> dict[str, object]:
