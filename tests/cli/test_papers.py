@@ -13,6 +13,10 @@ from xml.etree import ElementTree as ET
 import pytest
 
 from tests.within import within
+from zenoh_cbef.analysis.typeset import latex
+from zenoh_cbef.experiment.figures import written_value
+from zenoh_cbef.pages.parts import Table
+from zenoh_cbef.plain import Json
 
 GOLDEN = Path(__file__).parents[1] / "golden"
 
@@ -103,6 +107,24 @@ def test_tables_are_latex_or_csv(folder: Path) -> None:
     table = list(csv.reader(io.StringIO(within(folder, "analyze", "first", "--table", "csv").stdout)))
     assert table[0][1:] == ["network", "centralised", "bound", "network / centralised"]
     assert table[1][0] == "position RMSE (m)"
+
+
+def test_no_row_of_latex_begins_with_what_the_row_above_takes_for_its_own() -> None:
+    text = latex(Table("", ["[a]", "b"], [["[]", "1"], ["*", "2"], ["c", "[3]"]]))
+    assert text.splitlines()[-7:] == [
+        r"{}[a] & b \\",
+        r"\midrule",
+        r"{}[] & 1 \\",
+        r"{}* & 2 \\",
+        r"c & [3] \\",
+        r"\bottomrule",
+        r"\end{tabular}",
+    ]
+
+
+@pytest.mark.parametrize(("value", "words"), [([], "none"), ([{"kind": "loss"}], "loss"), (0, "0"), (False, "false")])
+def test_no_fault_is_told_as_none(value: Json, words: str) -> None:
+    assert written_value(value) == words
 
 
 @pytest.mark.slow

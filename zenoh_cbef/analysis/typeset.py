@@ -114,7 +114,9 @@ def latex(table: Table, command: str = "") -> str:
 
 
 def _row(cells: Sequence[str]) -> str:
-    return " & ".join("".join(_SPECIAL.get(one, one) for one in cell) for cell in cells) + r" \\"
+    text = " & ".join("".join(_SPECIAL.get(one, one) for one in cell) for cell in cells)
+    # After the \\ or \midrule of the row above, these would be an option of it.
+    return ("{}" if text.startswith(("[", "*")) else "") + text + r" \\"
 
 
 def comma_separated(table: Table) -> str:

@@ -56,7 +56,9 @@ def cell_words(values: Mapping[str, Json], words: Mapping[str, str]) -> str:
 
 
 def written_value(value: Json) -> str:
-    """A varied value as words; a fault as its kind and its numbers."""
+    """A varied value as words; a fault as its kind and its numbers, no fault as "none"."""
+    if value in ([], ()):
+        return "none"
     if isinstance(value, Mapping):
         parts = [str(each) if key == "kind" else f"{key}={written_value(each)}" for key, each in value.items()]
         return " ".join(parts)
