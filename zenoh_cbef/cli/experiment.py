@@ -28,7 +28,7 @@ from zenoh_cbef.experiment.figures import written_value
 from zenoh_cbef.experiment.file import Written, purposes, read_experiment, read_source
 from zenoh_cbef.experiment.journal import JOURNAL
 from zenoh_cbef.experiment.numbers import check_number
-from zenoh_cbef.experiment.page import RESULTS, limits_of, other_experiment, values_of, write_outputs
+from zenoh_cbef.experiment.page import RESULTS, limits_of, other_experiment, summary_text, values_of, write_outputs
 from zenoh_cbef.experiment.results import CellSummary, Outcome, Summary
 from zenoh_cbef.experiment.shards import WHOLE, read_shard, shards_in
 from zenoh_cbef.experiment.summary import EXIT_STATUS, check_expectations, summarize
@@ -204,20 +204,23 @@ class _Printed:
 
 def _conclude(written: Written, sweep: Sweep, outcomes: list[list[Outcome]], folder: Path, printed: _Printed) -> None:
     summary = summarize(written, sweep.cells, outcomes)
-    for sentence in write_outputs(summary, rows_of(sweep.cells, outcomes), written.source, folder):
-        tell(sentence)
+    # What was found is told before anything is written that may fail.
     if printed.as_json:
-        print((folder / "summary.json").read_text(encoding="utf-8"), end="")
+        print(summary_text(summary), end="")
     elif printed.as_table is not None:
         metric, most = printed.metric, FITTING if printed.as_table is Typesetting.latex else None
         table = results_table(summary, most) if metric is None else metric_table(summary, metric)
         print(printed.as_table.text(table), end="")
     else:
-        _tell(summary, folder)
+        _tell(summary)
+    for sentence in write_outputs(summary, rows_of(sweep.cells, outcomes), written.source, folder):
+        tell(sentence)
+    if not (printed.as_json or printed.as_table):
+        console.print(f"page    {folder / 'index.html'}", highlight=False, soft_wrap=True)
     raise typer.Exit(EXIT_STATUS[summary.verdict])
 
 
-def _tell(summary: Summary, folder: Path) -> None:
+def _tell(summary: Summary) -> None:
     table = Table(title=f"{summary.experiment}: medians of {counted(summary.runs, 'run')}", title_justify="left")
     for name in _short(summary.varied):
         table.add_column(name)
@@ -242,7 +245,6 @@ def _tell(summary: Summary, folder: Path) -> None:
         if one.why:
             tell(f"{one.metric}: {one.why}")
     console.print(f"verdict {summary.verdict}", highlight=False)
-    console.print(f"page    {folder / 'index.html'}", highlight=False, soft_wrap=True)
 
 
 def _short(varied: Sequence[str]) -> list[str]:

@@ -27,6 +27,7 @@ from zenoh_cbef.log.read.parts import find_log
 from zenoh_cbef.log.read.trace import read_trace
 from zenoh_cbef.log.tools.collection import expanded
 from zenoh_cbef.pages.parts import Figure
+from zenoh_cbef.writing import writing
 
 Sources = Annotated[
     list[Path],
@@ -71,7 +72,9 @@ def _figures(
         for one in chosen:
             picture = drawn(one.plot or {}, look)
             for kind in kinds:
-                typer.echo(save(picture, folder / f"{one.name}.{kind}", kind, one.title, command))
+                path = folder / f"{one.name}.{kind}"
+                with writing(path):
+                    typer.echo(save(picture, path, kind, one.title, command))
 
 
 def _found(sources: list[Path], skip: float) -> Iterator[Figure]:

@@ -40,13 +40,17 @@ def write_outputs(summary: Summary, rows: Sequence[Row], source: str, folder: Pa
     """
     with writing(f"into {folder}"):
         missing = [write_table(rows, folder)]
-        text = json.dumps(summary.as_json(), indent=1)
-        (folder / SUMMARY).write_text(text + "\n", encoding="utf-8")
+        (folder / SUMMARY).write_text(summary_text(summary), encoding="utf-8")
         (folder / "results.tex").write_text(
             latex(results_table(summary, most=FITTING), f"experiment {summary.experiment}"), encoding="utf-8"
         )
         missing.append(_write_page(summary, source, folder))
     return [sentence for sentence in missing if sentence]
+
+
+def summary_text(summary: Summary) -> str:
+    """The text of summary.json."""
+    return json.dumps(summary.as_json(), indent=1) + "\n"
 
 
 def other_experiment(folder: Path, written: Written) -> str:

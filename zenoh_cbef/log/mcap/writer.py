@@ -89,6 +89,7 @@ class McapWriter:
         except OSError:
             self._open = False
             os.close(self._file)
+            path.unlink(missing_ok=True)  # an empty file would be taken for a log
             raise
 
     @property
