@@ -68,6 +68,7 @@ def test_a_scenario_can_be_changed_again_also_with_arrays_and_faults() -> None:
         ("trakcing", {}, "did you mean 'tracking'"),
         ("tracking", {"consensus.round": 5}, "rounds"),
         ("tracking", {"seed.more": 5}, "not a table"),
+        (Path(__file__).parents[2] / "docs", {}, "docs is a folder; name the file of the scenario"),
     ],
 )
 def test_a_mistake_is_one_sentence_with_the_remedy(what, values, said) -> None:

@@ -58,6 +58,7 @@ def test_a_figure_says_in_each_format_what_made_it(folder: Path, monkeypatch: py
         (["--style", "no-such-style"], "name another"),
         (["--only", "nix"], "there are innovation"),
         (["--label", "time"], "TEXT=WORDS"),
+        (["--only", "msee", "--label", "time (sec)=t"], "did you mean 'time (s)'?"),
     ],
 )
 def test_a_mistake_is_one_sentence(folder: Path, options: list[str], said: str) -> None:
@@ -74,6 +75,9 @@ def test_runs_are_found_tagged_compared_and_deleted(folder: Path) -> None:
     assert not (folder / "logs" / "first" / "metrics.json").exists()
     assert names() == ["first", "second"]
     assert names("--filter", "cbef") == ["first"]
+    nothing = within(folder, "runs", "list", "--filter", "foo", "--json")
+    assert (nothing.returncode, json.loads(nothing.stdout)) == (0, [])
+    assert nothing.stderr == "note: no run in logs/ has the filter 'foo'; they have cbef and sicf\n"
     assert names("--fault", "crash") == ["second"]
     assert names("--result", "unknown") == []  # its log says what came of it
     assert names("--result", "lost", "--scenario", "cbef") == ["first"]

@@ -132,6 +132,8 @@ def test_the_exit_status_is_the_verdict(monkeypatch, capsys, tmp_path, rules, ve
     [
         ([], "did you mean 'ratio_to_centralized'"),
         (["--table", "csv", "--metric", "nope"], "--metric 'nope' is no number that runs have; docs/"),
+        (["--table", "csv", "--metric", "seed"], "--metric 'seed' is no number that runs have"),
+        (["--table", "csv", "--metric", "msee"], "did you mean 'msee.average'?"),
     ],
 )
 def test_a_wrong_name_of_a_number_is_refused_before_anything_runs(monkeypatch, capsys, tmp_path, options, said):

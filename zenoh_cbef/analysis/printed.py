@@ -53,16 +53,19 @@ class Style:
     """How figures look on paper. width, height: inches; without a height three quarters of the width.
 
     sheets: styles of matplotlib, by name or file, over the usual one. labels: other words for axes and legends.
+    met: the words that the figures drawn so far have of their own.
     """
 
     width: float = 3.5
     height: float | None = None
     sheets: Sequence[str] = ()
     labels: Mapping[str, str] = field(default_factory=dict)
+    met: set[str] = field(default_factory=set, compare=False)
 
     def word(self, text: str) -> str:
         """A label as the reader is to see it; two dollar signs in it would be read as a formula."""
         plain = html.unescape(text).replace("<br>", "\n")
+        self.met.add(plain)
         return self.labels.get(plain, plain).replace("$", r"\$") if plain not in self.labels else self.labels[plain]
 
 
