@@ -12,6 +12,7 @@ from xml.etree import ElementTree as ET
 
 import pytest
 
+from tests.cli.command_line import call
 from tests.within import within
 from zenoh_cbef.analysis.typeset import latex
 from zenoh_cbef.experiment.figures import written_value
@@ -30,6 +31,14 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         shutil.copy(GOLDEN / f"{log}.mcap", place / "logs" / name / "run.mcap")
     assert within(place, "analyze", "second").returncode == 0
     return place
+
+
+@pytest.fixture
+def old(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A run in logs/ of a folder where the test is."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "logs" / "old").mkdir(parents=True)
+    shutil.copy(GOLDEN / "loss.mcap", tmp_path / "logs" / "old" / "run.mcap")
 
 
 @pytest.mark.slow
@@ -98,6 +107,23 @@ def test_runs_are_found_tagged_compared_and_deleted(folder: Path) -> None:
     assert names() == ["first", "second"]
     assert within(folder, "runs", "rm", "third", "--yes").returncode == 2
     assert json.loads(within(folder, "runs", "show", "second").stdout)["agents"] > 0
+
+
+@pytest.mark.parametrize(
+    ("answer", "status", "said"),
+    [
+        ("", 2, "nothing was deleted, as no answer came; in a script give --yes"),
+        ("n\n", 1, "nothing was deleted"),
+        ("y\n", 0, ""),
+    ],
+)
+@pytest.mark.usefixtures("old")
+def test_a_run_is_deleted_only_where_the_user_agrees(monkeypatch, capsys, answer, status, said):
+    monkeypatch.setattr("sys.stdin", io.StringIO(answer))
+    found, _, err = call(monkeypatch, capsys, "runs", "rm", "old")
+    assert found == status
+    assert said in err
+    assert Path("logs/old").exists() == (status != 0)
 
 
 def test_tables_are_latex_or_csv(folder: Path) -> None:

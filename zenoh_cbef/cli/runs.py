@@ -10,6 +10,7 @@ from typing import Annotated
 
 import typer
 from rich.table import Table
+from typer.exceptions import Abort
 
 from zenoh_cbef.cli.calling.offer import group
 from zenoh_cbef.cli.options.completing import logs
@@ -23,6 +24,7 @@ from zenoh_cbef.numbers import number
 from zenoh_cbef.words import first_of
 
 Names = Annotated[list[str], typer.Argument(metavar="RUN...", autocompletion=logs, help="Names of runs in logs/.")]
+_NOTHING_DONE = 1
 _RESULTS = ("complete", "stopped", "incomplete", "lost", "unknown")
 Sought = Annotated[str | None, typer.Option(help="Only runs of this one.")]
 
@@ -99,10 +101,20 @@ def _rm(names: Names, yes: Annotated[bool, typer.Option("--yes", help="Do not as
     """Delete runs: their folders in logs/, with log, report and figures."""
     found = [find_run(name) for name in names]
     if not yes:
-        typer.confirm(f"delete {', '.join(str(Path('logs') / one.name) for one in found)}?", abort=True, err=True)
+        _ask(f"delete {', '.join(str(Path('logs') / one.name) for one in found)}?")
     for one in found:
         remove(one)
         typer.echo(f"{one.name} deleted")
+
+
+def _ask(question: str) -> None:
+    try:
+        agreed = typer.confirm(question, err=True)
+    except Abort:
+        raise UserError("nothing was deleted, as no answer came; in a script give --yes") from None
+    if not agreed:
+        tell("nothing was deleted")
+        raise typer.Exit(_NOTHING_DONE)
 
 
 VERB = group(
