@@ -165,6 +165,11 @@ def test_a_cell_that_cannot_run_is_reported_and_the_rest_goes_on(monkeypatch, ca
     assert run(monkeypatch, capsys, tmp_path, bad + expect("agents", "at_most = 4"))[0] == 2
 
 
+def test_medians_are_said_to_be_of_the_runs_that_succeeded(monkeypatch, capsys, tmp_path):
+    text = 'seeds = 2\n[set]\nsteps = 5\n[[vary]]\nkey = "consensus.rounds"\nvalues = [2, -1]\n'
+    assert "mine: medians of 2 runs, 2 more failed" in run(monkeypatch, capsys, tmp_path, text)[1]
+
+
 def test_a_seed_that_cannot_run_fails_alone(monkeypatch, capsys, tmp_path):
     # Whether such a small radius joins all agents is a question of where the seed places them.
     text = 'seeds = 12\n[set]\nsteps = 4\nnetwork.graph = "geometric"\nnetwork.radius = 11.0\n'

@@ -221,7 +221,9 @@ def _conclude(written: Written, sweep: Sweep, outcomes: list[list[Outcome]], fol
 
 
 def _tell(summary: Summary) -> None:
-    table = Table(title=f"{summary.experiment}: medians of {counted(summary.runs, 'run')}", title_justify="left")
+    failed = f", {summary.failed} more failed" if summary.failed else ""
+    of = counted(summary.runs - summary.failed, "run")
+    table = Table(title=f"{summary.experiment}: medians of {of}{failed}", title_justify="left")
     for name in _short(summary.varied):
         table.add_column(name)
     metrics = {name: head for name, head in _COLUMNS.items() if any(name in one.metrics for one in summary.cells)}
