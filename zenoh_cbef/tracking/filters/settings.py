@@ -34,7 +34,8 @@ class FilterSettings:
     for the target, like search. bends: whether agents coast no further than ranges are straight lines. prompt: whether
     another fix begins soon after the target is lost, and has the first ranges after a silence to itself; deciding:
     every how many steps agents decide whether one begins, 0: as many as it takes. supposes:
-    whether all tell each other what they measured where ranges of one do not fit. cut_off: how many
+    whether all tell each other what they measured where ranges of one do not fit; rejoins: one
+    that is wrong takes part again after two ranges that fit, or after many. cut_off: how many
     rounds a step has, where agents may be cut off from others and tell who is there; 0: they do not. presumes: whether
     agents presume that ranges fit and that all others are there until they know better. undetermined: whether their
     places leave open where the target is, so that they never say that they track it. sides: whether they say so
@@ -46,7 +47,8 @@ class FilterSettings:
     initial estimate, a guess, is improved by least squares on the first ranges; 0: it is none. squared_fix: how many of
     these steps are on squared ranges. tries_guess: whether the guess is tried before the network searches. search:
     where squared ranges look for the target, state (1, s) and covariance (1, s, s); None: around the guess. models: the
-    motions between which the target switches, the most agile one last; none: it moves by `motion` alone. leaving: the
+    motions between which the target switches, the most agile one last; none: it moves by `motion` alone. noises: those
+    of `motion` between which ranges decide; noises_alike: whether each is as likely after any other. leaving: the
     probability that it leaves its motion in a step. middle: a point near all agents, the same for all, m. squares:
     whether agents share squared ranges, and linearise what averaging leaves. tells_ranges:
     whether they tell each other their ranges, and each takes in all; seeks: and, while these deny the place, looks for
@@ -79,6 +81,7 @@ class FilterSettings:
     prompt: bool = False
     deciding: int = 0
     supposes: bool = False
+    rejoins: bool = True
     cut_off: int = 0
     presumes: bool = True
     undetermined: bool = False
@@ -102,6 +105,7 @@ class FilterSettings:
     models: tuple[Motion, ...] = ()
     leaving: tuple[float, ...] = (0.0,)
     noises: tuple[Motion, ...] = ()
+    noises_alike: bool = False
     middle: tuple[float, ...] = (0.0, 0.0, 0.0)
     squares: bool = False
     tells_ranges: bool = False
