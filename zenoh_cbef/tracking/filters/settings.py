@@ -47,8 +47,7 @@ class FilterSettings:
     initial estimate, a guess, is improved by least squares on the first ranges; 0: it is none. squared_fix: how many of
     these steps are on squared ranges. tries_guess: whether the guess is tried before the network searches. search:
     where squared ranges look for the target, state (1, s) and covariance (1, s, s); None: around the guess. models: the
-    motions between which the target switches, the most agile one last; none: it moves by `motion` alone. noises: those
-    of `motion` between which ranges decide; noises_alike: whether each is as likely after any other. leaving: the
+    motions between which the target switches, the most agile one last; none: it moves by `motion` alone. leaving: the
     probability that it leaves its motion in a step. middle: a point near all agents, the same for all, m. squares:
     whether agents share squared ranges, and linearise what averaging leaves. tells_ranges:
     whether they tell each other their ranges, and each takes in all; seeks: and, while these deny the place, looks for
@@ -105,7 +104,6 @@ class FilterSettings:
     models: tuple[Motion, ...] = ()
     leaving: tuple[float, ...] = (0.0,)
     noises: tuple[Motion, ...] = ()
-    noises_alike: bool = False
     middle: tuple[float, ...] = (0.0, 0.0, 0.0)
     squares: bool = False
     tells_ranges: bool = False

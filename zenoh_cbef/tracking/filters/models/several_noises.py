@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Self
 
 import numpy as np
@@ -38,18 +37,16 @@ class SeveralNoises:
     disagree about a measurement, which a model of much noise follows too far. So here agents agree on x alone, and move
     all models by what theirs is off.
 
-    Models mix at each step as in Blom and Bar-Shalom (IEEE TAC 33(8), 1988). The target takes to a noise twice as
-    large, or half as large, twice as often as to one four times as large. By the thirteenth rules it took to all other
-    noises alike; then model j begins with two parts: the mixture of all models, and its own.
+    Models mix at each step as in Blom and Bar-Shalom (IEEE TAC 33(8), 1988). As the target takes to all other noises
+    alike, model j begins with two parts: the mixture of all models, and its own.
 
     filter: of one motion, which takes its belief for a prediction. motions: linear ones, alike but for their noise.
-    leaving: the probability that the target takes to another noise, in a step. alike: to all others alike.
+    leaving: the probability that the target takes to another noise, in a step.
     """
 
     filter: Filter
     motions: tuple[LinearMotion, ...]
     leaving: float
-    alike: bool = False
 
     @classmethod
     def sharing(cls, settings: FilterSettings, of_one: Callable[[FilterSettings], Sharing]) -> Sharing:
@@ -62,8 +59,7 @@ class SeveralNoises:
         motion = settings.motion
         predicted = Predicted(motion.dt, motion.acceleration_std, motion.axes)
         motions = tuple(linear(one) for one in settings.noises)
-        one = of_one(replace(settings, motion=predicted))
-        return cls(one, motions, settings.leaving[0], settings.noises_alike)
+        return cls(of_one(replace(settings, motion=predicted)), motions, settings.leaving[0])
 
     def update(self, belief: Belief, measurement: Measurement) -> Update:
         """What the own range tells about the mixture of all predictions, and that mixture's mean."""
@@ -109,42 +105,18 @@ class SeveralNoises:
         carried = self.moved(belief, belief) if belief.chance is None else belief
         means = np.stack([one.state for one in carried.parts], axis=1)
         spreads = np.stack([one.known_covariance for one in carried.parts], axis=1)
-        mixed = self._with_all if self.alike else self._with_each
-        ahead, begin, whole = mixed(carried.known_chance, means, spreads)
-        transition = self.motions[0].transition
-        noise = np.stack([one.process_noise for one in self.motions])
-        return ahead, matvec(transition, begin), transition @ whole @ transition.T + noise
-
-    def _with_each(self, chance: Floats, means: Floats, spreads: Floats) -> tuple[Floats, Floats, Floats]:
-        """How likely the models are in the next step, and what each begins it with: mixtures of all."""
-        ways = chance[:, :, None] * self._ways
-        ahead = np.add.reduce(ways, axis=1)
-        share = np.swapaxes(ways / ahead[:, None], 1, 2)
-        mean = np.add.reduce(chance[:, :, None] * means, axis=1)[:, None]
-        apart = means - mean
-        away, square = share @ apart, spreads + outer(apart, apart)
-        whole = (share @ square.reshape(*chance.shape, -1)).reshape(spreads.shape) - outer(away, away)
-        return ahead, mean + away, whole
-
-    def _with_all(self, chance: Floats, means: Floats, spreads: Floats) -> tuple[Floats, Floats, Floats]:
-        """The same of a target that takes to all other noises alike: the mixture of all, and the own."""
-        mean, spread = _mixture(chance, means, spreads)
+        mean, spread = _mixture(carried.known_chance, means, spreads)
         other = self.leaving / (len(self.motions) - 1)
-        stays = (1.0 - self.leaving - other) * chance
+        stays = (1.0 - self.leaving - other) * carried.known_chance
         ahead = stays + other
         own = (stays / ahead)[:, :, None]
         begin = own * means + (1.0 - own) * mean[:, None]
         apart, away = (outer(one, one) for one in (means - begin, mean[:, None] - begin))
         own = own[..., None]
-        return ahead, begin, own * (spreads + apart) + (1.0 - own) * (spread[:, None] + away)
-
-    @cached_property
-    def _ways(self) -> Floats:
-        """The probability of each noise after each, (M, M): as the ratio of the two."""
-        noises = np.array([one.acceleration_std for one in self.motions])
-        others = np.minimum(noises[:, None] / noises, noises / noises[:, None]) * (1.0 - np.eye(len(noises)))
-        others *= self.leaving / np.add.reduce(others, axis=1)[:, None]
-        return np.asarray(others + (1.0 - self.leaving) * np.eye(len(noises)))
+        whole = own * (spreads + apart) + (1.0 - own) * (spread[:, None] + away)
+        transition = self.motions[0].transition
+        noise = np.stack([one.process_noise for one in self.motions])
+        return ahead, matvec(transition, begin), transition @ whole @ transition.T + noise
 
 
 def _mixture(chance: Floats, means: Floats, spreads: Floats) -> tuple[Floats, Floats]:
