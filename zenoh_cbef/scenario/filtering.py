@@ -157,7 +157,6 @@ class Filtering:
             models=self.models,
             leaving=leaving(scenario, doubted=bool(self.noises), told=self.tells_ranges),
             noises=self.noises,
-            noises_alike=chosen.defaults < 14,
             middle=start.middle(scenario)[: self.space.axes],
             squares=self.squares,
             tells_ranges=self.tells_ranges,
