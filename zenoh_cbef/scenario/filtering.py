@@ -181,7 +181,7 @@ class Filtering:
         doubts = single and trust.doubts_noise(scenario)
         return replace(
             settings,
-            recovers=chosen.recovery,
+            recovers=start.implausible_share(scenario) if chosen.recovery else 0.0,
             distrusts=self.distrusts_own,
             bias=self.bias,
             joint_biases=joint,

@@ -22,8 +22,8 @@ class FilterSettings:
     xi, omega: see the filter; omega None: network_size. network_size: number of agents.
     differenced: whether ci and local take in differences of ranges in place of the
     agent's own range. power: of the saturation. widens: whether
-    a saturated range widens its whole innovation, not its noise alone. recovers: whether
-    the network widens its covariances where most innovations are implausible. distrusts:
+    a saturated range widens its whole innovation, not its noise alone. recovers: from which share of implausible
+    innovations on the network widens its covariances, 0: never. distrusts:
     whether agents give their own implausible ranges less weight. returns: whether an
     agent's range counts less after a step in which it heard no neighbour. says_status: whether they say
     if they acquire, track, coast, or have lost the target; judges_agents: whether that counts agents that do not
@@ -67,7 +67,7 @@ class FilterSettings:
     differenced: bool = False
     power: int = 1
     widens: bool = False
-    recovers: bool = False
+    recovers: float = 0.0
     distrusts: bool = False
     returns: bool = False
     says_status: bool = False
