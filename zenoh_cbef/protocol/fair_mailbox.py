@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter, deque
+from functools import lru_cache
 
 import zenoh
 
@@ -16,6 +17,7 @@ _COST_BYTES = 512
 """What a waiting message takes in memory beside its own bytes."""
 
 
+@lru_cache(maxsize=1024)  # as the addresses of keys
 def _queue_of(key: str) -> str:
     """Where a message waits: keys that a run does not have share one queue, likewise those with chosen names."""
     at = address(key)

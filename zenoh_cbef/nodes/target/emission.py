@@ -37,6 +37,6 @@ class Emission:
         if self._tells_truth and np.isfinite(truth).all():  # the truth of a real target is unknown
             self._truth.send(k=step, state=truth.tolist())
         told = ({"lists": lists} if lists else {}) | ({"by_rounds": True} if by_rounds else {})
-        for agent, beacon in enumerate(self._beacons if self._tells_beacons else ()):
-            emitted, arrived = world.emitted[agent, step - 1], world.arrived[agent, step - 1]
+        times = world.emitted[:, step - 1].tolist(), world.arrived[:, step - 1].tolist()
+        for beacon, emitted, arrived in zip(self._beacons, *times, strict=True) if self._tells_beacons else ():
             beacon.send(k=step, emitted=nan_to_nil(emitted), arrived=nan_to_nil(arrived), **told)
