@@ -1,4 +1,4 @@
-"""What the target publishes of itself in every step: the truth, and a beacon for each agent."""
+"""What the target publishes of itself in every step: the truth, and a beacon for each agent; with rings also there."""
 
 from __future__ import annotations
 
@@ -6,8 +6,10 @@ import numpy as np
 
 from zenoh_cbef.courses import RECORDED
 from zenoh_cbef.nodes.common.node import Node
+from zenoh_cbef.nodes.common.own_ring import OwnRing
 from zenoh_cbef.protocol.messages import nan_to_nil
 from zenoh_cbef.protocol.outbox import Outbox
+from zenoh_cbef.protocol.ring_folder import OF_TARGET
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.scenario.world import World
 
@@ -25,6 +27,15 @@ class Emission:
         self._beacons = [node.outbox(node.keys.beacon(agent), may_drop=may_drop) for agent in agents]
         self._tells_beacons = not receivers
         self._tells_truth = not receivers or plan.scenario.target.motion == RECORDED
+        self._ring = None
+        if plan.scenario.record.rings and self._tells_beacons:
+            self._ring = OwnRing(node, OF_TARGET, self.boxes, plan.scenario.record, may_wait=not may_drop)
+            node.on_close(self._ring.end)
+
+    def begin(self) -> None:
+        """Say what is wrong with the ring, now that recorders hear the target."""
+        if self._ring is not None:
+            self._ring.begin()
 
     @property
     def boxes(self) -> list[Outbox]:

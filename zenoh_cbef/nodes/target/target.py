@@ -79,7 +79,7 @@ class Target:
         self._epoch = self._alone_at = 0.0
         self._faults_out = self.node.outbox(self.node.keys.faults)
         self._active: set[int] = set()
-        # Some steps begin together: fewer wake-ups. But the target must not be behind receivers, which begin steps, too.
+        # Some steps begin together: fewer wake-ups. But receivers begin steps themselves: do not be behind them.
         self._further = 0 if self.receivers else WINDOW // 2
         timed = realtime and not self.receivers
         self._pace = Pace("the target", "steps", partial(self.node.event, SLOW)) if timed else None
@@ -132,6 +132,7 @@ class Target:
         self._epoch = epoch = time.monotonic() + (self.scenario.timing.start_delay if realtime else 0.0)
         self.node.event("started", f"run {self.node.identity.run} started", at=self.start)
         self.progress.rejections.start()
+        self._emission.begin()
         self.progress.begin(ready := self.progress.ready(self.node.presence.names()))
         self.step = 0
         if realtime or not self.receivers:
