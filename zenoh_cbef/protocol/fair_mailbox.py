@@ -66,13 +66,13 @@ class FairMailbox(Mailbox):
     def _sort_portion(self) -> None:
         self._until_sorted = _READ
         for _ in range(_SORTED):
-            sample = self._poll()
+            sample = self.sample()
             if sample is None:
                 return
             self._sort(sample)
 
     def _sort(self, sample: zenoh.Sample) -> None:
-        data = sample.payload.to_bytes() or self._empty()
+        data = sample.payload.to_bytes() or self.empty()
         if data is None:
             return
         key = str(sample.key_expr)

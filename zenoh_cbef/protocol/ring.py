@@ -234,7 +234,7 @@ class RingReader:
     def read(self, most: int) -> list[Said]:
         """The next messages, at most so many. What is not whole yet is not there."""
         found: list[Said] = []
-        place, head, size, content = self._place, self._known()[_AT_HEAD], self._size, self._map
+        place, head, size, content, kinds = self._place, self._known()[_AT_HEAD], self._size, self._map, len(self.names)
         if head - place > size:  # The writer forgot a reader that was taken for dead.
             place = head
         while place < head and len(found) < most:
@@ -252,7 +252,7 @@ class RingReader:
                 place += size - at
                 continue
             place += FRAME_BYTES + length + _WORD - 1 & -_WORD
-            if (kind := word >> _KIND_SHIFT) < len(self.names):
+            if (kind := word >> _KIND_SHIFT) < kinds:
                 found.append((kind, number, sent, data))
         self._place = place
         return found

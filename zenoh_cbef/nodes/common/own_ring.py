@@ -40,16 +40,15 @@ class OwnRing:
             return
         self._folder = folder
         for kind, box in enumerate(boxes):
-            box.leave = partial(self._leave, self._ring, kind)
+            box.leave = partial(self._ring.write, kind)
+            box.overflow = partial(self._overflow, self._ring, kind)
 
     def begin(self) -> None:
         """Say what went wrong, now that recorders hear the process."""
         if self._trouble:
             self._node.event(RING, self._trouble, **self._about)
 
-    def _leave(self, ring: RingWriter, kind: int, number: int, sent: int, data: bytes) -> None:
-        if ring.write(kind, number, sent, data):
-            return
+    def _overflow(self, ring: RingWriter, kind: int, number: int, sent: int, data: bytes) -> None:
         if ring.readers and self._wrote_later(partial(ring.write, kind, number, sent, data)):
             return
         for box in self._boxes:
