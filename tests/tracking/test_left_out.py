@@ -8,7 +8,7 @@ import pytest
 from zenoh_cbef.tracking.copying import replace
 from zenoh_cbef.tracking.filters import FilterSettings
 from zenoh_cbef.tracking.filters.base import Belief
-from zenoh_cbef.tracking.filters.finding.supposing import _MEMORY, Supposing
+from zenoh_cbef.tracking.filters.finding.supposing import _FADES, _MEMORY, Supposing
 from zenoh_cbef.tracking.filters.kinds.icf import InformationWeighted
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
 from zenoh_cbef.tracking.ranging import Measurement, Space
@@ -18,8 +18,8 @@ from zenoh_cbef.tracking.status import CUT
 @pytest.mark.parametrize(
     ("rejoins", "then"),
     [
-        (False, [4.0 + (1.5**2 - 4.0) / _MEMORY, 4.0 + (CUT - 4.0) / _MEMORY, 4.0]),  # a step towards each
-        (True, [1.5**2, CUT, 4.0]),  # the larger one of the latest and a third of those before
+        (False, [CUT + (1.5**2 - CUT) / _MEMORY, 4.0 + (CUT - 4.0) / _MEMORY, 4.0]),  # a step towards each
+        (True, [CUT / _FADES, CUT, 4.0]),  # the larger one of the latest and a third of those before
     ],
 )
 def test_how_badly_ranges_fit_follows_each_new_one_and_stays_where_there_is_none(rejoins, then):
@@ -38,6 +38,6 @@ def test_how_badly_ranges_fit_follows_each_new_one_and_stays_where_there_is_none
     ranges = np.array([distance + off, distance + 100.0, np.nan])
     none = np.empty((3, 0, 3)), np.empty((3, 0))
     new = Measurement(np.zeros((3, 3)), ranges, np.zeros(3), *none)
-    before = np.array([4.0, 4.0, 4.0])
+    before = np.array([CUT, 4.0, 4.0])
     found = supposing._own(before, Belief(state, covariance), new)  # noqa: SLF001 - the one number of it
     np.testing.assert_allclose(found, then)
