@@ -29,7 +29,7 @@ def joint_centralized(
 ) -> tuple[Floats, Floats]:
     """One filter that sees every range at once, over K steps: states (r, K, 6) and covariances (r, K, 6, 6).
 
-    With biases its state is (p, v, c, d_1 ... d_n): a plain Kalman filter in which all correlations are kept, unlike
+    With biases its state is (p, v, c, d_1 ... d_n), and where ranges may all be too long by a share, s: a plain Kalman filter in which all correlations are kept, unlike
     the network's. The bias is weighed as in auto_bias.py, the noise learned as in learned_noise.py, and the first
     fix is the network's with an exact average. initial: (r, s), (r, s, s). positions: (r, n, K, 3). ranges, age:
     (r, n, K). xi: saturation level in standard deviations.
@@ -95,6 +95,10 @@ class _Joint:
         self.begin(initial)
 
     @property
+    def _scaled(self) -> int:
+        return int(self.settings.scale_std > 0.0)
+
+    @property
     def noise(self) -> Floats:
         """Standard deviations of the ranges, (r, n), m."""
         return np.asarray(self.settings.range_std * np.exp(self._scale))
@@ -104,18 +108,20 @@ class _Joint:
         self._biased = self._plain = initial
         if self.settings.bias == "none":
             return  # A matrix of all agents' biases is not for many agents.
-        size, prior = self.settings.motion.size, np.zeros(1 + self.agents)
-        prior[0], prior[1:] = self.settings.common_bias_std**2, self.settings.own_bias_std**2
+        settings, size = self.settings, self.settings.motion.size
+        stds = [settings.common_bias_std, *[settings.own_bias_std] * self.agents]
+        prior = np.square(stds + [settings.scale_std] * self._scaled)
         covariance = np.zeros((len(initial.state), size + len(prior), size + len(prior)))
         covariance[:, :size, :size] = initial.known_covariance
         covariance[:, size:, size:] = np.diag(prior)
         state = np.pad(initial.state, ((0, 0), (0, len(prior))))
         if tied is not None:
+            biases = slice(size + 1, size + 1 + self.agents)
             offset, slope, given = (each.reshape(-1, self.agents, *each.shape[1:]) for each in tied)
             cross = slope @ initial.known_covariance
-            state[:, size + 1 :] = offset + matvec(slope, initial.state)
-            covariance[:, size + 1 :, :size], covariance[:, :size, size + 1 :] = cross, cross.swapaxes(1, 2)
-            covariance[:, size + 1 :, size + 1 :] = cross @ slope.swapaxes(1, 2) + given[:, :, None] * np.eye(
+            state[:, biases] = offset + matvec(slope, initial.state)
+            covariance[:, biases, :size], covariance[:, :size, biases] = cross, cross.swapaxes(1, 2)
+            covariance[:, biases, biases] = cross @ slope.swapaxes(1, 2) + given[:, :, None] * np.eye(
                 self.agents
             )
         self._biased = Belief(state, covariance)
@@ -160,8 +166,11 @@ class _Joint:
         rows, predicted = rows.reshape(-1, agents, size), predicted.reshape(-1, agents)
         if biased:
             own = np.broadcast_to(np.eye(agents), (len(state), agents, agents))
-            rows = np.concatenate([rows, np.ones_like(rows[:, :, :1]), own], axis=2)
-            predicted = predicted + state[:, size, None] + state[:, size + 1 :]
+            ones, distance = np.ones_like(rows[:, :, :1]), predicted
+            predicted = distance + state[:, size, None] + state[:, size + 1 : size + 1 + agents]
+            if self._scaled:
+                rows, predicted = rows * (1.0 + state[:, None, -1:]), predicted + state[:, -1:] * distance
+            rows = np.concatenate([rows, ones, own, *[distance[:, :, None]] * self._scaled], axis=2)
         measured = np.isfinite(step.range)
         innovation = np.where(measured, step.range - predicted, 0.0)
         spread = np.sqrt(np.sum(rows * (rows @ covariance), axis=2) + step.std**2)
@@ -184,11 +193,11 @@ class _Joint:
         if not biased:
             return motion.predict_state(belief.state), motion.predict_covariance(belief.known_covariance, belief.state)
         size = motion.size
-        transition = np.eye(size + 1 + self.agents)
+        transition = np.eye(size + 1 + self.agents + self._scaled)
         transition[:size, :size] = linear(motion).transition
         covariance = transition @ belief.known_covariance @ transition.T
         covariance[:, :size, :size] += linear(motion).process_noise
-        own = np.arange(size + 1, len(transition))
+        own = np.arange(size + 1, size + 1 + self.agents)
         variance = covariance[:, own, own]
         widened = (1.0 + forgetting(self.settings)) * variance
         widened = np.minimum(widened, np.maximum(variance, self.settings.own_bias_std**2))
