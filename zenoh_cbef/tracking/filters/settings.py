@@ -37,7 +37,7 @@ class FilterSettings:
     agents presume that ranges fit and that all others are there until they know better. sides: whether they say so
     when they do not know on which side of them the target is. bias: none,
     estimate or auto; likelihoods: whether auto weighs it by these, or by the NIS; common_bias_std, own_bias_std: its
-    prior, m. scale_std: prior of the share by which all ranges are too long, beside joint biases; 0: by none.
+    prior, m. scale_std: prior of the share by which all ranges may be too long, besides joint biases; 0: by none.
     told_biases: whether they are constant, and as large as told: a first fix says what it knows of them, and
     none is forgotten. joint_biases:
     whether agents estimate all biases together, which have no common part then. first_fix: over how many steps the
@@ -113,4 +113,4 @@ class FilterSettings:
         """How many states there are beside those of the motion: biases, or a square."""
         if self.bias != "estimate":
             return int(self.squares)
-        return self.network_size + (self.scale_std > 0.0) if self.joint_biases else 1
+        return self.network_size if self.joint_biases else 1
