@@ -194,7 +194,8 @@ def _biased(settings: FilterSettings, plain: Filter, xi: float) -> Filter:
     evidence = Evidence(settings.likelihoods, settings.recorded)
     biased: BiasedInformation | JointBiases | AutoBias = of_one(replace(settings, scale_std=0.0), xi)
     if settings.scale_std:
-        biased = AutoBias(biased, JointBiases.of(settings, xi), evidence)
+        squares = Evidence(likelihoods=False, ratios=True, squares=True)
+        biased = AutoBias(biased, JointBiases.of(settings, xi), squares)
     return biased if settings.bias == "estimate" else AutoBias(plain, biased, evidence)
 
 
