@@ -16,7 +16,7 @@ from zenoh_cbef.tracking.filters.around.auto_bias import AutoBias
 from zenoh_cbef.tracking.filters.around.cut_off import CutOff
 from zenoh_cbef.tracking.filters.around.distrusting import Distrusting
 from zenoh_cbef.tracking.filters.around.doubted_noise import DoubtedNoise
-from zenoh_cbef.tracking.filters.around.evidence import Evidence
+from zenoh_cbef.tracking.filters.around.evidence import SQUARES, Evidence
 from zenoh_cbef.tracking.filters.around.lasting_errors import LastingErrors
 from zenoh_cbef.tracking.filters.around.learned_noise import LearnedNoise
 from zenoh_cbef.tracking.filters.around.mirror_images import MirrorImages
@@ -194,8 +194,7 @@ def _biased(settings: FilterSettings, plain: Filter, xi: float) -> Filter:
     evidence = Evidence(settings.likelihoods, settings.recorded)
     biased: BiasedInformation | JointBiases | AutoBias = of_one(replace(settings, scale_std=0.0), xi)
     if settings.scale_std:
-        squares = Evidence(likelihoods=False, ratios=True, squares=True)
-        biased = AutoBias(biased, JointBiases.of(settings, xi), squares)
+        biased = AutoBias(biased, JointBiases.of(settings, xi), SQUARES)
     return biased if settings.bias == "estimate" else AutoBias(plain, biased, evidence)
 
 

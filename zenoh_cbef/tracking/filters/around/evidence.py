@@ -101,6 +101,10 @@ class Evidence:
         return explained if self.squares else step(plain, *_INCONSISTENT) * explained
 
 
+SQUARES = Evidence(likelihoods=False, ratios=True, squares=True)
+"""Between two filters with biases."""
+
+
 def step(value: Floats, low: float, high: float) -> Floats:
     """Smooth, 0 up to `low` and 1 from `high` on."""
     way = np.clip((value - low) / (high - low), 0.0, 1.0)
