@@ -43,7 +43,7 @@ class AutoBias:
 
     @property
     def network_size(self) -> int:
-        """n."""
+        """How many agents there are."""
         return self.biased.network_size
 
     @classmethod
