@@ -16,8 +16,9 @@ from zenoh_cbef.tracking.motion import NearlyConstantVelocity
 from zenoh_cbef.tracking.ranging import Measurement, Space
 
 COUNT, STEPS, STD, DT = 4, 300, 0.3, 0.5
+MOTION = NearlyConstantVelocity(DT, 0.5, 2)
 SETTINGS = FilterSettings(
-    motion=NearlyConstantVelocity(DT, 0.5, 2),
+    motion=MOTION,
     space=Space(0.0),
     range_std=STD,
     xi=np.inf,
@@ -43,7 +44,7 @@ def measured(share, bias):
 
 def averaged(chosen, ranges):
     """Beliefs of agents that learn the exact average."""
-    belief = Belief(*(np.repeat(each, COUNT, axis=0) for each in (INITIAL.state, INITIAL.known_covariance)))
+    belief = Belief(INITIAL.state.repeat(COUNT, axis=0), INITIAL.known_covariance.repeat(COUNT, axis=0))
     none = np.empty((COUNT, 0, 3)), np.empty((COUNT, 0))
     for row in ranges:
         update = chosen.update(belief, Measurement(PLACES, row, np.zeros(COUNT), *none, agent=np.arange(COUNT)))
@@ -62,11 +63,11 @@ def test_with_an_exact_average_it_is_the_centralised_filter_of_target_biases_and
     mean[:4], covariance[:4, :4] = INITIAL.state[0], INITIAL.known_covariance[0]
     covariance[4:8, 4:8], covariance[8, 8] = 0.45**2 + 0.05**2 * np.eye(COUNT), 0.05**2
     step = np.eye(9)
-    step[:4, :4] = SETTINGS.motion.transition
+    step[:4, :4] = MOTION.transition
     ranges = measured(0.07, 0.3)[:5]
     for row, belief in zip(ranges, averaged(JointBiases.of(SETTINGS, np.inf), ranges), strict=True):
         mean, covariance = step @ mean, step @ covariance @ step.T
-        covariance[:4, :4] += SETTINGS.motion.process_noise
+        covariance[:4, :4] += MOTION.process_noise
         apart = mean[:2] - PLACES[:, :2]
         distance = np.linalg.norm(apart, axis=1)
         rows = np.concatenate([(1.0 + mean[8]) * apart / distance[:, None], np.zeros((4, 2)), np.eye(4)], axis=1)
