@@ -188,6 +188,7 @@ class Filtering:
             likelihoods=trust.rules(scenario) > 1,
             common_bias_std=trust.common_bias_std(scenario, self.range_std, joint=joint),
             own_bias_std=trust.own_bias_std(scenario, self.range_std),
+            scale_std=trust.scale_std(scenario) if joint else 0.0,
             told_biases=biased and trust.tells_biases(scenario),
             lasting=single and trust.lasts(scenario),
             doubts_noise=doubts,

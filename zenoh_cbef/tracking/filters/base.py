@@ -15,7 +15,7 @@ from zenoh_cbef.tracking.status import Status
 
 @dataclass(frozen=True)
 class Bias:
-    """What an agent estimates of the constant error of its own ranges, arrays (n,).
+    """What an agent estimates of the lasting error of its own ranges, where its estimate is; arrays (n,).
 
     value, std: m. weight: how far the state relies on it, from 0 (the ranges are taken as they are) to 1.
     """

@@ -41,7 +41,8 @@ class FilterSettings:
     places leave open where the target is, so that they never say that they track it. sides: whether they say so
     when they do not know on which side of them the target is. bias: none,
     estimate or auto; likelihoods: whether auto weighs it by these, or by the NIS; common_bias_std, own_bias_std: its
-    prior, m. told_biases: whether they are constant, and as large as told: a first fix says what it knows of them, and
+    prior, m. scale_std: prior of the share by which all ranges may be too long, besides joint biases; 0: by none.
+    told_biases: whether they are constant, and as large as told: a first fix says what it knows of them, and
     none is forgotten. joint_biases:
     whether agents estimate all biases together, which have no common part then. first_fix: over how many steps the
     initial estimate, a guess, is improved by least squares on the first ranges; 0: it is none. squared_fix: how many of
@@ -91,6 +92,7 @@ class FilterSettings:
     likelihoods: bool = True
     common_bias_std: float = 0.0
     own_bias_std: float = 0.0
+    scale_std: float = 0.0
     told_biases: bool = False
     joint_biases: bool = False
     learns_noise: bool = False
