@@ -30,7 +30,7 @@ from zenoh_cbef.analysis.slowness import slow_note, slowness
 from zenoh_cbef.analysis.smoothed import SmoothedErrors, centralized_paths, smoothed_errors, smoothing_of
 from zenoh_cbef.analysis.standing import standing_of
 from zenoh_cbef.analysis.yardsticks import Yardsticks, yardsticks
-from zenoh_cbef.arrays import Bools, Floats
+from zenoh_cbef.arrays import Bools, Floats, Ints
 from zenoh_cbef.faults import SenderFault
 from zenoh_cbef.numbers import number
 from zenoh_cbef.trace import Trace
@@ -88,7 +88,7 @@ def analyze(traces: Sequence[Trace], skip: float = 0.25, *, strongest: bool = Tr
     """
     beside = yardsticks(traces, strongest=strongest), centralized_paths(traces)
     errors = [errors_of(trace, found, skip, path) for trace, found, path in zip(traces, *beside, strict=True)]
-    return [Analysis(**vars(one), metrics=_metrics(one)) for one in errors]
+    return [Analysis(**vars(one), metrics=found) for one, found in zip(errors, _metrics(errors), strict=True)]
 
 
 def notes(metrics: Metrics) -> list[str]:
@@ -168,7 +168,14 @@ def _estimated_only(trace: Trace, error: Floats) -> Floats:
     return np.where(counted, error, 0.0)
 
 
-def _metrics(errors: Errors) -> Metrics:
+def _metrics(errors: Sequence[Errors]) -> list[Metrics]:
+    """Those of runs of one shape; runs with the same window and the same agents that count are one batch."""
+    if len({(one.first, one.counted.tobytes()) for one in errors}) > 1:
+        return [found for one in errors for found in _metrics([one])]
+    return [_of_run(*each) for each in zip(errors, _nees(errors), _nis(errors), strict=True)]
+
+
+def _of_run(errors: Errors, nees: Honesty | None, nis: Nis | None) -> Metrics:
     trace, window, counted = errors.trace, slice(errors.first, None), errors.counted
     share = (traffic := trace.traffic).agent_bytes / (trace.scenario.count * len(trace.time))
     quiet = _quiet_rounds(trace)
@@ -200,8 +207,8 @@ def _metrics(errors: Errors) -> Metrics:
         bound=_bound(errors, window),
         ratio_to_bound=_ratio(errors, errors.bound_position_error, window),
         smoothed=None if errors.smoothed is None else smoothing_of(errors.smoothed, trace, errors.first, counted),
-        nees=(nees := _nees(errors)),
-        nis=_nis(errors),
+        nees=nees,
+        nis=nis,
         status=standing_of(trace, errors.position_error, errors.nees, counted),
         misfit=misfit_note(trace, errors.first, nees) if trace.scenario.target.motion == "dataset" else "",
         bias=bias_of(trace, errors.first),
@@ -271,12 +278,20 @@ def _scored(errors: Errors) -> Scored:
     )
 
 
-def _nees(errors: Errors) -> Honesty | None:
-    degrees = np.full(errors.nees.shape, len(errors.trace.plan.space.kept))
-    return described(errors.nees, degrees, time=errors.trace.time, first=errors.first, counted=errors.counted)
+def _nees(errors: Sequence[Errors]) -> list[Honesty | None]:
+    values = np.stack([one.nees for one in errors])
+    return _described(errors, values, np.full(values.shape, len(errors[0].trace.plan.space.kept)))
 
 
-def _nis(errors: Errors) -> Nis | None:
-    trace, first, told = errors.trace, errors.first, errors.trace.diagnostics
-    found = described(told.nis, told.nis_degrees, time=trace.time, first=first, counted=errors.counted)
-    return None if found is None else Nis(**vars(found), agents_band=agents_bands(told.nis_degrees, first))
+def _nis(errors: Sequence[Errors]) -> list[Nis | None]:
+    told = [one.trace.diagnostics for one in errors]
+    degrees = np.stack([one.nis_degrees for one in told])
+    found = zip(_described(errors, np.stack([one.nis for one in told]), degrees), degrees, strict=True)
+    return [
+        None if one is None else Nis(**vars(one), agents_band=agents_bands(own, errors[0].first)) for one, own in found
+    ]
+
+
+def _described(errors: Sequence[Errors], values: Floats, degrees: Ints) -> list[Honesty | None]:
+    one = errors[0]
+    return described(values, degrees, time=one.trace.time, first=one.first, counted=one.counted)
