@@ -7,11 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from zenoh_cbef.analysis.averages import last, mean_over_agents, rms, running_mean
+from zenoh_cbef.analysis.averages import last, rms, running_mean
 from zenoh_cbef.analysis.claimed import claimed_position_error
-from zenoh_cbef.analysis.consistency import agents_bands, chi2_band, described, nees_of
+from zenoh_cbef.analysis.consistency import agents_bands, described
 from zenoh_cbef.analysis.coverage import estimated_steps, lacks, stretches, unseen_note
 from zenoh_cbef.analysis.demand import link_bytes
+from zenoh_cbef.analysis.errors import Errors, errors_of, estimated_only
 from zenoh_cbef.analysis.link_metrics import links_of, totals_of
 from zenoh_cbef.analysis.misfit import misfit_note
 from zenoh_cbef.analysis.observability import unseen_steps
@@ -27,50 +28,15 @@ from zenoh_cbef.analysis.results import (
     Yardstick,
 )
 from zenoh_cbef.analysis.slowness import slow_note, slowness
-from zenoh_cbef.analysis.smoothed import SmoothedErrors, centralized_paths, smoothed_errors, smoothing_of
+from zenoh_cbef.analysis.smoothed import centralized_paths, smoothing_of
 from zenoh_cbef.analysis.standing import standing_of
-from zenoh_cbef.analysis.yardsticks import Yardsticks, yardsticks
-from zenoh_cbef.arrays import Bools, Floats, Ints
-from zenoh_cbef.faults import SenderFault
+from zenoh_cbef.analysis.yardsticks import yardsticks
+from zenoh_cbef.arrays import Floats, Ints
 from zenoh_cbef.numbers import number
 from zenoh_cbef.trace import Trace
 
 LOST = 3.0
 """From how many times the strong yardstick's position RMSE on a filter has lost the target."""
-
-
-@dataclass(frozen=True)
-class Errors:
-    """A trace with its errors; n agents, K steps, errors in m and m/s.
-
-    first: index of the first step of the scored window. counted: (n,), the agents that averages are over: all but
-    those that the scenario lets send wrong values. msee: (n, K), the paper's running mean of |xhat - x|^2;
-    msee_average: (K,). position_error, velocity_error: (n, K). nees: (n, K), NaN for a filter without covariance;
-    nees_band: its 95 % band. disagreement: (K,), m, root mean square distance of the agents' positions from their
-    mean. centralized_states: (K, 6), centralized_msee, centralized_position_error: (K,). strong_states,
-    strong_position_error: of the strong yardstick (see Yardsticks). bound: (K, 6, 6), bound_position_error, bound_msee:
-    (K,). smoothed: None where the run has no smoothed path. NaN where the trace lacks what is needed.
-    """
-
-    trace: Trace
-    first: int
-    counted: Bools
-    msee: Floats
-    msee_average: Floats
-    position_error: Floats
-    velocity_error: Floats
-    nees: Floats
-    nees_band: tuple[float, float]
-    disagreement: Floats
-    centralized_states: Floats
-    centralized_msee: Floats
-    centralized_position_error: Floats
-    strong_states: Floats
-    strong_position_error: Floats
-    bound: Floats
-    bound_position_error: Floats
-    bound_msee: Floats
-    smoothed: SmoothedErrors | None
 
 
 @dataclass(frozen=True)
@@ -104,68 +70,6 @@ def _twin_note(metrics: Metrics) -> str:
         return ""
     beside = f"position RMSE {number(lost, 'm')}, where {number(reachable, 'm')} can be reached"
     return f"the centralised filter lost the target itself ({beside}): look at ratio_to_strong, not at the ratio to it"
-
-
-def counted_agents(trace: Trace) -> Bools:
-    """Which agents averages are over, (n,): a misbehaving one says nothing about the others; all, if none is left."""
-    wrong = {agent for fault in trace.scenario.fault if isinstance(fault, SenderFault) for agent in fault.agents}
-    counted = np.array([agent not in wrong for agent in range(len(trace.estimates))])
-    return counted if counted.any() else np.ones_like(counted)
-
-
-def errors_of(trace: Trace, beside: Yardsticks, skip: float, path: Floats | None = None) -> Errors:
-    """The errors of a trace. skip: see `analyze`. path: of the centralised smoother, (K, 6), where it is smoothed.
-
-    Those of a step rest on that step alone, but running means do not.
-    """
-    states, bound = beside.centralized, beside.bound
-    error, reference = (_estimated_only(trace, each - trace.truth) for each in (trace.estimates, states))
-    positions = trace.estimates[:, :, :3]
-    counted = counted_agents(trace)
-    present = np.isfinite(positions).all(axis=2) & counted[:, None]
-    number = np.maximum(present.sum(axis=0), 1)
-    middle = np.where(present[:, :, None], positions, 0.0).sum(axis=0) / number[:, None]
-    apart = np.where(present, np.sum((positions - middle) ** 2, axis=2), 0.0)
-    kept = trace.plan.space.kept
-    msee = running_mean(np.sum(error**2, axis=2))
-    return Errors(
-        trace=trace,
-        first=_first(np.asarray(np.isfinite(error[counted]).all(axis=2).any(axis=0)), skip),
-        counted=counted,
-        msee=msee,
-        msee_average=running_mean(mean_over_agents(np.sum(error[counted] ** 2, axis=2))),
-        position_error=np.linalg.norm(error[:, :, :3], axis=2),
-        velocity_error=np.linalg.norm(error[:, :, 3:], axis=2),
-        nees=nees_of(error[:, :, kept], trace.covariances[:, :, kept[:, None], kept]),
-        nees_band=chi2_band(len(kept)),
-        disagreement=np.where(present.any(axis=0), np.sqrt(apart.sum(axis=0) / number), np.nan),
-        centralized_states=states,
-        centralized_msee=running_mean(np.sum(reference**2, axis=1)),
-        centralized_position_error=np.linalg.norm(reference[:, :3], axis=1),
-        strong_states=beside.strong,
-        strong_position_error=np.linalg.norm(_estimated_only(trace, beside.strong - trace.truth)[:, :3], axis=1),
-        bound=bound,
-        bound_position_error=np.sqrt(np.trace(bound[:, :3, :3], axis1=1, axis2=2)),
-        bound_msee=running_mean(np.trace(bound, axis1=1, axis2=2)),
-        smoothed=smoothed_errors(trace, counted, path),
-    )
-
-
-def _first(scorable: Bools, skip: float) -> int:
-    """Index of the first step of the window: a share of the steps (K,) is left out, or of those that can be scored.
-
-    Whichever is less: where the truth ends early, the window would begin after all that can be scored.
-    """
-    places = np.flatnonzero(scorable)
-    most = min(int(skip * len(scorable)), len(scorable) - 1)
-    return min(most, int(places[min(int(skip * len(places)), len(places) - 1)])) if len(places) else most
-
-
-def _estimated_only(trace: Trace, error: Floats) -> Floats:
-    """Errors (..., 6) along the estimated axes; in a plane the height is given, so it is no error of the tracker's."""
-    counted = np.zeros(6, dtype=bool)
-    counted[trace.plan.space.kept] = True
-    return np.where(counted, error, 0.0)
 
 
 def _metrics(errors: Sequence[Errors]) -> list[Metrics]:
@@ -234,7 +138,7 @@ def _quiet_rounds(trace: Trace) -> float:
 
 def _yardstick(errors: Errors, states: Floats, window: slice) -> Yardstick:
     """What a filter's states (K, 6) reach."""
-    error = _estimated_only(errors.trace, states - errors.trace.truth)
+    error = estimated_only(errors.trace.plan.space, states - errors.trace.truth)
     return Yardstick(
         position_rmse=rms(np.linalg.norm(error[window, :3], axis=1)),
         velocity_rmse=rms(np.linalg.norm(error[window, 3:], axis=1)),

@@ -80,7 +80,7 @@ def smoothed_errors(trace: Trace, counted: Bools, central: Floats | None) -> Smo
         path.lag,
         np.linalg.norm(error[:, :, :axes], axis=2),
         np.linalg.norm(error[:, :, axes:], axis=2),
-        nees_of(error, path.covariances[:, :, kept[:, None], kept]),
+        nees_of(error, trace.plan.space.kept_covariances(path.covariances)),
         np.linalg.norm((central - trace.truth)[:, kept[:axes]], axis=1),
         mean_over_agents(path.states[counted, :, :3]),
     )
