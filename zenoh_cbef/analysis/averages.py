@@ -31,7 +31,8 @@ def means(values: Floats) -> Floats:
 def middle(values: Floats) -> Floats:
     """The median of the known values along the last axis of (..., k); NaN for nothing."""
     rows, count = np.sort(values), np.isfinite(values).sum(axis=-1)[..., None]
-    return 0.5 * np.take_along_axis(rows, np.concatenate([(count - 1) // 2, count // 2], axis=-1), axis=-1).sum(axis=-1)
+    both = np.take_along_axis(rows, np.concatenate([(count - 1) // 2, count // 2], axis=-1), axis=-1)
+    return np.asarray(0.5 * both.sum(axis=-1))
 
 
 def told(values: Floats) -> Any:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from zenoh_cbef.analysis.averages import last, rms, running_mean
+from zenoh_cbef.analysis.averages import last, means, rms, running_mean, told
 from zenoh_cbef.analysis.claimed import claimed_position_error
 from zenoh_cbef.analysis.consistency import agents_bands, described
 from zenoh_cbef.analysis.coverage import estimated_steps, lacks, stretches, unseen_note
@@ -25,6 +25,7 @@ from zenoh_cbef.analysis.results import (
     Nis,
     Number,
     Scored,
+    Stretches,
     Yardstick,
 )
 from zenoh_cbef.analysis.slowness import slow_note, slowness
@@ -76,10 +77,15 @@ def _metrics(errors: Sequence[Errors]) -> list[Metrics]:
     """Those of runs of one shape; runs with the same window and the same agents that count are one batch."""
     if len({(one.first, one.counted.tobytes()) for one in errors}) > 1:
         return [found for one in errors for found in _metrics([one])]
-    return [_of_run(*each) for each in zip(errors, _nees(errors), _nis(errors), strict=True)]
+    unseen = map(stretches, unseen_steps([one.trace for one in errors]))
+    found = errors, zip(*_yardsticks(errors), strict=True), unseen, _nees(errors), _nis(errors)
+    return [_of_run(*each) for each in zip(*found, strict=True)]
 
 
-def _of_run(errors: Errors, nees: Honesty | None, nis: Nis | None) -> Metrics:
+def _of_run(
+    errors: Errors, beside: tuple[Yardstick, ...], unseen: Stretches, nees: Honesty | None, nis: Nis | None
+) -> Metrics:
+    twin, strong, bound = beside
     trace, window, counted = errors.trace, slice(errors.first, None), errors.counted
     share = (traffic := trace.traffic).agent_bytes / (trace.scenario.count * len(trace.time))
     quiet = _quiet_rounds(trace)
@@ -98,17 +104,17 @@ def _of_run(errors: Errors, nees: Honesty | None, nis: Nis | None) -> Metrics:
         msee=Msee([last(row) for row in errors.msee], last(errors.msee_average)),
         scored=_scored(errors),
         lacks=lacks(trace),
-        unobservable_steps=stretches(unseen_steps(trace)),
+        unobservable_steps=unseen,
         position_rmse=(own := rms(errors.position_error[counted, window])),
         velocity_rmse=rms(errors.velocity_error[counted, window]),
         claimed_position_error=rms(claimed_position_error(trace)[counted, window]),
-        centralized=(twin := _yardstick(errors, errors.centralized_states, window)),
+        centralized=twin,
         ratio_to_centralized=ratio_to_centralized(errors, window),
-        strong=(strong := _yardstick(errors, errors.strong_states, window)),
+        strong=strong,
         ratio_to_strong=_ratio(errors, errors.strong_position_error, window),
         lost=_lost(own, strong),
         twin_lost=_lost(twin.position_rmse, strong),
-        bound=_bound(errors, window),
+        bound=bound,
         ratio_to_bound=_ratio(errors, errors.bound_position_error, window),
         smoothed=None if errors.smoothed is None else smoothing_of(errors.smoothed, trace, errors.first, counted),
         nees=nees,
@@ -136,23 +142,22 @@ def _quiet_rounds(trace: Trace) -> float:
     return float(np.nanmean(silent)) if np.isfinite(silent).any() else 0.0
 
 
-def _yardstick(errors: Errors, states: Floats, window: slice) -> Yardstick:
-    """What a filter's states (K, 6) reach."""
-    error = estimated_only(errors.trace.plan.space, states - errors.trace.truth)
-    return Yardstick(
-        position_rmse=rms(np.linalg.norm(error[window, :3], axis=1)),
-        velocity_rmse=rms(np.linalg.norm(error[window, 3:], axis=1)),
-        msee=last(running_mean(np.sum(error**2, axis=1))),
-    )
+def _yardsticks(errors: Sequence[Errors]) -> list[list[Yardstick]]:
+    """What the centralised filter, the strong one, and the bound reach in r runs, one after the other."""
+    space, truth = errors[0].trace.plan.space, np.stack([one.trace.truth for one in errors])
+    states = (np.stack([getattr(one, part) for one in errors]) for part in ("centralized_states", "strong_states"))
+    variances = np.stack([np.diagonal(one.bound, axis1=1, axis2=2) for one in errors])
+    return [
+        _reached(squares, errors[0].first)
+        for squares in (*(estimated_only(space, each - truth) ** 2 for each in states), variances)
+    ]
 
 
-def _bound(errors: Errors, window: slice) -> Yardstick:
-    bound = np.diagonal(errors.bound[window], axis1=1, axis2=2)
-    return Yardstick(
-        position_rmse=rms(np.sqrt(bound[:, :3].sum(axis=1))),
-        velocity_rmse=rms(np.sqrt(bound[:, 3:].sum(axis=1))),
-        msee=last(errors.bound_msee),
-    )
+def _reached(squares: Floats, first: int) -> list[Yardstick]:
+    """Of squared errors (r, K, 6), in the window that begins at index `first`."""
+    parts = (np.sqrt(squares[:, first:, axes].sum(axis=2)) for axes in (slice(3), slice(3, 6)))
+    found = (told(np.sqrt(means(each**2))) for each in parts)
+    return [Yardstick(*each) for each in zip(*found, map(last, running_mean(squares.sum(axis=2))), strict=True)]
 
 
 def ratio_to_centralized(errors: Errors, window: slice) -> float | None:
