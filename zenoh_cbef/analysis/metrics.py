@@ -78,18 +78,28 @@ def _metrics(errors: Sequence[Errors]) -> list[Metrics]:
     if len({(one.first, one.counted.tobytes()) for one in errors}) > 1:
         return [found for one in errors for found in _metrics([one])]
     unseen = map(stretches, unseen_steps([one.trace for one in errors]))
-    found = errors, zip(*_yardsticks(errors), strict=True), unseen, _nees(errors), _nis(errors)
-    return [_of_run(*each) for each in zip(*found, strict=True)]
+    found = zip(unseen, *_yardsticks(errors), _nees(errors), _nis(errors), strict=True)
+    return [_of_run(one, _Together(*parts)) for one, parts in zip(errors, found, strict=True)]
 
 
-def _of_run(
-    errors: Errors, beside: tuple[Yardstick, ...], unseen: Stretches, nees: Honesty | None, nis: Nis | None
-) -> Metrics:
-    twin, strong, bound = beside
+@dataclass(frozen=True)
+class _Together:
+    """Those metrics of a run that are found of all runs together."""
+
+    unobservable_steps: Stretches
+    centralized: Yardstick
+    strong: Yardstick
+    bound: Yardstick
+    nees: Honesty | None
+    nis: Nis | None
+
+
+def _of_run(errors: Errors, found: _Together) -> Metrics:
     trace, window, counted = errors.trace, slice(errors.first, None), errors.counted
     share = (traffic := trace.traffic).agent_bytes / (trace.scenario.count * len(trace.time))
     quiet = _quiet_rounds(trace)
     return Metrics(
+        **vars(found),
         run=trace.name,
         filter=trace.scenario.filter.kind,
         agents=trace.scenario.count,
@@ -104,23 +114,17 @@ def _of_run(
         msee=Msee([last(row) for row in errors.msee], last(errors.msee_average)),
         scored=_scored(errors),
         lacks=lacks(trace),
-        unobservable_steps=unseen,
         position_rmse=(own := rms(errors.position_error[counted, window])),
         velocity_rmse=rms(errors.velocity_error[counted, window]),
         claimed_position_error=rms(claimed_position_error(trace)[counted, window]),
-        centralized=twin,
         ratio_to_centralized=ratio_to_centralized(errors, window),
-        strong=strong,
         ratio_to_strong=_ratio(errors, errors.strong_position_error, window),
-        lost=_lost(own, strong),
-        twin_lost=_lost(twin.position_rmse, strong),
-        bound=bound,
+        lost=_lost(own, found.strong),
+        twin_lost=_lost(found.centralized.position_rmse, found.strong),
         ratio_to_bound=_ratio(errors, errors.bound_position_error, window),
         smoothed=None if errors.smoothed is None else smoothing_of(errors.smoothed, trace, errors.first, counted),
-        nees=nees,
-        nis=nis,
         status=standing_of(trace, errors.position_error, errors.nees, counted),
-        misfit=misfit_note(trace, errors.first, nees) if trace.scenario.target.motion == "dataset" else "",
+        misfit=misfit_note(trace, errors.first, found.nees) if trace.scenario.target.motion == "dataset" else "",
         bias=bias_of(trace, errors.first),
         distrust=distrust_of(trace, errors.first),
         slow=slowness(trace),
