@@ -238,7 +238,7 @@ class _Results:
         self._simulation = simulation
         self._shape = rows, steps = len(simulation.neighbours.index), simulation.scenario.length
         self.estimates = np.empty((rows, steps, 6))
-        self.covariances = np.full((rows, steps, 6, 6), np.nan)
+        self.covariances = np.empty((rows, steps, 6, 6))
         self.diagnostics = Diagnostics.of(rows, steps)
         self.payloads: Floats | None = None
         self.smoothed = SmoothedPath.empty(rows, steps, lag) if (lag := simulation.plan.smoothing_lag) else None
@@ -247,8 +247,7 @@ class _Results:
         """Take in step k + 1."""
         estimate = step.estimate
         self.estimates[:, k] = estimate.state
-        if estimate.covariance is not None:
-            self.covariances[:, k] = estimate.covariance
+        self.covariances[:, k] = np.nan if estimate.covariance is None else estimate.covariance
         self.diagnostics.put((slice(None), k), estimate.diagnostics)
         if keep_payloads and step.sent:
             if self.payloads is None:
