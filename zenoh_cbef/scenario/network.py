@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from zenoh_cbef.arrays import Bools, Floats
-from zenoh_cbef.faults import MessageFault
+from zenoh_cbef.faults import Absence, MessageFault, SensorDropout
 from zenoh_cbef.scenario import trust
 from zenoh_cbef.scenario.model import Scenario
 from zenoh_cbef.scenario.paths import agent_positions, placement
@@ -53,6 +53,14 @@ def tells_members(scenario: Scenario) -> bool:
     parts = scenario.filter.defaults > 11 and trust.isolates(scenario)
     few = scenario.count <= FEW and not scenario.consensus.trigger
     return (cuts or parts) and few and scenario.filter.defaults > 10
+
+
+def counts_hearers(scenario: Scenario) -> bool:
+    """Whether few agents count how many hear the target, as receivers may be out of its reach, or fall silent."""
+    dark = any(isinstance(fault, SensorDropout | Absence) for fault in scenario.fault)
+    silent = dark or scenario.sensor.reach is not None
+    asked = scenario.filter.status and scenario.filter.defaults > 13 and scenario.consensus.rounds > 0
+    return silent and asked and scenario.count <= FEW and not trust.real(scenario)
 
 
 def may_be_in_a_plane(scenario: Scenario, axes: int) -> bool:

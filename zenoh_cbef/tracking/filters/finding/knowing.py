@@ -31,6 +31,8 @@ class Knowing(Wrapping):
 
     Two kinds of agents have a small NIS and count as not fitting all the same: one that distrusts its receiver by d_i,
     as it expects large errors, and one that explains its ranges by a bias b_i, relied on by w_i, far beyond its prior.
+    Where receivers may fall silent, a third number says whether the agent has heard the target lately: ranges of fewer
+    agents than the target has axes fit a whole curve, and a filter that takes them in is soon too sure of one point.
 
     From these sums and its covariance, which the network agrees on but for what consensus left, every agent decides
     what the estimate is (see Status). An agent that hears no neighbour goes on by prediction, so its ranges count as
@@ -39,7 +41,10 @@ class Knowing(Wrapping):
 
     settings: FilterSettings
 
-    more = 2
+    @classmethod
+    def numbers(cls, settings: FilterSettings) -> int:
+        """How many numbers a payload has more."""
+        return settings.says_status * (2 + (settings.hearing > 0))
 
     def update(self, belief: Belief, measurement: Measurement) -> Update:
         """The filter's update, and the two numbers."""
@@ -61,16 +66,21 @@ class Knowing(Wrapping):
             status = status.judging(misfit, counts)
             fit = CUT * (counts & (status.own > self._wrong))
         count, size = update.payload.shape
-        payload = np.empty((count, size + self.more))
+        payload = np.empty((count, size + self.numbers(self.settings)))
         payload[:, :size], payload[:, size], payload[:, size + 1] = update.payload, heard, fit
+        if self.settings.hearing:
+            hears = np.isfinite(measurement.range)
+            status = status.hearing(hears if measurement.few is None else hears & ~measurement.few)
+            payload[:, size + 2] = status.unheard < self.settings.hearing
         return Update(payload, update.diagnostics, tuple(vars(status).values()), (update,))
 
     def conclude(self, payload: Floats, update: Update) -> Belief:
         """The filter's belief, and what it is worth."""
-        inner = self.filter.conclude(np.ascontiguousarray(payload[:, : -self.more]), update.parts[0])
+        more = self.numbers(self.settings)
+        inner = self.filter.conclude(np.ascontiguousarray(payload[:, :-more]), update.parts[0])
         former, settings = Status(*update.kept), self.settings
         count, axes, dt = settings.network_size, settings.space.axes, settings.motion.dt
-        mean = np.fmin(np.fmax(payload[:, -self.more :], 0.0), CUT)  # 0 for what is not a number
+        mean = np.fmin(np.fmax(payload[:, -more:], 0.0), CUT)  # 0 for what is not a number
         if count > 1:
             mean[unchanged(payload, update.payload)] = 0.0
         most: float | Floats | None = None
@@ -91,7 +101,10 @@ class Knowing(Wrapping):
             dt=dt,
             most=most,
             agents=0 if settings.presumes else count,
+            enough=count * mean[:, 2] > axes - 0.5 if settings.hearing else None,
         )
+        if settings.undetermined:
+            status = status.told(status.which == TRACKING, ACQUIRING, former, dt)
         if settings.plane:
             rows = undecided(self.filter, inner) & (status.which != LOST)
             status = status.told(rows, ACQUIRING, former, dt)
