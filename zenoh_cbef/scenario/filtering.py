@@ -213,6 +213,7 @@ class Filtering:
             says_status=chosen.status and able.information,
             judges_agents=chosen.status_rules > 1,
             hearing=self.settling_steps * network.counts_hearers(scenario),
+            rounds=scenario.consensus.rounds,
             reacquires=window,
             spreading=start.spreading(scenario, window),
             deciding=start.deciding(scenario, window),

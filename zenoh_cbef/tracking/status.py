@@ -101,7 +101,8 @@ class Status:
 
     lost: A > 9 min(0.6, 1 - (unknowns + 0.6)/n), where the agents whose ranges fit are so few that these would fit a
     wrong place, too. coasting: s > 2 r: the covariance has grown, and ranges that would explain it are missing; or for
-    some steps fewer agents have heard the target than it has axes. Both r and A have no unit of time, so neither dt nor
+    some steps fewer agents have heard the target than it has axes; then until as many ranges have fitted as prove a
+    first place. Both r and A have no unit of time, so neither dt nor
     how often agents range matters. By the first rules A was the fading mean of min(NIS_i, 9) itself, and the limit
     always 5.4.
     """
@@ -136,11 +137,6 @@ class Status:
     def adrift(self) -> Bools:
         """Whether the claimed error has grown so far that a filter may no longer linearise at its estimate, (n,)."""
         return np.asarray(self.spread > _ADRIFT * self.reference)
-
-    @property
-    def few(self) -> Bools:
-        """Whether too few agents hear the target to find it, (n,)."""
-        return np.asarray(self.scarce >= _SCARCE)
 
     def anew(self, rows: Bools) -> Self:
         """The same, but that some agents (n,) acquire their target again; ranges that did not fit have to fit first."""
@@ -202,13 +198,14 @@ class Status:
             heard = np.where(early, 0.0, heard)
         fades = np.exp(heard / -_MEMORY)
         fitted = self.heard + (heard if most is None else heard - np.minimum(misfit / CUT, heard))
+        fitted[few] = 0.0
         sums = fades * self.misfit + np.minimum(misfit, CUT * heard), fades * self.weight + heard
         lost = sums[0] > (_MOST if most is None else most) * sums[1]
         which, seconds = np.array([TRACKING]).repeat(len(heard)), self.seconds + dt
-        which[(spread > _COASTS * reference) | few] = COASTING
+        proved = fitted >= max(_FIRST * axes, _PROOF * agents)
+        which[(spread > _COASTS * reference) | few | (self.which == COASTING) & ~proved] = COASTING
         which[lost] = LOST
         if (begins := early | (self.which == ACQUIRING)).nonzero()[0].size:
-            proved = (fitted >= max(_FIRST * axes, _PROOF * agents)) & ~few
             known = proved if most is None else proved | lost
             which[begins & ~known | early] = ACQUIRING
         seconds[which != self.which] = 0.0

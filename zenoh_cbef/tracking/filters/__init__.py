@@ -126,7 +126,7 @@ def sharing_of(kind: str, settings: FilterSettings) -> Sharing:
     more += (
         LastingErrors.numbers(settings)
         + DoubtedNoise.numbers(settings)
-        + Knowing.numbers(settings)
+        + settings.says_status * Knowing.numbers(settings)
         + (settings.reacquires > 0) * Reacquiring.more
         + settings.supposes * Supposing.more
         + OneSide.numbers(settings)

@@ -29,8 +29,8 @@ class FilterSettings:
     if they acquire, track, coast, or have lost the target; judges_agents: whether that counts agents that do not
     fit, or ranges, and whether only those that hear ranges vote for another fix. hearing: for
     how many steps after a range an agent counts as one that hears the target; 0: agents do not count those.
-    reacquires: how many steps another
-    fix takes, 0 for none; spreading: in how many steps all agents know a decision; anywhere: where that fix looks
+    rounds: of a step. reacquires: how many steps another fix takes, 0 for none; spreading: in how many steps all
+    agents know a decision; anywhere: where that fix looks
     for the target, like search. bends: whether agents coast no further than ranges are straight lines. prompt: whether
     another fix begins soon after the target is lost, and has the first ranges after a silence to itself; deciding:
     every how many steps agents decide whether one begins, 0: as many as it takes. supposes:
@@ -73,6 +73,7 @@ class FilterSettings:
     says_status: bool = False
     judges_agents: bool = True
     hearing: int = 0
+    rounds: int = 0
     reacquires: int = 0
     spreading: int = 1
     bends: bool = False

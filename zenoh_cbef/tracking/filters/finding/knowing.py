@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from zenoh_cbef.arrays import Bools, Floats
+from zenoh_cbef.tracking.filters.around import roll_call
 from zenoh_cbef.tracking.filters.around.mirror_images import undecided
 from zenoh_cbef.tracking.filters.around.wrapping import Wrapping, denied
 from zenoh_cbef.tracking.filters.base import Belief, Bias, Update
@@ -31,8 +32,9 @@ class Knowing(Wrapping):
 
     Two kinds of agents have a small NIS and count as not fitting all the same: one that distrusts its receiver by d_i,
     as it expects large errors, and one that explains its ranges by a bias b_i, relied on by w_i, far beyond its prior.
-    Where receivers may fall silent, a third number says whether the agent has heard the target lately: ranges of fewer
-    agents than the target has axes fit a whole curve, and a filter that takes them in is soon too sure of one point.
+    Where receivers may fall silent, a number for each agent says whether it has heard the target lately (see
+    `roll_call`): ranges of fewer agents than the target has axes fit a whole curve, and a filter that takes them in is
+    soon too sure of one point.
 
     From these sums and its covariance, which the network agrees on but for what consensus left, every agent decides
     what the estimate is (see Status). An agent that hears no neighbour goes on by prediction, so its ranges count as
@@ -44,7 +46,7 @@ class Knowing(Wrapping):
     @classmethod
     def numbers(cls, settings: FilterSettings) -> int:
         """How many numbers a payload has more."""
-        return settings.says_status * (2 + (settings.hearing > 0))
+        return 2 + (settings.network_size if settings.hearing else 0)
 
     def update(self, belief: Belief, measurement: Measurement) -> Update:
         """The filter's update, and the two numbers."""
@@ -69,9 +71,11 @@ class Knowing(Wrapping):
         payload = np.empty((count, size + self.numbers(self.settings)))
         payload[:, :size], payload[:, size], payload[:, size + 1] = update.payload, heard, fit
         if self.settings.hearing:
-            hears = np.isfinite(measurement.range)
-            status = status.hearing(hears if measurement.few is None else hears & ~measurement.few)
-            payload[:, size + 2] = status.unheard < self.settings.hearing
+            status = status.hearing(np.isfinite(measurement.range))
+            known = belief.memory[0] if belief.memory else np.ones((count, self.settings.network_size))
+            if measurement.agent is None:
+                raise ValueError("agents that count who hears the target have numbers")
+            payload[:, size + 2 :] = roll_call.told(known, measurement.agent, status.unheard < self.settings.hearing)
         return Update(payload, update.diagnostics, tuple(vars(status).values()), (update,))
 
     def conclude(self, payload: Floats, update: Update) -> Belief:
@@ -101,7 +105,7 @@ class Knowing(Wrapping):
             dt=dt,
             most=most,
             agents=0 if settings.presumes else count,
-            enough=count * mean[:, 2] > axes - 0.5 if settings.hearing else None,
+            enough=roll_call.count(mean[:, 2:], settings.rounds) >= axes if settings.hearing else None,
         )
         if settings.undetermined:
             status = status.told(status.which == TRACKING, ACQUIRING, former, dt)
@@ -111,7 +115,8 @@ class Knowing(Wrapping):
         if settings.seeks:
             rows = denied(self.filter, inner) & (status.which == TRACKING)
             status = status.told(rows, ACQUIRING, former, dt)
-        return Belief(inner.state, inner.covariance, inner.bias, parts=(inner,), status=status, excess=inner.excess)
+        memory = (roll_call.known_of(mean[:, 2:]),) if settings.hearing else ()
+        return Belief(inner.state, inner.covariance, inner.bias, memory, (inner,), status, excess=inner.excess)
 
     def _explains_nothing(self, bias: Bias) -> Bools:
         """Which agents (n,) rely on a bias far beyond its prior."""
