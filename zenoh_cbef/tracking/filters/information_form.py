@@ -256,12 +256,18 @@ def unless_alone(belief: Belief, payload: Floats, update: Update) -> Belief:
 
 def unchanged(payload: Floats, own: Floats) -> Bools:
     """Which agents' payloads (n, d) no neighbour changed in the whole step: (n,)."""
+    gap = payload - own
+    if len(own) == 1:
+        # Of one agent two sums of squares nearly always tell that some number is surely far off.
+        gaps, numbers = gap.ravel(), own.ravel()
+        if gaps.dot(gaps) > 4.0 * _ROUNDING**2 * gaps.size * numbers.dot(numbers):
+            return np.zeros(1, dtype=bool)
+    # Of most batches the agents' first numbers tell.
     size = np.abs(own)
-    # Of most batches, and most agents, the first number tells.
-    first = np.abs(payload[:, 0] - own[:, 0]) <= _ROUNDING * np.fmax.reduce(size, axis=None)
+    first = np.abs(gap[:, 0]) <= _ROUNDING * np.fmax.reduce(size, axis=None)
     if not first.nonzero()[0].size:
         return np.asarray(first)
-    near = np.abs(payload - own) <= _ROUNDING * np.maximum.reduce(size, axis=1)[:, None]
+    near = np.abs(gap) <= _ROUNDING * np.maximum.reduce(size, axis=1)[:, None]
     return np.asarray(np.logical_and.reduce(near, axis=1))
 
 
