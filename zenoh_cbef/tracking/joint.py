@@ -59,7 +59,7 @@ def joint_beliefs(
         else:
             belief = filter_.step(step)
         state, covariance = space.embed_state(belief.state), space.embed_covariance(belief.known_covariance)
-        yield Belief(state[:, space.kept], covariance[:, space.kept[:, None], space.kept])
+        yield Belief(space.kept_states(state), space.kept_covariances(covariance))
 
 
 def _first_fix(settings: FilterSettings, xi: float, fix: Belief, step: Ranges) -> tuple[Belief, Update]:
