@@ -121,5 +121,5 @@ def test_a_bias_that_grows_with_the_distance_is_no_sign_of_a_wrong_estimate():
     state = np.array([[-30.0, 5.0, 0.0, 0.0]])  # 90 m away
     for value, share, strange in ((6.0, 0.05, False), (6.0, 0.0, True), (25.0, 0.05, True)):
         known = Knowing(make_filter("icf", SETTINGS), replace(SETTINGS, scale_std=share))
-        bias = Bias(np.full(1, value), np.ones(1), np.ones(1))
+        bias = Bias.constant(np.full(1, value), np.ones(1))
         assert known._explains_nothing(bias, state, far)[0] == strange  # noqa: SLF001

@@ -99,4 +99,5 @@ def _mixed_bias(plain: Belief, biased: Belief, weight: Floats) -> Bias:
         return replace(second, weight=weight)
     apart = second.value - first.value
     variance = (1.0 - weight) * first.std**2 + weight * second.std**2 + weight * (1.0 - weight) * apart**2
-    return Bias(first.value + weight * apart, np.sqrt(variance), first.weight)
+    share = first.share + weight * (second.share - first.share)
+    return Bias(first.value + weight * apart, np.sqrt(variance), first.weight, share)

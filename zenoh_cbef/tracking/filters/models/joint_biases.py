@@ -149,11 +149,12 @@ class JointBiases:
         state, covariance = averaged.state, averaged.known_covariance
         size = self.motion.size
         variance = np.add.reduce(bias_row * matvec(covariance, bias_row), axis=1)
-        bias = np.add.reduce(bias_row * state, axis=1)
+        bias, std = np.add.reduce(bias_row * state, axis=1), np.sqrt(np.maximum(variance, 0.0))
+        share = state[:, -1].copy() if self.scale_std else np.zeros(len(state))
         return Belief(
             np.ascontiguousarray(state[:, :size]),
             np.ascontiguousarray(covariance[:, :size, :size]),
-            Bias(bias, np.sqrt(np.maximum(variance, 0.0)), np.ones(len(state))),
+            Bias(bias, std, np.ones(len(state)), share),
             (state, covariance, np.zeros_like(begins)),
         )
 

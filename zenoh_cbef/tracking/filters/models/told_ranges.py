@@ -250,7 +250,7 @@ class ToldRanges:
         if self._more:
             rows, place = np.arange(len(state)), size + own.astype(np.intp)
             std = np.sqrt(np.maximum(covariance[rows, place, place], 0.0))
-            bias = Bias(state[rows, place], std, np.ones(len(state)))
+            bias = Bias.constant(state[rows, place], std)
         here = np.ascontiguousarray(state[:, :size]), np.ascontiguousarray(covariance[:, :size, :size])
         return Belief(*here, bias, later)
 
