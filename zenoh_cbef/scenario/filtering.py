@@ -86,6 +86,11 @@ class Filtering:
         several = self.models or self.noises
         return self.tells_ranges and not several and chosen.reacquire and chosen.defaults > 12
 
+    @property
+    def splits(self) -> bool:
+        """Whether each of several motions keeps several hypotheses, of agents that tell each other their ranges."""
+        return self.tells_ranges and bool(self.models) and self.scenario.filter.defaults > 13
+
     @cached_property
     def plain_motion(self) -> LinearMotion:
         """What smoothing and predictions are computed with, which are of linear models in position and velocity."""
@@ -161,6 +166,7 @@ class Filtering:
             squares=self.squares,
             tells_ranges=self.tells_ranges,
             seeks=self.seeks,
+            splits=self.splits,
             plane=self.plane,
             space=self.space,
             range_std=self.range_std,
@@ -213,7 +219,7 @@ class Filtering:
             bends=chosen.defaults > 7 and not tells,
             prompt=chosen.defaults > 8 and not trust.real(scenario),
             supposes=pauses and start.supposes(scenario, window),
-            cut_off=scenario.consensus.rounds * (able.biases and network.tells_members(scenario)),
+            cut_off=scenario.consensus.rounds * (able.biases and network.tells_members(scenario) and not self.splits),
             presumes=trust.presumes(scenario),
             sides=able.biases and network.may_be_in_a_plane(scenario, self.space.axes),
             anywhere=start.anywhere(scenario, self.motion, self.space),

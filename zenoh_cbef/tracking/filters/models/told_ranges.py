@@ -13,15 +13,20 @@ from zenoh_cbef.tracking.copying import replace
 from zenoh_cbef.tracking.diagnostics import Diagnostics
 from zenoh_cbef.tracking.filters.base import Belief, Bias, Sharing, Update
 from zenoh_cbef.tracking.filters.information_form import packed_size, told, unchanged, variance_of
-from zenoh_cbef.tracking.filters.models.branching import KEPT, NEVER, Branches, Heard, Priors, conditioned, likelihoods
+from zenoh_cbef.tracking.filters.models.branching import KEPT, Branches, Heard, conditioned, likelihoods
 from zenoh_cbef.tracking.filters.models.contending import Contest, share, uncounted
+from zenoh_cbef.tracking.filters.models.mixtures import NEVER, Priors, distinct, mixture, total
 from zenoh_cbef.tracking.filters.models.slots import SLOT, Slots
+from zenoh_cbef.tracking.filters.models.splitting import split
 from zenoh_cbef.tracking.filters.rows import Rows
 from zenoh_cbef.tracking.filters.settings import FilterSettings
 from zenoh_cbef.tracking.linalg import matvec
 from zenoh_cbef.tracking.motion import Motion, begun, beside_constants, linear
 from zenoh_cbef.tracking.ranging import Measurement, Space
 from zenoh_cbef.tracking.switching import Gaussian, Switching
+
+_NEAR = 1.0
+"""The square of how many standard deviations apart hypotheses of a motion are one."""
 
 _DOUBT = 0.01
 """How likely it is beforehand that the guesses are wrong, and the target may be anywhere."""
@@ -51,7 +56,8 @@ class ToldRanges:
     range_std: sigma (m). network_size: n. middle: the point from which positions are counted, m. guesses: how many of
     position and of velocity are independent. outliers: see branching.py. own_std: of constant biases, m, which are all
     estimated beside position and velocity, of one linear motion; 0: there are none.
-    anywhere: where the target may be if the guesses are wrong, state (1, s) and covariance (1, s, s).
+    anywhere: where the target may be if the guesses are wrong, state (1, s) and covariance (1, s, s). splits: of
+    several motions, each keeps several hypotheses, and those over which ranges bend are split (splitting.py).
     """
 
     motions: tuple[Motion, ...]
@@ -65,6 +71,7 @@ class ToldRanges:
     own_std: float = 0.0
     anywhere: tuple[Floats, Floats] | None = None
     seeks: bool = False
+    splits: bool = False
 
     @classmethod
     def sharing(cls, settings: FilterSettings) -> Sharing:
@@ -87,6 +94,7 @@ class ToldRanges:
             own_std=settings.own_bias_std if settings.joint_biases else 0.0,
             anywhere=settings.anywhere,
             seeks=settings.seeks,
+            splits=settings.splits,
         )
 
     @property
@@ -124,19 +132,23 @@ class ToldRanges:
         alone = unchanged(payload, update.payload) if self.network_size > 1 else np.zeros(len(ahead), dtype=bool)
         guessed = (payload - update.payload)[:, : self._told] * (begins * ~alone)[:, None]
         averages = payload[:, self._told :][:, : self.network_size * SLOT]
-        heard, found, misfits = self._slots.heard(averages, alone), [], []
+        # An agent of many hypotheses may take in its range alone: they follow the bend of that.
+        heard = self._slots.heard(averages, alone & (not self.splits))
+        found, misfits, stays = [], [], []
         for state, *rest in zip(parts[::3], parts[1::3], parts[2::3], strict=True):
             centred = self._centred(state)
             centred[:, 0, : self._told] += guessed
-            prior = Branches.of((centred, rest[0], rest[1]), self.space.axes, self._biases, self._share(counts))
+            whole = split((centred, *rest), heard) if self.splits else (centred, *rest)
+            prior = Branches.of(whole, self.space.axes, self._biases, self._share(counts))
             branches, later = self._after(prior, heard, counts)
             after, spread, likelihood = branches.merged()
             found.append((self._centred(after, -1.0), spread))
             misfits.append(-2.0 * likelihood)
+            stays.append((self._centred(later[0], -1.0), *later[1:]) if later else ())
         if len(self.motions) == 1:
-            return self._single(*found[0], own, (self._centred(later[0], -1.0), *later[1:]))
+            return self._single(*found[0], own, stays[0])
         chance = self.switching.weighed(ahead, np.stack(misfits, axis=1))
-        parts_of = tuple(Belief(*one) for one in found)
+        parts_of = tuple(Belief(*one, memory=later) for one, later in zip(found, stays, strict=True))
         return Belief(*self.switching.combined(chance, found), chance=chance, parts=parts_of)
 
     def _after(self, prior: Branches, heard: Heard, counts: Floats) -> tuple[Branches, tuple[Floats, ...]]:
@@ -144,6 +156,9 @@ class ToldRanges:
         if self.seeks:
             return self._contest.after(prior, self._elsewhere(len(counts)), heard, counts)
         branches = conditioned(prior, heard, self.outliers)
+        if self.splits:
+            *apart, likelihood = branches.distinct(near=_NEAR)
+            return branches, (*apart, likelihood - np.log(total(np.exp(likelihood)))[:, None])
         return branches, branches.distinct() if len(self.motions) == 1 else ()
 
     def resumed(self, belief: Belief) -> Belief:
@@ -155,7 +170,8 @@ class ToldRanges:
         state, covariance = place.state, place.known_covariance
         if len(self.motions) > 1:
             chance, parts = self.switching.begun(state, covariance)
-            return replace(belief, state=state, covariance=covariance, chance=chance, parts=tuple(map(_of, parts)))
+            found = tuple(Belief(*one, memory=_alike(*one) if self.splits else ()) for one in parts)
+            return replace(belief, state=state, covariance=covariance, chance=chance, parts=found)
         whole, spread = self._begun(state, covariance)
         if belief.memory:
             size, (states, covariances) = self.motions[0].size, belief.memory[:2]
@@ -192,6 +208,10 @@ class ToldRanges:
             belief = self.moved(belief, Belief(belief.state, belief.known_covariance * np.outer(scale, scale)))
         if len(self.motions) == 1:
             ahead, priors = np.ones((len(belief.state), 1)), [(belief.memory[0], belief.memory[1], belief.memory[2])]
+        elif self.splits:
+            kept = [(one.memory[0], one.memory[1], one.memory[2]) for one in belief.parts]
+            ahead, apart = self.switching.apart(belief.known_chance, kept)
+            priors = [distinct(one, KEPT, _NEAR) for one in apart]
         else:
             parts = [(one.state, one.known_covariance) for one in belief.parts]
             ahead, mixed = self.switching.mixed(belief.known_chance, parts)
@@ -269,6 +289,8 @@ class ToldRanges:
         said: list[Diagnostics] = []
         likely = self.switching.of_models(ahead)
         for motion, (state, covariance, likelihood) in enumerate(priors):
+            if self.splits:
+                state, covariance, likelihood = (each[:, None] for each in mixture(state, covariance, likelihood))
             first = self._centred(state[:, :1]), covariance[:, :1], likelihood[:, :1]
             prior = Branches.of(first, self.space.axes, self._biases)
             expected = prior.expected(heard, 0, own)
@@ -293,7 +315,3 @@ def _alike(state: Floats, covariance: Floats, count: int = KEPT) -> Priors:
     likelihood = np.full((len(state), count), NEVER)
     likelihood[:, 0] = 0.0
     return np.repeat(state[:, None], count, axis=1), np.repeat(covariance[:, None], count, axis=1), likelihood
-
-
-def _of(gaussian: Gaussian) -> Belief:
-    return Belief(*gaussian)

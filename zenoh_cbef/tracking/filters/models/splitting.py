@@ -1,0 +1,62 @@
+"""Hypotheses that are too wide for a range to be straight across them are split, and so follow its bend."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from zenoh_cbef.arrays import Floats
+from zenoh_cbef.tracking.filters.models.branching import Heard
+from zenoh_cbef.tracking.filters.models.mixtures import NEVER, Priors
+from zenoh_cbef.tracking.linalg import matvec, outer
+
+_MOST = 1.0
+"""Bend of a range over a hypothesis, in units of the range's noise, from which on that is split."""
+
+
+def split(priors: Priors, heard: Heard) -> Priors:
+    """Each hypothesis, or three in its place where one of the ranges bends over it by more than its noise.
+
+        N(x, P)  ->  N(x, P - d d^T/2)/2 + N(x + d, P - d d^T/2)/4 + N(x - d, P - d d^T/2)/4,    d = P u/sqrt(u^T P u)
+
+    with mean and covariance as before. u is the direction in which the position is the least known, by the standard
+    deviation s. A range at a distance l bends by s^2 sin^2/(2 l) along it. One Gaussian that has taken in such a range
+    fills the sphere of which the range tells, and gets no smaller by the next ones, each of which bends over it. As
+    Gaussians of many hypotheses follow the sphere, later ranges choose between them (Alspach and Sorenson, IEEE TAC
+    17(4), 1972). Splitting goes on from step to step, as long as it has to.
+    """
+    state, covariance, likelihood = priors
+    axes = heard.place.shape[2]
+    sizes, directions = np.linalg.eigh(np.ascontiguousarray(covariance[:, :, :axes, :axes]))
+    wide, along = np.maximum(sizes[:, :, -1], np.finfo(np.float64).tiny), directions[:, :, :, -1]
+    bends = _bend(state[:, :, :axes], wide, along, heard) > _MOST
+    bends &= likelihood > 0.5 * NEVER
+    if not bends.any():
+        return priors
+    longer = np.zeros_like(state)
+    longer[:, :, :axes] = along
+    away = np.where(bends, 1.0 / np.sqrt(wide), 0.0)[:, :, None] * matvec(covariance, longer)
+    narrower = covariance - 0.5 * outer(away, away)
+    middle = likelihood - np.where(bends, np.log(2.0), 0.0)
+    beside = np.where(bends, likelihood - np.log(4.0), NEVER)
+    return (
+        np.concatenate([state, state + away, state - away], axis=1),
+        np.concatenate([narrower, narrower, narrower], axis=1),
+        np.concatenate([middle, beside, beside], axis=1),
+    )
+
+
+def _bend(place: Floats, wide: Floats, along: Floats, heard: Heard) -> Floats:
+    """The most that any range bends over hypotheses, (n, k), in units of its noise.
+
+    place: (n, k, axes). wide: (n, k), m^2, the variance along a direction, (n, k, axes).
+    """
+    most = np.zeros_like(wide)
+    for agent in range(heard.range.shape[1]):
+        away = place - heard.place[:, None, agent]
+        square = np.add.reduce(away * away, axis=2) + heard.height[:, agent, None]
+        noise = heard.variance[:, agent, None]
+        square = np.maximum(square, noise)
+        across = 1.0 - np.add.reduce(away * along, axis=2) ** 2 / square
+        bend = 0.5 * wide * across / np.sqrt(square * noise)
+        most = np.maximum(most, np.where(np.isfinite(heard.range[:, agent, None]), bend, 0.0))
+    return most
