@@ -219,7 +219,7 @@ class Filtering:
             bends=chosen.defaults > 7 and not tells,
             prompt=chosen.defaults > 8 and not trust.real(scenario),
             supposes=pauses and start.supposes(scenario, window),
-            cut_off=scenario.consensus.rounds * (able.biases and network.tells_members(scenario) and not self.splits),
+            cut_off=scenario.consensus.rounds * (able.biases and network.tells_members(scenario)),
             presumes=trust.presumes(scenario),
             sides=able.biases and network.may_be_in_a_plane(scenario, self.space.axes),
             anywhere=start.anywhere(scenario, self.motion, self.space),
