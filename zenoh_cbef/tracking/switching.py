@@ -61,11 +61,10 @@ class Switching:
             for i, (states, covariances, weights) in enumerate(beliefs):
                 flat = states.reshape(-1, states.shape[2]), covariances.reshape(-1, *covariances.shape[2:])
                 state, covariance = self._as_of(flat, i, j)
-                way = np.log(np.maximum(ways[j][i] / likely[:, j], np.finfo(np.float64).tiny))
-                shape = weights.shape
-                parts.append(
-                    (state.reshape(*shape, -1), covariance.reshape(*shape, *covariance.shape[1:]), weights + way[:, None])
-                )
+                way = np.log(np.maximum(ways[j][i] / likely[:, j], np.finfo(np.float64).tiny))[:, None]
+                each = weights.shape
+                shaped = state.reshape(*each, -1), covariance.reshape(*each, *covariance.shape[1:])
+                parts.append((*shaped, weights + way))
             first, second, third = (np.concatenate(each, axis=1) for each in zip(*parts, strict=True))
             found.append((first, second, third))
         return ahead, found

@@ -51,3 +51,10 @@ def total(terms: Floats) -> Floats:
     for branch in range(1, terms.shape[1]):
         found += terms[:, branch]
     return np.asarray(found)
+
+
+def alike(state: Floats, covariance: Floats, count: int) -> Priors:
+    """One prior, (n, s) and (n, s, s), and as many beside it as there is room for, that are never right."""
+    likelihood = np.full((len(state), count), NEVER)
+    likelihood[:, 0] = 0.0
+    return np.repeat(state[:, None], count, axis=1), np.repeat(covariance[:, None], count, axis=1), likelihood

@@ -5,12 +5,30 @@ from __future__ import annotations
 import numpy as np
 
 from zenoh_cbef.arrays import Floats
-from zenoh_cbef.tracking.filters.models.branching import Heard
-from zenoh_cbef.tracking.filters.models.mixtures import NEVER, Priors
+from zenoh_cbef.tracking.filters.base import Belief
+from zenoh_cbef.tracking.filters.models.branching import KEPT, Branches, Heard
+from zenoh_cbef.tracking.filters.models.mixtures import NEVER, Priors, distinct, total
 from zenoh_cbef.tracking.linalg import matvec, outer
+from zenoh_cbef.tracking.switching import Switching
 
 _MOST = 1.0
 """Bend of a range over a hypothesis, in units of the range's noise, from which on that is split."""
+
+_NEAR = 1.0
+"""The square of how many standard deviations apart two hypotheses are one: those of a split are farther apart."""
+
+
+def begun_with(switching: Switching, belief: Belief) -> tuple[Floats, list[Priors]]:
+    """Probabilities of the next step, and the hypotheses with which each motion begins it: of all motions before."""
+    kept = [(one.memory[0], one.memory[1], one.memory[2]) for one in belief.parts]
+    ahead, apart = switching.apart(belief.known_chance, kept)
+    return ahead, [distinct(one, KEPT, _NEAR) for one in apart]
+
+
+def staying(branches: Branches) -> Priors:
+    """The hypotheses of a motion that stay, with logarithms of weights that sum up to one."""
+    states, covariances, likelihood = branches.distinct(near=_NEAR)
+    return states, covariances, likelihood - np.log(total(np.exp(likelihood)))[:, None]
 
 
 def split(priors: Priors, heard: Heard) -> Priors:

@@ -15,18 +15,15 @@ from zenoh_cbef.tracking.filters.base import Belief, Bias, Sharing, Update
 from zenoh_cbef.tracking.filters.information_form import packed_size, told, unchanged, variance_of
 from zenoh_cbef.tracking.filters.models.branching import KEPT, Branches, Heard, conditioned, likelihoods
 from zenoh_cbef.tracking.filters.models.contending import Contest, share, uncounted
-from zenoh_cbef.tracking.filters.models.mixtures import NEVER, Priors, distinct, mixture, total
+from zenoh_cbef.tracking.filters.models.mixtures import Priors, alike, mixture
 from zenoh_cbef.tracking.filters.models.slots import SLOT, Slots
-from zenoh_cbef.tracking.filters.models.splitting import split
+from zenoh_cbef.tracking.filters.models.splitting import begun_with, split, staying
 from zenoh_cbef.tracking.filters.rows import Rows
 from zenoh_cbef.tracking.filters.settings import FilterSettings
 from zenoh_cbef.tracking.linalg import matvec
 from zenoh_cbef.tracking.motion import Motion, begun, beside_constants, linear
 from zenoh_cbef.tracking.ranging import Measurement, Space
 from zenoh_cbef.tracking.switching import Gaussian, Switching
-
-_NEAR = 1.0
-"""The square of how many standard deviations apart hypotheses of a motion are one."""
 
 _DOUBT = 0.01
 """How likely it is beforehand that the guesses are wrong, and the target may be anywhere."""
@@ -134,12 +131,12 @@ class ToldRanges:
         averages = payload[:, self._told :][:, : self.network_size * SLOT]
         # An agent of many hypotheses may take in its range alone: they follow the bend of that.
         heard = self._slots.heard(averages, alone & (not self.splits))
-        found, misfits, stays = [], [], []
+        known, found, misfits, stays = (self.space.axes, self._biases, self._share(counts)), [], [], []
         for state, *rest in zip(parts[::3], parts[1::3], parts[2::3], strict=True):
             centred = self._centred(state)
             centred[:, 0, : self._told] += guessed
-            whole = split((centred, *rest), heard) if self.splits else (centred, *rest)
-            prior = Branches.of(whole, self.space.axes, self._biases, self._share(counts))
+            whole = centred, rest[0], rest[1]
+            prior = Branches.of(split(whole, heard) if self.splits else whole, *known)
             branches, later = self._after(prior, heard, counts)
             after, spread, likelihood = branches.merged()
             found.append((self._centred(after, -1.0), spread))
@@ -152,13 +149,12 @@ class ToldRanges:
         return Belief(*self.switching.combined(chance, found), chance=chance, parts=parts_of)
 
     def _after(self, prior: Branches, heard: Heard, counts: Floats) -> tuple[Branches, tuple[Floats, ...]]:
-        """All branches, and of one motion what the next step begins with."""
+        """All branches, and what the next step begins with: of one motion, or of one that keeps several hypotheses."""
         if self.seeks:
             return self._contest.after(prior, self._elsewhere(len(counts)), heard, counts)
         branches = conditioned(prior, heard, self.outliers)
         if self.splits:
-            *apart, likelihood = branches.distinct(near=_NEAR)
-            return branches, (*apart, likelihood - np.log(total(np.exp(likelihood)))[:, None])
+            return branches, staying(branches)
         return branches, branches.distinct() if len(self.motions) == 1 else ()
 
     def resumed(self, belief: Belief) -> Belief:
@@ -170,14 +166,14 @@ class ToldRanges:
         state, covariance = place.state, place.known_covariance
         if len(self.motions) > 1:
             chance, parts = self.switching.begun(state, covariance)
-            found = tuple(Belief(*one, memory=_alike(*one) if self.splits else ()) for one in parts)
+            found = tuple(Belief(*one, memory=alike(*one, KEPT) if self.splits else ()) for one in parts)
             return replace(belief, state=state, covariance=covariance, chance=chance, parts=found)
         whole, spread = self._begun(state, covariance)
         if belief.memory:
             size, (states, covariances) = self.motions[0].size, belief.memory[:2]
             whole[:, size:], spread[:, size:, size:] = states[:, 0, size:], covariances[:, 0, size:, size:]
-        count = len(state)
-        memory = (*_alike(whole, spread, 2 * KEPT), uncounted(count)) if self.seeks else _alike(whole, spread)
+        kept = alike(whole, spread, KEPT * (1 + self.seeks))
+        memory = (*kept, uncounted(len(state))) if self.seeks else kept
         return replace(belief, state=state, covariance=covariance, memory=memory)
 
     def denied(self, belief: Belief) -> Bools:
@@ -209,13 +205,11 @@ class ToldRanges:
         if len(self.motions) == 1:
             ahead, priors = np.ones((len(belief.state), 1)), [(belief.memory[0], belief.memory[1], belief.memory[2])]
         elif self.splits:
-            kept = [(one.memory[0], one.memory[1], one.memory[2]) for one in belief.parts]
-            ahead, apart = self.switching.apart(belief.known_chance, kept)
-            priors = [distinct(one, KEPT, _NEAR) for one in apart]
+            ahead, priors = begun_with(self.switching, belief)
         else:
             parts = [(one.state, one.known_covariance) for one in belief.parts]
             ahead, mixed = self.switching.mixed(belief.known_chance, parts)
-            priors = [_alike(*one, 1 + begins) for one in mixed]
+            priors = [alike(*one, 1 + begins) for one in mixed]
         if begins and self.anywhere is not None:
             priors = [self._or_anywhere(motion, one) for motion, one in zip(self.motions, priors, strict=True)]
         return ahead, [self._predicted(motion, *one) for motion, one in zip(self.motions, priors, strict=True)]
@@ -289,9 +283,10 @@ class ToldRanges:
         said: list[Diagnostics] = []
         likely = self.switching.of_models(ahead)
         for motion, (state, covariance, likelihood) in enumerate(priors):
+            alone = state[:, 0], covariance[:, 0]
             if self.splits:
-                state, covariance, likelihood = (each[:, None] for each in mixture(state, covariance, likelihood))
-            first = self._centred(state[:, :1]), covariance[:, :1], likelihood[:, :1]
+                alone = mixture(state, covariance, likelihood)[:2]
+            first = self._centred(alone[0])[:, None], alone[1][:, None], np.zeros((len(state), 1))
             prior = Branches.of(first, self.space.axes, self._biases)
             expected = prior.expected(heard, 0, own)
             right, wrong = (one[:, 0] for one in likelihoods(expected, noise, self.outliers, share_))
@@ -308,10 +303,3 @@ class ToldRanges:
         centred = np.array(state)
         centred[..., : self.space.axes] -= sign * np.array(self.middle)
         return centred
-
-
-def _alike(state: Floats, covariance: Floats, count: int = KEPT) -> Priors:
-    """One prior, (n, s) and (n, s, s), and as many beside it as there is room for, that are never right."""
-    likelihood = np.full((len(state), count), NEVER)
-    likelihood[:, 0] = 0.0
-    return np.repeat(state[:, None], count, axis=1), np.repeat(covariance[:, None], count, axis=1), likelihood
