@@ -12,10 +12,11 @@ from zenoh_cbef.arrays import Bools, Floats
 from zenoh_cbef.tracking.copying import replace
 from zenoh_cbef.tracking.diagnostics import Diagnostics
 from zenoh_cbef.tracking.filters.base import Belief, Bias, Sharing, Update
-from zenoh_cbef.tracking.filters.information_form import packed_size, told, unchanged, variance_of
-from zenoh_cbef.tracking.filters.models.branching import KEPT, Branches, Heard, conditioned, likelihoods
+from zenoh_cbef.tracking.filters.information_form import packed_size, unchanged, variance_of
+from zenoh_cbef.tracking.filters.models.branching import KEPT, Branches, Heard, conditioned
 from zenoh_cbef.tracking.filters.models.contending import Contest, share, uncounted
 from zenoh_cbef.tracking.filters.models.mixtures import Priors, alike, mixture
+from zenoh_cbef.tracking.filters.models.own_range import said_of
 from zenoh_cbef.tracking.filters.models.slots import SLOT, Slots
 from zenoh_cbef.tracking.filters.models.splitting import begun_with, split, staying
 from zenoh_cbef.tracking.filters.rows import Rows
@@ -226,8 +227,6 @@ class ToldRanges:
 
     def _or_anywhere(self, motion: Motion, priors: Priors) -> Priors:
         """With where the target may be if the guesses are wrong in the second place."""
-        if self.anywhere is None:
-            return priors
         state, covariance, likelihood = (each.copy() for each in priors)
         begins = begun(motion, *self._place) if len(self.motions) > 1 else self._begun(*self._place)
         state[:, 1], covariance[:, 1], likelihood[:, 1] = *begins, np.log(_DOUBT)
@@ -278,8 +277,8 @@ class ToldRanges:
         self, ahead: Floats, priors: list[Priors], new: Measurement, own: Rows, share_: Floats | None
     ) -> Diagnostics:
         """What is said of the own range, by the likeliest motion before it was heard; weight: whether it is right."""
-        ranges, noise = new.range[:, None], variance_of(new, self.range_std)[:, None]
-        heard = self._slots.at(new.position[:, None], ranges, new.age[:, None], noise)
+        noise = variance_of(new, self.range_std)
+        heard = self._slots.at(new.position[:, None], new.range[:, None], new.age[:, None], noise[:, None])
         said: list[Diagnostics] = []
         likely = self.switching.of_models(ahead)
         for motion, (state, covariance, likelihood) in enumerate(priors):
@@ -287,13 +286,8 @@ class ToldRanges:
             if self.splits:
                 alone = mixture(state, covariance, likelihood)[:2]
             first = self._centred(alone[0])[:, None], alone[1][:, None], np.zeros((len(state), 1))
-            prior = Branches.of(first, self.space.axes, self._biases)
-            expected = prior.expected(heard, 0, own)
-            right, wrong = (one[:, 0] for one in likelihoods(expected, noise, self.outliers, share_))
-            spread = np.sqrt(expected.total[:, 0]) / expected.unit[:, 0]
-            innovation = expected.excess[:, 0] / expected.unit[:, 0]
-            weight = 1.0 / (1.0 + np.exp(np.minimum(wrong - right, 500.0)))
-            one = told(np.isfinite(new.range), innovation, weight, spread)
+            prior = Branches.of(first, self.space.axes, self._biases, share_)
+            one = said_of(prior, heard, own, self.outliers)
             likeliest = likely[:, motion] >= np.maximum.reduce(likely, axis=1)
             said = [said[0].chosen(likeliest, one) if said else one]
         return replace(said[0], maneuver=likely[:, -1].copy()) if len(self.motions) > 1 else said[0]
