@@ -271,7 +271,7 @@ def test_what_is_not_there_is_never_right():
 def test_the_likeliest_of_many_stay():
     random = np.random.default_rng(6)
     many = several(random, count=24)
-    stay = many.likeliest()
+    stay = many.likeliest(MOST)
     for agent in range(3):
         best = np.sort(many.likelihood[agent])[::-1][: stay.likelihood.shape[1]]
         np.testing.assert_array_equal(stay.likelihood[agent], best)

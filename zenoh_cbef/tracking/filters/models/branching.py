@@ -139,8 +139,8 @@ class Branches:
         total = spread + (4.0 * length * length + 2.0 * noise) * noise
         return Expected(row, distance + bias, variance, excess, total, 2.0 * length)
 
-    def after(self, heard: Heard, agent: int, outliers: tuple[float, float] | None) -> Branches:
-        """With the range of an agent, right or wrong."""
+    def after(self, heard: Heard, agent: int, outliers: tuple[float, float] | None, many: int = MOST) -> Branches:
+        """With the range of an agent, right or wrong; so many stay."""
         there = np.isfinite(heard.range[:, agent])[:, None]
         told = self.expected(heard, agent)
         right, wrong = likelihoods(told, heard.variance[:, agent, None], outliers, self.share)
@@ -158,11 +158,11 @@ class Branches:
             likelihood=likelihood,
             wrong=np.concatenate([self.wrong, self.wrong + there], axis=1),
         )
-        return both.likeliest()
+        return both.likeliest(many)
 
-    def likeliest(self) -> Branches:
+    def likeliest(self, many: int) -> Branches:
         """Those that stay."""
-        kept = np.argsort(-self.likelihood, axis=1, kind="stable")[:, :MOST]
+        kept = np.argsort(-self.likelihood, axis=1, kind="stable")[:, :many]
         return replace(
             self,
             mean=np.take_along_axis(self.mean, kept[:, :, None], axis=1),
@@ -198,28 +198,31 @@ class Branches:
         weight = np.exp(self.likelihood - np.maximum.reduce(self.likelihood, axis=1)[:, None])
         return total(weight * self.wrong) / total(weight)
 
-    def distinct(self, most: Floats | None = None, near: float | None = None) -> Priors:
+    @property
+    def priors(self) -> Priors:
+        """The branches without e."""
+        size = self.mean.shape[2] - 1
+        return self.mean[:, :, :size], self.covariance[:, :, :size, :size], self.likelihood
+
+    def distinct(self, most: Floats | None = None) -> Priors:
         """Those that later steps have to decide about: branches near a likelier one are merged with it.
 
-        most: (n, 1), from which likelihoods are counted; None: from the likeliest. near: see `distinct`.
+        most: (n, 1), from which likelihoods are counted; None: from the likeliest.
         """
-        size = self.mean.shape[2] - 1
-        whole = self.mean[:, :, :size], self.covariance[:, :, :size, :size], self.likelihood
-        states, covariances, likelihoods_ = distinct(whole, KEPT, near)
+        states, covariances, likelihoods_ = distinct(self.priors, KEPT)
         if most is None:
             most = np.maximum.reduce(likelihoods_, axis=1)[:, None]
         return states, covariances, np.maximum(likelihoods_ - most, NEVER)
 
     def merged(self) -> tuple[Floats, Floats, Floats]:
         """State (n, s) and covariance (n, s, s) of all branches, and the logarithm of their likelihood, (n,)."""
-        size = self.mean.shape[2] - 1
-        return mixture(self.mean[:, :, :size], self.covariance[:, :, :size, :size], self.likelihood)
+        return mixture(*self.priors)
 
 
-def conditioned(prior: Branches, heard: Heard, outliers: tuple[float, float] | None) -> Branches:
-    """The branches after all ranges."""
+def conditioned(prior: Branches, heard: Heard, outliers: tuple[float, float] | None, many: int = MOST) -> Branches:
+    """The branches after all ranges, of which so many stay after each."""
     for agent in range(heard.range.shape[1]):
-        prior = prior.after(heard, agent, outliers)
+        prior = prior.after(heard, agent, outliers, many)
     return prior
 
 

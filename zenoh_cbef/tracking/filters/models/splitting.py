@@ -6,10 +6,16 @@ import numpy as np
 
 from zenoh_cbef.arrays import Floats
 from zenoh_cbef.tracking.filters.base import Belief
-from zenoh_cbef.tracking.filters.models.branching import KEPT, Branches, Heard
+from zenoh_cbef.tracking.filters.models.branching import Branches, Heard
 from zenoh_cbef.tracking.filters.models.mixtures import NEVER, Priors, distinct, total
 from zenoh_cbef.tracking.linalg import matvec, outer
 from zenoh_cbef.tracking.switching import Switching
+
+STAY = 6
+"""How many hypotheses of a motion stay from step to step."""
+
+MANY = 32
+"""How many of their branches stay after each range: each may be split into three, and any range may be wrong."""
 
 _MOST = 1.0
 """Bend of a range over a hypothesis, in units of the range's noise, from which on that is split."""
@@ -22,13 +28,15 @@ def begun_with(switching: Switching, belief: Belief) -> tuple[Floats, list[Prior
     """Probabilities of the next step, and the hypotheses with which each motion begins it: of all motions before."""
     kept = [(one.memory[0], one.memory[1], one.memory[2]) for one in belief.parts]
     ahead, apart = switching.apart(belief.known_chance, kept)
-    return ahead, [distinct(one, KEPT, _NEAR) for one in apart]
+    return ahead, [distinct(one, STAY, _NEAR) for one in apart]
 
 
 def staying(branches: Branches) -> Priors:
     """The hypotheses of a motion that stay, with logarithms of weights that sum up to one."""
-    states, covariances, likelihood = branches.distinct(near=_NEAR)
-    return states, covariances, likelihood - np.log(total(np.exp(likelihood)))[:, None]
+    states, covariances, likelihood = distinct(branches.priors, STAY, _NEAR)
+    likelihood = likelihood - np.maximum.reduce(likelihood, axis=1)[:, None]
+    weights = likelihood - np.log(total(np.exp(likelihood)))[:, None]
+    return states, covariances, np.maximum(weights, NEVER)
 
 
 def split(priors: Priors, heard: Heard) -> Priors:

@@ -13,12 +13,12 @@ from zenoh_cbef.tracking.copying import replace
 from zenoh_cbef.tracking.diagnostics import Diagnostics
 from zenoh_cbef.tracking.filters.base import Belief, Bias, Sharing, Update
 from zenoh_cbef.tracking.filters.information_form import packed_size, unchanged, variance_of
-from zenoh_cbef.tracking.filters.models.branching import KEPT, Branches, Heard, conditioned
+from zenoh_cbef.tracking.filters.models.branching import KEPT, MOST, Branches, Heard, conditioned
 from zenoh_cbef.tracking.filters.models.contending import Contest, share, uncounted
 from zenoh_cbef.tracking.filters.models.mixtures import Priors, alike, mixture
 from zenoh_cbef.tracking.filters.models.own_range import said_of
 from zenoh_cbef.tracking.filters.models.slots import SLOT, Slots
-from zenoh_cbef.tracking.filters.models.splitting import begun_with, split, staying
+from zenoh_cbef.tracking.filters.models.splitting import MANY, STAY, begun_with, split, staying
 from zenoh_cbef.tracking.filters.rows import Rows
 from zenoh_cbef.tracking.filters.settings import FilterSettings
 from zenoh_cbef.tracking.linalg import matvec
@@ -153,7 +153,7 @@ class ToldRanges:
         """All branches, and what the next step begins with: of one motion, or of one that keeps several hypotheses."""
         if self.seeks:
             return self._contest.after(prior, self._elsewhere(len(counts)), heard, counts)
-        branches = conditioned(prior, heard, self.outliers)
+        branches = conditioned(prior, heard, self.outliers, MANY if self.splits else MOST)
         if self.splits:
             return branches, staying(branches)
         return branches, branches.distinct() if len(self.motions) == 1 else ()
@@ -167,7 +167,7 @@ class ToldRanges:
         state, covariance = place.state, place.known_covariance
         if len(self.motions) > 1:
             chance, parts = self.switching.begun(state, covariance)
-            found = tuple(Belief(*one, memory=alike(*one, KEPT) if self.splits else ()) for one in parts)
+            found = tuple(Belief(*one, memory=alike(*one, STAY) if self.splits else ()) for one in parts)
             return replace(belief, state=state, covariance=covariance, chance=chance, parts=found)
         whole, spread = self._begun(state, covariance)
         if belief.memory:
