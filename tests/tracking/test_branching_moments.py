@@ -7,7 +7,8 @@ from itertools import product
 import numpy as np
 import pytest
 
-from zenoh_cbef.tracking.filters.models.branching import KEPT, NEVER, Branches, Heard, conditioned, likelihoods
+from zenoh_cbef.tracking.filters.models.branching import KEPT, MOST, Branches, Heard, conditioned, likelihoods
+from zenoh_cbef.tracking.filters.models.mixtures import NEVER
 
 STD = 0.1
 SPREADS = np.array([0.3, 0.2, 0.25, 0.4, 0.5, 0.3])
