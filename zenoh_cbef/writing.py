@@ -1,9 +1,11 @@
-"""Files that cannot be written, as sentences."""
+"""Files that get their name when they are whole, and those that cannot be written, as sentences."""
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 from zenoh_cbef.errors import UserError
 
@@ -15,3 +17,17 @@ def writing(place: object, remedy: str = "choose another --output") -> Iterator[
         yield
     except OSError as error:
         raise UserError(f"cannot write {place}: {error.strerror}; {remedy}") from None
+
+
+@contextmanager
+def whole(output: Path) -> Iterator[Path]:
+    """Where to write what is to be `output`, a file or a folder, which has that name when the block has ended.
+
+    Where the block fails nothing is left, and what was there before stays. Raises UserError for an OSError.
+    """
+    with writing(output, "make room, or choose another --output"):
+        output.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(prefix=".export-", dir=output.parent) as folder:
+            fresh = Path(folder) / output.name
+            yield fresh
+            fresh.replace(output)

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import resource
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from tests.datasets.made import ANCHORS, RANGES, TRUTH, scenario_of, write
-from zenoh_cbef.datasets import read_dataset
+from zenoh_cbef.datasets import read_dataset, write_dataset
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.scenario.load import load
 from zenoh_cbef.scenario.plan import Plan
@@ -163,3 +166,25 @@ def test_a_folder_that_is_no_dataset_is_refused_with_file_and_remedy(tmp_path, f
     assert str(folder) in str(caught.value)
     assert "\n" not in str(caught.value)
     assert not recwarn.list
+
+
+def test_a_dataset_that_the_disk_has_no_room_for_leaves_the_one_that_was_there(tmp_path):
+    before = write(tmp_path / "set")
+    files = {path.name: path.read_bytes() for path in before.iterdir()}
+    dataset = read_dataset(before)
+    longer = replace(
+        dataset,
+        range_time=np.arange(2000.0),
+        range_anchor=np.zeros(2000, dtype=np.intp),
+        ranges=np.ones(2000),
+        truth_time=np.empty(0),
+        truth=np.empty((0, 3)),
+    )
+    most, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, hard))
+    try:
+        with pytest.raises(UserError, match=r"cannot write .*ranges\.csv: File too large; make room"):
+            write_dataset(longer, before)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (most, hard))
+    assert {path.name: path.read_bytes() for path in before.iterdir()} == files

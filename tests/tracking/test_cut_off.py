@@ -15,7 +15,8 @@ from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.simulator import simulate
 from zenoh_cbef.tracking.copying import replace
 from zenoh_cbef.tracking.filters import Belief
-from zenoh_cbef.tracking.filters.around.cut_off import CutOff, faintest
+from zenoh_cbef.tracking.filters.around.cut_off import CutOff
+from zenoh_cbef.tracking.filters.around.roll_call import faintest
 from zenoh_cbef.tracking.filters.finding.knowing import Knowing
 from zenoh_cbef.tracking.filters.finding.reacquiring import Reacquiring
 from zenoh_cbef.tracking.filters.kinds.sicf import SaturatedInformation

@@ -69,3 +69,23 @@ def test_only_agents_that_may_be_in_one_plane_tell_where_they_are():
     assert more("agents.count=2", "filter.planar_height=0") == 5
     # Groups that a liar parts may be of three; agents then tell who is there, too.
     assert more("agents.count=6", LIAR) == 9 + 6
+
+
+LINE = "agents.count=4", "agents.positions=[[-10,0,0],[-4,0,0],[3,0,0],[10,0,0]]", "steps=60"
+
+
+def said(*more):
+    (trace,) = simulate([load("tracking", [*LINE, *more]).scenario])
+    return trace.diagnostics.status
+
+
+def test_agents_on_a_line_never_say_that_they_track_a_target_in_space():
+    past = "target.position=[-3,-4,0]", "target.velocity=[0.2,0.4,0]"
+    assert not (said(*past) == TRACKING).any()
+    assert (said(*past, "filter.defaults=13") == TRACKING).any()
+
+
+@pytest.mark.parametrize("known", ["filter.planar_height=0", "agents.positions=[[-10,0,0],[-4,5,0],[3,0,8],[10,0,0]]"])
+def test_where_ranges_tell_the_place_they_do(known):
+    path = ["target.position=[-3,6,0]", "target.velocity=[0.2,0,0]", "target.acceleration_std=0.01"]
+    assert (said(known, *path, "filter.acceleration_std=0.01")[:, -1] == TRACKING).all()

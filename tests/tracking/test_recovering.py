@@ -125,6 +125,18 @@ def test_widening_widens_all_motions_and_leaves_how_likely_they_are():
     )
 
 
+def test_outliers_of_which_the_scenario_tells_are_no_sign_of_a_lost_target():
+    """With 40 % of them four of six ranges are outliers in one step of seven."""
+
+    def error(*more):
+        keys = ["filter.recovery=true", "steps=120", "sensor.outlier_probability=0.4", "sensor.outlier_scale=20", *more]
+        traces = simulate([load("tracking", [*keys, f"seed={seed}"]).scenario for seed in (4001, 4002, 4003)])
+        return max(float(np.linalg.norm(one.estimates - one.truth, axis=2)[:, 40:].mean()) for one in traces)
+
+    assert error() < 0.3
+    assert error("filter.defaults=13") > 2.0 * error()
+
+
 def test_recovery_is_for_filters_that_average_information():
     with pytest.raises(UserError, match=r"filter\.recovery is for filters that average information"):
         parse({"filter": {"kind": "kcf", "recovery": True}}, "test")

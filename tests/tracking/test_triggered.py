@@ -107,3 +107,16 @@ def test_a_number_is_near_up_to_the_trigger_or_that_share_of_a_larger_one(off, n
         value = said.copy()
         value[1, -1] += off * scale
         assert stage._near(value, said).tolist() == [True, near]  # noqa: SLF001
+
+
+def error(*more):
+    keys = ["steps=60", "seed=4001", "sensor.bias_std=0.1", *more]
+    (trace,) = simulate([load("tracking", keys).scenario])
+    return float(np.linalg.norm(trace.estimates[:, 5:, :3] - trace.truth[5:, :3], axis=2).mean())
+
+
+def test_numbers_of_a_first_fix_are_no_information_on_biases_that_come_later():
+    """Where the filter's information on biases is to stand, the fix has numbers of its own, and zeros."""
+    all_told = error()
+    assert error("consensus.trigger=0.02") < 1.02 * all_told
+    assert error("consensus.trigger=0.02", "filter.defaults=13") > 2.0 * all_told

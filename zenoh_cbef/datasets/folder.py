@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ from zenoh_cbef.datasets.dataset import Dataset
 from zenoh_cbef.datasets.table import COLUMNS, Table, read_table
 from zenoh_cbef.datasets.units import clash_of_units
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.writing import writing
+from zenoh_cbef.writing import whole, writing
 
 
 def read_dataset(folder: Path) -> Dataset:
@@ -68,11 +69,12 @@ def write_dataset(dataset: Dataset, folder: Path) -> list[Path]:
     if dataset.has_truth:
         known = zip(dataset.truth_time.tolist(), dataset.truth.tolist(), strict=True)
         tables["truth"] = [(time, *row) for time, row in known]
-    with writing(folder):
-        folder.mkdir(parents=True, exist_ok=True)
+    files = [folder / f"{name}.csv" for name in tables]
+    with writing(folder), ExitStack() as last:
+        fresh = [last.enter_context(whole(file)) for file in files]
+        for file, (name, rows) in zip(fresh, tables.items(), strict=True):
+            lines = [COLUMNS[name], *(",".join(map(str, row)) for row in rows)]
+            file.write_text("\n".join(lines) + "\n", encoding="utf-8")
         if not dataset.has_truth:
             (folder / "truth.csv").unlink(missing_ok=True)
-        for name, rows in tables.items():
-            lines = [COLUMNS[name], *(",".join(map(str, row)) for row in rows)]
-            (folder / f"{name}.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
-    return [folder / f"{name}.csv" for name in tables]
+    return files

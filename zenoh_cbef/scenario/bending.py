@@ -47,11 +47,21 @@ def may_pause(scenario: Scenario, motion: LinearMotion, range_std: float) -> boo
 
 def mirrored(scenario: Scenario, range_std: float, axes: int) -> bool:
     """Whether agents are in one plane, or on one line in a plane, wherever a seed places them."""
+    return _left_open(scenario, range_std, axes) == MIRRORED
+
+
+def undetermined(scenario: Scenario, range_std: float, axes: int) -> bool:
+    """Whether agents rest so that ranges fit more than a place and its mirror image, as on one line in space."""
+    return scenario.agents.motion == "static" and _left_open(scenario, range_std, axes) > MIRRORED
+
+
+def _left_open(scenario: Scenario, range_std: float, axes: int) -> int:
+    """How many axes (see tracking.sight) the agents' places at first leave open, wherever a seed places them."""
     low, high = (corner[:axes] for corner in start.box(scenario))
     if scenario.agents.positions is None and scenario.agents.motion != "waypoints":
-        return axes - min(scenario.count - 1, int((high - low > range_std).sum())) == MIRRORED
+        return axes - min(scenario.count - 1, int((high - low > range_std).sum()))
     places = paths.placement(scenario)[:, None, :axes]
-    return bool(open_axes(places, np.ones(places.shape[:2], dtype=bool), 1, range_std)[0] == MIRRORED)
+    return int(open_axes(places, np.ones(places.shape[:2], dtype=bool), 1, range_std)[0])
 
 
 def bending(scenario: Scenario, motion: LinearMotion, range_std: float, dt: float) -> tuple[float, float]:

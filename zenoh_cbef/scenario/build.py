@@ -73,7 +73,12 @@ def _averaging(
     if stage.acceleration == "chebyshev":
         return Chebyshev(weights, bounds[:, :1], bounds[:, 1:], rounded=rounded, workspace=workspace, links=links)
     if stage.trigger:
-        return Triggered(weights, stage.trigger, plan.sharing.blocks, rounded=rounded, workspace=workspace)
+        return Triggered(
+            *(weights, stage.trigger, plan.sharing.blocks),
+            mistakes=plan.scenario.filter.defaults < 14,
+            rounded=rounded,
+            workspace=workspace,
+        )
     return Average(weights, rounded=rounded, workspace=workspace, links=links)
 
 

@@ -187,7 +187,7 @@ class Filtering:
         doubts = single and trust.doubts_noise(scenario)
         return replace(
             settings,
-            recovers=chosen.recovery,
+            recovers=start.implausible_share(scenario) if chosen.recovery else 0.0,
             distrusts=self.distrusts_own,
             bias=self.bias,
             joint_biases=joint,
@@ -213,6 +213,8 @@ class Filtering:
             returns=chosen.defaults > 3,
             says_status=chosen.status and able.information,
             judges_agents=chosen.status_rules > 1,
+            hearing=self.settling_steps * network.counts_hearers(scenario),
+            rounds=scenario.consensus.rounds,
             reacquires=window,
             spreading=start.spreading(scenario, window),
             deciding=start.deciding(scenario, window),
@@ -221,6 +223,7 @@ class Filtering:
             supposes=pauses and start.supposes(scenario, window),
             cut_off=scenario.consensus.rounds * (able.biases and network.tells_members(scenario)),
             presumes=trust.presumes(scenario),
+            undetermined=chosen.defaults > 13 and bending.undetermined(scenario, self.range_std, self.space.axes),
             sides=able.biases and network.may_be_in_a_plane(scenario, self.space.axes),
             anywhere=start.anywhere(scenario, self.motion, self.space),
             first_fix=self.first_fix_steps,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from zenoh_cbef.arrays import Bools, Floats
-from zenoh_cbef.faults import MessageFault
+from zenoh_cbef.faults import MessageFault, SensorDropout
 from zenoh_cbef.scenario import trust
 from zenoh_cbef.scenario.model import Scenario
 from zenoh_cbef.scenario.paths import agent_positions, placement
@@ -57,6 +57,14 @@ def tells_members(scenario: Scenario) -> bool:
 def parts(scenario: Scenario) -> bool:
     """Whether faults, or the way between agents, may part the network."""
     return any(isinstance(fault, MessageFault) and fault.cuts for fault in scenario.fault) or by_radio(scenario)
+
+
+def counts_hearers(scenario: Scenario) -> bool:
+    """Whether few agents count how many hear the target, as receivers may be out of its reach, or fall silent."""
+    silent = scenario.sensor.reach is not None or any(isinstance(fault, SensorDropout) for fault in scenario.fault)
+    asked = scenario.filter.status and scenario.filter.defaults > 13 and scenario.consensus.rounds > 0
+    few = scenario.count <= FEW and not scenario.consensus.trigger
+    return silent and asked and few and not trust.real(scenario)
 
 
 def may_be_in_a_plane(scenario: Scenario, axes: int) -> bool:

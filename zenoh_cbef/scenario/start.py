@@ -140,6 +140,15 @@ def outliers(scenario: Scenario) -> tuple[float, float] | None:
     return (sensor.outlier_probability, sensor.outlier_scale) if among_outliers(scenario) else None
 
 
+def implausible_share(scenario: Scenario) -> float:
+    """From which share of implausible innovations on a network takes its estimate for lost, not ranges for outliers.
+
+    Half of the ranges that are none, and all outliers of which the scenario tells.
+    """
+    told = outliers(scenario) if scenario.filter.defaults > 13 else None
+    return 0.5 if told is None else 0.5 * (1.0 + told[0])
+
+
 def tries_guess(scenario: Scenario) -> bool:
     """Whether a first fix tries the guess: where ranges are straight lines over how far that may be off."""
     return scenario.filter.defaults > 2 and not among_outliers(scenario) and not bends_over_guess(scenario)

@@ -8,7 +8,10 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from zenoh_cbef.arrays import Floats
+from zenoh_cbef.arrays import Bools, Floats
+
+LEAST = 1e-12
+"""Least over largest eigenvalue of what passes for an information matrix."""
 
 
 def matvec(matrix: Floats, vector: Floats) -> Floats:
@@ -40,6 +43,12 @@ def inverse_if_any(matrices: Floats) -> Floats:
             with suppress(np.linalg.LinAlgError):
                 inverted[place] = inverse(matrix)
         return inverted
+
+
+def sound_rows(matrices: Floats) -> Bools:
+    """Which of symmetric matrices (n, s, s) pass for information matrices: (n,)."""
+    eigenvalues = np.linalg.eigvalsh(matrices)
+    return np.asarray(eigenvalues[:, 0] > LEAST * eigenvalues[:, -1])
 
 
 def neighbour_sum(terms: Floats) -> Floats:

@@ -77,6 +77,10 @@ _LEARNED = 0.1
 _FIRST = 10
 """How many ranges for each axis, five for each unknown, the network hears before it tracks."""
 
+_SCARCE = 5.0
+"""After so many steps without enough agents that hear the target the network coasts: it may tell something else in one.
+"""
+
 _PROOF = 7
 """How many of each agent: of one whose ranges do not fit, six in a row take its mean from DOUBT to beyond WRONG."""
 
@@ -88,16 +92,19 @@ class Status:
     which: a number as in STATUSES. seconds: how long it has been so, s. steps: since the start. heard: the network's
     ranges that fitted since the end of the first fix, by the first rules all. misfit, weight: fading sums of how badly
     ranges fit, and of their number. spread: the claimed position error, m. reference: what that was when ranges were
-    last enough. own: the agent's own fading mean, and latest: its latest range's cut NIS.
+    last enough. own: the agent's own fading mean, and latest: its latest range's cut NIS. unheard: steps since it heard
+    the target, and scarce: since enough agents had heard it lately, where agents count those.
 
         e_i <- fading mean of min(NIS_i, NIS_i of its range before, 9) over the agent's last 15 ranges or so
         A <- fading mean of 9 [e_i > 3.6] over the network's last 120 ranges or so
         r <- min(s, r exp(0.1 (ranges of this step)/axes))       s: root of the trace of the position's covariance
 
     lost: A > 9 min(0.6, 1 - (unknowns + 0.6)/n), where the agents whose ranges fit are so few that these would fit a
-    wrong place, too. coasting: s > 2 r: the covariance has grown, and ranges that would explain it are missing. Both r
-    and A have no unit of time, so neither dt nor how often agents range matters. By the first rules A was the fading
-    mean of min(NIS_i, 9) itself, and the limit always 5.4.
+    wrong place, too. coasting: s > 2 r: the covariance has grown, and ranges that would explain it are missing; or for
+    some steps fewer agents have heard the target than it has axes; then until as many ranges have fitted as prove a
+    first place. Both r and A have no unit of time, so neither dt nor
+    how often agents range matters. By the first rules A was the fading mean of min(NIS_i, 9) itself, and the limit
+    always 5.4.
     """
 
     which: Floats
@@ -110,6 +117,8 @@ class Status:
     spread: Floats
     own: Floats
     latest: Floats
+    unheard: Floats
+    scarce: Floats
 
     @classmethod
     def first(cls, count: int) -> Self:
@@ -129,10 +138,15 @@ class Status:
         """Whether the claimed error has grown so far that a filter may no longer linearise at its estimate, (n,)."""
         return np.asarray(self.spread > _ADRIFT * self.reference)
 
+    @property
+    def few(self) -> Bools:
+        """Whether too few agents hear the target to find it, (n,)."""
+        return np.asarray(self.scarce >= _SCARCE)
+
     def anew(self, rows: Bools) -> Self:
         """The same, but that some agents (n,) acquire their target again; ranges that did not fit have to fit first."""
         begun = vars(type(self).first(len(rows))) | {"own": np.minimum(self.own, WRONG)}
-        kept = {name: getattr(self, name) for name in ("seconds", "steps", "spread", "latest")}
+        kept = {name: getattr(self, name) for name in ("seconds", "steps", "spread", "latest", "unheard", "scarce")}
         return type(self)(**{name: np.where(rows, (begun | kept)[name], values) for name, values in vars(self).items()})
 
     def judging(self, misfit: Floats, heard: Bools) -> Self:
@@ -144,6 +158,10 @@ class Status:
         if (~heard).nonzero()[0].size:
             own, latest = np.where(heard, own, self.own), np.where(heard, latest, self.latest)
         return replace(self, own=own, latest=latest)
+
+    def hearing(self, heard: Bools) -> Self:
+        """The same, of agents (n,) that hear the target in this step or do not."""
+        return replace(self, unheard=np.where(heard, 0.0, self.unheard + 1.0))
 
     @property
     def wrong(self) -> Bools:
@@ -166,6 +184,7 @@ class Status:
         dt: float,
         most: float | Floats | None = None,
         agents: int = 0,
+        enough: Bools | None = None,
     ) -> Self:
         """A step of dt (s) later.
 
@@ -173,7 +192,10 @@ class Status:
         (n,), m, the claimed position error. fix: how many steps the first fix takes. most: the mean misfit, (n,), of a
         network that has lost its target; None: by the first rules, where misfit is of ranges and not of agents.
         agents: how many have to prove the place, each with ranges of its own; 0: any ranges do.
+        enough: (n,), whether enough agents have heard the target lately; None: agents do not count them.
         """
+        scarce = self.scarce if enough is None else np.where(enough, 0.0, self.scarce + 1.0)
+        few = scarce >= _SCARCE
         reference = np.minimum(spread, self.reference * np.exp(_LEARNED * heard / axes))
         steps = self.steps + 1.0
         early = steps <= fix
@@ -181,17 +203,21 @@ class Status:
             heard = np.where(early, 0.0, heard)
         fades = np.exp(heard / -_MEMORY)
         fitted = self.heard + (heard if most is None else heard - np.minimum(misfit / CUT, heard))
+        fitted[few] = 0.0
         sums = fades * self.misfit + np.minimum(misfit, CUT * heard), fades * self.weight + heard
         lost = sums[0] > (_MOST if most is None else most) * sums[1]
         which, seconds = np.array([TRACKING]).repeat(len(heard)), self.seconds + dt
-        which[spread > _COASTS * reference] = COASTING
+        proved = fitted >= max(_FIRST * axes, _PROOF * agents)
+        which[(spread > _COASTS * reference) | few | (self.which == COASTING) & ~proved] = COASTING
         which[lost] = LOST
         if (begins := early | (self.which == ACQUIRING)).nonzero()[0].size:
-            proved = fitted >= max(_FIRST * axes, _PROOF * agents)
             known = proved if most is None else proved | lost
             which[begins & ~known | early] = ACQUIRING
         seconds[which != self.which] = 0.0
-        return type(self)(which, seconds, steps, fitted, *sums, reference, spread, self.own, self.latest)
+        return type(self)(
+            *(which, seconds, steps, fitted, *sums, reference, spread),
+            *(self.own, self.latest, self.unheard, scarce),
+        )
 
 
 def most_misfit(unknowns: int, agents: int) -> float:

@@ -8,6 +8,7 @@ import numpy as np
 
 from zenoh_cbef.arrays import Bools, Floats
 from zenoh_cbef.tracking.consensus import Average
+from zenoh_cbef.tracking.linalg import sound_rows
 from zenoh_cbef.tracking.payloads import InformationPayloads
 
 
@@ -26,11 +27,13 @@ class Triggered(Average):
     A silent agent's message is NaN. A receiver then takes the last message of this step that reached it; where none
     did, its own value stands in, as for any message that does not come.
 
-    trigger: above 0, about how many standard deviations of what an agent shares. blocks: see Sharing.
+    trigger: above 0, about how many standard deviations of what an agent shares. blocks: see Sharing. mistakes: whether
+    numbers of a first fix that stand where a block does pass for information, as before `filter.defaults = 14`.
     """
 
     trigger: float
     blocks: tuple[int, ...]
+    mistakes: bool = False
 
     def start(self, payload: Floats) -> Floats:
         """All send their payloads."""
@@ -61,7 +64,8 @@ class Triggered(Average):
             block = InformationPayloads(size, size)
             mine = slice(start, start + block.length)
             # Of what is no information on the whole state, as in the first steps, nothing can be near.
-            sound = np.linalg.det(block.claims(said[:, mine])[1]) > 0.0
+            matrices = block.claims(said[:, mine])[1]
+            sound = np.linalg.det(matrices) > 0.0 if self.mistakes else sound_rows(matrices)
             known = np.where(sound[:, None], said[:, mine], block.unit)
             near &= sound & (block.distance(known, value[:, None, mine])[:, 0] <= self.trigger**2)
             start = mine.stop

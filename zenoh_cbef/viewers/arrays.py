@@ -11,7 +11,7 @@ from zenoh_cbef.arrays import Floats, Ints
 from zenoh_cbef.extras import from_extra
 from zenoh_cbef.trace import SmoothedPath, Trace
 from zenoh_cbef.tracking.diagnostics import NAMES, WHOLE
-from zenoh_cbef.viewers.whole import whole
+from zenoh_cbef.writing import whole
 
 WHOLE_COLUMNS = {"agent", "k", "first", "second"} | WHOLE
 """Columns of whole numbers."""

@@ -11,7 +11,7 @@ import numpy as np
 from zenoh_cbef.extras import from_extra
 from zenoh_cbef.viewers.colours import TRAIL, TRUTH, WARNINGS, agent_colour, body_size, health_colour
 from zenoh_cbef.viewers.scene import Scene
-from zenoh_cbef.writing import writing
+from zenoh_cbef.writing import whole
 
 if TYPE_CHECKING:
     from rerun import RecordingStream
@@ -26,14 +26,12 @@ _LEAST_SHOWN = ("position_error", "smoothed_position_error", "centralized_positi
 def write_rrd(scene: Scene, output: Path) -> list[Path]:
     """Write the recording. Raises UserError without the package rerun-sdk, and where it cannot be written."""
     rerun = from_extra("rerun", "the export for Rerun")
-    with writing(output):
-        output.parent.mkdir(parents=True, exist_ok=True)
-        output.touch()
-    recording = rerun.RecordingStream("zenoh-cbef", recording_id=scene.trace.name)
-    recording.save(str(output), default_blueprint=_layout(rerun.blueprint, len(scene.trace.positions)))
-    _Writer(scene, rerun, recording).write()
-    recording.flush()
-    recording.disconnect()
+    with whole(output) as fresh:
+        recording = rerun.RecordingStream("zenoh-cbef", recording_id=scene.trace.name)
+        recording.save(str(fresh), default_blueprint=_layout(rerun.blueprint, len(scene.trace.positions)))
+        _Writer(scene, rerun, recording).write()
+        recording.flush()
+        recording.disconnect()
     return [output]
 
 

@@ -13,7 +13,7 @@ from zenoh_cbef.errors import UserError
 from zenoh_cbef.extras import from_extra
 from zenoh_cbef.viewers.colours import TRUTH, agent_colour, body_size, health_colour
 from zenoh_cbef.viewers.scene import Scene
-from zenoh_cbef.viewers.whole import whole
+from zenoh_cbef.writing import whole
 
 _UNKNOWN_TURN = 1e6
 """Variance of an attitude that is not estimated, rad^2: a point has none."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from zenoh_cbef.arrays import Floats
 from zenoh_cbef.viewers.scene import Scene
-from zenoh_cbef.viewers.whole import whole
+from zenoh_cbef.writing import whole
 
 
 def write_tum(scene: Scene, output: Path) -> list[Path]:

@@ -10,7 +10,7 @@ from zenoh_cbef.log.mcap.writer import McapWriter
 from zenoh_cbef.viewers.colours import LAYOUT
 from zenoh_cbef.viewers.drawing import Drawing
 from zenoh_cbef.viewers.scene import Scene
-from zenoh_cbef.viewers.whole import whole
+from zenoh_cbef.writing import whole
 
 
 def write_viz(scene: Scene, output: Path) -> list[Path]:

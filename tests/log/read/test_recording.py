@@ -147,3 +147,14 @@ def test_a_round_that_the_run_does_not_have_is_not_kept(tmp_path):
     recording = read_recording(open_log(tmp_path / "run.mcap"), rounds="times")
     assert recording.tally.recorded == 1 + 3 * 4 + 3
     assert np.argwhere(recording.rounds.seen(3)).tolist() == [[0, 0], [1, 1], [2, 0], [4, 0]]
+
+
+def test_a_log_whose_estimates_have_another_field_says_that_it_is_not_understood(tmp_path, monkeypatch, capsys):
+    made = Maker(tmp_path / "run.mcap")
+    for k in (1, 2):
+        made.send(KEYS.truth, "target", k=k, state=[0.0] * 6)
+        made.send(KEYS.estimate(0), "agent/0", k=k, state=[0.0] * 6, novelty=1.0)
+    made.close()
+    status, _, said = call(monkeypatch, capsys, "analyze", str(tmp_path / "run.mcap"))
+    assert status == 2
+    assert "holds no estimate: 2 of its messages are not as this version writes them; zenoh-cbef check says" in said

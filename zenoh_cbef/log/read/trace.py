@@ -39,10 +39,7 @@ def trace_of(recording: Recording) -> Trace:
     """The arrays of a run, as far as any agent got. Raises UserError where the log holds no estimate."""
     header, steps = recording.header, recording.estimates.last
     if steps == 0:
-        raise UserError(
-            f"the log of run {header.run!r} holds no estimate: the run ended before its first step, or this is a part "
-            "of its log without them"
-        )
+        raise UserError(f"the log of run {header.run!r} holds no estimate: {_why_none(recording.tally.undecodable)}")
     stretch, receipts = stretch_of(recording, 0, steps), recording.receipts
     unlogged, traffic = _unlogged(recording, stretch.diagnostics.innovation), _traffic(recording)
     links = _links(recording.plan, receipts, steps)
@@ -58,6 +55,15 @@ def trace_of(recording: Recording) -> Trace:
         complete=(whole := _whole(recording, missing=traffic.missing) and said) and _ended(recording) == "finished",
         stopped=whole and _ended(recording) == "stopped" and _target_ended(recording),
     )
+
+
+def _why_none(refused: int) -> str:
+    if refused:
+        return (
+            f"{refused} of its messages are not as this version writes them; zenoh-cbef check says which, "
+            "and a newer version may read them"
+        )
+    return "the run ended before its first step, or this is a part of its log without them"
 
 
 def stretch_of(recording: Recording, since: int, until: int) -> Trace:

@@ -122,11 +122,11 @@ def sharing_of(kind: str, settings: FilterSettings) -> Sharing:
         shared = biased if settings.bias == "estimate" else both
     if settings.plane:
         shared = replace(shared.longer(shared.payload_size + MirrorImages.more), blocks=shared.blocks * 2)
-    more = settings.recovers * Recovering.more + settings.distrusts * Distrusting.more
+    more = (settings.recovers > 0.0) * Recovering.more + settings.distrusts * Distrusting.more
     more += (
         LastingErrors.numbers(settings)
         + DoubtedNoise.numbers(settings)
-        + settings.says_status * Knowing.more
+        + settings.says_status * Knowing.numbers(settings)
         + (settings.reacquires > 0) * Reacquiring.more
         + settings.supposes * Supposing.more
         + OneSide.numbers(settings)
@@ -153,7 +153,7 @@ def make_filter(kind: str, settings: FilterSettings) -> Filter:
     chosen = _innermost(kind, settings, xi)
     # Recovery widens the belief that the filter goes on from, so nothing else may stand between the two.
     if settings.recovers:
-        chosen = Recovering(chosen)
+        chosen = Recovering(chosen, settings.recovers)
     if settings.distrusts:
         chosen = Distrusting(chosen, settings.range_std, repeats=not settings.presumes)
     plain = not (settings.squares or settings.tells_ranges)

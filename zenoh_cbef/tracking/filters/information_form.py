@@ -10,18 +10,17 @@ from zenoh_cbef.arrays import Bools, Floats
 from zenoh_cbef.tracking.diagnostics import Diagnostics
 from zenoh_cbef.tracking.filters.base import Belief, Update
 from zenoh_cbef.tracking.linalg import (
+    LEAST,
     inverse,
     matvec,
     neighbour_sum,
     outer,
     pack_upper,
+    sound_rows,
     unpack_upper,
 )
 from zenoh_cbef.tracking.motion import Motion
 from zenoh_cbef.tracking.ranging import Measurement, Space, differenced_rows, filled, own_range
-
-_LEAST = 1e-12
-"""Least over largest eigenvalue of what passes for an information matrix."""
 
 _CLEARLY = 0.01
 """Factor by which a condition number must lie below the limit so that rounding cannot matter."""
@@ -216,9 +215,7 @@ def belief_of(payload: Floats, own: Floats, size: int, share: int = 1) -> Belief
     covariance = _surely_sound(matrices)
     if covariance is not None:
         return Belief(matvec(covariance, payload[:, :size]), covariance / share)
-    eigenvalues = np.linalg.eigvalsh(matrices)
-    sound = eigenvalues[:, 0] > _LEAST * eigenvalues[:, -1]
-    payload = np.where(sound[:, None], payload, own)
+    payload = np.where(sound_rows(matrices)[:, None], payload, own)
     covariance = inverse(unpack_upper(payload[:, size:], size))
     return Belief(matvec(covariance, payload[:, :size]), covariance / share)
 
@@ -236,7 +233,7 @@ def _surely_sound(matrices: Floats) -> Floats | None:
         return None
     flat, back = matrices.reshape(len(matrices), -1), inverted.reshape(len(inverted), -1)
     sizes = np.vecdot(flat, flat) * np.vecdot(back, back)
-    return inverted if np.logical_and.reduce(sizes < (_CLEARLY / _LEAST) ** 2) else None
+    return inverted if np.logical_and.reduce(sizes < (_CLEARLY / LEAST) ** 2) else None
 
 
 def unless_alone(belief: Belief, payload: Floats, update: Update) -> Belief:

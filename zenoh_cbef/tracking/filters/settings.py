@@ -22,19 +22,22 @@ class FilterSettings:
     xi, omega: see the filter; omega None: network_size. network_size: number of agents.
     differenced: whether ci and local take in differences of ranges in place of the
     agent's own range. power: of the saturation. widens: whether
-    a saturated range widens its whole innovation, not its noise alone. recovers: whether
-    the network widens its covariances where most innovations are implausible. distrusts:
+    a saturated range widens its whole innovation, not its noise alone. recovers: from which share of implausible
+    innovations on the network widens its covariances, 0: never. distrusts:
     whether agents give their own implausible ranges less weight. returns: whether an
     agent's range counts less after a step in which it heard no neighbour. says_status: whether they say
     if they acquire, track, coast, or have lost the target; judges_agents: whether that counts agents that do not
-    fit, or ranges, and whether only those that hear ranges vote for another fix. reacquires: how many steps another
-    fix takes, 0 for none; spreading: in how many steps all agents know a decision; anywhere: where that fix looks
+    fit, or ranges, and whether only those that hear ranges vote for another fix. hearing: for
+    how many steps after a range an agent counts as one that hears the target; 0: agents do not count those.
+    rounds: of a step. reacquires: how many steps another fix takes, 0 for none; spreading: in how many steps all
+    agents know a decision; anywhere: where that fix looks
     for the target, like search. bends: whether agents coast no further than ranges are straight lines. prompt: whether
     another fix begins soon after the target is lost, and has the first ranges after a silence to itself; deciding:
     every how many steps agents decide whether one begins, 0: as many as it takes. supposes:
     whether all tell each other what they measured where ranges of one do not fit. cut_off: how many
     rounds a step has, where agents may be cut off from others and tell who is there; 0: they do not. presumes: whether
-    agents presume that ranges fit and that all others are there until they know better. sides: whether they say so
+    agents presume that ranges fit and that all others are there until they know better. undetermined: whether their
+    places leave open where the target is, so that they never say that they track it. sides: whether they say so
     when they do not know on which side of them the target is. bias: none,
     estimate or auto; likelihoods: whether auto weighs it by these, or by the NIS; common_bias_std, own_bias_std: its
     prior, m. told_biases: whether they are constant, and as large as told: a first fix says what it knows of them, and
@@ -64,11 +67,13 @@ class FilterSettings:
     differenced: bool = False
     power: int = 1
     widens: bool = False
-    recovers: bool = False
+    recovers: float = 0.0
     distrusts: bool = False
     returns: bool = False
     says_status: bool = False
     judges_agents: bool = True
+    hearing: int = 0
+    rounds: int = 0
     reacquires: int = 0
     spreading: int = 1
     bends: bool = False
@@ -77,6 +82,7 @@ class FilterSettings:
     supposes: bool = False
     cut_off: int = 0
     presumes: bool = True
+    undetermined: bool = False
     sides: bool = False
     anywhere: tuple[Floats, Floats] | None = None
     bias: str = "none"

@@ -3,24 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
 
 from zenoh_cbef.arrays import Bools, Floats
 from zenoh_cbef.tracking.copying import replace
+from zenoh_cbef.tracking.filters.around import roll_call
 from zenoh_cbef.tracking.filters.around.returning import bend
 from zenoh_cbef.tracking.filters.around.wrapping import Wrapping
 from zenoh_cbef.tracking.filters.base import Belief, Update
 from zenoh_cbef.tracking.filters.information_form import variance_of
 from zenoh_cbef.tracking.filters.settings import FilterSettings
 from zenoh_cbef.tracking.ranging import Measurement, unheard
-
-_KEPT = 0.25
-"""What an agent keeps of what it knew of the others a step ago."""
-
-_FAINT = 0.1
-"""Which share of what one end of a line of agents knows of the other end passes for nothing."""
 
 _BENT = 20.0
 """How many times the variance that linearising leaves out few agents add, as their errors last from step to step."""
@@ -30,8 +24,7 @@ _BENT = 20.0
 class CutOff(Wrapping):
     """Any filter of the network's information, with a number more in its payload for each agent: whether it is there.
 
-        f_i <- f_i/4, and 1 in the own place          averaged with the payload
-        g_i: how many numbers of f_i are above what a line of n agents makes of the farthest one
+        g_i: of how many agents an agent knows that they are (see `roll_call`)
         V, O <- g/n (V, O) + (1 - g/n) (V0, O0)       V0, O0: the payload without a range, the prior's n-th part
 
     Averages are taken for the n-th part of the network's information. In a group of g agents that no message of the
@@ -74,8 +67,7 @@ class CutOff(Wrapping):
         quiet = self.filter.update(inner, unheard(measurement)).payload if apart else update.payload
         if measurement.agent is None:
             raise ValueError("agents that may be cut off have numbers")
-        told = _KEPT * known
-        told[np.arange(count), measurement.agent] = 1.0
+        told = roll_call.told(known, measurement.agent)
         payload = np.concatenate([update.payload, told], axis=1)
         return Update(payload, update.diagnostics, (share, quiet), (update,))
 
@@ -83,8 +75,8 @@ class CutOff(Wrapping):
         """The filter's belief, from the information that its group has."""
         (share, quiet), before = update.kept, update.parts[0]
         agents = self.settings.network_size
-        mixed, known = np.ascontiguousarray(payload[:, :-agents]), np.clip(payload[:, -agents:], 0.0, 1.0)
-        there = np.count_nonzero(known > faintest(agents, self.settings.cut_off), axis=1) / agents
+        mixed, known = np.ascontiguousarray(payload[:, :-agents]), roll_call.known_of(payload[:, -agents:])
+        there = roll_call.count(known, self.settings.cut_off) / agents
         # Those that come back are heard at once, those that go only fade.
         share = np.maximum(share, there)
         if np.count_nonzero(share < 1.0) and not self.settings.splits:
@@ -100,17 +92,3 @@ class CutOff(Wrapping):
     def _few(self, share: Floats) -> Bools:
         """Which agents (n,) are in a group of fewer than there are axes; share: of all agents, (n,)."""
         return np.asarray(share * self.settings.network_size < self.settings.space.axes - 0.5)
-
-
-@cache
-def faintest(agents: int, rounds: int) -> float:
-    """What an agent knows of one that is cut off is soon below this; of one that is not it is above, on any graph."""
-    weights = np.diag(np.full(agents - 1, 1.0 / 3.0), 1)
-    weights = weights + weights.T
-    weights += np.diag(1.0 - weights.sum(axis=1))
-    step, known = np.linalg.matrix_power(weights, rounds), np.ones((agents, agents))
-    for _ in range(50):
-        known *= _KEPT
-        np.fill_diagonal(known, 1.0)
-        known = step @ known
-    return float(_FAINT * known.min())

@@ -19,9 +19,6 @@ from zenoh_cbef.tracking.ranging import Measurement
 _IMPLAUSIBLE = 9.0
 """Innovations of more than three of their own standard deviations are, by the chi-squared law, 1 in 370."""
 
-_SHARE = 0.5
-"""Outliers hit some agents; where more than this share has an implausible innovation, the prior is wrong."""
-
 _INFLATION = 4.0
 """By how much the covariance grows in a step: standard deviations double."""
 
@@ -30,7 +27,7 @@ _INFLATION = 4.0
 class Recovering(Wrapping):
     """Any filter that saturates, with one number more in its payload: whether its own innovation is implausible.
 
-        y_i = [NIS_i > 9] - 0.5 where a range was measured, otherwise 0
+        y_i = [NIS_i > 9] - share where a range was measured, otherwise 0
         P_i <- 4 P_i where the average of y is positive
 
     Saturation cannot tell an outlier from a wrong prior by one range. The network can: outliers hit some agents, a
@@ -38,7 +35,11 @@ class Recovering(Wrapping):
     widening ends once they fit. Agents decide from the same average, except for the disagreement that consensus left;
     an agent that decides differently has a covariance that is too large, which does no harm. Biases do not jump with
     the target: their variances stay, and their covariances with the state grow by half as many powers.
+
+    share: outliers hit some agents; where more than this share has an implausible innovation, the prior is wrong.
     """
+
+    share: float
 
     more = 1
 
@@ -46,7 +47,7 @@ class Recovering(Wrapping):
         """The filter's update, and the number."""
         update = self.filter.update(belief, measurement)
         nis = update.diagnostics.nis
-        number = np.where(np.isfinite(nis), (np.nan_to_num(nis) > _IMPLAUSIBLE) - _SHARE, 0.0)
+        number = np.where(np.isfinite(nis), (np.nan_to_num(nis) > _IMPLAUSIBLE) - self.share, 0.0)
         return replace(update, payload=np.concatenate([update.payload, number[:, None]], axis=1))
 
     def conclude(self, payload: Floats, update: Update) -> Belief:

@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from zenoh_cbef.arrays import Bools, Floats
+from zenoh_cbef.tracking.filters.around import roll_call
 from zenoh_cbef.tracking.filters.around.mirror_images import undecided
 from zenoh_cbef.tracking.filters.around.wrapping import Wrapping, denied
 from zenoh_cbef.tracking.filters.base import Belief, Bias, Update
@@ -31,6 +32,9 @@ class Knowing(Wrapping):
 
     Two kinds of agents have a small NIS and count as not fitting all the same: one that distrusts its receiver by d_i,
     as it expects large errors, and one that explains its ranges by a bias b_i, relied on by w_i, far beyond its prior.
+    Where receivers may fall silent, a number for each agent says whether it has heard the target lately (see
+    `roll_call`): ranges of fewer agents than the target has axes fit a whole curve, and a filter that takes them in is
+    soon too sure of one point.
 
     From these sums and its covariance, which the network agrees on but for what consensus left, every agent decides
     what the estimate is (see Status). An agent that hears no neighbour goes on by prediction, so its ranges count as
@@ -39,7 +43,10 @@ class Knowing(Wrapping):
 
     settings: FilterSettings
 
-    more = 2
+    @classmethod
+    def numbers(cls, settings: FilterSettings) -> int:
+        """How many numbers a payload has more."""
+        return 2 + (settings.network_size if settings.hearing else 0)
 
     def update(self, belief: Belief, measurement: Measurement) -> Update:
         """The filter's update, and the two numbers."""
@@ -61,16 +68,23 @@ class Knowing(Wrapping):
             status = status.judging(misfit, counts)
             fit = CUT * (counts & (status.own > self._wrong))
         count, size = update.payload.shape
-        payload = np.empty((count, size + self.more))
+        payload = np.empty((count, size + self.numbers(self.settings)))
         payload[:, :size], payload[:, size], payload[:, size + 1] = update.payload, heard, fit
+        if self.settings.hearing:
+            status = status.hearing(np.isfinite(measurement.range))
+            known = belief.memory[0] if belief.memory else np.ones((count, self.settings.network_size))
+            if measurement.agent is None:
+                raise ValueError("agents that count who hears the target have numbers")
+            payload[:, size + 2 :] = roll_call.told(known, measurement.agent, status.unheard < self.settings.hearing)
         return Update(payload, update.diagnostics, tuple(vars(status).values()), (update,))
 
     def conclude(self, payload: Floats, update: Update) -> Belief:
         """The filter's belief, and what it is worth."""
-        inner = self.filter.conclude(np.ascontiguousarray(payload[:, : -self.more]), update.parts[0])
+        more = self.numbers(self.settings)
+        inner = self.filter.conclude(np.ascontiguousarray(payload[:, :-more]), update.parts[0])
         former, settings = Status(*update.kept), self.settings
         count, axes, dt = settings.network_size, settings.space.axes, settings.motion.dt
-        mean = np.fmin(np.fmax(payload[:, -self.more :], 0.0), CUT)  # 0 for what is not a number
+        mean = np.fmin(np.fmax(payload[:, -more:], 0.0), CUT)  # 0 for what is not a number
         if count > 1:
             mean[unchanged(payload, update.payload)] = 0.0
         most: float | Floats | None = None
@@ -91,14 +105,18 @@ class Knowing(Wrapping):
             dt=dt,
             most=most,
             agents=0 if settings.presumes else count,
+            enough=roll_call.count(mean[:, 2:], settings.rounds) >= axes if settings.hearing else None,
         )
+        if settings.undetermined:
+            status = status.told(status.which == TRACKING, ACQUIRING, former, dt)
         if settings.plane:
             rows = undecided(self.filter, inner) & (status.which != LOST)
             status = status.told(rows, ACQUIRING, former, dt)
         if settings.seeks:
             rows = denied(self.filter, inner) & (status.which == TRACKING)
             status = status.told(rows, ACQUIRING, former, dt)
-        return Belief(inner.state, inner.covariance, inner.bias, parts=(inner,), status=status, excess=inner.excess)
+        memory = (roll_call.known_of(mean[:, 2:]),) if settings.hearing else ()
+        return Belief(inner.state, inner.covariance, inner.bias, memory, (inner,), status, excess=inner.excess)
 
     def _explains_nothing(self, bias: Bias) -> Bools:
         """Which agents (n,) rely on a bias far beyond its prior."""

@@ -1,0 +1,44 @@
+"""Where too few agents hear the target to find it, the network does not say that it tracks it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from zenoh_cbef.scenario.load import load
+from zenoh_cbef.simulator import simulate
+from zenoh_cbef.tracking.status import COASTING, TRACKING
+
+SILENT = 70
+"""The step after which some agents hear no more."""
+
+
+def run(silent, *more):
+    fault = f'fault=[{{kind="sensor-dropout",probability=1.0,agents={silent},from={0.1 * SILENT}}}]'
+    (trace,) = simulate([load("tracking", [fault, "steps=130", *more]).scenario])
+    return trace
+
+
+@pytest.mark.parametrize(("silent", "said"), [([0, 1, 2], TRACKING), ([0, 1, 2, 3], COASTING)])
+def test_two_of_six_agents_do_not_find_a_target_in_space_and_three_do(silent, said):
+    status = run(silent).diagnostics.status
+    assert (status[:, SILENT - 5 : SILENT] == TRACKING).all()
+    assert (status[:, -20:] == said).all()
+
+
+def test_two_agents_find_it_in_a_plane():
+    plane = "filter.planar_height=0", "target.position=[1,2,0]", "target.velocity=[0.1,0,0]"
+    assert (run([0, 1, 2, 3], *plane, "target.acceleration_std=0.01").diagnostics.status[:, -20:] == TRACKING).all()
+
+
+def test_what_agents_say_of_it_changes_no_estimate():
+    now, before = run([0, 1, 2, 3]), run([0, 1, 2, 3], "filter.defaults=13")
+    assert (before.diagnostics.status[:, -1] == TRACKING).any()
+    np.testing.assert_array_equal(now.estimates, before.estimates)
+
+
+def test_a_target_that_leaves_the_reach_of_receivers_is_coasted_after_before_none_hears_it():
+    (trace,) = simulate([load("tracking", ["sensor.reach=9", "seed=4001", "steps=175"]).scenario])
+    heard = np.isfinite(trace.ranges).sum(axis=0)
+    assert heard[-20:].tolist() == [1] * 20
+    assert (trace.diagnostics.status[:, -20:] == COASTING).all()
