@@ -62,7 +62,8 @@ def neighbour_sum(terms: Floats) -> Floats:
         return neighbour_sum(terms[:, :, None])[:, 0]
     if terms.shape[2] == 1:
         return neighbour_sum(np.repeat(terms, 2, axis=2))[:, :1]
-    return np.asarray(np.add.reduce(terms, axis=1, initial=0.0))
+    total: Floats = np.add.reduce(terms, axis=1, initial=0.0)
+    return total
 
 
 @cache

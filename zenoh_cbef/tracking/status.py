@@ -138,11 +138,6 @@ class Status:
         """Whether the claimed error has grown so far that a filter may no longer linearise at its estimate, (n,)."""
         return np.asarray(self.spread > _ADRIFT * self.reference)
 
-    @property
-    def few(self) -> Bools:
-        """Whether too few agents hear the target to find it, (n,)."""
-        return np.asarray(self.scarce >= _SCARCE)
-
     def anew(self, rows: Bools) -> Self:
         """The same, but that some agents (n,) acquire their target again; ranges that did not fit have to fit first."""
         begun = vars(type(self).first(len(rows))) | {"own": np.minimum(self.own, WRONG)}

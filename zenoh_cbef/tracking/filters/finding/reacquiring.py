@@ -158,7 +158,6 @@ class Reacquiring(Wrapping):
         if few is not None:
             wish *= ~few
         wish[known.which == ACQUIRING] = 0.0
-        wish[known.few] = 0.0
         return wish
 
     def _fixing(self, payload: Floats, search: Search, heard: Measurement) -> tuple[Floats, Search]:
