@@ -34,7 +34,8 @@ class FilterSettings:
     for the target, like search. bends: whether agents coast no further than ranges are straight lines. prompt: whether
     another fix begins soon after the target is lost, and has the first ranges after a silence to itself; deciding:
     every how many steps agents decide whether one begins, 0: as many as it takes. supposes:
-    whether all tell each other what they measured where ranges of one do not fit. cut_off: how many
+    whether all tell each other what they measured where ranges of one do not fit; rejoins: one
+    that is wrong takes part again after two ranges that fit, or after many. cut_off: how many
     rounds a step has, where agents may be cut off from others and tell who is there; 0: they do not. presumes: whether
     agents presume that ranges fit and that all others are there until they know better. undetermined: whether their
     places leave open where the target is, so that they never say that they track it. sides: whether they say so
@@ -80,6 +81,7 @@ class FilterSettings:
     prompt: bool = False
     deciding: int = 0
     supposes: bool = False
+    rejoins: bool = True
     cut_off: int = 0
     presumes: bool = True
     undetermined: bool = False
