@@ -91,6 +91,11 @@ class Filtering:
         several = self.models or self.noises
         return self.tells_ranges and not several and chosen.reacquire and chosen.defaults > 12
 
+    @property
+    def splits(self) -> bool:
+        """Whether each of several motions keeps several hypotheses, of agents that tell each other their ranges."""
+        return self.tells_ranges and bool(self.models) and self.scenario.filter.defaults > 13
+
     @alike
     def plain_motion(self) -> LinearMotion:
         """What smoothing and predictions are computed with, which are of linear models in position and velocity."""
@@ -166,6 +171,7 @@ class Filtering:
             squares=self.squares,
             tells_ranges=self.tells_ranges,
             seeks=self.seeks,
+            splits=self.splits,
             plane=self.plane,
             space=self.space,
             range_std=self.range_std,
