@@ -217,6 +217,9 @@ def test_an_experiment_writes_over_no_other_ones_results_but_over_its_own(monkey
     assert (tmp_path / "out" / "results.csv").read_bytes() == first
     assert run(monkeypatch, capsys, tmp_path, text.replace("[2, 5]", "[2, 3, 5]"))[0] == 0
     assert len(rows_of(tmp_path)) == 6
+    fewer = run(monkeypatch, capsys, tmp_path, text)
+    assert fewer[0] == 0
+    assert "note: the results were of 6 runs, and are of 4 now; finished.jsonl keeps the others" in fewer[2]
     assert call(monkeypatch, capsys, "experiment", "other.toml", "-o", "out", "--force")[0] == 0
     assert summary_of(tmp_path)["experiment"] == "other"
 

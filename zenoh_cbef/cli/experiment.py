@@ -28,7 +28,15 @@ from zenoh_cbef.experiment.figures import written_value
 from zenoh_cbef.experiment.file import Written, purposes, read_experiment, read_source
 from zenoh_cbef.experiment.journal import JOURNAL
 from zenoh_cbef.experiment.numbers import check_number
-from zenoh_cbef.experiment.page import RESULTS, limits_of, other_experiment, summary_text, values_of, write_outputs
+from zenoh_cbef.experiment.page import (
+    RESULTS,
+    limits_of,
+    other_experiment,
+    runs_in,
+    summary_text,
+    values_of,
+    write_outputs,
+)
 from zenoh_cbef.experiment.results import CellSummary, Outcome, Summary
 from zenoh_cbef.experiment.shards import WHOLE, read_shard, shards_in
 from zenoh_cbef.experiment.summary import EXIT_STATUS, check_expectations, summarize
@@ -213,6 +221,8 @@ def _conclude(written: Written, sweep: Sweep, outcomes: list[list[Outcome]], fol
         print(printed.as_table.text(table), end="")
     else:
         _tell(summary)
+    if (before := runs_in(folder)) > summary.runs and (folder / JOURNAL).exists():
+        tell(f"note: the results were of {before} runs, and are of {summary.runs} now; {JOURNAL} keeps the others")
     for sentence in write_outputs(summary, rows_of(sweep.cells, outcomes), written.source, folder):
         tell(sentence)
     if not (printed.as_json or printed.as_table):

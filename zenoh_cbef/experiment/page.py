@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
@@ -56,9 +57,9 @@ def summary_text(summary: Summary) -> str:
 def other_experiment(folder: Path, written: Written) -> str:
     """The other experiment whose results the folder holds, in words: another name, base, or keys. Empty if none."""
     try:
-        found = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
+        found = _summary_in(folder)
         name, base, varied = found["experiment"], found["base"], found["varied"]
-    except (OSError, ValueError, KeyError, TypeError):
+    except (KeyError, TypeError):
         return ""
     keys = [one.key for one in written.experiment.vary]
     # Keys come and go while a study grows; one that shares none of them is another.
@@ -66,6 +67,20 @@ def other_experiment(folder: Path, written: Written) -> str:
     if (name, base) == (written.name, written.experiment.base) and same:
         return ""
     return f"another experiment ({name} of {base}, over {' and '.join(varied) or 'no key'})"
+
+
+def runs_in(folder: Path) -> int:
+    """How many runs the results in the folder are of; 0 where there are none."""
+    found = _summary_in(folder)
+    runs = found.get("runs") if isinstance(found, dict) else None
+    return runs if isinstance(runs, int) else 0
+
+
+def _summary_in(folder: Path) -> Any:
+    try:
+        return json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
 
 
 def read_figures(folder: Path) -> list[Figure]:
