@@ -36,6 +36,7 @@ def check(plan: Plan) -> list[str]:
     check_faults(plan)
     _check_signal(scenario)
     _check_precision(plan)
+    _check_isolating(plan)
     _check_membership(scenario)
     _check_proportion(plan)
     warnings += _literal_gain(plan) if scenario.filter.kind == "cbef" else []
@@ -49,6 +50,14 @@ def _check_membership(scenario: Scenario) -> None:
         raise UserError(
             "filter.membership = true needs agents that say something in every round; set consensus.trigger = 0, or "
             "leave filter.membership out"
+        )
+
+
+def _check_isolating(plan: Plan) -> None:
+    if plan.isolates and plan.bias == "estimate":
+        raise UserError(
+            "agents leave out liars, of which the scenario tells, and compare for that what messages say of position and "
+            "velocity alone; set filter.bias = 'none' or 'auto', or consensus.isolate = false"
         )
 
 
