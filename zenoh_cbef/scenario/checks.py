@@ -56,8 +56,8 @@ def _check_membership(scenario: Scenario) -> None:
 def _check_isolating(plan: Plan) -> None:
     if plan.isolates and plan.bias == "estimate":
         raise UserError(
-            "agents leave out liars, of which the scenario tells, and compare for that what messages say of position and "
-            "velocity alone; set filter.bias = 'none' or 'auto', or consensus.isolate = false"
+            "agents leave out liars, of which the scenario tells, and for that compare what messages say of position "
+            "and velocity alone; set filter.bias = 'none' or 'auto', or consensus.isolate = false"
         )
 
 
