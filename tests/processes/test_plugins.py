@@ -98,7 +98,7 @@ def test_an_agent_that_has_another_one_is_refused_in_a_sentence(world, changed, 
     without = world.start("agent", "0", "--run", world.run, "--connect", endpoint, "--patience", "60")
     _, said = without.communicate(timeout=120)
     assert without.returncode == 2
-    assert re.search(rf"{key}.* must be one of .*, not '{name}'", said)
+    assert re.search(rf"{key}.\w+ = '{name}' is of {MARK}, which is not on this host; install that package", said)
     assert target.poll() is None, "the target still waits for agents"
 
 

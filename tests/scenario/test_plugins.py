@@ -170,6 +170,19 @@ def test_a_log_with_a_motion_and_a_fault_of_another_source_is_not_proved_but_est
     assert verify(plugged / "again.mcap").result == "equal"
 
 
+@pytest.mark.parametrize(
+    ("setting", "key"), [(HELIX, "target.motion"), (FADING, "fault.kind"), ("filter.kind=mine:Gains", "filter.kind")]
+)
+def test_a_log_whose_package_is_not_on_this_host_names_it(plugged, setting, key):
+    log = made_log(plugged / "run.mcap", SHORT, setting)
+    (plugged / "mine.py").unlink()
+    del sys.modules["mine"]
+    plugins.find.cache_clear()
+    said = f"{key} = 'mine:.*' is of mine sha256:[0-9a-f]+, which is not on this host; install that package here, too$"
+    with pytest.raises(UserError, match=said):
+        verify(log)
+
+
 @pytest.mark.usefixtures("plugged")
 def test_an_injected_fault_travels_with_what_it_is():
     plan = load("tracking", [SHORT]).plan
