@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from zenoh_cbef import plugins
+from zenoh_cbef.analysis.divergence import refuse_divergence
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.scenario.load import load
 from zenoh_cbef.simulator import simulate
@@ -55,6 +56,11 @@ def written(monkeypatch, tmp_path):
             "time",
             (MOTION, r"states.* at \S+wrong.py:4 \(TypeError: .*gives \(21,\), not \(21, 6\)"),
         ),
+        (
+            "states(self, time)",
+            "np.full((len(time), 6), np.nan)",
+            (MOTION, r"states.* at \S+wrong.py:4 \(FloatingPointError: a state is not finite at 0 s\)"),
+        ),
         ("effect(self, messages, index)", "messages.no", (FAULT, r"effect.* at \S+wrong.py:5 \(AttributeError: ")),
         (
             "effect(self, messages, index)",
@@ -79,7 +85,19 @@ def written(monkeypatch, tmp_path):
 )
 def test_what_a_plugin_does_wrong_is_told_with_its_line(written, case, method, body):
     setting, said = case
-    head = f"from zenoh_cbef.extending import Belief, Effect\nfrom {CLASSES[setting]} as Example\n"
+    head = f"import numpy as np; from zenoh_cbef.extending import Belief, Effect\nfrom {CLASSES[setting]} as Example\n"
     written(head, f"    def {method}:\n        return {body}\n")
     with pytest.raises(UserError, match=rf"Mine\..*{said}.*; correct it: zenoh_cbef\.testing\.check_\w+ tells more"):
         simulate([load("tracking", ["steps=20", setting]).scenario])
+
+
+def test_a_filter_that_gives_no_finite_numbers_is_named(written):
+    written(
+        f"import numpy as np\nfrom zenoh_cbef.extending import Belief\nfrom {CLASSES[FILTER]} as Example\n",
+        "    def conclude(self, payload, update):\n        return Belief(payload * np.nan, None)\n",
+    )
+    [trace] = simulate([load("tracking", ["steps=20", FILTER]).scenario])
+    with pytest.raises(
+        UserError, match=r"the filter 'wrong:Mine' diverges or has a mistake: .*check_filter tells more"
+    ):
+        refuse_divergence(trace)
