@@ -222,6 +222,9 @@ def mistake(error: ValidationError, key: str) -> str:
     place = ".".join((key, *map(str, first["loc"])))
     if first["type"] == "missing":
         return f"{place} is missing; add it"
+    if first["type"] == "string_type":
+        given = _shown(first["input"])
+        return f"{place} is text, not {given}; put it in quotes, as in --set '{place}=\"{given.lower()}\"'"
     said = first["msg"].removeprefix("Value error, ").removeprefix("Input ")
     if first["type"] == "value_error" and isinstance(first["input"], Mapping):
         return said  # a check of a whole table names its own keys
