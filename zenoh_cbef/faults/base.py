@@ -20,9 +20,9 @@ Seeds = NDArray[np.uint64]
 class Messages:
     """One round's messages over directed links. seed of the run, source, destination: arrays (e,).
 
-    step, round: whole numbers, when all of them are sent; steps are from 1, and round 0 is that of the ranges. dt: s. per_step: how many messages a link carries in a step; they count
-    as sent in equal intervals of `spacing` s. number: how many a link has carried before this one.
-    streams: of the links.
+    step, round: whole numbers, when all of them are sent: steps from 1, round 0 for the ranges. dt: s. per_step: how
+    many messages a link carries in a step; they count as sent in equal intervals of `spacing` s. number: how many a
+    link has carried before this one. streams: of the links.
     """
 
     seed: Seeds
