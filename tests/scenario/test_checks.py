@@ -111,6 +111,22 @@ def test_agents_that_all_lie_are_warned_of():
 
 
 @pytest.mark.parametrize(
+    ("overrides", "warned"),
+    [
+        (["sensor.bias=0.4"], True),
+        (["sensor.bias_std=0.2"], True),
+        ([], False),
+        (["sensor.bias=0.4", "filter.bias=none"], False),
+        (["sensor.bias=0.4", "filter.kind=ci"], False),
+    ],
+)
+def test_biases_that_no_agent_estimates_as_others_lie_are_warned_of(overrides, warned):
+    found = check(load("tracking", ["fault=[{kind='byzantine', agents=[3]}]", *overrides]).plan)
+    assert any("filter.bias = 'auto' is 'none' here" in one for one in found) == warned
+    assert not any("'none' here" in one for one in check(load("tracking", overrides).plan))
+
+
+@pytest.mark.parametrize(
     ("times", "warned"),
     [
         ("from=500", True),

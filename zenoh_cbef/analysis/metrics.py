@@ -12,6 +12,7 @@ from zenoh_cbef.analysis.claimed import claimed_position_error
 from zenoh_cbef.analysis.consistency import agents_bands, chi2_band, described, nees_of
 from zenoh_cbef.analysis.coverage import estimated_steps, lacks, stretches, unseen_note
 from zenoh_cbef.analysis.demand import link_bytes
+from zenoh_cbef.analysis.faulted import honest_agents
 from zenoh_cbef.analysis.link_metrics import links_of, totals_of
 from zenoh_cbef.analysis.misfit import misfit_note
 from zenoh_cbef.analysis.observability import unseen_steps
@@ -29,9 +30,9 @@ from zenoh_cbef.analysis.results import (
 from zenoh_cbef.analysis.slowness import slow_note, slowness
 from zenoh_cbef.analysis.smoothed import SmoothedErrors, centralized_paths, smoothed_errors, smoothing_of
 from zenoh_cbef.analysis.standing import standing_of
+from zenoh_cbef.analysis.verdict import OVERCONFIDENT
 from zenoh_cbef.analysis.yardsticks import Yardsticks, yardsticks
 from zenoh_cbef.arrays import Bools, Floats
-from zenoh_cbef.faults import SenderFault
 from zenoh_cbef.numbers import number
 from zenoh_cbef.trace import Trace
 
@@ -93,8 +94,20 @@ def analyze(traces: Sequence[Trace], skip: float = 0.25, *, strongest: bool = Tr
 
 def notes(metrics: Metrics) -> list[str]:
     """Notes on a run for its reader, in sentences: what is not scored or not observable, slow processes, bad data."""
-    said = unseen_note(metrics.unobservable_steps), _twin_note(metrics), slow_note(metrics.slow), metrics.misfit
-    return [*metrics.lacks, *filter(None, said)]
+    said = unseen_note(metrics.unobservable_steps), _twin_note(metrics), slow_note(metrics.slow)
+    return [*metrics.lacks, *filter(None, said), *filter(None, [metrics.misfit or _sureness_note(metrics)])]
+
+
+def _sureness_note(metrics: Metrics) -> str:
+    """A sentence where agents are far too sure of what they estimate, although they see it, else empty."""
+    nees = metrics.nees
+    times = 0.0 if nees is None or nees.average is None else nees.average / nees.dimension
+    if metrics.unobservable_steps or times <= OVERCONFIDENT**2:
+        return ""
+    return (
+        f"agents are too sure of themselves: NEES is {number(times)} times its ideal, as if errors were "
+        f"{number(np.sqrt(times))} times what they claim; see docs/troubleshooting.md"
+    )
 
 
 def _twin_note(metrics: Metrics) -> str:
@@ -106,13 +119,6 @@ def _twin_note(metrics: Metrics) -> str:
     return f"the centralised filter lost the target itself ({beside}): look at ratio_to_strong, not at the ratio to it"
 
 
-def counted_agents(trace: Trace) -> Bools:
-    """Which agents averages are over, (n,): a misbehaving one says nothing about the others; all, if none is left."""
-    wrong = {agent for fault in trace.scenario.fault if isinstance(fault, SenderFault) for agent in fault.agents}
-    counted = np.array([agent not in wrong for agent in range(len(trace.estimates))])
-    return counted if counted.any() else np.ones_like(counted)
-
-
 def errors_of(trace: Trace, beside: Yardsticks, skip: float, path: Floats | None = None) -> Errors:
     """The errors of a trace. skip: see `analyze`. path: of the centralised smoother, (K, 6), where it is smoothed.
 
@@ -121,7 +127,7 @@ def errors_of(trace: Trace, beside: Yardsticks, skip: float, path: Floats | None
     states, bound = beside.centralized, beside.bound
     error, reference = (_estimated_only(trace, each - trace.truth) for each in (trace.estimates, states))
     positions = trace.estimates[:, :, :3]
-    counted = counted_agents(trace)
+    counted = honest_agents(trace.scenario)
     present = np.isfinite(positions).all(axis=2) & counted[:, None]
     number = np.maximum(present.sum(axis=0), 1)
     middle = np.where(present[:, :, None], positions, 0.0).sum(axis=0) / number[:, None]

@@ -41,7 +41,7 @@ def check(plan: Plan) -> list[str]:
     _check_proportion(plan)
     warnings += _literal_gain(plan) if scenario.filter.kind == "cbef" else []
     warnings += _trimming(scenario, plan.neighbours) + _chebyshev(plan)
-    warnings += fault_checks.warnings(scenario, plan.edges) + _recorded_truth(scenario)
+    warnings += fault_checks.warnings(plan) + _recorded_truth(scenario)
     return warnings + sight.warnings(plan) + proportions.warnings(plan)
 
 

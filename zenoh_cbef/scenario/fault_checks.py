@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.faults import Crash, Fault, SenderFault
+from zenoh_cbef.scenario import trust
 from zenoh_cbef.scenario.model import Scenario
 from zenoh_cbef.scenario.plan import Plan
-from zenoh_cbef.tracking import graph
+from zenoh_cbef.tracking import filters, graph
 
 
 def refuse(plan: Plan) -> None:
@@ -48,9 +49,25 @@ def _check_absences(plan: Plan) -> None:
             )
 
 
-def warnings(scenario: Scenario, edges: graph.Edges) -> list[str]:
+def warnings(plan: Plan) -> list[str]:
     """Warnings, a sentence each with its remedy."""
-    return _only_links(scenario, edges) + _all_lie(scenario) + _of_no_link(scenario, edges) + _in_no_step(scenario)
+    scenario, edges = plan.scenario, plan.edges
+    of_liars = _only_links(scenario, edges) + _all_lie(scenario) + _biases_beside_liars(plan)
+    return of_liars + _of_no_link(scenario, edges) + _in_no_step(scenario)
+
+
+def _biases_beside_liars(plan: Plan) -> list[str]:
+    scenario = plan.scenario
+    chosen, able = scenario.filter, filters.abilities_of(scenario.filter.kind).biases
+    told = plan.distrusts_others and trust.tells_biases(scenario) and able
+    if not told or chosen.bias != "auto" or plan.bias != "none":
+        return []
+    warning = (
+        "the scenario tells of biases of ranges, but filter.bias = 'auto' is 'none' here, as agents that doubt what "
+        "others send estimate no biases: they will be too sure of themselves; calibrate the receivers "
+        "(sensor.bias = 0, sensor.bias_std = 0), or do without faults of senders, consensus.trim and consensus.isolate"
+    )
+    return [warning]
 
 
 def _liars(scenario: Scenario) -> set[int]:
