@@ -1,8 +1,8 @@
 """What kill -9 costs with rings: recorders and agents are killed in turn while all cores are busy.
 
-A listener that is linked to every agent, as a neighbour is, notes each message that it hears. All of them have to be in
-the recorders' logs, and none twice in one. The run then goes on for some minutes at full rate, and it looks how full
-the rings get.
+A listener that is linked to the target and to every agent, as a neighbour is, notes each message that it hears. All of
+them have to be in the recorders' logs, and none twice in one. The run then goes on for some minutes at full rate, and
+it looks how full the rings get.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from benchmarks.common import Row, below, children, results
 from zenoh_cbef.log.read.parts import open_log
 from zenoh_cbef.nodes.common.node import LEASH, RUN
 from zenoh_cbef.nodes.launch.ports import free_ports
-from zenoh_cbef.protocol.keys import Keys
+from zenoh_cbef.protocol.keys import Keys, address
 from zenoh_cbef.protocol.mailbox import Mailbox
 from zenoh_cbef.protocol.messages import BadMessage, unpack
 from zenoh_cbef.protocol.ring import fill_of
@@ -47,6 +47,12 @@ _START_SECONDS = 60.0
 
 Said = tuple[str, int, int]
 """Key, number and sending time of a message."""
+
+
+def _in_a_ring(key: str) -> bool:
+    """Whether messages of a key are left in rings."""
+    at = address(key)
+    return at is not None and at.kind in {"truth", "beacon", "range", "round", "estimate", "smoothed"}
 
 
 @dataclass
@@ -83,9 +89,11 @@ class Soak:
         self.start_recorder()
         for agent in range(_AGENTS):
             self.start_agent(agent)
-        connection = Connection(connect=[self._ends[str(agent)] for agent in range(_AGENTS)], gossip=False)
+        connection = Connection(
+            connect=[self._ends[one] for one in ("target", *map(str, range(_AGENTS)))], gossip=False
+        )
         session = self._stack.enter_context(open_session(connection))
-        self._box = Mailbox(session, f"{Keys(self._run).root}/agent/*/*", _LISTENED)
+        self._box = Mailbox(session, Keys(self._run).everything, _LISTENED)
         self._listener = threading.Thread(target=self._listen)
         self._listener.start()
         return self
@@ -143,7 +151,7 @@ class Soak:
     def _listen(self) -> None:
         while not self._over.is_set():
             received = self._box.receive_from()
-            if received is None:
+            if received is None or not _in_a_ring(received[0]):
                 continue
             with suppress(BadMessage):
                 message = unpack(received[1])
@@ -162,7 +170,7 @@ class Soak:
             own = Counter(
                 (message.channel.topic, message.sequence, message.publish_time)
                 for message in open_log(log).messages()
-                if "/agent/" in message.channel.topic and "/event/" not in message.channel.topic
+                if _in_a_ring(message.channel.topic)
             )
             self.found.twice += sum(count - 1 for count in own.values())
             logged.update(own.keys())

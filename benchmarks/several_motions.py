@@ -24,32 +24,34 @@ CASES = (
     *("circle", "small-circle", "wide-circle-two-rounds", "wide-circle-on-a-path"),
     *("straight-and-short-steps", "sharp-turns"),
 )
-VARIANTS = {
-    "as assumed": None,
-    "switching in 3 % of the steps": (1.0, 1.0),
-    "switching / 10": (1.0, 0.1),
-    "noise / 10": (0.1, 1.0),
-    "both / 1000": (1e-3, 1e-3),
+RULES = {"as assumed": [], "filter.defaults = 13": ["filter.defaults=13"]}
+CALM: dict[str, tuple[tuple[float, ...], float | str]] = {
+    "several calm noises": ((0.01, 0.001, 0.0001), "auto"),
+    "a chance of 0.03": ((0.002,), 0.03),
+    "a chance of 0.003": ((0.002,), 0.003),
+    "hardly any noise, a chance of 0.00005": ((0.00001,), 0.00005),
 }
-"""By what the noise of the two calm motions, and of the turn's rate, is multiplied, and SWITCHING."""
+"""Tracking indices of calm motions, each of them straight and in turns, and the chance to leave a motion in a step."""
 
-SWITCHING = 0.03
-"""A chance to leave a motion in a step. As assumed: what ranges choose."""
+ASSUMED = 0.01
+"""The index of calm motions to which the change of a turn's rate belongs."""
 
 COLUMNS = ("case", "filter", "RMSE (m)", "NEES/d", "of the position", "of the velocity")
 
 
-def keys(plan: Plan, noise: float, switching: float) -> list[str]:
-    """The motions that a plan assumes with another noise of the first two, and another chance to leave one."""
-    kinds = ("ncv", "turn", "ncv", "jump")
-    factors = (noise, noise, 1.0, 1.0)
-    change = noise * (plan.scenario.filter.turn_rate_change or 0.0)
-    models = [
-        f'{{motion="{kind}",acceleration_std={factor * one.acceleration_std!r},turn_rate_change={change!r}}}'
-        for kind, factor, one in zip(kinds, factors, plan.models, strict=True)
+def keys(plan: Plan, noises: Sequence[float], switching: float | str) -> list[str]:
+    """The motions that a plan assumes with other calm ones, whose rates change less, too, and another `switching`."""
+    unit, change = plan.range_std / plan.scenario.dt**2, plan.scenario.filter.turn_rate_change or 0.0
+    calm = [
+        f'{{motion="{kind}",acceleration_std={index * unit!r},turn_rate_change={change * index / ASSUMED!r}}}'
+        for kind in ("ncv", "turn")
+        for index in noises
     ]
-    chance = switching * SWITCHING
-    return ["filter.motion=imm", f"filter.models=[{','.join(models)}]", f"filter.switching={chance!r}"]
+    agile = [
+        f'{{motion="{kind}",acceleration_std={one.acceleration_std!r}}}'
+        for kind, one in zip(("ncv", "jump"), plan.models[2:], strict=True)
+    ]
+    return ["filter.motion=imm", f"filter.models=[{','.join(calm + agile)}]", f"filter.switching={switching}"]
 
 
 def run(repeats: int, seeds: int = SEEDS, first: int = FIRST) -> Iterator[Table]:
@@ -63,8 +65,9 @@ def run(repeats: int, seeds: int = SEEDS, first: int = FIRST) -> Iterator[Table]
             truth = np.stack([trace.truth for trace in traces])[:, begin:]
             said = [np.stack([getattr(trace, part)[0] for trace in traces]) for part in ("estimates", "covariances")]
             rows = [_row(case, "network, agent 0", said, truth, begin)]
-            for name, factors in VARIANTS.items():
-                plan = Plan(scenario_of(cases()[case], keys(traces[0].plan, *factors) if factors else []))
+            others = {name: keys(traces[0].plan, *calm) for name, calm in CALM.items()}
+            for name, sets in {**RULES, **others}.items():
+                plan = Plan(scenario_of(cases()[case], sets))
                 beliefs = centralized_run([replace(trace, plan=plan) for trace in traces], steps)
                 rows.append(_row(case, f"centralised, {name}", stacked(plan.space, beliefs), truth, begin))
             rows.append(_row(case, "strong", strong(*told(traces, steps)), truth, begin))

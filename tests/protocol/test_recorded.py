@@ -61,14 +61,16 @@ def test_a_key_is_covered_by_any_expression_that_includes_it() -> None:
 
 
 @pytest.mark.parametrize(
-    ("wanted", "own", "others"),
+    ("wanted", "parts"),
     [
-        ([], ["agent/**"], ["target/**", "beacon/**", "event/**", "faults"]),
-        (["agent/0/**", "target/**"], ["agent/0/**"], ["target/**", "event/**", "beacon/*/signal"]),
-        (["*/7/**"], ["agent/7/**"], ["beacon/7/**", "event/**", "beacon/*/signal"]),
-        (["*/*/round"], [], ["*/*/round", "event/**", "beacon/*/signal"]),
+        ([], (["agent/**"], ["target/**", "beacon/*"], ["beacon/*/signal", "event/**", "faults"])),
+        (["agent/0/**", "target/**"], (["agent/0/**"], ["target/**"], ["event/**", "beacon/*/signal"])),
+        (["*/7/**"], (["agent/7/**"], ["beacon/7"], ["event/**", "beacon/*/signal"])),
+        (["beacon/7"], ([], ["beacon/7"], ["event/**", "beacon/*/signal"])),
+        (["beacon/7/**"], ([], [], ["beacon/7/**", "event/**", "beacon/*/signal"])),
+        (["*/*/round"], ([], [], ["*/*/round", "event/**", "beacon/*/signal"])),
     ],
 )
-def test_what_agents_publish_is_told_apart(wanted: list[str], own: list[str], others: list[str]) -> None:
+def test_what_agents_and_the_target_publish_is_told_apart(wanted: list[str], parts: tuple[list[str], ...]) -> None:
     found = apart("mine", recorded_keys("mine", wanted))
-    assert found == ([f"cbef/mine/{one}" for one in own], [f"cbef/mine/{one}" for one in others])
+    assert found == tuple([f"cbef/mine/{one}" for one in part] for part in parts)

@@ -99,3 +99,16 @@ def test_a_reader_that_was_forgotten_goes_on_with_what_comes(tmp_path: Path) -> 
     slow.close()
     quick.close()
     writer.close(remove=True)
+
+
+def test_a_ring_has_room_for_the_names_of_all_beacons(tmp_path):
+    path, names = tmp_path / "ring", [f"cbef/a-run-with-a-long-name/beacon/{agent}" for agent in range(1000)]
+    writer = RingWriter(path, names, LEAST_BYTES, alive)
+    reader = RingReader(path, 7, alive)
+    assert reader.names == names
+    said = [(999, 3, 5, b"last"), (255, 4, 6, bytes(200))]
+    for one in said:
+        assert writer.write(*one)
+    assert reader.read(10) == said
+    reader.close()
+    writer.close(remove=True)

@@ -61,6 +61,15 @@ def test_a_target_that_may_turn_is_followed_by_several_motions(motion):
     assert calm.acceleration_std < plan(*sets).plain_motion.acceleration_std < agile.acceleration_std
 
 
+def test_calm_motions_are_five_times_calmer_than_by_older_rules_unless_their_noise_is_told():
+    now, before = (plan(*CIRCLE, f"filter.defaults={rules}").models for rules in (14, 13))
+    assert [one.acceleration_std for one in now] == pytest.approx([0.02, 0.02, 5.0, 100.0])
+    assert [one.acceleration_std for one in before] == pytest.approx([0.1, 0.1, 5.0, 100.0])
+    assert now[2:] == before[2:]
+    told = plan(*CIRCLE, "filter.motion=imm", "filter.acceleration_std=0.1").models
+    assert [one.acceleration_std for one in told] == pytest.approx([0.1, 0.1, 5.0, 100.0])
+
+
 @pytest.mark.parametrize(
     "alone",
     [

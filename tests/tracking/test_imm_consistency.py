@@ -35,17 +35,39 @@ def drawn(random):
     return np.stack(paths, axis=1)
 
 
-def test_a_target_that_moves_as_assumed_is_tracked_with_the_right_covariance():
+def tracked(truth, plan=PLAN, since=20):
+    """Root mean square error of the position, m, and NEES over its ideal, of a filter that sees all ranges."""
     random = np.random.default_rng(1)
-    truth = drawn(random)
     # Agents so far off that ranges are straight lines: the filter's linearisation is no part of this.
     places = FAR * random.normal(size=(RUNS, AGENTS, 1, 3)).repeat(STEPS, axis=2)
     ranges = np.linalg.norm(truth[:, None, :, :3] - places, axis=3) + STD * random.normal(size=(RUNS, AGENTS, STEPS))
     known = np.diag([0.01] * 3 + [1.0] * 3)
     initial = Belief(np.zeros((RUNS, 6)), known[None].repeat(RUNS, axis=0))
-    models = CentralModels(Switching(PLAN.models, LEAVING), PLAN.space, np.inf)
+    models = CentralModels(Switching(plan.models, LEAVING), plan.space, np.inf)
     steps = each_step(positions=places, ranges=ranges, age=np.zeros_like(ranges), range_std=STD)
-    states, covariances = stacked(PLAN.space, centralized_models(initial, models, steps))
-    error = (states - truth)[:, 20:]
-    nees = np.mean(error[..., None, :] @ np.linalg.solve(covariances[:, 20:], error[..., None])) / 6.0
-    assert 0.8 < nees < 1.3
+    states, covariances = stacked(plan.space, centralized_models(initial, models, steps))
+    error = (states - truth)[:, since:]
+    nees = np.mean(error[..., None, :] @ np.linalg.solve(covariances[:, since:], error[..., None])) / 6.0
+    return np.sqrt(np.mean(np.sum(error[..., :3] ** 2, axis=2))), nees
+
+
+def test_a_target_that_moves_as_assumed_is_tracked_with_the_right_covariance():
+    assert 0.8 < tracked(drawn(np.random.default_rng(1)))[1] < 1.3
+
+
+def always(velocity):
+    """The path (K, 6) of such velocities (K, 3) in all runs: each step ends with its own, and went on with it."""
+    path = np.concatenate([np.cumsum(PLAN.scenario.dt * velocity, axis=0), velocity], axis=1)
+    return np.repeat(path[None], RUNS, axis=0)
+
+
+def test_calmer_motions_follow_a_circle_more_closely_than_those_of_before():
+    before = load("tracking", ("target.motion=circle", "filter.defaults=13")).plan
+    angle = 0.8 * PLAN.scenario.dt * np.arange(STEPS)
+    circle = always(np.stack([np.cos(angle), np.sin(angle), 0.0 * angle], axis=1))
+    assert tracked(circle, since=50)[0] < 0.95 * tracked(circle, before, since=50)[0]
+
+
+def test_calmer_motions_are_not_falsely_sure_at_a_corner_after_a_straight_line():
+    straight = np.arange(STEPS)[:, None] < STEPS // 2
+    assert 0.8 < tracked(always(np.where(straight, [0.0, 1.0, 0.0], [0.0, 0.0, -1.0])), since=50)[1] < 1.3

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter, deque
+from functools import lru_cache
 
 import zenoh
 
@@ -16,6 +17,7 @@ _COST_BYTES = 512
 """What a waiting message takes in memory beside its own bytes."""
 
 
+@lru_cache(maxsize=1024)  # as the addresses of keys
 def _queue_of(key: str) -> str:
     """Where a message waits: keys that a run does not have share one queue, likewise those with chosen names."""
     at = address(key)
@@ -64,13 +66,13 @@ class FairMailbox(Mailbox):
     def _sort_portion(self) -> None:
         self._until_sorted = _READ
         for _ in range(_SORTED):
-            sample = self._poll()
+            sample = self.sample()
             if sample is None:
                 return
             self._sort(sample)
 
     def _sort(self, sample: zenoh.Sample) -> None:
-        data = sample.payload.to_bytes() or self._empty()
+        data = sample.payload.to_bytes() or self.empty()
         if data is None:
             return
         key = str(sample.key_expr)

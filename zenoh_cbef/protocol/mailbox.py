@@ -27,29 +27,30 @@ class Mailbox:
         self._session = session
         self._subscriber = session.declare_subscriber(key, zenoh.handlers.RingChannel(capacity))
         self._receive = self._subscriber.handler.recv
-        self._poll = self._subscriber.handler.try_recv
+        self.sample = self._subscriber.handler.try_recv
+        """The next message as Zenoh has it, None where nothing waits: for one who spares a call of `poll`."""
         self._wakes = 0
         self._lock = threading.Lock()
 
     def receive(self) -> bytes | None:
         """The next message's bytes; None after a wake-up."""
-        return self._receive().payload.to_bytes() or self._empty()
+        return self._receive().payload.to_bytes() or self.empty()
 
     def poll(self) -> bytes | None:
         """As receive, but None at once where nothing waits."""
-        sample = self._poll()
-        return None if sample is None else sample.payload.to_bytes() or self._empty()
+        sample = self.sample()
+        return None if sample is None else sample.payload.to_bytes() or self.empty()
 
     def receive_from(self) -> tuple[str, bytes] | None:
         """The next message's key and bytes; None after a wake-up."""
         sample = self._receive()
-        data = sample.payload.to_bytes() or self._empty()
+        data = sample.payload.to_bytes() or self.empty()
         return None if data is None else (str(sample.key_expr), data)
 
     def poll_from(self) -> tuple[str, bytes] | None:
         """As receive_from, but None at once where nothing waits."""
-        while (sample := self._poll()) is not None:
-            data = sample.payload.to_bytes() or self._empty()
+        while (sample := self.sample()) is not None:
+            data = sample.payload.to_bytes() or self.empty()
             if data is not None:
                 return str(sample.key_expr), data
         return None
@@ -76,7 +77,7 @@ class Mailbox:
         with suppress(zenoh.ZError):
             self._session.put(key, b"", allowed_destination=zenoh.Locality.SESSION_LOCAL)
 
-    def _empty(self) -> bytes | None:
+    def empty(self) -> bytes | None:
         """None for an empty message that is our own wake-up, otherwise the empty message of a sender."""
         with self._lock:
             if self._wakes:

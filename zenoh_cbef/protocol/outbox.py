@@ -36,8 +36,10 @@ class Outbox:
         self.key, self._memory = key, memory
         self._clock = clock
         self.sent = 0
-        self.leave: Callable[[int, int, bytes], None] | None = None
+        self.leave: Callable[[int, int, bytes], bool] | None = None
         """Leaves a message, with its number and sending time, for recorders on this host, before it is sent."""
+        self.overflow: Callable[[int, int, bytes], None] = lambda *_: None
+        """Gets a message for which there was no room."""
         self._envelope = {"v": VERSION, "run": run, "from": sender}
         self._pack = msgpack.Packer().pack
         self._publisher = session.declare_publisher(
@@ -61,7 +63,7 @@ class Outbox:
 
     def _put(self, seq: int, now: int, step: int | None, data: bytes) -> None:
         self._memory.keep(seq, step, data)
-        if self.leave is not None:
-            self.leave(seq, now, data)
+        if self.leave is not None and not self.leave(seq, now, data):
+            self.overflow(seq, now, data)
         self._publisher.put(data)
         self.sent = seq + 1

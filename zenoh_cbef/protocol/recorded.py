@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Collection, Sequence
+from typing import NamedTuple
 
 import zenoh
 
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.protocol.keys import Keys, address
 
+_BEACONS = re.compile(r"beacon/[^/]+")
 _OF_AN_AGENT = re.compile(r"\*/(\d+)/\*\*")
 
 
@@ -43,26 +45,36 @@ def recorded_keys(run: str, wanted: Sequence[str]) -> list[str]:
     return [str(known) for known in found]
 
 
-def apart(run: str, expressions: Sequence[str]) -> tuple[list[str], list[str]]:
-    """Recorded key expressions in two parts: those of what agents publish of their own, and the others.
+class Apart(NamedTuple):
+    """Key expressions of what agents publish of their own, of truth and beacons, and of all else."""
 
-    The expression for all keys of a run is cut into those of each part. Any other expression that covers both parts
+    agents: list[str]
+    target: list[str]
+    others: list[str]
+
+
+def apart(run: str, expressions: Sequence[str]) -> Apart:
+    """Recorded key expressions in three parts.
+
+    The expression for all keys of a run is cut into those of each part. Any other expression that covers several parts
     counts as one of the others.
     """
-    root = Keys(run).root
-    own: list[str] = []
-    others: list[str] = []
+    keys = Keys(run)
+    root, found = keys.root, Apart([], [], [])
     for one in expressions:
         below = one.removeprefix(f"{root}/")
         if below == "**":
-            own.append(f"{root}/agent/**")
-            others += [f"{root}/{part}" for part in ("target/**", "beacon/**", "event/**", "faults")]
+            found.agents.append(f"{root}/agent/**")
+            found.target.extend((f"{root}/target/**", keys.all_beacons))
+            found.others.extend((keys.all_signals, f"{root}/event/**", f"{root}/faults"))
         elif share := _OF_AN_AGENT.fullmatch(below):
-            own.append(f"{root}/agent/{share[1]}/**")
-            others.append(f"{root}/beacon/{share[1]}/**")
+            found.agents.append(f"{root}/agent/{share[1]}/**")
+            found.target.append(f"{root}/beacon/{share[1]}")
+        elif below.startswith("agent/"):
+            found.agents.append(one)
         else:
-            (own if below.startswith("agent/") else others).append(one)
-    return own, others
+            (found.target if below.startswith("target/") or _BEACONS.fullmatch(below) else found.others).append(one)
+    return found
 
 
 def belongs(key: str, expression: str, expressions: Collection[str]) -> bool:

@@ -20,7 +20,7 @@ from contextlib import suppress
 from pathlib import Path
 from zlib import crc32
 
-_MAGIC = int.from_bytes(b"cbefrng2", "little")
+_MAGIC = int.from_bytes(b"cbefrng3", "little")
 _WORD = 8
 _AT_MAGIC, _AT_SIZE, _AT_HEAD, _AT_LEFT, _AT_NAMES = range(5)
 """Words at the beginning of the file: what it is, bytes of the ring, the head, whether its writer has left it for good,
@@ -29,12 +29,12 @@ _SLOTS, _SLOT_WORDS, _FIRST_SLOT = 8, 8, 32
 """Readers that a ring can have: for each a line of eight words, its tag (0: free) and its place."""
 _STARTS = range(_FIRST_SLOT, _FIRST_SLOT + _SLOTS * _SLOT_WORDS, _SLOT_WORDS)
 _NAMES_BYTE, DATA_BYTE = 1024, 4096
-"""Where the names of what is in the ring begin, and where the ring."""
+"""Where the names of what is in the ring begin, and where the ring; later, by whole pages, where these are many."""
 _FRAME = struct.Struct("=IIQQ")
 """In front of a message: its kind and length in one word of 32 bits, its checksum, its number, its sending time."""
 FRAME_BYTES = _FRAME.size
-_KIND_SHIFT, _LENGTH = 24, (1 << 24) - 1
-_SKIP = 255
+_KIND_SHIFT, _LENGTH = 21, (1 << 21) - 1
+_SKIP = (1 << 11) - 1
 _SKIPPED = _SKIP << _KIND_SHIFT
 _32_BITS = (1 << 32) - 1
 LEAST_BYTES = 1 << 12
@@ -45,6 +45,11 @@ Said = tuple[int, int, int, bytes]
 
 class RingError(Exception):
     """The file is no ring, or the ring has no room for another reader."""
+
+
+def _data_byte(names: int) -> int:
+    """Where a ring begins that has names of so many bytes."""
+    return max(DATA_BYTE, -(-(_NAMES_BYTE + names) // DATA_BYTE) * DATA_BYTE)
 
 
 def _is_held(file: int) -> bool:
@@ -92,16 +97,17 @@ class RingWriter:
         self.path, self._is_read = path, is_read
         self._size = max(size, LEAST_BYTES) & -_WORD
         text = "\n".join(names).encode()
-        if len(text) > DATA_BYTE - _NAMES_BYTE or len(names) >= _SKIP:
+        if len(names) >= _SKIP:
             raise OSError("the names of what is in a ring have no room in it")
+        self._begin = _data_byte(len(text))
         new = path.with_suffix(".new")
         self._file = os.open(new, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600)
         try:
-            left = DATA_BYTE + self._size
+            left = self._begin + self._size
             while left:
                 left -= os.write(self._file, bytes(min(left, 1 << 20)))
             fcntl.flock(self._file, fcntl.LOCK_EX)
-            self._map = mmap.mmap(self._file, DATA_BYTE + self._size)
+            self._map = mmap.mmap(self._file, self._begin + self._size)
             self._words = memoryview(self._map).cast("Q")
             self._words[_AT_SIZE], self._words[_AT_NAMES] = self._size, len(text)
             self._map[_NAMES_BYTE : _NAMES_BYTE + len(text)] = text
@@ -126,10 +132,10 @@ class RingWriter:
         if head + skip + need > self._until and not self._make_room(head + skip + need):
             return False
         if skip >= FRAME_BYTES:  # where not even a frame has room, the reader knows
-            _FRAME.pack_into(self._map, DATA_BYTE + at, _SKIPPED, head + _SKIPPED & _32_BITS, 0, 0)
+            _FRAME.pack_into(self._map, self._begin + at, _SKIPPED, head + _SKIPPED & _32_BITS, 0, 0)
         if skip:
             head, at = head + skip, 0
-        at += DATA_BYTE
+        at += self._begin
         begin, word = at + FRAME_BYTES, kind << _KIND_SHIFT | length
         self._map[begin : begin + length] = data
         _FRAME.pack_into(self._map, at, word, crc32(data, head + word + number + sent & _32_BITS), number, sent)
@@ -191,11 +197,13 @@ class RingReader:
             os.close(self._file)
             raise
         self._words = memoryview(self._map).cast("Q") if not length % _WORD else None
-        self._size = length - DATA_BYTE
+        named = 0 if self._words is None else min(self._words[_AT_NAMES], length - _NAMES_BYTE)
+        self._begin = _data_byte(named)
+        self._size = length - self._begin
         if self._words is None or self._words[_AT_MAGIC] != _MAGIC or self._words[_AT_SIZE] != self._size:
             self.close()
             raise RingError(f"{path} is no ring")
-        text = self._map[_NAMES_BYTE : _NAMES_BYTE + min(self._words[_AT_NAMES], DATA_BYTE - _NAMES_BYTE)]
+        text = self._map[_NAMES_BYTE : _NAMES_BYTE + named]
         self.names = text.decode(errors="replace").split("\n")
         try:
             self._slot = self._claim(tag, is_read)
@@ -226,7 +234,7 @@ class RingReader:
     def read(self, most: int) -> list[Said]:
         """The next messages, at most so many. What is not whole yet is not there."""
         found: list[Said] = []
-        place, head, size, content = self._place, self._known()[_AT_HEAD], self._size, self._map
+        place, head, size, content, kinds = self._place, self._known()[_AT_HEAD], self._size, self._map, len(self.names)
         if head - place > size:  # The writer forgot a reader that was taken for dead.
             place = head
         while place < head and len(found) < most:
@@ -234,7 +242,7 @@ class RingReader:
             if size - at < FRAME_BYTES:
                 place += size - at
                 continue
-            begin = DATA_BYTE + at + FRAME_BYTES
+            begin = self._begin + at + FRAME_BYTES
             word, checksum, number, sent = _FRAME.unpack_from(content, begin - FRAME_BYTES)
             length = word & _LENGTH
             data = content[begin : begin + length]
@@ -244,7 +252,7 @@ class RingReader:
                 place += size - at
                 continue
             place += FRAME_BYTES + length + _WORD - 1 & -_WORD
-            if (kind := word >> _KIND_SHIFT) < len(self.names):
+            if (kind := word >> _KIND_SHIFT) < kinds:
                 found.append((kind, number, sent, data))
         self._place = place
         return found

@@ -18,14 +18,16 @@ from zenoh_cbef.protocol.ring import is_written
 FOLDER = "ZENOH_CBEF_RINGS"
 """The environment variable that names another folder for the rings of all runs."""
 _MEMORY = Path("/dev/shm")  # noqa: S108
-_RING = re.compile(r"(\d{1,6})\.(\d{1,20})\.([0-9a-f]{1,40})\.ring")
+_RING = re.compile(r"(-1|\d{1,6})\.(\d{1,20})\.([0-9a-f]{1,40})\.ring")
+OF_TARGET = -1
+"""In place of an agent's id in the name of the target's ring."""
 _READER = "reader-"
 _STALE_SECONDS = 3600.0
 _TRIES, _AGAIN_SECONDS = 20, 0.02
 
 
 class RingName(NamedTuple):
-    """made: when, ns; life: the session of the agent's process."""
+    """agent: whose, or OF_TARGET; made: when, ns; life: the session of the process."""
 
     agent: int
     made: int
@@ -56,7 +58,7 @@ class RingFolder:
         _sweep(self.path.parent, _STALE_SECONDS)
 
     def ring(self, agent: int, life: str) -> Path:
-        """The file of a new ring of an agent's process."""
+        """The file of a new ring of an agent's process, or of the target's."""
         return self.path / f"{agent}.{time.time_ns()}.{life}.ring"
 
     def rings(self) -> list[tuple[RingName, Path]]:

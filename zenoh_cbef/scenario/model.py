@@ -178,8 +178,8 @@ class Record(Table):
     """The log. flush_seconds bounds what a killed recorder loses; required: whether a run waits for `recorders`.
 
     rotate_bytes, rotate_seconds: when a new file begins, 0 for never. on_full: what `run` does when the recorder can no
-    longer write the log. rings: agents leave what they say in memory that recorders on their host read; ring_bytes: how
-    much an agent.
+    longer write the log. rings: agents and target leave what they say in memory that recorders on their host read;
+    ring_bytes: how much each.
     """
 
     compression: Literal["zstd", "lz4", "none"] = "zstd"

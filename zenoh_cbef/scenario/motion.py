@@ -23,6 +23,9 @@ that step. Between these two a covariance would be
 far too small or too large for a turn that is not quite round, so the first is one of several motions, too.
 """
 
+_CALMEST = 0.002
+"""The index of the calm motions since rules 14. Ranges of a few hundred steps hardly tell it from smaller ones."""
+
 _LASTING, _OFTEN, _ALWAYS = 0.005, 0.03, 0.3
 """How likely a target leaves its motion in a step: a few times in a run, in a turn, and as soon as it begins another.
 
@@ -69,6 +72,8 @@ def assumed_models(scenario: Scenario, range_std: float, axes: int, *, told: boo
         return tuple(make_motion(name, replace(settings, **keys)) for name, keys in zip(names, given, strict=True))
     calm = _noise(scenario, range_std, _CALM) if chosen.acceleration_std is None else chosen.acceleration_std
     middle, agile = (one / _CALM * calm for one in (_INDEX, _AGILE))
+    if chosen.acceleration_std is None and chosen.defaults > 13:
+        calm = _noise(scenario, range_std, _CALMEST)
     between = [("ncv", (middle * agile) ** 0.5)] if told and chosen.defaults > 12 else []
     each = ("ncv", calm), ("turn", calm), ("ncv", middle), *between, (chosen.agile, agile)
     return tuple(make_motion(name, replace(settings, acceleration_std=std)) for name, std in each)

@@ -30,7 +30,9 @@ def inverse(matrices: Floats) -> Floats:
     Raises LinAlgError where one is singular.
     """
     inverted = np.linalg.inv(matrices)
-    return np.asarray(0.5 * (inverted + inverted.swapaxes(-1, -2)))
+    doubled = inverted + inverted.swapaxes(-1, -2)
+    doubled *= 0.5
+    return np.asarray(doubled)
 
 
 def inverse_if_any(matrices: Floats) -> Floats:
@@ -62,7 +64,8 @@ def neighbour_sum(terms: Floats) -> Floats:
         return neighbour_sum(terms[:, :, None])[:, 0]
     if terms.shape[2] == 1:
         return neighbour_sum(np.repeat(terms, 2, axis=2))[:, :1]
-    return np.asarray(np.add.reduce(terms, axis=1, initial=0.0))
+    total: Floats = np.add.reduce(terms, axis=1, initial=0.0)
+    return total
 
 
 @cache

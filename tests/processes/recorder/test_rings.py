@@ -1,8 +1,9 @@
-"""Agents leave what they say in rings: it is recorded once, without a second trip, also of killed processes."""
+"""Processes leave what they say in rings: it is recorded once, without a second trip, also of killed ones."""
 
 from __future__ import annotations
 
 import os
+import re
 import signal
 import time
 from collections.abc import Callable
@@ -21,6 +22,7 @@ from zenoh_cbef.protocol.ring_folder import FOLDER
 
 RINGS = "record.rings=true"
 PATIENT = ["--patience", "200"]
+_ELSEWHERE = re.compile("/event/|/signal$|/faults$")
 
 
 def wait_until(holds: Callable[[], bool], what: str) -> None:
@@ -37,7 +39,7 @@ def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def proved(world: World) -> list[tuple[str, int]]:
-    """Key and number of all messages of agents in a log that is sound, and is computed again with the same bits."""
+    """Key and number of what is left in rings, of a log that is sound, and is computed again with the same bits."""
     for verb in ("check", "verify"):
         verdict = world.call(verb, str(world.log))
         assert verdict.returncode == 0, verdict.stdout
@@ -45,8 +47,8 @@ def proved(world: World) -> list[tuple[str, int]]:
 
 
 def numbers_in(log: Path) -> list[tuple[str, int]]:
-    own = ((message.channel.topic, message.sequence) for message in open_log(log).messages())
-    return sorted(one for one in own if "/agent/" in one[0] and "/event/" not in one[0])
+    all_ = ((message.channel.topic, message.sequence) for message in open_log(log).messages())
+    return sorted(one for one in all_ if not _ELSEWHERE.search(one[0]))
 
 
 def once_each(numbers: list[tuple[str, int]]) -> bool:
@@ -68,15 +70,16 @@ def test_a_run_is_recorded_from_rings_and_leaves_none(world, place):
     world.complete(RINGS, "filter.lag_seconds=0.5")
     numbers = proved(world)
     assert once_each(numbers)
-    assert {key.rpartition("/")[2] for key, _ in numbers} == {"range", "round", "estimate", "smoothed"}
+    found = {key.rpartition("/")[2] for key, _ in numbers}
+    assert found == {"range", "round", "estimate", "smoothed", "truth", *"0123"}
     assert list(place.iterdir()) == []
 
 
-def test_agents_without_rings_are_heard_over_zenoh_and_say_so(world, place):
+def test_processes_without_rings_are_heard_over_zenoh_and_say_so(world, place):
     place.touch()  # a file, where the folder would be
     world.complete(RINGS)
     assert once_each(proved(world))
-    assert events_of(world.log, "has no ring") == 4
+    assert events_of(world.log, "has no ring") == 5
 
 
 def test_a_ring_too_small_for_a_recorder_that_stands_still_loses_nothing(world):
@@ -128,11 +131,12 @@ class Hosts:
             assert process.returncode in (0, 130), err
 
     def is_subscribed(self) -> Callable[[], bool]:
-        """Whether the recorder has Zenoh bring it what agent 0 publishes, as a peer that is linked to it alone sees."""
+        """Whether the recorder has Zenoh bring it what agent 0 publishes, or a beacon, as a peer linked to it sees."""
         self.session = peer(self.endpoints["recorder"])
-        publisher = self.session.declare_publisher(Keys(self.world.run).round(0))
+        keys = Keys(self.world.run)
+        publishers = [self.session.declare_publisher(key) for key in (keys.round(0), keys.beacon(0))]
         # What Zenoh returns has a field that its types do not tell of.
-        return lambda: bool(getattr(publisher.matching_status, "matching", publisher.matching_status))
+        return lambda: any(bool(getattr(one.matching_status, "matching", one.matching_status)) for one in publishers)
 
 
 def test_a_recorder_that_is_killed_and_an_agent_lose_nothing_that_they_had_said(world):
@@ -153,7 +157,7 @@ def test_a_recorder_that_is_killed_and_an_agent_lose_nothing_that_they_had_said(
     assert done.returncode == 3, done.stderr  # a file that has no end
     numbers = numbers_in(world.log)
     assert once_each(numbers)
-    assert len({key for key, _ in numbers}) == 9
+    assert len({key for key, _ in numbers}) == 13
 
 
 def test_two_recorders_of_a_host_record_all_each(world):

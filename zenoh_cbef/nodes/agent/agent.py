@@ -16,7 +16,6 @@ from zenoh_cbef.nodes.agent.afterwards import Afterwards
 from zenoh_cbef.nodes.agent.entrance import Entrance, Entry
 from zenoh_cbef.nodes.agent.neighbour import Neighbourhood
 from zenoh_cbef.nodes.agent.news import News
-from zenoh_cbef.nodes.agent.own_ring import OwnRing
 from zenoh_cbef.nodes.agent.signals import Signals
 from zenoh_cbef.nodes.agent.vicinity import Vicinity
 from zenoh_cbef.nodes.common.alarm import Alarm
@@ -25,6 +24,7 @@ from zenoh_cbef.nodes.common.ending import Ending
 from zenoh_cbef.nodes.common.inbox import Stopped
 from zenoh_cbef.nodes.common.links import Links
 from zenoh_cbef.nodes.common.node import Identity, Node
+from zenoh_cbef.nodes.common.own_ring import OwnRing
 from zenoh_cbef.nodes.common.pace import Pace
 from zenoh_cbef.nodes.common.readers import beacon_inbox
 from zenoh_cbef.nodes.common.rejections import Rejections

@@ -64,7 +64,7 @@ class Inbox(Generic[Content]):
     ) -> None:
         self.mailbox = mailbox
         self._node, self.owner = node, owner
-        self._poll, self._clock = mailbox.poll, node.clock
+        self._sample, self._clock = mailbox.sample, node.clock
         self._decode, self._horizon, self._turns = decode, horizon, turns
         self._first = 1 if turns > 1 else 0
         self._rejections, self._alarm = rejections, alarm
@@ -139,7 +139,11 @@ class Inbox(Generic[Content]):
                 if held == turn:
                     return content
                 self._pass(held)
-            data = self._poll()
+            if self._recalled:
+                data: bytes | None = self._recalled.popleft()
+            else:  # As in _poll, without a call: this is the innermost loop.
+                sample = self._sample()
+                data = None if sample is None else sample.payload.to_bytes() or self.mailbox.empty()
             if data is None:
                 data = self._await(turn, deadline)
                 if data is None:
@@ -220,13 +224,9 @@ class Inbox(Generic[Content]):
             found.append(self._raw)
             self._held = None
         self._recalled = deque([*found, *self._recalled])
-        self._poll = self._poll_recalled
 
-    def _poll_recalled(self) -> bytes | None:
-        if self._recalled:
-            return self._recalled.popleft()
-        self._poll = self.mailbox.poll
-        return self._poll()
+    def _poll(self) -> bytes | None:
+        return self._recalled.popleft() if self._recalled else self.mailbox.poll()
 
     def pass_over(self, turn: int) -> None:
         """Drop messages up to a turn that the reader does not need, or a portion of them."""

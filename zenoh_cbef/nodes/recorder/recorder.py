@@ -208,8 +208,8 @@ class Recorder:
         self.log.add_all(keys, said, time.time_ns())
         for kind, key in enumerate(keys):
             at = address(key)
-            if at is not None and at.kind == "estimate":
-                self.overview.see("estimate", key, [one[3] for one in said if one[0] == kind])
+            if at is not None and at.kind in {"truth", "estimate"}:
+                self.overview.see(at.kind, key, [one[3] for one in said if one[0] == kind])
 
     def _note_promises(self, key: str, data: bytes) -> None:
         at = address(key)

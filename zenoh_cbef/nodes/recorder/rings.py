@@ -1,4 +1,4 @@
-"""The rings that agents of this host leave their messages in, as one recorder reads them."""
+"""The rings that processes of this host leave their messages in, as one recorder reads them."""
 
 from __future__ import annotations
 
@@ -11,13 +11,32 @@ from contextlib import suppress
 from zenoh_cbef.log.write.run_log import RunLog
 from zenoh_cbef.nodes.common.node import Node
 from zenoh_cbef.nodes.common.ring_place import ring_folder
+from zenoh_cbef.nodes.common.succession import TARGET
 from zenoh_cbef.protocol.keys import address
 from zenoh_cbef.protocol.ring import RingError, RingReader, Said
-from zenoh_cbef.protocol.ring_folder import RingFolder, RingName, tag_of
+from zenoh_cbef.protocol.ring_folder import OF_TARGET, RingFolder, RingName, tag_of
 
 _LOOK_SECONDS = 0.2
 _PORTION = 2000
 _STUCK_SECONDS = 5.0
+
+
+def _sender(agent: int) -> str:
+    """The name of a process in its messages."""
+    return "target" if agent == OF_TARGET else f"agent/{agent}"
+
+
+def _name(agent: int) -> str:
+    """The name of a process among those that are there."""
+    return TARGET if agent == OF_TARGET else _sender(agent)
+
+
+def _speaker(key: str) -> int | None:
+    """The agent that publishes on a key, OF_TARGET for the target; None where what is said there is in no ring."""
+    at = address(key)
+    if at is not None and at.kind in {"truth", "beacon"}:
+        return OF_TARGET
+    return at.agent if at is not None and at.owner == f"agent/{at.agent}" else None
 
 
 class _Open:
@@ -42,9 +61,9 @@ class _Open:
 
 
 class Rings:
-    """Reads the rings of a run's agents, and knows which agents have one. Used under the log's lock.
+    """Reads the rings of a run's agents and target, and knows which of them have one. Used under the log's lock.
 
-    covers: tells of a key whether it is recorded. agents: those whose messages are.
+    covers: tells of a key whether it is recorded. agents: those whose messages are, OF_TARGET for the target.
     """
 
     def __init__(self, node: Node, log: RunLog, covers: Callable[[str], bool], agents: Collection[int]) -> None:
@@ -79,11 +98,14 @@ class Rings:
                     self._refused.discard(name)
 
     def read(self) -> Iterator[tuple[Sequence[str], list[Said]]]:
-        """What agents have left since, with the keys that it is on; of an agent's rings the oldest first."""
+        """What processes have left since, with the keys that it is on; of an agent's rings the oldest first.
+
+        The target's last: an estimate does not come before the truth of its step.
+        """
         busy = set()
         # Whether a ring is still written takes two calls of the system: only another ring of its agent waits for it.
         rings = Counter(name.agent for name in self._open)
-        for ring in list(self._open.values()):
+        for ring in sorted(self._open.values(), key=lambda one: one.name.agent == OF_TARGET):
             if ring.name.agent in busy:
                 continue
             ring.left = ring.reader.left  # before it is read: what is there now is all
@@ -93,8 +115,7 @@ class Rings:
                 busy.add(ring.name.agent)
 
     def _takes(self, key: str) -> bool:
-        at = address(key)
-        return at is not None and at.agent in self._agents and self._covers(key)
+        return _speaker(key) in self._agents and self._covers(key)
 
     def save(self) -> None:
         """What was read is safe in the file. Rings that end are removed."""
@@ -113,8 +134,8 @@ class Rings:
         return any(ring.reader.waiting for ring in self._open.values())
 
     def has(self, agent: int) -> bool:
-        """Whether all that an agent's process says comes by a ring, as far as is known of it."""
-        life = self._node.presence.life(f"agent/{agent}")
+        """Whether all that an agent's process, or the target, says comes by a ring, as far as is known of it."""
+        life = self._node.presence.life(_name(agent))
         if not life or self._lives.get(agent) != life:
             self.look(now=True)
             if life:
@@ -132,24 +153,24 @@ class Rings:
         Where it is not, missing numbers may be those of the process before, whose messages are in its ring.
         """
         self.look(now=True)
-        return sum(f"agent/{name.agent}" == sender for name in (*self._open, *self._done)) < 2
+        return sum(_sender(name.agent) == sender for name in (*self._open, *self._done)) < 2
 
-    @property
-    def lacks(self) -> bool:
-        """Whether any agent has to be heard over Zenoh."""
-        return not all(map(self.has, self._agents))
+    def lacks(self, agents: Collection[int]) -> bool:
+        """Whether any of these agents, or the target, has to be heard over Zenoh."""
+        return not all(map(self.has, agents))
 
     def lets_in(self, key: str, data: bytes) -> bool:
         """Whether a message that came over Zenoh is to be recorded: it does not come by a ring."""
-        at = address(key)
-        if at is None or at.agent not in self._agents or at.owner != f"agent/{at.agent}":
+        agent = _speaker(key)
+        if agent is None or agent not in self._agents:
             return True
-        if self.has(at.agent):
+        if self.has(agent):
             return False
-        if not self._of(at.agent, self._node.presence.life(at.owner)):
+        if not self._of(agent, self._node.presence.life(_name(agent))):
             return True
         # It left its ring when that was full: what is in the ring came over Zenoh, too.
-        return self._log.wants(key, at.owner, data) or self._log.lacks(key, at.owner, 1)
+        sender = _sender(agent)
+        return self._log.wants(key, sender, data) or self._log.lacks(key, sender, 1)
 
     def close(self) -> None:
         """Let go of all rings; another recorder goes on from what was saved."""

@@ -1,4 +1,4 @@
-"""What the target publishes of itself in every step: the truth, and a beacon for each agent."""
+"""What the target publishes of itself in every step: the truth, and a beacon for each agent; with rings also there."""
 
 from __future__ import annotations
 
@@ -6,8 +6,10 @@ import numpy as np
 
 from zenoh_cbef.courses import RECORDED
 from zenoh_cbef.nodes.common.node import Node
+from zenoh_cbef.nodes.common.own_ring import OwnRing
 from zenoh_cbef.protocol.messages import nan_to_nil
 from zenoh_cbef.protocol.outbox import Outbox
+from zenoh_cbef.protocol.ring_folder import OF_TARGET
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.scenario.world import World
 
@@ -25,6 +27,15 @@ class Emission:
         self._beacons = [node.outbox(node.keys.beacon(agent), may_drop=may_drop) for agent in agents]
         self._tells_beacons = not receivers
         self._tells_truth = not receivers or plan.scenario.target.motion == RECORDED
+        self._ring = None
+        if plan.scenario.record.rings and self._tells_beacons:
+            self._ring = OwnRing(node, OF_TARGET, self.boxes, plan.scenario.record, may_wait=not may_drop)
+            node.on_close(self._ring.end)
+
+    def begin(self) -> None:
+        """Say what is wrong with the ring, now that recorders hear the target."""
+        if self._ring is not None:
+            self._ring.begin()
 
     @property
     def boxes(self) -> list[Outbox]:
@@ -37,6 +48,6 @@ class Emission:
         if self._tells_truth and np.isfinite(truth).all():  # the truth of a real target is unknown
             self._truth.send(k=step, state=truth.tolist())
         told = ({"lists": lists} if lists else {}) | ({"by_rounds": True} if by_rounds else {})
-        for agent, beacon in enumerate(self._beacons if self._tells_beacons else ()):
-            emitted, arrived = world.emitted[agent, step - 1], world.arrived[agent, step - 1]
+        times = world.emitted[:, step - 1].tolist(), world.arrived[:, step - 1].tolist()
+        for beacon, emitted, arrived in zip(self._beacons, *times, strict=True) if self._tells_beacons else ():
             beacon.send(k=step, emitted=nan_to_nil(emitted), arrived=nan_to_nil(arrived), **told)

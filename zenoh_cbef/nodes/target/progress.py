@@ -17,7 +17,8 @@ from zenoh_cbef.protocol.memory import ask_latest
 from zenoh_cbef.protocol.messages import BadMessage, peek
 from zenoh_cbef.protocol.tokens import ready_token
 
-_GATHER_SECONDS = 0.001
+_GATHER_SECONDS, _MOST_GATHER_SECONDS = 0.001, 0.02
+"""How long estimates gather at least and at most: a wake-up for each would cost more than reading it."""
 _PORTION = 10_000
 _WAITING = 1 << 12
 _ROOM = 16
@@ -46,6 +47,8 @@ class Progress:
         self._alarm = Alarm()
         self.rejections = Rejections(node)
         self._begun = begun
+        self._changed = True
+        self._gained, self._gained_at, self._step_seconds = 0, 0.0, 0.0
         self._reached = [0] * count
         self._silent: set[int] = set()
         self._recent: list[deque[tuple[int, bytes]]] = [deque(maxlen=_KEPT) for _ in range(count)]
@@ -61,10 +64,14 @@ class Progress:
             self._last_seen.pop(agent, None)
         elif agent is not None and agent < len(self._reached):
             self._last_seen[agent] = time.monotonic()
+        self._changed = True
         self._mailbox.wake()
 
     def _dismiss(self) -> None:
         """End the part of agents that have left, were started again, or are out of sight for too long."""
+        if not (self._changed or self._last_seen):
+            return
+        self._changed = False
         for agent in list(self._members):
             name = f"agent/{agent}"
             life, gone = self._node.presence.life(name), self._last_seen.get(agent)
@@ -94,7 +101,7 @@ class Progress:
 
     def begin(self, ready: set[int]) -> None:
         """Start the run with the agents that are ready."""
-        self._members = set(ready)
+        self._members, self._changed = set(ready), True
 
     def members(self) -> list[int]:
         """The agents that take part, and are here."""
@@ -110,6 +117,7 @@ class Progress:
     def admit(self, agent: int, step: int) -> None:
         """An agent takes part from a step on."""
         self._members.add(agent)
+        self._changed = True
         self._silent.discard(agent)
         self._reached[agent] = max(self._reached[agent], step - 1)
 
@@ -142,17 +150,22 @@ class Progress:
         """An estimate of every agent from some five seconds before its last one, or the first that came since."""
         return [past[0][1] for past in map(list, self._past) if past]
 
-    def wait(self, step: int, *, even_stopping: bool = False) -> bool:
+    def wait(self, step: int, *, further: int = 0, even_stopping: bool = False) -> bool:
         """Wait until every agent has finished a step; False where the run has no agents or is told to stop.
 
+        further: where it has to wait, it does so for so many steps more: then it need not wait before each of them.
         It stops waiting for an agent that makes no progress for longer than the agents' own patience, until the agent
         goes on. When no agent makes progress for twice as long, the run is over.
         """
         until, ask_at = time.monotonic() + self._patience, time.monotonic() + _ASK_SECONDS
+        waited = False
         while self.members() and (even_stopping or not self._node.stopping):
             slowest = self._slowest()
             if slowest is not None and slowest >= step:
+                if waited:
+                    self._note_pace(slowest)
                 return True
+            step, waited = step if waited else step + further, True
             if time.monotonic() >= until:
                 if slowest is None:
                     return False
@@ -161,13 +174,21 @@ class Progress:
             received = self._alarm.receive_from(self._mailbox)
             if received is not None:
                 self._note(*received)
-                # There is time to let the others' estimates gather: a wake-up for each would cost more.
-                time.sleep(_GATHER_SECONDS)
+                # There is time until the slowest agent is nearly there.
+                late = self._step_seconds * (step - (slowest or 0) - 0.5)
+                time.sleep(min(max(late, _GATHER_SECONDS), _MOST_GATHER_SECONDS))
                 self.drain()
             if time.monotonic() >= ask_at:
                 self._recall()
                 ask_at = time.monotonic() + _ASK_SECONDS
         return False
+
+    def _note_pace(self, slowest: int) -> None:
+        """Learn how long the slowest agent takes for a step."""
+        now = time.monotonic()
+        if slowest > self._gained:
+            self._step_seconds = (now - self._gained_at) / (slowest - self._gained) if self._gained else 0.0
+        self._gained, self._gained_at = slowest, now
 
     def _recall(self) -> None:
         """Ask the slowest agents for their last estimates, which a flood or a broken link may have lost."""

@@ -79,6 +79,8 @@ class Target:
         self._epoch = self._alone_at = 0.0
         self._faults_out = self.node.outbox(self.node.keys.faults)
         self._active: set[int] = set()
+        # Some steps begin together: fewer wake-ups. But receivers begin steps themselves: do not be behind them.
+        self._further = 0 if self.receivers else WINDOW // 2
         timed = realtime and not self.receivers
         self._pace = Pace("the target", "steps", partial(self.node.event, SLOW)) if timed else None
         self.injection: Injection | None = None
@@ -130,6 +132,7 @@ class Target:
         self._epoch = epoch = time.monotonic() + (self.scenario.timing.start_delay if realtime else 0.0)
         self.node.event("started", f"run {self.node.identity.run} started", at=self.start)
         self.progress.rejections.start()
+        self._emission.begin()
         self.progress.begin(ready := self.progress.ready(self.node.presence.names()))
         self.step = 0
         if realtime or not self.receivers:
@@ -144,7 +147,7 @@ class Target:
                 going_on = self._in_company()
             else:
                 self.hold.wait(self.survey.drain, stopping)
-                going_on = self.progress.wait(step - WINDOW) and self._await_return(step)
+                going_on = self.progress.wait(step - WINDOW, further=self._further) and self._await_return(step)
                 self.following.wait(step, self.survey.drain)
             if self.node.stopping or not (going_on or self._agent_returns(step)):
                 break
@@ -191,8 +194,8 @@ class Target:
         self._active = on
 
     def _agent_returns(self, step: int) -> bool:
-        gone = self.plan.absences.at(step - 1).nonzero()[0].tolist()
-        return any(self.plan.absences.return_of(agent, step) is not None for agent in gone)
+        absences = self.plan.absences
+        return any(absences.return_of(one, step) is not None for one in absences.at(step - 1).nonzero()[0].tolist())
 
     def _await_return(self, step: int) -> bool:
         """In lockstep, wait for the agents that the scenario has started again for this step."""
@@ -201,8 +204,7 @@ class Target:
 
         def lacking() -> list[int]:
             # An agent that still takes part is not back: the target is some steps ahead of its end.
-            here = self.progress.newcomers()
-            return [agent for agent in back if agent not in here]
+            return [agent for agent in back if agent not in self.progress.newcomers()]
 
         while back and lacking() and not self.node.stopping:
             if time.monotonic() > until:
