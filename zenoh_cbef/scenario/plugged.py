@@ -42,8 +42,10 @@ def _stamped_fault(fault: Fault) -> Fault:
     return fault if here is None else fault.model_copy(update={"plugin": here})
 
 
-def lacking(data: Mapping[str, object]) -> str:
+def lacking(data: object) -> str:
     """Which package a scenario's tables were made with that this host lacks, in a sentence; "" where all are here."""
+    if not isinstance(data, Mapping):
+        return ""
     listed = data.get("fault")
     tables = [
         ("target.motion", data.get("target"), courses.mark_of),
