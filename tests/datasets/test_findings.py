@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from tests.datasets.walked import STEPS, imported, written
+from tests.datasets.walked import EPOCH, STEPS, imported, written
 from zenoh_cbef.cli.dataset import VERB as DATASET
 from zenoh_cbef.datasets.findings import findings
 from zenoh_cbef.datasets.fixes import fixes
@@ -70,6 +70,21 @@ def test_what_is_told_of_units_mends_them(tmp_path, divided, known, remedy):
 
 def test_a_truth_of_a_part_is_told_with_the_part_that_is_scored(tmp_path):
     assert odd(written(tmp_path, known=51)) == ["the truth covers 5 of 19.9 s: only those are scored"]
+
+
+@pytest.mark.parametrize(("late", "remedy"), [(3.0, "subtract 3 s from"), (-2.0, "add 2 s to")])
+def test_a_truth_that_is_late_is_told_with_the_shift(tmp_path, late, remedy):
+    good = read_files(as_dataset(written(tmp_path)))
+    assert findings(replace(good, truth_time=good.truth_time + late)) == [
+        f"the truth is on another clock: {remedy} its times, with which it fits the ranges best"
+    ]
+
+
+def test_a_truth_of_another_time_is_told_with_the_shift(tmp_path):
+    good = read_files(as_dataset(written(tmp_path, known=151)))
+    [said] = findings(replace(good, truth_time=good.truth_time + EPOCH))
+    assert said.startswith("the truth is on another clock: its times go from 1700000000 to 1700000015 s, those of")
+    assert f"; subtract {EPOCH} s from its times" in said
 
 
 @pytest.mark.parametrize("known", [STEPS, 0], ids=["truth", "none"])
