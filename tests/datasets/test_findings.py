@@ -47,7 +47,8 @@ def test_lengths_in_another_unit_are_told(tmp_path, unit, known):
             changed = replace(good, **{what: getattr(good, what) / length})
             [said] = findings(changed)
             remedy = " ".join(f"--unit {column}={short}" for column in columns)
-            assert said.endswith(f": {what} look like {unit}; import them with {remedy}")
+            look = "looks" if what == "truth" else "look"
+            assert said.endswith(f": {what} {look} like {unit}; import them with {remedy}")
     if known:
         [said] = findings(replace(good, anchors=good.anchors / length, truth=good.truth / length))
         assert f"anchors and truth look like {unit}" in said
@@ -70,6 +71,40 @@ def test_what_is_told_of_units_mends_them(tmp_path, divided, known, remedy):
 
 def test_a_truth_of_a_part_is_told_with_the_part_that_is_scored(tmp_path):
     assert odd(written(tmp_path, known=51)) == ["the truth covers 5 of 19.9 s: only those are scored"]
+
+
+@pytest.mark.parametrize("known", [STEPS, 0], ids=["truth", "none"])
+@pytest.mark.parametrize(
+    ("factor", "said"),
+    [
+        (1000.0, "1000 times too long beside all others: they look like millimetres; multiply them by 0.001"),
+        (2.0, "2 times too long beside all others; multiply them by 0.5"),
+        (0.5, "2 times too short beside all others; multiply them by 2"),
+    ],
+)
+def test_an_anchor_alone_off_by_a_factor_is_named(tmp_path, factor, said, known):
+    good = read_files(as_dataset(written(tmp_path, known=known)))
+    ranges = good.ranges * np.where(good.range_anchor == 2, factor, 1.0)
+    expected = f"the ranges of anchor c alone are {said}, or leave anchor c out"
+    assert findings(replace(good, ranges=ranges)) == [expected]
+
+
+@pytest.mark.parametrize("known", [STEPS, 0], ids=["truth", "none"])
+def test_a_stuck_anchor_is_named_with_the_time(tmp_path, known):
+    good = read_files(as_dataset(written(tmp_path, known=known)))
+    mine = good.range_anchor == 3
+    said = "anchor d is stuck: 7.777 m from {} s, while others' ranges change; leave these ranges out"
+    whole = replace(good, ranges=np.where(mine, 7.777, good.ranges))
+    assert findings(whole) == [said.format("0 to 19.9")]
+    since = replace(good, ranges=np.where(mine & (good.range_time > 14.95), 7.777, good.ranges))
+    assert said.format("15 to 19.9") in findings(since)
+
+
+def test_a_target_at_rest_sticks_no_anchor(tmp_path):
+    good = read_files(as_dataset(written(tmp_path, known=0)))
+    rest = good.range_time >= 5.0
+    resting = np.where(rest, good.ranges[np.argmax(rest) + np.arange(len(rest)) % 5], good.ranges)
+    assert findings(replace(good, ranges=resting)) == []
 
 
 @pytest.mark.parametrize(("late", "remedy"), [(3.0, "subtract 3 s from"), (-2.0, "add 2 s to")])

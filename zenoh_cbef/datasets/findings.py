@@ -6,6 +6,7 @@ from itertools import combinations
 
 import numpy as np
 
+from zenoh_cbef.datasets.anchorwise import scaled_anchors, stuck_anchors
 from zenoh_cbef.datasets.dataset import Dataset
 from zenoh_cbef.datasets.fixes import is_planar
 from zenoh_cbef.datasets.gaps import gap
@@ -24,12 +25,17 @@ _WHOLE = 0.99
 
 def findings(dataset: Dataset) -> list[str]:
     """Sentences; none for a recording about which nothing is odd."""
-    unit = odd_unit(dataset)
-    wrong = ([] if unit is None else [unit.said]) + _clock(dataset)
+    wrong = stuck_anchors(dataset) or scaled_anchors(dataset) or _unit(dataset)
+    wrong += _clock(dataset)
     silence = gap(dataset)
     late = None if wrong or not dataset.has_truth else lateness(dataset)
     order = [] if wrong or late is not None else swapped(dataset)
     return wrong + [silence] * bool(silence) + _truth(dataset, late) + _silent(dataset) + order
+
+
+def _unit(dataset: Dataset) -> list[str]:
+    unit = odd_unit(dataset)
+    return [] if unit is None else [unit.said]
 
 
 def _clock(dataset: Dataset) -> list[str]:
