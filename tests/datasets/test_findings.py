@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from tests.datasets.walked import EPOCH, STEPS, imported, written
 from zenoh_cbef.cli.dataset import VERB as DATASET
-from zenoh_cbef.datasets.findings import findings
+from zenoh_cbef.datasets.findings import findings, summary
 from zenoh_cbef.datasets.fixes import fixes
 from zenoh_cbef.datasets.folder import read_files
 from zenoh_cbef.datasets.picture import limits
@@ -138,6 +138,42 @@ def test_times_in_milliseconds_are_told(tmp_path):
     [said] = odd(folder)
     assert "milliseconds; import them with --unit t=ms" in said
     assert odd(folder, "--unit", "t=ms") == []
+
+
+def test_copies_of_ranges_are_counted_and_left_out_by_import(tmp_path):
+    folder = as_dataset(written(tmp_path))
+    lines = (folder / "ranges.csv").read_text().splitlines()
+    head, *rows = lines
+    for copies in (39, len(rows)):
+        (folder / "ranges.csv").write_text(
+            "\n".join([head, *(row for row in rows[:copies] for _ in "ab"), *rows[copies:]])
+        )
+        [said] = findings(read_files(folder))
+        assert said.startswith(f"{copies} ranges are copies of others, with the same time, anchor and range; leave")
+        told = " ".join(imported(folder, "-o", tmp_path / "set", "--force").split())
+        assert f"note: {copies} copies of ranges left out: the same time, anchor and range" in told
+        assert findings(read_files(tmp_path / "set")) == []
+    assert summary(read_files(folder))["an anchor's ranges"] == "mostly several at the same time"
+
+
+def test_two_passes_on_each_other_are_told_with_the_times(tmp_path):
+    folder = written(tmp_path, known=0)
+    lines = (folder / "ranges.csv").read_text().splitlines()
+    later = [
+        f"{float(time) - 10.0 * (float(time) >= 14.95):.3f},{rest}"
+        for time, rest in (row.split(",", 1) for row in lines[1:])
+    ]
+    (folder / "ranges.csv").write_text("\n".join([lines[0], *later]))
+    said = "the clock goes back from 14.9 to 5 s, and two passes lie on each other from 5 to 9.9 s; leave one out"
+    assert odd(folder)[0].startswith(said)
+
+
+def test_ranges_in_another_order_are_no_passes(tmp_path):
+    folder = as_dataset(written(tmp_path, known=0))
+    head, *rows = (folder / "ranges.csv").read_text().splitlines()
+    for other in (rows[::-1], rows[500:] + rows[:500], sorted(rows, key=lambda row: row.split(",")[1])):
+        (folder / "ranges.csv").write_text("\n".join([head, *other]))
+        assert findings(read_files(folder)) == []
 
 
 def test_a_silence_and_times_far_from_all_others_are_told(tmp_path):

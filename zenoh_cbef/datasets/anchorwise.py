@@ -94,6 +94,7 @@ def _part(dataset: Dataset, chosen: Bools) -> Dataset:
         range_time=dataset.range_time[chosen],
         range_anchor=dataset.range_anchor[chosen],
         ranges=dataset.ranges[chosen],
+        order=None,
     )
 
 

@@ -11,6 +11,7 @@ from zenoh_cbef.datasets.dataset import Dataset
 from zenoh_cbef.datasets.fixes import is_planar
 from zenoh_cbef.datasets.gaps import gap
 from zenoh_cbef.datasets.lateness import lateness
+from zenoh_cbef.datasets.passes import copied, overlaid
 from zenoh_cbef.datasets.swaps import swapped
 from zenoh_cbef.datasets.units import odd_unit
 from zenoh_cbef.numbers import number
@@ -25,12 +26,13 @@ _WHOLE = 0.99
 
 def findings(dataset: Dataset) -> list[str]:
     """Sentences; none for a recording about which nothing is odd."""
+    twice = copied(dataset) or overlaid(dataset)
     wrong = stuck_anchors(dataset) or scaled_anchors(dataset) or _unit(dataset)
     wrong += _clock(dataset)
     silence = gap(dataset)
     late = None if wrong or not dataset.has_truth else lateness(dataset)
     order = [] if wrong or late is not None else swapped(dataset)
-    return wrong + [silence] * bool(silence) + _truth(dataset, late) + _silent(dataset) + order
+    return [*twice, *wrong, *[silence] * bool(silence), *_truth(dataset, late), *_silent(dataset), *order]
 
 
 def _unit(dataset: Dataset) -> list[str]:
@@ -90,12 +92,18 @@ def summary(dataset: Dataset) -> dict[str, str]:
     low, high = dataset.anchors.min(axis=0), dataset.anchors.max(axis=0)
     box = " x ".join(f"{length:.3g}" for length in high - low)
     truth = counted(len(dataset.truth), "position") if dataset.has_truth else "none: no errors are shown"
-    interval = dataset.interval
     return {
         "anchors": f"{len(dataset.anchors)} in a box of {box} m" + (", at one height" if is_planar(dataset) else ""),
         "ranges": f"{len(dataset.ranges)}, {counts.min()} to {counts.max()} of an anchor",
         "lengths": "{:.3g} to {:.3g} m, median {:.3g} m".format(*np.percentile(dataset.ranges, [0, 100, 50])),
         "time": f"{number(end - begin)} s, from {begin:.12g} to {end:.12g} s",
-        "an anchor's ranges": "one alone" if interval is None else f"{number(interval)} s apart",
+        "an anchor's ranges": _spacing(dataset),
         "truth": truth,
     }
+
+
+def _spacing(dataset: Dataset) -> str:
+    if dataset.interval is not None:
+        return f"{number(dataset.interval)} s apart"
+    alone = np.bincount(dataset.range_anchor).max() == 1
+    return "one of each: no time between two" if alone else "mostly several at the same time"

@@ -44,7 +44,11 @@ def dataset_of(raw: Raw, source: str) -> Dataset:
     if not kept:
         named, placed = (", ".join(sorted(map(str, names))[:5]) for names in (lost, raw.anchors))
         raise UserError(f"no range of {source} is of an anchor with a position: ranges name {named}, anchors {placed}")
-    kept.sort(key=lambda one: one[0])
+    if copies := len(kept) - len(set(kept)):
+        raw.notes.append(f"{counted(copies, 'copy', 'copies')} of ranges left out: the same time, anchor and range")
+    kept = list(dict.fromkeys(kept))
+    order = sorted(range(len(kept)), key=lambda row: kept[row][0])
+    kept = [kept[row] for row in order]
     known = sorted(raw.truth, key=lambda one: one[0])
     names = tuple(raw.anchors)
     index = {name: row for row, name in enumerate(names)}
@@ -56,4 +60,5 @@ def dataset_of(raw: Raw, source: str) -> Dataset:
         ranges=np.array([one[2] for one in kept]),
         truth_time=np.array([one[0] for one in known]),
         truth=np.array([one[1] for one in known]).reshape(-1, 3),
+        order=np.array(order, dtype=np.intp),
     )
