@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from zenoh_cbef.analysis.averages import last, mean_over_agents, rms, running_mean
+from zenoh_cbef.analysis.below import bound_note
 from zenoh_cbef.analysis.claimed import claimed_position_error
 from zenoh_cbef.analysis.consistency import agents_bands, chi2_band, described, nees_of
 from zenoh_cbef.analysis.coverage import estimated_steps, lacks, stretches, unseen_note
@@ -94,7 +95,7 @@ def analyze(traces: Sequence[Trace], skip: float = 0.25, *, strongest: bool = Tr
 def notes(metrics: Metrics) -> list[str]:
     """Notes on a run for its reader, in sentences: what is not scored or not observable, slow processes, bad data."""
     said = unseen_note(metrics.unobservable_steps), _twin_note(metrics), slow_note(metrics.slow), metrics.misfit
-    return [*metrics.lacks, *filter(None, said)]
+    return [*metrics.lacks, *filter(None, (*said, bound_note(metrics.ratio_to_bound)))]
 
 
 def _twin_note(metrics: Metrics) -> str:
