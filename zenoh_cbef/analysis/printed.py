@@ -161,8 +161,17 @@ def _line(axes: Axes, one: Plot, style: Style) -> None:
             axes.errorbar(x, y, yerr=reach, fmt="none", ecolor=_colour(one), elinewidth=0.6, capsize=1.5)
     elif "markers" in mode:
         axes.scatter(x, y, s=_area(marker), c=_colours(marker), marker=_symbol(marker), label=name, zorder=3)
-    for across, along, text in zip(x, y, one["text"], strict=True) if "text" in mode else ():
-        axes.text(across, along, f" {style.word(text)}", fontsize="x-small", clip_on=True)
+    if "text" in mode:
+        _names(axes, one, style)
+
+
+def _names(axes: Axes, one: Plot, style: Style) -> None:
+    """Names beside or above their markers, whole also at the edge of a plot."""
+    away, above = 0.5 * _area(one.get("marker", {})) ** 0.5 + 1.5, one.get("textposition") == "top center"
+    place: Plot = {"xytext": (0.0, away), "ha": "center", "va": "bottom"}
+    place = place if above else {"xytext": (away, 0.0), "va": "center"}
+    for x, y, text in zip(values_of(one["x"]), values_of(one["y"]), one["text"], strict=True):
+        axes.annotate(style.word(text), (x, y), textcoords="offset points", fontsize="x-small", zorder=4, **place)
 
 
 def _solid_line(axes: Axes3D, one: Plot, style: Style) -> None:
