@@ -7,6 +7,7 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
+from matplotlib.collections import PathCollection
 from matplotlib.figure import Figure
 
 from zenoh_cbef.analysis import typeset
@@ -160,7 +161,8 @@ def test_names_on_a_map_stand_beside_their_markers_and_whole():
     [axes] = figure.axes
     names = {text.get_text(): text for text in axes.texts}
     assert list(names) == labels
-    radius = 0.5 * np.sqrt(axes.collections[-1].get_sizes()[0]) * figure.dpi / 72.0
+    [marks] = [one for one in axes.collections if isinstance(one, PathCollection)]
+    radius = 0.5 * np.sqrt(marks.get_sizes()[0]) * figure.dpi / 72.0
     for name, (x, y, _) in zip(labels, corners, strict=True):
         box, (across, along) = names[name].get_window_extent(), axes.transData.transform((x, y))
         assert box.y0 > along + radius or box.x0 > across + radius
