@@ -10,10 +10,12 @@ from typer.testing import CliRunner
 
 from tests.datasets.walked import EPOCH, STEPS, imported, written
 from zenoh_cbef.cli.dataset import VERB as DATASET
+from zenoh_cbef.datasets import read_dataset, write_dataset
 from zenoh_cbef.datasets.findings import findings, summary
 from zenoh_cbef.datasets.fixes import fixes
 from zenoh_cbef.datasets.folder import read_files
 from zenoh_cbef.datasets.picture import limits
+from zenoh_cbef.errors import UserError
 
 
 def as_dataset(folder):
@@ -87,6 +89,19 @@ def test_an_anchor_alone_off_by_a_factor_is_named(tmp_path, factor, said, known)
     ranges = good.ranges * np.where(good.range_anchor == 2, factor, 1.0)
     expected = f"the ranges of anchor c alone are {said}, or leave anchor c out"
     assert findings(replace(good, ranges=ranges)) == [expected]
+
+
+def test_an_anchor_in_mm_is_named_by_size_where_no_fix_tells_and_by_run(tmp_path):
+    good = read_files(as_dataset(written(tmp_path, known=0)))
+    few = good.range_anchor < 3
+    part = {name: getattr(good, name)[few] for name in ("range_time", "range_anchor", "ranges")}
+    three = replace(good, labels=good.labels[:3], anchors=good.anchors[:3], **part, order=None)
+    wrong = replace(three, ranges=three.ranges * np.where(three.range_anchor == 1, 1000.0, 1.0))
+    [said] = findings(wrong)
+    assert said.startswith("the ranges of anchor b alone are ")
+    write_dataset(wrong, tmp_path / "set")
+    with pytest.raises(UserError, match="the ranges of anchor b alone are"):
+        read_dataset(tmp_path / "set")
 
 
 @pytest.mark.parametrize("known", [STEPS, 0], ids=["truth", "none"])

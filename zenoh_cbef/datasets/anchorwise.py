@@ -20,6 +20,8 @@ _LEFT = 0.1
 """What ranges that are put right may still miss, as a share of the usual distance: a wrong place leaves more."""
 _NEAR = 1.15
 """How near a factor is to that of a unit."""
+_FAR = 10.0
+"""How many times the triangle inequality must be broken before it is no noise."""
 _OFTEN = 20
 """Equal ranges one after another that may be chance."""
 _MOVED = 0.1
@@ -28,7 +30,8 @@ _MOVED = 0.1
 
 def scaled_anchors(dataset: Dataset) -> list[str]:
     """Anchors whose ranges alone are in another unit, or off by a factor, in sentences."""
-    found = _by_truth(dataset) if dataset.knows_truth(dataset.range_time).any() else _by_others(dataset)
+    known = dataset.knows_truth(dataset.range_time).any()
+    found = _by_truth(dataset) if known else _by_others(dataset) or _by_size(dataset)
     return [_said(dataset.labels[anchor], factor) for anchor, factor in found.items()]
 
 
@@ -86,6 +89,19 @@ def _by_others(dataset: Dataset) -> dict[int, float]:
     if not best or found[best[0]][1] > now / TIMES or (best[1:] and found[best[1]][1] < 2.0 * found[best[0]][1]):
         return {}
     return {best[0]: found[best[0]][0]}
+
+
+def _by_size(dataset: Dataset) -> dict[int, float]:
+    """The same of an anchor whose usual range breaks the triangle inequality many times with each of several others."""
+    ranged = np.unique(dataset.range_anchor)
+    usual = np.array([np.median(dataset.ranges[dataset.range_anchor == anchor]) for anchor in ranged])
+    places = dataset.anchors[ranged]
+    for row, anchor in enumerate(ranged.tolist() if len(ranged) > 2 else []):
+        others = np.arange(len(ranged)) != row
+        most = usual[others] + np.linalg.norm(places[others] - places[row], axis=1)
+        if usual[row] > _FAR * most.max():
+            return {anchor: float(np.median(usual[others]) / usual[row])}
+    return {}
 
 
 def _part(dataset: Dataset, chosen: Bools) -> Dataset:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from zenoh_cbef.datasets.anchorwise import scaled_anchors
 from zenoh_cbef.datasets.dataset import Dataset
 from zenoh_cbef.datasets.table import COLUMNS, Table, read_table
 from zenoh_cbef.datasets.units import clash_of_units
@@ -19,7 +20,7 @@ def read_dataset(folder: Path) -> Dataset:
     """Read a recorded set. Raises UserError where a file is missing, empty or not as documented, or in another unit."""
     found = read_files(folder)
     if clash := clash_of_units(found):
-        raise UserError(f"{folder}: {clash.said}")
+        raise UserError(f"{folder}: {'; '.join(scaled_anchors(found) or [clash.said])}")
     return found
 
 
