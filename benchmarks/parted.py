@@ -11,7 +11,8 @@ from rich.table import Table
 from benchmarks.common import plain_table
 from benchmarks.reach import groups
 from benchmarks.stress import FIRST, SEEDS, believed, cases, scenario_of
-from zenoh_cbef.analysis.metrics import Analysis, analyze, counted_agents
+from zenoh_cbef.analysis.errors import counted_agents
+from zenoh_cbef.analysis.metrics import Analysis, analyze
 from zenoh_cbef.analysis.strong import strong
 from zenoh_cbef.analysis.strong.told import told
 from zenoh_cbef.simulator import simulate

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from zenoh_cbef.analysis.metrics import counted_agents
+from zenoh_cbef.analysis.errors import counted_agents
 from zenoh_cbef.arrays import Bools
 from zenoh_cbef.trace import Trace
 from zenoh_cbef.tracking import graph

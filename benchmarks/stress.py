@@ -13,7 +13,8 @@ from rich.table import Table
 
 from benchmarks.common import plain_table
 from benchmarks.reach import reaches
-from zenoh_cbef.analysis.metrics import Analysis, analyze, counted_agents
+from zenoh_cbef.analysis.errors import counted_agents
+from zenoh_cbef.analysis.metrics import Analysis, analyze
 from zenoh_cbef.analysis.strong import strong
 from zenoh_cbef.analysis.strong.told import told
 from zenoh_cbef.analysis.summary import pick

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from zenoh_cbef.analysis.metrics import Errors, errors_of
+from zenoh_cbef.analysis.errors import Errors, errors_of
 from zenoh_cbef.analysis.yardsticks import Yardsticks, centralized_run
 from zenoh_cbef.arrays import Floats
 from zenoh_cbef.trace import Trace

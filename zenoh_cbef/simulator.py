@@ -17,7 +17,7 @@ from zenoh_cbef.scenario.plausible import taken
 from zenoh_cbef.scenario.size import refuse_a_trace_beyond_memory
 from zenoh_cbef.scenario.world import World, make_world
 from zenoh_cbef.trace import LinkCounts, Links, SmoothedPath, Trace, Traffic
-from zenoh_cbef.tracking.diagnostics import Diagnostics
+from zenoh_cbef.tracking.diagnostics import NAMES, Diagnostics
 from zenoh_cbef.tracking.graph import Neighbours
 from zenoh_cbef.tracking.newcomer import belief_from
 from zenoh_cbef.tracking.ranging import Measurement
@@ -238,8 +238,8 @@ class _Results:
         self._simulation = simulation
         self._shape = rows, steps = len(simulation.neighbours.index), simulation.scenario.length
         self.estimates = np.empty((rows, steps, 6))
-        self.covariances = np.full((rows, steps, 6, 6), np.nan)
-        self.diagnostics = Diagnostics.of(rows, steps)
+        self.covariances = np.empty((rows, steps, 6, 6))
+        self.said = np.empty((rows, steps, len(NAMES)))
         self.payloads: Floats | None = None
         self.smoothed = SmoothedPath.empty(rows, steps, lag) if (lag := simulation.plan.smoothing_lag) else None
 
@@ -247,9 +247,8 @@ class _Results:
         """Take in step k + 1."""
         estimate = step.estimate
         self.estimates[:, k] = estimate.state
-        if estimate.covariance is not None:
-            self.covariances[:, k] = estimate.covariance
-        self.diagnostics.put((slice(None), k), estimate.diagnostics)
+        self.covariances[:, k] = np.nan if estimate.covariance is None else estimate.covariance
+        self.said[:, k] = np.stack(list(estimate.diagnostics.named().values()), axis=1)
         if keep_payloads and step.sent:
             if self.payloads is None:
                 self.payloads = np.empty((*self._shape, len(step.sent), step.sent[0].shape[1]))
@@ -261,11 +260,9 @@ class _Results:
 
     def _leave_out(self, k: int, absent: Bools) -> None:
         """Write NaN for agents that are not there."""
-        for values in (self.estimates, self.covariances):
-            values[absent, k] = np.nan
-        self.diagnostics.put((absent, k), Diagnostics.of(int(absent.sum())))
-        if self.payloads is not None:
-            self.payloads[absent, k] = np.nan
+        for values in (self.estimates, self.covariances, self.said, self.payloads):
+            if values is not None:
+                values[absent, k] = np.nan
 
     def trace(self, plan: Plan, world: World, heard: Heard, mine: slice) -> Trace:
         """The rows of one run."""
@@ -282,7 +279,7 @@ class _Results:
             initial=plan.initial_states,
             estimates=self.estimates[mine],
             covariances=self.covariances[mine],
-            diagnostics=self.diagnostics.each(lambda values: values[mine]),
+            diagnostics=Diagnostics.read(self.said[mine]),
             edges=np.stack([links.destination[upward], links.source[upward]], axis=1),
             links=links,
             traffic=Traffic(0, 0, 0, 0),

@@ -106,7 +106,7 @@ def test_what_the_metrics_say_is_what_plain_loops_say():
     degrees = random.integers(0, 3, size=(2, 50))
     values = np.where(degrees > 0, random.chisquare(np.maximum(degrees, 1)), np.nan)
     time = 0.1 * np.arange(1.0, 51.0)
-    found = described(values, degrees, time=time, first=10, counted=np.ones(len(values), dtype=bool))
+    [found] = described(values[None], degrees[None], time=time, first=10, counted=np.ones(len(values), dtype=bool))
     scored, inside = [], []
     for agent in range(2):
         for k in range(10, 50):

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from zenoh_cbef.analysis.averages import running_mean
+from zenoh_cbef.analysis.averages import mean, means, middle, running_mean
 from zenoh_cbef.analysis.chi2 import chi2_quantile
 from zenoh_cbef.analysis.metrics import analyze, notes
 from zenoh_cbef.analysis.results import Messages
@@ -46,6 +46,26 @@ def test_msee_is_the_papers_running_mean_from_the_first_step(trace, analysis):
     np.testing.assert_allclose(analysis.msee_average, analysis.msee.mean(axis=0), rtol=1e-12)
     assert analysis.metrics.msee.agents == pytest.approx(analysis.msee[:, -1].tolist())
     assert analysis.metrics.msee.average == pytest.approx(analysis.msee[:, -1].mean())
+
+
+def test_runs_that_are_analysed_together_have_the_figures_of_each_alone():
+    alike = simulate([scenario(seed) for seed in (1, 2, 3)])
+    short = alike[0].estimates.copy()
+    short[:, 20:] = np.nan
+    for runs in (alike, [*alike, replace(alike[0], estimates=short)]):
+        together = [one.metrics for one in analyze(runs)]
+        assert together == [analyze([one])[0].metrics for one in runs]
+    assert [one.skip for one in together] == [10, 10, 10, 5], "windows differ"
+
+
+def test_means_and_medians_of_rows_are_those_of_their_known_values():
+    rows = np.random.default_rng(1).normal(size=(3, 4, 50))
+    rows[0, 1, ::3] = rows[1, 2] = np.nan
+    for row, mean_of, median in zip(rows.reshape(-1, 50), means(rows).ravel(), middle(rows).ravel(), strict=True):
+        assert mean(row) == (None if np.isnan(mean_of) else mean_of), "to the last bit"
+        assert np.isnan(row).all() == np.isnan(median)
+        if not np.isnan(row).all():
+            assert median == np.nanmedian(row)
 
 
 def test_a_running_mean_leaves_out_steps_without_a_value():

@@ -99,3 +99,15 @@ def test_what_is_exchanged_is_known_without_a_filter_and_true(keys):
     here = Measurement(np.zeros((1, 3)), np.ones(1), np.zeros(1), np.ones((1, heard, 3)), np.ones((1, heard)))
     assert tracker.measure(here).shape == (1, width)
     assert shared.cooperates is (keys != ["filter.kind=local"])
+
+
+@pytest.mark.parametrize("name", ["tracking", "outliers", "paper", "lawnmower"])
+def test_a_plan_under_another_seed_takes_over_what_it_would_have_found_itself(name):
+    first = load(name).plan
+    other = first.scenario.model_copy(update={"seed": first.scenario.seed + 7})
+    alone, like = Plan(other), Plan(other, first)
+    assert repr(like.settings) == repr(alone.settings)
+    assert (like.scheme, like.rounds, like.smoothing_lag) == (alone.scheme, alone.rounds, alone.smoothing_lag)
+    assert like.filter is first.filter
+    np.testing.assert_array_equal(like.initial_states, alone.initial_states)
+    np.testing.assert_array_equal(like.edges, alone.edges)

@@ -7,7 +7,8 @@ from itertools import product
 import numpy as np
 import pytest
 
-from zenoh_cbef.tracking.filters.models.branching import KEPT, NEVER, Branches, Heard, conditioned, likelihoods
+from zenoh_cbef.tracking.filters.models.branching import KEPT, MOST, Branches, Heard, conditioned, likelihoods
+from zenoh_cbef.tracking.filters.models.mixtures import NEVER
 
 STD = 0.1
 SPREADS = np.array([0.3, 0.2, 0.25, 0.4, 0.5, 0.3])
@@ -271,7 +272,7 @@ def test_what_is_not_there_is_never_right():
 def test_the_likeliest_of_many_stay():
     random = np.random.default_rng(6)
     many = several(random, count=24)
-    stay = many.likeliest()
+    stay = many.likeliest(MOST)
     for agent in range(3):
         best = np.sort(many.likelihood[agent])[::-1][: stay.likelihood.shape[1]]
         np.testing.assert_array_equal(stay.likelihood[agent], best)

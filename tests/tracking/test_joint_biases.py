@@ -144,9 +144,10 @@ def test_so_do_few_agents_with_recorded_ranges():
         target = {"motion": "dataset", "path": "set"}
         return Plan(parse({"target": target, "agents": places, "filter": more}, "test")).sharing.blocks
 
-    assert sizes(4) == (6, 10)
+    assert sizes(4) == (6, 10, 11)
+    assert sizes(4, defaults=13) == (6, 10)
     assert sizes(13) == sizes(4, defaults=11) == (6, 7)
-    assert sizes(4, bias="estimate") == (10,)
+    assert sizes(4, bias="estimate") == (10, 11)
 
 
 def test_what_a_first_fix_tells_of_biases_is_carried_over_with_its_correlations():

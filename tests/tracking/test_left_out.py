@@ -3,19 +3,29 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
+from zenoh_cbef.tracking.copying import replace
 from zenoh_cbef.tracking.filters import FilterSettings
 from zenoh_cbef.tracking.filters.base import Belief
-from zenoh_cbef.tracking.filters.finding.supposing import _MEMORY, Supposing
+from zenoh_cbef.tracking.filters.finding.supposing import _FADES, _MEMORY, Supposing
 from zenoh_cbef.tracking.filters.kinds.icf import InformationWeighted
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
 from zenoh_cbef.tracking.ranging import Measurement, Space
 from zenoh_cbef.tracking.status import CUT
 
 
-def test_the_mean_of_the_last_nis_moves_a_step_towards_each_new_one_and_none_where_there_is_no_range():
+@pytest.mark.parametrize(
+    ("rejoins", "then"),
+    [
+        (False, [CUT + (1.5**2 - CUT) / _MEMORY, 4.0 + (CUT - 4.0) / _MEMORY, 4.0]),  # a step towards each
+        (True, [CUT / _FADES, CUT, 4.0]),  # the larger one of the latest and a third of those before
+    ],
+)
+def test_how_badly_ranges_fit_follows_each_new_one_and_stays_where_there_is_none(rejoins, then):
     motion, space, std = NearlyConstantVelocity(0.5, 1.0), Space(), 0.3
     settings = FilterSettings(motion, space, std, 2.0, 4, anywhere=(np.zeros((1, 6)), np.eye(6)[None]), reacquires=10)
+    settings = replace(settings, rejoins=rejoins)
     supposing = Supposing.of(settings, InformationWeighted(motion, space, std, 4), 65)
     state = np.array([[5.0, 1.0, 2.0, -1.0, 0.5, 0.2]]).repeat(3, axis=0)
     covariance = np.diag([0.4, 0.3, 0.2, 0.1, 0.1, 0.1])[None].repeat(3, axis=0)
@@ -28,6 +38,6 @@ def test_the_mean_of_the_last_nis_moves_a_step_towards_each_new_one_and_none_whe
     ranges = np.array([distance + off, distance + 100.0, np.nan])
     none = np.empty((3, 0, 3)), np.empty((3, 0))
     new = Measurement(np.zeros((3, 3)), ranges, np.zeros(3), *none)
-    before = np.array([4.0, 4.0, 4.0])
+    before = np.array([CUT, 4.0, 4.0])
     found = supposing._own(before, Belief(state, covariance), new)  # noqa: SLF001 - the one number of it
-    np.testing.assert_allclose(found, [4.0 + (1.5**2 - 4.0) / _MEMORY, 4.0 + (CUT - 4.0) / _MEMORY, 4.0])
+    np.testing.assert_allclose(found, then)

@@ -90,10 +90,10 @@ def test_what_a_motion_is_not_told_is_what_a_scenario_means_by_default() -> None
     assert (told.axes, told.interval, told.velocity_time, told.turn_rate_std) == (3, None, 10.0, 1.0)
 
 
-@pytest.mark.parametrize("recovers", [False, True])
+@pytest.mark.parametrize("recovers", [0.0, 0.5])
 @pytest.mark.parametrize("distrusts", [False, True])
 @pytest.mark.parametrize("around", [{}, {"bias": "estimate"}, {"bias": "auto"}, {"models": ("ncv", "turn")}])
-def test_a_message_is_as_long_as_was_agreed(around: dict[str, Any], *, recovers: bool, distrusts: bool) -> None:
+def test_a_message_is_as_long_as_was_agreed(around: dict[str, Any], *, recovers: float, distrusts: bool) -> None:
     motions = tuple(make_motion(kind, MotionSettings(0.1, 0.3)) for kind in around.get("models", ()))
     settings = FilterSettings(
         NearlyConstantVelocity(0.1, 0.3), Space(), 0.1, 1.0, network_size=3, recovers=recovers, distrusts=distrusts,

@@ -129,7 +129,7 @@ class Biased:
     """A filter whose ranges all fit, as it explains them by a bias."""
 
     def __init__(self, bias: float, weight: float) -> None:
-        self._bias = Bias(np.array([bias]), np.array([0.1]), np.array([weight]))
+        self._bias = Bias(np.array([bias]), np.array([0.1]), np.array([weight]), np.zeros(1))
 
     def update(self, belief: Belief, measurement: Measurement) -> Update:  # noqa: ARG002 - it fits, whatever it is
         fits = Diagnostics.where(np.array([True]), nis=np.ones(1), nis_degrees=np.ones(1, dtype=np.int64))

@@ -5,6 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from zenoh_cbef.scenario.load import load
+from zenoh_cbef.scenario.world import make_world
+from zenoh_cbef.simulator import Heard, heard_in, simulate
 from zenoh_cbef.tracking.copying import replace
 from zenoh_cbef.tracking.filters import FilterSettings
 from zenoh_cbef.tracking.filters.base import Belief
@@ -41,3 +44,15 @@ def test_an_estimate_stays_that_fits_what_was_told_a_step_ago_and_another_moves_
     assert (found is not belief) == moves
     np.testing.assert_allclose(found.state, now, atol=0.1)
     assert after.left.tolist() == after.open.tolist() == [0.0]
+
+
+@pytest.mark.parametrize(("rules", "later"), [(13, 30), (14, 2)])
+def test_a_receiver_that_was_wrong_for_a_while_takes_part_again_after_two_ranges_that_fit(rules, later):
+    plan = load("tracking", [f"filter.defaults={rules}", "steps=95"]).plan
+    heard, ends = heard_in(plan, make_world(plan.scenario)), 60
+    ranges = heard.ranges.copy()
+    ranges[5, :ends] += 10.0
+    (trace,) = simulate([plan.scenario], heard=[Heard(heard.positions, ranges, heard.age)])
+    left = trace.diagnostics.distrust[5] == 1.0
+    assert left[ends - 20 : ends].all()
+    assert np.argmin(left[ends:]) == later

@@ -8,6 +8,7 @@ import pytest
 from zenoh_cbef.scenario.load import load
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.simulator import simulate
+from zenoh_cbef.tracking.status import COASTING
 
 OUTLIERS = ("dt=2", "sensor.outlier_probability=0.3", "sensor.outlier_scale=20")
 ONE_BIASED = ("dt=1", 'fault=[{kind="sensor-bias",bias=3.0,agents=[1]}]')
@@ -18,6 +19,15 @@ FEW = (
     "target.radius=9",
     "target.period=5",
 )
+
+
+CORNERS = (
+    "target.motion=waypoints",
+    "target.speed=8",
+    "target.waypoints=[[-9,0,0],[0,9,2],[9,0,0],[0,-9,2],[-9,0,0]]",
+)
+RARE = (*CORNERS, "agents.count=4", "sensor.dropout_probability=0.8")
+AWAY = (*CORNERS, "agents.count=5", 'fault=[{kind="crash",agents=[1,2],from=5.0,until=9.0}]')
 
 
 def errors_of(*sets, seeds=(1001,), rules=12):
@@ -36,6 +46,32 @@ def test_agents_tell_ranges_where_a_fix_would_fail(sets):
         plan = Plan(load("tracking", [*sets, f"filter.defaults={rules}"]).scenario)
         assert plan.tells_ranges is tells
         assert (plan.first_fix_steps == 0) is tells
+
+
+@pytest.mark.parametrize(("sets", "told"), [(FEW, True), (RARE, False), (AWAY, False), (CORNERS, False)])
+def test_of_several_motions_hypotheses_stay_where_a_step_has_few_ranges(sets, told):
+    for rules in (13, 14):
+        plan = Plan(load("tracking", [*sets, f"filter.defaults={rules}"]).scenario)
+        assert plan.splits is (rules == 14 and sets is not CORNERS)
+        assert plan.tells_ranges is (told or plan.splits)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("sets", "seed"), [(RARE, 1028), (RARE, 1019)])
+def test_corners_of_which_ranges_tell_one_by_one_are_held(sets, seed):
+    before, now = (errors_of(*sets, seeds=(seed,), rules=rules)[0][:, :, 20:] for rules in (13, 14))
+    assert np.sqrt(np.mean(now**2)) < 0.3 * np.sqrt(np.mean(before**2))
+
+
+@pytest.mark.slow
+def test_one_or_two_agents_alone_take_in_their_ranges_and_coast():
+    scenario = load("tracking", [*AWAY, "steps=70"]).scenario.model_copy(update={"seed": 1015})
+    trace = simulate([scenario])[0]
+    alone, pair = trace.diagnostics.status[0, 58:], trace.diagnostics.status[3:, 58:]
+    assert (alone == COASTING).all()
+    assert (pair == COASTING).all()
+    ranges = np.linalg.norm(trace.estimates[0, 50:, :3] - trace.positions[0, 50:], axis=1)
+    assert np.median(np.abs(ranges - trace.ranges[0, 50:])) < 3.0
 
 
 @pytest.mark.parametrize(

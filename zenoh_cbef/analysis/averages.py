@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from zenoh_cbef.analysis.results import Number
@@ -14,6 +16,30 @@ def mean(values: Floats) -> Number:
     known = np.isfinite(flat)
     finite = flat if np.logical_and.reduce(known) else flat[known]
     return float(np.add.reduce(finite) / finite.size) if finite.size else None
+
+
+def means(values: Floats) -> Floats:
+    """The same along the last axis of (..., k), to the last bit; NaN for nothing."""
+    rows = values.reshape(-1, values.shape[-1])
+    whole, found = np.isfinite(rows).all(axis=1), np.full(len(rows), np.nan)
+    found[whole] = np.add.reduce(rows[whole], axis=1) / rows.shape[1]
+    for row in np.flatnonzero(~whole).tolist():
+        found[row] = np.nan if (one := mean(rows[row])) is None else one
+    return found.reshape(values.shape[:-1])
+
+
+def middle(values: Floats) -> Floats:
+    """The median of the known values along the last axis of (..., k); NaN for nothing."""
+    rows, count = np.sort(values), np.isfinite(values).sum(axis=-1)[..., None]
+    both = np.take_along_axis(rows, np.concatenate([(count - 1) // 2, count // 2], axis=-1), axis=-1)
+    return np.asarray(0.5 * both.sum(axis=-1))
+
+
+def told(values: Floats) -> Any:
+    """As lists, with None for NaN."""
+    found = values.astype(object)
+    found[np.isnan(values)] = None
+    return found.tolist()
 
 
 def rms(values: Floats) -> Number:

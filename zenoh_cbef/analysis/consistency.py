@@ -7,14 +7,15 @@ chi-squared (Bar-Shalom, Li, Kirubarajan, Estimation with Applications to Tracki
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from zenoh_cbef.analysis.averages import mean
+from zenoh_cbef.analysis.averages import means, middle, told
 from zenoh_cbef.analysis.chi2 import chi2_quantile
-from zenoh_cbef.analysis.results import Honesty, Number, OverTime
+from zenoh_cbef.analysis.results import Honesty, OverTime
 from zenoh_cbef.arrays import Bools, Floats, Ints
 
 _STRETCHES = 20
@@ -34,33 +35,34 @@ def nees_of(error: Floats, covariance: Floats) -> Floats:
     return np.where(known, np.sum(error * scaled, axis=2), np.nan)
 
 
-def described(values: Floats, degrees: Ints, *, time: Floats, first: int, counted: Bools) -> Honesty | None:
-    """What the metrics say of a statistic (n, K) with degrees of freedom (n, K), 0 or more; None where it has none.
+def described(values: Floats, degrees: Ints, *, time: Floats, first: int, counted: Bools) -> list[Honesty | None]:
+    """What the metrics say of a statistic of r runs, (r, n, K), with degrees of freedom (r, n, K), 0 or more.
 
-    The window begins at index `first`; over time there are at most twenty stretches. time: (K,), s. counted: (n,),
-    the agents that average and inside are over.
+    None for a run that has none. The window begins at index `first`; over time there are at most twenty stretches.
+    time: (K,), s. counted: (n,), the agents that average and inside are over.
     """
-    known = np.isfinite(values)
-    if not known[:, first:].any():
-        return None
-    usual = float(np.median(degrees[:, first:][known[:, first:]]))
-    inside, whole = _inside(values, degrees)[counted], bool(known.all())
+    window, runs = values[:, :, first:], len(values)
     ends = np.unique(np.linspace(0, len(time), min(_STRETCHES, len(time)) + 1).astype(int))
     stretches = [slice(start, end) for start, end in pairwise(ends.tolist())]
-    return Honesty(
-        average=mean(values[counted, first:]),
-        agents=_means(values[:, first:], whole=whole),
-        dimension=int(usual) if usual.is_integer() else usual,
-        band=list(chi2_band(usual)),
-        inside=mean(inside[:, first:]),
-        over_time=OverTime(
-            until=[float(time[end - 1]) for end in ends[1:]],
-            agents=[
-                list(each) for each in zip(*(_means(values[:, one], whole=whole) for one in stretches), strict=True)
-            ],
-            inside=[mean(inside[:, stretch]) for stretch in stretches],
-        ),
-    )
+    usual = middle(np.where(np.isfinite(window), degrees[:, :, first:], np.nan).reshape(runs, -1))
+    average = means(window[:, counted].reshape(runs, -1))
+    over_time = np.stack([means(values[:, :, one]) for one in stretches], axis=2)
+    inside = _shares_inside(values[:, counted], degrees[:, counted], [slice(first, None), *stretches])
+    parts = (told(part) for part in (usual, average, means(window), over_time, inside))
+    until = [float(time[end - 1]) for end in ends[1:]]
+    return [
+        None
+        if dimension is None
+        else Honesty(
+            average=mean,
+            agents=agents,
+            dimension=int(dimension) if dimension.is_integer() else dimension,
+            band=list(chi2_band(dimension)),
+            inside=share,
+            over_time=OverTime(until, each, shares),
+        )
+        for dimension, mean, agents, each, (share, *shares) in zip(*parts, strict=True)
+    ]
 
 
 def agents_bands(degrees: Ints, first: int) -> list[list[float] | None]:
@@ -83,18 +85,14 @@ def trailing_mean(values: Floats, degrees: Ints, steps: int) -> Floats:
     return np.where(known, summed(np.where(known, values, 0.0)) / np.maximum(count, 1.0), np.nan)
 
 
-def _inside(values: Floats, degrees: Ints) -> Floats:
-    """1 where a value lies in the band of its own degrees of freedom, 0 where not, NaN where there is none."""
-    inside, known = np.full(values.shape, np.nan), np.isfinite(values)
+def _shares_inside(values: Floats, degrees: Ints, stretches: Sequence[slice]) -> Floats:
+    """Which share of the values (r, n, K) of some stretches of steps is in the band of its degrees, (r, stretches)."""
+    inside, known = np.zeros(values.shape, dtype=bool), np.isfinite(values)
     for each in np.unique(degrees[known]).tolist():
         low, high = chi2_band(each)
-        inside = np.where(known & (degrees == each), (values >= low) & (values <= high), inside)
-    return inside
-
-
-def _means(values: Floats, *, whole: bool) -> list[Number]:
-    """The mean of each row of (n, k); whole: where no value is missing."""
-    if whole:
-        means: list[Number] = (np.add.reduce(values, axis=1) / values.shape[1]).tolist()
-        return means
-    return [mean(row) for row in values]
+        inside |= (degrees == each) & (values >= low) & (values <= high)
+    hits, count = (
+        np.stack([steps[:, one].sum(axis=1) for one in stretches], axis=1)
+        for steps in ((inside & known).sum(axis=1), known.sum(axis=1))
+    )
+    return np.where(count > 0, hits / np.maximum(count, 1), np.nan)

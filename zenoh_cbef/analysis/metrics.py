@@ -7,12 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from zenoh_cbef.analysis.averages import last, mean_over_agents, rms, running_mean
+from zenoh_cbef.analysis.averages import last, means, rms, running_mean, told
 from zenoh_cbef.analysis.below import bound_note
 from zenoh_cbef.analysis.claimed import claimed_position_error
-from zenoh_cbef.analysis.consistency import agents_bands, chi2_band, described, nees_of
+from zenoh_cbef.analysis.consistency import agents_bands, described
 from zenoh_cbef.analysis.coverage import estimated_steps, lacks, stretches, unseen_note
 from zenoh_cbef.analysis.demand import link_bytes
+from zenoh_cbef.analysis.errors import Errors, errors_of, estimated_only
 from zenoh_cbef.analysis.link_metrics import links_of, totals_of
 from zenoh_cbef.analysis.misfit import misfit_note
 from zenoh_cbef.analysis.observability import unseen_steps
@@ -25,53 +26,19 @@ from zenoh_cbef.analysis.results import (
     Nis,
     Number,
     Scored,
+    Stretches,
     Yardstick,
 )
 from zenoh_cbef.analysis.slowness import slow_note, slowness
-from zenoh_cbef.analysis.smoothed import SmoothedErrors, centralized_paths, smoothed_errors, smoothing_of
+from zenoh_cbef.analysis.smoothed import centralized_paths, smoothing_of
 from zenoh_cbef.analysis.standing import standing_of
-from zenoh_cbef.analysis.yardsticks import Yardsticks, yardsticks
-from zenoh_cbef.arrays import Bools, Floats
-from zenoh_cbef.faults import SenderFault
+from zenoh_cbef.analysis.yardsticks import yardsticks
+from zenoh_cbef.arrays import Floats, Ints
 from zenoh_cbef.numbers import number
 from zenoh_cbef.trace import Trace
 
 LOST = 3.0
 """From how many times the strong yardstick's position RMSE on a filter has lost the target."""
-
-
-@dataclass(frozen=True)
-class Errors:
-    """A trace with its errors; n agents, K steps, errors in m and m/s.
-
-    first: index of the first step of the scored window. counted: (n,), the agents that averages are over: all but
-    those that the scenario lets send wrong values. msee: (n, K), the paper's running mean of |xhat - x|^2;
-    msee_average: (K,). position_error, velocity_error: (n, K). nees: (n, K), NaN for a filter without covariance;
-    nees_band: its 95 % band. disagreement: (K,), m, root mean square distance of the agents' positions from their
-    mean. centralized_states: (K, 6), centralized_msee, centralized_position_error: (K,). strong_states,
-    strong_position_error: of the strong yardstick (see Yardsticks). bound: (K, 6, 6), bound_position_error, bound_msee:
-    (K,). smoothed: None where the run has no smoothed path. NaN where the trace lacks what is needed.
-    """
-
-    trace: Trace
-    first: int
-    counted: Bools
-    msee: Floats
-    msee_average: Floats
-    position_error: Floats
-    velocity_error: Floats
-    nees: Floats
-    nees_band: tuple[float, float]
-    disagreement: Floats
-    centralized_states: Floats
-    centralized_msee: Floats
-    centralized_position_error: Floats
-    strong_states: Floats
-    strong_position_error: Floats
-    bound: Floats
-    bound_position_error: Floats
-    bound_msee: Floats
-    smoothed: SmoothedErrors | None
 
 
 @dataclass(frozen=True)
@@ -89,7 +56,7 @@ def analyze(traces: Sequence[Trace], skip: float = 0.25, *, strongest: bool = Tr
     """
     beside = yardsticks(traces, strongest=strongest), centralized_paths(traces)
     errors = [errors_of(trace, found, skip, path) for trace, found, path in zip(traces, *beside, strict=True)]
-    return [Analysis(**vars(one), metrics=_metrics(one)) for one in errors]
+    return [Analysis(**vars(one), metrics=found) for one, found in zip(errors, _metrics(errors), strict=True)]
 
 
 def notes(metrics: Metrics) -> list[str]:
@@ -107,73 +74,33 @@ def _twin_note(metrics: Metrics) -> str:
     return f"the centralised filter lost the target itself ({beside}): look at ratio_to_strong, not at the ratio to it"
 
 
-def counted_agents(trace: Trace) -> Bools:
-    """Which agents averages are over, (n,): a misbehaving one says nothing about the others; all, if none is left."""
-    wrong = {agent for fault in trace.scenario.fault if isinstance(fault, SenderFault) for agent in fault.agents}
-    counted = np.array([agent not in wrong for agent in range(len(trace.estimates))])
-    return counted if counted.any() else np.ones_like(counted)
+def _metrics(errors: Sequence[Errors]) -> list[Metrics]:
+    """Those of runs of one shape; runs with the same window and the same agents that count are one batch."""
+    if len({(one.first, one.counted.tobytes()) for one in errors}) > 1:
+        return [found for one in errors for found in _metrics([one])]
+    unseen = map(stretches, unseen_steps([one.trace for one in errors]))
+    found = zip(unseen, *_yardsticks(errors), _nees(errors), _nis(errors), strict=True)
+    return [_of_run(one, _Together(*parts)) for one, parts in zip(errors, found, strict=True)]
 
 
-def errors_of(trace: Trace, beside: Yardsticks, skip: float, path: Floats | None = None) -> Errors:
-    """The errors of a trace. skip: see `analyze`. path: of the centralised smoother, (K, 6), where it is smoothed.
+@dataclass(frozen=True)
+class _Together:
+    """Those metrics of a run that are found of all runs together."""
 
-    Those of a step rest on that step alone, but running means do not.
-    """
-    states, bound = beside.centralized, beside.bound
-    error, reference = (_estimated_only(trace, each - trace.truth) for each in (trace.estimates, states))
-    positions = trace.estimates[:, :, :3]
-    counted = counted_agents(trace)
-    present = np.isfinite(positions).all(axis=2) & counted[:, None]
-    number = np.maximum(present.sum(axis=0), 1)
-    middle = np.where(present[:, :, None], positions, 0.0).sum(axis=0) / number[:, None]
-    apart = np.where(present, np.sum((positions - middle) ** 2, axis=2), 0.0)
-    kept = trace.plan.space.kept
-    msee = running_mean(np.sum(error**2, axis=2))
-    return Errors(
-        trace=trace,
-        first=_first(np.asarray(np.isfinite(error[counted]).all(axis=2).any(axis=0)), skip),
-        counted=counted,
-        msee=msee,
-        msee_average=running_mean(mean_over_agents(np.sum(error[counted] ** 2, axis=2))),
-        position_error=np.linalg.norm(error[:, :, :3], axis=2),
-        velocity_error=np.linalg.norm(error[:, :, 3:], axis=2),
-        nees=nees_of(error[:, :, kept], trace.covariances[:, :, kept[:, None], kept]),
-        nees_band=chi2_band(len(kept)),
-        disagreement=np.where(present.any(axis=0), np.sqrt(apart.sum(axis=0) / number), np.nan),
-        centralized_states=states,
-        centralized_msee=running_mean(np.sum(reference**2, axis=1)),
-        centralized_position_error=np.linalg.norm(reference[:, :3], axis=1),
-        strong_states=beside.strong,
-        strong_position_error=np.linalg.norm(_estimated_only(trace, beside.strong - trace.truth)[:, :3], axis=1),
-        bound=bound,
-        bound_position_error=np.sqrt(np.trace(bound[:, :3, :3], axis1=1, axis2=2)),
-        bound_msee=running_mean(np.trace(bound, axis1=1, axis2=2)),
-        smoothed=smoothed_errors(trace, counted, path),
-    )
+    unobservable_steps: Stretches
+    centralized: Yardstick
+    strong: Yardstick
+    bound: Yardstick
+    nees: Honesty | None
+    nis: Nis | None
 
 
-def _first(scorable: Bools, skip: float) -> int:
-    """Index of the first step of the window: a share of the steps (K,) is left out, or of those that can be scored.
-
-    Whichever is less: where the truth ends early, the window would begin after all that can be scored.
-    """
-    places = np.flatnonzero(scorable)
-    most = min(int(skip * len(scorable)), len(scorable) - 1)
-    return min(most, int(places[min(int(skip * len(places)), len(places) - 1)])) if len(places) else most
-
-
-def _estimated_only(trace: Trace, error: Floats) -> Floats:
-    """Errors (..., 6) along the estimated axes; in a plane the height is given, so it is no error of the tracker's."""
-    counted = np.zeros(6, dtype=bool)
-    counted[trace.plan.space.kept] = True
-    return np.where(counted, error, 0.0)
-
-
-def _metrics(errors: Errors) -> Metrics:
+def _of_run(errors: Errors, found: _Together) -> Metrics:
     trace, window, counted = errors.trace, slice(errors.first, None), errors.counted
     share = (traffic := trace.traffic).agent_bytes / (trace.scenario.count * len(trace.time))
     quiet = _quiet_rounds(trace)
     return Metrics(
+        **vars(found),
         run=trace.name,
         filter=trace.scenario.filter.kind,
         agents=trace.scenario.count,
@@ -188,23 +115,17 @@ def _metrics(errors: Errors) -> Metrics:
         msee=Msee([last(row) for row in errors.msee], last(errors.msee_average)),
         scored=_scored(errors),
         lacks=lacks(trace),
-        unobservable_steps=stretches(unseen_steps(trace)),
         position_rmse=(own := rms(errors.position_error[counted, window])),
         velocity_rmse=rms(errors.velocity_error[counted, window]),
         claimed_position_error=rms(claimed_position_error(trace)[counted, window]),
-        centralized=(twin := _yardstick(errors, errors.centralized_states, window)),
         ratio_to_centralized=ratio_to_centralized(errors, window),
-        strong=(strong := _yardstick(errors, errors.strong_states, window)),
         ratio_to_strong=_ratio(errors, errors.strong_position_error, window),
-        lost=_lost(own, strong),
-        twin_lost=_lost(twin.position_rmse, strong),
-        bound=_bound(errors, window),
+        lost=_lost(own, found.strong),
+        twin_lost=_lost(found.centralized.position_rmse, found.strong),
         ratio_to_bound=_ratio(errors, errors.bound_position_error, window),
         smoothed=None if errors.smoothed is None else smoothing_of(errors.smoothed, trace, errors.first, counted),
-        nees=(nees := _nees(errors)),
-        nis=_nis(errors),
         status=standing_of(trace, errors.position_error, errors.nees, counted),
-        misfit=misfit_note(trace, errors.first, nees) if trace.scenario.target.motion == "dataset" else "",
+        misfit=misfit_note(trace, errors.first, found.nees) if trace.scenario.target.motion == "dataset" else "",
         bias=bias_of(trace, errors.first),
         distrust=distrust_of(trace, errors.first),
         slow=slowness(trace),
@@ -226,23 +147,22 @@ def _quiet_rounds(trace: Trace) -> float:
     return float(np.nanmean(silent)) if np.isfinite(silent).any() else 0.0
 
 
-def _yardstick(errors: Errors, states: Floats, window: slice) -> Yardstick:
-    """What a filter's states (K, 6) reach."""
-    error = _estimated_only(errors.trace, states - errors.trace.truth)
-    return Yardstick(
-        position_rmse=rms(np.linalg.norm(error[window, :3], axis=1)),
-        velocity_rmse=rms(np.linalg.norm(error[window, 3:], axis=1)),
-        msee=last(running_mean(np.sum(error**2, axis=1))),
-    )
+def _yardsticks(errors: Sequence[Errors]) -> list[list[Yardstick]]:
+    """What the centralised filter, the strong one, and the bound reach in r runs, one after the other."""
+    space, truth = errors[0].trace.plan.space, np.stack([one.trace.truth for one in errors])
+    states = (np.stack([getattr(one, part) for one in errors]) for part in ("centralized_states", "strong_states"))
+    variances = np.stack([np.diagonal(one.bound, axis1=1, axis2=2) for one in errors])
+    return [
+        _reached(squares, errors[0].first)
+        for squares in (*(estimated_only(space, each - truth) ** 2 for each in states), variances)
+    ]
 
 
-def _bound(errors: Errors, window: slice) -> Yardstick:
-    bound = np.diagonal(errors.bound[window], axis1=1, axis2=2)
-    return Yardstick(
-        position_rmse=rms(np.sqrt(bound[:, :3].sum(axis=1))),
-        velocity_rmse=rms(np.sqrt(bound[:, 3:].sum(axis=1))),
-        msee=last(errors.bound_msee),
-    )
+def _reached(squares: Floats, first: int) -> list[Yardstick]:
+    """Of squared errors (r, K, 6), in the window that begins at index `first`."""
+    parts = (np.sqrt(squares[:, first:, axes].sum(axis=2)) for axes in (slice(3), slice(3, 6)))
+    found = (told(np.sqrt(means(each**2))) for each in parts)
+    return [Yardstick(*each) for each in zip(*found, map(last, running_mean(squares.sum(axis=2))), strict=True)]
 
 
 def ratio_to_centralized(errors: Errors, window: slice) -> float | None:
@@ -272,12 +192,20 @@ def _scored(errors: Errors) -> Scored:
     )
 
 
-def _nees(errors: Errors) -> Honesty | None:
-    degrees = np.full(errors.nees.shape, len(errors.trace.plan.space.kept))
-    return described(errors.nees, degrees, time=errors.trace.time, first=errors.first, counted=errors.counted)
+def _nees(errors: Sequence[Errors]) -> list[Honesty | None]:
+    values = np.stack([one.nees for one in errors])
+    return _described(errors, values, np.full(values.shape, len(errors[0].trace.plan.space.kept)))
 
 
-def _nis(errors: Errors) -> Nis | None:
-    trace, first, told = errors.trace, errors.first, errors.trace.diagnostics
-    found = described(told.nis, told.nis_degrees, time=trace.time, first=first, counted=errors.counted)
-    return None if found is None else Nis(**vars(found), agents_band=agents_bands(told.nis_degrees, first))
+def _nis(errors: Sequence[Errors]) -> list[Nis | None]:
+    told = [one.trace.diagnostics for one in errors]
+    degrees = np.stack([one.nis_degrees for one in told])
+    found = zip(_described(errors, np.stack([one.nis for one in told]), degrees), degrees, strict=True)
+    return [
+        None if one is None else Nis(**vars(one), agents_band=agents_bands(own, errors[0].first)) for one, own in found
+    ]
+
+
+def _described(errors: Sequence[Errors], values: Floats, degrees: Ints) -> list[Honesty | None]:
+    one = errors[0]
+    return described(values, degrees, time=one.trace.time, first=one.first, counted=one.counted)

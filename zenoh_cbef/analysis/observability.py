@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from zenoh_cbef.analysis.designed import Observability, Seen
@@ -39,18 +41,19 @@ def observability(initial: Floats, motion: LinearMotion, sight: Sight, first: in
     return Observability(stretch, size, network, alone)
 
 
-def unseen_steps(trace: Trace) -> Bools:
-    """The estimated steps (K,) in which the agents that took part and had ranges could not determine the position.
+def unseen_steps(traces: Sequence[Trace]) -> Bools:
+    """The estimated steps in which the agents that took part and had ranges could not determine the position, (r, K).
 
     An agent whose messages are not in the log counts as present.
     """
-    estimated: Bools = np.asarray(np.isfinite(trace.estimates).all(axis=2))
-    known = estimated.any(axis=0)
-    silent = ~estimated.any(axis=1, keepdims=True)
-    there = (np.isfinite(trace.ranges) & (estimated | silent)) | ~known
-    if trace.unlogged is not None:
-        there |= trace.unlogged
-    return np.asarray(unobservable_steps(trace.plan, trace.positions, there) & known)
+    estimated: Bools = np.stack([np.isfinite(trace.estimates).all(axis=2) for trace in traces])
+    known: Bools = np.asarray(estimated.any(axis=1))
+    silent = ~estimated.any(axis=2, keepdims=True)
+    there = np.isfinite(np.stack([trace.ranges for trace in traces])) & (estimated | silent) | ~known[:, None]
+    for run, trace in enumerate(traces):
+        if trace.unlogged is not None:
+            there[run] |= trace.unlogged
+    return unobservable_steps(traces[0].plan, np.stack([trace.positions for trace in traces]), there) & known
 
 
 def _seen(gramian: Floats, bound: float) -> Seen:

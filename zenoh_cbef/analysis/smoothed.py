@@ -80,7 +80,7 @@ def smoothed_errors(trace: Trace, counted: Bools, central: Floats | None) -> Smo
         path.lag,
         np.linalg.norm(error[:, :, :axes], axis=2),
         np.linalg.norm(error[:, :, axes:], axis=2),
-        nees_of(error, path.covariances[:, :, kept[:, None], kept]),
+        nees_of(error, trace.plan.space.kept_covariances(path.covariances)),
         np.linalg.norm((central - trace.truth)[:, kept[:axes]], axis=1),
         mean_over_agents(path.states[counted, :, :3]),
     )
@@ -114,11 +114,12 @@ def smoothing_of(errors: SmoothedErrors, trace: Trace, first: int, counted: Bool
     own = rms(position[:, np.isfinite(central)])
     other = rms(central[np.isfinite(position).any(axis=0)])
     degrees = np.full(errors.nees.shape, len(trace.plan.space.kept))
+    [nees] = described(errors.nees[None], degrees[None], time=trace.time, first=first, counted=counted)
     return Smoothing(
         lag=errors.lag,
         position_rmse=rms(position),
         velocity_rmse=rms(errors.velocity[counted, first:]),
         centralized_position_rmse=rms(central),
         ratio_to_centralized=own / other if own is not None and other else None,
-        nees=described(errors.nees, degrees, time=trace.time, first=first, counted=counted),
+        nees=nees,
     )

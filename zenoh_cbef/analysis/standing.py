@@ -52,5 +52,4 @@ def begun(paths: Floats) -> int:
 
 
 def _standing(now: Bools, known: int, position_error: Floats, nees: Floats) -> Standing:
-    error, honest = (np.where(now, values, np.nan) for values in (position_error, nees))
-    return Standing(share=float(now.sum()) / known, position_rmse=rms(error), nees=mean(honest))
+    return Standing(share=float(now.sum()) / known, position_rmse=rms(position_error[now]), nees=mean(nees[now]))

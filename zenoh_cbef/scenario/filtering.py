@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from typing import Self
 
 from zenoh_cbef.arrays import Floats
 from zenoh_cbef.faults import Absences
 from zenoh_cbef.scenario import bending, near_plane, network, start, telling, trust
+from zenoh_cbef.scenario.alike import alike
 from zenoh_cbef.scenario.model import Scenario
 from zenoh_cbef.scenario.motion import (
     assumed_models,
@@ -26,26 +27,30 @@ from zenoh_cbef.tracking.ranging import Space
 
 @dataclass(frozen=True, eq=False)
 class Filtering:
-    """What agents estimate, and how. Every part is made when it is first asked for, and kept."""
+    """What agents estimate, and how. Every part is made when it is first asked for, and kept.
+
+    like: of a scenario that differs in the seed alone, on which nothing here depends: its parts are these; None: made.
+    """
 
     scenario: Scenario
+    like: Self | None = None
 
     @property
     def abilities(self) -> Abilities:
         """What the scenario's kind of filter can do."""
         return abilities_of(self.scenario.filter.kind)
 
-    @cached_property
+    @alike
     def space(self) -> Space:
         """Three axes, or the plane at filter.planar_height."""
         return Space(self.scenario.filter.planar_height)
 
-    @cached_property
+    @alike
     def motion(self) -> Motion:
         """The filter's model of the target's motion; beside several, that of the first fix."""
         return assumed_motion(self.scenario, self.range_std, self.space.axes)
 
-    @cached_property
+    @alike
     def models(self) -> tuple[Motion, ...]:
         """The motions between which the target switches; none where the filter assumes one."""
         return (
@@ -54,14 +59,14 @@ class Filtering:
             else ()
         )
 
-    @cached_property
+    @alike
     def _switches(self) -> bool:
         """Whether the filter assumes that the target switches between motions."""
         biased = trust.may_be_biased(self.scenario) and self.scenario.filter.bias != "none"
         single = self.distrusts_others or (self.scenario.filter.recovery and self.scenario.filter.defaults < 4)
         return switches(self.scenario, alone=biased or single or not self.abilities.models)
 
-    @cached_property
+    @alike
     def noises(self) -> tuple[Motion, ...]:
         """The filter's motion with the noises of which ranges decide; none where the noise is not in doubt.
 
@@ -72,7 +77,7 @@ class Filtering:
         unfit = single or mistaken or not self.abilities.models or self.scenario.filter.recovery
         return () if unfit else doubted_noises(self.scenario, self.motion, told=self.tells_ranges)
 
-    @cached_property
+    @alike
     def tells_ranges(self) -> bool:
         """Whether agents tell each other their ranges, of which each takes in all."""
         assumed = self.scenario, self.range_std, self.space.axes
@@ -86,33 +91,38 @@ class Filtering:
         several = self.models or self.noises
         return self.tells_ranges and not several and chosen.reacquire and chosen.defaults > 12
 
-    @cached_property
+    @property
+    def splits(self) -> bool:
+        """Whether each of several motions keeps several hypotheses, of agents that tell each other their ranges."""
+        return self.tells_ranges and bool(self.models) and self.scenario.filter.defaults > 13
+
+    @alike
     def plain_motion(self) -> LinearMotion:
         """What smoothing and predictions are computed with, which are of linear models in position and velocity."""
         return plain_motion((self.motion,), self.motion)
 
-    @cached_property
+    @alike
     def calm_motion(self) -> LinearMotion:
         """What the bound is computed with: of several motions the calmest, as none of them may be below it."""
         return plain_motion(self.models, self.motion) if self.models else self.plain_motion
 
-    @cached_property
+    @alike
     def range_std(self) -> float:
         """The range noise that the filter assumes, m; where it is learned, what it begins with."""
         assumed = self.scenario.filter.range_std
         return self.scenario.sensor.range_std if assumed is None or assumed == "auto" else assumed
 
-    @cached_property
+    @alike
     def distrusts_others(self) -> bool:
         """Whether neighbours may send wrong values; agents then compare and trim the information of one filter."""
         return trust.suspects(self.scenario)
 
-    @cached_property
+    @alike
     def distrusts_own(self) -> bool:
         """Whether agents distrust their own receivers while implausible."""
         return trust.distrusts(self.scenario, others=self.distrusts_others)
 
-    @cached_property
+    @alike
     def bias(self) -> str:
         """What the filter does about biases: none, estimate, or auto where it can weigh them."""
         chosen = self.scenario.filter
@@ -121,30 +131,30 @@ class Filtering:
         unfit = single or bool(self.models) or not isinstance(self.motion, LinearMotion)
         return trust.bias(self.scenario, unfit=unfit)
 
-    @cached_property
+    @alike
     def squares(self) -> bool:
         """Whether agents share squared ranges, which the network linearises after it has averaged them."""
         unfit = self.tells_ranges or self.bias != "none" or self.models or self.distrusts_others
         return self.abilities.biases and not unfit and bending.after(self.scenario, self.plain_motion, self.range_std)
 
-    @cached_property
+    @alike
     def plane(self) -> near_plane.Plane | None:
         """The plane that agents are so near that they track target and mirror image until ranges tell them apart."""
         single = self.squares or self.tells_ranges or self.bias != "none" or self.distrusts_others or self.distrusts_own
         fits = not (single or self.models) and self.abilities.biases and self.motion.size == 2 * self.space.axes
         return near_plane.plane(self.scenario, self.range_std, self.space.axes) if fits else None
 
-    @cached_property
+    @alike
     def power(self) -> int:
         """The power of the saturation."""
         return trust.saturation_power(self.scenario, biased=self.bias != "none", fixed=self.first_fix_steps > 0)
 
-    @cached_property
+    @alike
     def xi(self) -> float:
         """The saturation level, in the units of the filter's kind."""
         return trust.saturation_level(self.scenario, self.power)
 
-    @cached_property
+    @alike
     def settings(self) -> FilterSettings:
         """The settings of the scenario's filter."""
         return self._finding(self._measuring(self._filtering()))
@@ -161,6 +171,7 @@ class Filtering:
             squares=self.squares,
             tells_ranges=self.tells_ranges,
             seeks=self.seeks,
+            splits=self.splits,
             plane=self.plane,
             space=self.space,
             range_std=self.range_std,
@@ -188,6 +199,7 @@ class Filtering:
             likelihoods=trust.rules(scenario) > 1,
             common_bias_std=trust.common_bias_std(scenario, self.range_std, joint=joint),
             own_bias_std=trust.own_bias_std(scenario, self.range_std),
+            scale_std=trust.scale_std(scenario) if joint else 0.0,
             told_biases=biased and trust.tells_biases(scenario),
             lasting=single and trust.lasts(scenario),
             doubts_noise=doubts,
@@ -215,6 +227,7 @@ class Filtering:
             bends=chosen.defaults > 7 and not tells,
             prompt=chosen.defaults > 8 and not trust.real(scenario),
             supposes=pauses and start.supposes(scenario, window),
+            rejoins=chosen.defaults > 13,
             cut_off=scenario.consensus.rounds * (able.biases and network.tells_members(scenario)),
             presumes=trust.presumes(scenario),
             undetermined=chosen.defaults > 13 and bending.undetermined(scenario, self.range_std, self.space.axes),
@@ -227,22 +240,22 @@ class Filtering:
             guesses=start.guesses(scenario) if chosen.defaults > 3 else None,
         )
 
-    @cached_property
+    @alike
     def absences(self) -> Absences:
         """When the scenario's agents are not there."""
         return start.absences(self.scenario)
 
-    @cached_property
+    @alike
     def settling_steps(self) -> int:
         """After how many steps a network has found its target: at least 20, and about five ranges of every agent."""
         return start.settling_steps(self.scenario)
 
-    @cached_property
+    @alike
     def first_fix_steps(self) -> int:
         """How many steps the first fix takes, 0 for none: agents must add up what they know, and not lie."""
         return 0 if self.tells_ranges else start.fix_steps(self.scenario, self.settling_steps, self.absences)
 
-    @cached_property
+    @alike
     def search(self) -> tuple[Floats, Floats] | None:
         """Where a first fix looks for the target, (1, s) and (1, s, s); None: around the initial estimate."""
         told = start.unknown(self.scenario) or not self.first_fix_steps

@@ -49,10 +49,14 @@ def tells_members(scenario: Scenario) -> bool:
     chosen = scenario.filter.membership
     if chosen != "auto":
         return chosen
-    cuts = any(isinstance(fault, MessageFault) and fault.cuts for fault in scenario.fault) or by_radio(scenario)
-    parts = scenario.filter.defaults > 11 and trust.isolates(scenario)
+    isolates = scenario.filter.defaults > 11 and trust.isolates(scenario)
     few = scenario.count <= FEW and not scenario.consensus.trigger
-    return (cuts or parts) and few and scenario.filter.defaults > 10
+    return (parts(scenario) or isolates) and few and scenario.filter.defaults > 10
+
+
+def parts(scenario: Scenario) -> bool:
+    """Whether faults, or the way between agents, may part the network."""
+    return any(isinstance(fault, MessageFault) and fault.cuts for fault in scenario.fault) or by_radio(scenario)
 
 
 def counts_hearers(scenario: Scenario) -> bool:

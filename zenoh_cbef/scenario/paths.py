@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 from zenoh_cbef import streams
 from zenoh_cbef.arrays import Floats
 from zenoh_cbef.courses.waypoints import along
 from zenoh_cbef.scenario.model import Scenario
+from zenoh_cbef.scenario.table import Corner
 
 
 def step_times(scenario: Scenario, steps: int) -> Floats:
@@ -22,9 +25,15 @@ def placement(scenario: Scenario, seed: int | None = None) -> Floats:
         return np.array([points[0] for points in agents.waypoints])
     if agents.positions is not None:
         return np.array(agents.positions[:count])
-    low, high = np.broadcast_to(agents.low, 3), np.broadcast_to(agents.high, 3)
-    key = streams.stream(scenario.seed if seed is None else seed, "placement", np.arange(count))[:, None]
-    return np.asarray(low + (high - low) * streams.uniform(key, 0, np.arange(3)))
+    return _drawn(scenario.seed if seed is None else seed, count, agents.low, agents.high)
+
+
+@lru_cache(maxsize=256)
+def _drawn(seed: int, count: int, low: Corner, high: Corner) -> Floats:
+    key = streams.stream(seed, "placement", np.arange(count))[:, None]
+    places = np.add(low, np.subtract(high, low) * streams.uniform(key, 0, np.arange(3)))
+    places.flags.writeable = False  # All callers that ask for these get the same array.
+    return places
 
 
 def agent_positions(scenario: Scenario, agent: int | None = None) -> Floats:

@@ -9,6 +9,7 @@ import numpy as np
 
 from zenoh_cbef.arrays import Floats
 from zenoh_cbef.scenario import network, start, trust
+from zenoh_cbef.scenario.alike import alike
 from zenoh_cbef.scenario.filtering import Filtering
 from zenoh_cbef.scenario.plausible import Plausible, plausible_ranges
 from zenoh_cbef.scenario.scheme import chosen_scheme
@@ -24,45 +25,43 @@ from zenoh_cbef.tracking.payloads import InformationPayloads, Payloads
 class Plan(Filtering):
     """What a scenario means: each part is made when it is first asked for. like: a plan under another seed, or None."""
 
-    like: Plan | None = None
-
     @property
     def realtime(self) -> bool:
         """Whether rounds have deadlines."""
         return self.scenario.timing.mode == "realtime"
 
-    @cached_property
+    @alike
     def isolates(self) -> bool:
         """Whether agents leave out neighbours whose messages their own prediction rules out."""
         return self.rounds > 0 and isinstance(self.payloads, InformationPayloads) and trust.isolates(self.scenario)
 
-    @cached_property
+    @alike
     def filter(self) -> Filter:
         """The scenario's filter."""
-        return self.like.filter if self.like else make_filter(self.scenario.filter.kind, self.settings)
+        return make_filter(self.scenario.filter.kind, self.settings)
 
-    @cached_property
+    @alike
     def sharing(self) -> Sharing:
         """What the filter's agents exchange; no filter is made for it."""
-        return self.like.sharing if self.like else sharing_of(self.scenario.filter.kind, self.settings)
+        return sharing_of(self.scenario.filter.kind, self.settings)
 
-    @cached_property
+    @alike
     def payloads(self) -> Payloads:
         """How to read the payloads of the scenario's filter."""
         return payloads_of(self.scenario.filter.kind, self.settings)
 
-    @cached_property
+    @alike
     def rounds(self) -> int:
         """Consensus rounds per step, L; none for a filter that keeps to itself."""
         return self.scenario.consensus.rounds if self.sharing.cooperates else 0
 
-    @cached_property
+    @alike
     def slot(self) -> float:
         """How long a round lasts in realtime, s: the beacon, and then each round, has to come within one."""
         given = self.scenario.timing.round_deadline_ms
         return self.scenario.dt / (self.rounds + 1) if given is None else 1e-3 * given
 
-    @cached_property
+    @alike
     def scheme(self) -> tuple[str, str]:
         """The consensus scheme, average or running-sums, and one sentence on why it was chosen."""
         return chosen_scheme(self.scenario, information=self.abilities.information)
@@ -72,17 +71,17 @@ class Plan(Filtering):
         """Whether the consensus scheme is running sums."""
         return self.scheme[0] == "running-sums"
 
-    @cached_property
+    @alike
     def smoothing_lag(self) -> int:
         """By how many steps the smoothed estimates are later than the filter's; 0: agents do not smooth."""
         return int(np.ceil(self.scenario.filter.lag_seconds / self.scenario.dt * (1.0 - 1e-9)))
 
-    @cached_property
+    @alike
     def message_size(self) -> int:
         """How many numbers a consensus message holds: the payload's, and one more for running sums."""
         return self.sharing.payload_size + self.sums
 
-    @cached_property
+    @alike
     def compact(self) -> Compact | None:
         """How payloads travel in few bits; None: in all 64."""
         return self.scenario.consensus.compact(self.message_size, self.sharing.blocks)

@@ -48,13 +48,17 @@ def open_axes_between(plan: Plan, agents: Sequence[int], first: int, last: int) 
 
 
 def unobservable_steps(plan: Plan, positions: Floats, there: Bools) -> Bools:
-    """The steps (K,) of all windows in which ranges do not determine the position, whatever came before.
+    """The steps, (r, K), of all windows in which ranges do not determine the position, whatever came before.
 
-    positions: (n, K, 3), m. there: (n, K), which agents have a range.
+    positions: (r, n, K, 3), m, of r runs. there: (r, n, K), which agents have a range.
     """
-    window = window_of(plan, there.shape[1])
-    left_open = open_axes(positions[:, :, : plan.space.axes], there, window, plan.range_std)
-    return np.asarray(np.convolve(left_open > MIRRORED, np.ones(window)) > 0.5)
+    steps = there.shape[2]
+    window = window_of(plan, steps)
+    dark = open_axes(positions[..., : plan.space.axes], there, window, plan.range_std) > MIRRORED
+    unseen = np.zeros((len(there), steps), dtype=bool)
+    for later in range(window):
+        unseen[:, later : later + dark.shape[1]] |= dark
+    return unseen
 
 
 def described(plan: Plan, agents: int, left_open: int) -> str:

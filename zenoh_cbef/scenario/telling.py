@@ -15,29 +15,33 @@ from zenoh_cbef.tracking.motion import Motion
 def tells_ranges(scenario: Scenario, motions: Sequence[Motion], range_std: float, settling: int) -> bool:
     """Whether agents tell each other their ranges: where a first fix would fail, or may, and they are few.
 
-    A target that switches between motions is followed without, if there are enough ranges in a step.
+    A target that switches between motions is followed without, if there are enough ranges in a step; there may be too
+    few where agents are away, or cut off from others.
     motions: what the filter assumes, the most agile one last. range_std: m. settling: steps of a fix.
     """
     agile = motions[-1]
-    if not _may(scenario, agile.axes):
+    several = len(motions) > 1 and scenario.filter.defaults > 13
+    if not _may(scenario, agile.axes + (not several)):
         return False
     if len(motions) == 1 and may_mistake(scenario, range_std, agile.axes):
         return True
     heard = scenario.count * (1.0 - scenario.sensor.dropout_probability)
-    return _strays(scenario, agile, range_std, settling) and (len(motions) == 1 or heard < agile.axes + 1)
+    needs = len(motions) == 1 or heard < agile.axes + 1 or (several and network.parts(scenario))
+    return needs and _strays(scenario, agile, range_std, settling)
 
 
-def _may(scenario: Scenario, axes: int) -> bool:
+def _may(scenario: Scenario, least: int) -> bool:
     """Whether the scenario leaves it open, and its agents, all honest, are few and hear each other's very numbers.
 
-    But more than there are unknowns in a step: with less ranges any place fits, or its mirror image does.
+    But more than there are unknowns in a step, the least number: with less ranges any place fits, or its mirror image
+    does. Hypotheses that are kept from step to step need no place that is known in each.
     """
     chosen, stage = scenario.filter, scenario.consensus
     able = abilities_of(chosen.kind)
     left_open = (chosen.xi, chosen.saturation, chosen.linearise, chosen.bias) == ("auto",) * 4 and not chosen.recovery
     exact = stage.precision == "float64" and not (stage.trigger or stage.lag or stage.trim)
     honest = not (trust.suspects(scenario) or trust.real(scenario))
-    few = axes + 1 < scenario.count <= network.FEW and stage.rounds > 0
+    few = least < scenario.count <= network.FEW and stage.rounds > 0
     fits = able.saturates and able.biases and left_open and _explained(scenario)
     return chosen.defaults > 11 and few and exact and honest and fits
 

@@ -15,6 +15,10 @@ _XI = {1: 1.5, 2: 2.0}
 At 2 a redescending weight costs no more on Gaussian ranges than a bounded one at 1.5: a hundredth of the error.
 """
 
+_SCALE_STD = 0.05
+"""By what share recorded ranges are all too long or too short: sound is 2 % faster in air that is 10 K warmer, and
+clocks, radios and maps have errors of their own."""
+
 
 def real(scenario: Scenario) -> bool:
     """Whether ranges come from real receivers, live or recorded: then they have biases and outliers."""
@@ -139,6 +143,11 @@ def own_bias_std(scenario: Scenario, range_std: float) -> float:
         return given
     told = scenario.sensor.bias_std if tells_biases(scenario) else 0.0
     return max(least, float(np.hypot(told, _given_biases(scenario)[1])))
+
+
+def scale_std(scenario: Scenario) -> float:
+    """Prior standard deviation of the share by which all ranges of agents that share their biases are too long."""
+    return _SCALE_STD if scenario.target.motion == "dataset" and scenario.filter.defaults > 13 else 0.0
 
 
 def saturation_power(scenario: Scenario, *, biased: bool, fixed: bool) -> int:

@@ -106,7 +106,8 @@ def _sensed(scenario: Scenario, distances: Floats) -> Floats:
         hit = streams.uniform(key("outlier"), steps) < sensor.outlier_probability
         ranges += np.where(hit, sensor.outlier_scale * streams.exponential(key("outlier size"), steps), 0.0)
     ranges = np.maximum(ranges, 0.0)
-    heard = streams.uniform(key("dropout"), steps) >= sensor.dropout_probability
+    if sensor.dropout_probability > 0.0:
+        ranges[streams.uniform(key("dropout"), steps) < sensor.dropout_probability] = np.nan
     if sensor.reach is not None:
-        heard &= distances <= sensor.reach
-    return np.where(heard, ranges, np.nan)
+        ranges[~(distances <= sensor.reach)] = np.nan
+    return ranges

@@ -29,7 +29,7 @@ class Diagnostics:
     innovation: size of the innovation, in the filter's unit (m, m^2 for cbef). weight: the saturation gain in (0, 1]
     that was applied. nis: the innovation squared in units of the covariance that the filter predicted for it, before
     saturation. nis_degrees: its degrees of freedom. distrust: how far the agent distrusted its range, 0 to 1. bias,
-    bias_std: constant error of the agent's ranges as it estimates it, and its standard deviation, m. bias_weight: how
+    bias_std: lasting error of the agent's ranges as it estimates it, and its standard deviation, m. bias_weight: how
     far the state relies on that estimate, 0 to 1. maneuver: probability of the most agile of several motions, before
     the step's ranges. isolated: the neighbour that the agent isolated last, by its number. status: what the estimate
     is, as a number of `status.STATUSES`. status_seconds: how long it has been so, s. silent: in how many

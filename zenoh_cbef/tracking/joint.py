@@ -11,7 +11,7 @@ from zenoh_cbef.tracking.central_models import CentralModels
 from zenoh_cbef.tracking.copying import replace
 from zenoh_cbef.tracking.filters import FilterSettings, make_filter, sharing_of
 from zenoh_cbef.tracking.filters.around.auto_bias import mixed
-from zenoh_cbef.tracking.filters.around.evidence import BEGIN, MEMORY, Evidence
+from zenoh_cbef.tracking.filters.around.evidence import BEGIN, MEMORY, SQUARES, Evidence
 from zenoh_cbef.tracking.filters.around.learned_noise import learned
 from zenoh_cbef.tracking.filters.base import Belief, Update
 from zenoh_cbef.tracking.filters.finding.tried_guess import first_fix
@@ -29,7 +29,8 @@ def joint_centralized(
 ) -> tuple[Floats, Floats]:
     """One filter that sees every range at once, over K steps: states (r, K, 6) and covariances (r, K, 6, 6).
 
-    With biases its state is (p, v, c, d_1 ... d_n): a plain Kalman filter in which all correlations are kept, unlike
+    With biases its state is (p, v, c, d_1 ... d_n), and beside it another one has a share s more, by which all ranges
+    may be too long: a plain Kalman filter in which all correlations are kept, unlike
     the network's. The bias is weighed as in auto_bias.py, the noise learned as in learned_noise.py, and the first
     fix is the network's with an exact average. initial: (r, s), (r, s, s). positions: (r, n, K, 3). ranges, age:
     (r, n, K). xi: saturation level in standard deviations.
@@ -58,7 +59,7 @@ def joint_beliefs(
         else:
             belief = filter_.step(step)
         state, covariance = space.embed_state(belief.state), space.embed_covariance(belief.known_covariance)
-        yield Belief(state[:, space.kept], covariance[:, space.kept[:, None], space.kept])
+        yield Belief(space.kept_states(state), space.kept_covariances(covariance))
 
 
 def _first_fix(settings: FilterSettings, xi: float, fix: Belief, step: Ranges) -> tuple[Belief, Update]:
@@ -88,6 +89,7 @@ class _Joint:
         self.settings, self.xi, self.agents = settings, xi, agents
         runs = len(initial.state)
         self._sums, self._evidence = np.full((runs, 3), BEGIN), Evidence(settings.likelihoods)
+        self._shares = SQUARES.begun(runs)
         switching = Switching(settings.models, settings.leaving)
         how = xi, settings.power, settings.widens
         self._models = CentralModels(switching, settings.space, *how) if settings.models else None
@@ -104,21 +106,22 @@ class _Joint:
         self._biased = self._plain = initial
         if self.settings.bias == "none":
             return  # A matrix of all agents' biases is not for many agents.
-        size, prior = self.settings.motion.size, np.zeros(1 + self.agents)
-        prior[0], prior[1:] = self.settings.common_bias_std**2, self.settings.own_bias_std**2
+        settings, size = self.settings, self.settings.motion.size
+        stds = [settings.common_bias_std, *[settings.own_bias_std] * self.agents]
+        prior = np.square([*stds, settings.scale_std])
         covariance = np.zeros((len(initial.state), size + len(prior), size + len(prior)))
         covariance[:, :size, :size] = initial.known_covariance
         covariance[:, size:, size:] = np.diag(prior)
         state = np.pad(initial.state, ((0, 0), (0, len(prior))))
         if tied is not None:
+            biases = slice(size + 1, size + 1 + self.agents)
             offset, slope, given = (each.reshape(-1, self.agents, *each.shape[1:]) for each in tied)
             cross = slope @ initial.known_covariance
-            state[:, size + 1 :] = offset + matvec(slope, initial.state)
-            covariance[:, size + 1 :, :size], covariance[:, :size, size + 1 :] = cross, cross.swapaxes(1, 2)
-            covariance[:, size + 1 :, size + 1 :] = cross @ slope.swapaxes(1, 2) + given[:, :, None] * np.eye(
-                self.agents
-            )
-        self._biased = Belief(state, covariance)
+            state[:, biases] = offset + matvec(slope, initial.state)
+            covariance[:, biases, :size], covariance[:, :size, biases] = cross, cross.swapaxes(1, 2)
+            covariance[:, biases, biases] = cross @ slope.swapaxes(1, 2) + given[:, :, None] * np.eye(self.agents)
+        self._scaled = Belief(state, covariance)
+        self._biased = Belief(state[:, :-1], covariance[:, :-1, :-1])
 
     def learn(self, innovation: Floats, nis: Floats) -> None:
         """Learn the noise from innovations (r, n) and their NIS."""
@@ -131,13 +134,12 @@ class _Joint:
             self._plain, told = self._models.step(self._plain, step)
             self.learn(told.innovation, told.nis)
             return self._plain
-        size, weight = self.settings.motion.size, self._evidence.weight(self._sums)
+        weight = self._evidence.weight(self._sums)
         self._plain, innovation, plain = self._kalman(self._plain, step, biased=False)
         if self.settings.bias == "none":
             self.learn(innovation, plain)
             return self._plain
-        self._biased, other, biased = self._kalman(self._biased, step, biased=True)
-        belief = Belief(self._biased.state[:, :size], self._biased.known_covariance[:, :size, :size])
+        belief, other, biased = self._with_biases(step)
         if self.settings.bias == "estimate":
             self.learn(other, biased)
             return belief
@@ -146,6 +148,23 @@ class _Joint:
         new = self._evidence.of((innovation, plain), (other, biased)).sum(axis=1)
         self._sums = np.exp(-new[:, 2:] / MEMORY) * self._sums + new
         return Belief(*mixed(self._plain, belief, self._evidence.weight(self._sums)))
+
+    def _with_biases(self, step: Ranges) -> tuple[Belief, Floats, Floats]:
+        """The same of the filter with biases, or of two of them."""
+        self._biased, innovation, nis = self._kalman(self._biased, step, biased=True)
+        belief = self._target(self._biased)
+        if not self.settings.scale_std:
+            return belief, innovation, nis
+        self._scaled, *other = self._kalman(self._scaled, step, biased=True)
+        chosen = SQUARES.weight(self._shares)[:, None] > 0.5
+        new = SQUARES.of((innovation, nis), (other[0], other[1])).sum(axis=1)
+        self._shares = np.exp(-new[:, 2:] / MEMORY) * self._shares + new
+        belief = Belief(*mixed(belief, self._target(self._scaled), SQUARES.weight(self._shares)))
+        return belief, np.where(chosen, other[0], innovation), np.where(chosen, other[1], nis)
+
+    def _target(self, belief: Belief) -> Belief:
+        size = self.settings.motion.size
+        return Belief(belief.state[:, :size], belief.known_covariance[:, :size, :size])
 
     def _kalman(self, belief: Belief, step: Ranges, *, biased: bool) -> tuple[Belief, Floats, Floats]:
         """Predict and take in all ranges; returns innovations' sizes and NIS (r, n) too."""
@@ -160,8 +179,11 @@ class _Joint:
         rows, predicted = rows.reshape(-1, agents, size), predicted.reshape(-1, agents)
         if biased:
             own = np.broadcast_to(np.eye(agents), (len(state), agents, agents))
-            rows = np.concatenate([rows, np.ones_like(rows[:, :, :1]), own], axis=2)
-            predicted = predicted + state[:, size, None] + state[:, size + 1 :]
+            last = size + 1 + agents
+            scale, distance = np.add.reduce(state[:, last:], axis=1)[:, None], predicted[:, :, None]
+            predicted = predicted + scale * predicted + state[:, size, None] + state[:, size + 1 : last]
+            rows = np.concatenate([rows * (1.0 + scale[:, :, None]), np.ones_like(distance), own, distance], axis=2)
+            rows = rows[:, :, : state.shape[1]]
         measured = np.isfinite(step.range)
         innovation = np.where(measured, step.range - predicted, 0.0)
         spread = np.sqrt(np.sum(rows * (rows @ covariance), axis=2) + step.std**2)
@@ -184,11 +206,11 @@ class _Joint:
         if not biased:
             return motion.predict_state(belief.state), motion.predict_covariance(belief.known_covariance, belief.state)
         size = motion.size
-        transition = np.eye(size + 1 + self.agents)
+        transition = np.eye(belief.state.shape[1])
         transition[:size, :size] = linear(motion).transition
         covariance = transition @ belief.known_covariance @ transition.T
         covariance[:, :size, :size] += linear(motion).process_noise
-        own = np.arange(size + 1, len(transition))
+        own = np.arange(size + 1, size + 1 + self.agents)
         variance = covariance[:, own, own]
         widened = (1.0 + forgetting(self.settings)) * variance
         widened = np.minimum(widened, np.maximum(variance, self.settings.own_bias_std**2))

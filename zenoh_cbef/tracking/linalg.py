@@ -30,7 +30,9 @@ def inverse(matrices: Floats) -> Floats:
     Raises LinAlgError where one is singular.
     """
     inverted = np.linalg.inv(matrices)
-    return np.asarray(0.5 * (inverted + inverted.swapaxes(-1, -2)))
+    doubled = inverted + inverted.swapaxes(-1, -2)
+    doubled *= 0.5
+    return np.asarray(doubled)
 
 
 def inverse_if_any(matrices: Floats) -> Floats:

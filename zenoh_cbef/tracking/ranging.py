@@ -86,6 +86,14 @@ class Space:
         full[:, self.kept[:, None], self.kept] = covariance[:, :4, :4]
         return full
 
+    def kept_states(self, full: Floats) -> Floats:
+        """The estimated components of full states (..., 6)."""
+        return full if self.height is None else full[..., self.kept]
+
+    def kept_covariances(self, full: Floats) -> Floats:
+        """Those of full covariances (..., 6, 6)."""
+        return full if self.height is None else full[..., self.kept[:, None], self.kept]
+
     @property
     def kept(self) -> NDArray[np.intp]:
         """Indices of the estimated components within the full state of six."""

@@ -145,7 +145,7 @@ def posterior_bound(
     (r, n, K). age: (r, n, K), s.
     """
     runs, agents, steps = measured.shape
-    bound = np.empty((runs, steps, 6, 6))
+    bound = np.empty((steps, runs, 6, 6))
     covariance = initial_covariance
     # What ranges tell depends on the truth alone, so that of many steps is computed at once.
     at_once = max(1, _ROWS // (runs * agents))
@@ -156,8 +156,8 @@ def posterior_bound(
         ranged = _told(space, along, places, *heard) / range_std**2
         for k, information in enumerate(ranged, since):
             covariance = inverse(inverse(motion.predict_covariance(covariance)) + information)
-            bound[:, k] = space.embed_covariance(covariance)
-    return bound
+            bound[k] = space.embed_covariance(covariance)
+    return np.moveaxis(bound, 0, 1)
 
 
 def _told(space: Space, truth: Floats, positions: Floats, measured: Bools, age: Floats) -> Floats:

@@ -189,8 +189,6 @@ class Status:
         agents: how many have to prove the place, each with ranges of its own; 0: any ranges do.
         enough: (n,), whether enough agents have heard the target lately; None: agents do not count them.
         """
-        scarce = self.scarce if enough is None else np.where(enough, 0.0, self.scarce + 1.0)
-        few = scarce >= _SCARCE
         reference = np.minimum(spread, self.reference * np.exp(_LEARNED * heard / axes))
         steps = self.steps + 1.0
         early = steps <= fix
@@ -198,12 +196,17 @@ class Status:
             heard = np.where(early, 0.0, heard)
         fades = np.exp(heard / -_MEMORY)
         fitted = self.heard + (heard if most is None else heard - np.minimum(misfit / CUT, heard))
-        fitted[few] = 0.0
+        scarce = self.scarce
+        if enough is not None:
+            scarce = np.where(enough, 0.0, scarce + 1.0)
+            fitted = np.where(scarce < _SCARCE, fitted, 0.0)
         sums = fades * self.misfit + np.minimum(misfit, CUT * heard), fades * self.weight + heard
         lost = sums[0] > (_MOST if most is None else most) * sums[1]
         which, seconds = np.array([TRACKING]).repeat(len(heard)), self.seconds + dt
         proved = fitted >= max(_FIRST * axes, _PROOF * agents)
-        which[(spread > _COASTS * reference) | few | (self.which == COASTING) & ~proved] = COASTING
+        which[spread > _COASTS * reference] = COASTING
+        if enough is not None:
+            which[(scarce >= _SCARCE) | (self.which == COASTING) & ~proved] = COASTING
         which[lost] = LOST
         if (begins := early | (self.which == ACQUIRING)).nonzero()[0].size:
             known = proved if most is None else proved | lost

@@ -13,6 +13,9 @@ from zenoh_cbef.tracking.motion import Motion, begun
 Gaussian = tuple[Floats, Floats]
 """Means (n, s) and covariances (n, s, s)."""
 
+Several = tuple[Floats, Floats, Floats]
+"""Means (n, k, s) and covariances (n, k, s, s) of k Gaussians, and logarithms of their weights, (n, k)."""
+
 _CHANGES = 0.001
 """The probability that, in a step, the target takes to leaving its models more or less often."""
 
@@ -48,6 +51,23 @@ class Switching:
             weights = [way / likely[:, j] for way in ways[j]]
             mixtures.append(moments(weights, [self._as_of(one, i, j) for i, one in enumerate(beliefs)]))
         return ahead, mixtures
+
+    def apart(self, chance: Floats, beliefs: list[Several]) -> tuple[Floats, list[Several]]:
+        """As `mixed`, of k Gaussians for each model, which are not mixed: each model begins with M k of them."""
+        ahead, ways = self._chain(chance)
+        likely, found = self.of_models(ahead), []
+        for j in range(len(self.motions)):
+            parts = []
+            for i, (states, covariances, weights) in enumerate(beliefs):
+                flat = states.reshape(-1, states.shape[2]), covariances.reshape(-1, *covariances.shape[2:])
+                state, covariance = self._as_of(flat, i, j)
+                way = np.log(np.maximum(ways[j][i] / likely[:, j], np.finfo(np.float64).tiny))[:, None]
+                each = weights.shape
+                shaped = state.reshape(*each, -1), covariance.reshape(*each, *covariance.shape[1:])
+                parts.append((*shaped, weights + way))
+            first, second, third = (np.concatenate(each, axis=1) for each in zip(*parts, strict=True))
+            found.append((first, second, third))
+        return ahead, found
 
     def of_models(self, chance: Floats) -> Floats:
         """Probabilities (n, M) of the models, whatever the probability to leave one."""

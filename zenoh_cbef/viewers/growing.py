@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from zenoh_cbef.analysis.metrics import errors_of
+from zenoh_cbef.analysis.errors import errors_of
 from zenoh_cbef.analysis.yardsticks import Yardsticks, centralized_steps
 from zenoh_cbef.arrays import Floats
 from zenoh_cbef.log.read.recording import Recording

@@ -10,7 +10,8 @@ import numpy as np
 
 from zenoh_cbef.analysis.averages import mean_over_agents, rms_over_agents
 from zenoh_cbef.analysis.chi2 import chi2_quantile
-from zenoh_cbef.analysis.metrics import Errors, analyze
+from zenoh_cbef.analysis.errors import Errors
+from zenoh_cbef.analysis.metrics import analyze
 from zenoh_cbef.arrays import Floats, Ints
 from zenoh_cbef.log.read.parts import open_log
 from zenoh_cbef.log.read.recording import Event, Recording, read_recording

@@ -16,7 +16,7 @@ from zenoh_cbef.tracking.filters.around.auto_bias import AutoBias
 from zenoh_cbef.tracking.filters.around.cut_off import CutOff
 from zenoh_cbef.tracking.filters.around.distrusting import Distrusting
 from zenoh_cbef.tracking.filters.around.doubted_noise import DoubtedNoise
-from zenoh_cbef.tracking.filters.around.evidence import Evidence
+from zenoh_cbef.tracking.filters.around.evidence import SQUARES, Evidence
 from zenoh_cbef.tracking.filters.around.lasting_errors import LastingErrors
 from zenoh_cbef.tracking.filters.around.learned_noise import LearnedNoise
 from zenoh_cbef.tracking.filters.around.mirror_images import MirrorImages
@@ -117,9 +117,10 @@ def sharing_of(kind: str, settings: FilterSettings) -> Sharing:
         several = SeveralNoises.sharing if settings.noises else InteractingModels.sharing
         shared = several(settings, one) if settings.models or settings.noises else one(settings)
     if settings.bias != "none" and not settings.tells_ranges:
-        biased = (JointBiases if settings.joint_biases else BiasedInformation).sharing(settings)
-        both = replace(shared.longer(biased.payload_size + AutoBias.more), blocks=shared.blocks + biased.blocks)
-        shared = biased if settings.bias == "estimate" else both
+        biased = (JointBiases if settings.joint_biases else BiasedInformation).sharing(replace(settings, scale_std=0.0))
+        if settings.scale_std:
+            biased = AutoBias.sharing(biased, JointBiases.sharing(settings))
+        shared = biased if settings.bias == "estimate" else AutoBias.sharing(shared, biased)
     if settings.plane:
         shared = replace(shared.longer(shared.payload_size + MirrorImages.more), blocks=shared.blocks * 2)
     more = (settings.recovers > 0.0) * Recovering.more + settings.distrusts * Distrusting.more
@@ -189,8 +190,11 @@ def _innermost(kind: str, settings: FilterSettings, xi: float) -> Filter:
 
 def _biased(settings: FilterSettings, plain: Filter, xi: float) -> Filter:
     """The filter that estimates biases, or weighs them beside the plain one."""
-    biased = (JointBiases if settings.joint_biases else BiasedInformation).of(settings, xi)
+    of_one = (JointBiases if settings.joint_biases else BiasedInformation).of
     evidence = Evidence(settings.likelihoods, settings.recorded)
+    biased: BiasedInformation | JointBiases | AutoBias = of_one(replace(settings, scale_std=0.0), xi)
+    if settings.scale_std:
+        biased = AutoBias(biased, JointBiases.of(settings, xi), SQUARES)
     return biased if settings.bias == "estimate" else AutoBias(plain, biased, evidence)
 
 

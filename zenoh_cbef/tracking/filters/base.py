@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar, Protocol, Self, TypeGuard
 
+import numpy as np
+
 from zenoh_cbef.arrays import Floats
 from zenoh_cbef.tracking.copying import replace
 from zenoh_cbef.tracking.diagnostics import Diagnostics
@@ -15,14 +17,26 @@ from zenoh_cbef.tracking.status import Status
 
 @dataclass(frozen=True)
 class Bias:
-    """What an agent estimates of the constant error of its own ranges, arrays (n,).
+    """What an agent estimates of the lasting error of its own ranges, where its estimate is; arrays (n,).
 
-    value, std: m. weight: how far the state relies on it, from 0 (the ranges are taken as they are) to 1.
+    value, std: m. weight: how far the state relies on it, from 0 (the ranges are taken as they are) to 1. share: what
+    part of the distance is in it, as all ranges are too long by that.
     """
 
     value: Floats
     std: Floats
     weight: Floats
+    share: Floats
+
+    @classmethod
+    def constant(cls, value: Floats, std: Floats) -> Self:
+        """One that is the same at any distance, and relied on."""
+        return cls(value, std, np.ones(len(value)), np.zeros(len(value)))
+
+    def taken_off(self, ranges: Floats, distance: Floats) -> Floats:
+        """Ranges (n,), m, wherever they were measured, without it; distance: of the target where it was estimated."""
+        constant = self.value - self.share * distance
+        return (ranges - self.weight * constant) / (1.0 + self.weight * self.share)
 
 
 @dataclass(frozen=True)

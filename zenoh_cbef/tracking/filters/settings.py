@@ -34,13 +34,15 @@ class FilterSettings:
     for the target, like search. bends: whether agents coast no further than ranges are straight lines. prompt: whether
     another fix begins soon after the target is lost, and has the first ranges after a silence to itself; deciding:
     every how many steps agents decide whether one begins, 0: as many as it takes. supposes:
-    whether all tell each other what they measured where ranges of one do not fit. cut_off: how many
+    whether all tell each other what they measured where ranges of one do not fit; rejoins: one
+    that is wrong takes part again after two ranges that fit, or after many. cut_off: how many
     rounds a step has, where agents may be cut off from others and tell who is there; 0: they do not. presumes: whether
     agents presume that ranges fit and that all others are there until they know better. undetermined: whether their
     places leave open where the target is, so that they never say that they track it. sides: whether they say so
     when they do not know on which side of them the target is. bias: none,
     estimate or auto; likelihoods: whether auto weighs it by these, or by the NIS; common_bias_std, own_bias_std: its
-    prior, m. told_biases: whether they are constant, and as large as told: a first fix says what it knows of them, and
+    prior, m. scale_std: prior of the share by which all ranges may be too long, besides joint biases; 0: by none.
+    told_biases: whether they are constant, and as large as told: a first fix says what it knows of them, and
     none is forgotten. joint_biases:
     whether agents estimate all biases together, which have no common part then. first_fix: over how many steps the
     initial estimate, a guess, is improved by least squares on the first ranges; 0: it is none. squared_fix: how many of
@@ -50,8 +52,8 @@ class FilterSettings:
     probability that it leaves its motion in a step. middle: a point near all agents, the same for all, m. squares:
     whether agents share squared ranges, and linearise what averaging leaves. tells_ranges:
     whether they tell each other their ranges, and each takes in all; seeks: and, while these deny the place, looks for
-    the target elsewhere. plane: that they are near, a point of it
-    and its normal; None: near none, or mirror images are no matter. outliers: what share of the ranges are
+    the target elsewhere; splits: and keeps several hypotheses of each of several motions. plane: that they are near, a
+    point of it and its normal; None: near none, or mirror images are no matter. outliers: what share of the ranges are
     too long, and by how much (m) on average, where the scenario tells so and a first fix takes it into account.
     options: of a kind of another package, `filter.options`.
     guesses: how many of the agents' guesses of position, and of velocity, are independent; None: a first fix by
@@ -80,6 +82,7 @@ class FilterSettings:
     prompt: bool = False
     deciding: int = 0
     supposes: bool = False
+    rejoins: bool = True
     cut_off: int = 0
     presumes: bool = True
     undetermined: bool = False
@@ -89,6 +92,7 @@ class FilterSettings:
     likelihoods: bool = True
     common_bias_std: float = 0.0
     own_bias_std: float = 0.0
+    scale_std: float = 0.0
     told_biases: bool = False
     joint_biases: bool = False
     learns_noise: bool = False
@@ -107,6 +111,7 @@ class FilterSettings:
     squares: bool = False
     tells_ranges: bool = False
     seeks: bool = False
+    splits: bool = False
     plane: tuple[tuple[float, ...], tuple[float, ...]] | None = None
     outliers: tuple[float, float] | None = None
     guesses: tuple[int, int] | None = (1, 1)

@@ -8,8 +8,9 @@ from typing import ClassVar
 import numpy as np
 
 from zenoh_cbef.arrays import Floats
+from zenoh_cbef.tracking.copying import replace
 from zenoh_cbef.tracking.filters.around.evidence import MEMORY, Evidence
-from zenoh_cbef.tracking.filters.base import Belief, Bias, Filter, Update
+from zenoh_cbef.tracking.filters.base import Belief, Bias, Filter, Sharing, Update
 from zenoh_cbef.tracking.filters.models.biased_information import BiasedInformation
 from zenoh_cbef.tracking.filters.models.joint_biases import JointBiases
 from zenoh_cbef.tracking.linalg import outer
@@ -28,14 +29,27 @@ class AutoBias:
 
     The sums of the evidence run over the network: they are three numbers more in the payload. Each filter runs
     as if alone; only the two results are combined, as a mixture of two Gaussians, so the estimate does not jump.
+
+    The filter with biases may be such a pair itself: of one without and one with a share by which all ranges are too
+    long. Where biases explain ranges as well, that share only takes information from them.
     """
 
     plain: Filter
-    biased: BiasedInformation | JointBiases
+    biased: BiasedInformation | JointBiases | AutoBias
     evidence: Evidence = field(default_factory=Evidence)
 
     more: ClassVar[int] = 3
     """The evidence, after both filters' payloads."""
+
+    @property
+    def network_size(self) -> int:
+        """How many agents there are."""
+        return self.biased.network_size
+
+    @classmethod
+    def sharing(cls, plain: Sharing, biased: Sharing) -> Sharing:
+        """What agents exchange that do both."""
+        return replace(plain.longer(biased.payload_size + cls.more), blocks=plain.blocks + biased.blocks)
 
     def update(self, belief: Belief, measurement: Measurement) -> Update:
         """Both filters' updates; the innovation that is reported is that of the filter with more weight."""
@@ -57,12 +71,12 @@ class AutoBias:
         plain = self.plain.conclude(np.ascontiguousarray(payload[:, :split]), update.parts[0])
         biased = self.biased.conclude(np.ascontiguousarray(payload[:, split:-3]), update.parts[1])
         # Averages times n are the network's sums. Accelerated averaging may leave a count a little below zero.
-        new = self.biased.network_size * np.maximum(payload[:, -3:], 0.0)
+        new = self.network_size * np.maximum(payload[:, -3:], 0.0)
         sums = np.exp(-new[:, 2:] / MEMORY) * update.kept[0] + new
         weight = self.evidence.weight(sums)
         return Belief(
             *mixed(plain, biased, weight),
-            Bias(_bias(biased).value, _bias(biased).std, weight),
+            _mixed_bias(plain, biased, weight),
             (sums,),
             (plain, biased),
         )
@@ -76,7 +90,14 @@ def mixed(plain: Belief, biased: Belief, weight: Floats) -> tuple[Floats, Floats
     return plain.state + weight[:, None] * apart, covariance
 
 
-def _bias(belief: Belief) -> Bias:
-    if belief.bias is None:
+def _mixed_bias(plain: Belief, biased: Belief, weight: Floats) -> Bias:
+    """What agents take for their biases, and how far the state relies on these, weight: (n,) of the second filter."""
+    second, first = biased.bias, plain.bias
+    if second is None:
         raise ValueError("a belief without a bias")
-    return belief.bias
+    if first is None:
+        return replace(second, weight=weight)
+    apart = second.value - first.value
+    variance = (1.0 - weight) * first.std**2 + weight * second.std**2 + weight * (1.0 - weight) * apart**2
+    share = first.share + weight * (second.share - first.share)
+    return Bias(first.value + weight * apart, np.sqrt(variance), first.weight, share)

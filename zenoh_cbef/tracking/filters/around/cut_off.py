@@ -37,6 +37,9 @@ class CutOff(Wrapping):
     the group coasts. Of a target that turns, the group knows too little even so: it goes on by prediction, as an agent
     does that hears no neighbour.
 
+    Agents that tell each other their ranges count each once anyway, and of a few ranges they keep many hypotheses
+    (settings.splits): then the number only tells the status.
+
     By the eleventh rules (settings.presumes) agents took all others to be there before the first step, and one that
     heard no neighbour counted its range once.
     """
@@ -54,7 +57,9 @@ class CutOff(Wrapping):
         inner = belief.parts[0] if belief.parts else belief
         known, share = belief.memory or (np.full((count, agents), float(self.settings.presumes)), np.ones(count))
         apart, few = np.count_nonzero(share < 1.0), self._few(share)
-        if np.count_nonzero(few):
+        if np.count_nonzero(few) and self.settings.splits:
+            measurement = replace(measurement, few=few)
+        elif np.count_nonzero(few):
             added = np.where(few, _BENT * bend(self.settings.space, inner, measurement), 0.0)
             std = np.sqrt(variance_of(measurement, self.settings.range_std) + added)
             measurement = replace(measurement, range_std=std, few=few)
@@ -74,7 +79,7 @@ class CutOff(Wrapping):
         there = roll_call.count(known, self.settings.cut_off) / agents
         # Those that come back are heard at once, those that go only fade.
         share = np.maximum(share, there)
-        if np.count_nonzero(share < 1.0):
+        if np.count_nonzero(share < 1.0) and not self.settings.splits:
             part = share[:, None]
             predicts = self._few(share) if self.settings.models else share * agents < 1.5 - self.settings.presumes
             mixed = np.where(part < 1.0, part * mixed + (1.0 - part) * quiet, mixed)

@@ -56,11 +56,15 @@ class Evidence:
 
         weight = step(mean l_0; 0.8, 1) step(mean l_0/mean l_1; 1.05, 1.25)
 
+    With `squares` the second factor alone decides, whatever noise was told, as between two filters with biases: slow
+    errors are followed by both.
+
     step(x; a, b): smooth, 0 up to a and 1 from b on.
     """
 
     likelihoods: bool = True
     ratios: bool = False
+    squares: bool = False
 
     def begun(self, count: int) -> Floats:
         """The sums before the first range, (n, 3)."""
@@ -93,7 +97,12 @@ class Evidence:
         if self.likelihoods:
             gained = step(plain - biased, *_GAIN)
             return np.maximum(gained, step(plain / biased, *_TIMES)) if self.ratios else gained
-        return step(plain, *_INCONSISTENT) * step(plain / biased, *_EXPLAINED)
+        explained = step(plain / biased, *_EXPLAINED)
+        return explained if self.squares else step(plain, *_INCONSISTENT) * explained
+
+
+SQUARES = Evidence(likelihoods=False, ratios=True, squares=True)
+"""Between two filters with biases."""
 
 
 def step(value: Floats, low: float, high: float) -> Floats:

@@ -14,7 +14,7 @@ from zenoh_cbef.tracking.filters.around.wrapping import Wrapping, denied
 from zenoh_cbef.tracking.filters.base import Belief, Bias, Update
 from zenoh_cbef.tracking.filters.information_form import unchanged
 from zenoh_cbef.tracking.filters.settings import FilterSettings
-from zenoh_cbef.tracking.ranging import Measurement
+from zenoh_cbef.tracking.ranging import Measurement, own_range
 from zenoh_cbef.tracking.status import ACQUIRING, CUT, LOST, TRACKING, WRONG, Status, most_misfit, wrong_among
 
 _UNLIKELY = 4.0
@@ -64,7 +64,7 @@ class Knowing(Wrapping):
             # How badly ranges fit, also where the filter has come to terms with them.
             misfit = np.fmax(fit, CUT * update.diagnostics.distrust)
             if inner.bias is not None:
-                misfit[self._explains_nothing(inner.bias)] = CUT
+                misfit[self._explains_nothing(inner.bias, inner.state, measurement)] = CUT
             status = status.judging(misfit, counts)
             fit = CUT * (counts & (status.own > self._wrong))
         count, size = update.payload.shape
@@ -118,9 +118,13 @@ class Knowing(Wrapping):
         memory = (roll_call.known_of(mean[:, 2:]),) if settings.hearing else ()
         return Belief(inner.state, inner.covariance, inner.bias, memory, (inner,), status, excess=inner.excess)
 
-    def _explains_nothing(self, bias: Bias) -> Bools:
+    def _explains_nothing(self, bias: Bias, state: Floats, measurement: Measurement) -> Bools:
         """Which agents (n,) rely on a bias far beyond its prior."""
-        variance = self.settings.common_bias_std**2 + self.settings.own_bias_std**2
+        settings = self.settings
+        variance: float | Floats = settings.common_bias_std**2 + settings.own_bias_std**2
+        if settings.scale_std:
+            distance, _ = own_range(settings.space, state, measurement.position, measurement.age)
+            variance = variance + (settings.scale_std * distance) ** 2
         return np.asarray(bias.weight * bias.value**2 > _UNLIKELY**2 * variance)
 
     @cached_property

@@ -20,7 +20,7 @@ from zenoh_cbef.tracking.filters.information_form import packed_size, predict, u
 from zenoh_cbef.tracking.filters.rows import chosen
 from zenoh_cbef.tracking.filters.settings import FilterSettings
 from zenoh_cbef.tracking.linalg import pack_upper
-from zenoh_cbef.tracking.ranging import Measurement
+from zenoh_cbef.tracking.ranging import Measurement, own_range
 from zenoh_cbef.tracking.status import ACQUIRING, COASTING, Status
 
 _SQUARED, _REFINED = 1e6, 2e6
@@ -89,7 +89,8 @@ class Reacquiring(Wrapping):
             step[:] = measurement.step
         if belief.bias is not None:
             # Without the bias of the ranges, as far as it is relied on.
-            heard = replace(measurement, range=measurement.range - belief.bias.weight * belief.bias.value)
+            distance, _ = own_range(self.settings.space, belief.state, measurement.position, np.zeros(len(step)))
+            heard = replace(measurement, range=belief.bias.taken_off(measurement.range, distance))
         if not idle:
             measurement = left_to_a_fix(self.settings, measurement, (search.adrift > 0.0) | search.fixing)
         update = self.filter.update(inner, measurement)

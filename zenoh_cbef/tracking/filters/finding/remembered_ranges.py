@@ -116,7 +116,9 @@ class Remembered:
         """Covariance (n, k, k) of the errors of ranges, m^2."""
         rows = np.where(self.measured[:, :, None], self.rows, 0.0)
         alike = rows[:, :, :axes] @ rows[:, :, :axes].swapaxes(1, 2)
-        noise = wandering.share * alike * wandering.covariance(self.ages[:, :, None], self.ages[:, None])
+        # Beacons of a target that is heard at once are as old for all agents: their times are the same rows.
+        ages = self.ages[:1] if (self.ages == self.ages[:1]).all() else self.ages
+        noise = wandering.share * alike * wandering.covariance(ages[:, :, None], ages[:, None])
         steps = range(self.ages.shape[1])
         noise[:, steps, steps] += np.where(self.measured, variance / weight, 1.0)
         return noise

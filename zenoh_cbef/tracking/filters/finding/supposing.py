@@ -40,10 +40,13 @@ _REST = 5
 """For how many windows the network does not ask again."""
 
 _MEMORY = 15.0
-"""How many of its own ranges an agent remembers that is left out."""
+"""How many of its own ranges an agent remembers that is left out, by the thirteenth rules."""
+
+_FADES = 3.0
+"""By what a misfit is divided with the next range: CUT is below PLAUSIBLE after two that fit."""
 
 _PLAUSIBLE = 2.0
-"""The mean cut NIS of these from which on it takes part again."""
+"""The misfit of these from which on it takes part again."""
 
 _UNEXPLAINED = 10.0
 """The cost over the spare numbers from which on no hypothesis explains the ranges."""
@@ -70,9 +73,10 @@ class Supposing(Wrapping):
         J > 10 spare          nothing explains the ranges: agents say that the target is lost
 
     An agent tells zeros where one in four or more of its ranges is not on the line. An agent that is wrong leaves out
-    its ranges until they fit again: until the mean of min(NIS, 9) of the last 15 or so is below 2. Agents agree on when
-    to tell as they do on another fix (Reacquiring). One agent that wishes it is enough, and then none may for five
-    windows.
+    its ranges until two in a row fit: until e <- max(min(NIS, 9), e/3), at first 9, is below 2. Single ranges that are
+    wrong are for the saturation. By the thirteenth rules the mean of min(NIS, 9) of the last 15 or so had to be. Agents
+    agree on when to tell as they do on another fix (Reacquiring). One agent that wishes it is enough, and then none may
+    for five windows.
 
     hypotheses, line: see there. payload_size: the filter's. window: W.
     """
@@ -164,7 +168,9 @@ class Supposing(Wrapping):
         expected, row = own_range(self.settings.space, state, new.position, new.age)
         spread = np.add.reduce(row * (covariance @ row[:, :, None])[:, :, 0], axis=1)
         nis = (new.range - expected) ** 2 / (spread + variance_of(new, self.settings.range_std))
-        return np.where(np.isfinite(nis), own + (np.minimum(nis, CUT) - own) / _MEMORY, own)
+        latest = np.minimum(nis, CUT)
+        misfit = np.maximum(latest, own / _FADES) if self.settings.rejoins else own + (latest - own) / _MEMORY
+        return np.where(np.isfinite(nis), misfit, own)
 
     def _slot(self, doubts: Doubts, inner: Belief, new: Measurement) -> Doubts:
         """What an agent that begins to tell says of its ranges of the last steps."""

@@ -150,7 +150,7 @@ class BiasedInformation:
         return Belief(
             np.ascontiguousarray(state[:, :-1]),
             np.ascontiguousarray(covariance[:, :-1, :-1]),
-            Bias(state[:, -1] + own, np.sqrt(total), np.ones(len(state))),
+            Bias.constant(state[:, -1] + own, np.sqrt(total)),
             (state, covariance, own, own_variance, cross),
         )
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from zenoh_cbef.arrays import Bools, Floats
 from zenoh_cbef.tracking.copying import replace
+from zenoh_cbef.tracking.filters.models.mixtures import NEVER, Priors, distinct, mixture, total
 from zenoh_cbef.tracking.filters.rows import Rows
 from zenoh_cbef.tracking.linalg import matvec, outer
 
@@ -17,17 +18,11 @@ MOST = 16
 KEPT = 4
 """How many distinct ones stay from step to step."""
 
-Priors = tuple[Floats, Floats, Floats]
-"""k states (n, k, s) and covariances (n, k, s, s), and logarithms of how likely they are, (n, k)."""
-
 _UNTOLD = 0.02, 50.0
 """The share of ranges taken to be wrong where nothing is told of it, and by how much on average, in their noises."""
 
 _NEAREST = 0.1
 """The least distance at which a range is linearised, in units of its noise."""
-
-NEVER = -1e9
-"""Logarithm of a likelihood that counts for nothing."""
 
 
 @dataclass(frozen=True)
@@ -144,8 +139,8 @@ class Branches:
         total = spread + (4.0 * length * length + 2.0 * noise) * noise
         return Expected(row, distance + bias, variance, excess, total, 2.0 * length)
 
-    def after(self, heard: Heard, agent: int, outliers: tuple[float, float] | None) -> Branches:
-        """With the range of an agent, right or wrong."""
+    def after(self, heard: Heard, agent: int, outliers: tuple[float, float] | None, many: int = MOST) -> Branches:
+        """With the range of an agent, right or wrong; so many stay."""
         there = np.isfinite(heard.range[:, agent])[:, None]
         told = self.expected(heard, agent)
         right, wrong = likelihoods(told, heard.variance[:, agent, None], outliers, self.share)
@@ -163,11 +158,11 @@ class Branches:
             likelihood=likelihood,
             wrong=np.concatenate([self.wrong, self.wrong + there], axis=1),
         )
-        return both.likeliest()
+        return both.likeliest(many)
 
-    def likeliest(self) -> Branches:
+    def likeliest(self, many: int) -> Branches:
         """Those that stay."""
-        kept = np.argsort(-self.likelihood, axis=1, kind="stable")[:, :MOST]
+        kept = np.argsort(-self.likelihood, axis=1, kind="stable")[:, :many]
         return replace(
             self,
             mean=np.take_along_axis(self.mean, kept[:, :, None], axis=1),
@@ -201,40 +196,33 @@ class Branches:
     def wrong_ranges(self) -> Floats:
         """How many ranges of the step are wrong, (n,), on average over all branches."""
         weight = np.exp(self.likelihood - np.maximum.reduce(self.likelihood, axis=1)[:, None])
-        return _sum(weight * self.wrong) / _sum(weight)
+        return total(weight * self.wrong) / total(weight)
+
+    @property
+    def priors(self) -> Priors:
+        """The branches without e."""
+        size = self.mean.shape[2] - 1
+        return self.mean[:, :, :size], self.covariance[:, :, :size, :size], self.likelihood
 
     def distinct(self, most: Floats | None = None) -> Priors:
         """Those that later steps have to decide about: branches near a likelier one are merged with it.
 
         most: (n, 1), from which likelihoods are counted; None: from the likeliest.
         """
-        size, rows = self.mean.shape[2] - 1, np.arange(len(self.mean))
-        state, covariance = self.mean[:, :, :size], self.covariance[:, :, :size, :size]
-        left, found = self.likelihood, []
-        for turn in range(KEPT):
-            best = np.argmax(left, axis=1)
-            away = state - state[rows, best][:, None]
-            known = np.linalg.inv(covariance[rows, best])[:, None]
-            near = np.add.reduce(away * matvec(known, away), axis=2) < size
-            member = (near | (turn == KEPT - 1)) & (left > NEVER)
-            chosen = np.where(member, left, NEVER)
-            found.append(_mixture(state, covariance, chosen))
-            left = np.where(member, NEVER, left)
-        states, covariances, likelihoods_ = (np.stack(each, axis=1) for each in zip(*found, strict=True))
+        states, covariances, likelihoods_ = distinct(self.priors, KEPT)
         if most is None:
             most = np.maximum.reduce(likelihoods_, axis=1)[:, None]
         return states, covariances, np.maximum(likelihoods_ - most, NEVER)
 
     def merged(self) -> tuple[Floats, Floats, Floats]:
         """State (n, s) and covariance (n, s, s) of all branches, and the logarithm of their likelihood, (n,)."""
-        size = self.mean.shape[2] - 1
-        return _mixture(self.mean[:, :, :size], self.covariance[:, :, :size, :size], self.likelihood)
+        return mixture(*self.priors)
 
 
-def conditioned(prior: Branches, heard: Heard, outliers: tuple[float, float] | None) -> Branches:
-    """The branches after all ranges."""
+def conditioned(prior: Branches, heard: Heard, outliers: tuple[float, float] | None, many: int = MOST) -> Branches:
+    """The branches after all ranges, of which so many stay after each."""
     for agent in range(heard.range.shape[1]):
-        prior = prior.after(heard, agent, outliers)
+        prior = prior.after(heard, agent, outliers, many)
     return prior
 
 
@@ -272,23 +260,3 @@ def _wrong(innovation: Floats, variance: Floats, mean: Floats | float, *, told: 
         return np.asarray(-np.log(2.0 * longer) - 2.0 * np.log1p(np.abs(innovation) / longer))
     short = np.minimum(innovation, 0.0) ** 2 / variance
     return np.asarray(-np.log(longer + half) - np.maximum(innovation, 0.0) / longer - 0.5 * short)
-
-
-def _mixture(states: Floats, covariances: Floats, likelihood: Floats) -> tuple[Floats, Floats, Floats]:
-    """Mean (n, s) and covariance (n, s, s) of k Gaussians, and the logarithm of the likelihood of all, (n,)."""
-    most = np.maximum.reduce(likelihood, axis=1)
-    weight = np.exp(likelihood - most[:, None])
-    total = _sum(weight)
-    weight /= total[:, None]
-    state = _sum(weight[:, :, None] * states)
-    apart = states - state[:, None]
-    covariance = _sum(weight[:, :, None, None] * (covariances + outer(apart, apart)))
-    return state, 0.5 * (covariance + covariance.swapaxes(1, 2)), most + np.log(total)
-
-
-def _sum(terms: Floats) -> Floats:
-    """Over branches, one after the other, so that a row comes out the same in every batch."""
-    total = terms[:, 0].copy()
-    for branch in range(1, terms.shape[1]):
-        total += terms[:, branch]
-    return np.asarray(total)

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from zenoh_cbef.arrays import Bools, Floats
-from zenoh_cbef.tracking.filters.models.branching import KEPT, NEVER, Branches, Heard, Priors, conditioned
+from zenoh_cbef.tracking.filters.models.branching import KEPT, Branches, Heard, conditioned
+from zenoh_cbef.tracking.filters.models.mixtures import NEVER, Priors
 
 _BEGUN = 0.2, 10.0
 """As if of ten ranges a fiftieth had been wrong before the first one."""

@@ -55,8 +55,15 @@ class JointBiases:
 
     Where biases have a common part nothing is known of them before that, and all begin with the same state and prior.
 
+    Ranges may also all be too long by the same share, where the speed of the wave, a clock or the map's unit is a
+    little off. Then y ends with that share s ~ N(0, scale_std^2):
+
+        r_i = (1 + s) |p - p_i| + d_i + v_i,   F = ((1 + s) H, e_i, |p - p_i|)
+
+    The bias that an agent tells is what it takes off its range: d_i + s |p - p_i|.
+
     range_std: sigma (m). network_size: n. own_std, common_std: beta and gamma, m. xi: saturation level in standard
-    deviations. power, widens: as in sicf.
+    deviations. power, widens: as in sicf. scale_std: 0 where ranges have no share in common.
     """
 
     motion: LinearMotion
@@ -68,11 +75,12 @@ class JointBiases:
     power: int = 1
     widens: bool = False
     common_std: float = 0.0
+    scale_std: float = 0.0
 
     @classmethod
     def sharing(cls, settings: FilterSettings) -> Sharing:
         """Information vector and the upper triangle of the information matrix of (p, v) and all biases."""
-        size = settings.motion.size + settings.network_size
+        size = settings.motion.size + settings.network_size + (settings.scale_std > 0.0)
         return Sharing(packed_size(size), cooperates=settings.network_size > 1, blocks=(size,))
 
     @classmethod
@@ -88,11 +96,16 @@ class JointBiases:
             power=settings.power,
             widens=settings.widens,
             common_std=settings.common_bias_std,
+            scale_std=settings.scale_std,
         )
+
+    @property
+    def _constants(self) -> int:
+        return self.network_size + (self.scale_std > 0.0)
 
     @cached_property
     def _dynamics(self) -> tuple[Floats, Floats]:
-        return beside_constants(self.motion, self.network_size)
+        return beside_constants(self.motion, self._constants)
 
     def update(self, belief: Belief, measurement: Measurement) -> Update:
         """The agent's share of the network's information on (p, v, d)."""
@@ -102,13 +115,19 @@ class JointBiases:
         state = matvec(transition, state)
         covariance = transition @ covariance @ transition.T + noise
         vector, matrix = self._share(state, covariance, begins > 0.0, own)
-        size, count = self.motion.size, np.arange(len(state))
+        size = self.motion.size
         measured = np.isfinite(measurement.range)
         variance = variance_of(measurement, self.range_std)
-        predicted, gradient = own_range(self.space, state[:, :size], measurement.position, measurement.age)
-        row = np.pad(gradient, ((0, 0), (0, self.network_size)))
-        row[count, size + own] = 1.0
-        innovation = np.where(measured, measurement.range - predicted - state[count, size + own], 0.0)
+        distance, gradient = own_range(self.space, state[:, :size], measurement.position, measurement.age)
+        bias_row = np.zeros_like(state)
+        bias_row[np.arange(len(state)), size + own] = 1.0
+        row = bias_row.copy()
+        row[:, :size] = gradient
+        if self.scale_std:
+            row[:, :size] *= 1.0 + state[:, -1:]
+            bias_row[:, -1] = row[:, -1] = distance
+        bias = np.add.reduce(bias_row * state, axis=1)
+        innovation = np.where(measured, measurement.range - distance - bias, 0.0)
         spread = np.sqrt(np.add.reduce(row * matvec(covariance, row), axis=1) + variance)
         weight = saturation(innovation, self.xi * spread, self.power)
         weighed = np.where(measured, weight, 0.0)
@@ -117,36 +136,35 @@ class JointBiases:
         payload = pack(
             vector + (precision * equivalent)[:, None] * row, matrix + precision[:, None, None] * outer(row, row)
         )
-        kept = state, covariance, own.astype(np.float64), begins
+        kept = state, covariance, bias_row, begins
         return Update(payload, told(measured, innovation, weight, spread), kept)
 
     def conclude(self, payload: Floats, update: Update) -> Belief:
         """State, covariance and biases from the averaged information, of which the network has n times as much."""
-        *prior, own, begins = update.kept
-        averaged = belief_of(payload, update.payload, self.motion.size + self.network_size)
+        *prior, bias_row, begins = update.kept
+        averaged = belief_of(payload, update.payload, self.motion.size + self._constants)
         averaged = Belief(averaged.state, averaged.known_covariance / self.network_size)
         if self.network_size > 1:
             averaged = unless_alone(averaged, payload, replace(update, kept=tuple(prior)))
         state, covariance = averaged.state, averaged.known_covariance
-        size, count = self.motion.size, np.arange(len(state))
-        place = size + own.astype(np.intp)
-        bias = Bias(state[count, place], np.sqrt(np.maximum(covariance[count, place, place], 0.0)), np.ones(len(state)))
+        size = self.motion.size
+        variance = np.add.reduce(bias_row * matvec(covariance, bias_row), axis=1)
+        bias, std = np.add.reduce(bias_row * state, axis=1), np.sqrt(np.maximum(variance, 0.0))
+        share = state[:, -1].copy() if self.scale_std else np.zeros(len(state))
         return Belief(
             np.ascontiguousarray(state[:, :size]),
             np.ascontiguousarray(covariance[:, :size, :size]),
-            bias,
+            Bias(bias, std, np.ones(len(state)), share),
             (state, covariance, np.zeros_like(begins)),
         )
 
     def _begun(self, belief: Belief, own: Rows) -> tuple[Floats, Floats, Floats]:
         """What an agent knows that has an estimate of the target, and perhaps a tied bias: state, covariance, 1."""
         size, count = self.motion.size, np.arange(len(belief.state))
-        state = np.pad(belief.state, ((0, 0), (0, self.network_size)))
+        state = np.pad(belief.state, ((0, 0), (0, self._constants)))
         covariance = np.zeros((len(state), state.shape[1], state.shape[1]))
+        covariance[:, size:, size:] = self._prior
         covariance[:, :size, :size] = belief.known_covariance
-        biases = np.arange(size, state.shape[1])
-        covariance[:, size:, size:] = self.common_std**2
-        covariance[:, biases, biases] += self.own_std**2
         if belief.tied is not None:
             offset, slope, given = belief.tied
             cross, place = matvec(belief.known_covariance, slope), size + own
@@ -155,6 +173,14 @@ class JointBiases:
             covariance[count, place, place] = given + np.add.reduce(slope * cross, axis=1)
         # A prior of what all biases have in common is known to all, and no agent's own.
         return state, covariance, np.full(len(state), 0.0 if self.common_std else 1.0)
+
+    @cached_property
+    def _prior(self) -> Floats:
+        """Covariance of what does not change, before the first range."""
+        prior = np.diag(np.full(self._constants, self.scale_std**2))
+        biases = slice(0, self.network_size)
+        prior[biases, biases] = self.common_std**2 + self.own_std**2 * np.eye(self.network_size)
+        return prior
 
     def moved(self, memory: tuple[Floats, ...], place: Belief) -> tuple[Floats, ...]:
         """What a belief carries on, at another place; biases stay as they are."""

@@ -12,10 +12,13 @@ from zenoh_cbef.arrays import Bools, Floats
 from zenoh_cbef.tracking.copying import replace
 from zenoh_cbef.tracking.diagnostics import Diagnostics
 from zenoh_cbef.tracking.filters.base import Belief, Bias, Sharing, Update
-from zenoh_cbef.tracking.filters.information_form import packed_size, told, unchanged, variance_of
-from zenoh_cbef.tracking.filters.models.branching import KEPT, NEVER, Branches, Heard, Priors, conditioned, likelihoods
+from zenoh_cbef.tracking.filters.information_form import packed_size, unchanged, variance_of
+from zenoh_cbef.tracking.filters.models.branching import KEPT, MOST, Branches, Heard, conditioned
 from zenoh_cbef.tracking.filters.models.contending import Contest, share, uncounted
+from zenoh_cbef.tracking.filters.models.mixtures import Priors, alike, mixture
+from zenoh_cbef.tracking.filters.models.own_range import said_of
 from zenoh_cbef.tracking.filters.models.slots import SLOT, Slots
+from zenoh_cbef.tracking.filters.models.splitting import MANY, STAY, begun_with, split, staying
 from zenoh_cbef.tracking.filters.rows import Rows
 from zenoh_cbef.tracking.filters.settings import FilterSettings
 from zenoh_cbef.tracking.linalg import matvec
@@ -51,7 +54,8 @@ class ToldRanges:
     range_std: sigma (m). network_size: n. middle: the point from which positions are counted, m. guesses: how many of
     position and of velocity are independent. outliers: see branching.py. own_std: of constant biases, m, which are all
     estimated beside position and velocity, of one linear motion; 0: there are none.
-    anywhere: where the target may be if the guesses are wrong, state (1, s) and covariance (1, s, s).
+    anywhere: where the target may be if the guesses are wrong, state (1, s) and covariance (1, s, s). splits: of
+    several motions, each keeps several hypotheses, and those over which ranges bend are split (splitting.py).
     """
 
     motions: tuple[Motion, ...]
@@ -65,6 +69,7 @@ class ToldRanges:
     own_std: float = 0.0
     anywhere: tuple[Floats, Floats] | None = None
     seeks: bool = False
+    splits: bool = False
 
     @classmethod
     def sharing(cls, settings: FilterSettings) -> Sharing:
@@ -87,6 +92,7 @@ class ToldRanges:
             own_std=settings.own_bias_std if settings.joint_biases else 0.0,
             anywhere=settings.anywhere,
             seeks=settings.seeks,
+            splits=settings.splits,
         )
 
     @property
@@ -124,26 +130,32 @@ class ToldRanges:
         alone = unchanged(payload, update.payload) if self.network_size > 1 else np.zeros(len(ahead), dtype=bool)
         guessed = (payload - update.payload)[:, : self._told] * (begins * ~alone)[:, None]
         averages = payload[:, self._told :][:, : self.network_size * SLOT]
-        heard, found, misfits = self._slots.heard(averages, alone), [], []
+        # An agent of many hypotheses may take in its range alone: they follow the bend of that.
+        heard = self._slots.heard(averages, alone & (not self.splits))
+        known, found, misfits, stays = (self.space.axes, self._biases, self._share(counts)), [], [], []
         for state, *rest in zip(parts[::3], parts[1::3], parts[2::3], strict=True):
             centred = self._centred(state)
             centred[:, 0, : self._told] += guessed
-            prior = Branches.of((centred, rest[0], rest[1]), self.space.axes, self._biases, self._share(counts))
+            whole = centred, rest[0], rest[1]
+            prior = Branches.of(split(whole, heard) if self.splits else whole, *known)
             branches, later = self._after(prior, heard, counts)
             after, spread, likelihood = branches.merged()
             found.append((self._centred(after, -1.0), spread))
             misfits.append(-2.0 * likelihood)
+            stays.append((self._centred(later[0], -1.0), *later[1:]) if later else ())
         if len(self.motions) == 1:
-            return self._single(*found[0], own, (self._centred(later[0], -1.0), *later[1:]))
+            return self._single(*found[0], own, stays[0])
         chance = self.switching.weighed(ahead, np.stack(misfits, axis=1))
-        parts_of = tuple(Belief(*one) for one in found)
+        parts_of = tuple(Belief(*one, memory=later) for one, later in zip(found, stays, strict=True))
         return Belief(*self.switching.combined(chance, found), chance=chance, parts=parts_of)
 
     def _after(self, prior: Branches, heard: Heard, counts: Floats) -> tuple[Branches, tuple[Floats, ...]]:
-        """All branches, and of one motion what the next step begins with."""
+        """All branches, and what the next step begins with: of one motion, or of one that keeps several hypotheses."""
         if self.seeks:
             return self._contest.after(prior, self._elsewhere(len(counts)), heard, counts)
-        branches = conditioned(prior, heard, self.outliers)
+        branches = conditioned(prior, heard, self.outliers, MANY if self.splits else MOST)
+        if self.splits:
+            return branches, staying(branches)
         return branches, branches.distinct() if len(self.motions) == 1 else ()
 
     def resumed(self, belief: Belief) -> Belief:
@@ -155,13 +167,14 @@ class ToldRanges:
         state, covariance = place.state, place.known_covariance
         if len(self.motions) > 1:
             chance, parts = self.switching.begun(state, covariance)
-            return replace(belief, state=state, covariance=covariance, chance=chance, parts=tuple(map(_of, parts)))
+            found = tuple(Belief(*one, memory=alike(*one, STAY) if self.splits else ()) for one in parts)
+            return replace(belief, state=state, covariance=covariance, chance=chance, parts=found)
         whole, spread = self._begun(state, covariance)
         if belief.memory:
             size, (states, covariances) = self.motions[0].size, belief.memory[:2]
             whole[:, size:], spread[:, size:, size:] = states[:, 0, size:], covariances[:, 0, size:, size:]
-        count = len(state)
-        memory = (*_alike(whole, spread, 2 * KEPT), uncounted(count)) if self.seeks else _alike(whole, spread)
+        kept = alike(whole, spread, KEPT * (1 + self.seeks))
+        memory = (*kept, uncounted(len(state))) if self.seeks else kept
         return replace(belief, state=state, covariance=covariance, memory=memory)
 
     def denied(self, belief: Belief) -> Bools:
@@ -192,10 +205,12 @@ class ToldRanges:
             belief = self.moved(belief, Belief(belief.state, belief.known_covariance * np.outer(scale, scale)))
         if len(self.motions) == 1:
             ahead, priors = np.ones((len(belief.state), 1)), [(belief.memory[0], belief.memory[1], belief.memory[2])]
+        elif self.splits:
+            ahead, priors = begun_with(self.switching, belief)
         else:
             parts = [(one.state, one.known_covariance) for one in belief.parts]
             ahead, mixed = self.switching.mixed(belief.known_chance, parts)
-            priors = [_alike(*one, 1 + begins) for one in mixed]
+            priors = [alike(*one, 1 + begins) for one in mixed]
         if begins and self.anywhere is not None:
             priors = [self._or_anywhere(motion, one) for motion, one in zip(self.motions, priors, strict=True)]
         return ahead, [self._predicted(motion, *one) for motion, one in zip(self.motions, priors, strict=True)]
@@ -212,8 +227,6 @@ class ToldRanges:
 
     def _or_anywhere(self, motion: Motion, priors: Priors) -> Priors:
         """With where the target may be if the guesses are wrong in the second place."""
-        if self.anywhere is None:
-            return priors
         state, covariance, likelihood = (each.copy() for each in priors)
         begins = begun(motion, *self._place) if len(self.motions) > 1 else self._begun(*self._place)
         state[:, 1], covariance[:, 1], likelihood[:, 1] = *begins, np.log(_DOUBT)
@@ -250,7 +263,7 @@ class ToldRanges:
         if self._more:
             rows, place = np.arange(len(state)), size + own.astype(np.intp)
             std = np.sqrt(np.maximum(covariance[rows, place, place], 0.0))
-            bias = Bias(state[rows, place], std, np.ones(len(state)))
+            bias = Bias.constant(state[rows, place], std)
         here = np.ascontiguousarray(state[:, :size]), np.ascontiguousarray(covariance[:, :size, :size])
         return Belief(*here, bias, later)
 
@@ -264,19 +277,17 @@ class ToldRanges:
         self, ahead: Floats, priors: list[Priors], new: Measurement, own: Rows, share_: Floats | None
     ) -> Diagnostics:
         """What is said of the own range, by the likeliest motion before it was heard; weight: whether it is right."""
-        ranges, noise = new.range[:, None], variance_of(new, self.range_std)[:, None]
-        heard = self._slots.at(new.position[:, None], ranges, new.age[:, None], noise)
+        noise = variance_of(new, self.range_std)
+        heard = self._slots.at(new.position[:, None], new.range[:, None], new.age[:, None], noise[:, None])
         said: list[Diagnostics] = []
         likely = self.switching.of_models(ahead)
         for motion, (state, covariance, likelihood) in enumerate(priors):
-            first = self._centred(state[:, :1]), covariance[:, :1], likelihood[:, :1]
-            prior = Branches.of(first, self.space.axes, self._biases)
-            expected = prior.expected(heard, 0, own)
-            right, wrong = (one[:, 0] for one in likelihoods(expected, noise, self.outliers, share_))
-            spread = np.sqrt(expected.total[:, 0]) / expected.unit[:, 0]
-            innovation = expected.excess[:, 0] / expected.unit[:, 0]
-            weight = 1.0 / (1.0 + np.exp(np.minimum(wrong - right, 500.0)))
-            one = told(np.isfinite(new.range), innovation, weight, spread)
+            alone = state[:, 0], covariance[:, 0]
+            if self.splits:
+                alone = mixture(state, covariance, likelihood)[:2]
+            first = self._centred(alone[0])[:, None], alone[1][:, None], np.zeros((len(state), 1))
+            prior = Branches.of(first, self.space.axes, self._biases, share_)
+            one = said_of(prior, heard, own, self.outliers)
             likeliest = likely[:, motion] >= np.maximum.reduce(likely, axis=1)
             said = [said[0].chosen(likeliest, one) if said else one]
         return replace(said[0], maneuver=likely[:, -1].copy()) if len(self.motions) > 1 else said[0]
@@ -286,14 +297,3 @@ class ToldRanges:
         centred = np.array(state)
         centred[..., : self.space.axes] -= sign * np.array(self.middle)
         return centred
-
-
-def _alike(state: Floats, covariance: Floats, count: int = KEPT) -> Priors:
-    """One prior, (n, s) and (n, s, s), and as many beside it as there is room for, that are never right."""
-    likelihood = np.full((len(state), count), NEVER)
-    likelihood[:, 0] = 0.0
-    return np.repeat(state[:, None], count, axis=1), np.repeat(covariance[:, None], count, axis=1), likelihood
-
-
-def _of(gaussian: Gaussian) -> Belief:
-    return Belief(*gaussian)

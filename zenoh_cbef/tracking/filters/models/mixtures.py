@@ -1,0 +1,60 @@
+"""Mixtures of Gaussians, k of each of n agents: their moments, and which of them are one."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from zenoh_cbef.arrays import Floats
+from zenoh_cbef.tracking.linalg import matvec, outer
+
+Priors = tuple[Floats, Floats, Floats]
+"""k states (n, k, s) and covariances (n, k, s, s), and logarithms of how likely they are, (n, k)."""
+
+NEVER = -1e9
+"""Logarithm of a likelihood that counts for nothing."""
+
+
+def distinct(whole: Priors, count: int, near: float | None = None) -> Priors:
+    """The likeliest of many, each merged with what is near it; the last one with all that are left.
+
+    near: the square of how many standard deviations of the likelier one are near; None: as many as there are states.
+    """
+    states, covariances, left = whole
+    rows, found = np.arange(len(states)), []
+    for turn in range(count):
+        best = np.argmax(left, axis=1)
+        away = states - states[rows, best][:, None]
+        known = np.linalg.inv(covariances[rows, best])[:, None]
+        close = np.add.reduce(away * matvec(known, away), axis=2) < (states.shape[2] if near is None else near)
+        member = (close | (turn == count - 1)) & (left > NEVER)
+        found.append(mixture(states, covariances, np.where(member, left, NEVER)))
+        left = np.where(member, NEVER, left)
+    first, second, third = (np.stack(each, axis=1) for each in zip(*found, strict=True))
+    return first, second, third
+
+
+def mixture(states: Floats, covariances: Floats, likelihood: Floats) -> tuple[Floats, Floats, Floats]:
+    """Mean (n, s) and covariance (n, s, s) of k Gaussians, and the logarithm of the likelihood of all, (n,)."""
+    most = np.maximum.reduce(likelihood, axis=1)
+    weight = np.exp(likelihood - most[:, None])
+    sum_ = total(weight)
+    weight /= sum_[:, None]
+    state = total(weight[:, :, None] * states)
+    apart = states - state[:, None]
+    covariance = total(weight[:, :, None, None] * (covariances + outer(apart, apart)))
+    return state, 0.5 * (covariance + covariance.swapaxes(1, 2)), most + np.log(sum_)
+
+
+def total(terms: Floats) -> Floats:
+    """Over branches, one after the other, so that a row comes out the same in every batch."""
+    found = terms[:, 0].copy()
+    for branch in range(1, terms.shape[1]):
+        found += terms[:, branch]
+    return np.asarray(found)
+
+
+def alike(state: Floats, covariance: Floats, count: int) -> Priors:
+    """One prior, (n, s) and (n, s, s), and as many beside it as there is room for, that are never right."""
+    likelihood = np.full((len(state), count), NEVER)
+    likelihood[:, 0] = 0.0
+    return np.repeat(state[:, None], count, axis=1), np.repeat(covariance[:, None], count, axis=1), likelihood

@@ -1,0 +1,88 @@
+"""Hypotheses that are too wide for a range to be straight across them are split, and so follow its bend."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from zenoh_cbef.arrays import Floats
+from zenoh_cbef.tracking.filters.base import Belief
+from zenoh_cbef.tracking.filters.models.branching import Branches, Heard
+from zenoh_cbef.tracking.filters.models.mixtures import NEVER, Priors, distinct, total
+from zenoh_cbef.tracking.linalg import matvec, outer
+from zenoh_cbef.tracking.switching import Switching
+
+STAY = 6
+"""How many hypotheses of a motion stay from step to step."""
+
+MANY = 32
+"""How many of their branches stay after each range: each may be split into three, and any range may be wrong."""
+
+_MOST = 1.0
+"""Bend of a range over a hypothesis, in units of the range's noise, from which on that is split."""
+
+_NEAR = 1.0
+"""The square of how many standard deviations apart two hypotheses are one: those of a split are farther apart."""
+
+
+def begun_with(switching: Switching, belief: Belief) -> tuple[Floats, list[Priors]]:
+    """Probabilities of the next step, and the hypotheses with which each motion begins it: of all motions before."""
+    kept = [(one.memory[0], one.memory[1], one.memory[2]) for one in belief.parts]
+    ahead, apart = switching.apart(belief.known_chance, kept)
+    return ahead, [distinct(one, STAY, _NEAR) for one in apart]
+
+
+def staying(branches: Branches) -> Priors:
+    """The hypotheses of a motion that stay, with logarithms of weights that sum up to one."""
+    states, covariances, likelihood = distinct(branches.priors, STAY, _NEAR)
+    likelihood = likelihood - np.maximum.reduce(likelihood, axis=1)[:, None]
+    weights = likelihood - np.log(total(np.exp(likelihood)))[:, None]
+    return states, covariances, np.maximum(weights, NEVER)
+
+
+def split(priors: Priors, heard: Heard) -> Priors:
+    """Each hypothesis, or three in its place where one of the ranges bends over it by more than its noise.
+
+        N(x, P)  ->  N(x, P - d d^T/2)/2 + N(x + d, P - d d^T/2)/4 + N(x - d, P - d d^T/2)/4,    d = P u/sqrt(u^T P u)
+
+    with mean and covariance as before. u is the direction in which the position is the least known, by the standard
+    deviation s. A range at a distance l bends by s^2 sin^2/(2 l) along it. One Gaussian that has taken in such a range
+    fills the sphere of which the range tells, and gets no smaller by the next ones, each of which bends over it. As
+    Gaussians of many hypotheses follow the sphere, later ranges choose between them (Alspach and Sorenson, IEEE TAC
+    17(4), 1972). Splitting goes on from step to step, as long as it has to.
+    """
+    state, covariance, likelihood = priors
+    axes = heard.place.shape[2]
+    sizes, directions = np.linalg.eigh(np.ascontiguousarray(covariance[:, :, :axes, :axes]))
+    wide, along = np.maximum(sizes[:, :, -1], np.finfo(np.float64).tiny), directions[:, :, :, -1]
+    bends = _bend(state[:, :, :axes], wide, along, heard) > _MOST
+    bends &= likelihood > 0.5 * NEVER
+    if not bends.any():
+        return priors
+    longer = np.zeros_like(state)
+    longer[:, :, :axes] = along
+    away = np.where(bends, 1.0 / np.sqrt(wide), 0.0)[:, :, None] * matvec(covariance, longer)
+    narrower = covariance - 0.5 * outer(away, away)
+    middle = likelihood - np.where(bends, np.log(2.0), 0.0)
+    beside = np.where(bends, likelihood - np.log(4.0), NEVER)
+    return (
+        np.concatenate([state, state + away, state - away], axis=1),
+        np.concatenate([narrower, narrower, narrower], axis=1),
+        np.concatenate([middle, beside, beside], axis=1),
+    )
+
+
+def _bend(place: Floats, wide: Floats, along: Floats, heard: Heard) -> Floats:
+    """The most that any range bends over hypotheses, (n, k), in units of its noise.
+
+    place: (n, k, axes). wide: (n, k), m^2, the variance along a direction, (n, k, axes).
+    """
+    most = np.zeros_like(wide)
+    for agent in range(heard.range.shape[1]):
+        away = place - heard.place[:, None, agent]
+        square = np.add.reduce(away * away, axis=2) + heard.height[:, agent, None]
+        noise = heard.variance[:, agent, None]
+        square = np.maximum(square, noise)
+        across = 1.0 - np.add.reduce(away * along, axis=2) ** 2 / square
+        bend = 0.5 * wide * across / np.sqrt(square * noise)
+        most = np.maximum(most, np.where(np.isfinite(heard.range[:, agent, None]), bend, 0.0))
+    return most
