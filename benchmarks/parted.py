@@ -11,7 +11,7 @@ from rich.table import Table
 from benchmarks.common import plain_table
 from benchmarks.reach import groups
 from benchmarks.stress import FIRST, SEEDS, believed, cases, scenario_of
-from zenoh_cbef.analysis.errors import counted_agents
+from zenoh_cbef.analysis.faulted import honest_agents
 from zenoh_cbef.analysis.metrics import Analysis, analyze
 from zenoh_cbef.analysis.strong import strong
 from zenoh_cbef.analysis.strong.told import told
@@ -47,12 +47,12 @@ def run(repeats: int, seeds: int = SEEDS, first: int = FIRST) -> Iterator[Table]
 
 def _groups(trace: Trace) -> list[list[int]]:
     """The groups of honest agents that reach each other without a liar."""
-    return groups(trace, counted_agents(trace))
+    return groups(trace, honest_agents(trace.scenario))
 
 
 def _named(trace: Trace) -> tuple[bool, bool]:
     """Whether all honest neighbours of liars have named one in the first steps, and whether any named an honest one."""
-    honest, named = counted_agents(trace), trace.diagnostics.isolated
+    honest, named = honest_agents(trace.scenario), trace.diagnostics.isolated
     beside = {a for edge in trace.edges.tolist() for a, b in (edge, edge[::-1]) if honest[a] and not honest[b]}
     said = named[honest][np.isfinite(named[honest])].astype(np.int64)
     return bool(np.isfinite(named[sorted(beside), STEPS - 1]).all()), bool(honest[said].any())

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from zenoh_cbef.analysis.errors import counted_agents
+from zenoh_cbef.analysis.faulted import honest_agents
 from zenoh_cbef.arrays import Bools
 from zenoh_cbef.trace import Trace
 from zenoh_cbef.tracking import graph
@@ -29,7 +29,7 @@ def groups(trace: Trace, there: Bools) -> list[list[int]]:
 
 def reaches(trace: Trace) -> Iterator[Reach]:
     """All groups of a run; one of all agents where none lies, none is away, and the graph holds together."""
-    honest, absences = counted_agents(trace), trace.plan.absences
+    honest, absences = honest_agents(trace.scenario), trace.plan.absences
     absent = [(first, last, absences.at(first)) for first, last in absences.stretches()]
     stays = honest.copy()
     heard = np.zeros((len(honest), *trace.ranges.shape), dtype=bool)

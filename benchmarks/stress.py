@@ -13,7 +13,7 @@ from rich.table import Table
 
 from benchmarks.common import plain_table
 from benchmarks.reach import reaches
-from zenoh_cbef.analysis.errors import counted_agents
+from zenoh_cbef.analysis.faulted import honest_agents
 from zenoh_cbef.analysis.metrics import Analysis, analyze
 from zenoh_cbef.analysis.strong import strong
 from zenoh_cbef.analysis.strong.told import told
@@ -186,7 +186,7 @@ def _tracking(run: Analysis, best: float) -> float:
 
     Of agents that are in one network all are lost or none, of groups some.
     """
-    honest, error = counted_agents(run.trace), run.position_error[:, run.first :]
+    honest, error = honest_agents(run.trace.scenario), run.position_error[:, run.first :]
     lost = honest & ~(np.sqrt(np.mean(error**2, axis=1)) <= LOST * best)
     said = run.trace.diagnostics.status[lost if lost.any() else honest, run.first :]
     return float((said == TRACKING).mean()) if np.isfinite(said).any() else 1.0
@@ -196,7 +196,7 @@ def _wrongly(run: Analysis, best: float) -> float:
     """In what share of the scored steps agents say that they track, or do not say, and are falsely sure."""
     axes = len(run.trace.plan.space.kept) // 2
     kept = list(run.trace.plan.space.kept[:axes])
-    honest = counted_agents(run.trace)
+    honest = honest_agents(run.trace.scenario)
     variance = run.trace.covariances[honest, run.first :][:, :, kept, kept].sum(axis=2)
     error, said = run.position_error[honest, run.first :], run.trace.diagnostics.status[honest, run.first :]
     off = (error > LOST * best) & (error > SURE * np.sqrt(variance))

@@ -44,6 +44,10 @@ _FAILURES = (
 """What a module with a mistake raises where it is imported."""
 
 
+class NotInstalledError(ValueError):
+    """No package on this host has the class of a name."""
+
+
 @dataclass(frozen=True)
 class Plugin:
     """A class of another package. mark: that package, its version, and a hash of its source, in one line."""
@@ -69,7 +73,7 @@ def find(group: str, name: str, own: tuple[str, ...]) -> Plugin:
     reference = _REFERENCE.fullmatch(short.get(name, name))
     if reference is None:
         known = ", ".join((*own, *sorted(short)))
-        raise ValueError(f"must be one of {known}, or 'package.module:Class', not {name!r}")
+        raise NotInstalledError(f"must be one of {known}, or 'package.module:Class', not {name!r}")
     module, attribute = reference.groups()
     top, spec = _top(module)
     package = _package(top)
@@ -78,7 +82,7 @@ def find(group: str, name: str, own: tuple[str, ...]) -> Plugin:
         there = import_module(module)
     except _FAILURES as error:
         if isinstance(error, ModuleNotFoundError) and error.name and f"{module}.".startswith(f"{error.name}."):
-            raise ValueError(_missing(error.name)) from None
+            raise NotInstalledError(_missing(error.name)) from None
         raise ValueError(
             f"names module {module!r}, which cannot be imported ({type(error).__name__}: {error}); correct it"
         ) from None
@@ -105,7 +109,7 @@ def _top(module: str) -> tuple[str, ModuleSpec]:
         top = f"{top}.{inner.pop(0)}"
         spec = find_spec(top)
     if spec is None:
-        raise ValueError(_missing(top))
+        raise NotInstalledError(_missing(top))
     return top, spec
 
 
@@ -218,6 +222,9 @@ def mistake(error: ValidationError, key: str) -> str:
     place = ".".join((key, *map(str, first["loc"])))
     if first["type"] == "missing":
         return f"{place} is missing; add it"
+    if first["type"] == "string_type":
+        given = _shown(first["input"])
+        return f"{place} is text, not {given}; put it in quotes, as in --set '{place}=\"{given.lower()}\"'"
     said = first["msg"].removeprefix("Value error, ").removeprefix("Input ")
     if first["type"] == "value_error" and isinstance(first["input"], Mapping):
         return said  # a check of a whole table names its own keys

@@ -168,6 +168,23 @@ def test_mixing_is_the_power_of_the_weights_and_its_rows_sum_to_one_under_loss()
         assert (lossy[0, 0] != lossy[0, 1]).any()
 
 
+@pytest.mark.parametrize(
+    "overrides",
+    [
+        ["consensus.isolate=true"],
+        ['fault=[{kind="byzantine", agents=[5]}]'],
+        ["filter.kind=ci", "consensus.isolate=true"],
+        ["filter.kind=ci", "consensus.lag=2"],
+    ],
+)
+def test_stages_that_read_messages_mix_as_the_plain_average(overrides):
+    plan = Plan(tracking("steps=5", *overrides))
+    found = mixing(plan, "average", 2)
+    np.testing.assert_allclose(found, np.broadcast_to(mixing(Plan(tracking("steps=5")), "average", 2), found.shape))
+    told = design(plan, search=False)
+    assert told.configured.expected is not None
+
+
 @pytest.mark.parametrize("scheme", SCHEMES)
 def test_disagreement_shrinks_by_the_contraction(scheme):
     scenario = tracking("network.graph=ring", "agents.count=9")

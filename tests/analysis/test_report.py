@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from zenoh_cbef.analysis.links_table import is_wide, links_table
-from zenoh_cbef.analysis.metrics import Analysis, analyze
+from zenoh_cbef.analysis.metrics import Analysis, analyze, notes
 from zenoh_cbef.analysis.replayed import replayed
 from zenoh_cbef.analysis.report import write_report
 from zenoh_cbef.analysis.summary import pick
@@ -291,6 +291,27 @@ def test_verdicts_faults_and_notes_call_agents_by_their_names() -> None:
     assert "away: agent lamp" in told
     for words in ("crash of agent lamp", "at agent desk", "of door\\u2013fan", "between door, lamp and desk, fan"):
         assert words in told
+
+
+def test_verdicts_are_about_honest_agents_and_name_the_others() -> None:
+    liar = {"kind": "byzantine", "agents": [3], "mode": "drift", "magnitude": 3.0}
+    agents = {"count": 4, "labels": ["door", "lamp", "desk", "fan"]}
+
+    told = replayed(analyze([trace_of(steps=40, agents=agents, fault=[liar])])[0]).decode("utf-8", errors="replace")
+
+    assert "left out: agent fan, as of wrong values" in told
+    assert "of 3 agents" in told
+    assert "of 4 agents" not in told
+
+
+def test_agents_that_are_too_sure_are_told_in_a_note() -> None:
+    sure, honest = (
+        notes(analyze([trace_of(steps=60, filter={"kind": kind})], strongest=False)[0].metrics)
+        for kind in ("local", "sicf")
+    )
+
+    assert any("agents are too sure of themselves: NEES is" in one for one in sure)
+    assert honest == []
 
 
 def test_the_path_of_a_run_that_ends_before_its_first_fix_is_drawn_whole(tmp_path: Path) -> None:

@@ -142,6 +142,16 @@ def test_the_verdict_names_what_is_wrong(scene):
     assert judged(scene, 40).level == "good"
 
 
+def test_the_verdict_is_about_honest_agents(tmp_path):
+    liar = 'fault=[{kind="byzantine", agents=[3], mode="drift", magnitude=3.0}]'
+    scene = whole(LogSource(made_log(tmp_path / "run.mcap", "steps=40", "agents.count=4", liar)))
+    [analysis] = analyze([read_trace(tmp_path / "run.mcap")])
+    honest = np.sqrt(np.nanmean(analysis.position_error[:3] ** 2, axis=0))
+    np.testing.assert_allclose(scene.curves(0, 40)["error"], honest, rtol=1e-12)
+    assert "of 3 agents" in judged(scene, 3).words
+    assert "left out: agent 3, as of wrong values" in judged(scene, 40).words
+
+
 def test_errors_beyond_what_is_claimed_are_called_overconfident(log):
     scene = whole(LogSource(log))
     scene.recording.truth.numbers("state", 40)[:, :, :3] += 30.0

@@ -56,6 +56,25 @@ def test_a_run_whose_target_was_killed_is_forgotten_and_its_name_is_free(tmp_pat
         assert known_runs().keys() == {"elsewhere"}
 
 
+@pytest.mark.parametrize("fails", [True, False])
+def test_a_run_whose_target_died_alone_says_so_until_its_starter_ends(fails):
+    between = "import subprocess, sys; subprocess.run(sys.argv[1:]); print('over', flush=True); sys.stdin.read()"
+    dies = "raise ValueError" if fails else "import os; os.kill(os.getpid(), 9)"
+    command = [sys.executable, "-c", between, sys.executable, "-c", HOLD.replace("sys.stdin.read()", dies), "launched"]
+    pipe, nowhere = subprocess.PIPE, subprocess.DEVNULL
+    with subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=nowhere) as starter:
+        assert starter.stdin is not None
+        assert starter.stdout is not None
+        assert [starter.stdout.readline() for _ in range(2)] == [b"registered\n", b"over\n"]
+        assert known_runs() == {}
+        for name in (None, "elsewhere"):
+            with pytest.raises(UserError, match=r"the target of run 'elsewhere' has died.*with Ctrl-C"):
+                find_run(name)
+        starter.stdin.close()
+    with pytest.raises(UserError, match="there is none"):
+        find_run("elsewhere")
+
+
 OWN = "from zenoh_cbef.outside.registry import find_run; print(find_run(None).own)"
 
 

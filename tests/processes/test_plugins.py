@@ -6,6 +6,7 @@ import re
 import shutil
 import subprocess
 import sys
+import time
 from importlib import invalidate_caches
 from operator import itemgetter
 from pathlib import Path
@@ -97,8 +98,23 @@ def test_an_agent_that_has_another_one_is_refused_in_a_sentence(world, changed, 
     without = world.start("agent", "0", "--run", world.run, "--connect", endpoint, "--patience", "60")
     _, said = without.communicate(timeout=120)
     assert without.returncode == 2
-    assert re.search(rf"{key}.* must be one of .*, not '{name}'", said)
+    assert re.search(rf"{key}.\w+ = '{name}' is of {MARK}, which is not on this host; install that package", said)
     assert target.poll() is None, "the target still waits for agents"
+
+
+@pytest.mark.usefixtures("plugged")
+def test_it_is_injected_with_options_into_a_run_that_goes_on(world):
+    run = world.start_run("steps=100000")
+    world.wait_for_messages()
+    for most in (0.9, 0.5):
+        done = world.call("fault", "add", "fading", f"options={{most={most}}}", "--run", world.run)
+        assert done.returncode == 0, done.stderr
+    until = time.monotonic() + 100
+    while "is on: fading" not in (told := world.call("status", "--run", world.run)).stdout:
+        assert (told.returncode, time.monotonic() < until) == (0, True), told.stderr
+    assert world.call("stop", "--run", world.run).returncode == 0
+    run.communicate(timeout=120)
+    assert run.returncode == 0
 
 
 @pytest.mark.usefixtures("plugged")

@@ -102,6 +102,47 @@ def test_a_fault_on_agents_that_are_no_neighbours_is_warned_of():
     assert check(load("tracking", overrides).plan) == []
 
 
+def test_agents_that_all_lie_are_warned_of():
+    def told(agents):
+        return check(load("tracking", [f"fault=[{{kind='byzantine', agents={agents}}}]"]).plan)
+
+    assert any("all 6 agents send wrong values" in one for one in told([0, 1, 2, 3, 4, 5]))
+    assert not any("wrong values, so" in one for one in told([0, 1, 2, 3, 4]))
+
+
+@pytest.mark.parametrize(
+    ("overrides", "warned"),
+    [
+        (["sensor.bias=0.4"], True),
+        (["sensor.bias_std=0.2"], True),
+        ([], False),
+        (["sensor.bias=0.4", "filter.bias=none"], False),
+        (["sensor.bias=0.4", "filter.kind=ci"], False),
+    ],
+)
+def test_biases_that_no_agent_estimates_as_others_lie_are_warned_of(overrides, warned):
+    found = check(load("tracking", ["fault=[{kind='byzantine', agents=[3]}]", *overrides]).plan)
+    assert any("filter.bias = 'auto' is 'none' here" in one for one in found) == warned
+    assert not any("'none' here" in one for one in check(load("tracking", overrides).plan))
+
+
+@pytest.mark.parametrize(
+    ("times", "warned"),
+    [
+        ("from=500", True),
+        ("from=4.01", True),
+        ("from=4", False),
+        ("from=1.11, until=1.19", True),
+        ("from=0, until=0.05", True),
+        ("from=0, until=0.11", False),
+        ("from=0.7", False),
+    ],
+)
+def test_a_fault_that_is_on_in_no_step_is_warned_of(times, warned):
+    found = check(load("tracking", ["steps=40", f"fault=[{{kind='loss', probability=0.5, {times}}}]"]).plan)
+    assert any("fault 0 (loss) is on in no step of the run, which ends at 4 s" in one for one in found) == warned
+
+
 def test_a_fault_between_groups_names_no_single_link():
     fault = "fault=[{kind='partition', links={between=[[0, 1, 2], [3, 4, 5]]}}]"
     assert check(load("tracking", [fault]).plan) == []

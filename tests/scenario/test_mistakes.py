@@ -153,6 +153,7 @@ IMPOSSIBLE = {
     'fault = [{kind = "sensor-stuck", agents = [1, 7]}]': "names agent 7, but agents are 0 to 5",
     'fault = [{kind = "partition", links = {between = [[0, 1], [2, 8]]}}]': "names agent 8, but agents are 0 to 5",
     'fault = [{kind = "loss", probability = 1, from = 2, until = 2}]': "until must be later than from",
+    'filter.bias = "estimate"\nfault = [{kind = "byzantine", agents = [5]}]': "set filter.bias = 'none' or 'auto', or consensus.isolate",
     "steps = 10_000_000\ndt = 10_000\nsensor.range_std = 0.001": "the clock resolves ranges to",
 }
 

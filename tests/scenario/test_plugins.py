@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pydantic import BaseModel
 
 from tests.log.made import made_log
 from zenoh_cbef import plugins
@@ -15,8 +16,9 @@ from zenoh_cbef.log.prove.verify import verify
 from zenoh_cbef.log.read.measurements import read_measurements
 from zenoh_cbef.log.read.parts import open_log
 from zenoh_cbef.plain import Json
+from zenoh_cbef.plugins import read_options
 from zenoh_cbef.scenario.injected import STEER, marked, with_faults
-from zenoh_cbef.scenario.load import load, parse, to_toml
+from zenoh_cbef.scenario.load import load, parse, to_toml, value_of
 from zenoh_cbef.simulator import simulate
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "docs" / "examples" / "plugin"
@@ -117,6 +119,20 @@ def test_bad_options_and_other_versions_are_refused_in_a_sentence(setting, said)
         load("tracking", ["filter.kind=mine:Gains", setting])
 
 
+class Chosen(BaseModel):
+    name: str = "a"
+
+
+@pytest.mark.parametrize("written", ["nan", "inf", "3", "true"])
+def test_text_that_is_not_in_quotes_is_told_how_to_quote_it(written):
+    given = value_of(written)
+    with pytest.raises(ValueError, match=r"filter.options.name is text, not .*; put it in quotes") as caught:
+        read_options(Chosen, {"name": given}, "filter.options")
+    [_, remedy, _] = str(caught.value).split("'")
+    key, _, value = remedy.partition("=")
+    assert (key, value_of(value)) == ("filter.options.name", written)
+
+
 def test_a_stranger_cannot_have_code_imported_that_is_no_plugin(plugged):
     (plugged / "stranger").mkdir()
     (plugged / "stranger" / "__init__.py").write_text("raise SystemExit('imported')\n")
@@ -168,6 +184,19 @@ def test_a_log_with_a_motion_and_a_fault_of_another_source_is_not_proved_but_est
     found = read_measurements(log)
     reestimate(found, found.loaded(["filter.kind=icf"]), "again", plugged / "again.mcap")
     assert verify(plugged / "again.mcap").result == "equal"
+
+
+@pytest.mark.parametrize(
+    ("setting", "key"), [(HELIX, "target.motion"), (FADING, "fault.kind"), ("filter.kind=mine:Gains", "filter.kind")]
+)
+def test_a_log_whose_package_is_not_on_this_host_names_it(plugged, setting, key):
+    log = made_log(plugged / "run.mcap", SHORT, setting)
+    (plugged / "mine.py").unlink()
+    del sys.modules["mine"]
+    plugins.find.cache_clear()
+    said = f"{key} = 'mine:.*' is of mine sha256:[0-9a-f]+, which is not on this host; install that package here, too$"
+    with pytest.raises(UserError, match=said):
+        verify(log)
 
 
 @pytest.mark.usefixtures("plugged")

@@ -79,4 +79,5 @@ def test_an_analysis_names_the_steps_in_which_nothing_can_be_seen():
     [found] = analyze(simulate([scenario(fault=deaf)]))
     assert found.metrics.unobservable_steps == [[20, 49]], "receivers that hear nothing see nothing"
     [found] = analyze(simulate([scenario()]))
-    assert (found.metrics.unobservable_steps, notes(found.metrics)) == ([], [])
+    assert found.metrics.unobservable_steps == []
+    assert all("too sure" in note for note in notes(found.metrics)), "three agents may be on the wrong side"

@@ -97,9 +97,16 @@ class Stubborn(InformationWeighted):
         return replace(found, state=np.where(far[:, None] & (len(payload) > 1), np.nan, found.state))
 
 
+class Growing(InformationWeighted):
+    def conclude(self, payload, update):
+        found = super().conclude(payload, update)
+        return replace(found, state=1e200 * found.state)
+
+
 @pytest.mark.parametrize(
     ("kind", "said"),
     [
+        (Growing, r"in step 1 conclude\(\) gives a number beyond 1e\+100"),
         (Gambling, "second time.*draw nothing at random"),
         (Mean, "alone gives other bits"),
         (Mislaid, "but payloads do not begin with information"),

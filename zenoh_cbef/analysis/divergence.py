@@ -18,4 +18,4 @@ def refuse_divergence(trace: Trace) -> None:
     for step in np.flatnonzero(~(np.abs(trace.estimates) < _FINITE).all(axis=(0, 2))).tolist():
         wrong = ~(np.abs(trace.estimates[:, step]) < _FINITE).all(axis=1) & ~absences.at(step + 1)
         if wrong.any():
-            raise UserError(divergence(int(wrong.argmax()), step + 1))
+            raise UserError(divergence(int(wrong.argmax()), step + 1, trace.scenario.filter.plugged))

@@ -8,10 +8,10 @@ import numpy as np
 
 from zenoh_cbef.analysis.averages import mean_over_agents, running_mean
 from zenoh_cbef.analysis.consistency import chi2_band, nees_of
+from zenoh_cbef.analysis.faulted import honest_agents
 from zenoh_cbef.analysis.smoothed import SmoothedErrors, smoothed_errors
 from zenoh_cbef.analysis.yardsticks import Yardsticks
 from zenoh_cbef.arrays import Bools, Floats
-from zenoh_cbef.faults import SenderFault
 from zenoh_cbef.trace import Trace
 from zenoh_cbef.tracking.ranging import Space
 
@@ -50,13 +50,6 @@ class Errors:
     smoothed: SmoothedErrors | None
 
 
-def counted_agents(trace: Trace) -> Bools:
-    """Which agents averages are over, (n,): a misbehaving one says nothing about the others; all, if none is left."""
-    wrong = {agent for fault in trace.scenario.fault if isinstance(fault, SenderFault) for agent in fault.agents}
-    counted = np.array([agent not in wrong for agent in range(len(trace.estimates))])
-    return counted if counted.any() else np.ones_like(counted)
-
-
 def errors_of(trace: Trace, beside: Yardsticks, skip: float, path: Floats | None = None) -> Errors:
     """The errors of a trace. skip: see `analyze`. path: of the centralised smoother, (K, 6), where it is smoothed.
 
@@ -68,7 +61,7 @@ def errors_of(trace: Trace, beside: Yardsticks, skip: float, path: Floats | None
     strong = estimated_only(space, beside.strong - trace.truth)
     square, squares = error**2, reference**2
     positions = trace.estimates[:, :, :3]
-    counted = counted_agents(trace)
+    counted = honest_agents(trace.scenario)
     present = np.isfinite(positions).all(axis=2) & counted[:, None]
     number = np.maximum(present.sum(axis=0), 1)
     middle = np.where(present[:, :, None], positions, 0.0).sum(axis=0) / number[:, None]

@@ -4,9 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
+from zenoh_cbef.arrays import Bools
 from zenoh_cbef.faults import Absence, Fault, LinkFault, SenderFault, SensorFault
 from zenoh_cbef.faults.base import Between
 from zenoh_cbef.scenario import Scenario
+
+
+def honest_agents(scenario: Scenario) -> Bools:
+    """Which agents a scenario never lets send wrong values, (n,); all, if none is left."""
+    wrong = {agent for fault in scenario.fault if isinstance(fault, SenderFault) for agent in fault.agents}
+    honest = np.array([agent not in wrong for agent in range(scenario.count)])
+    return honest if honest.any() else np.ones_like(honest)
 
 
 def faults_of(scenario: Scenario) -> list[dict[str, object]]:

@@ -32,6 +32,7 @@ from zenoh_cbef.analysis.results import (
 from zenoh_cbef.analysis.slowness import slow_note, slowness
 from zenoh_cbef.analysis.smoothed import centralized_paths, smoothing_of
 from zenoh_cbef.analysis.standing import standing_of
+from zenoh_cbef.analysis.verdict import OVERCONFIDENT
 from zenoh_cbef.analysis.yardsticks import yardsticks
 from zenoh_cbef.arrays import Floats, Ints
 from zenoh_cbef.numbers import number
@@ -61,8 +62,21 @@ def analyze(traces: Sequence[Trace], skip: float = 0.25, *, strongest: bool = Tr
 
 def notes(metrics: Metrics) -> list[str]:
     """Notes on a run for its reader, in sentences: what is not scored or not observable, slow processes, bad data."""
-    said = unseen_note(metrics.unobservable_steps), _twin_note(metrics), slow_note(metrics.slow), metrics.misfit
-    return [*metrics.lacks, *filter(None, (*said, bound_note(metrics.ratio_to_bound)))]
+    said = unseen_note(metrics.unobservable_steps), _twin_note(metrics), slow_note(metrics.slow)
+    sure = metrics.misfit or _sureness_note(metrics)
+    return [*metrics.lacks, *filter(None, (*said, sure, bound_note(metrics.ratio_to_bound)))]
+
+
+def _sureness_note(metrics: Metrics) -> str:
+    """A sentence where agents are far too sure of what they estimate, although they see it, else empty."""
+    nees = metrics.nees
+    times = 0.0 if nees is None or nees.average is None else nees.average / nees.dimension
+    if metrics.unobservable_steps or times <= OVERCONFIDENT**2:
+        return ""
+    return (
+        f"agents are too sure of themselves: NEES is {number(times)} times its ideal, as if errors were "
+        f"{number(np.sqrt(times))} times what they claim; see docs/troubleshooting.md"
+    )
 
 
 def _twin_note(metrics: Metrics) -> str:

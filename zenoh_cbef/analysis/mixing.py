@@ -25,7 +25,7 @@ def configured_scheme(plan: Plan) -> Scheme:
 def with_scheme(plan: Plan, scheme: Scheme, *, linear: bool = False, rounds: int | None = None) -> Plan:
     """The plan with another way of averaging, without trimming, which is not linear.
 
-    linear: without rounding of messages, too. rounds: None: as many as the plan has.
+    linear: also without what reads or rounds messages. rounds: None: as many as the plan has.
     """
     settings = {
         "rounds": plan.rounds if rounds is None else rounds,
@@ -35,7 +35,7 @@ def with_scheme(plan: Plan, scheme: Scheme, *, linear: bool = False, rounds: int
         "trigger": 0.0,
     }
     if linear:
-        settings["precision"] = "float64"
+        settings |= {"precision": "float64", "isolate": False, "lag": 0}
     scenario = plan.scenario
     return Plan(scenario.model_copy(update={"consensus": scenario.consensus.model_copy(update=settings)}))
 

@@ -68,7 +68,8 @@ def _verdicts(analysis: Analysis, until: Ints) -> list[Verdict]:
     trace, passing = analysis.trace, analysis.trace.passing
     links = np.stack([trace.links.source, trace.links.destination], axis=1)
     there = np.isfinite(trace.estimates[:, :, 0])
-    error, claimed = map(rms_over_agents, (analysis.position_error, claimed_position_error(trace)))
+    errors = analysis.position_error, claimed_position_error(trace)
+    error, claimed = (rms_over_agents(each[analysis.counted]) for each in errors)
     slow = _slow(analysis)
     found = []
     for place, step in enumerate(until.tolist()):
@@ -79,6 +80,7 @@ def _verdicts(analysis: Analysis, until: Ints) -> list[Verdict]:
             states=trace.diagnostics.status[:, row],
             seconds=trace.diagnostics.status_seconds[:, row],
             there=there[:, row],
+            honest=analysis.counted,
             error=error[recent],
             claimed=claimed[recent],
             apart=float(analysis.disagreement[row]),

@@ -17,7 +17,7 @@ from zenoh_cbef.words import counted, first_of
 
 WINDOW = 40
 """Steps that overconfidence is judged by: one step's NEES scatters."""
-_OVERCONFIDENT = 2.0
+OVERCONFIDENT = 2.0
 """By what factor errors exceed what the agents claim, before that is said."""
 RECENT = 3
 """Steps without any message after which a link counts as cut."""
@@ -36,7 +36,8 @@ class Verdict(NamedTuple):
 class Moment:
     """What a verdict is about; n agents, the last w steps.
 
-    states, seconds: (n,), status and for how long, s. there: (n,). error, claimed: (w,), of the network, m. apart: m.
+    states, seconds: (n,), status and for how long, s. there: (n,). honest: (n,), whom the verdict is about, as others
+    send wrong values. error, claimed: (w,), of these, m. apart: m.
     parts: in how many parts the network is. slow: the process that lately said that it does not keep up, or empty.
     names: n, what the reader calls the agents.
     """
@@ -44,6 +45,7 @@ class Moment:
     states: Floats
     seconds: Floats
     there: Bools
+    honest: Bools
     error: Floats
     claimed: Floats
     apart: float
@@ -59,7 +61,10 @@ def verdict(moment: Moment) -> Verdict:
     there, apart = moment.there, moment.apart
     if not there.any():
         return Verdict("bad", "no agent is there")
-    level, words = _standing(moment.states[there], moment.seconds[there])
+    judged = there & moment.honest
+    if not judged.any():
+        return Verdict("bad", f"no honest agent is there{_liars(moment)}")
+    level, words = _standing(moment.states[judged], moment.seconds[judged])
     now, claimed = float(moment.error[-1]), float(moment.claimed[-1])
     if level == "good":
         level, words = _honest(moment.error, moment.claimed) or (level, words)
@@ -69,7 +74,12 @@ def verdict(moment: Moment) -> Verdict:
         level, words = "bad", f"the agents disagree by {number(apart, 'm')}; {words}"
     shown = f", error {number(now, 'm')}" if np.isfinite(now) else ""
     away = _away(there, moment.names)
-    return Verdict("doubt" if away and level == "good" else level, f"{words}{shown}{away}")
+    return Verdict("doubt" if away and level == "good" else level, f"{words}{shown}{_liars(moment)}{away}")
+
+
+def _liars(moment: Moment) -> str:
+    names = [moment.names[agent] for agent in np.flatnonzero(~moment.honest).tolist()]
+    return f"; left out: agent {first_of(names, 5)}, as of wrong values" if names else ""
 
 
 def parts(links: Ints, came: Bools, there: Bools) -> int:
@@ -106,6 +116,6 @@ def _honest(error: Floats, claimed: Floats) -> tuple[str, str] | None:
     """Whether errors are as large as the agents claim."""
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = float(np.sqrt(np.nanmean(error**2 / claimed**2))) if np.isfinite(error / claimed).any() else 0.0
-    if ratio > _OVERCONFIDENT:
+    if ratio > OVERCONFIDENT:
         return "bad", f"overconfident: errors are {ratio:.1f} times as large as the agents claim"
     return None

@@ -18,11 +18,11 @@ Seeds = NDArray[np.uint64]
 
 @dataclass(frozen=True)
 class Messages:
-    """One round's messages over directed links, all arrays (e,): seed of the run, source, destination, and when sent.
+    """One round's messages over directed links. seed of the run, source, destination: arrays (e,).
 
-    step: from 1. round: 0 for the ranges. dt: s. per_step: how many messages a link carries in a step; they count
-    as sent in equal intervals of `spacing` s. number: how many a link has carried before this one.
-    streams: of the links.
+    step, round: whole numbers, when all of them are sent: steps from 1, round 0 for the ranges. dt: s. per_step: how
+    many messages a link carries in a step; they count as sent in equal intervals of `spacing` s. number: how many a
+    link has carried before this one. streams: of the links.
     """
 
     seed: Seeds

@@ -8,8 +8,8 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from zenoh_cbef.arrays import Bools, Floats, Ids
+from zenoh_cbef.faults.answers import asking, flaw_of_array, flaw_of_effect, refuse
 from zenoh_cbef.faults.base import Fault, MessageFault, Messages, Seeds
-from zenoh_cbef.plugins import blaming
 from zenoh_cbef.streams import LinkStreams
 
 _FLAGS = ("lost", "overtaken", "corrupted", "duplicated", "absent")
@@ -41,6 +41,13 @@ class Fate:
         return Fate(*(getattr(self, field.name)[links] for field in fields(self)))
 
 
+def _selected(fault: MessageFault, source: Ids, destination: Ids) -> Bools:
+    with asking(fault, "selects"):
+        chosen = fault.selects(source, destination)
+        refuse(flaw_of_array(chosen, "selects()", source.shape))
+    return chosen
+
+
 class Fates:
     """Fates of the messages on directed links, the same on any host and in any batch.
 
@@ -69,7 +76,7 @@ class Fates:
         self._faults = [
             (index, fault, chosen)
             for index, fault in enumerate(faults)
-            if isinstance(fault, MessageFault) and (chosen := fault.selects(source, destination)).any()
+            if isinstance(fault, MessageFault) and (chosen := _selected(fault, source, destination)).any()
         ]
         self._seed, self._source, self._destination = seed, source, destination
         self._dt, self._per_step, self._ranges = dt, max(1, rounds + ranges), ranges
@@ -89,8 +96,9 @@ class Fates:
         for index, fault, chosen in self._faults:
             if not fault.active(step * self._dt):
                 continue
-            with blaming(type(fault), "effect", "check_fault"):
+            with asking(fault, "effect"):
                 effect = fault.effect(messages, index)
+                refuse(flaw_of_effect(effect, len(self._source)))
             for name in _FLAGS:
                 flag = getattr(effect, name)
                 if flag is not None:

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from zenoh_cbef.arrays import Floats, Ids
+from zenoh_cbef.faults.answers import asking, flaw_of_sent, refuse
 from zenoh_cbef.faults.base import Fault, Seeds
-from zenoh_cbef.plugins import blaming
 from zenoh_cbef.quantities import Agent
 from zenoh_cbef.tracking.moderation import LARGEST_SENT, is_within
 
@@ -125,8 +125,10 @@ class Outgoing:
                     past=past,
                     displaced=displaced,
                 )
-                with blaming(type(fault), "sent", "check_fault"):
-                    sent[rows] = fault.sent(honest, index)
+                with asking(fault, "sent"):
+                    told = fault.sent(honest, index)
+                    refuse(flaw_of_sent(told, honest.message, past))
+                sent[rows] = told
         return sent
 
     def _past(self, place: int, memory: int, step: int, round_: int, message: Floats) -> Floats:

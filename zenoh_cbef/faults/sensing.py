@@ -12,8 +12,8 @@ from pydantic import Field
 
 from zenoh_cbef.arrays import Bools, Floats, Ids
 from zenoh_cbef.faults.absence import absent
+from zenoh_cbef.faults.answers import asking, flaw_of_array, flaw_of_ranges, refuse
 from zenoh_cbef.faults.base import Fault
-from zenoh_cbef.plugins import blaming
 from zenoh_cbef.quantities import Agent
 
 
@@ -68,9 +68,14 @@ def measured_ranges(faults: Sequence[Fault], ranges: Floats, *, seed: int, time:
     agent, step = np.arange(count)[:, None], np.arange(1, steps + 1)
     for index, fault in enumerate(faults):
         if isinstance(fault, SensorFault):
-            on = fault.selects(agent) & fault.during(time)
+            with asking(fault, "selects"):
+                chosen = fault.selects(agent)
+                refuse(flaw_of_array(chosen, "selects()", agent.shape))
+            on = chosen & fault.during(time)
             readings = Readings(seed, agent, step, time, ranges, signal_speed, on)
-            with blaming(type(fault), "measured", "check_fault"):
-                ranges = np.where(on, fault.measured(readings, index), ranges)
+            with asking(fault, "measured"):
+                told = fault.measured(readings, index)
+                refuse(flaw_of_ranges(told, ranges.shape))
+            ranges = np.where(on, told, ranges)
     gone = absent(faults, count, time)
     return np.where(gone, np.nan, ranges) if gone.any() else ranges

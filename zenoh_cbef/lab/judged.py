@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from zenoh_cbef.analysis.faulted import honest_agents
 from zenoh_cbef.analysis.verdict import RECENT, WINDOW, Moment, Verdict, parts, verdict
 from zenoh_cbef.lab.scene import Scene
 from zenoh_cbef.protocol.slow import AGAIN_SECONDS, SLOW
@@ -25,6 +26,7 @@ def judged(scene: Scene, step: int) -> Verdict:
         states=states,
         seconds=seconds,
         there=there,
+        honest=honest_agents(scene.plan.scenario),
         error=curves["error"],
         claimed=curves["claimed"],
         apart=float(curves["disagreement"][-1]),

@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from zenoh_cbef.analysis.averages import mean_over_agents
-from zenoh_cbef.analysis.faulted import faults_of
+from zenoh_cbef.analysis.faulted import faults_of, honest_agents
 from zenoh_cbef.arrays import Floats, Ints
 from zenoh_cbef.log.read.receipts import Receipts
 from zenoh_cbef.log.read.recording import Recording
@@ -145,9 +145,10 @@ class Scene:
 
     def _curves(self, since: int, until: int) -> Arrays:
         recording = self.recording
-        states = recording.estimates.numbers("state", until)[:, since:, :3]
+        honest = honest_agents(self.plan.scenario)
+        states = recording.estimates.numbers("state", until)[honest, since:, :3]
         truth = recording.truth.numbers("state", until)[0, since:, :3]
-        covariance = recording.estimates.numbers("covariance", until)[:, since:].reshape(*states.shape[:2], 6, 6)
+        covariance = recording.estimates.numbers("covariance", until)[honest, since:].reshape(*states.shape[:2], 6, 6)
         apart = np.sum((states - mean_over_agents(states)) ** 2, axis=2)
         came, lost, late, latency = np.moveaxis(self.fresh(since, until), 2, 0)
         sent = _sum(came) + _sum(lost) + _sum(late)

@@ -17,7 +17,7 @@ from typing import IO
 
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.outside.origin import own_sessions, starter_sessions
-from zenoh_cbef.plain import read_json
+from zenoh_cbef.plain import Json, read_json
 
 _LONGEST = 1 << 16
 """Characters of a file here: endpoints, sessions and a folder."""
@@ -71,11 +71,18 @@ def registered(run: str, endpoints: Sequence[str], *, launched: bool = False) ->
             # However the process ends, the lock ends with it. No program sees the file without.
             fcntl.flock(file, fcntl.LOCK_EX)
             told = {"endpoints": list(endpoints), "sessions": starter_sessions(launched=launched)}
-            file.write(json.dumps(told | {"folder": str(Path.cwd()), "started": time.time()}))
+            starter = {"starter": os.getppid()} if launched else {}
+            file.write(json.dumps(told | {"folder": str(Path.cwd()), "started": time.time()} | starter))
             file.flush()
-            held.callback(partial(path.unlink, missing_ok=True))
+            held.push(partial(_withdraw, path, launched))
             unseen.rename(path)
         yield
+
+
+def _withdraw(path: Path, launched: bool, failure: type[BaseException] | None, *_: object) -> None:
+    """Remove the file of a run; where its target fails, agents that `run` has started go on without it."""
+    if failure is None or not launched:
+        path.unlink(missing_ok=True)
 
 
 def refuse_what_goes_on(run: str) -> None:
@@ -89,16 +96,24 @@ def refuse_what_goes_on(run: str) -> None:
 
 def known_runs() -> dict[str, KnownRun]:
     """The runs whose targets live on this host, by name."""
+    return _runs()[0]
+
+
+def _runs() -> tuple[dict[str, KnownRun], list[str]]:
+    """The runs whose targets live on this host, and the names of those of which only `run` and agents are left."""
     found: dict[str, KnownRun] = {}
+    left: list[str] = []
     for path in sorted(_folder().glob("*.json")):
         with suppress(OSError, ValueError, TypeError, KeyError), path.open() as file:
             if os.fstat(file.fileno()).st_uid != os.getuid():
                 continue
             if _locked(file):
                 found[path.stem] = _read(path.stem, file)
+            elif _lives(_table(file).get("starter")):
+                left.append(path.stem)
             else:
                 path.unlink()  # Its target was killed.
-    return found
+    return found, left
 
 
 def others_runs() -> dict[str, str]:
@@ -113,9 +128,21 @@ def others_runs() -> dict[str, str]:
     return found
 
 
-def _read(name: str, file: IO[str]) -> KnownRun:
+def _lives(process: object) -> bool:
+    with suppress(OSError):
+        if isinstance(process, int) and process > 0:
+            os.kill(process, 0)
+            return True
+    return False
+
+
+def _table(file: IO[str]) -> dict[str, Json]:
     told = read_json(file.read(_LONGEST))
-    table = told if isinstance(told, dict) else {"endpoints": told}  # as earlier versions wrote it
+    return told if isinstance(told, dict) else {"endpoints": told}  # as earlier versions wrote it
+
+
+def _read(name: str, file: IO[str]) -> KnownRun:
+    table = _table(file)
     endpoints, sessions = table.get("endpoints"), table.get("sessions", [])
     if not isinstance(endpoints, list) or not isinstance(sessions, list):
         raise TypeError
@@ -140,12 +167,17 @@ def _locked(file: IO[str]) -> bool:
 
 def find_run(run: str | None) -> KnownRun:
     """A run of this host, by its name or as the only one. Raises UserError."""
-    runs = known_runs()
+    runs, left = _runs()
     if run is None and len(runs) == 1:
         return next(iter(runs.values()))
     several = "are the runs" if len(runs) > 1 else "is run"
     there = f"there {several} {', '.join(runs)}" if runs else "there is none"
     lacking = not runs if run is None else run not in runs
+    if lacking and (lost := [name for name in left if run in {None, name}]):
+        raise UserError(
+            f"the target of run {lost[0]!r} has died, so the run takes no order and tells nothing; its agents go on to "
+            "the last step without it: wait for that, or end 'zenoh-cbef run' with Ctrl-C"
+        )
     others = {name: user for name, user in others_runs().items() if run in {None, name}} if lacking else {}
     if others:
         named = ", ".join(f"{name!r} of user {user}" for name, user in others.items())

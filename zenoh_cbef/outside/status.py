@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from math import sqrt
@@ -12,6 +12,7 @@ from typing import TypedDict, TypeVar
 import numpy as np
 
 from zenoh_cbef.arrays import Floats
+from zenoh_cbef.faults import SenderFault, kind_of
 from zenoh_cbef.protocol.directory import Apart
 from zenoh_cbef.protocol.keys import agent_named
 from zenoh_cbef.protocol.kinds import ESTIMATE, EVENT, EstimateMessage, EventMessage
@@ -128,7 +129,9 @@ def read_status(told: StatusAnswer) -> RunStatus:
         name = f"agent/{agent}"
         status = AgentStatus(agent, _state(told, agent), _whereabouts(cards.get(name, {})))
         agents.append(_with_quality(status, estimates[name], truth, axes) if name in estimates else status)
-    taking_part = [estimates[f"agent/{agent}"] for agent in told["members"] if f"agent/{agent}" in estimates]
+    faults = json.loads(told["faults"])
+    honest = [agent for agent in told["members"] if agent not in _liars(faults)]
+    taking_part = [estimates[f"agent/{agent}"] for agent in honest if f"agent/{agent}" in estimates]
     error, disagreement = _network(taking_part, truth, axes)
     started, recorder = told["step"] is not None, any(map(is_recorder, told["live"]))
     return RunStatus(
@@ -147,12 +150,23 @@ def read_status(told: StatusAnswer) -> RunStatus:
         recorder=_whereabouts(cards.get("record", {})) if recorder else None,
         agents=agents,
         links=[link for name, message in estimates.items() for link in _links(name, message, earlier.get(name))],
-        faults=json.loads(told["faults"]),
+        faults=faults,
         events=[_said(one) for one in events],
         slow=_slow(events, told["time"]),
         unobservable=told.get("unobservable", ""),
         apart=[Apart(*one) for one in told.get("apart", [])],
     )
+
+
+def _liars(faults: Sequence[Mapping[str, object]]) -> set[int]:
+    """The agents that faults let send wrong values now: they tell nothing of how the others track."""
+    found: set[int] = set()
+    for fault in faults:
+        agents = fault.get("agents")
+        with suppress(ValueError):  # a fault of a package that is not on this host
+            if issubclass(kind_of(str(fault["kind"])), SenderFault) and isinstance(agents, list):
+                found.update(agents)
+    return found
 
 
 def _estimates(raw: list[bytes], run: str) -> dict[str, EstimateMessage]:

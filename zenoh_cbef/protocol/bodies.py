@@ -30,24 +30,24 @@ def diagnostics_body(told: Diagnostics, row: int) -> dict[str, float | int | Non
     return body
 
 
-def divergence(agent: int, step: int) -> str:
-    """The sentence about an agent whose estimate is no longer finite."""
-    return (
-        f"agent {agent}'s estimate is no longer finite at step {step}; "
-        "the filter diverges in this scenario, see docs/method.md"
-    )
+def divergence(agent: int, step: int, plugged: str = "") -> str:
+    """The sentence about an agent whose estimate is no longer finite. plugged: its filter, of another package."""
+    why = "the filter diverges in this scenario, see docs/method.md"
+    if plugged:
+        why = f"the filter {plugged!r} diverges or has a mistake: zenoh_cbef.testing.check_filter tells more"
+    return f"agent {agent}'s estimate is no longer finite at step {step}; {why}"
 
 
 def estimate_body(
-    step: int, estimate: Estimate, row: int, agent: int, counts: Mapping[str, object]
+    step: int, estimate: Estimate, row: int, agent: int, counts: Mapping[str, object], *, plugged: str = ""
 ) -> dict[str, object]:
     """The result of a step of one agent, a row of the batch; counts: of its neighbours' messages.
 
-    Raises UserError where the estimate is no longer finite.
+    plugged: see `divergence`. Raises UserError where the estimate is no longer finite.
     """
     state, covariance = estimate.state[row].tolist(), estimate.covariance
     if not all(map(isfinite, state)):
-        raise UserError(divergence(agent, step))
+        raise UserError(divergence(agent, step, plugged))
     return {
         "k": step,
         "state": state,

@@ -8,9 +8,9 @@ import numpy as np
 
 from zenoh_cbef.datasets import read_dataset
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.faults import Crash, MessageFault, SenderFault
+from zenoh_cbef.faults import MessageFault
 from zenoh_cbef.quantities import MOST_AGENTS
-from zenoh_cbef.scenario import paths, proportions, sight, size
+from zenoh_cbef.scenario import fault_checks, paths, proportions, sight, size
 from zenoh_cbef.scenario.model import Scenario
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.tracking import graph
@@ -33,14 +33,15 @@ def check(plan: Plan) -> list[str]:
     size.refuse_beyond_memory(size.world_bytes(scenario), scenario)
     warnings = _check_edges(scenario, plan.edges)
     _check_epsilon(scenario, plan.neighbours)
-    check_faults(plan)
+    fault_checks.refuse(plan)
     _check_signal(scenario)
     _check_precision(plan)
+    _check_isolating(plan)
     _check_membership(scenario)
     _check_proportion(plan)
     warnings += _literal_gain(plan) if scenario.filter.kind == "cbef" else []
-    warnings += _trimming(scenario, plan.neighbours) + _only_links(scenario, plan.edges) + _chebyshev(plan)
-    warnings += _faults_of_no_link(scenario, plan.edges) + _recorded_truth(scenario)
+    warnings += _trimming(scenario, plan.neighbours) + _chebyshev(plan)
+    warnings += fault_checks.warnings(plan) + _recorded_truth(scenario)
     return warnings + sight.warnings(plan) + proportions.warnings(plan)
 
 
@@ -49,6 +50,14 @@ def _check_membership(scenario: Scenario) -> None:
         raise UserError(
             "filter.membership = true needs agents that say something in every round; set consensus.trigger = 0, or "
             "leave filter.membership out"
+        )
+
+
+def _check_isolating(plan: Plan) -> None:
+    if plan.isolates and plan.bias == "estimate":
+        raise UserError(
+            "agents leave out liars, of which the scenario tells, and for that compare what messages say of position "
+            "and velocity alone; set filter.bias = 'none' or 'auto', or consensus.isolate = false"
         )
 
 
@@ -122,60 +131,6 @@ def _check_precision(plan: Plan) -> None:
     )
 
 
-def check_faults(plan: Plan) -> None:
-    """Raise UserError for faults that cannot be."""
-    scenario = plan.scenario
-    for number, fault in enumerate(scenario.fault):
-        unknown = sorted(agent for agent in fault.named() if agent >= scenario.count)
-        if unknown:
-            raise UserError(
-                f"fault {number} ({fault.kind}) names agent {unknown[0]}, but agents are 0 to {scenario.count - 1}"
-            )
-        if fault.until is not None and fault.until <= fault.since:
-            raise UserError(f"fault {number} ({fault.kind}): until must be later than from")
-    _check_absences(plan)
-
-
-def _check_absences(plan: Plan) -> None:
-    scenario, absences, settled = plan.scenario, plan.absences, plan.first_fix_steps
-    if not absences.any:
-        return
-    if absences.empty is not None:
-        raise UserError(
-            f"at {absences.empty * scenario.dt:g} s none of the {scenario.count} agents is there to track; "
-            "leave one of them out of the faults of kind crash and pause"
-        )
-    for step in range(1, min(settled, scenario.length) + 1):
-        if absences.reborn(step).any():
-            agent = int(absences.reborn(step).argmax())
-            raise UserError(
-                f"agent {agent} comes back after a crash at {step * scenario.dt:g} s, when the network still looks for "
-                f"its first fix; let it come back after {settled * scenario.dt:g} s, or give filter.initial_position"
-            )
-    crashed = {agent for fault in scenario.fault if isinstance(fault, Crash) for agent in fault.agents}
-    for number, fault in enumerate(scenario.fault):
-        if isinstance(fault, SenderFault) and fault.memory and crashed & fault.named():
-            raise UserError(
-                f"fault {number} ({fault.kind}) replays what agent {min(crashed & fault.named())} sent, but that one "
-                "crashes and remembers nothing; let another agent replay or crash"
-            )
-
-
-def _faults_of_no_link(scenario: Scenario, edges: graph.Edges) -> list[str]:
-    joined = {frozenset(edge) for edge in edges.tolist()}
-    warnings = []
-    for number, fault in enumerate(scenario.fault):
-        links = getattr(fault, "links", "all")
-        named = links if isinstance(links, tuple) else ()
-        apart = [list(link) for link in named if frozenset(link) not in joined]
-        if apart:
-            warnings.append(
-                f"fault {number} ({fault.kind}) names the link {apart[0]}, but these agents are not neighbours in "
-                "this graph, so it does nothing there; 'scenario check' lists the edges"
-            )
-    return warnings
-
-
 def _check_signal(scenario: Scenario) -> None:
     # Times are float64 seconds of run time; the range's resolution is their spacing times the signal speed.
     last = scenario.length * scenario.dt
@@ -217,20 +172,6 @@ def _trimming(scenario: Scenario, neighbours: graph.Neighbours) -> list[str]:
         f"agent {least} has {neighbours.degree[least]}; add edges, or lower consensus.trim"
     )
     return [warning]
-
-
-def _only_links(scenario: Scenario, edges: graph.Edges) -> list[str]:
-    liars = {agent for fault in scenario.fault if isinstance(fault, SenderFault) for agent in fault.agents}
-    warnings = []
-    for liar in sorted(liars):
-        left = edges[(edges != liar).all(axis=1)]
-        others = [each for each in graph.components(scenario.count, left) if each != [liar]]
-        if len(others) > 1:
-            warnings.append(
-                f"agent {liar}, which sends wrong values, is the only link between agents {others[0]} and {others[1]}: "
-                "whatever these find out, they cannot help each other; add edges between them"
-            )
-    return warnings
 
 
 def _chebyshev(plan: Plan) -> list[str]:

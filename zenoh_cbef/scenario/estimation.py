@@ -8,7 +8,7 @@ from pydantic import AfterValidator, Field, field_validator
 
 from zenoh_cbef.quantities import Acceleration, Chance, Duration, Factor, Length, Metres, Rate, Seconds, Speed, Spread
 from zenoh_cbef.scenario.table import EachPosition, EachVelocity, Options, Table, one_of
-from zenoh_cbef.tracking.filters import Abilities, abilities_of, kind_of, options_of
+from zenoh_cbef.tracking.filters import KINDS, Abilities, abilities_of, kind_of, options_of
 from zenoh_cbef.tracking.motion import MOTIONS, is_linear
 
 
@@ -96,6 +96,11 @@ class Filter(Table):
     initial_velocity: EachVelocity = None
     initial_position_std: Length | None = None
     initial_velocity_std: Speed | None = None
+
+    @property
+    def plugged(self) -> str:
+        """The kind, where it is of another package; else empty."""
+        return "" if self.kind in KINDS else self.kind
 
     @property
     def _abilities(self) -> Abilities:

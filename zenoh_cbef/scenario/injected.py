@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.plain import Json, read_json
-from zenoh_cbef.scenario.checks import check_faults
+from zenoh_cbef.scenario import fault_checks
 from zenoh_cbef.scenario.load import parse
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.scenario.plugged import stamped
@@ -27,7 +27,7 @@ def with_faults(plan: Plan, tables: Sequence[Mapping[str, object]]) -> Plan:
     data["consensus"]["scheme"] = plan.scheme[0]
     data["filter"] |= {"bias": plan.bias, "distrust": plan.distrusts_own, "membership": plan.settings.cut_off > 0}
     extended = Plan(stamped(parse(data, "the fault")))
-    check_faults(extended)
+    fault_checks.refuse(extended)
     return extended
 
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from pydantic import BaseModel
 
 from zenoh_cbef import courses, faults
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.faults import Fault
+from zenoh_cbef.plugins import NotInstalledError
 from zenoh_cbef.scenario.model import Scenario
 from zenoh_cbef.tracking import filters
 
@@ -39,6 +40,29 @@ def _stamped_fault(fault: Fault) -> Fault:
     here = faults.mark_of(fault.kind)
     _compare("fault.kind", fault.kind, told=fault.plugin, here=here)
     return fault if here is None else fault.model_copy(update={"plugin": here})
+
+
+def lacking(data: object) -> str:
+    """Which package a scenario's tables were made with that this host lacks, in a sentence; "" where all are here."""
+    if not isinstance(data, Mapping):
+        return ""
+    listed = data.get("fault")
+    tables = [
+        ("target.motion", data.get("target"), courses.mark_of),
+        ("filter.kind", data.get("filter"), filters.mark_of),
+    ]
+    tables += [("fault.kind", one, faults.mark_of) for one in (listed if isinstance(listed, list) else ())]
+    for key, table, mark_of in tables:
+        if not isinstance(table, Mapping) or not isinstance(told := table.get("plugin"), str):
+            continue
+        name = str(table.get(key.rpartition(".")[2]))
+        try:
+            mark_of(name)
+        except NotInstalledError:
+            return f"{key} = {name!r} is of {told:.200}, which is not on this host; install that package here, too"
+        except ValueError:
+            continue
+    return ""
 
 
 def forget_plugins(data: dict[str, object], keys: Sequence[str]) -> None:

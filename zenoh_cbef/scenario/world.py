@@ -66,11 +66,13 @@ def target_path(scenario: Scenario) -> Floats:
 
 
 def _states(scenario: Scenario, time: Floats) -> Floats:
-    """Raises UserError where a motion of another package does not give (t, 6)."""
+    """Raises UserError where a motion of another package does not give (t, 6), or gives no finite numbers."""
     with blaming(kind_of(scenario.target.motion), "states", "check_motion"):
         states = np.asarray(_course(scenario).states(time), dtype=np.float64)
         if states.shape != (expected := (len(time), 6)):
             raise TypeError(f"states() gives {states.shape}, not {expected}")
+        if not np.isfinite(states).all():
+            raise FloatingPointError(f"a state is not finite at {time[~np.isfinite(states).all(axis=1)][0]:g} s")
     return states
 
 

@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import fields
 from functools import partial
+from typing import TypeVar
 
 import numpy as np
 from pydantic import ValidationError
 
-from zenoh_cbef.arrays import Bools, Floats
+from zenoh_cbef.arrays import Floats
+from zenoh_cbef.faults.answers import flaw_of_array, flaw_of_effect, flaw_of_ranges, flaw_of_sent
 from zenoh_cbef.faults.base import Effect, Fault, MessageFault, Messages
 from zenoh_cbef.faults.outgoing import SenderFault, Sent
 from zenoh_cbef.faults.plugged import fault_of, read_fault
@@ -20,6 +22,8 @@ from zenoh_cbef.testing.nonconforming import Nonconforming
 
 _AGENTS, _STEPS, _ROUNDS, _DT = 5, 24, 3, 0.1
 _PAIRS = np.array([(one, other) for one in range(_AGENTS) for other in range(_AGENTS) if one != other])
+
+_Answer = TypeVar("_Answer")
 
 Numbers = list[tuple[str, np.ndarray]]
 """What a fault does in each step and round: what it is, and an array with a row for each link or agent."""
@@ -82,7 +86,7 @@ def _same(one: Numbers, other: Numbers) -> bool:
     )
 
 
-def _guarded(ask: Callable[[], Effect | Floats | Bools], what: str) -> Effect | Floats | Bools:
+def _guarded(ask: Callable[[], _Answer], what: str) -> _Answer:
     """What a fault answers. Raises Nonconforming where it writes into what it is given."""
     try:
         return ask()
@@ -103,7 +107,8 @@ def _messages(fault: MessageFault, seed: int, index: int, rows: slice) -> Number
     source, destination = (_fixed(each) for each in _PAIRS[rows].T)
     seeds = _fixed(np.full(len(source), seed, dtype=np.uint64))
     streams = LinkStreams(seeds, source, destination, range(_ROUNDS + 1))
-    chosen = _checked(_guarded(lambda: fault.selects(source, destination), "selects()"), "selects()", len(source))
+    chosen = _guarded(lambda: fault.selects(source, destination), "selects()")
+    _refuse(flaw_of_array(chosen, "selects()", source.shape))
     found: Numbers = [("selects", chosen)]
     for step in (*range(1, _STEPS + 1), *range(_STEPS, 0, -5)):
         for round_ in range(_ROUNDS + 1):
@@ -119,33 +124,20 @@ def _messages(fault: MessageFault, seed: int, index: int, rows: slice) -> Number
                 streams=streams,
             )
             effect = _guarded(partial(fault.effect, one, index), "effect()")
-            if not isinstance(effect, Effect):
-                raise Nonconforming("effect() gives no Effect; return one, with what happens to each message")
+            _refuse(flaw_of_effect(effect, len(source)))
             found += _of_effect(effect, len(source))
     return found
 
 
 def _of_effect(effect: Effect, count: int) -> Numbers:
-    found: Numbers = []
-    for field in fields(effect):
-        value = getattr(effect, field.name)
-        if value is None:
-            value = np.zeros(count, dtype=np.float64 if field.name == "delay" else np.bool_)
-        if field.name != "delay":
-            found.append((field.name, _checked(value, f"effect().{field.name}", count)))
-            continue
-        told = _checked(value, "effect().delay", count, np.float64)
-        if not (np.isfinite(told).all() and (told >= 0.0).all()):
-            raise Nonconforming("effect().delay is below zero or not finite; give seconds, and lost for never")
-        found.append((field.name, told))
-    return found
+    nothing = np.zeros(count)
+    told = [(field.name, getattr(effect, field.name)) for field in fields(effect)]
+    return [(name, nothing if value is None else value.astype(np.float64)) for name, value in told]
 
 
-def _checked(value: object, what: str, count: int, dtype: type = np.bool_) -> np.ndarray:
-    if not isinstance(value, np.ndarray) or value.dtype != dtype or value.shape != (count,):
-        given = f"{value.dtype} {value.shape}" if isinstance(value, np.ndarray) else type(value).__name__
-        raise Nonconforming(f"{what} is {given}, not {np.dtype(dtype)} {(count,)}: one for each link that is asked for")
-    return value
+def _refuse(flaw: str) -> None:
+    if flaw:
+        raise Nonconforming(flaw)
 
 
 def _measured(fault: SensorFault, seed: int, index: int, rows: slice) -> Numbers:
@@ -165,11 +157,7 @@ def _measured(fault: SensorFault, seed: int, index: int, rows: slice) -> Numbers
         on=_fixed(on[rows]),
     )
     told = _guarded(lambda: fault.measured(readings, index), "measured()")
-    expected = len(agent[rows]), _STEPS
-    if not isinstance(told, np.ndarray) or told.dtype != np.float64 or told.shape != expected:
-        raise Nonconforming(f"measured() gives no float64 array {expected}; return a range for each agent and step")
-    if np.isinf(told).any():
-        raise Nonconforming("measured() gives an infinite range; a receiver that hears nothing measures NaN")
+    _refuse(flaw_of_ranges(told, (len(agent[rows]), _STEPS)))
     return [("measured", np.where(on[rows], told, ranges[rows]))]
 
 
@@ -194,9 +182,6 @@ def _sent(fault: SenderFault, seed: int, index: int, rows: slice) -> Numbers:
             displaced=_displaced,
         )
         told = _guarded(partial(fault.sent, sent, index), "sent()")
-        if not isinstance(told, np.ndarray) or told.dtype != np.float64 or told.shape != message.shape:
-            raise Nonconforming(f"sent() gives no float64 array {message.shape}; return a message for each agent")
-        if not np.isfinite(told).all():
-            raise Nonconforming("sent() gives a number that is not finite; receivers would refuse the message")
+        _refuse(flaw_of_sent(told, message, message))
         found.append(("sent", told))
     return found

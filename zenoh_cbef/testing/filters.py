@@ -15,6 +15,7 @@ from zenoh_cbef.tracking.compact import FLOAT32, Compact
 from zenoh_cbef.tracking.filters.base import Belief, Filter, Kind, Update, filter_of
 from zenoh_cbef.tracking.filters.plugged import Shapes
 from zenoh_cbef.tracking.filters.settings import FilterSettings
+from zenoh_cbef.tracking.moderation import LARGEST, immoderate_belief
 from zenoh_cbef.tracking.motion import MotionSettings, make_motion
 from zenoh_cbef.tracking.ranging import Measurement, Space
 
@@ -69,6 +70,8 @@ class _Rules(Shapes):
             raise Nonconforming(f"{when} {words}")
         if not np.isfinite(belief.state).all():
             raise Nonconforming(f"{when} the state is not finite; {_REMEDY}")
+        if immoderate_belief(belief).any():
+            raise Nonconforming(f"{when} conclude() gives a number beyond {LARGEST:g}, which no agent takes; {_REMEDY}")
         if belief.covariance is not None:
             self._check_covariance(belief.covariance, when)
 

@@ -1,5 +1,6 @@
 """A link that has healed looks healed: shares of the last seconds stand beside those since the start."""
 
+import json
 from io import StringIO
 
 from rich.console import Console
@@ -52,6 +53,15 @@ def test_the_table_has_both_at_80_columns_and_what_fails_now_first():
     assert first.split()[:6] == ["2", "0", "850", "159", "(15.7%)", "29.9%"]
     assert second.split()[:6] == ["1", "0", "600", "400", "(40.0%)", "0"]
     assert "last 5 s" in caption
+
+
+def test_the_error_of_a_run_is_that_of_its_honest_agents():
+    answer = told(AFTER, []) | {"truth": [(1, [3.0, 4.0, 0.0, 0.0, 0.0, 0.0])]}
+    assert read_status(answer).error == 5.0
+    for kind, error in (("byzantine", None), ("sensor-bias", 5.0), ("of.another:Package", 5.0)):
+        faults = json.dumps([{"fault": 0, "kind": kind, "agents": [0]}])
+        found = read_status(answer | {"faults": faults})
+        assert (found.error, found.agents[0].error) == (error, 5.0)
 
 
 def test_a_status_says_that_nothing_can_be_seen():

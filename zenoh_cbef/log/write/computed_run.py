@@ -92,11 +92,11 @@ class ComputedRun:
             self.say(f"agent/{agent}", self._keys.range(agent), begin, body)
         for round_, sent in enumerate(step.sent, 1):
             self._round(number, round_, sent, there, begin + round_ * pause)
-        used = number - self._scenario.consensus.lag
+        used, plugged = number - self._scenario.consensus.lag, self._scenario.filter.plugged
         due = self._shares_ranges + (self._rounds if used >= 1 else 0)
         for agent, counts in enumerate(self._received.step(due, step.fates)):
             if not step.absent[agent]:
-                body = estimate_body(number, step.estimate, agent, agent, counts)
+                body = estimate_body(number, step.estimate, agent, agent, counts, plugged=plugged)
                 self.say(f"agent/{agent}", self._keys.estimate(agent), begin + (self._rounds + 1) * pause, body)
                 for one in step.smoothed:
                     if one.known[agent]:

@@ -233,7 +233,8 @@ class Agent:
         if estimate.refused[0]:
             self.rejections.add(f"the update of agent {self.agent}", "it would have left the finite numbers")
         if there:
-            self._estimate_out.send(**estimate_body(step, estimate, 0, self.agent, counts))
+            plugged = self.scenario.filter.plugged
+            self._estimate_out.send(**estimate_body(step, estimate, 0, self.agent, counts, plugged=plugged))
         if self._afterwards is not None:
             self._afterwards.take(step, self.tracker.belief, there=there)
 

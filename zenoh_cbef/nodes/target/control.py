@@ -46,7 +46,8 @@ def answer(target: Asked, request: Request) -> Mapping[str, object]:
     if asked == "fault clear":
         return Cleared(ended=injection.clear(_numbers(request.get("numbers"))))
     number = injection.add(_table(request.get("fault")), _seconds(request.get("seconds")))
-    return {"number": number, "from": injection.listed()[number]["from"]}
+    since = next(one["from"] for one in injection.listed() if one["number"] == number)
+    return {"number": number, "from": since}
 
 
 def _held(target: Asked, request: Request) -> Holding:

@@ -7,11 +7,12 @@ import math
 import threading
 import time
 from collections.abc import Callable, Sequence
+from itertools import count
 from typing import Any
 
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.protocol.fields import LONGEST
-from zenoh_cbef.scenario.injected import marked, with_faults
+from zenoh_cbef.scenario.injected import STEER, marked, with_faults
 from zenoh_cbef.scenario.plan import Plan
 
 _LEAD_SECONDS = 0.3
@@ -20,6 +21,10 @@ _LEAD_SECONDS = 0.3
 _MOMENT = 1e-7
 _LEAD_STEPS = 2
 """In lockstep a fault begins with a step whose beacon tells of it: the one after the next, as that may be under way."""
+
+
+_ORDERS = 100_000
+"""The number of the first order to the target: more faults than that fit no message."""
 
 
 class RealTime:
@@ -53,7 +58,10 @@ class StepTime:
 
 
 class Injection:
-    """The list of injected faults, which the target keeps: it only grows, and a cleared one ends."""
+    """The list of injected faults, which the target keeps: it only grows, and a cleared one ends.
+
+    Their numbers go on from those of the scenario's own faults, as events, `status` and refusals name them.
+    """
 
     def __init__(self, plan: Plan, clock: RealTime | StepTime) -> None:
         self._given, self._clock = plan, clock
@@ -74,19 +82,19 @@ class Injection:
             if seconds is not None:
                 table["until"] = round(since + seconds, 3)
             self._accept([*self._tables, table])
-            return len(self._tables) - 1
+            return self._numbers()[-1]
 
     def clear(self, numbers: Sequence[int] | None) -> list[int]:
         """End faults now, None: all; returns which were still to end."""
         with self._lock:
             soon = self._clock.soon()
-            known = range(len(self._tables))
-            unknown = sorted(set(numbers or ()) - set(known))
+            known = {number: place for place, number in enumerate(self._numbers())}
+            unknown = sorted(set(numbers or ()) - known.keys())
             if unknown:
                 raise UserError(f"there is no injected fault {unknown[0]}; 'fault list' tells which there are")
-            ended = [one for one in numbers or known if self._tables[one].get("until", soon + 1.0) > soon]
+            ended = [one for one in numbers or known if self._tables[known[one]].get("until", soon + 1.0) > soon]
             tables = [dict(one) for one in self._tables]
-            for one in ended:
+            for one in map(known.__getitem__, ended):
                 # One that has not begun yet is left with a moment that no step falls into.
                 moment = soon + _MOMENT
                 tables[one] |= {"from": min(tables[one]["from"], moment), "until": moment + _MOMENT}
@@ -98,8 +106,14 @@ class Injection:
         now = self._clock.now()
         return [
             {"number": number, "active": table["from"] <= now < table.get("until", math.inf), **table}
-            for number, table in enumerate(self._tables)
+            for number, table in zip(self._numbers(), self._tables, strict=True)
         ]
+
+    def _numbers(self) -> list[int]:
+        """The numbers of all tables."""
+        steers = [table.get("kind") == STEER for table in self._tables]
+        faults, orders = count(len(self._given.scenario.fault)), count(_ORDERS)
+        return [next(orders if one else faults) for one in steers]
 
     def news(self) -> str | None:
         """The list as JSON, where it has changed since the last time."""

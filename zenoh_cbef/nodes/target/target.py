@@ -179,7 +179,7 @@ class Target:
             return
         self._faults_out.send(tables=news)
         former, self.plan = self.scenario, self.injection.plan
-        touched = [one for one in {*former.fault, *self.scenario.fault} if isinstance(one, SensorFault | Absence)]
+        touched = [one for one in (*former.fault, *self.scenario.fault) if isinstance(one, SensorFault | Absence)]
         if (touched or former.target != self.scenario.target) and not self.recorded:
             self.world = make_world(self.scenario)
 
