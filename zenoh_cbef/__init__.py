@@ -1,15 +1,13 @@
 """Peer-to-peer target tracking with consensus filters over Zenoh.
 
 `import zenoh_cbef as zc` gives simulate, run, load, reestimate, scenario, live and Run (docs/api.md). Each is imported
-when it is first used, as every verb imports this file.
+when it is first used, as every verb imports this file. So it imports next to nothing itself: Ctrl-C in here would be a
+traceback.
 """
 
 from importlib import import_module
-from pathlib import Path
-from typing import TYPE_CHECKING
 
-from zenoh_cbef.checkout import commit
-
+TYPE_CHECKING = False  # as `typing` has it, which takes a while to import
 if TYPE_CHECKING:
     from zenoh_cbef.api.live import LiveEstimate, live
     from zenoh_cbef.api.logs import load, reestimate
@@ -21,9 +19,8 @@ if TYPE_CHECKING:
 __all__ = ["LiveEstimate", "Run", "UserError", "live", "load", "reestimate", "run", "scenario", "simulate"]
 
 VERSION = "0.2.0"
-_COMMIT = commit(Path(__file__).parents[1])
 
-__version__ = f"{VERSION}+g{_COMMIT}" if _COMMIT else VERSION
+__version__: str
 """The version, with the commit in a checkout."""
 
 _HOMES = {
@@ -40,6 +37,10 @@ _HOMES = {
 
 
 def __getattr__(name: str) -> object:
+    if name == "__version__":
+        found = import_module(f"{__name__}.checkout").here()
+        globals()[name] = version = f"{VERSION}+g{found}" if found else VERSION
+        return version
     if name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)

@@ -7,6 +7,11 @@ from pathlib import Path
 _SHORT = 9
 
 
+def here() -> str:
+    """The commit of the checkout that this package is in; empty where it is in none."""
+    return commit(Path(__file__).parents[1])
+
+
 def commit(root: Path) -> str:
     """The abbreviated commit of a Git checkout, read without Git; empty where a folder is none."""
     try:

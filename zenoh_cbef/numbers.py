@@ -1,9 +1,12 @@
-"""How numbers are written for people to read."""
+"""How numbers are written for people to read, and the limit of one that people give."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from math import isfinite
+
+MOST_SKIPPED = 0.99
+"""The largest share of steps that errors may leave out at the start."""
 
 
 def number(value: float | None, unit: str = "", *, nothing: str = "-") -> str:

@@ -25,9 +25,15 @@ def whole(output: Path) -> Iterator[Path]:
 
     Where the block fails nothing is left, and what was there before stays. Raises UserError for an OSError.
     """
-    with writing(output, "make room, or choose another --output"):
-        output.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(prefix=".export-", dir=output.parent) as folder:
-            fresh = Path(folder) / output.name
-            yield fresh
-            fresh.replace(output)
+    with writing(output, "make room, or choose another --output"), replacing(output) as fresh:
+        yield fresh
+
+
+@contextmanager
+def replacing(output: Path) -> Iterator[Path]:
+    """As `whole`, for callers with a remedy of their own. Raises OSError."""
+    output.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix=".export-", dir=output.parent) as folder:
+        fresh = Path(folder) / output.name
+        yield fresh
+        fresh.replace(output)

@@ -64,6 +64,7 @@ def trace_of(**scenario: Any) -> Trace:
 
 
 def page_of(analysis: Analysis, folder: Path) -> Page:
+    folder.mkdir(exist_ok=True)
     write_report(analysis, folder / "report.html")
     page = Page((folder / "report.html").read_text(encoding="utf-8"))
     assert page.open == []

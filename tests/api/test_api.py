@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,6 +15,7 @@ import zenoh_cbef as zc
 from tests.within import within
 from zenoh_cbef.log.read.trace import read_trace
 
+_GOLDEN = Path(__file__).parents[1] / "golden" / "sicf.mcap"
 SMALL: dict[str, object] = {"steps": 30, "agents.count": 4, "network.graph": "ring", "consensus.rounds": 3}
 
 
@@ -68,6 +71,7 @@ def test_a_scenario_can_be_changed_again_also_with_arrays_and_faults() -> None:
         ("trakcing", {}, "did you mean 'tracking'"),
         ("tracking", {"consensus.round": 5}, "rounds"),
         ("tracking", {"seed.more": 5}, "not a table"),
+        (Path(__file__).parents[2] / "docs", {}, "docs is a folder; name the file of the scenario"),
     ],
 )
 def test_a_mistake_is_one_sentence_with_the_remedy(what, values, said) -> None:
@@ -103,6 +107,35 @@ def test_a_report_is_written(run: zc.Run, tmp_path: Path) -> None:
     assert "tracking" in run.report(tmp_path / "page.html").read_text()
     with pytest.raises(zc.UserError, match="choose another path"):
         run.report("/proc/nothing.html")
+    with pytest.raises(zc.UserError, match="make its folder, or choose another path"):
+        run.report(tmp_path / "none" / "page.html")
+    assert not (tmp_path / "none").exists()
+
+
+def _any(value: Any) -> Any:
+    return value
+
+
+@pytest.mark.parametrize(
+    ("call", "said"),
+    [
+        (lambda _: zc.load(_any(3)), "3 is no path of a log; give a text"),
+        (lambda _: zc.reestimate(_any(None)), "None is no path of a log"),
+        (lambda run: run.report(3), "3 is no path of a page"),
+        (lambda run: run.scored(1.5), "skip must be a share of steps from 0 to 0.99, not 1.5"),
+        (lambda run: run.scored("half"), "not 'half'"),
+        (lambda _: zc.load(_GOLDEN, skip=2), "skip must be a share"),
+    ],
+)
+def test_a_wrong_argument_is_one_sentence(run: zc.Run, call: Callable[[Any], object], said: str) -> None:
+    with pytest.raises(zc.UserError, match=said):
+        call(run)
+
+
+def test_metrics_are_printed_in_a_line(run: zc.Run) -> None:
+    assert str(run.metrics).startswith(f"<Metrics of tracking: sicf, {run.metrics.agents} agents, ")
+    assert f"position RMSE {run.metrics.position_rmse:.4g} m" in str(run.metrics)
+    assert len(str(run.metrics)) < 200
 
 
 def test_a_log_is_read_and_estimated_again(tmp_path: Path) -> None:

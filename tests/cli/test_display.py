@@ -65,7 +65,11 @@ def test_work_that_takes_long_is_told_in_lines_where_there_is_no_terminal(capsys
         done(1)
         monkeypatch.setattr(progress, "_SECONDS", 0.0)
         done(20)
-    assert capsys.readouterr().err == "simulating: 20 of 30\n"
+        monkeypatch.setattr(progress, "_SECONDS", 1e9)
+        done(29)
+        done(30)
+        done(30)
+    assert capsys.readouterr().err == "simulating: 20 of 30\nsimulating: 30 of 30\n"
 
 
 def test_every_ctrl_c_of_a_run_is_counted_and_ends_nothing():

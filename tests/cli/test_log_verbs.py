@@ -86,11 +86,14 @@ def test_what_cat_prints_is_one_object_a_line(folder: Path) -> None:
     assert all(line["data"]["from"] == "agent/1" for line in shown)
 
 
-def test_cat_says_where_nothing_matches(folder: Path) -> None:
+def test_cat_and_filter_say_where_nothing_matches(folder: Path) -> None:
     nothing = within(folder, "cat", "whole.mcap", "-y", "no/such/topic")
     assert (nothing.returncode, nothing.stdout) == (0, "")
     assert "'zenoh-cbef info whole.mcap' has its topics" in nothing.stderr
     assert within(folder, "cat", "whole.mcap", "-y", "cbef/made/agent/1/.*").stderr == ""
+    nothing = within(folder, "filter", "whole.mcap", "-y", "no/such/topic", "-o", "nothing.mcap")
+    assert nothing.returncode == 0
+    assert "'zenoh-cbef info whole.mcap' has its topics" in nothing.stderr
 
 
 @pytest.mark.parametrize("verb", ["check", "info", "recover"])

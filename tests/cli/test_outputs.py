@@ -163,6 +163,35 @@ def test_what_was_asked_for_and_cannot_be_written_is_a_mistake_after_the_table(m
     assert "cannot write ../logs/one/timeline.html" in err
 
 
+@pytest.mark.usefixtures("place")
+def test_a_figure_that_cannot_be_written_costs_neither_the_table_nor_the_report(monkeypatch, capsys):
+    (Path("../logs/one/figures") / "innovation.png").mkdir(parents=True)
+    status, out, err = call(monkeypatch, capsys, "analyze", "../logs/one", "--report")
+    assert status == 2
+    assert "position RMSE" in out
+    assert Path("../logs/one/report.html").is_file()
+    assert "cannot write ../logs/one/figures: Is a directory; name another folder with --output" in err
+
+
+@pytest.mark.usefixtures("place")
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        ("sim tracking --set steps=3 -o in-the-way/out.npz", "position RMSE"),
+        ("experiment small.toml -o out --force --jobs 1", "verdict met"),
+        ("experiment small.toml -o out --force --jobs 1 --json", '"verdict": "met"'),
+    ],
+)
+def test_what_was_computed_is_told_before_it_is_written(monkeypatch, capsys, words, told):
+    Path("in-the-way").write_text("")
+    Path("out/results.csv").mkdir(parents=True)
+    Path("small.toml").write_text("seeds = 1\n[set]\nsteps = 3\n")
+    status, out, err = call(monkeypatch, capsys, *words.split())
+    assert status == 2
+    assert told in out
+    assert "cannot write" in err
+
+
 def test_compare_leaves_out_what_is_no_log_and_names_it(monkeypatch, capsys, place):
     logs = place / "logs"
     (logs / "empty").mkdir()

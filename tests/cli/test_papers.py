@@ -12,7 +12,12 @@ from xml.etree import ElementTree as ET
 
 import pytest
 
+from tests.cli.command_line import call
 from tests.within import within
+from zenoh_cbef.analysis.typeset import latex
+from zenoh_cbef.experiment.figures import written_value
+from zenoh_cbef.pages.parts import Table
+from zenoh_cbef.plain import Json
 
 GOLDEN = Path(__file__).parents[1] / "golden"
 
@@ -26,6 +31,14 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         shutil.copy(GOLDEN / f"{log}.mcap", place / "logs" / name / "run.mcap")
     assert within(place, "analyze", "second").returncode == 0
     return place
+
+
+@pytest.fixture
+def old(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A run in logs/ of a folder where the test is."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "logs" / "old").mkdir(parents=True)
+    shutil.copy(GOLDEN / "loss.mcap", tmp_path / "logs" / "old" / "run.mcap")
 
 
 @pytest.mark.slow
@@ -54,6 +67,7 @@ def test_a_figure_says_in_each_format_what_made_it(folder: Path, monkeypatch: py
         (["--style", "no-such-style"], "name another"),
         (["--only", "nix"], "there are innovation"),
         (["--label", "time"], "TEXT=WORDS"),
+        (["--only", "msee", "--label", "time (sec)=t"], "did you mean 'time (s)'?"),
     ],
 )
 def test_a_mistake_is_one_sentence(folder: Path, options: list[str], said: str) -> None:
@@ -70,6 +84,9 @@ def test_runs_are_found_tagged_compared_and_deleted(folder: Path) -> None:
     assert not (folder / "logs" / "first" / "metrics.json").exists()
     assert names() == ["first", "second"]
     assert names("--filter", "cbef") == ["first"]
+    nothing = within(folder, "runs", "list", "--filter", "foo", "--json")
+    assert (nothing.returncode, json.loads(nothing.stdout)) == (0, [])
+    assert nothing.stderr == "note: no run in logs/ has the filter 'foo'; they have cbef and sicf\n"
     assert names("--fault", "crash") == ["second"]
     assert names("--result", "unknown") == []  # its log says what came of it
     assert names("--result", "lost", "--scenario", "cbef") == ["first"]
@@ -92,6 +109,23 @@ def test_runs_are_found_tagged_compared_and_deleted(folder: Path) -> None:
     assert json.loads(within(folder, "runs", "show", "second").stdout)["agents"] > 0
 
 
+@pytest.mark.parametrize(
+    ("answer", "status", "said"),
+    [
+        ("", 2, "nothing was deleted, as no answer came; in a script give --yes"),
+        ("n\n", 1, "nothing was deleted"),
+        ("y\n", 0, ""),
+    ],
+)
+@pytest.mark.usefixtures("old")
+def test_a_run_is_deleted_only_where_the_user_agrees(monkeypatch, capsys, answer, status, said):
+    monkeypatch.setattr("sys.stdin", io.StringIO(answer))
+    found, _, err = call(monkeypatch, capsys, "runs", "rm", "old")
+    assert found == status
+    assert said in err
+    assert Path("logs/old").exists() == (status != 0)
+
+
 def test_tables_are_latex_or_csv(folder: Path) -> None:
     text = within(folder, "compare", "first", "second", "--table", "latex").stdout
     rows = [line for line in text.splitlines() if line.endswith(r"\\")]
@@ -103,6 +137,24 @@ def test_tables_are_latex_or_csv(folder: Path) -> None:
     table = list(csv.reader(io.StringIO(within(folder, "analyze", "first", "--table", "csv").stdout)))
     assert table[0][1:] == ["network", "centralised", "bound", "network / centralised"]
     assert table[1][0] == "position RMSE (m)"
+
+
+def test_no_row_of_latex_begins_with_what_the_row_above_takes_for_its_own() -> None:
+    text = latex(Table("", ["[a]", "b"], [["[]", "1"], ["*", "2"], ["c", "[3]"]]))
+    assert text.splitlines()[-7:] == [
+        r"{}[a] & b \\",
+        r"\midrule",
+        r"{}[] & 1 \\",
+        r"{}* & 2 \\",
+        r"c & [3] \\",
+        r"\bottomrule",
+        r"\end{tabular}",
+    ]
+
+
+@pytest.mark.parametrize(("value", "words"), [([], "none"), ([{"kind": "loss"}], "loss"), (0, "0"), (False, "false")])
+def test_no_fault_is_told_as_none(value: Json, words: str) -> None:
+    assert written_value(value) == words
 
 
 @pytest.mark.slow

@@ -132,6 +132,8 @@ def test_the_exit_status_is_the_verdict(monkeypatch, capsys, tmp_path, rules, ve
     [
         ([], "did you mean 'ratio_to_centralized'"),
         (["--table", "csv", "--metric", "nope"], "--metric 'nope' is no number that runs have; docs/"),
+        (["--table", "csv", "--metric", "seed"], "--metric 'seed' is no number that runs have"),
+        (["--table", "csv", "--metric", "msee"], "did you mean 'msee.average'?"),
     ],
 )
 def test_a_wrong_name_of_a_number_is_refused_before_anything_runs(monkeypatch, capsys, tmp_path, options, said):
@@ -161,6 +163,11 @@ def test_a_cell_that_cannot_run_is_reported_and_the_rest_goes_on(monkeypatch, ca
     assert sum(bool(row["error"]) for row in rows_of(tmp_path)) == 6
     assert run(monkeypatch, capsys, tmp_path, bad)[0] == 2
     assert run(monkeypatch, capsys, tmp_path, bad + expect("agents", "at_most = 4"))[0] == 2
+
+
+def test_medians_are_said_to_be_of_the_runs_that_succeeded(monkeypatch, capsys, tmp_path):
+    text = 'seeds = 2\n[set]\nsteps = 5\n[[vary]]\nkey = "consensus.rounds"\nvalues = [2, -1]\n'
+    assert "mine: medians of 2 runs, 2 more failed" in run(monkeypatch, capsys, tmp_path, text)[1]
 
 
 def test_a_seed_that_cannot_run_fails_alone(monkeypatch, capsys, tmp_path):
@@ -193,6 +200,31 @@ def test_finished_runs_are_not_done_again_and_what_is_missing_is(monkeypatch, ca
     assert "123.0" not in {row["position_rmse"] for row in _rows(run, monkeypatch, capsys, tmp_path, "seeds = [2]")}
     run(monkeypatch, capsys, tmp_path, SMALL.replace("steps = 12", "steps = 13"))
     assert "123.0" not in {row["position_rmse"] for row in rows_of(tmp_path)}
+
+
+def test_an_experiment_writes_over_no_other_ones_results_but_over_its_own(monkeypatch, capsys, tmp_path):
+    text = SMALL.replace("seeds = 3", "seeds = 1")
+    assert run(monkeypatch, capsys, tmp_path, text)[0] == 0
+    first = (tmp_path / "out" / "results.csv").read_bytes()
+    (tmp_path / "other.toml").write_text(text)
+    said = "out holds the results of another experiment (mine of tracking, over fault.0.probability and"
+    for name, changed in (("other", text), ("mine", text.replace('"tracking"', '"paper"')), ("mine", _OTHER_KEY)):
+        (tmp_path / f"{name}.toml").write_text(changed)
+        for command in (["run"], ["run", "--shard", "1/2"], ["join"]):
+            status, _, err = call(monkeypatch, capsys, "experiment", *command, f"{name}.toml", "-o", "out")
+            assert status == 2
+            assert said in err
+    assert (tmp_path / "out" / "results.csv").read_bytes() == first
+    assert run(monkeypatch, capsys, tmp_path, text.replace("[2, 5]", "[2, 3, 5]"))[0] == 0
+    assert len(rows_of(tmp_path)) == 6
+    fewer = run(monkeypatch, capsys, tmp_path, text)
+    assert fewer[0] == 0
+    assert "note: the results were of 6 runs, and are of 4 now; finished.jsonl keeps the others" in fewer[2]
+    assert call(monkeypatch, capsys, "experiment", "other.toml", "-o", "out", "--force")[0] == 0
+    assert summary_of(tmp_path)["experiment"] == "other"
+
+
+_OTHER_KEY = 'seeds = 1\n[set]\nsteps = 5\n[[vary]]\nkey = "agents.count"\nvalues = [4]\n'
 
 
 def _rows(run, monkeypatch, capsys, folder: Path, seeds: str) -> list[dict[str, str]]:

@@ -203,3 +203,11 @@ def test_an_override_of_a_fault_that_is_not_there_says_which_are(key, words):
     with pytest.raises(UserError) as refused:
         load("tracking", [faults, f"{key}=0.2"])
     assert words in str(refused.value)
+
+
+def test_a_folder_is_told_as_that_with_the_file_in_it(tmp_path):
+    (tmp_path / "other.toml").write_text("")
+    for name in ("other.toml", "scenario.toml"):
+        (tmp_path / name).write_text("")
+        with pytest.raises(UserError, match=rf"is a folder; did you mean '.*{name}'\?"):
+            load(str(tmp_path))

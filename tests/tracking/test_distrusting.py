@@ -138,7 +138,7 @@ def test_the_network_is_better_off_and_says_who_was_wrong(tmp_path):
     assert found is not None
     many = replace(found, agents=[0.0, *np.linspace(0.01, 0.2, 20)])
     page.print(metrics_table(replace(runs[0].metrics, distrust=many)))
-    assert re.search(r"20: 20%, 19: 19%, .* and 12 more", text.getvalue())
+    assert re.search(r"20: 20% of the steps, 19: 19%, .* and 12 more", text.getvalue())
     assert "steps of distrust (%)" in (tmp_path / "report.html").read_text()
     for run in runs:
         told = run.metrics.distrust

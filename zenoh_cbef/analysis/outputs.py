@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import json
 from pathlib import Path
 
@@ -10,33 +9,37 @@ from zenoh_cbef.analysis.metrics import Analysis
 from zenoh_cbef.analysis.report import write_report
 from zenoh_cbef.analysis.typeset import write_figures
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.extras import MissingExtra
+from zenoh_cbef.writing import replacing, writing
 
-_FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
 METRICS, REPORT, FIGURES = "metrics.json", "report.html", "figures"
 
 
-def write_outputs(analysis: Analysis, folder: Path, prefix: str = "", *, report: bool) -> list[UserError]:
+def write_outputs(
+    analysis: Analysis, folder: Path, prefix: str = "", *, report: bool, remedy: str = "choose another folder"
+) -> list[UserError]:
     """Write metrics.json and, where wanted, report.html and figures/ into a folder, their names behind a prefix.
 
-    Returns what could not be written, each as a sentence: a package is missing, or the folder cannot be written into.
+    Returns what could not be written, each as a sentence: a package is missing, or the folder cannot be written into,
+    for which the caller knows the remedy.
     """
     failed: list[UserError] = []
-    for write, name in ((_write_metrics, METRICS), (write_report, REPORT), (write_figures, FIGURES)):
+    for write, name in ((_write_metrics, METRICS), (_write_report, REPORT), (write_figures, FIGURES)):
         if not report and name != METRICS:
             continue
         path = folder / f"{prefix}{name}"
         try:
-            folder.mkdir(parents=True, exist_ok=True)
-            write(analysis, path)
-        except MissingExtra as error:
+            with writing(path, remedy):
+                write(analysis, path)
+        except UserError as error:
             failed.append(error)
-        except OSError as error:
-            if error.errno in _FULL and path.is_file():
-                path.unlink()  # half a file would be taken for a whole one
-            failed.append(UserError(f"cannot write {path}: {error.strerror}; name another folder with --output"))
     return failed
 
 
 def _write_metrics(analysis: Analysis, path: Path) -> None:
-    path.write_text(json.dumps(analysis.metrics.as_json(), indent=1) + "\n", encoding="utf-8")
+    with replacing(path) as fresh:
+        fresh.write_text(json.dumps(analysis.metrics.as_json(), indent=1) + "\n", encoding="utf-8")
+
+
+def _write_report(analysis: Analysis, path: Path) -> None:
+    with replacing(path) as fresh:
+        write_report(analysis, fresh)

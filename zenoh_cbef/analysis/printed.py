@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from zenoh_cbef.analysis.categories import height_of_map, name_categories, side_by_side
 from zenoh_cbef.analysis.figures import INK, MUTED
 from zenoh_cbef.analysis.legends import legend_below
 from zenoh_cbef.analysis.plot_values import numbers_of, rgba_of, values_of
@@ -25,6 +26,8 @@ if TYPE_CHECKING:
 
 _WHAT = "the folder of figures"
 _HEIGHT = 2.6 / 3.5
+_LEGEND = 0.5
+"""Inches of a legend that needs no more height."""
 _MOST_NAMED = 8
 _MOST_ARROWS = 400
 _POINTS = 0.6
@@ -50,19 +53,23 @@ _COLUMN: dict[str, float | str] = {
 
 @dataclass(frozen=True)
 class Style:
-    """How figures look on paper. width, height: inches; without a height three quarters of the width.
+    """How figures look on paper. width, height: inches.
 
-    sheets: styles of matplotlib, by name or file, over the usual one. labels: other words for axes and legends.
+    Without a height it is three quarters of the width, and more where a map or a legend has many rows. sheets: styles
+    of matplotlib, by name or file, over the usual one. labels: other words for axes and legends. met: the words that
+    the figures drawn so far have of their own.
     """
 
     width: float = 3.5
     height: float | None = None
     sheets: Sequence[str] = ()
     labels: Mapping[str, str] = field(default_factory=dict)
+    met: set[str] = field(default_factory=set, compare=False)
 
     def word(self, text: str) -> str:
         """A label as the reader is to see it; two dollar signs in it would be read as a formula."""
         plain = html.unescape(text).replace("<br>", "\n")
+        self.met.add(plain)
         return self.labels.get(plain, plain).replace("$", r"\$") if plain not in self.labels else self.labels[plain]
 
 
@@ -77,7 +84,7 @@ def drawn(plot: Plot, style: Style = PLAIN) -> Figure:
             sheets.use(list(style.sheets))
         except (OSError, ValueError) as error:
             raise UserError(f"no style of matplotlib can be had: {str(error).splitlines()[0]}; name another") from None
-        size = style.width, style.height or style.width * _HEIGHT
+        size = style.width, style.height or max(style.width * _HEIGHT, height_of_map(plot))
         figure: Figure = import_module("zenoh_cbef.analysis.picture").Picture(figsize=size, layout="constrained")
         solid = any(one["type"] == "scatter3d" for one in plot["data"])
         axes: Axes = _solid(figure, plot, style) if solid else _flat(figure, plot, style)
@@ -90,8 +97,9 @@ def drawn(plot: Plot, style: Style = PLAIN) -> Figure:
 def _flat(figure: Figure, plot: Plot, style: Style) -> Axes:
     axes = figure.add_subplot()
     _frame(axes, plot["layout"], style)
-    for one in plot["data"]:
+    for one in side_by_side(plot):
         (_heat if one["type"] == "heatmap" else _line)(axes, one, style)
+    name_categories(axes, plot, style.width, style.word)
     return axes
 
 
@@ -145,22 +153,15 @@ def _line(axes: Axes, one: Plot, style: Style) -> None:
         return
     name = style.word(one["name"]) if _is_named(one) else "_"
     if "lines" in mode:
-        axes.plot(
-            x,
-            y,
-            color=_colour(one),
-            linewidth=line.get("width", 2.0) * _POINTS,
-            linestyle=_DASHES[line.get("dash", "solid")],
-            marker="." if "markers" in mode else "",
-            markersize=2.5,
-            alpha=one.get("opacity"),
-            label=name,
-        )
-        if error := one.get("error_y"):
-            reach = np.array([error["arrayminus"], error["array"]], dtype=np.float64)
-            axes.errorbar(x, y, yerr=reach, fmt="none", ecolor=_colour(one), elinewidth=0.6, capsize=1.5)
+        dash, width = _DASHES[line.get("dash", "solid")], line.get("width", 2.0) * _POINTS
+        look: Plot = {"color": _colour(one), "linewidth": width, "linestyle": dash, "alpha": one.get("opacity")}
+        axes.plot(x, y, marker="." if "markers" in mode else "", markersize=2.5, label=name, **look)
     elif "markers" in mode:
-        axes.scatter(x, y, s=_area(marker), c=_colours(marker), marker=_symbol(marker), label=name, zorder=3)
+        colours = _colours(marker, _colour(one))
+        axes.scatter(x, y, s=_area(marker), c=colours, marker=_symbol(marker), label=name, zorder=3)
+    if error := one.get("error_y"):
+        reach = np.array([error["arrayminus"], error["array"]], dtype=np.float64)
+        axes.errorbar(x, y, yerr=reach, fmt="none", ecolor=_colour(one), elinewidth=0.6, capsize=1.5)
     if "text" in mode:
         _names(axes, one, style)
 
@@ -168,8 +169,7 @@ def _line(axes: Axes, one: Plot, style: Style) -> None:
 def _names(axes: Axes, one: Plot, style: Style) -> None:
     """Names beside or above their markers, whole also at the edge of a plot."""
     away, above = 0.5 * _area(one.get("marker", {})) ** 0.5 + 1.5, one.get("textposition") == "top center"
-    place: Plot = {"xytext": (0.0, away), "ha": "center", "va": "bottom"}
-    place = place if above else {"xytext": (away, 0.0), "va": "center"}
+    place: Plot = {"xytext": (0.0, away), "ha": "center"} if above else {"xytext": (away, 0.0), "va": "center"}
     for x, y, text in zip(values_of(one["x"]), values_of(one["y"]), one["text"], strict=True):
         axes.annotate(style.word(text), (x, y), textcoords="offset points", fontsize="x-small", zorder=4, **place)
 
@@ -193,8 +193,8 @@ def _area(marker: Plot) -> float:
     return float((marker.get("size", 6) * _POINTS) ** 2)
 
 
-def _colours(marker: Plot) -> list[str] | str:
-    found: list[str] | str = marker.get("color") or marker.get("line", {}).get("color") or INK
+def _colours(marker: Plot, otherwise: str = INK) -> list[str] | str:
+    found: list[str] | str = marker.get("color") or marker.get("line", {}).get("color") or otherwise
     return found
 
 
@@ -287,3 +287,6 @@ def _legend(figure: Figure, axes: Axes, plot: Plot, style: Style) -> None:
     others, labels = axes.get_legend_handles_labels()
     if plot["layout"].get("showlegend") is not False and (names or labels):
         legend_below(figure, [*handles, *others], [*names, *labels])
+        tall = figure.legends[-1].get_window_extent().height / figure.dpi - _LEGEND
+        if style.height is None and tall > 0.0:
+            figure.set_figheight(figure.get_figheight() + tall)

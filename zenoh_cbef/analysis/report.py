@@ -69,7 +69,6 @@ def write_report(analysis: Analysis, path: Path) -> None:
         plotly=plotly.get_plotlyjs(),
         scene=replayed(analysis),
     )
-    path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(text, encoding="utf-8")
 
 

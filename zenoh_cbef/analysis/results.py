@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 
+from zenoh_cbef.numbers import number
 from zenoh_cbef.plain import Json
 from zenoh_cbef.tracking.compact import Precision
+from zenoh_cbef.words import counted
 
 Number = float | None
 """None where the run has nothing to compute it from."""
@@ -170,7 +172,7 @@ class LinkTotals:
     duplicated: int
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Metrics:
     """What a run achieved. RMSE, NEES, NIS and disagreement are of the scored window, which `skip` steps precede.
 
@@ -229,6 +231,15 @@ class Metrics:
     gaps: Mapping[str, list[tuple[int, int]]]
     links: list[LinkMetrics]
     links_total: LinkTotals
+
+    def __repr__(self) -> str:
+        """What matters most, in a line: all of it is several screens."""
+        nees = number(None if self.nees is None else self.nees.average)
+        return (
+            f"<Metrics of {self.run}: {self.filter}, {counted(self.agents, 'agent')}, {counted(self.steps, 'step')}, "
+            f"position RMSE {number(self.position_rmse, 'm')}, ratio to centralised "
+            f"{number(self.ratio_to_centralized)}, NEES {nees}; as_json() has all>"
+        )
 
     def as_json(self) -> dict[str, Json]:
         """The metrics as `analyze --json` prints them."""

@@ -17,7 +17,7 @@ from zenoh_cbef.analysis.plots import time_plot
 from zenoh_cbef.analysis.printed import drawn
 from zenoh_cbef.extras import from_extra
 from zenoh_cbef.pages.parts import Table
-from zenoh_cbef.writing import writing
+from zenoh_cbef.writing import replacing
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -54,7 +54,10 @@ def write_figures(analysis: Analysis, folder: Path) -> list[Path]:
 
 
 def save(figure: Figure, path: Path, kind: Format, title: str, command: str = "") -> Path:
-    """Write a figure; title and command stand in the file's metadata, with the version. Raises UserError."""
+    """Write a figure; title and command stand in the file's metadata, with the version.
+
+    Raises OSError where it cannot be, and then leaves no half of it.
+    """
     made = f"zenoh-cbef {__version__}"
     metadata: dict[str, dict[str, str | None]] = {
         "pdf": {"Title": title, "Creator": made, "Subject": command, "CreationDate": None, "ModDate": None},
@@ -62,12 +65,12 @@ def save(figure: Figure, path: Path, kind: Format, title: str, command: str = ""
         "png": {"Title": title, "Software": made, "Description": command},
     }
     same = from_extra("matplotlib", _WHAT).rc_context({"svg.hashsalt": "zenoh-cbef", "svg.fonttype": "path"})
-    with same, writing(path):
+    with same, replacing(path) as fresh:
         if kind == "pgf":
-            path.write_text(_pgf(figure, [title, made, command]), encoding="utf-8")
+            fresh.write_text(_pgf(figure, [title, made, command]), encoding="utf-8")
         else:
             told = {name: value for name, value in metadata[kind].items() if value != ""}
-            figure.savefig(path, format=kind, dpi=_DPI, metadata=told)
+            figure.savefig(fresh, format=kind, dpi=_DPI, metadata=told)
     figure.set_layout_engine("none")  # The layout is that of the first file, and takes half of the time.
     return path
 
@@ -114,7 +117,9 @@ def latex(table: Table, command: str = "") -> str:
 
 
 def _row(cells: Sequence[str]) -> str:
-    return " & ".join("".join(_SPECIAL.get(one, one) for one in cell) for cell in cells) + r" \\"
+    text = " & ".join("".join(_SPECIAL.get(one, one) for one in cell) for cell in cells)
+    # After the \\ or \midrule of the row above, these would be an option of it.
+    return ("{}" if text.startswith(("[", "*")) else "") + text + r" \\"
 
 
 def comma_separated(table: Table) -> str:

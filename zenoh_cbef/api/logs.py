@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from zenoh_cbef.api.paths import path_of
 from zenoh_cbef.api.run import Run
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.prove.reestimate import reestimate as _reestimate
@@ -21,7 +22,7 @@ def load(log: str | Path = "logs/latest", /, *, smooth: bool = False, skip: floa
     smooth: with the path that all measurements of the run give. skip: the share of steps that errors leave out at the
     start. Raises UserError where there is no log of a run.
     """
-    path = find_log(Path(log))
+    path = find_log(path_of(log, "a log"))
     trace = read_trace(path)
     return Run(smoothed_trace(trace, path)[0] if smooth else trace, path, skip)
 
@@ -39,12 +40,12 @@ def reestimate(
     output: the log that is written; None: in a folder of its own in logs/. run: its name. values: by their keys, as in
     **{"filter.kind": "icf"}. Raises UserError with the remedy.
     """
-    log = source.log if isinstance(source, Run) else Path(source)
+    log = source.log if isinstance(source, Run) else path_of(source, "a log")
     if log is None:
         raise UserError("a simulated run has no log; simulate it again with other values, or use zenoh_cbef.run")
     found = read_measurements(log)
     loaded = found.loaded((), values)
     name = f"{found.header.run}-{loaded.scenario.filter.kind}" if run is None else checked(run, "run")
-    with place_of_log(name, None if output is None else Path(output)) as path:
+    with place_of_log(name, None if output is None else path_of(output, "a log")) as path:
         _reestimate(found, loaded, name, path)
     return load(path)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from numbers import Real
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,8 +12,11 @@ from zenoh_cbef.analysis.metrics import Analysis, analyze
 from zenoh_cbef.analysis.report import write_report
 from zenoh_cbef.analysis.results import Metrics
 from zenoh_cbef.api.frames import to_pandas, to_xarray
+from zenoh_cbef.api.paths import path_of
 from zenoh_cbef.api.plotting import Plots
 from zenoh_cbef.arrays import Floats
+from zenoh_cbef.errors import UserError
+from zenoh_cbef.numbers import MOST_SKIPPED
 from zenoh_cbef.scenario import Scenario
 from zenoh_cbef.trace import Trace
 from zenoh_cbef.viewers.arrays import Array, arrays_of
@@ -34,6 +38,11 @@ class Run:
     trace: Trace
     log: Path | None = None
     skip: float = 0.25
+
+    def __post_init__(self) -> None:
+        """Raise UserError for a skip that is no share."""
+        if not (isinstance(self.skip, Real) and 0.0 <= self.skip <= MOST_SKIPPED):
+            raise UserError(f"skip must be a share of steps from 0 to {MOST_SKIPPED}, not {self.skip!r}; 0.25 is usual")
 
     def __repr__(self) -> str:
         count, steps = self.ranges.shape
@@ -106,7 +115,7 @@ class Run:
         return self.analysis.metrics
 
     def scored(self, skip: float) -> Run:
-        """The same run, with another share of steps left out at the start."""
+        """The same run, with another share of steps left out at the start. Raises UserError where it is none."""
         return replace(self, skip=skip)
 
     @property
@@ -129,7 +138,7 @@ class Run:
 
     def report(self, path: str | Path = "report.html") -> Path:
         """Write one page that opens anywhere, offline; returns its path. Raises UserError where it cannot be."""
-        page = Path(path)
-        with writing(page, "choose another path"):
+        page = path_of(path, "a page")
+        with writing(page, "make its folder, or choose another path"):
             write_report(self.analysis, page)
         return page

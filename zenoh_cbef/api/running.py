@@ -8,6 +8,7 @@ from datetime import datetime
 from pathlib import Path
 
 from zenoh_cbef.api.logs import load
+from zenoh_cbef.api.paths import path_of
 from zenoh_cbef.api.run import Run
 from zenoh_cbef.api.simulating import warn_of
 from zenoh_cbef.errors import UserError
@@ -42,7 +43,7 @@ def run(
     refuse_a_trace_beyond_memory(loaded.plan)
     require(links=loaded.scenario.count + 1, processes=loaded.scenario.count + 2)
     name = f"{loaded.scenario.name}-{datetime.now().astimezone():%Y%m%d-%H%M%S}" if run is None else checked(run, "run")
-    with place_of_log(name, None if log is None else Path(log)) as path:
+    with place_of_log(name, None if log is None else path_of(log, "a log")) as path:
         if path.exists():
             raise UserError(f"{path} exists and logs are never overwritten; choose another log, or move it away")
         _execute(loaded, name if log is not None else path.parent.name, path, progress)

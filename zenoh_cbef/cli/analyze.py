@@ -50,16 +50,18 @@ def _analyze(
     failed: list[UserError] = []
     default = beside(log, METRICS)
     prefix = default.name.removesuffix(METRICS) if own else ""
-    if not (as_json or as_table) or output or report:
-        failed = write_outputs(analysis, output or default.parent, prefix, report=report)
+    # What was found is told before anything is written that may fail.
     if as_json:
         print(json.dumps(analysis.metrics.as_json()))
     elif as_table:
         print(as_table.text(errors_table(analysis)), end="")
     else:
         console.print(metrics_table(analysis.metrics))
-        page = (output or default.parent) / f"{prefix}{REPORT}"
-        if report and page.exists():
+    if not (as_json or as_table) or output or report:
+        folder = output or default.parent
+        failed = write_outputs(analysis, folder, prefix, report=report, remedy="name another folder with --output")
+        page = folder / f"{prefix}{REPORT}"
+        if report and page.exists() and not (as_json or as_table):
             console.print(f"report  {page}", highlight=False, soft_wrap=True)
     tell_what_lacks(notes(analysis.metrics))
     # An output that the user asked for and that cannot be written is a mistake; of the others a note is enough.

@@ -8,7 +8,7 @@ from pathlib import Path
 import typer
 
 from zenoh_cbef.cli.calling.offer import verb
-from zenoh_cbef.cli.options.choosing import LOSSY, selection_of
+from zenoh_cbef.cli.options.choosing import LOSSY, nothing_matches, selection_of
 from zenoh_cbef.cli.options.shared import End, Exclude, Include, LogFile, Start
 from zenoh_cbef.cli.terminal.console import tell, warn
 from zenoh_cbef.log.read.parts import open_log
@@ -29,7 +29,7 @@ def _cat(
         sys.stdout.write(line + "\n")
         nothing = False
     if nothing:
-        tell(f"note: no message of the log matches; 'zenoh-cbef info {log}' has its topics and times")
+        tell(nothing_matches(log))
     warn(opened.damage)
     raise typer.Exit(LOSSY if opened.damage else 0)
 

@@ -28,7 +28,15 @@ from zenoh_cbef.experiment.figures import written_value
 from zenoh_cbef.experiment.file import Written, purposes, read_experiment, read_source
 from zenoh_cbef.experiment.journal import JOURNAL
 from zenoh_cbef.experiment.numbers import check_number
-from zenoh_cbef.experiment.page import RESULTS, limits_of, values_of, write_outputs
+from zenoh_cbef.experiment.page import (
+    RESULTS,
+    limits_of,
+    other_experiment,
+    runs_in,
+    summary_text,
+    values_of,
+    write_outputs,
+)
 from zenoh_cbef.experiment.results import CellSummary, Outcome, Summary
 from zenoh_cbef.experiment.shards import WHOLE, read_shard, shards_in
 from zenoh_cbef.experiment.summary import EXIT_STATUS, check_expectations, summarize
@@ -115,11 +123,10 @@ def _run(
     check_expectations(written, cells)
     part = WHOLE if shard is None else read_shard(shard)
     sweep = Sweep(experiment=written.experiment, cells=cells, skip=skip, jobs=jobs, dask=dask, tell=tell, shard=part)
-    folder = output or Path("experiments") / written.name
+    folder = _own(output, written, force=force)
     if shard is not None:
         _tell_shard(sweep, _swept(sweep, folder), folder)
         return
-    # A sweep goes on in its own folder, and takes no other's.
     own = force or (folder / JOURNAL).exists()
     folder = new_folder_of(folder, RESULTS, force=own)
     _conclude(written, sweep, _swept(sweep, folder), folder, printed)
@@ -140,9 +147,17 @@ def _join(
     written = read_experiment(what, _changes(seeds))
     sweep = Sweep(written.experiment, cells_of(written), skip)
     check_expectations(written, sweep.cells)
-    folder = output or Path("experiments") / written.name
+    folder = _own(output, written, force=force)
     folder = new_folder_of(folder, RESULTS, force=force or bool(shards_in(folder)))
     _conclude(written, sweep, sweep.joined(folder), folder, printed)
+
+
+def _own(output: Path | None, written: Written, *, force: bool) -> Path:
+    """The folder of an experiment, which goes on in its own one. Raises UserError for another's, without `force`."""
+    folder = output or Path("experiments") / written.name
+    if not force and (whose := other_experiment(folder, written)):
+        raise UserError(f"{folder} holds the results of {whose}; name another --output, or write over it with --force")
+    return folder
 
 
 def _changes(seeds: str | None) -> dict[str, object]:
@@ -197,21 +212,28 @@ class _Printed:
 
 def _conclude(written: Written, sweep: Sweep, outcomes: list[list[Outcome]], folder: Path, printed: _Printed) -> None:
     summary = summarize(written, sweep.cells, outcomes)
-    for sentence in write_outputs(summary, rows_of(sweep.cells, outcomes), written.source, folder):
-        tell(sentence)
+    # What was found is told before anything is written that may fail.
     if printed.as_json:
-        print((folder / "summary.json").read_text(encoding="utf-8"), end="")
+        print(summary_text(summary), end="")
     elif printed.as_table is not None:
         metric, most = printed.metric, FITTING if printed.as_table is Typesetting.latex else None
         table = results_table(summary, most) if metric is None else metric_table(summary, metric)
         print(printed.as_table.text(table), end="")
     else:
-        _tell(summary, folder)
+        _tell(summary)
+    if (before := runs_in(folder)) > summary.runs and (folder / JOURNAL).exists():
+        tell(f"note: the results were of {before} runs, and are of {summary.runs} now; {JOURNAL} keeps the others")
+    for sentence in write_outputs(summary, rows_of(sweep.cells, outcomes), written.source, folder):
+        tell(sentence)
+    if not (printed.as_json or printed.as_table):
+        console.print(f"page    {folder / 'index.html'}", highlight=False, soft_wrap=True)
     raise typer.Exit(EXIT_STATUS[summary.verdict])
 
 
-def _tell(summary: Summary, folder: Path) -> None:
-    table = Table(title=f"{summary.experiment}: medians of {counted(summary.runs, 'run')}", title_justify="left")
+def _tell(summary: Summary) -> None:
+    failed = f", {summary.failed} more failed" if summary.failed else ""
+    of = counted(summary.runs - summary.failed, "run")
+    table = Table(title=f"{summary.experiment}: medians of {of}{failed}", title_justify="left")
     for name in _short(summary.varied):
         table.add_column(name)
     metrics = {name: head for name, head in _COLUMNS.items() if any(name in one.metrics for one in summary.cells)}
@@ -235,7 +257,6 @@ def _tell(summary: Summary, folder: Path) -> None:
         if one.why:
             tell(f"{one.metric}: {one.why}")
     console.print(f"verdict {summary.verdict}", highlight=False)
-    console.print(f"page    {folder / 'index.html'}", highlight=False, soft_wrap=True)
 
 
 def _short(varied: Sequence[str]) -> list[str]:

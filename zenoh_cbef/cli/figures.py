@@ -5,6 +5,7 @@ from __future__ import annotations
 import shlex
 import sys
 from collections.abc import Iterator
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Annotated
 
@@ -27,6 +28,8 @@ from zenoh_cbef.log.read.parts import find_log
 from zenoh_cbef.log.read.trace import read_trace
 from zenoh_cbef.log.tools.collection import expanded
 from zenoh_cbef.pages.parts import Figure
+from zenoh_cbef.words import first_of
+from zenoh_cbef.writing import writing
 
 Sources = Annotated[
     list[Path],
@@ -66,12 +69,15 @@ def _figures(
             raise UserError(f"there is no figure {min(missing)!r}; there are {there}")
         names = [f"{one.name}.{kind}" for one in chosen for kind in kinds]
         folder = new_folder_of(output, names, force=force)
-        folder.mkdir(parents=True, exist_ok=True)
         command = shlex.join(["zenoh-cbef", *sys.argv[1:]])
-        for one in chosen:
-            picture = drawn(one.plot or {}, look)
+        pictures = [(one, drawn(one.plot or {}, look)) for one in chosen]
+        _check_labels(look)
+        folder.mkdir(parents=True, exist_ok=True)
+        for one, picture in pictures:
             for kind in kinds:
-                typer.echo(save(picture, folder / f"{one.name}.{kind}", kind, one.title, command))
+                path = folder / f"{one.name}.{kind}"
+                with writing(path):
+                    typer.echo(save(picture, path, kind, one.title, command))
 
 
 def _found(sources: list[Path], skip: float) -> Iterator[Figure]:
@@ -94,6 +100,16 @@ def _format(text: str) -> Format:
         if text == one:
             return one
     raise UserError(f"--format {text} is none of {', '.join(FORMATS)}; give one of these")
+
+
+def _check_labels(look: Style) -> None:
+    """Refuse other words for what none of the figures says."""
+    for one in look.labels:
+        if one not in look.met:
+            near = get_close_matches(one, look.met, 1)
+            said = sorted(word for word in look.met if word)
+            hint = f"did you mean {near[0]!r}?" if near else f"they say {first_of(list(map(repr, said)), 10)}"
+            raise UserError(f"--label {one!r} is no text of these figures; {hint}")
 
 
 def _pair(text: str) -> tuple[str, str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from pathlib import Path
 from typing import Annotated
 
@@ -11,6 +12,7 @@ from zenoh_cbef.cli.calling.offer import verb
 from zenoh_cbef.cli.options.completing import logs
 from zenoh_cbef.cli.options.shared import Compress, NewLog
 from zenoh_cbef.cli.terminal.console import tell, warn
+from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.common.naming import ACTIVE
 from zenoh_cbef.log.read.parts import find_log, open_log
 from zenoh_cbef.log.tools.collection import GOES_ON, goes_on
@@ -28,7 +30,9 @@ def _recover(log: Damaged, output: NewLog, compression: Compress = "zstd") -> No
     Exit status: 0 nothing was lost, 3 something was lost, 1 nothing could be recovered.
     """
     source = find_log(log)
-    growing = source.name.endswith(ACTIVE) and goes_on(open_log(source))
+    growing = False
+    with suppress(UserError):  # of a damaged head no run can be told
+        growing = source.name.endswith(ACTIVE) and goes_on(open_log(source))
     found = recover(source, output, compression, growing=growing)
     if growing:
         tell(f"note: {GOES_ON}")

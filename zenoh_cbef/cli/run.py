@@ -230,12 +230,14 @@ def _conclude(loaded: Loaded, path: Path, *, default: bool, report: bool) -> Non
         except OSError as error:
             failed.append(UserError(f"cannot write {folder / 'scenario.toml'}: {error.strerror}; make room"))
         _point_latest_at(folder)
-    analysis = analyze([read_trace(path)])[0]
-    if default or report:
-        with errors.status("analysing"):
-            failed += write_outputs(analysis, folder, page.name.removesuffix(REPORT), report=report)
+    with errors.status("analysing"):
+        analysis = analyze([read_trace(path)])[0]
     console.print(metrics_table(analysis.metrics))
     console.print(f"log     {path}", highlight=False, soft_wrap=True)
+    if default or report:
+        remedy = f"make room, or name another folder: zenoh-cbef analyze {path} --report --output DIR"
+        with errors.status("drawing"):
+            failed += write_outputs(analysis, folder, page.name.removesuffix(REPORT), report=report, remedy=remedy)
     if path.suffix == ACTIVE:
         tell(f"note: the log was not closed; 'zenoh-cbef recover {path} -o LOG' makes a whole one of what was written")
     if report and page.exists():

@@ -10,18 +10,21 @@ from typing import Annotated
 
 import typer
 from rich.table import Table
+from typer.exceptions import Abort
 
 from zenoh_cbef.cli.calling.offer import group
 from zenoh_cbef.cli.options.completing import logs
 from zenoh_cbef.cli.options.shared import AsJson
-from zenoh_cbef.cli.terminal.console import console, errors
+from zenoh_cbef.cli.terminal.console import console, errors, tell
 from zenoh_cbef.cli.terminal.fitting import Fitting
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.tools.collection import Kept, find_run, remove, runs, tag
 from zenoh_cbef.log.tools.judged import judged
 from zenoh_cbef.numbers import number
+from zenoh_cbef.words import first_of
 
 Names = Annotated[list[str], typer.Argument(metavar="RUN...", autocompletion=logs, help="Names of runs in logs/.")]
+_NOTHING_DONE = 1
 _RESULTS = ("complete", "stopped", "incomplete", "lost", "unknown")
 Sought = Annotated[str | None, typer.Option(help="Only runs of this one.")]
 
@@ -39,14 +42,14 @@ def _list(
     """List the runs in logs/, or those that are looked for; a run that was not analysed yet is analysed now."""
     if result is not None and result not in _RESULTS:
         raise UserError(f"no run has the result {result!r}; give one of {', '.join(_RESULTS)}")
-    chosen = [
-        one
-        for one in runs()
-        if scenario in {None, one.scenario}
-        and filter_ in {None, one.filter}
-        and (fault is None or fault in one.faults)
-        and (tagged is None or tagged in one.tags)
-    ]
+    every = runs()
+    sought = {"scenario": scenario, "filter": filter_, "fault": fault, "tag": tagged}
+    for what, name in sought.items():
+        there = sorted({each for one in every for each in _of(one)[what]})
+        if name is not None and name not in there:
+            known = first_of(there, 10) if there else "none"
+            tell(f"note: no run in logs/ has the {what} {name!r}; they have {known}")
+    chosen = [one for one in every if all(name is None or name in _of(one)[what] for what, name in sought.items())]
     found = [one for one in _judged(chosen) if result in {None, one.result}]
     if as_json:
         print(json.dumps([_told(one) for one in found]))
@@ -58,6 +61,11 @@ def _list(
         cells = one.scenario, one.filter, ", ".join(one.faults), one.result, number(one.rmse, "m")
         table.add_row(one.name, *cells, " ".join(f"@{each}" for each in one.tags))
     console.print(Fitting(table))
+
+
+def _of(run: Kept) -> dict[str, list[str]]:
+    """What runs are looked for by."""
+    return {"scenario": [run.scenario], "filter": [run.filter], "fault": run.faults, "tag": run.tags}
 
 
 def _show(names: Names) -> None:
@@ -93,10 +101,20 @@ def _rm(names: Names, yes: Annotated[bool, typer.Option("--yes", help="Do not as
     """Delete runs: their folders in logs/, with log, report and figures."""
     found = [find_run(name) for name in names]
     if not yes:
-        typer.confirm(f"delete {', '.join(str(Path('logs') / one.name) for one in found)}?", abort=True, err=True)
+        _ask(f"delete {', '.join(str(Path('logs') / one.name) for one in found)}?")
     for one in found:
         remove(one)
         typer.echo(f"{one.name} deleted")
+
+
+def _ask(question: str) -> None:
+    try:
+        agreed = typer.confirm(question, err=True)
+    except Abort:
+        raise UserError("nothing was deleted, as no answer came; in a script give --yes") from None
+    if not agreed:
+        tell("nothing was deleted")
+        raise typer.Exit(_NOTHING_DONE)
 
 
 VERB = group(

@@ -52,11 +52,11 @@ def _sim(
         return
     with bar("simulating", plan.scenario.length) as done:
         analysis = analyses_of([plan.scenario], skip, done)[0]
-    if output is not None:
-        export(analysis.trace, output, "npz")
     metrics = analysis.metrics
     print(json.dumps(metrics.as_json())) if as_json else console.print(metrics_table(metrics))
     tell_what_lacks(notes(metrics))
+    if output is not None:
+        export(analysis.trace, output, "npz")
 
 
 VERB = verb(_sim, "sim paper --seeds 20")

@@ -31,10 +31,12 @@ _WIDEST = 150
 """Columns of a terminal from which on the places of agents have room, too; 'status' always has them."""
 _WIDE, _HIGH = 110, 32
 """Columns and lines of a terminal from which on agents, links and events have a panel each."""
+_LEAST = 4
+"""Lines that agents have at least; curves give theirs away."""
 _EVENTS = 40
 
 
-class _Screen:
+class Screen:
     """What is seen of a run: its present state, and how error and disagreement went."""
 
     def __init__(self) -> None:
@@ -49,11 +51,15 @@ class _Screen:
         layout = Layout()
         top = headline(status)
         small = console.width < _WIDE or console.height < _HIGH
-        curves = self._curves(status, _FEW_PLOT_LINES if small else _PLOT_LINES)
+        high = _FEW_PLOT_LINES if small else _PLOT_LINES
+        # Where there is no room for both, the agents are more than the curves.
+        room = console.height - _lines(top) - high - 2 - 1
+        curves = [self._curves(status, high)] if not small or room >= _LEAST else []
         if small:
             body = Group(agents_table(status, brief=True), links_line(status), self._events(status))
             layout.split_column(
-                Layout(top, size=_lines(top)), curves, Layout(body), Layout(Text("q quits; 'status' has all"), size=1)
+                *(Layout(top, size=_lines(top)), *curves),
+                *(Layout(body), Layout(Text("q quits; 'status' has all"), size=1)),
             )
             return layout
         below = Layout()
@@ -64,7 +70,7 @@ class _Screen:
             Layout(Panel(Group(*parts), title="agents and links", title_align="left"), ratio=3),
             Layout(Panel(self._events(status), title="events, the latest first", title_align="left"), ratio=2),
         )
-        layout.split_column(Layout(top, size=_lines(top)), curves, below, Layout(Text("q quits"), size=1))
+        layout.split_column(Layout(top, size=_lines(top)), *curves, below, Layout(Text("q quits"), size=1))
         return layout
 
     def _curves(self, status: RunStatus, lines: int) -> Layout:
@@ -110,7 +116,7 @@ def _watch(ctx: JoiningContext, run: RunName = None) -> None:
 
 def _follow(operator: Operator, status: RunStatus) -> tuple[RunStatus, bool]:
     """Show a run until it is gone or the user quits; the last that was heard of it, and whether it is gone."""
-    over, screen = threading.Event(), _Screen()
+    over, screen = threading.Event(), Screen()
     try:
         with (
             Keyboard({"q": over.set}),

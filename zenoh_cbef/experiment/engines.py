@@ -83,6 +83,7 @@ def _launched(arguments: list[str], loaded: Loaded, run: str, log: Path) -> list
 def outcome_of(analysis: Analysis, bytes_per_step: float | None) -> Outcome:
     """The outcome of a run; position_error of its curve is the root mean square of the agents."""
     metrics = scalars(analysis.metrics.as_json())
+    del metrics["seed"]  # no result
     metrics["bytes_per_step"] = analysis.metrics.bytes_per_step or bytes_per_step
     links = analysis.trace.links
     metrics |= {f"links.{name}": int(getattr(links, name).sum()) for name in SUMMED}

@@ -13,6 +13,7 @@ from zenoh_cbef.experiment.results import CellSummary, Summary
 from zenoh_cbef.experiment.words import MEASURED, Measured
 from zenoh_cbef.pages.parts import Figure, Plot
 from zenoh_cbef.plain import Json
+from zenoh_cbef.words import counted
 
 Cells = Sequence[CellSummary]
 
@@ -34,7 +35,7 @@ def figures_of(summary: Summary) -> list[Figure]:
             continue
         over = " and ".join(summary.words[key] for key in varied)
         caption = f"{one.words} over {over}: medians over the seeds"
-        if len(varied) == 2 and _count(cells, varied[1]) > _MOST_LINES:
+        if len({_row(cell, varied) for cell in cells}) > _MOST_LINES:
             plot = _heat_map(summary, one)
         else:
             caption += f" with {summary.level:.0%} bootstrap intervals"
@@ -42,8 +43,9 @@ def figures_of(summary: Summary) -> list[Figure]:
         figures.append(Figure(_file(one.metric), one.question, f"{caption}.", plot))
     for name, title, question in _CURVES:
         if any(cell.curve for cell in cells):
-            shown = f", the first {_MOST_CURVES} cells" if len(cells) > _MOST_CURVES else ""
-            caption = f"{title} at each step{shown}: medians over the seeds."
+            drawn = sum(cell.curve is not None for cell in cells)
+            shown = f" Only the first {_MOST_CURVES} of {drawn} cells are drawn." if drawn > _MOST_CURVES else ""
+            caption = f"{title} at each step: medians over the seeds.{shown}"
             plot = _curves(summary, name, title)
             figures.append(Figure(f"{_file(name)}-over-time", question, caption, plot))
     return figures
@@ -56,7 +58,9 @@ def cell_words(values: Mapping[str, Json], words: Mapping[str, str]) -> str:
 
 
 def written_value(value: Json) -> str:
-    """A varied value as words; a fault as its kind and its numbers."""
+    """A varied value as words; a fault as its kind and its numbers, no fault as "none"."""
+    if value in ([], ()):
+        return "none"
     if isinstance(value, Mapping):
         parts = [str(each) if key == "kind" else f"{key}={written_value(each)}" for key, each in value.items()]
         return " ".join(parts)
@@ -65,8 +69,9 @@ def written_value(value: Json) -> str:
     return value if isinstance(value, str) else json.dumps(value)
 
 
-def _count(cells: Cells, key: str) -> int:
-    return len({written_value(cell.values[key]) for cell in cells})
+def _row(cell: CellSummary, varied: Sequence[str]) -> str:
+    """The values of all keys but the first, which is the x axis: a line of a figure, or a row of a map."""
+    return ", ".join(written_value(cell.values[key]) for key in varied[1:])
 
 
 def _file(metric: str) -> str:
@@ -130,9 +135,9 @@ def _lines(summary: Summary, measured: Measured) -> Plot:
         for yardstick, label in yardsticks:
             drawn: Plot = {"x": lines[-1]["x"], "y": [_median(cell, yardstick) for cell in known]}
             colour, role = (INK, "ink") if len(groups) == 1 else (MUTED, "muted")
-            dashed = {"meta": role, "line": {"color": colour, "dash": "dash", "width": 1}}
+            dashed = {"meta": role, "line": {"color": colour, "dash": "dash", "width": 1}, "marker": {"symbol": "x"}}
             # Consensus does not change a centralised filter: one line is enough where its values are the same.
-            if any(line["x"] == drawn["x"] and line["y"] == drawn["y"] for line in lines):
+            if not any(drawn["y"]) or any(line["x"] == drawn["x"] and line["y"] == drawn["y"] for line in lines):
                 continue
             named = {"mode": "lines" if line else "markers", "name": f"{escape(name)} {label}"}
             lines.append({"type": "scatter", **named, **drawn, **dashed})
@@ -141,15 +146,16 @@ def _lines(summary: Summary, measured: Measured) -> Plot:
         alone[0]["name"] = yardsticks[0][1]
     lines.sort(key=lambda line: "error_y" not in line)
     values = [cell.values[first] for cell in cells]
-    return {"data": lines, "layout": _layout(_axis(values, words[first]), measured.words)}
+    layout = _layout(_axis(values, words[first]), measured.words)
+    return {"data": lines, "layout": layout if line else layout | {"scattermode": "group"}}
 
 
 def _heat_map(summary: Summary, measured: Measured) -> Plot:
     cells, title = summary.cells, measured.words
-    across, along = summary.varied
+    across, *along = summary.varied
     rows: dict[str, dict[str, float | None]] = {}
     for cell in cells:
-        row = rows.setdefault(written_value(cell.values[along]), {})
+        row = rows.setdefault(_row(cell, summary.varied), {})
         row[written_value(cell.values[across])] = _median(cell, measured.metric)
     columns = list(dict.fromkeys(name for row in rows.values() for name in row))
     heat = {
@@ -162,8 +168,8 @@ def _heat_map(summary: Summary, measured: Measured) -> Plot:
         "texttemplate": "%{z:.3g}",
     }
     axis = {"title": {"text": escape(summary.words[across])}, "type": "category"}
-    layout = _layout(axis, escape(summary.words[along]))
-    layout["yaxis"]["type"] = "category"
+    layout = _layout(axis, escape(", ".join(summary.words[key] for key in along)))
+    layout["yaxis"] |= {"type": "category", "automargin": True}
     return {"data": [heat], "layout": layout}
 
 
@@ -177,6 +183,9 @@ def _curves(summary: Summary, name: str, title: str) -> Plot:
         line: Plot = {"type": "scatter", "mode": "lines", "name": escape(label) or "network"}
         line |= {"line": {"color": colour, "dash": dash, "width": 1.5}}
         lines.append(line | {"x": curve.time, "y": shown})
+    if (more := len(drawn) - _MOST_CURVES) > 0:
+        unseen = {"type": "scatter", "mode": "lines", "line": {"color": "#00000000"}, "x": [None], "y": [None]}
+        lines.append({**unseen, "name": f"{counted(more, 'more cell')} not drawn"})
     values = np.array([value for line in lines for value in line["y"] if value is not None], dtype=np.float64)
     low, high = np.log10(log_limits(values))
     return {

@@ -22,7 +22,7 @@ _FINAL = ("position_rmse", "ratio_to_centralized", "disagreement")
 def numbers() -> frozenset[str]:
     """All of them, also those that only some scenarios have."""
     links = {f"links.{name}" for name in (*SUMMED, "missed")}
-    return frozenset(_numbers(Metrics)) | links | {f"final.{name}" for name in _FINAL}
+    return frozenset(_numbers(Metrics)) - {"seed"} | links | {f"final.{name}" for name in _FINAL}
 
 
 def _numbers(kind: type, above: str = "") -> Iterator[str]:
@@ -41,6 +41,7 @@ def _numbers(kind: type, above: str = "") -> Iterator[str]:
 def check_number(name: str, key: str) -> None:
     """Raise UserError where no run can have a number of this name; key: what names it."""
     if name not in numbers():
-        near = get_close_matches(name, sorted(numbers()), 1)
+        parts = sorted((one for one in sorted(numbers()) if name in one.split(".")), key=lambda one: one.index(name))
+        near = parts or get_close_matches(name, sorted(numbers()), 1)
         hint = f"did you mean {near[0]!r}?" if near else "docs/log-format.md has their names, as position_rmse"
         raise UserError(f"{key} {name!r} is no number that runs have; {hint}")

@@ -5,12 +5,14 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
 from zenoh_cbef.analysis.typeset import latex
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.experiment.figures import cell_words, figures_of, written_value
+from zenoh_cbef.experiment.file import Written
 from zenoh_cbef.experiment.results import CellSummary, Expectation, Judged, Summary
 from zenoh_cbef.experiment.table import Row, write_table
 from zenoh_cbef.experiment.typeset import FITTING, interval, results_table
@@ -21,7 +23,8 @@ from zenoh_cbef.pages.render import render
 from zenoh_cbef.words import counted
 from zenoh_cbef.writing import writing
 
-RESULTS = ("results.csv", "results.parquet", "summary.json", "index.html", "results.tex", "figures")
+SUMMARY = "summary.json"
+RESULTS = ("results.csv", "results.parquet", SUMMARY, "index.html", "results.tex", "figures")
 """What is written into an experiment's folder."""
 
 PRINTED = "figures.json"
@@ -38,13 +41,46 @@ def write_outputs(summary: Summary, rows: Sequence[Row], source: str, folder: Pa
     """
     with writing(f"into {folder}"):
         missing = [write_table(rows, folder)]
-        text = json.dumps(summary.as_json(), indent=1)
-        (folder / "summary.json").write_text(text + "\n", encoding="utf-8")
+        (folder / SUMMARY).write_text(summary_text(summary), encoding="utf-8")
         (folder / "results.tex").write_text(
             latex(results_table(summary, most=FITTING), f"experiment {summary.experiment}"), encoding="utf-8"
         )
         missing.append(_write_page(summary, source, folder))
     return [sentence for sentence in missing if sentence]
+
+
+def summary_text(summary: Summary) -> str:
+    """The text of summary.json."""
+    return json.dumps(summary.as_json(), indent=1) + "\n"
+
+
+def other_experiment(folder: Path, written: Written) -> str:
+    """The other experiment whose results the folder holds, in words: another name, base, or keys. Empty if none."""
+    try:
+        found = _summary_in(folder)
+        name, base, varied = found["experiment"], found["base"], found["varied"]
+    except (KeyError, TypeError):
+        return ""
+    keys = [one.key for one in written.experiment.vary]
+    # Keys come and go while a study grows; one that shares none of them is another.
+    same = set(varied) & set(keys) or not (varied and keys)
+    if (name, base) == (written.name, written.experiment.base) and same:
+        return ""
+    return f"another experiment ({name} of {base}, over {' and '.join(varied) or 'no key'})"
+
+
+def runs_in(folder: Path) -> int:
+    """How many runs the results in the folder are of; 0 where there are none."""
+    found = _summary_in(folder)
+    runs = found.get("runs") if isinstance(found, dict) else None
+    return runs if isinstance(runs, int) else 0
+
+
+def _summary_in(folder: Path) -> Any:
+    try:
+        return json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
 
 
 def read_figures(folder: Path) -> list[Figure]:

@@ -38,8 +38,16 @@ class Library:
             near = get_close_matches(name, known, 1)
             hint = f"did you mean {near[0]!r}?" if near else f"see 'zenoh-cbef {self.kind} list', or give a file"
             raise UserError(f"there is no built-in {self.kind} and no file named {name!r}; {hint}")
+        if path.is_dir():
+            inside = next(
+                (str(one) for one in (path / f"{self.kind}.toml", *sorted(path.glob("*.toml"))) if one.is_file()), ""
+            )
+            hint = f"did you mean {inside!r}?" if inside else f"name the file of the {self.kind}"
+            raise UserError(f"{path} is a folder; {hint}")
         try:
             return path.read_text(encoding="utf-8"), path.resolve().parent
+        except OSError as error:
+            raise UserError(f"cannot read {path}: {error.strerror}; name a file that can be read") from None
         except UnicodeDecodeError:
             raise UserError(f"{path} is not a text file; {self.kind}s are written in TOML") from None
 

@@ -16,8 +16,9 @@ from rich.text import Text
 from zenoh_cbef.analysis.compare import row
 from zenoh_cbef.analysis.design import design
 from zenoh_cbef.analysis.metrics import analyze
+from zenoh_cbef.analysis.results import Distrust
 from zenoh_cbef.analysis.summary import summarize
-from zenoh_cbef.cli import compare
+from zenoh_cbef.cli import compare, watch
 from zenoh_cbef.cli.terminal.design import design_lines
 from zenoh_cbef.cli.terminal.fitting import Fitting, Told
 from zenoh_cbef.cli.terminal.results import metrics_table, summary_table
@@ -122,6 +123,45 @@ def test_of_many_agents_the_worst_are_shown_and_others_are_found():
     for find, ids in (("3-5,200", ["3", "4", "5", "200"]), ("silent", ["250"])):
         assert [line.split()[0] for line in drawn(agents_table(many, find=find), 200)[1:]] == ids
     assert "not here: agent 17" in headline(many).plain
+
+
+def test_a_table_that_lacks_a_little_room_keeps_a_blank_before_each_line():
+    table = Table()
+    table.add_column("name")
+    table.add_column("value")
+    table.add_row("a name", "a value")
+    for width, line in (
+        (20, "│ a name │ a value │"),
+        (19, "│a name │a value │"),
+        (18, "│a name │a value │"),
+        (17, "│a name│a value│"),
+        (15, "name a name"),
+    ):
+        assert line in drawn(Fitting(table), width), width
+
+
+def test_a_small_terminal_shows_agents_before_curves(monkeypatch):
+    text = io.StringIO()
+    for width, height, curves in ((40, 15, False), (80, 24, True)):
+        monkeypatch.setattr(watch, "console", screen := Console(file=text, width=width, height=height))
+        screen.print(watch.Screen().take(status()), height=height)
+        seen = text.getvalue()
+        text.truncate(text.seek(0))
+        assert "paused" in seen
+        assert ("position error, m" in seen) == curves
+        assert len(seen.splitlines()) <= height
+
+
+def test_shares_of_distrust_are_whole_sentences():
+    found = analyze(simulate([load("tracking", ["steps=12"]).scenario]))[0].metrics
+    for agents, said in (
+        ([0.001, 0.25, 0.0], "1: 25% of the steps and 0: under 1%"),
+        ([0.0, 0.001, 0.0], "1: under 1% of the steps"),
+        ([0.0, 0.0, 0.0], "none"),
+    ):
+        lines = drawn(metrics_table(replace(found, distrust=Distrust([*agents], [None] * 3, [None] * 3))), 60)
+        assert any(line.endswith(f"network: {said}") for line in lines)
+        assert not any("; of the steps" in line for line in lines)
 
 
 def test_what_fits_is_a_table_with_its_title_and_caption():

@@ -80,7 +80,7 @@ def test_messages_that_the_disk_has_no_room_for_are_not_counted(tmp_path: Path) 
     assert len(rows(McapFile(tmp_path / "log.mcap"))) == 1
 
 
-def test_a_file_that_cannot_be_begun_is_left_to_no_process(tmp_path: Path) -> None:
+def test_a_file_that_cannot_be_begun_is_left_to_no_process_and_not_at_all(tmp_path: Path) -> None:
     most, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (0, hard))
     try:
@@ -90,6 +90,7 @@ def test_a_file_that_cannot_be_begun_is_left_to_no_process(tmp_path: Path) -> No
         resource.setrlimit(resource.RLIMIT_FSIZE, (most, hard))
     open_files = (os.path.realpath(one) for one in Path("/proc/self/fd").iterdir())
     assert not [one for one in open_files if one.startswith(str(tmp_path))]
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_file_goes_to_the_disk_when_that_is_asked_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -56,9 +56,9 @@ def test_a_verb_opens_a_log_once_and_reads_each_chunk_once(log, tmp_path, monkey
     read: Counter[int] = Counter()
     before = McapFile.__init__
 
-    def opening(file: McapFile, path: Path) -> None:
+    def opening(file: McapFile, path: Path, **options: bool) -> None:
         opened[path] += 1
-        before(file, path)
+        before(file, path, **options)
 
     def reading(data: bytes, chunk: Chunk) -> bytes:
         read[chunk.data_start] += 1

@@ -3,6 +3,10 @@
 from contextlib import suppress
 from pathlib import Path
 
+import pytest
+
+from zenoh_cbef.errors import UserError
+from zenoh_cbef.log.read.parts import find_log
 from zenoh_cbef.log.tools.collection import place_of_log
 
 
@@ -32,3 +36,17 @@ def test_what_was_logged_stays_also_after_a_failure(monkeypatch, tmp_path):
 def test_a_folder_that_the_user_chose_is_left_alone(tmp_path):
     assert fail_to_start(tmp_path / "run.mcap") == tmp_path / "run.mcap"
     assert tmp_path.exists()
+
+
+def test_a_folder_without_a_log_hides_no_run_of_its_name(monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    for folder in ("logs/d1", "d1"):
+        (tmp_path / folder).mkdir(parents=True)
+    with pytest.raises(UserError, match="there is no log in the folder d1; give"):
+        find_log(Path("d1"))
+    (tmp_path / "logs/d1/run.mcap").write_bytes(b"")
+    assert find_log(Path("d1")) == Path("logs/d1/run.mcap")
+    (tmp_path / "d1/run.mcap.active").write_bytes(b"")
+    assert find_log(Path("d1")) == Path("d1/run.mcap.active")
+    with pytest.raises(UserError, match="there is no log d2; give"):
+        find_log(Path("d2"))

@@ -131,6 +131,15 @@ def test_of_nothing_nothing_is_recovered(tmp_path: Path, content: bytes) -> None
     assert found.lost
 
 
+@pytest.mark.parametrize("cut", [0, 50])
+def test_a_damaged_head_costs_what_stands_in_it_and_no_more(log: Path, tmp_path: Path, cut: int) -> None:
+    data = log.read_bytes()
+    found, new = recovered(bytes(range(7, 242)) * 3 + data[705 : len(data) - cut], tmp_path)
+    assert (found.exit_status, rows(new)) == (3, rows(log))
+    assert f"the head of {tmp_path / 'damaged.mcap'} is damaged" in found.lost[0]
+    assert McapFile(new).damage == []
+
+
 def test_a_cut_after_the_data_loses_nothing(log: Path, tmp_path: Path) -> None:
     found, new = recovered(log.read_bytes()[:-50], tmp_path)
     assert (found.exit_status, rows(new)) == (0, rows(log))

@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 
 from zenoh_cbef.log.read.parts import Log
 from zenoh_cbef.log.tools.selection import Selection, select, time_of
 
 LOSSY = 3
 """Exit status where something could not be read."""
+
+
+def nothing_matches(log: Path) -> str:
+    """What to tell where no message was chosen."""
+    return f"note: no message of the log matches; 'zenoh-cbef info {log}' has its topics and times"
 
 
 def selection_of(

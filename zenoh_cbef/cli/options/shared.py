@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 import typer
 
 from zenoh_cbef.cli.options.completing import logs, runs, scenarios
+from zenoh_cbef.numbers import MOST_SKIPPED
 from zenoh_cbef.protocol.names import check_run
 
 LONGEST_SECONDS = 1e9
@@ -74,7 +75,7 @@ Smooth = Annotated[
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")]
 Skip = Annotated[
     float,
-    typer.Option(min=0.0, max=0.99, help="Share of steps left out at the start of RMSE, NEES and ratios."),
+    typer.Option(min=0.0, max=MOST_SKIPPED, help="Share of steps left out at the start of RMSE, NEES and ratios."),
 ]
 Jobs = Annotated[int, typer.Option(min=0, max=10_000, help="Processes that simulate at a time; 0: one per core.")]
 Run = Annotated[

@@ -20,7 +20,7 @@ class Told(Text):
 
 @dataclass(frozen=True)
 class Fitting:
-    """A table as it is where it fits, else without padding, else its rows one below the other.
+    """A table as it is where it fits, else with less padding and then without, else its rows one below the other.
 
     A row is then its first cell, and below it what the others say.
     """
@@ -34,9 +34,10 @@ class Fitting:
             column.no_wrap = True
         padding = table.padding
         try:
-            # Without lines between the columns only padding keeps the numbers apart.
-            if table.box is not None and not self._fits(console, options):
-                table.padding = 0
+            # Without lines between the columns only padding keeps the numbers apart; one side of it is better than no.
+            for narrower in ((0, 1, 0, 0), 0) if table.box is not None else ():
+                if not self._fits(console, options):
+                    table.padding = narrower
             yield from _around(table, [table] if self._fits(console, options) else list(self._rows(console)))
         finally:
             table.padding = padding

@@ -18,12 +18,13 @@ class Lines:
     """A line now and then where there is no terminal to show a bar."""
 
     def __init__(self, what: str) -> None:
-        self._what, self._told = what, time.monotonic()
+        self._what, self._told, self._any = what, time.monotonic(), False
 
     def show(self, done: int, total: int) -> None:
-        """Take in how much is done."""
-        if not errors.is_terminal and time.monotonic() - self._told >= _SECONDS:
-            self._told = time.monotonic()
+        """Take in how much is done; where a line was told, the end is told, too."""
+        due = time.monotonic() - self._told >= _SECONDS or (self._any and done == total)
+        if not errors.is_terminal and due:
+            self._told, self._any = time.monotonic(), done < total
             tell(f"{self._what}: {done} of {total}")
 
 

@@ -14,6 +14,8 @@ from zenoh_cbef.words import counted, first_of
 
 _NAMED = 8
 """Agents of which a row speaks; of a large network all of them would fill the screen."""
+_TOLD = 0.005
+"""Shares that are less are no whole per cent."""
 _FEW_SEEDS = 22
 """From so many seeds on, one of them is above what 90 % are below, with a probability of 90 %: 0.9^22 < 0.1."""
 
@@ -104,7 +106,7 @@ def _where_told(metrics: Metrics) -> Iterator[tuple[str | Told, ...]]:
     if metrics.bias:
         yield "bias of ranges", *_bias_cells(metrics.bias)
     if metrics.distrust:
-        yield "agents that distrust their ranges", *_distrust_cells(metrics.distrust)
+        yield "agents that distrust their ranges", _distrust_cell(metrics.distrust), "", ""
     if metrics.slow:
         yield "late by own slowness", *_slow_cells(metrics.slow)
 
@@ -116,11 +118,12 @@ def _bias_cells(bias: Bias) -> tuple[str, Told, Told]:
     return f"{number(min(known))} to {number(max(known), 'm')}" if known else "-", Told(relied), Told("")
 
 
-def _distrust_cells(distrust: Distrust) -> tuple[str, Told, Told]:
+def _distrust_cell(distrust: Distrust) -> str:
     """The agents that distrust most of the time first."""
     shares = {agent: share for agent, share in enumerate(distrust.agents) if share}
-    flagged = [f"{agent}: {shares[agent]:.0%}" for agent in sorted(shares, key=lambda agent: -shares[agent])]
-    return first_of(flagged, _NAMED) if flagged else "none", Told("of the steps" if flagged else ""), Told("")
+    worst = sorted(shares, key=lambda agent: -shares[agent])
+    flagged = [f"{agent}: {shares[agent]:.0%}" if shares[agent] >= _TOLD else f"{agent}: under 1%" for agent in worst]
+    return first_of([f"{flagged[0]} of the steps", *flagged[1:]], _NAMED) if flagged else "none"
 
 
 def _slow_cells(slow: Slowness) -> tuple[str, Told, Told]:

@@ -52,7 +52,8 @@ class McapFile:
     """An MCAP file on disk, which must not shrink while it is open.
 
     The reader leaves out what it cannot trust and names it in damage. Raises NotMcapError for a path that is no MCAP
-    file, OSError for one that cannot be opened, UserError when lz4 is needed and not installed.
+    file, which with `headless` may be damaged from its first byte on, OSError for one that cannot be opened, UserError
+    when lz4 is needed and not installed.
 
     complete: whether the closing footer and magic are there. closed: whether the data section was seen to end as its
     writer ended it, once messages() has run to its end. lost: one sentence for each fault of the data met so far,
@@ -60,18 +61,18 @@ class McapFile:
     for the last chunk of it when that is cut: errors in these stay unseen.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, *, headless: bool = False) -> None:
         if path.exists() and not path.is_file():
             raise NotMcapError(f"{path} is not a file")
         with path.open("rb") as stream:
-            if (begin := stream.read(len(MAGIC))) != MAGIC:
-                why = "it does not begin with the MCAP magic" if begin else "it is empty"
+            begin = stream.read(len(MAGIC))
+            why = "it does not begin with the MCAP magic" if begin else "it is empty"
+            if begin != MAGIC and not (headless and begin):
                 raise NotMcapError(f"{path} is no MCAP file: {why}")
             self._bytes = mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ)
-        self.lost: list[str] = []
+        self.lost = [] if begin == MAGIC else [f"the head of {path} is damaged: {why}"]
         self._reported: set[str] = set()
-        self.closed = False
-        self._without_index = ""
+        self.closed, self._without_index = False, ""
         self._data_end = size = len(self._bytes)
         footer = max(0, size - len(MAGIC) - _FOOTER.size)
         magics = self._bytes[footer : footer + RECORD.size], self._bytes[-len(MAGIC) :]

@@ -83,13 +83,13 @@ class McapWriter:
         self._summary = {opcode: Pile(path.parent) for opcode in _SUMMARY_ORDER}
         self._data_crc = 0
         self._file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o666)
-        self._open, self._gone = True, False
         try:
             self._write(MAGIC + _record(Opcode.HEADER, _text("") + _text(library)))
         except OSError:
-            self._open = False
             os.close(self._file)
+            path.unlink(missing_ok=True)  # an empty file would be taken for a log
             raise
+        self._open, self._gone = True, False
 
     @property
     def gone(self) -> bool:

@@ -33,7 +33,7 @@ def read_header(log: Log) -> Header:
     """The run and its scenario. Raises UserError where the log lacks them."""
     attached, described = log.attachments.get(RESOLVED), log.metadata.get(RUN)
     if attached is None or described is None or "run" not in described:
-        cut = "it is damaged before its scenario" if log.damage else "it is no log of zenoh-cbef"
+        cut = "it is damaged before its scenario" if log.damage or described else "it is no log of zenoh-cbef"
         raise UserError(f"{log.path} holds no scenario, as {cut}; 'info' tells what it holds")
     try:
         data = read_toml(attached.decode())

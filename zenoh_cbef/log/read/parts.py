@@ -21,12 +21,13 @@ if TYPE_CHECKING:
 
 def find_log(path: Path) -> Path:
     """The log meant by a file, a run's folder or its name in logs/, or the name that a killed recorder left."""
-    if not path.exists() and len(path.parts) == 1 and (Path("logs") / path).is_dir():
-        path = Path("logs") / path
-    found = _existing(path / "run.mcap" if path.is_dir() else path)
-    if found is None:
-        raise UserError(f"there is no log {path}; give an .mcap file or a run's folder, such as logs/latest")
-    return found
+    # A folder of the run's name that is no run's, as that of its data, does not hide it.
+    named = [Path("logs") / path] if len(path.parts) == 1 and path.name != ".." else []
+    for place in (path, *named):
+        if (found := _existing(place / "run.mcap" if place.is_dir() else place)) is not None:
+            return found
+    what = f"there is no log in the folder {path}" if path.is_dir() else f"there is no log {path}"
+    raise UserError(f"{what}; give an .mcap file or a run's folder, such as logs/latest")
 
 
 def open_log(path: Path) -> Log:

@@ -36,7 +36,7 @@ def recover(source: Path, output: Path, compression: Compression = "zstd", *, gr
     exists or cannot be written, or the old one cannot be read at all.
     """
     try:
-        file = McapFile(source)
+        file = McapFile(source, headless=True)
     except NotMcapError as error:
         return Recovered(0, 0, 0, [str(error)])
     except OSError as error:
