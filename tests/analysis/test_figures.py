@@ -7,12 +7,13 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
+from matplotlib.collections import PathCollection
 from matplotlib.figure import Figure
 
 from zenoh_cbef.analysis import typeset
 from zenoh_cbef.analysis.figures import Chart, agent_style, has_lone_points, log_range, paper_charts, thinned
 from zenoh_cbef.analysis.metrics import Analysis, analyze
-from zenoh_cbef.analysis.plots import time_plot
+from zenoh_cbef.analysis.plots import time_plot, top_plot
 from zenoh_cbef.analysis.printed import drawn
 from zenoh_cbef.analysis.typeset import write_figures
 from zenoh_cbef.errors import UserError
@@ -150,3 +151,21 @@ def test_zeros_and_a_vanishing_value_do_not_stretch_the_log_axis() -> None:
 
 def test_24_agents_look_different() -> None:
     assert len({agent_style(agent) for agent in range(24)}) == 24
+
+
+def test_names_on_a_map_stand_beside_their_markers_and_whole():
+    labels = ["west", "north", "the eastern gate", "south"]
+    corners = [[0, 0, 0], [5, 9, 1], [9, 5, 2], [4, 0, 3]]
+    figure = drawn(top_plot(analysis_of(agents={"count": 4, "positions": corners, "labels": labels})))
+    figure.canvas.draw()
+    [axes] = figure.axes
+    names = {text.get_text(): text for text in axes.texts}
+    assert list(names) == labels
+    [marks] = [one for one in axes.collections if isinstance(one, PathCollection)]
+    radius = 0.5 * np.sqrt(marks.get_sizes()[0]) * figure.dpi / 72.0
+    for name, (x, y, _) in zip(labels, corners, strict=True):
+        box, (across, along) = names[name].get_window_extent(), axes.transData.transform((x, y))
+        assert box.y0 > along + radius or box.x0 > across + radius
+        assert figure.bbox.x0 <= box.x0 < box.x1 <= figure.bbox.x1
+        assert box.y1 <= figure.bbox.y1
+        assert names[name].get_clip_path() is None

@@ -235,6 +235,12 @@ def test_a_centralised_filter_near_the_bound_is_the_strong_yardstick(analysis):
     assert not any("itself" in said for said in notes(metrics))
 
 
+def test_errors_clearly_below_the_bound_are_explained(analysis):
+    assert not any("times the bound" in said for said in notes(analysis.metrics))
+    [said] = notes(replace(analysis.metrics, ratio_to_bound=0.42))
+    assert said.startswith("the error is 0.42 times the bound, which is a mean over targets that accelerate by")
+
+
 def test_the_bound_starts_from_the_mean_of_all_guesses(trace, analysis):
     motion = trace.plan.plain_motion
     prior = np.eye(6) / 6.0

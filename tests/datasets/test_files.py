@@ -179,6 +179,7 @@ def test_a_dataset_that_the_disk_has_no_room_for_leaves_the_one_that_was_there(t
         ranges=np.ones(2000),
         truth_time=np.empty(0),
         truth=np.empty((0, 3)),
+        order=None,
     )
     most, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, hard))

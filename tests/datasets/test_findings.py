@@ -8,12 +8,14 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from tests.datasets.walked import STEPS, imported, written
+from tests.datasets.walked import EPOCH, STEPS, imported, written
 from zenoh_cbef.cli.dataset import VERB as DATASET
-from zenoh_cbef.datasets.findings import findings
+from zenoh_cbef.datasets import read_dataset, write_dataset
+from zenoh_cbef.datasets.findings import findings, summary
 from zenoh_cbef.datasets.fixes import fixes
 from zenoh_cbef.datasets.folder import read_files
 from zenoh_cbef.datasets.picture import limits
+from zenoh_cbef.errors import UserError
 
 
 def as_dataset(folder):
@@ -47,7 +49,8 @@ def test_lengths_in_another_unit_are_told(tmp_path, unit, known):
             changed = replace(good, **{what: getattr(good, what) / length})
             [said] = findings(changed)
             remedy = " ".join(f"--unit {column}={short}" for column in columns)
-            assert said.endswith(f": {what} look like {unit}; import them with {remedy}")
+            look = "looks" if what == "truth" else "look"
+            assert said.endswith(f": {what} {look} like {unit}; import them with {remedy}")
     if known:
         [said] = findings(replace(good, anchors=good.anchors / length, truth=good.truth / length))
         assert f"anchors and truth look like {unit}" in said
@@ -73,6 +76,68 @@ def test_a_truth_of_a_part_is_told_with_the_part_that_is_scored(tmp_path):
 
 
 @pytest.mark.parametrize("known", [STEPS, 0], ids=["truth", "none"])
+@pytest.mark.parametrize(
+    ("factor", "said"),
+    [
+        (1000.0, "1000 times too long beside all others: they look like millimetres; multiply them by 0.001"),
+        (2.0, "2 times too long beside all others; multiply them by 0.5"),
+        (0.5, "2 times too short beside all others; multiply them by 2"),
+    ],
+)
+def test_an_anchor_alone_off_by_a_factor_is_named(tmp_path, factor, said, known):
+    good = read_files(as_dataset(written(tmp_path, known=known)))
+    ranges = good.ranges * np.where(good.range_anchor == 2, factor, 1.0)
+    expected = f"the ranges of anchor c alone are {said}, or leave anchor c out"
+    assert findings(replace(good, ranges=ranges)) == [expected]
+
+
+def test_an_anchor_in_mm_is_named_by_size_where_no_fix_tells_and_by_run(tmp_path):
+    good = read_files(as_dataset(written(tmp_path, known=0)))
+    few = good.range_anchor < 3
+    part = {name: getattr(good, name)[few] for name in ("range_time", "range_anchor", "ranges")}
+    three = replace(good, labels=good.labels[:3], anchors=good.anchors[:3], **part, order=None)
+    wrong = replace(three, ranges=three.ranges * np.where(three.range_anchor == 1, 1000.0, 1.0))
+    [said] = findings(wrong)
+    assert said.startswith("the ranges of anchor b alone are ")
+    write_dataset(wrong, tmp_path / "set")
+    with pytest.raises(UserError, match="the ranges of anchor b alone are"):
+        read_dataset(tmp_path / "set")
+
+
+@pytest.mark.parametrize("known", [STEPS, 0], ids=["truth", "none"])
+def test_a_stuck_anchor_is_named_with_the_time(tmp_path, known):
+    good = read_files(as_dataset(written(tmp_path, known=known)))
+    mine = good.range_anchor == 3
+    said = "anchor d is stuck: 7.777 m from {} s, while others' ranges change; leave these ranges out"
+    whole = replace(good, ranges=np.where(mine, 7.777, good.ranges))
+    assert findings(whole) == [said.format("0 to 19.9")]
+    since = replace(good, ranges=np.where(mine & (good.range_time > 14.95), 7.777, good.ranges))
+    assert said.format("15 to 19.9") in findings(since)
+
+
+def test_a_target_at_rest_sticks_no_anchor(tmp_path):
+    good = read_files(as_dataset(written(tmp_path, known=0)))
+    rest = good.range_time >= 5.0
+    resting = np.where(rest, good.ranges[np.argmax(rest) + np.arange(len(rest)) % 5], good.ranges)
+    assert findings(replace(good, ranges=resting)) == []
+
+
+@pytest.mark.parametrize(("late", "remedy"), [(3.0, "subtract 3 s from"), (-2.0, "add 2 s to")])
+def test_a_truth_that_is_late_is_told_with_the_shift(tmp_path, late, remedy):
+    good = read_files(as_dataset(written(tmp_path)))
+    assert findings(replace(good, truth_time=good.truth_time + late)) == [
+        f"the truth is on another clock: {remedy} its times, with which it fits the ranges best"
+    ]
+
+
+def test_a_truth_of_another_time_is_told_with_the_shift(tmp_path):
+    good = read_files(as_dataset(written(tmp_path, known=151)))
+    [said] = findings(replace(good, truth_time=good.truth_time + EPOCH))
+    assert said.startswith("the truth is on another clock: its times go from 1700000000 to 1700000015 s, those of")
+    assert f"; subtract {EPOCH} s from its times" in said
+
+
+@pytest.mark.parametrize("known", [STEPS, 0], ids=["truth", "none"])
 def test_swapped_anchors_are_found_with_and_without_a_truth(tmp_path, known):
     [said] = findings(read_files(as_dataset(written(tmp_path, order="acbde", known=known))))
     assert said.startswith("anchor b and c look swapped")
@@ -88,6 +153,42 @@ def test_times_in_milliseconds_are_told(tmp_path):
     [said] = odd(folder)
     assert "milliseconds; import them with --unit t=ms" in said
     assert odd(folder, "--unit", "t=ms") == []
+
+
+def test_copies_of_ranges_are_counted_and_left_out_by_import(tmp_path):
+    folder = as_dataset(written(tmp_path))
+    lines = (folder / "ranges.csv").read_text().splitlines()
+    head, *rows = lines
+    for copies in (39, len(rows)):
+        (folder / "ranges.csv").write_text(
+            "\n".join([head, *(row for row in rows[:copies] for _ in "ab"), *rows[copies:]])
+        )
+        [said] = findings(read_files(folder))
+        assert said.startswith(f"{copies} ranges are copies of others, with the same time, anchor and range; leave")
+        told = " ".join(imported(folder, "-o", tmp_path / "set", "--force").split())
+        assert f"note: {copies} copies of ranges left out: the same time, anchor and range" in told
+        assert findings(read_files(tmp_path / "set")) == []
+    assert summary(read_files(folder))["an anchor's ranges"] == "mostly several at the same time"
+
+
+def test_two_passes_on_each_other_are_told_with_the_times(tmp_path):
+    folder = written(tmp_path, known=0)
+    lines = (folder / "ranges.csv").read_text().splitlines()
+    later = [
+        f"{float(time) - 10.0 * (float(time) >= 14.95):.3f},{rest}"
+        for time, rest in (row.split(",", 1) for row in lines[1:])
+    ]
+    (folder / "ranges.csv").write_text("\n".join([lines[0], *later]))
+    said = "the clock goes back from 14.9 to 5 s, and two passes lie on each other from 5 to 9.9 s; leave one out"
+    assert odd(folder)[0].startswith(said)
+
+
+def test_ranges_in_another_order_are_no_passes(tmp_path):
+    folder = as_dataset(written(tmp_path, known=0))
+    head, *rows = (folder / "ranges.csv").read_text().splitlines()
+    for other in (rows[::-1], rows[500:] + rows[:500], sorted(rows, key=lambda row: row.split(",")[1])):
+        (folder / "ranges.csv").write_text("\n".join([head, *other]))
+        assert findings(read_files(folder)) == []
 
 
 def test_a_silence_and_times_far_from_all_others_are_told(tmp_path):

@@ -46,6 +46,34 @@ def test_csv_with_any_columns_units_and_separators(tmp_path, head, unit, marks, 
         imported(tmp_path / "log.csv", "--anchors", stations, "-o", tmp_path / "set", *options)
 
 
+def test_numbers_that_a_run_refuses_are_left_out(tmp_path):
+    rows = [f"{0.1 * k},{name},{distance(k, name)}" for k in range(40) for name in CORNERS]
+    (tmp_path / "log.csv").write_text("\n".join(["t,anchor,range", *rows, "4,a,1e9", "1e13,a,3"]))
+    (tmp_path / "way.csv").write_text("t,x,y,z\n0,1,2,3\n1,1e8,2,3")
+    options = ["--truth", tmp_path / "way.csv", "-o", tmp_path / "set"]
+    said = " ".join(imported(tmp_path / "log.csv", "--anchors", anchors_in(tmp_path), *options).split())
+    assert "2 ranges beyond 1e+07 m, or at times beyond 1e+12 s, left out" in said
+    assert "1 true position beyond 1e+07 m left out" in said
+    found = read_dataset(tmp_path / "set")
+    assert (len(found.ranges), len(found.truth)) == (len(rows), 1)
+    (tmp_path / "stations.csv").write_text("id,x,y,z\na,1e8,0,0\n")
+    with pytest.raises(UserError, match=r"anchor a is beyond 1e\+07 m"):
+        imported(tmp_path / "log.csv", "--anchors", tmp_path / "stations.csv", "-o", tmp_path / "other")
+
+
+def test_what_a_run_refuses_is_told_by_import(tmp_path):
+    names = {"a": "1.5", "b": "2.5"}
+    rows = [f"{0.1 * k},{names[name]},{distance(k, name)}" for k in range(40) for name in names]
+    (tmp_path / "log.csv").write_text("\n".join(["t,anchor,range", *rows]))
+    (tmp_path / "stations.csv").write_text("id,x,y,z\n1.5,0,0,2\n2.5,20,1,2\n")
+    said = " ".join(
+        imported(tmp_path / "log.csv", "--anchors", tmp_path / "stations.csv", "-o", tmp_path / "set").split()
+    )
+    assert "'run' refuses" in said
+    assert "has an anchor id that is not a whole number" in said
+    assert "next: import again with what is said above" in said
+
+
 def test_columns_of_a_file_without_a_header_are_known_by_their_place(tmp_path):
     rows = [(3152.0 + 0.25 * k, 2, k % 4, 10.0 + k) for k in range(40)]
     (tmp_path / "log.txt").write_text("".join("  ".join(f"{one:.9e}" for one in row) + "\n" for row in rows))

@@ -21,27 +21,30 @@ from zenoh_cbef.scenario.world import make_world
 from zenoh_cbef.simulator import heard_in, simulate
 
 MIRRORED, TWO = {0: 2, 1: 3, 2: 0, 3: 1}, {0: 1, 1: 0, 2: 2, 3: 3}
+TRUTH = "the truth does not fit the estimates, which fit the ranges: NEES is"
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("how", "factor", "swapped", "said"),
+    ("how", "factor", "swapped", "way", "late", "said"),
     [
-        ("filter.kind=sicf", 1.0, None, ""),
-        ("filter.range_std=auto", 1.0, None, ""),
-        ("filter.kind=sicf", 5.0, None, "half of the ranges of agent"),
-        ("filter.range_std=auto", 1.0, TWO, "half of the ranges of agent"),
-        ("filter.kind=cbef", 1.0, TWO, "half of the ranges of agent"),
-        ("filter.kind=sicf", 1.0, MIRRORED, "NEES is"),  # they fit a target on the other side
+        ("filter.kind=sicf", 1.0, None, 1.0, 0.0, ""),
+        ("filter.range_std=auto", 1.0, None, 1.0, 0.0, ""),
+        ("filter.kind=sicf", 5.0, None, 1.0, 0.0, "the ranges do not fit the estimates: half of"),
+        ("filter.range_std=auto", 1.0, TWO, 1.0, 0.0, "the ranges do not fit the estimates: half of"),
+        ("filter.kind=cbef", 1.0, TWO, 1.0, 0.0, "the ranges do not fit the estimates: half of"),
+        ("filter.kind=sicf", 1.0, MIRRORED, 1.0, 0.0, TRUTH),  # they fit a target on the other side
+        ("filter.kind=sicf", 1.0, None, 1000.0, 0.0, TRUTH),  # in mm
+        ("filter.kind=sicf", 1.0, None, 1.0, 3.0, TRUTH),
     ],
 )
-def test_ranges_that_do_not_fit_the_positions_are_said_to(tmp_path, how, factor, swapped, said):
+def test_ranges_that_do_not_fit_the_positions_are_said_to(tmp_path, *, how, factor, swapped, way, late, said):
     corners = {0: (0.0, 0.0), 1: (20.0, 0.0), 2: (20.0, 15.0), 3: (0.0, 15.0)}
     named = swapped or {each: each for each in corners}
     times = [0.1 * k for k in range(60)]
     path = [(10.0 + 6.0 * math.cos(t / 3.0), 7.0 + 5.0 * math.sin(t / 3.0)) for t in times]
     anchors = "id,x,y,z\n" + "".join(f"{each},{x},{y},1\n" for each, (x, y) in corners.items())
-    truth = "t,x,y,z\n" + "".join(f"{t},{x},{y},1\n" for t, (x, y) in zip(times, path, strict=True))
+    truth = "t,x,y,z\n" + "".join(f"{t + late},{way * x},{way * y},1\n" for t, (x, y) in zip(times, path, strict=True))
     ranges = "t,anchor_id,range\n" + "".join(
         f"{t},{named[each]},{factor * math.dist(at, here)}\n"
         for t, here in zip(times, path, strict=True)
@@ -50,7 +53,7 @@ def test_ranges_that_do_not_fit_the_positions_are_said_to(tmp_path, how, factor,
     folder = write(tmp_path, anchors=anchors, ranges=ranges, truth=truth)
     settings = ["target.motion=dataset", f'target.path="{folder}"', "filter.planar_height=1", how]
     told = notes(analyze([simulate([load("tracking", settings).scenario])[0]])[0].metrics)
-    misfits = [each for each in told if "check units (m) and the order of anchors" in each]
+    misfits = [each for each in told if "fit the estimates" in each]
     assert len(misfits) == bool(said)
     assert said in "".join(misfits)
 

@@ -261,6 +261,38 @@ def test_a_log_is_wound_back_and_a_lost_server_is_said(world, browser):
     opened.close()
 
 
+OUT_AND_BACK = (
+    'target.motion="waypoints"',
+    "target.waypoints=[[0, 0, 5], [0, 90, 5], [0, 0, 5]]",
+    "target.speed=30.0",
+    "steps=58",
+)
+IN_VIEW = """({map, way}) => way.length > 20 && way.every((one) => { const [x, y] = map.pixel(one);
+return x > 20 && y > 20 && x < map.width - 20 && y < map.height - 20; })"""
+"""Whether all places of a way are on the map, and not at its rim."""
+
+
+def test_a_report_opens_with_all_of_the_targets_way_in_view(tmp_path, browser):
+    log = made_log(tmp_path / "run.mcap", *OUT_AND_BACK)
+    write_report(analyze([read_trace(log)])[0], tmp_path / "report.html")
+    page = browser.new_page(viewport={"width": 1280, "height": 800})
+    page.goto(f"file://{tmp_path / 'report.html'}")
+    page.wait_for_function(f"globalThis.replay && ({IN_VIEW})({{map: replay.map, way: replay.way()}})")
+    page.evaluate("replay.map.zoom(5, 0, 0); replay.draw()")
+    page.click("#fit")
+    page.wait_for_function(f"({IN_VIEW})({{map: replay.map, way: replay.way()}})")
+    page.close()
+
+
+def test_the_lab_opens_with_the_targets_last_way_in_view(world, browser):
+    world.complete(*OUT_AND_BACK)
+    opened = Opened(world, browser, str(world.log))
+    opened.until("lab.state.frame.step === 58")
+    opened.until(f"({IN_VIEW})({{map: lab.map, way: lab.trails.truth}})", seconds=20.0)
+    assert opened.complaints == []
+    opened.close()
+
+
 def test_a_report_plays_its_run_on_a_map_with_a_verdict_and_shows_each_link_over_time(tmp_path, browser):
     fault = 'fault=[{kind="partition", links={between=[[0, 1], [2, 3]]}, from=2.0, until=3.0}]'
     log = made_log(tmp_path / "run.mcap", "steps=40", "agents.count=4", "network.graph=complete", fault)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from zenoh_cbef.analysis.averages import last, means, rms, running_mean, told
+from zenoh_cbef.analysis.below import bound_note
 from zenoh_cbef.analysis.claimed import claimed_position_error
 from zenoh_cbef.analysis.consistency import agents_bands, described
 from zenoh_cbef.analysis.coverage import estimated_steps, lacks, stretches, unseen_note
@@ -62,7 +63,8 @@ def analyze(traces: Sequence[Trace], skip: float = 0.25, *, strongest: bool = Tr
 def notes(metrics: Metrics) -> list[str]:
     """Notes on a run for its reader, in sentences: what is not scored or not observable, slow processes, bad data."""
     said = unseen_note(metrics.unobservable_steps), _twin_note(metrics), slow_note(metrics.slow)
-    return [*metrics.lacks, *filter(None, (*said, metrics.misfit or _sureness_note(metrics)))]
+    sure = metrics.misfit or _sureness_note(metrics)
+    return [*metrics.lacks, *filter(None, (*said, sure, bound_note(metrics.ratio_to_bound)))]
 
 
 def _sureness_note(metrics: Metrics) -> str:

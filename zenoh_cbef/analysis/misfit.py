@@ -22,18 +22,22 @@ def misfit_note(trace: Trace, first: int, nees: Honesty | None) -> str:
     by more than a fifth of the network's median range. That asks for no covariance and no known noise, and rare
     outliers do not matter.
     """
-    wrong = []
     offs, usual = _offsets(trace, first)
     bad = np.flatnonzero(offs > _SHARE * usual)
     if bad.size:
         names = [trace.scenario.agents.names[agent] for agent in bad[:8]]
         who = ", ".join(names) + (f" and {counted(bad.size - 8, 'other')}" if bad.size > 8 else "")
-        wrong.append(f"half of the ranges of agent {who} are off by {offs[bad].min():.3g} m and more of {usual:.3g} m")
+        return (
+            f"the ranges do not fit the estimates: half of the ranges of agent {who} are off by "
+            f"{offs[bad].min():.3g} m and more of {usual:.3g} m; check units (m) and the order of anchors"
+        )
     if nees and nees.average is not None and nees.average > _ABSURD * nees.dimension:
-        wrong.append(f"NEES is {nees.average:.3g}, where {nees.dimension:g} is expected")
-    if not wrong:
-        return ""
-    return f"the ranges do not fit the estimates: {'; '.join(wrong)}; check units (m) and the order of anchors"
+        return (
+            f"the truth does not fit the estimates, which fit the ranges: NEES is {nees.average:.3g}, "
+            f"where {nees.dimension:g} is expected; check the truth's unit (m), axes and clock, and the order of "
+            "anchors: zenoh-cbef dataset check"
+        )
+    return ""
 
 
 def _offsets(trace: Trace, first: int) -> tuple[Floats, float]:

@@ -153,25 +153,25 @@ def _line(axes: Axes, one: Plot, style: Style) -> None:
         return
     name = style.word(one["name"]) if _is_named(one) else "_"
     if "lines" in mode:
-        axes.plot(
-            x,
-            y,
-            color=_colour(one),
-            linewidth=line.get("width", 2.0) * _POINTS,
-            linestyle=_DASHES[line.get("dash", "solid")],
-            marker="." if "markers" in mode else "",
-            markersize=2.5,
-            alpha=one.get("opacity"),
-            label=name,
-        )
+        dash, width = _DASHES[line.get("dash", "solid")], line.get("width", 2.0) * _POINTS
+        look: Plot = {"color": _colour(one), "linewidth": width, "linestyle": dash, "alpha": one.get("opacity")}
+        axes.plot(x, y, marker="." if "markers" in mode else "", markersize=2.5, label=name, **look)
     elif "markers" in mode:
         colours = _colours(marker, _colour(one))
         axes.scatter(x, y, s=_area(marker), c=colours, marker=_symbol(marker), label=name, zorder=3)
     if error := one.get("error_y"):
         reach = np.array([error["arrayminus"], error["array"]], dtype=np.float64)
         axes.errorbar(x, y, yerr=reach, fmt="none", ecolor=_colour(one), elinewidth=0.6, capsize=1.5)
-    for across, along, text in zip(x, y, one["text"], strict=True) if "text" in mode else ():
-        axes.text(across, along, f" {style.word(text)}", fontsize="x-small", clip_on=True)
+    if "text" in mode:
+        _names(axes, one, style)
+
+
+def _names(axes: Axes, one: Plot, style: Style) -> None:
+    """Names beside or above their markers, whole also at the edge of a plot."""
+    away, above = 0.5 * _area(one.get("marker", {})) ** 0.5 + 1.5, one.get("textposition") == "top center"
+    place: Plot = {"xytext": (0.0, away), "ha": "center"} if above else {"xytext": (away, 0.0), "va": "center"}
+    for x, y, text in zip(values_of(one["x"]), values_of(one["y"]), one["text"], strict=True):
+        axes.annotate(style.word(text), (x, y), textcoords="offset points", fontsize="x-small", zorder=4, **place)
 
 
 def _solid_line(axes: Axes3D, one: Plot, style: Style) -> None:

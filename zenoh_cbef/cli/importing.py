@@ -11,7 +11,7 @@ import typer
 from zenoh_cbef.cli.calling.offer import verb
 from zenoh_cbef.cli.options.places import new_folder_of
 from zenoh_cbef.cli.options.shared import Force
-from zenoh_cbef.cli.terminal.console import console, tell
+from zenoh_cbef.cli.terminal.console import console, tell, warn
 from zenoh_cbef.cli.terminal.recordings import summary_table, tell_findings
 from zenoh_cbef.datasets import write_dataset
 from zenoh_cbef.datasets.first_scenario import write_scenario
@@ -25,6 +25,8 @@ from zenoh_cbef.errors import UserError
 from zenoh_cbef.extras import MissingExtra
 from zenoh_cbef.log.common.naming import RUN
 from zenoh_cbef.log.read.parts import open_log
+from zenoh_cbef.scenario.checks import check
+from zenoh_cbef.scenario.load import load
 
 _BAG = "Of ROS bags"
 _CSV = "Of CSV files"
@@ -110,10 +112,20 @@ def _finish(raw: Raw, source: Path, output: Path, height: float | None) -> None:
         typer.echo(path)
     for note in raw.notes:
         tell(f"note: {note}")
-    if tell_findings(dataset):
+    if tell_findings(dataset) or _refused(output / "scenario.toml"):
         tell(f"next: import again with what is said above, and --force, or look at {output}/first-fix.png")
     else:
         tell(f"next: zenoh-cbef run {output}/scenario.toml")
+
+
+def _refused(path: Path) -> bool:
+    """Whether 'run' would refuse a scenario; says why."""
+    try:
+        check(load(str(path)).plan)
+    except UserError as error:
+        warn([f"'run' refuses {path}: {error}"])
+        return True
+    return False
 
 
 VERB = verb(_import, "import log.csv --anchors anchors.csv -o my-set --map range=dist --unit range=mm")

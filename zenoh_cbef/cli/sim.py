@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from zenoh_cbef.analysis.below import bound_note
 from zenoh_cbef.analysis.metrics import notes
 from zenoh_cbef.analysis.summary import summarize
 from zenoh_cbef.cli.calling.offer import verb
@@ -46,6 +47,8 @@ def _sim(
         with bar("simulating", seeds) as done:
             summary = summarize(metrics_of(plan.scenario, seeds, skip, jobs, progress=done, tell=tell))
         print(json.dumps(summary.as_json())) if as_json else console.print(summary_table(summary))
+        spread = summary.spreads["ratio_to_bound"]
+        tell_what_lacks(filter(None, [bound_note(spread.median if spread else None)]))
         return
     with bar("simulating", plan.scenario.length) as done:
         analysis = analyses_of([plan.scenario], skip, done)[0]

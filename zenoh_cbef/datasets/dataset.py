@@ -21,7 +21,7 @@ class Dataset:
 
     labels: the anchors' ids, (n,). anchors: (n, 3), m. range_time: (r,), s, ascending. range_anchor: (r,), index
     into the anchors. ranges: (r,), m. truth_time: (t,), s, ascending. truth: (t, 3), m; both empty where the truth is
-    not known.
+    not known. order: (r,), the place of each range in its source; as they are here where it is None.
     """
 
     labels: tuple[str, ...]
@@ -31,6 +31,7 @@ class Dataset:
     ranges: Floats
     truth_time: Floats
     truth: Floats
+    order: NDArray[np.intp] | None = None
 
     @property
     def has_truth(self) -> bool:

@@ -6,31 +6,38 @@ from itertools import combinations
 
 import numpy as np
 
+from zenoh_cbef.datasets.anchorwise import scaled_anchors, stuck_anchors
 from zenoh_cbef.datasets.dataset import Dataset
-from zenoh_cbef.datasets.fixes import fixes, is_planar
+from zenoh_cbef.datasets.fixes import is_planar
 from zenoh_cbef.datasets.gaps import gap
+from zenoh_cbef.datasets.lateness import lateness
+from zenoh_cbef.datasets.passes import copied, overlaid
+from zenoh_cbef.datasets.swaps import swapped
 from zenoh_cbef.datasets.units import odd_unit
 from zenoh_cbef.numbers import number
 from zenoh_cbef.words import counted
 
-_TIMES = 3.0
-"""How much better another order of anchors has to fit."""
 _SELDOM, _OFTEN = 10.0, 1e-5
 """Intervals of an anchor's ranges, s, that are none of a receiver's."""
 _WORDS = {"ms": "milliseconds", "us": "microseconds", "ns": "nanoseconds"}
-_SMALLEST = 0.02
-"""Errors below this share of the usual range are no sign of anything."""
-_MANY = 40
 _WHOLE = 0.99
 """A truth of so much of the time is one of all."""
 
 
 def findings(dataset: Dataset) -> list[str]:
     """Sentences; none for a recording about which nothing is odd."""
-    unit = odd_unit(dataset)
-    wrong = ([] if unit is None else [unit.said]) + _clock(dataset)
+    twice = copied(dataset) or overlaid(dataset)
+    wrong = stuck_anchors(dataset) or scaled_anchors(dataset) or _unit(dataset)
+    wrong += _clock(dataset)
     silence = gap(dataset)
-    return wrong + [silence] * bool(silence) + _truth(dataset) + _silent(dataset) + ([] if wrong else _swapped(dataset))
+    late = None if wrong or not dataset.has_truth else lateness(dataset)
+    order = [] if wrong or late is not None else swapped(dataset)
+    return [*twice, *wrong, *[silence] * bool(silence), *_truth(dataset, late), *_silent(dataset), *order]
+
+
+def _unit(dataset: Dataset) -> list[str]:
+    unit = odd_unit(dataset)
+    return [] if unit is None else [unit.said]
 
 
 def _clock(dataset: Dataset) -> list[str]:
@@ -45,19 +52,25 @@ def _clock(dataset: Dataset) -> list[str]:
     return [f"an anchor's ranges are {number(interval)} s apart: times {look}"]
 
 
-def _truth(dataset: Dataset) -> list[str]:
+def _truth(dataset: Dataset, late: float | None) -> list[str]:
     if not dataset.has_truth:
         return []
     begin, end = float(dataset.range_time[0]), float(dataset.range_time[-1])
-    parts = np.clip(dataset.truth_time, begin, end)
-    known = dataset.knows_truth(0.5 * (parts[1:] + parts[:-1]))
-    covered = float(np.diff(parts)[known].sum())
+    clock, remedy = "the truth is on another clock: ", "bring both to one, or leave the truth out"
+    if late is not None:
+        remedy = f"{'add' if late < 0.0 else 'subtract'} {abs(round(late, 3)):.12g} s "
+        remedy += f"{'to' if late < 0.0 else 'from'} its times, with which it fits the ranges best"
     if not dataset.knows_truth(dataset.range_time).any():
         first, last = dataset.truth_time[0], dataset.truth_time[-1]
         times = (
             f"its times go from {first:.12g} to {last:.12g} s, those of the ranges from {begin:.12g} to {end:.12g} s"
         )
-        return [f"the truth is on another clock: {times}; bring both to one, or leave the truth out"]
+        return [f"{clock}{times}; {remedy}"]
+    if late is not None:
+        return [clock + remedy]
+    parts = np.clip(dataset.truth_time, begin, end)
+    known = dataset.knows_truth(0.5 * (parts[1:] + parts[:-1]))
+    covered = float(np.diff(parts)[known].sum())
     whole = end - begin
     if covered > _WHOLE * whole:
         return []
@@ -72,55 +85,6 @@ def _silent(dataset: Dataset) -> list[str]:
     return said + [f"anchors {dataset.labels[one]} and {dataset.labels[two]} are at one place" for one, two in same]
 
 
-def _swapped(dataset: Dataset) -> list[str]:
-    """Two anchors whose ranges fit much better with each other's places."""
-    pair = _swapped_by_truth(dataset) if dataset.has_truth else _swapped_by_fixes(dataset)
-    if pair is None:
-        return []
-    one, two = (dataset.labels[anchor] for anchor in pair)
-    return [f"anchor {one} and {two} look swapped: their ranges fit much better at each other's places"]
-
-
-def _swapped_by_truth(dataset: Dataset) -> tuple[int, int] | None:
-    truth = dataset.truth_at(dataset.range_time)[:, :3]
-    known, count = np.isfinite(truth).all(axis=1), len(dataset.anchors)
-    off = np.full((count, count), np.nan)
-    for anchor in range(count):
-        mine = known & (dataset.range_anchor == anchor)
-        if mine.any():
-            apart = np.linalg.norm(truth[mine][:, None] - dataset.anchors[None], axis=2)
-            off[anchor] = np.median(np.abs(dataset.ranges[mine][:, None] - apart), axis=0)
-    least = _SMALLEST * float(np.median(dataset.ranges))
-    swaps = [
-        pair
-        for pair in combinations(range(count), 2)
-        if all(off[a, a] > max(least, _TIMES * off[a, b]) for a, b in (pair, pair[::-1]))
-    ]
-    return max(swaps, key=lambda pair: off[pair[0], pair[0]] + off[pair[1], pair[1]], default=None)
-
-
-def _swapped_by_fixes(dataset: Dataset) -> tuple[int, int] | None:
-    count = len(dataset.anchors)
-    if count < (4 if is_planar(dataset) else 5) or count > _MANY:
-        return None
-
-    def misfit(pair: tuple[int, ...]) -> float:
-        order = np.arange(count)
-        order[list(pair)] = pair[::-1]
-        found = fixes(dataset, dataset.anchors[order]).misfit
-        found = found[np.isfinite(found)]
-        return float(np.median(found)) if found.size else np.inf
-
-    now = misfit(())
-    if not _SMALLEST * float(np.median(dataset.ranges)) < now < np.inf:
-        return None
-    swaps = {pair: misfit(pair) for pair in combinations(range(count), 2)}
-    best = min(swaps, key=swaps.__getitem__)
-    others = [off for pair, off in swaps.items() if pair != best]
-    # Where several swaps fit alike, as in a rectangle, only a truth could tell which it is.
-    return best if swaps[best] < now / _TIMES and swaps[best] < 0.5 * min(others) else None
-
-
 def summary(dataset: Dataset) -> dict[str, str]:
     """What a recording holds, in words by quantity."""
     counts = np.bincount(dataset.range_anchor, minlength=len(dataset.anchors))
@@ -128,12 +92,18 @@ def summary(dataset: Dataset) -> dict[str, str]:
     low, high = dataset.anchors.min(axis=0), dataset.anchors.max(axis=0)
     box = " x ".join(f"{length:.3g}" for length in high - low)
     truth = counted(len(dataset.truth), "position") if dataset.has_truth else "none: no errors are shown"
-    interval = dataset.interval
     return {
         "anchors": f"{len(dataset.anchors)} in a box of {box} m" + (", at one height" if is_planar(dataset) else ""),
         "ranges": f"{len(dataset.ranges)}, {counts.min()} to {counts.max()} of an anchor",
         "lengths": "{:.3g} to {:.3g} m, median {:.3g} m".format(*np.percentile(dataset.ranges, [0, 100, 50])),
         "time": f"{number(end - begin)} s, from {begin:.12g} to {end:.12g} s",
-        "an anchor's ranges": "one alone" if interval is None else f"{number(interval)} s apart",
+        "an anchor's ranges": _spacing(dataset),
         "truth": truth,
     }
+
+
+def _spacing(dataset: Dataset) -> str:
+    if dataset.interval is not None:
+        return f"{number(dataset.interval)} s apart"
+    alone = np.bincount(dataset.range_anchor).max() == 1
+    return "one of each: no time between two" if alone else "mostly several at the same time"

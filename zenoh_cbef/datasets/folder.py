@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from zenoh_cbef.datasets.anchorwise import scaled_anchors
 from zenoh_cbef.datasets.dataset import Dataset
 from zenoh_cbef.datasets.table import COLUMNS, Table, read_table
 from zenoh_cbef.datasets.units import clash_of_units
@@ -19,7 +20,7 @@ def read_dataset(folder: Path) -> Dataset:
     """Read a recorded set. Raises UserError where a file is missing, empty or not as documented, or in another unit."""
     found = read_files(folder)
     if clash := clash_of_units(found):
-        raise UserError(f"{folder}: {clash.said}")
+        raise UserError(f"{folder}: {'; '.join(scaled_anchors(found) or [clash.said])}")
     return found
 
 
@@ -34,8 +35,9 @@ def read_files(folder: Path) -> Dataset:
     if unknown:
         raise UserError(f"{folder / 'ranges.csv'} has ranges of anchor {unknown[0]}, which anchors.csv lacks; add it")
     rows = np.column_stack([ranges.numbers, [index[label] for label in ranges.names]])
-    rows = rows[np.argsort(rows[:, 0], kind="stable")]
     rows = rows[rows[:, 1] >= 0.0]
+    order = np.argsort(rows[:, 0], kind="stable")
+    rows = rows[order]
     if len(rows) == 0:
         raise UserError(f"{folder / 'ranges.csv'} has negative ranges only; a dataset needs at least one range")
     known = truth.numbers[np.argsort(truth.numbers[:, 0], kind="stable")]
@@ -47,11 +49,12 @@ def read_files(folder: Path) -> Dataset:
         ranges=rows[:, 1],
         truth_time=known[:, 0],
         truth=known[:, 1:4],
+        order=order,
     )
 
 
 def write_dataset(dataset: Dataset, folder: Path) -> list[Path]:
-    """Write a recorded set; returns its files. Every number reads back as it was.
+    """Write a recorded set; returns its files. Every number reads back as it was, and ranges are in their order.
 
     A truth.csv that is there, where the dataset has no truth, goes: it would be another recording's. Raises UserError
     where the folder cannot be written.
@@ -60,10 +63,8 @@ def write_dataset(dataset: Dataset, folder: Path) -> list[Path]:
     tables: dict[str, Iterable[Sequence[object]]] = {
         "anchors": [(label, *row) for label, row in zip(labels, dataset.anchors.tolist(), strict=True)],
         "ranges": [
-            (time, labels[anchor], distance)
-            for time, anchor, distance in zip(
-                dataset.range_time.tolist(), dataset.range_anchor.tolist(), dataset.ranges.tolist(), strict=True
-            )
+            (float(dataset.range_time[row]), labels[dataset.range_anchor[row]], float(dataset.ranges[row]))
+            for row in (range(len(dataset.ranges)) if dataset.order is None else np.argsort(dataset.order))
         ],
     }
     if dataset.has_truth:

@@ -18,7 +18,7 @@ COLUMNS = {"anchors": "id,x,y,z", "ranges": "t,anchor_id,range", "truth": "t,x,y
 _NAMING = frozenset({"id", "anchor_id"})
 """The columns that name an anchor; all others are numbers."""
 
-_MOST = {"t": 1e12, "x": 1e7, "y": 1e7, "z": 1e7, "range": 1e7}
+MOST = {"t": 1e12, "x": 1e7, "y": 1e7, "z": 1e7, "range": 1e7}
 """The largest size of a column's numbers, s and m: that of a scenario's coordinates."""
 
 
@@ -45,7 +45,7 @@ def read_table(folder: Path, name: str) -> Table:
     if not np.isfinite(numbers).all():
         raise UserError(f"{path} has rows that are not {COLUMNS[name]} in finite numbers; correct them")
     for place, values in zip(kept, numbers.T, strict=True):
-        column, most = columns[place], _MOST[columns[place]]
+        column, most = columns[place], MOST[columns[place]]
         if (np.abs(values) > most).any():
             worst = values[np.abs(values).argmax()]
             raise UserError(

@@ -69,7 +69,7 @@ def _errors(metrics: Metrics) -> Iterator[tuple[str | Told, ...]]:
         reached = Told(f"reaches {number(metrics.strong.position_rmse, 'm')}")
         lost = Told("centralised: lost" if metrics.twin_lost else "")
         yield "ratio to strong yardstick", number(metrics.ratio_to_strong), reached, lost
-    yield "ratio to bound", number(metrics.ratio_to_bound), "", "1" if metrics.ratio_to_bound else "-"
+    yield "ratio to bound", number(metrics.ratio_to_bound), "", "1 on average" if metrics.ratio_to_bound else "-"
 
 
 def _inside(found: Honesty) -> Told:

@@ -237,7 +237,7 @@ function sides() {
 
 /** What tests and benchmarks look at. */
 const counts = { frames: 0 };
-globalThis.lab = { state, counts, map, curves, beside, colour: (source, destination) => map.shown.get(`${source} ${destination}`) };
+globalThis.lab = { state, counts, map, trails, curves, beside, colour: (source, destination) => map.shown.get(`${source} ${destination}`) };
 
 const pace = new Pace(frames, {
   asks: (elapsed) => state.scene && question(elapsed),
@@ -270,7 +270,7 @@ function solid() {
 
 const acts = {
   play, view: solid, back: () => seek(state.step - 1), on: forward, round, live: follow, hold: () => hold(!state.held),
-  fit: () => { map.fitted = true; redraw(); }, cut: () => parting.act(),
+  fit: () => { map.refit(); redraw(); }, cut: () => parting.act(),
   undo: () => order("undo"), stop: () => order("stop"), choose: () => opening.show().catch(() => {}),
 };
 for (const [id, act] of Object.entries(acts)) $(id).addEventListener("click", () => (state.scene || id === "choose") && act());

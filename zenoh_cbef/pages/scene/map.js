@@ -27,10 +27,11 @@ export class MapView extends View {
     );
   }
 
-  /** Take the unchanging part of a scene. */
-  show(scene) {
+  /** Take the unchanging part of a scene. way: places that the target comes by, where they are known beforehand. */
+  show(scene, way = []) {
     this.scene = scene;
-    this.fitted = true;
+    this.way = way;
+    this.refit();
   }
 
   /** Draw a step. trails: of the target and of each agent, lists of points. marks: a word for some agents, by agent.
@@ -40,13 +41,14 @@ export class MapView extends View {
     if (!(this.width > 0 && this.height > 0)) return; // a page that is hidden, or being laid out
     this.now = this.axes();
     this.arrays = arrays;
-    if (this.fitted) this.fit(arrays);
+    const agents = Array.from({ length: arrays.place.length / 3 }, (_, agent) => arrays.place.subarray(3 * agent, 3 * agent + 3));
+    if (this.fitted) this.fit([...agents, arrays.truth, ...trails.truth, ...this.way]);
     const { context: c, colours } = this;
     c.clearRect(0, 0, this.width, this.height);
     this.grid();
     this.links(arrays, phase);
     this.trail(trails.truth, colours.ink, 2);
-    const count = arrays.place.length / 3;
+    const count = agents.length;
     for (let agent = 0; agent < count; agent++) this.trail(trails.agents[agent] ?? [], hue(agent), THIN);
     for (let agent = 0; agent < count; agent++) this.estimate(arrays, agent);
     this.agents(arrays, marks);

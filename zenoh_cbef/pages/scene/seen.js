@@ -9,6 +9,7 @@ import { standing } from "./standing.js";
 
 const TRAIL = 40;
 const PLAYED_MS = 15_000;
+const WAY = 500; // places of the whole way
 
 const part = (values, at, size) => values.subarray(at * size, (at + 1) * size);
 
@@ -18,10 +19,10 @@ class Seen {
     Object.assign(this, { told, arrays: told.arrays, count: told.arrays.step.length, agents: told.names.length });
     this.parts = { slider: of("moment"), play: of("play"), clock: of("clock"), verdict: of("verdict") };
     this.map = new MapView(of("map"));
-    this.map.show(told);
+    this.map.show(told, this.way());
     this.parts.slider.max = String(this.count - 1);
     this.parts.slider.addEventListener("input", () => this.seek(Number(this.parts.slider.value)));
-    const acts = { play: () => this.play(!this.playing), turn: () => this.turn(), fit: () => { this.map.fitted = true; this.draw(); } };
+    const acts = { play: () => this.play(!this.playing), turn: () => this.turn(), fit: () => { this.map.refit(); this.draw(); } };
     for (const [id, act] of Object.entries(acts)) of(id).addEventListener("click", act);
     const keys = { " ": acts.play, t: acts.turn, f: acts.fit, ArrowLeft: () => this.seek(this.at - 1), ArrowRight: () => this.seek(this.at + 1) };
     this.map.canvas.addEventListener("keydown", (event) => {
@@ -74,6 +75,16 @@ class Seen {
       truth: part(arrays.truth, at, 3), place: part(arrays.place, moves ? at : 0, 3 * agents), estimate, said,
       spread: part(arrays.spread, at, 6 * agents), links: part(arrays.passed, at, 4 * this.told.links.length),
     };
+  }
+
+  /** Places that the target comes by: true ones, or else the first agent's estimates where it is sure of them. */
+  way() {
+    const { arrays, agents, count } = this;
+    const every = Math.ceil(count / WAY);
+    return Array.from({ length: Math.ceil(count / every) }, (_, place) => place * every).map((at) => {
+      const truth = part(arrays.truth, at, 3);
+      return Number.isFinite(truth[0]) ? truth : arrays.drawn[at * agents] === 1 ? part(arrays.estimate, at * agents, 3) : [NaN];
+    });
   }
 
   trails() {

@@ -41,10 +41,15 @@ export class View {
     return [this.width / 2 + (u - this.centre[0]) * this.scale, this.height / 2 - (v - this.centre[1]) * this.scale];
   }
 
-  fit(arrays) {
-    const points = [];
-    for (let at = 0; at < arrays.place.length; at += 3) points.push(this.flat(arrays.place, at));
-    if (Number.isFinite(arrays.truth[0])) points.push(this.flat(arrays.truth, 0));
+  /** Fit the picture again, whatever was in view. */
+  refit() {
+    this.fitted = true;
+    this.fittedView = "";
+  }
+
+  /** Bring places into view; those that are nowhere do not matter. */
+  fit(places) {
+    const points = places.filter((one) => Number.isFinite(one[0])).map((one) => this.flat(one, 0));
     const us = points.map((one) => one[0]);
     const vs = points.map((one) => one[1]);
     const [low, high, bottom, top] = [Math.min(...us), Math.max(...us), Math.min(...vs), Math.max(...vs)];
