@@ -64,7 +64,10 @@ def notes(metrics: Metrics) -> list[str]:
     """Notes on a run for its reader, in sentences: what is not scored or not observable, slow processes, bad data."""
     said = unseen_note(metrics.unobservable_steps), _twin_note(metrics), slow_note(metrics.slow)
     sure = metrics.misfit or _sureness_note(metrics)
-    return [*metrics.lacks, *filter(None, (*said, sure, bound_note(metrics.ratio_to_bound)))]
+    return [
+        *metrics.lacks,
+        *filter(None, (*said, sure, bound_note(metrics.ratio_to_bound, metrics.steps - metrics.skip))),
+    ]
 
 
 def _sureness_note(metrics: Metrics) -> str:

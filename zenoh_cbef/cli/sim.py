@@ -48,7 +48,7 @@ def _sim(
             summary = summarize(metrics_of(plan.scenario, seeds, skip, jobs, progress=done, tell=tell))
         print(json.dumps(summary.as_json())) if as_json else console.print(summary_table(summary))
         spread = summary.spreads["ratio_to_bound"]
-        tell_what_lacks(filter(None, [bound_note(spread.median if spread else None)]))
+        tell_what_lacks(filter(None, [bound_note(spread.median if spread else None, seeds * plan.scenario.length)]))
         return
     with bar("simulating", plan.scenario.length) as done:
         analysis = analyses_of([plan.scenario], skip, done)[0]
