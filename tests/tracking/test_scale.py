@@ -123,3 +123,13 @@ def test_a_bias_that_grows_with_the_distance_is_no_sign_of_a_wrong_estimate():
         known = Knowing(make_filter("icf", SETTINGS), replace(SETTINGS, scale_std=share))
         bias = Bias.constant(np.full(1, value), np.ones(1))
         assert known._explains_nothing(bias, state, far)[0] == strange  # noqa: SLF001
+
+
+def test_a_bias_with_a_share_is_taken_off_where_a_range_is_and_not_where_it_was_estimated():
+    """Ranges that are 0.3 m and a tenth too long, of a bias that was estimated at 20 m."""
+    distance, truth = np.array([20.0, 20.0]), np.array([5.0, 80.0])
+    value, none = 0.3 + 0.1 * distance, np.zeros(2)
+    relied_on = Bias(value, none, np.ones(2), np.full(2, 0.1))
+    np.testing.assert_allclose(relied_on.taken_off(0.3 + 1.1 * truth, distance), truth)
+    np.testing.assert_array_equal(Bias(value, none, none, relied_on.share).taken_off(truth, distance), truth)
+    np.testing.assert_array_equal(Bias.constant(value, none).taken_off(truth, distance), truth - value)

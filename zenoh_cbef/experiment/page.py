@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
@@ -54,32 +54,42 @@ def summary_text(summary: Summary) -> str:
     return json.dumps(summary.as_json(), indent=1) + "\n"
 
 
+@dataclass(frozen=True)
+class _Held:
+    """Which experiment the results in a folder are of, and of how many runs."""
+
+    experiment: str
+    base: str
+    varied: list[str]
+    runs: int
+
+
+_HELD = TypeAdapter(_Held)
+
+
 def other_experiment(folder: Path, written: Written) -> str:
     """The other experiment whose results the folder holds, in words: another name, base, or keys. Empty if none."""
-    try:
-        found = _summary_in(folder)
-        name, base, varied = found["experiment"], found["base"], found["varied"]
-    except (KeyError, TypeError):
+    if (held := _held_in(folder)) is None:
         return ""
     keys = [one.key for one in written.experiment.vary]
     # Keys come and go while a study grows; one that shares none of them is another.
-    same = set(varied) & set(keys) or not (varied and keys)
-    if (name, base) == (written.name, written.experiment.base) and same:
+    same = set(held.varied) & set(keys) or not (held.varied and keys)
+    if (held.experiment, held.base) == (written.name, written.experiment.base) and same:
         return ""
-    return f"another experiment ({name} of {base}, over {' and '.join(varied) or 'no key'})"
+    return f"another experiment ({held.experiment} of {held.base}, over {' and '.join(held.varied) or 'no key'})"
 
 
 def runs_in(folder: Path) -> int:
     """How many runs the results in the folder are of; 0 where there are none."""
-    found = _summary_in(folder)
-    runs = found.get("runs") if isinstance(found, dict) else None
-    return runs if isinstance(runs, int) else 0
+    held = _held_in(folder)
+    return 0 if held is None else held.runs
 
 
-def _summary_in(folder: Path) -> Any:
+def _held_in(folder: Path) -> _Held | None:
+    """None where there are no results, or their summary is damaged."""
     try:
-        return json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        return _HELD.validate_json((folder / SUMMARY).read_bytes())
+    except (OSError, ValidationError):
         return None
 
 

@@ -4,17 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cached_property, wraps
-from typing import Any, TypeVar
+from typing import Protocol, TypeVar, cast
 
+
+class Seeded(Protocol):
+    """What may be like another one, under another seed."""
+
+    @property
+    def like(self) -> Seeded | None:
+        """That other one."""
+
+
+Whole = TypeVar("Whole", bound=Seeded)
 Part = TypeVar("Part")
 
 
-def alike(make: Callable[[Any], Part]) -> cached_property[Part]:
+def alike(make: Callable[[Whole], Part]) -> cached_property[Part]:
     """A cached property that is taken from the plan's `like`, one under another seed, where there is one."""
 
     @wraps(make)
-    def made(plan: Any) -> Part:
-        like = plan.like
-        return make(plan) if like is None else getattr(like, make.__name__)
+    def made(plan: Whole) -> Part:
+        return make(plan) if plan.like is None else cast("Part", getattr(plan.like, make.__name__))
 
     return cached_property(made)
