@@ -29,7 +29,7 @@ class Model(Table):
 class Filter(Table):
     """The estimation filter and its settings. None: the value follows from target and sensor.
 
-    defaults: the rules by which 'auto' and None decide: 14 today's, 1 those of version 0.2.0 and before it. Logs hold
+    defaults: the rules by which 'auto' and None decide: 15 today's, 1 those of version 0.2.0 and before it. Logs hold
     'auto' as such, so a change of what it means is a new number here, and old logs keep theirs (see legacy.py).
     xi: cbef saturates at this size of the whole innovation (m^2), cbef-scaled likewise (m), the others at this many
     standard deviations; auto: 2 where saturation redescends, otherwise 1.5. saturation auto: redescending where ranges
@@ -60,7 +60,7 @@ class Filter(Table):
     """
 
     kind: str = "sicf"
-    defaults: Literal[1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14] = 14
+    defaults: Literal[1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15] = 15
     options: Options = None
     plugin: str | None = None
     xi: Annotated[Factor | Literal["auto"], Field(description="a number from 1e-06 to 1e+12, or 'auto'")] = "auto"
