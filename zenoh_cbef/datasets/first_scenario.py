@@ -21,14 +21,14 @@ def time_step(dataset: Dataset) -> float:
     """A round step near the interval of an anchor's ranges, s, or shorter for a target that turns fast.
 
     Between a range and the end of its step the target is taken to go straight on: in half of sqrt(sigma/q) it strays
-    from that by an eighth of the noise.
+    from that by an eighth of the noise. Steps shorter than half of the interval gain little.
     """
     interval = dataset.interval or 0.1
     step = _near(interval, _ROUND)
     quick, noise = agility(dataset), scatter(dataset)
-    if not quick or not noise or step <= (longest := 0.5 * math.sqrt(noise / quick)):
+    if not quick or not noise or step <= (longest := max(0.5 * math.sqrt(noise / quick), interval / 2.0)):
         return step
-    return _near(longest, [each for each in _ROUND if each * _decade(longest) <= longest])
+    return _near(longest, [each for each in _ROUND if each * _decade(longest) < 1.001 * longest])
 
 
 def _decade(value: float) -> float:
