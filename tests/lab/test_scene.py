@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from tests.log.made import made_log
+from tests.waiting import until
 from zenoh_cbef.analysis.metrics import analyze
 from zenoh_cbef.lab.answers import Page
 from zenoh_cbef.lab.bench import Bench
@@ -36,10 +37,7 @@ def log(tmp_path_factory):
 def whole(source: Source) -> Scene:
     """The scene of a log that is read to its end, however busy the machine is."""
     source.shown.set()
-    until = time.monotonic() + 120.0
-    while source.state != "log":
-        assert time.monotonic() < until
-        time.sleep(0.01)
+    until(lambda: source.state == "log")
     return source.scene
 
 

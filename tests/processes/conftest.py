@@ -14,11 +14,13 @@ import uuid
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import pytest
 import zenoh
 
 from tests.processes.forked import Forked, Process
+from tests.waiting import until
 from tests.within import within
 
 WITHIN = {"analyze", "cat", "check", "compare", "export", "filter", "info", "merge", "recover", "reestimate", "sim"}
@@ -53,6 +55,13 @@ def _foreign(mode: str, endpoint: str, how: dict[str, int]) -> zenoh.Session:
     for key, value in {"mode": mode, "connect": connect, "scouting/multicast/enabled": False}.items():
         config.insert_json5(key, json.dumps(value))
     return zenoh.open(config)
+
+
+def ended(process: Process, status: int = 0, timeout: float = 120) -> tuple[str, str]:
+    """What a process printed and said until its end, which must have this exit status."""
+    out, err = process.communicate(timeout=timeout)
+    assert process.returncode == status, err
+    return out, err
 
 
 def processes_of(run: str) -> dict[int, str]:
@@ -117,15 +126,16 @@ class World:
         out, err = process.communicate(timeout=timeout)
         return subprocess.CompletedProcess(arguments, process.returncode, out, err)
 
+    def status(self) -> dict[str, Any]:
+        """What `status --json` tells of the run; on a busy machine it may not answer at once: nothing then."""
+        told: dict[str, Any] = json.loads(self.call("status", "--run", self.run, "--json").stdout or "{}")
+        return told
+
     def wait_for_messages(self, size: int = 20_000) -> None:
         """Wait until the log has grown, so that the run is surely under way."""
         active = self.log.with_name(self.log.name + ".active")
-        until = time.monotonic() + 300  # eight processes begin at once, which takes long on a busy machine
-        while time.monotonic() < until:
-            if active.exists() and active.stat().st_size > size:
-                return
-            time.sleep(0.02)
-        pytest.fail("the run did not get going")
+        # Eight processes begin at once, which takes long on a busy machine.
+        until(lambda: active.exists() and active.stat().st_size > size, "the run did not get going", 300.0)
 
     def pid_of(self, words: str) -> int:
         return next(pid for pid, line in processes_of(self.run).items() if f"zenoh_cbef {words} " in line)
@@ -153,15 +163,10 @@ class World:
         try:
             others = [self.start("agent", str(agent), *join) for agent in range(agents)]
             others.append(self.start("record", *join, "--output", str(self.log)))
-            printed = []
-            for process in (target, *others):
-                out, err = process.communicate(timeout=100)
-                assert process.returncode == 0, err
-                printed.append(out)
+            return [ended(process)[0] for process in (target, *others)]
         finally:
             over.set()
             attacker.join()
-        return printed
 
     def end(self) -> None:
         for process in self._started:

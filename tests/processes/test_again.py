@@ -2,7 +2,7 @@
 
 import signal
 
-from tests.processes.conftest import settings
+from tests.processes.conftest import ended, settings
 
 
 def test_processes_of_a_targets_earlier_run_end_and_leave_the_next_one_alone(world, free_port):
@@ -30,8 +30,7 @@ def test_processes_of_a_targets_earlier_run_end_and_leave_the_next_one_alone(wor
     assert any(words in err for err in told)
     again += others("again.mcap")
     for process in again:
-        _, err = process.communicate(timeout=100)
-        assert process.returncode == 0, err
+        ended(process)
     for verb in ("check", "verify"):
         verdict = world.call(verb, "again.mcap")
         assert verdict.returncode == 0, verdict.stdout

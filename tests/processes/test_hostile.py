@@ -10,6 +10,7 @@ import pytest
 import zenoh
 
 from tests.processes.conftest import outsider, settings
+from tests.waiting import until
 
 
 def forged(run: str, sender: str, **body) -> bytes:
@@ -51,10 +52,8 @@ def attacks(run: str) -> list[tuple[str, bytes]]:
 
 
 def wait_for(session: zenoh.Session, token: str) -> None:
-    until = time.monotonic() + 100
-    while not any(reply.ok is not None for reply in session.liveliness().get(token, timeout=1.0)):
-        assert time.monotonic() < until, "the target did not come"
-        time.sleep(0.05)
+    seen = session.liveliness()
+    until(lambda: any(reply.ok is not None for reply in seen.get(token, timeout=1.0)), "the target did not come")
 
 
 @pytest.mark.parametrize("kind", ["sicf", "cbef"])

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from tests.log.made import made_log
+from tests.waiting import until
 from zenoh_cbef.analysis.metrics import analyze
 from zenoh_cbef.analysis.report import write_report
 from zenoh_cbef.lab.bench import reach
@@ -170,11 +171,7 @@ def touched_by_keyboard(opened: Opened) -> None:
 
 def finished_log(folder: Path) -> Path:
     """The log of the only run: the page says that a run has ended before its recorder has written all."""
-    until = time.monotonic() + 100
-    while not (found := list(folder.glob("lab-*/run.mcap"))):
-        assert time.monotonic() < until, "the recorder does not end"
-        time.sleep(0.1)
-    [log] = found
+    [log] = until(lambda: list(folder.glob("lab-*/run.mcap")), "the recorder does not end")
     return log
 
 

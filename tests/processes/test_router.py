@@ -2,12 +2,12 @@
 
 import json
 import signal
-import time
 
 import pytest
 import zenoh
 
-from tests.processes.conftest import settings
+from tests.processes.conftest import ended, settings
+from tests.waiting import until
 
 
 def test_clients_of_a_router_in_lockstep_equal_the_simulator(world, free_port):
@@ -21,8 +21,7 @@ def test_clients_of_a_router_in_lockstep_equal_the_simulator(world, free_port):
     ]
     router = world.start("router", "--listen", endpoint)
     for process in processes:
-        _, err = process.communicate(timeout=100)
-        assert process.returncode == 0, err
+        ended(process)
     assert router.poll() is None
     router.send_signal(signal.SIGTERM)
     out, err = router.communicate(timeout=100)
@@ -45,8 +44,7 @@ def test_who_meets_a_router_and_listens_nowhere_joins_through_it(world, free_por
         *(world.start("agent", str(agent), *join) for agent in range(4)),
     ]
     for process in processes:
-        _, err = process.communicate(timeout=100)
-        assert process.returncode == 0, err
+        ended(process)
     assert world.call("verify", str(world.log)).stdout.startswith("equal bit for bit")
 
 
@@ -105,9 +103,7 @@ def test_health_tells_a_process_that_is_there_from_one_that_is_not(world, free_p
     assert health("agent/0") == 2
     world.start("target", "tracking", *settings(), *join)
     agent = world.start("agent", "0", *join, "--patience", "100")
-    until = time.monotonic() + 100
-    while health("agent/0") != 0:
-        assert time.monotonic() < until
+    until(lambda: health("agent/0") == 0)
     assert (health("target"), health("agent/1"), health("record")) == (0, 1, 1)
     agent.kill()
     agent.wait()

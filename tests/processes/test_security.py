@@ -108,14 +108,5 @@ def test_a_process_without_certificates_does_not_join(world, certificates, free_
         assert refused.returncode == 2
         assert len(refused.stderr.splitlines()) == 1
     let_in = world.start("agent", "0", "--run", world.run, "--connect", endpoint, "--tls", str(certificates))
-    with pytest.raises(TimeoutError):
-        wait_for_exit(let_in, 3)
-
-
-def wait_for_exit(process, seconds: float) -> int:
-    until = time.monotonic() + seconds
-    while process.poll() is None:
-        if time.monotonic() > until:
-            raise TimeoutError
-        time.sleep(0.05)
-    return process.returncode
+    time.sleep(3)
+    assert let_in.poll() is None

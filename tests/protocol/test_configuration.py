@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 from tests.processes.conftest import unused_port
+from tests.waiting import until
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.protocol.messages import LARGEST
 from zenoh_cbef.protocol.session import Connection, PortInUseError, configuration, open_session
@@ -136,7 +137,4 @@ def test_a_peer_that_listens_nowhere_is_the_client_of_a_router(hub: str, listen:
     endpoint = f"tcp/127.0.0.1:{unused_port()}"
     with open_session(Connection(listen=[endpoint], mode=hub)) as met, open_session(Connection([endpoint], listen)):
         # On a busy host the hub lets go of the session that only asked who is there a little later.
-        until = time.monotonic() + 20
-        while (kinds := [str(one.whatami) for one in met.info.transports()]) != [expected] and time.monotonic() < until:
-            time.sleep(0.01)
-        assert kinds == [expected]
+        until(lambda: [str(one.whatami) for one in met.info.transports()] == [expected])

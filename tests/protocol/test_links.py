@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import socket
-import time
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -11,6 +10,7 @@ import pytest
 import zenoh
 
 from tests.processes.conftest import unused_port
+from tests.waiting import until
 from zenoh_cbef.protocol.addresses import is_loopback, own_addresses, own_host, parts, reached_at, with_ports
 from zenoh_cbef.protocol.introducing import introduce, life_at
 from zenoh_cbef.protocol.lives import connects, new_life, site_of
@@ -49,11 +49,8 @@ def links(session: zenoh.Session, other: zenoh.Session | None = None) -> list[ze
     return [one for one in session.info.links() if other is None or str(one.zid) == str(other.zid())]
 
 
-def met(session: zenoh.Session, count: int, seconds: float = 10.0) -> bool:
-    until = time.monotonic() + seconds
-    while len(links(session)) != count and time.monotonic() < until:
-        time.sleep(0.01)
-    return len(links(session)) == count
+def met(session: zenoh.Session, count: int) -> bool:
+    return until(lambda: len(links(session)) == count)
 
 
 def test_who_is_introduced_has_one_link_and_a_third_process_hears_nothing(hall: Hall) -> None:

@@ -11,6 +11,7 @@ import pytest
 
 from tests.processes.conftest import unused_port
 from tests.protocol.conftest import Pair
+from tests.waiting import until
 from zenoh_cbef.protocol.keys import Keys
 from zenoh_cbef.protocol.presence import Presence
 from zenoh_cbef.protocol.reach import linked, runs_on, unreachable, wait_for_link, why_no_answer
@@ -101,9 +102,7 @@ def test_a_link_is_waited_for_and_runs_behind_it_are_named(pair: Pair) -> None:
     assert why_no_answer(there, connection, "mine").startswith("no run is on at tcp/a:1, tcp/b:2; check --run")
     for run in ("other", "another"):
         Presence(here, Keys(run).all_live).announce("target/target")
-    until = time.monotonic() + 20
-    while runs_on(there) != {"other", "another"}:
-        assert time.monotonic() < until
+    until(lambda: runs_on(there) == {"other", "another"})
     told = why_no_answer(there, Connection(), "mine")
     assert told.startswith("there is another, other at the endpoints of its configuration; check --run")
     assert "its target is there but says nothing" in why_no_answer(there, connection, "other")

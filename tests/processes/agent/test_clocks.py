@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from tests.processes.conftest import settings, unused_port
+from tests.processes.conftest import ended, settings, unused_port
 from zenoh_cbef.nodes.agent.entrance import Entrance
 from zenoh_cbef.nodes.common.node import Identity
 from zenoh_cbef.protocol.scenario_service import Clock, ScenarioText, serve_scenario
@@ -34,8 +34,7 @@ def test_an_agent_whose_clock_is_an_hour_off_takes_part_in_realtime(world, free_
         prefix = ["env", f"PYTHONPATH={path}"] if agent == 1 else []
         processes.append(world.start("agent", str(agent), *join, prefix=prefix))
     for process in processes:
-        out, err = process.communicate(timeout=100)
-        assert process.returncode == 0, err
+        out, _ = ended(process)
         assert "after step 20" in out or "messages in" in out
 
 

@@ -10,6 +10,7 @@ import pytest
 import zenoh
 
 from tests.processes.conftest import unused_port
+from tests.waiting import until
 from zenoh_cbef.nodes.agent.neighbour import Neighbourhood
 from zenoh_cbef.nodes.common.alarm import Alarm
 from zenoh_cbef.nodes.common.node import Identity
@@ -59,11 +60,8 @@ class Pair:
         self._ear = self.sessions[0].declare_subscriber(KEYS.round(1), zenoh.handlers.FifoChannel(1000))
         self._codec = RoundCodec("test", "agent/1", WIDTH)
         self._mouth = self.sessions[1].declare_publisher(KEYS.round(1))
-        until = time.monotonic() + 100.0
         # What is sent before it knows who listens goes nowhere.
-        while not self._mouth.matching_status.matching:  # type: ignore[attr-defined]  # as in relay.py
-            assert time.monotonic() < until
-            time.sleep(0.01)
+        until(lambda: self._mouth.matching_status.matching)  # type: ignore[attr-defined]  # as in relay.py
 
     def say(self, step: int, round_: int, value: float) -> None:
         data = self._codec.encode(0, time.time_ns(), step, round_, np.full(WIDTH, value))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tests.processes.conftest import World, unused_port
+from tests.processes.conftest import World, ended, unused_port
 from zenoh_cbef.nodes.agent.vicinity import Vicinity
 from zenoh_cbef.scenario.load import parse, to_toml
 from zenoh_cbef.scenario.network import in_range
@@ -53,7 +53,6 @@ def test_a_lockstep_run_in_which_links_come_and_go_is_equal_bit_for_bit(world: W
         *(world.start("agent", str(agent), *join) for agent in range(3)),
     ]
     for process in started:
-        _, err = process.communicate(timeout=100)
-        assert process.returncode == 0, err
+        ended(process)
     done = world.call("verify", str(world.log))
     assert done.stdout.startswith("equal bit for bit"), done.stdout

@@ -2,7 +2,7 @@
 
 import json
 
-from tests.processes.conftest import outsider, settings
+from tests.processes.conftest import ended, outsider, settings
 
 
 def test_a_mute_agent_holds_the_others_up_only_as_long_as_their_patience(world, free_port):
@@ -15,13 +15,11 @@ def test_a_mute_agent_holds_the_others_up_only_as_long_as_their_patience(world, 
     live = f"cbef/{world.run}/live"
     with outsider(endpoint) as session:
         tokens = [session.liveliness().declare_token(f"{live}/{name}") for name in ("agent/2", "ready/2")]
-        _, err = target.communicate(timeout=100)
-        assert target.returncode == 0, err
+        ended(target)
         for token in tokens:
             token.undeclare()
         for process in others:
-            _, err = process.communicate(timeout=100)
-            assert process.returncode == 0, err
+            ended(process)
     metrics = json.loads(world.call("analyze", str(world.log), "--json").stdout)
     assert metrics["steps"] == 12
     for link in metrics["links"]:

@@ -7,6 +7,7 @@ import time
 import pytest
 
 from tests.processes.conftest import World, processes_of, settings
+from tests.waiting import until
 from zenoh_cbef.cli.terminal.ids import ids_of, shortened
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.nodes.launch.children import Nursery
@@ -82,10 +83,7 @@ def test_a_fleet_ends_all_its_agents_when_it_is_told_to_and_when_it_dies(world: 
     join = ["--run", world.run, "--connect", f"tcp/127.0.0.1:{free_ports(1)[0]}"]
     for number, status in ((signal.SIGINT, 130), (signal.SIGKILL, -9)):
         fleet = world.start("fleet", "0-2", *join)
-        until = time.monotonic() + 100
-        while sum("zenoh_cbef agent" in line for line in processes_of(world.run).values()) < 3:
-            assert time.monotonic() < until
-            time.sleep(0.05)
+        until(lambda: sum("zenoh_cbef agent" in line for line in processes_of(world.run).values()) >= 3, every=0.05)
         fleet.send_signal(number)
         assert fleet.wait(100) == status
         assert not world.wait_until_gone()

@@ -5,7 +5,6 @@ import re
 import signal
 import socket
 import threading
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -14,6 +13,7 @@ import pytest
 from tests.processes.conftest import outsider, settings, unused_port
 from tests.processes.target.test_live_faults import wait_until_known
 from tests.processes.test_hostile import wait_for
+from tests.waiting import until
 
 JOINING = {
     "agent": ("agent", "0"),
@@ -84,10 +84,8 @@ def test_two_agents_with_one_id(world, target):
     join = ["--run", world.run, "--connect", target, "--patience", "100"]
     # Without gossip they have no link to each other, only to the target.
     twins = [world.start("agent", "1", *join, "--no-gossip") for _ in range(3)]
-    until = time.monotonic() + 100
-    while len(losers := [one for one in twins if one.poll() is not None]) < 2:
-        assert time.monotonic() < until, "there are twins"
-        time.sleep(0.05)
+    until(lambda: sum(one.poll() is not None for one in twins) >= 2, "there are twins")
+    losers = [one for one in twins if one.poll() is not None]
     told = f"zenoh-cbef: agent 1 is already in run {world.run!r}; give another id, or end that process\n"
     assert [(one.returncode, one.communicate()[1]) for one in losers] == [(2, told)] * 2
     assert [one.poll() for one in twins].count(None) == 1
@@ -97,10 +95,7 @@ def test_two_agents_with_one_id(world, target):
 def test_two_recorders_with_one_name(world, target):
     join = ["record", "--run", world.run, "--connect", target, "--no-gossip"]
     first = world.start(*join, "-o", "first.mcap")
-    until = time.monotonic() + 100
-    while not (world.folder / "first.mcap.active").exists():  # it has the name by then
-        assert time.monotonic() < until, "there is no recorder"
-        time.sleep(0.05)
+    until((world.folder / "first.mcap.active").exists, "there is no recorder")  # it has the name by then
     told = refusal(world, *join, "-o", "second.mcap")
     assert told == f"zenoh-cbef: record is already in run {world.run!r}; give another --name, or end that process\n"
     assert not (world.folder / "second.mcap.active").exists()

@@ -6,7 +6,7 @@ import sys
 import numpy as np
 import pytest
 
-from tests.processes.conftest import settings
+from tests.processes.conftest import ended, settings
 
 LOSS = 'fault=[{kind="loss",probability=0.4},{kind="delay",milliseconds=5,jitter_ms=40,from=1,until=3}]'
 
@@ -75,8 +75,7 @@ def test_single_processes_make_a_run_with_no_more_than_its_name_and_an_endpoint(
     agents = [world.start("agent", str(agent), *join) for agent in range(4)]
     recorder = world.start("record", *join, "--output", str(world.log))
     for process in (target, *agents, recorder):
-        _, err = process.communicate(timeout=100)
-        assert process.returncode == 0, err
+        ended(process)
     assert world.call("verify", str(world.log)).returncode == 0
 
 
@@ -88,6 +87,5 @@ def test_the_launcher_waits_for_a_recorder_only_if_one_is_required(world, free_p
     target = world.start("target", "tracking", *quiet, "--run", world.run, "--listen", endpoint)
     agents = [world.start("agent", str(agent), *join) for agent in range(4)]
     for process in (target, *agents):
-        out, err = process.communicate(timeout=100)
-        assert process.returncode == 0, err
+        out, _ = ended(process)
         assert "after step 40" in out

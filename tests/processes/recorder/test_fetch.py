@@ -5,7 +5,7 @@ import re
 
 import pytest
 
-from tests.processes.conftest import World, settings, unused_port
+from tests.processes.conftest import World, ended, settings, unused_port
 from tests.processes.forked import Process
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.nodes.common.node import Identity, Node
@@ -36,8 +36,7 @@ def test_fleets_record_their_agents_and_their_logs_are_fetched_as_one(world: Wor
     assert done.returncode == 0, done.stderr
     assert "of 2 logs can be fetched" in done.stderr or "fetching 2 logs" in done.stderr
     for process in (target, *fleets):
-        _, err = process.communicate(timeout=100)
-        assert process.returncode == 0, err
+        ended(process)
     assert "agents-0-1" in done.stderr
     for verb in ("check", "verify"):
         verdict = world.call(verb, "whole.mcap")

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks.kills import Kills
-from tests.processes.conftest import settings
+from tests.processes.conftest import ended, settings
 from tests.test_benchmarks import ROOT  # noqa: F401 - puts the benchmarks on the path
 from zenoh_cbef.log.mcap.reader import McapFile
 from zenoh_cbef.log.read.parts import open_log
@@ -43,8 +43,7 @@ def test_a_full_disk_is_named_and_what_was_written_stays_readable(world, on_full
     run = world.start_run(f"steps={steps}", f"record.on_full={on_full}", "record.flush_seconds=0.1")
     world.wait_for_messages()
     let_no_file_grow(world.pid_of("record"), world.log.with_name("run.mcap.active"))
-    out, err = run.communicate(timeout=120)
-    assert run.returncode == 1, err
+    out, err = ended(run, 1)
     assert "File too large" in err
     assert "messages are not in the log" in err
     assert world.wait_until_gone() == {}
@@ -74,8 +73,7 @@ def test_recorders_on_each_host_and_a_merge_give_the_whole_log(world):
         hubs = ["target", "a", "b", *range(agent)]
         started.append(world.start("agent", str(agent), *options(agent, *hubs), "--patience", "100"))
     for process in started:
-        _, err = process.communicate(timeout=120)
-        assert process.returncode == 0, err
+        ended(process)
     done = world.call("merge", "a.mcap", "b.mcap", "-o", "run.mcap")
     assert done.returncode == 0, done.stderr
     assert "clock of b.mcap" in done.stdout

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from tests.processes.conftest import settings
+from tests.processes.conftest import ended, settings
 from tests.processes.target.test_live_faults import wait_until_known
 from zenoh_cbef import __version__
 from zenoh_cbef.log.read.trace import read_trace
@@ -132,5 +132,4 @@ def test_with_certificates_the_operators_is_asked_for(world):
     refused = world.call("stop", "--run", world.run, "--tls", "certificates")
     assert refused.returncode == 2, "an agent may not end the run"
     run.send_signal(signal.SIGINT)
-    run.communicate(timeout=100)
-    assert run.returncode == 130
+    ended(run, 130)

@@ -4,12 +4,13 @@ import math
 import re
 import subprocess
 import sys
-import time
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from tests.processes.conftest import ended
+from tests.waiting import until
 from zenoh_cbef.log.read.trace import read_trace
 from zenoh_cbef.protocol.session import Connection, open_session
 from zenoh_cbef.protocol.slow import SLOW
@@ -29,10 +30,7 @@ def wait_for_subscribers(run: str, router: str) -> None:
     with open_session(Connection([router], mode="client")) as session:
         # Zenoh's stubs take a matching status for a bool.
         publishers: list[Any] = [session.declare_publisher(f"cbef/{run}/beacon/{agent}/signal") for agent in range(4)]
-        until = time.monotonic() + 100
-        while not all(publisher.matching_status.matching for publisher in publishers):
-            assert time.monotonic() < until
-            time.sleep(0.05)
+        until(lambda: all(publisher.matching_status.matching for publisher in publishers))
 
 
 def test_the_documented_receiver_feeds_a_run(world, free_port):
@@ -51,8 +49,7 @@ def test_the_documented_receiver_feeds_a_run(world, free_port):
         processes += [world.start("agent", str(agent), *join, "--patience", "100") for agent in range(4)]
         processes.append(world.start("target", "live.toml", *join, "--receivers"))
         for process in processes:
-            _, err = process.communicate(timeout=100)
-            assert process.returncode == 0, err
+            ended(process)
         assert [receiver.wait(100) for receiver in receivers] == [0] * 4
     finally:
         for receiver in receivers:
