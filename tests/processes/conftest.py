@@ -131,6 +131,18 @@ class World:
         told: dict[str, Any] = json.loads(self.call("status", "--run", self.run, "--json").stdout or "{}")
         return told
 
+    def metrics(self, log: Path | str | None = None) -> dict[str, Any]:
+        """What `analyze --json` finds of a log, by default the run's."""
+        told: dict[str, Any] = json.loads(self.call("analyze", str(log or self.log), "--json").stdout)
+        return told
+
+    def verdict(self, status: int = 0, log: Path | str | None = None) -> str:
+        """What `verify` says of a log, by default the run's, with this exit status."""
+        done = self.call("verify", str(log or self.log))
+        assert done.returncode == status, done.stdout + done.stderr
+        assert "Traceback" not in done.stderr
+        return done.stdout
+
     def wait_for_messages(self, size: int = 20_000) -> None:
         """Wait until the log has grown, so that the run is surely under way."""
         active = self.log.with_name(self.log.name + ".active")

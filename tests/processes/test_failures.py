@@ -26,9 +26,7 @@ def test_ctrl_c_once_stops_all_at_the_same_step_and_the_log_still_verifies(world
     out, _ = ended(run, 130)
     assert "position RMSE" in out
     assert not world.wait_until_gone()
-    verdict = world.call("verify", str(world.log))
-    assert verdict.returncode == 0, verdict.stdout
-    assert "the run ended at step" in verdict.stdout
+    assert "the run ended at step" in world.verdict()
 
 
 def wait_until_taken(run) -> None:
@@ -64,12 +62,10 @@ def test_a_killed_agent_is_named_and_the_others_finish(world):
     out, err = ended(run, 1)
     assert "agent 2 was killed by signal 9" in err
     assert "300 steps (incomplete)" not in out
-    metrics = json.loads(world.call("analyze", str(world.log), "--json").stdout)
+    metrics = world.metrics()
     into_two = [link for link in metrics["links"] if link["source"] == 2]
     assert all(link["sent"] < 3 * 300 and link["lost"] <= 3 for link in into_two), "the dead send nothing"
-    verdict = world.call("verify", str(world.log))
-    assert verdict.returncode == 2
-    assert "agent 2 left" in verdict.stdout
+    assert "agent 2 left" in world.verdict(2)
 
 
 def test_a_killed_recorder_loses_little_and_the_log_so_far_is_analysed(world):
@@ -127,7 +123,7 @@ def test_a_launcher_that_is_killed_leaves_no_orphan_and_a_closed_log(world, numb
     run.wait(100)
     assert not world.wait_until_gone()
     assert world.log.exists()
-    assert world.call("verify", str(world.log)).returncode == 0
+    world.verdict()
 
 
 def test_a_port_that_another_program_took_first_makes_the_run_start_again(monkeypatch, capsys, tmp_path):

@@ -1,6 +1,5 @@
 """Malformed, foreign and hostile messages are counted, reported and dropped; the estimates do not change by a bit."""
 
-import json
 import math
 import struct
 import time
@@ -71,9 +70,8 @@ def test_hostile_messages_change_no_bit_and_are_counted(world, free_port, kind):
             time.sleep(0.05)
 
         world.complete_under(attack, target, join)
-    verdict = world.call("verify", str(world.log))
-    assert verdict.returncode == 0, verdict.stdout
-    metrics = json.loads(world.call("analyze", str(world.log), "--json").stdout)
+    world.verdict()
+    metrics = world.metrics()
     assert metrics["messages"]["rejected"] > 0
     assert metrics["messages"]["missing"] == 0
     assert metrics["steps"] == 60

@@ -210,8 +210,7 @@ def test_a_run_is_started_cut_by_mouse_healed_steered_ended_exported_and_proved(
     assert dragged[0] > 0.5
     assert nudged[1] < dragged[1]
     log = finished_log(world.folder / "logs")
-    proof = world.call("verify", str(log))
-    assert proof.returncode == 0, proof.stdout + proof.stderr
+    world.verdict(log=log)
     trace = read_trace(log)
     steps = len(trace.time)
     again = simulate([session.model_copy(update={"steps": steps})])[0]

@@ -64,9 +64,7 @@ def changed(site, tmp_path) -> Path:
 @pytest.mark.usefixtures("plugged")
 def test_six_processes_run_it_and_their_log_is_proved(world: World):
     world.complete(*GAINS, *HELIX, *FADING, "agents.count=6")
-    verdict = world.call("verify", str(world.log))
-    assert verdict.returncode == 0, verdict.stderr
-    assert "equal bit for bit" in verdict.stdout
+    assert "equal bit for bit" in world.verdict()
     resolved = open_log(world.log).attachments["scenario.resolved.toml"].decode()
     assert len(re.findall(rf'^plugin = "{MARK}"$', resolved, re.MULTILINE)) == 3
     for options in ("alpha = 0.4\nbeta = 0.05\n", "[target.options]\nrate = 0.5\n", "period = 4.0\nmost = 0.9\n"):

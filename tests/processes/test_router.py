@@ -27,8 +27,8 @@ def test_clients_of_a_router_in_lockstep_equal_the_simulator(world, free_port):
     out, err = router.communicate(timeout=100)
     assert (router.returncode, err) == (0, "")
     assert out == f"a router listens on {endpoint}\n"
-    assert world.call("verify", str(world.log)).stdout.startswith("equal bit for bit")
-    metrics = json.loads(world.call("analyze", str(world.log), "--json").stdout)
+    assert world.verdict().startswith("equal bit for bit")
+    metrics = world.metrics()
     assert metrics["messages"]["missing"] == 0
 
 
@@ -45,7 +45,7 @@ def test_who_meets_a_router_and_listens_nowhere_joins_through_it(world, free_por
     ]
     for process in processes:
         ended(process)
-    assert world.call("verify", str(world.log)).stdout.startswith("equal bit for bit")
+    assert world.verdict().startswith("equal bit for bit")
 
 
 def test_without_a_router_a_client_says_so(world, free_port):

@@ -54,5 +54,4 @@ def test_a_lockstep_run_in_which_links_come_and_go_is_equal_bit_for_bit(world: W
     ]
     for process in started:
         ended(process)
-    done = world.call("verify", str(world.log))
-    assert done.stdout.startswith("equal bit for bit"), done.stdout
+    assert world.verdict().startswith("equal bit for bit")

@@ -1,7 +1,5 @@
 """An agent that is there but says nothing is waited for, then left behind."""
 
-import json
-
 from tests.processes.conftest import ended, outsider, settings
 
 
@@ -20,13 +18,11 @@ def test_a_mute_agent_holds_the_others_up_only_as_long_as_their_patience(world, 
             token.undeclare()
         for process in others:
             ended(process)
-    metrics = json.loads(world.call("analyze", str(world.log), "--json").stdout)
+    metrics = world.metrics()
     assert metrics["steps"] == 12
     for link in metrics["links"]:
         if link["source"] == 2:
             assert (link["delivered"], link["lost"]) == (0, 36)
         elif link["destination"] != 2:
             assert (link["delivered"], link["lost"]) == (36, 0)
-    verdict = world.call("verify", str(world.log))
-    assert verdict.returncode == 2
-    assert "agent/2 is there but silent" in verdict.stdout
+    assert "agent/2 is there but silent" in world.verdict(2)

@@ -76,7 +76,7 @@ def test_a_fleet_starts_again_what_dies_and_not_what_is_refused(world: World):
     assert f"agent 4: run '{world.run}' has agents 0 to 3, no agent 4" in err
     assert "agent 2 was killed by signal 9; it is started again" in err
     assert fleet.returncode == 1
-    assert "agent/2 was started again" in world.call("verify", str(world.log)).stdout
+    assert "agent/2 was started again" in world.verdict(2)
 
 
 def test_a_fleet_ends_all_its_agents_when_it_is_told_to_and_when_it_dies(world: World):

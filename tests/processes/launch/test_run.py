@@ -45,8 +45,7 @@ def test_a_run_leaves_log_scenario_metrics_report_figures_and_a_latest_link(worl
 )
 def test_processes_and_simulator_give_the_same_bits(world, overrides):
     world.complete(*overrides)
-    verdict = world.call("verify", str(world.log))
-    assert verdict.returncode == 0, verdict.stdout
+    world.verdict()
     run, sim = world.folder / "run.npz", world.folder / "sim.npz"
     assert world.call("export", str(world.log), "--to", "npz", "--output", str(run)).returncode == 0
     assert world.call("sim", "tracking", *settings(*overrides), "--output", str(sim)).returncode == 0
@@ -59,13 +58,10 @@ def test_processes_and_simulator_give_the_same_bits(world, overrides):
 def test_a_realtime_run_keeps_to_the_clock_and_cannot_be_judged(world):
     overrides = ("timing.mode=realtime", "dt=0.05", "consensus.rounds=2")
     world.complete(*overrides)
-    metrics = json.loads(world.call("analyze", str(world.log), "--json").stdout)
+    metrics = world.metrics()
     assert metrics["steps"] == 40
     assert metrics["timing"] == "realtime"
-    verdict = world.call("verify", str(world.log))
-    assert verdict.returncode == 2
-    assert "realtime" in verdict.stdout
-    assert "Traceback" not in verdict.stderr
+    assert "realtime" in world.verdict(2)
 
 
 def test_single_processes_make_a_run_with_no_more_than_its_name_and_an_endpoint(world, free_port):
@@ -76,7 +72,7 @@ def test_single_processes_make_a_run_with_no_more_than_its_name_and_an_endpoint(
     recorder = world.start("record", *join, "--output", str(world.log))
     for process in (target, *agents, recorder):
         ended(process)
-    assert world.call("verify", str(world.log)).returncode == 0
+    world.verdict()
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")

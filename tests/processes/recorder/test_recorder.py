@@ -21,13 +21,11 @@ def test_a_rotated_run_is_analysed_and_verified_as_one(world):
     parts = open_log(world.log).files
     assert len(parts) > 3
     assert sorted(path.name for path in world.folder.glob("*.mcap*")) == sorted(path.name for path in parts)
-    metrics = json.loads(world.call("analyze", str(world.folder), "--json").stdout)
+    metrics = world.metrics(world.folder)
     assert (metrics["complete"], metrics["steps"], metrics["messages"]["missing"]) == (True, 200, 0)
     several = world.call("analyze", *map(str, reversed(parts)), "--json")
     assert json.loads(several.stdout) == metrics
-    verdict = world.call("verify", str(world.log))
-    assert verdict.returncode == 0
-    assert "of 200 steps" in verdict.stdout
+    assert "of 200 steps" in world.verdict()
     assert world.call("check", str(world.log)).returncode == 0
 
 
@@ -49,7 +47,7 @@ def test_a_full_disk_is_named_and_what_was_written_stays_readable(world, on_full
     assert world.wait_until_gone() == {}
     described = json.loads(world.call("info", str(world.log), "--json").stdout)
     assert described["messages"] > 50
-    metrics = json.loads(world.call("analyze", str(world.log), "--json").stdout)
+    metrics = world.metrics()
     assert 0 < metrics["steps"] < steps
     assert world.call("verify", str(world.log)).returncode in (0, 2)
     assert "position RMSE" in out
@@ -90,7 +88,7 @@ def test_recorders_on_each_host_and_a_merge_give_the_whole_log(world):
     for verb in ("check", "verify"):
         verdict = world.call(verb, "run.mcap")
         assert verdict.returncode == 0, verdict.stdout
-    assert json.loads(world.call("analyze", "run.mcap", "--json").stdout)["messages"]["missing"] == 0
+    assert world.metrics("run.mcap")["messages"]["missing"] == 0
 
 
 @pytest.mark.parametrize("keys", [["agent/#"], ["agent/0/**", "**/round"], ["cbef/other/**"]])

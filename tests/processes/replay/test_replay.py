@@ -202,8 +202,7 @@ def test_a_recorder_records_a_replay(recorded, listener, tmp_path: Path):
     assert recorder.wait(timeout=100) == 0
     finish(replay, listener)
     assert [(one.channel.topic, one.data) for one in McapFile(copy).messages()] == logged(recorded)
-    verdict = recorded.call("verify", str(copy))
-    assert verdict.returncode == 0, verdict.stdout
+    recorded.verdict(log=copy)
 
 
 def test_recorders_of_a_replay_end_with_it(recorded, free_port, tmp_path):

@@ -62,6 +62,5 @@ def test_a_held_run_makes_single_rounds_and_is_proved(world):
         # It is stopped in the middle of a step, which agents then end.
         assert operator.stop() is not None
     run.communicate(timeout=100)
-    proof = world.call("verify", str(world.log))
-    assert proof.returncode == 0, proof.stdout + proof.stderr
+    world.verdict()
     assert read_trace(world.log).scenario.fault[0].kind == "loss"

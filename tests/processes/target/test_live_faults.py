@@ -109,8 +109,7 @@ def test_in_lockstep_injected_faults_begin_with_a_step_for_all_and_the_log_is_pr
     pass_by(listed[2]["until"] + 2.0)
     run.terminate()
     ended(run, 130)
-    proof = world.call("verify", str(world.log))
-    assert proof.returncode == 0, proof.stdout + proof.stderr
+    world.verdict()
     trace = read_trace(world.log)
     assert [fault.kind for fault in trace.scenario.fault] == ["loss", "sensor-bias", "crash"]
     assert np.isnan(trace.estimates[0]).any()

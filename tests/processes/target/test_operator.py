@@ -91,7 +91,7 @@ def test_a_stopped_run_in_lockstep_still_verifies(world):
     assert done.returncode == 0, done.stderr
     assert done.stdout.splitlines()[-1] == f"run {world.run} has ended"
     run.communicate(timeout=100)
-    assert world.call("verify", str(world.log)).stdout.startswith("equal bit for bit")
+    assert world.verdict().startswith("equal bit for bit")
     gone = world.call("stop", "--run", world.run)
     assert gone.returncode == 2
     assert f"no run {world.run!r} goes on on this host" in gone.stderr

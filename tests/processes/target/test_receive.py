@@ -220,4 +220,4 @@ def test_a_recording_that_is_received_in_lockstep_has_the_bits_of_its_run(world,
     expected, received = (np.load(world.folder / f"{name}.npz") for name in ("expected", "received"))
     for name in ("ranges", "estimates", "covariances", "truth"):
         np.testing.assert_array_equal(received[name], expected[name])
-    assert "equal bit for bit" in world.call("verify", str(world.log)).stdout
+    assert "equal bit for bit" in world.verdict()
