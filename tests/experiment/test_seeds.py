@@ -41,7 +41,7 @@ def figures(scenario: Scenario, count: int, jobs: int, progress: Callable[[int],
 
 
 def test_figures_are_the_same_whatever_the_batches(scenario, monkeypatch):
-    scenario = scenario.model_copy(update={"seed": 2**64 - 3})
+    scenario = scenario.changed(seed=2**64 - 3)
     finished = list[int]()
     parts = figures(scenario, 7, 1, finished.append)
     assert [one.seed for one in parts] == [(2**64 - 3 + more) % 2**64 for more in range(7)]
@@ -54,7 +54,7 @@ def test_figures_are_the_same_whatever_the_batches(scenario, monkeypatch):
 @pytest.mark.processes
 @pytest.mark.parametrize("seed", [1, 2**64 - 3])
 def test_figures_are_the_same_whatever_the_jobs_and_the_batches(scenario, monkeypatch, seed):
-    scenario = scenario.model_copy(update={"seed": seed})
+    scenario = scenario.changed(seed=seed)
     finished = list[int]()
     spread = figures(scenario, 7, 2, finished.append)
     assert spread == figures(scenario, 7, 1) == figures(scenario, 7, 3)

@@ -213,7 +213,7 @@ def test_a_run_is_started_cut_by_mouse_healed_steered_ended_exported_and_proved(
     world.verdict(log=log)
     trace = read_trace(log)
     steps = len(trace.time)
-    again = simulate([session.model_copy(update={"steps": steps})])[0]
+    again = simulate([session.changed(steps=steps)])[0]
     assert np.array_equal(again.estimates, trace.estimates, equal_nan=True)
     assert opened.complaints == []
     assert {url.split("/")[2] for url in opened.loaded if not url.startswith("data:")} == {opened.url.split("/")[2]}

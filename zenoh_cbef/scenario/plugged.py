@@ -27,13 +27,13 @@ def stamped(scenario: Scenario) -> Scenario:
     changed: dict[str, object] = {}
     if filter_mark is not None:
         options = filters.options_of(chosen.kind, chosen.options or {}, "filter.options")
-        changed["filter"] = chosen.model_copy(update={"plugin": filter_mark, "options": options})
+        changed["filter"] = {"plugin": filter_mark, "options": options}
     if target_mark is not None:
         options = courses.options_of(target.motion, target.options or {}, "target.options")
-        changed["target"] = target.model_copy(update={"plugin": target_mark, "options": options})
+        changed["target"] = {"plugin": target_mark, "options": options}
     if scenario.fault:
         changed["fault"] = tuple(map(_stamped_fault, scenario.fault))
-    return scenario.model_copy(update=changed) if changed else scenario
+    return scenario.changed(**changed)
 
 
 def _stamped_fault(fault: Fault) -> Fault:

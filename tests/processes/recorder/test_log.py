@@ -164,7 +164,7 @@ def test_analyze_prints_one_object_with_the_promised_names(recorded):
 
 
 def test_the_bytes_of_a_step_are_those_that_were_foretold(recorded):
-    scenario = read_header(open_log(recorded.log)).scenario.model_copy(update={"name": recorded.run})
+    scenario = read_header(open_log(recorded.log)).scenario.changed(name=recorded.run)
     metrics = recorded.metrics()
     told = design(Plan(scenario), search=False).configured.bytes_per_step
     assert metrics["bytes_per_step"] == pytest.approx(told, rel=0.01)

@@ -115,5 +115,5 @@ def test_in_lockstep_injected_faults_begin_with_a_step_for_all_and_the_log_is_pr
     assert np.isnan(trace.estimates[0]).any()
     assert (trace.links.injected_lost[trace.links.source == 1] > 0).all()
     # As a scenario it is the same run.
-    again = simulate([trace.scenario.model_copy(update={"steps": len(trace.time)})])[0]
+    again = simulate([trace.scenario.changed(steps=len(trace.time))])[0]
     assert np.array_equal(again.estimates, trace.estimates, equal_nan=True)
