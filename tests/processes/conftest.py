@@ -126,6 +126,10 @@ class World:
         out, err = process.communicate(timeout=timeout)
         return subprocess.CompletedProcess(arguments, process.returncode, out, err)
 
+    def join(self, endpoint: str) -> list[str]:
+        """How a process joins the run behind an endpoint."""
+        return ["--run", self.run, "--connect", endpoint, "--patience", "100"]
+
     def status(self) -> dict[str, Any]:
         """What `status --json` tells of the run; on a busy machine it may not answer at once: nothing then."""
         told: dict[str, Any] = json.loads(self.call("status", "--run", self.run, "--json").stdout or "{}")
@@ -217,3 +221,13 @@ def unused_port(kind: socket.SocketKind = socket.SOCK_STREAM) -> int:
 @pytest.fixture
 def free_port() -> int:
     return unused_port()
+
+
+def unused_endpoint() -> str:
+    return f"tcp/127.0.0.1:{unused_port()}"
+
+
+@pytest.fixture
+def endpoint() -> str:
+    """Where no process listens yet."""
+    return unused_endpoint()

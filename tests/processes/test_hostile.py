@@ -56,10 +56,9 @@ def wait_for(session: zenoh.Session, token: str) -> None:
 
 
 @pytest.mark.parametrize("kind", ["sicf", "cbef"])
-def test_hostile_messages_change_no_bit_and_are_counted(world, free_port, kind):
-    endpoint = f"tcp/127.0.0.1:{free_port}"
+def test_hostile_messages_change_no_bit_and_are_counted(world, endpoint, kind):
     overrides = settings("steps=60", f"filter.kind={kind}")
-    join = ["--run", world.run, "--connect", endpoint, "--patience", "100"]
+    join = world.join(endpoint)
     target = world.start("target", "tracking", *overrides, "--run", world.run, "--listen", endpoint)
     with outsider(endpoint) as session:
         wait_for(session, f"cbef/{world.run}/live/target/target")
@@ -79,11 +78,10 @@ def test_hostile_messages_change_no_bit_and_are_counted(world, free_port, kind):
 
 
 @pytest.mark.parametrize("mode", ["lockstep", "realtime"])
-def test_a_flood_on_one_key_does_not_stop_the_consensus(world, free_port, mode):
+def test_a_flood_on_one_key_does_not_stop_the_consensus(world, endpoint, mode):
     # Where the flood is faster than the receivers, what it drowns counts as silent in lockstep and as lost in realtime.
     overrides = ["steps=5", f"timing.mode={mode}", "timing.patience=0.2", "dt=0.05"]
-    endpoint = f"tcp/127.0.0.1:{free_port}"
-    join = ["--run", world.run, "--connect", endpoint, "--patience", "100"]
+    join = world.join(endpoint)
     target = world.start("target", "tracking", *settings(*overrides), "--run", world.run, "--listen", endpoint)
     with outsider(endpoint) as session:
         wait_for(session, f"cbef/{world.run}/live/target/target")

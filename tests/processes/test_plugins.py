@@ -80,9 +80,8 @@ def test_six_processes_run_it_and_their_log_is_proved(world: World):
     [(GAINS, "filter", "fixed-gains"), (HELIX, "target", "helix"), (FADING, "fault", "fading")],
     ids=itemgetter(2),
 )
-def test_an_agent_that_has_another_one_is_refused_in_a_sentence(world, changed, monkeypatch, free_port, case):
+def test_an_agent_that_has_another_one_is_refused_in_a_sentence(world, changed, monkeypatch, endpoint, case):
     named, key, name = case
-    endpoint = f"tcp/127.0.0.1:{free_port}"
     target = world.start("target", "tracking", *settings(*named), "--run", world.run, "--listen", endpoint)
     monkeypatch.setenv("PYTHONPATH", str(changed))
     agent = world.start("agent", "0", "--run", world.run, "--connect", endpoint, "--patience", "60")

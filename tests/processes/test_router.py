@@ -10,8 +10,7 @@ from tests.processes.conftest import ended, settings
 from tests.waiting import until
 
 
-def test_clients_of_a_router_in_lockstep_equal_the_simulator(world, free_port):
-    endpoint = f"tcp/127.0.0.1:{free_port}"
+def test_clients_of_a_router_in_lockstep_equal_the_simulator(world, endpoint):
     join = ["--client", "--connect", endpoint, "--run", world.run, "--patience", "100"]
     # The router last: clients wait for it.
     processes = [
@@ -32,8 +31,7 @@ def test_clients_of_a_router_in_lockstep_equal_the_simulator(world, free_port):
     assert metrics["messages"]["missing"] == 0
 
 
-def test_who_meets_a_router_and_listens_nowhere_joins_through_it(world, free_port):
-    endpoint = f"tcp/127.0.0.1:{free_port}"
+def test_who_meets_a_router_and_listens_nowhere_joins_through_it(world, endpoint):
     router = world.start("router", "--listen", endpoint)
     assert router.stdout.readline()
     # Without gossip peers would never find each other: they need no --client to be the router's clients.
@@ -48,8 +46,7 @@ def test_who_meets_a_router_and_listens_nowhere_joins_through_it(world, free_por
     assert world.verdict().startswith("equal bit for bit")
 
 
-def test_without_a_router_a_client_says_so(world, free_port):
-    endpoint = f"tcp/127.0.0.1:{free_port}"
+def test_without_a_router_a_client_says_so(world, endpoint):
     refused = world.call("agent", "0", "--run", world.run, "--client", "--connect", endpoint, "--patience", "0.5")
     assert refused.returncode == 2
     assert f"no router answers at {endpoint}" in refused.stderr
@@ -90,8 +87,7 @@ def test_the_printed_configuration_is_one_that_zenoh_takes(world, free_port, tmp
     assert json.loads(config.get_json("transport/link/tls"))["enable_mtls"] is True
 
 
-def test_health_tells_a_process_that_is_there_from_one_that_is_not(world, free_port):
-    endpoint = f"tcp/127.0.0.1:{free_port}"
+def test_health_tells_a_process_that_is_there_from_one_that_is_not(world, endpoint):
     join = ["--client", "--connect", endpoint, "--run", world.run]
 
     def health(who: str) -> int:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import pytest
 import zenoh
 
-from tests.processes.conftest import unused_port
+from tests.processes.conftest import unused_endpoint
 from tests.waiting import until
 from zenoh_cbef.protocol.claims import Claims, claim, serve_claims
 from zenoh_cbef.protocol.detour import Detour
@@ -46,7 +46,7 @@ class End:
 
 @pytest.fixture
 def ends() -> Iterator[dict[str, End]]:
-    place = f"tcp/127.0.0.1:{unused_port()}"
+    place = unused_endpoint()
     with open_session(Connection(listen=[place])) as target:
         hub, made = Presence(target, KEYS.all_live), {}
         hub.enter("target/target")
@@ -117,7 +117,7 @@ def test_a_recorder_hears_events_and_an_agent_that_its_last_words_were_heard(end
 
 
 def test_the_directory_tells_both_ends_of_a_detour_and_when_the_other_listens() -> None:
-    place = f"tcp/127.0.0.1:{unused_port()}"
+    place = unused_endpoint()
     with open_session(Connection(listen=[place])) as target:
         claims = Claims(Presence(target, KEYS.all_live))
         service = serve_claims(target, KEYS.claims, claims)

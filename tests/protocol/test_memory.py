@@ -9,7 +9,7 @@ import zenoh
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.processes.conftest import unused_port
+from tests.processes.conftest import unused_endpoint
 from tests.waiting import until
 from zenoh_cbef.protocol.memory import Archive, Memory, ask_latest, ask_numbers, ask_since
 from zenoh_cbef.protocol.session import Connection, open_session
@@ -76,7 +76,7 @@ def test_a_question_of_any_kind_is_answered_or_not(name: str, value: str) -> Non
 
 
 def test_who_missed_messages_asks_for_their_numbers_or_steps() -> None:
-    here = f"tcp/127.0.0.1:{unused_port()}"
+    here = unused_endpoint()
     with open_session(Connection(listen=[here])) as sender, open_session(Connection(connect=[here])) as other:
         archive = Archive(sender)
         memory = archive.open(KEY)

@@ -6,7 +6,7 @@ from threading import Event, Lock, Thread
 import pytest
 from zenoh import ZError
 
-from tests.processes.conftest import unused_port
+from tests.processes.conftest import unused_endpoint
 from tests.protocol.conftest import Pair
 from tests.waiting import until
 from zenoh_cbef.protocol import presence
@@ -22,7 +22,7 @@ MADE_UP = ["agent/1000", "agent/x", "nonsense/deep/er", "life/made-up/1", "over/
 
 def test_names_that_no_run_has_are_not_kept(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(presence, "_MOST", 20)
-    endpoint = f"tcp/127.0.0.1:{unused_port()}"
+    endpoint = unused_endpoint()
     with open_session(Connection(listen=[endpoint])) as here, open_session(Connection([endpoint])) as there:
         seen, hostile = Presence(here, LIVE), Presence(there, LIVE)
         tokens = [*MADE_UP, *(f"record/{n}" for n in range(50)), *(f"heard/agent/1/{n}" for n in range(50))]

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from tests.processes.conftest import unused_port
+from tests.processes.conftest import unused_endpoint, unused_port
 from tests.protocol.conftest import Pair
 from tests.waiting import until
 from zenoh_cbef.protocol.keys import Keys
@@ -115,7 +115,7 @@ def test_a_session_without_a_link_is_told_why(listener: socket.socket) -> None:
         assert not wait_for_link(alone, 0.1)
         assert time.monotonic() - begun >= 0.1
         assert why_no_answer(alone, Connection(), "mine").startswith("no other process has linked to this one")
-        silent, closed = f"tcp/127.0.0.1:{listener.getsockname()[1]}", f"tcp/127.0.0.1:{unused_port()}"
+        silent, closed = f"tcp/127.0.0.1:{listener.getsockname()[1]}", unused_endpoint()
         assert why_no_answer(alone, Connection([silent, closed]), "mine").startswith(f"no process listens at {closed}")
         told = why_no_answer(alone, Connection([silent]), "mine")
         assert told.startswith(f"{silent} takes connections but does not answer as Zenoh does")

@@ -11,14 +11,14 @@ from typing import Any
 import pytest
 import zenoh
 
-from tests.processes.conftest import unused_port
+from tests.processes.conftest import unused_endpoint
 from tests.waiting import until
 from zenoh_cbef.protocol.messages import LARGEST
 from zenoh_cbef.protocol.session import Connection, open_session
 
 
 def test_a_message_above_the_limit_is_dropped_and_the_next_one_comes():
-    endpoint = f"tcp/127.0.0.1:{unused_port()}"
+    endpoint = unused_endpoint()
     with open_session(Connection(listen=[endpoint])) as receiver, open_session(Connection([endpoint])) as sender:
         mailbox = receiver.declare_subscriber("cbef/run/agent/0/round", zenoh.handlers.FifoChannel(10))
         # Zenoh's stubs take a matching status for a bool.
@@ -41,7 +41,7 @@ def test_a_message_above_the_limit_is_dropped_and_the_next_one_comes():
 
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
 def test_no_link_waits_when_it_is_closed():
-    endpoint = f"tcp/127.0.0.1:{unused_port()}"
+    endpoint = unused_endpoint()
     with open_session(Connection(listen=[endpoint])), open_session(Connection([endpoint])):
         until(lambda: lingering() == [False, False])
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import zenoh
 
-from tests.processes.conftest import unused_port
+from tests.processes.conftest import unused_endpoint
 from tests.waiting import until
 from zenoh_cbef.nodes.agent.neighbour import Neighbourhood
 from zenoh_cbef.nodes.common.alarm import Alarm
@@ -37,7 +37,7 @@ class Pair:
     """Agent 0's neighbourhood, and a session that speaks as agent 1."""
 
     def __init__(self) -> None:
-        endpoint = f"tcp/127.0.0.1:{unused_port()}"
+        endpoint = unused_endpoint()
         self.sessions = [open_session(Connection(listen=[endpoint])), open_session(Connection([endpoint]))]
         presence, self.told = Presence(self.sessions[0], KEYS.all_live), list[str]()
         node: Any = SimpleNamespace(

@@ -2,7 +2,7 @@
 
 import zenoh
 
-from tests.processes.conftest import World, outsider, settings, unused_port
+from tests.processes.conftest import World, outsider, settings, unused_endpoint
 from tests.waiting import until
 from zenoh_cbef.protocol.addresses import own_host, with_ports
 from zenoh_cbef.protocol.claims import claim
@@ -19,7 +19,7 @@ def linked(session: zenoh.Session, life: str) -> bool:
 
 
 def test_a_wrong_address_is_told_and_a_stranger_is_cut_off(world: World) -> None:
-    target, agent = (f"tcp/127.0.0.1:{unused_port()}" for _ in range(2))
+    target, agent = (unused_endpoint() for _ in range(2))
     keys, join = Keys(world.run), ["--run", world.run, "--patience", "100"]
     world.start("target", "tracking", *settings(), *join, "--listen", target)
     world.start("agent", "0", *join, "--connect", target, "--listen", agent)
@@ -45,7 +45,7 @@ def test_a_wrong_address_is_told_and_a_stranger_is_cut_off(world: World) -> None
 
 
 def test_a_link_over_which_no_name_comes_is_made_again(world: World) -> None:
-    target, agent = (f"tcp/127.0.0.1:{unused_port()}" for _ in range(2))
+    target, agent = (unused_endpoint() for _ in range(2))
     keys, join = Keys(world.run), ["--run", world.run, "--patience", "100"]
     world.start("target", "tracking", *settings(), *join, "--listen", target)
     world.start("agent", "0", *join, "--connect", target, "--listen", agent)

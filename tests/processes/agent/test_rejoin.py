@@ -79,9 +79,8 @@ def test_an_agent_that_was_killed_takes_part_again(world, mode):
     assert "Traceback" not in verdict.stderr
 
 
-def test_a_run_starts_with_some_and_the_others_join_later(world, free_port):
-    endpoint = f"tcp/127.0.0.1:{free_port}"
-    join = ["--run", world.run, "--connect", endpoint, "--patience", "100"]
+def test_a_run_starts_with_some_and_the_others_join_later(world, endpoint):
+    join = world.join(endpoint)
     overrides = settings("timing.mode=realtime", "steps=100000", "network.graph=complete")
     listen = ["--listen", endpoint, "--wait-for", "3"]
     target = world.start("target", "tracking", *overrides, "--run", world.run, *listen)

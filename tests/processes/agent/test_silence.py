@@ -3,10 +3,9 @@
 from tests.processes.conftest import ended, outsider, settings
 
 
-def test_a_mute_agent_holds_the_others_up_only_as_long_as_their_patience(world, free_port):
-    endpoint = f"tcp/127.0.0.1:{free_port}"
+def test_a_mute_agent_holds_the_others_up_only_as_long_as_their_patience(world, endpoint):
     overrides = settings("steps=12", "agents.count=3", "network.graph=complete", "timing.patience=2")
-    join = ["--run", world.run, "--connect", endpoint, "--patience", "100"]
+    join = world.join(endpoint)
     target = world.start("target", "tracking", *overrides, "--run", world.run, "--listen", endpoint)
     others = [world.start("agent", str(agent), *join) for agent in range(2)]
     others.append(world.start("record", *join, "--output", str(world.log)))

@@ -62,7 +62,7 @@ def test_few_agents_of_a_fleet_start_at_once_and_all_in_the_end():
 
 def test_a_fleet_starts_again_what_dies_and_not_what_is_refused(world: World):
     place = f"tcp/127.0.0.1:{free_ports(1)[0]}"
-    join = ["--run", world.run, "--connect", place, "--patience", "100"]
+    join = world.join(place)
     steps = settings("steps=400")
     target = world.start("target", "tracking", *steps, "--run", world.run, "--listen", place, "--patience", "100")
     record = world.start("record", *join, "--output", str(world.log))

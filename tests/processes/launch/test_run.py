@@ -64,9 +64,8 @@ def test_a_realtime_run_keeps_to_the_clock_and_cannot_be_judged(world):
     assert "realtime" in world.verdict(2)
 
 
-def test_single_processes_make_a_run_with_no_more_than_its_name_and_an_endpoint(world, free_port):
-    endpoint = f"tcp/127.0.0.1:{free_port}"
-    join = ["--run", world.run, "--connect", endpoint, "--patience", "100"]
+def test_single_processes_make_a_run_with_no_more_than_its_name_and_an_endpoint(world, endpoint):
+    join = world.join(endpoint)
     target = world.start("target", "tracking", *settings(), "--run", world.run, "--listen", endpoint)
     agents = [world.start("agent", str(agent), *join) for agent in range(4)]
     recorder = world.start("record", *join, "--output", str(world.log))
@@ -76,9 +75,8 @@ def test_single_processes_make_a_run_with_no_more_than_its_name_and_an_endpoint(
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
-def test_the_launcher_waits_for_a_recorder_only_if_one_is_required(world, free_port):
-    endpoint = f"tcp/127.0.0.1:{free_port}"
-    join = ["--run", world.run, "--connect", endpoint, "--patience", "100"]
+def test_the_launcher_waits_for_a_recorder_only_if_one_is_required(world, endpoint):
+    join = world.join(endpoint)
     quiet = settings("record.required=false")
     target = world.start("target", "tracking", *quiet, "--run", world.run, "--listen", endpoint)
     agents = [world.start("agent", str(agent), *join) for agent in range(4)]

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from tests.processes.conftest import unused_port
+from tests.processes.conftest import unused_endpoint
 from tests.waiting import until
 from zenoh_cbef.nodes.common.node import Node
 from zenoh_cbef.nodes.recorder import attendance
@@ -24,7 +24,7 @@ class Watched:
     """One end of a link sees who is there at the other."""
 
     def __init__(self) -> None:
-        endpoint = f"tcp/127.0.0.1:{unused_port()}"
+        endpoint = unused_endpoint()
         self.sessions = [open_session(Connection(listen=[endpoint])), open_session(Connection([endpoint]))]
         here, there = (Presence(session, LIVE) for session in self.sessions)
         self.others, self._seen = there, here

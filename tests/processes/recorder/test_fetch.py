@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from tests.processes.conftest import World, ended, settings, unused_port
+from tests.processes.conftest import World, ended, settings, unused_endpoint
 from tests.processes.forked import Process
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.nodes.common.node import Identity, Node
@@ -25,7 +25,7 @@ def said_by(fleet: Process) -> str:
 
 
 def test_fleets_record_their_agents_and_their_logs_are_fetched_as_one(world: World):
-    place = f"tcp/127.0.0.1:{unused_port()}"
+    place = unused_endpoint()
     run = ["--run", world.run, "--patience", "60"]
     target = world.start("target", "tracking", *settings("record.recorders=2"), *run, "--listen", place)
     join = [*run, "--connect", place, "--stay", "100"]
@@ -66,7 +66,7 @@ def test_a_log_comes_in_parts_as_it_is_and_its_recorder_learns_of_it(tmp_path, m
 
 
 def test_where_no_recorder_stays_it_says_what_to_do(world: World):
-    nowhere = f"tcp/127.0.0.1:{unused_port()}"
+    nowhere = unused_endpoint()
     done = world.call("fetch", "--run", "none", "--connect", nowhere, "--patience", "0.1", "-o", "whole.mcap")
     assert (done.returncode, done.stdout) == (2, "")
     assert nowhere in done.stderr

@@ -205,8 +205,7 @@ def test_a_recorder_records_a_replay(recorded, listener, tmp_path: Path):
     recorded.verdict(log=copy)
 
 
-def test_recorders_of_a_replay_end_with_it(recorded, free_port, tmp_path):
-    endpoint = f"tcp/127.0.0.1:{free_port}"
+def test_recorders_of_a_replay_end_with_it(recorded, endpoint, tmp_path):
     replay = recorded.start("replay", str(recorded.log), "--listen", endpoint, "--wait", "--rate", "5")
     names = ["first", "second"]
     recorders = [

@@ -97,8 +97,7 @@ def test_a_stopped_run_in_lockstep_still_verifies(world):
     assert f"no run {world.run!r} goes on on this host" in gone.stderr
 
 
-def test_a_run_that_waits_for_its_agents_tells_whom_it_lacks(world, free_port):
-    endpoint = f"tcp/127.0.0.1:{free_port}"
+def test_a_run_that_waits_for_its_agents_tells_whom_it_lacks(world, endpoint):
     target = world.start("target", "tracking", *settings(), "--run", world.run, "--listen", endpoint)
     wait_until_known(world.run)
     agent = world.start("agent", "1", "--run", world.run, "--connect", endpoint, "--patience", "100")
