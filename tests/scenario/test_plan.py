@@ -104,7 +104,7 @@ def test_what_is_exchanged_is_known_without_a_filter_and_true(keys):
 @pytest.mark.parametrize("name", ["tracking", "outliers", "paper", "lawnmower"])
 def test_a_plan_under_another_seed_takes_over_what_it_would_have_found_itself(name):
     first = load(name).plan
-    other = first.scenario.model_copy(update={"seed": first.scenario.seed + 7})
+    other = first.scenario.changed(seed=first.scenario.seed + 7)
     alone, like = Plan(other), Plan(other, first)
     assert repr(like.settings) == repr(alone.settings)
     assert (like.scheme, like.rounds, like.smoothing_lag) == (alone.scheme, alone.rounds, alone.smoothing_lag)

@@ -4,7 +4,6 @@ import math
 import re
 import subprocess
 import sys
-import time
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +11,8 @@ import msgpack
 import numpy as np
 from mcap.reader import make_reader
 
+from tests.processes.conftest import ended
+from tests.waiting import until
 from zenoh_cbef.log.read.trace import read_trace
 from zenoh_cbef.protocol.session import Connection, open_session
 from zenoh_cbef.protocol.slow import SLOW
@@ -31,10 +32,7 @@ def wait_for_subscribers(run: str, router: str) -> None:
     with open_session(Connection([router], mode="client")) as session:
         # Zenoh's stubs take a matching status for a bool.
         publishers: list[Any] = [session.declare_publisher(f"cbef/{run}/beacon/{agent}/signal") for agent in range(4)]
-        until = time.monotonic() + 100
-        while not all(publisher.matching_status.matching for publisher in publishers):
-            assert time.monotonic() < until
-            time.sleep(0.05)
+        until(lambda: all(publisher.matching_status.matching for publisher in publishers))
 
 
 PROGRAM = block("python", "measured_range")
@@ -57,8 +55,7 @@ def feed(world, free_port, program):
         processes += [world.start("agent", str(agent), *join, "--patience", "100") for agent in range(4)]
         processes.append(world.start("target", "live.toml", *join, "--receivers"))
         for process in processes:
-            _, err = process.communicate(timeout=100)
-            assert process.returncode == 0, err
+            ended(process)
         assert [receiver.wait(100) for receiver in receivers] == [0] * 4
     finally:
         for receiver in receivers:
