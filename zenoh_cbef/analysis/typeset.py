@@ -70,7 +70,8 @@ def save(figure: Figure, path: Path, kind: Format, title: str, command: str = ""
             fresh.write_text(_pgf(figure, [title, made, command]), encoding="utf-8")
         else:
             told = {name: value for name, value in metadata[kind].items() if value != ""}
-            figure.savefig(fresh, format=kind, dpi=_DPI, metadata=told)
+            figure.savefig(data := io.BytesIO(), format=kind, dpi=_DPI, metadata=told)
+            fresh.write_bytes(data.getvalue())  # Into a file, matplotlib's PDF fails on a full disk with another error.
     figure.set_layout_engine("none")  # The layout is that of the first file, and takes half of the time.
     return path
 

@@ -15,7 +15,7 @@ from zenoh_cbef.cli.terminal.console import console, tell, warn
 from zenoh_cbef.cli.terminal.recordings import summary_table, tell_findings
 from zenoh_cbef.datasets import write_dataset
 from zenoh_cbef.datasets.first_scenario import write_scenario
-from zenoh_cbef.datasets.importing.bags import Bags, bag_in, bag_of
+from zenoh_cbef.datasets.importing.bags import Bags, bag_in, bag_of, bags_in
 from zenoh_cbef.datasets.importing.columns import map_of
 from zenoh_cbef.datasets.importing.csv_files import Reading, files_of
 from zenoh_cbef.datasets.importing.raw import Raw, dataset_of
@@ -70,13 +70,17 @@ def _import(
     if not source.exists():
         raise UserError(f"there is no {source}; name a CSV file, a folder, or a ROS bag")
     _refuse_own_log(source)
+    columns = map_of(mapped or ())
+    reading = Reading(columns, units, separator)
     if bag_in(source):
-        bags = Bags(map_of(mapped or ()), units, topic or (), truth, types or ())
-        raw = bags.read(bag_of(source))
+        way = Path(truth) if truth is not None and Path(truth).is_file() else None
+        raw = Bags(columns, units, topic or (), None if way else truth, types or ()).read(bag_of(source))
+        if way is not None:
+            reading.read_truth(way, raw)
         if anchors is not None:
-            Reading({}, units, separator).read_anchors(anchors, raw)
+            reading.read_anchors(anchors, raw)
     else:
-        raw = _from_csv(source, anchors, truth, Reading(map_of(mapped or ()), units, separator))
+        raw = _from_csv(source, anchors, truth, reading)
     _finish(raw, source, output, height)
 
 
@@ -95,7 +99,8 @@ def _refuse_own_log(source: Path) -> None:
 def _from_csv(source: Path, anchors: Path | None, truth: str | None, reading: Reading) -> Raw:
     found = files_of(source) if source.is_dir() else {"ranges": source}
     if "ranges" not in found:
-        raise UserError(f"{source} has no CSV file with range in its name; name the file of ranges itself")
+        bag = f", as {bags[0]}" if (bags := bags_in(source)) else ""
+        raise UserError(f"{source} has no CSV file with range in its name; name the file of ranges itself{bag}")
     known = Path(truth) if truth is not None else found.get("truth")
     return reading.read(found["ranges"], anchors or found.get("anchors"), known)
 
