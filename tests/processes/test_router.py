@@ -49,7 +49,7 @@ def test_who_meets_a_router_and_listens_nowhere_joins_through_it(world, endpoint
 def test_without_a_router_a_client_says_so(world, endpoint):
     refused = world.call("agent", "0", "--run", world.run, "--client", "--connect", endpoint, "--patience", "0.5")
     assert refused.returncode == 2
-    assert f"no router answers at {endpoint}" in refused.stderr
+    assert f"neither router nor target answers at {endpoint}" in refused.stderr
     assert len(refused.stderr.splitlines()) == 1
 
 

@@ -124,7 +124,7 @@ def test_a_port_in_use_is_told_and_so_is_a_place_where_nobody_can_listen() -> No
 def test_a_client_waits_for_its_router_and_is_told_where_none_answers() -> None:
     nowhere = unused_endpoint()
     begun = time.monotonic()
-    with pytest.raises(UserError, match=f"no router answers at {nowhere}; .*, and check --connect$"):
+    with pytest.raises(UserError, match=f"neither router nor target answers at {nowhere}; .*, and check --connect$"):
         open_session(Connection([nowhere], mode="client"), patience=0.5)
     assert time.monotonic() - begun >= 0.5
 
