@@ -97,7 +97,7 @@ def test_a_file_of_zenohs_is_what_the_settings_are_laid_over(tmp_path: Path) -> 
         configuration(Connection(config=str(tmp_path)))
 
 
-@pytest.mark.parametrize("endpoint", ["localhost", "tcp/", "tcp/a b", "http/a:1", ""])
+@pytest.mark.parametrize("endpoint", ["localhost", "tcp/", "tcp/a b", "http/a:1", "tcp/a:65536", ""])
 def test_what_is_no_endpoint_is_refused(endpoint: str) -> None:
     for connection in (Connection(connect=[endpoint]), Connection(listen=[endpoint])):
         with pytest.raises(UserError, match="is no endpoint; write it as tcp/HOST:PORT"):
