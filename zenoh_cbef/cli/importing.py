@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -70,15 +71,9 @@ def _import(
     if not source.exists():
         raise UserError(f"there is no {source}; name a CSV file, a folder, or a ROS bag")
     _refuse_own_log(source)
-    columns = map_of(mapped or ())
-    reading = Reading(columns, units, separator)
+    reading = Reading(map_of(mapped or ()), units, separator)
     if bag_in(source):
-        way = Path(truth) if truth is not None and Path(truth).is_file() else None
-        raw = Bags(columns, units, topic or (), None if way else truth, types or ()).read(bag_of(source))
-        if way is not None:
-            reading.read_truth(way, raw)
-        if anchors is not None:
-            reading.read_anchors(anchors, raw)
+        raw = _from_bag(source, anchors, truth, reading, Bags(reading.mapped, units, topic or (), types=types or ()))
     else:
         raw = _from_csv(source, anchors, truth, reading)
     _finish(raw, source, output, height)
@@ -94,6 +89,17 @@ def _refuse_own_log(source: Path) -> None:
         raise UserError(
             f"{source} is a log of zenoh-cbef; make a dataset of it: zenoh-cbef export {source} --to dataset"
         )
+
+
+def _from_bag(source: Path, anchors: Path | None, truth: str | None, reading: Reading, bags: Bags) -> Raw:
+    """What a bag holds, and what files beside it do of anchors and truth."""
+    way = Path(truth) if truth is not None and Path(truth).is_file() else None
+    raw = replace(bags, truth=truth if way is None else None).read(bag_of(source))
+    if way is not None:
+        reading.read_truth(way, raw)
+    if anchors is not None:
+        reading.read_anchors(anchors, raw)
+    return raw
 
 
 def _from_csv(source: Path, anchors: Path | None, truth: str | None, reading: Reading) -> Raw:
