@@ -130,6 +130,14 @@ def test_mistakes_are_told_with_the_remedy(tmp_path, words, said):
         imported(tmp_path / "log.csv", "--anchors", anchors_in(tmp_path), "-o", tmp_path / "set", *words)
 
 
+@pytest.mark.filterwarnings("error")
+def test_too_few_ranges_to_track_anything_are_told_as_that(tmp_path):
+    (tmp_path / "log.csv").write_text("t,anchor,range\n1,a,2\n")
+    said = " ".join(imported(tmp_path / "log.csv", "--anchors", anchors_in(tmp_path), "-o", tmp_path / "set").split())
+    assert "1 range cannot determine position and velocity, 4 unknowns; import more of the recording" in said
+    assert "anchor b has no range" in said
+
+
 def test_a_spreadsheet_of_windows_keeps_its_letters(tmp_path):
     rows = [f"{0.1 * k};{name};{distance(k, name)}" for k in range(40) for name in CORNERS]
     (tmp_path / "log.csv").write_text("\n".join(["t;Küche;range", *rows]), encoding="cp1252")
