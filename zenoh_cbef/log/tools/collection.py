@@ -82,6 +82,11 @@ class Kept:
     result: str
     rmse: float | None
 
+    @property
+    def goes_on(self) -> bool:
+        """Whether its log is still being written, as it goes on on this host."""
+        return self.log.name.endswith(ACTIVE) and self.run in known_runs()
+
 
 def runs(folder: Path = LOGS) -> list[Kept]:
     """The runs in logs/ by name; a folder whose log tells no scenario is left out."""
@@ -130,8 +135,8 @@ def tag(run: Kept, add: Sequence[str], remove: Sequence[str]) -> list[str]:
 
 def remove(run: Kept) -> None:
     """Delete a run's folder. Raises UserError where its log is still being written, or the folder cannot be deleted."""
-    if run.log.name.endswith(ACTIVE) and known_runs().get(run.name):
-        raise UserError(f"{run.name} goes on; end it first with 'zenoh-cbef stop --run {run.name}'")
+    if run.goes_on:
+        raise UserError(f"{run.name} goes on; end it first with 'zenoh-cbef stop --run {run.run}'")
     try:
         shutil.rmtree(run.log.parent)
     except OSError as error:
