@@ -112,9 +112,14 @@ class World:
 
     def complete(self, *overrides: str) -> subprocess.CompletedProcess[str]:
         """A run to its end, which must be a good one; its launcher is in this process."""
-        words = ("run", "tracking", *settings(*overrides), "--run", self.run, "--log", str(self.log), "--no-report")
-        done = self.call(*words)
-        assert done.returncode == 0, done.stderr
+        return self.done(
+            "run", "tracking", *settings(*overrides), "--run", self.run, "--log", str(self.log), "--no-report"
+        )
+
+    def done(self, *arguments: str, status: int = 0, prefix: Sequence[str] = ()) -> subprocess.CompletedProcess[str]:
+        """A verb called to its end, which must have this exit status."""
+        done = self.call(*arguments, prefix=prefix)
+        assert done.returncode == status, done.stdout + done.stderr
         return done
 
     def call(
@@ -142,8 +147,7 @@ class World:
 
     def verdict(self, status: int = 0, log: Path | str | None = None) -> str:
         """What `verify` says of a log, by default the run's, with this exit status."""
-        done = self.call("verify", str(log or self.log))
-        assert done.returncode == status, done.stdout + done.stderr
+        done = self.done("verify", str(log or self.log), status=status)
         assert "Traceback" not in done.stderr
         return done.stdout
 

@@ -18,8 +18,7 @@ os.execv(sys.argv[1], sys.argv[1:])
 
 
 def examine(world, *options: str, status: int, prefix: Sequence[str] = ()) -> dict[str, list[dict]]:
-    done = world.call("doctor", "--json", *options, prefix=prefix)
-    assert done.returncode == status, done.stdout + done.stderr
+    done = world.done("doctor", "--json", *options, prefix=prefix, status=status)
     found: dict[str, list[dict]] = {}
     for finding in json.loads(done.stdout)["findings"]:
         found.setdefault(finding["subject"], []).append(finding)
@@ -55,7 +54,7 @@ def test_more_agents_than_a_run_of_processes_has_are_a_problem_and_what_they_nee
 
 def test_a_warning_is_an_exit_status_only_where_it_is_wanted(world):
     key = world.folder / "certificates" / "operator.key"
-    assert world.call("certs", "new", "certificates", "--agents", "1").returncode == 0
+    world.done("certs", "new", "certificates", "--agents", "1")
     key.chmod(0o644)
     found = examine(world, "--tls", "certificates", status=0)
     assert levels(found["TLS"]) == ["warning"]
@@ -87,5 +86,5 @@ def test_a_run_its_versions_and_its_clocks(world):
     endpoint = known_runs()[world.run].endpoints[0]
     assert world.run in examine(world, "--connect", endpoint, status=0)["link"][0]["text"]
     assert "there is" in examine(world, "--run", "other", "--connect", endpoint, status=2)["run"][0]["text"]
-    assert world.call("stop", "--run", world.run).returncode == 0
+    world.done("stop", "--run", world.run)
     run.communicate(timeout=100)

@@ -52,7 +52,7 @@ def test_ctrl_c_twice_stops_now_and_leaves_a_readable_log(world):
     assert "ended at once; 'analyze " in err
     assert out == "", "the log is long, and who asks twice does not wait for its analysis"
     assert not world.wait_until_gone()
-    assert world.call("info", str(world.log)).returncode == 0
+    world.done("info", str(world.log))
 
 
 def test_a_killed_agent_is_named_and_the_others_finish(world):

@@ -35,7 +35,7 @@ def test_a_run_of_another_host_is_joined_by_its_endpoint_and_its_loss_is_seen(wo
 
 
 def test_with_certificates_the_operators_sees_the_run_and_orders_and_no_other_does(world):
-    assert world.call("certs", "new", "certs", "--agents", "4").returncode == 0
+    world.done("certs", "new", "certs", "--agents", "4")
     world.start_run(*UNHURRIED, "zenoh.tls=certs")
     world.wait_for_messages()
     bare = world.start("lab", world.run, "--no-browser")

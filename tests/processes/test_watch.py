@@ -32,7 +32,7 @@ def test_who_quits_leaves_the_run_alone(world, watched, how):
     terminal.write("q" if how == "q" else "\x03")
     assert terminal.leave() == 0
     assert run.poll() is None
-    assert world.call("stop", "--run", world.run).returncode == 0
+    world.done("stop", "--run", world.run)
 
 
 def test_the_end_of_the_run_ends_it(watched):
@@ -44,6 +44,5 @@ def test_the_end_of_the_run_ends_it(watched):
 
 
 def test_without_a_terminal_it_says_what_to_use_instead(world):
-    done = world.call("watch", "--run", world.run)
-    assert done.returncode == 2
+    done = world.done("watch", "--run", world.run, status=2)
     assert "'status'" in done.stderr

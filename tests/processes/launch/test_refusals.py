@@ -45,8 +45,7 @@ def mute() -> Iterator[str]:
 
 
 def refusal(world, *command: str) -> str:
-    done = world.call(*command)
-    assert done.returncode == 2, done.stdout + done.stderr
+    done = world.done(*command, status=2)
     assert len(done.stderr.splitlines()) == 1, done.stderr
     assert "Traceback" not in done.stderr
     return done.stderr
