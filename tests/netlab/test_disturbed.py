@@ -54,7 +54,7 @@ def outcome(world, steps: int = STEPS) -> Outcome:
 
 def under_way(run, steps: int = STEPS) -> None:
     run.start(*REALTIME, steps=steps)
-    run.wait_until_recorded()
+    run.world.wait_for_messages()
     time.sleep(FOUND * DT)
 
 

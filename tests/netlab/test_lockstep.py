@@ -27,7 +27,7 @@ def test_a_run_over_nine_hosts_equals_the_simulator(site, lab, world, way):
 def test_a_broken_link_costs_time_and_no_bit(site, lab, world, directions):
     run = site("peers")
     run.start(steps=120)
-    run.wait_until_recorded()
+    run.world.wait_for_messages()
 
     def cut(*, on: bool) -> None:
         if directions == "one":
@@ -49,7 +49,7 @@ def test_a_broken_link_costs_time_and_no_bit(site, lab, world, directions):
 def test_who_does_without_a_message_in_lockstep_says_so(site, lab, world):
     run = site("peers")
     run.start("timing.patience=1", steps=120)
-    run.wait_until_recorded()
+    run.world.wait_for_messages()
     lab.kill("a2")
     run.finish(["target", "record", "a0", "a1", "a3", "a4", "a5"])
     world.verdict(2)

@@ -160,15 +160,13 @@ class World:
     def pid_of(self, words: str) -> int:
         return next(pid for pid, line in processes_of(self.run).items() if f"zenoh_cbef {words} " in line)
 
-    def wait_until_gone(self, seconds: float = 100) -> dict[int, str]:
-        until = time.monotonic() + seconds
+    def wait_until_gone(self) -> dict[int, str]:
+        until = time.monotonic() + 100
         while (left := processes_of(self.run)) and time.monotonic() < until:
             time.sleep(0.05)
         return left
 
-    def complete_under(
-        self, attack: Callable[[int], None], target: Process, join: list[str], agents: int = 4
-    ) -> list[str]:
+    def complete_under(self, attack: Callable[[int], None], target: Process, join: list[str]) -> list[str]:
         """Complete a run whose target waits, while attack(0), attack(1) and so on are called; what all printed."""
         over = threading.Event()
 
@@ -181,7 +179,7 @@ class World:
         attacker = threading.Thread(target=go_on)
         attacker.start()
         try:
-            others = [self.start("agent", str(agent), *join) for agent in range(agents)]
+            others = [self.start("agent", str(agent), *join) for agent in range(4)]
             others.append(self.start("record", *join, "--output", str(self.log)))
             return [ended(process)[0] for process in (target, *others)]
         finally:

@@ -23,8 +23,8 @@ from zenoh_cbef.tracking.weights import metropolis_weights
 STD, SEEDS, SPACES = 0.3, st.integers(0, 2**32 - 1), st.sampled_from([Space(), Space(0.7)])
 
 
-def settings_for(space, count, xi=1.5, dt=0.2, std=STD):
-    return FilterSettings(NearlyConstantVelocity(dt, 0.5, space.axes), space, std, xi, count)
+def settings_for(space, count, xi=1.5):
+    return FilterSettings(NearlyConstantVelocity(0.2, 0.5, space.axes), space, STD, xi, count)
 
 
 def began(payload):
@@ -49,9 +49,9 @@ def scene(seed, space, count=4):
     return beliefs(random, space, count), Measurement(random.normal(scale=5, size=(count, 3)), ranges, age, *nobody)
 
 
-def by_the_equations(belief, measurement, space, agent, *, count, xi, dt=0.2):
+def by_the_equations(belief, measurement, space, agent, *, count, xi):
     """V, O, |z| and w of one agent, written as in the paper; H by differences of the range itself."""
-    motion = NearlyConstantVelocity(dt, 0.5, space.axes)
+    motion = NearlyConstantVelocity(0.2, 0.5, space.axes)
     state = motion.transition @ belief.state[agent]
     covariance = motion.transition @ belief.known_covariance[agent] @ motion.transition.T + motion.process_noise
     prior = np.linalg.inv(covariance)

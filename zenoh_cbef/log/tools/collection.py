@@ -98,15 +98,15 @@ def runs(folder: Path = LOGS) -> list[Kept]:
     return found
 
 
-def find_run(name: str, folder: Path = LOGS) -> Kept:
+def find_run(name: str) -> Kept:
     """The run of this name. Raises UserError where there is none."""
-    place = folder / Path(name).name
+    place = LOGS / Path(name).name
     if not place.is_dir():
-        raise UserError(f"there is no run {name} in {folder}/; see 'zenoh-cbef runs list'")
+        raise UserError(f"there is no run {name} in {LOGS}/; see 'zenoh-cbef runs list'")
     return _kept(place.resolve())
 
 
-def expanded(paths: Sequence[Path], folder: Path = LOGS) -> list[Path]:
+def expanded(paths: Sequence[Path]) -> list[Path]:
     """Logs as a user gives them, with those of a tag in place of @TAG. Raises UserError where none has the tag."""
     found: list[Path] = []
     for path in paths:
@@ -114,9 +114,9 @@ def expanded(paths: Sequence[Path], folder: Path = LOGS) -> list[Path]:
             found.append(path)
             continue
         tag = str(path)[1:]
-        tagged = [place for place in sorted(folder.glob(f"*/{_TAGS}")) if tag in _tags(place.parent)]
+        tagged = [place for place in sorted(LOGS.glob(f"*/{_TAGS}")) if tag in _tags(place.parent)]
         if not tagged:
-            raise UserError(f"no run in {folder}/ has the tag {tag!r}; see 'zenoh-cbef runs list'")
+            raise UserError(f"no run in {LOGS}/ has the tag {tag!r}; see 'zenoh-cbef runs list'")
         found += [place.parent for place in tagged if not place.parent.is_symlink()]
     return found
 
