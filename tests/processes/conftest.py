@@ -22,6 +22,7 @@ import zenoh
 from tests.processes.forked import Forked, Process
 from tests.waiting import until
 from tests.within import within
+from zenoh_cbef.outside.registry import known_runs
 
 WITHIN = {"analyze", "cat", "check", "compare", "export", "filter", "info", "merge", "recover", "reestimate", "sim"}
 WITHIN |= {"certs", "doctor", "fault", "health", "run", "status", "stop", "timeline", "verify"}
@@ -110,6 +111,13 @@ class World:
     def start_run(self, *overrides: str, options: tuple[str, ...] = ("--no-report",)) -> Process:
         return self.start("run", "tracking", *settings(*overrides), "--run", self.run, "--log", str(self.log), *options)
 
+    def under_way(self, *overrides: str, size: int = 20_000) -> Process:
+        """A run that has begun: this host knows of it, and its log has this size in bytes."""
+        run = self.start_run(*overrides)
+        self.wait_until_known()
+        self.wait_for_messages(size)
+        return run
+
     def complete(self, *overrides: str) -> subprocess.CompletedProcess[str]:
         """A run to its end, which must be a good one; its launcher is in this process."""
         return self.done(
@@ -150,6 +158,9 @@ class World:
         done = self.done("verify", str(log or self.log), status=status)
         assert "Traceback" not in done.stderr
         return done.stdout
+
+    def wait_until_known(self) -> None:
+        until(lambda: self.run in known_runs(), "the run did not come")
 
     def wait_for_messages(self, size: int = 20_000) -> None:
         """Wait until the log has grown, so that the run is surely under way."""

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 from tests.processes.conftest import unused_endpoint
 from tests.processes.launch.test_refusals import mute
-from tests.processes.target.test_live_faults import wait_until_known
 from zenoh_cbef import __version__
 from zenoh_cbef.outside.registry import known_runs
 
@@ -76,9 +75,7 @@ def test_endpoints_are_told_apart(world):
 
 
 def test_a_run_its_versions_and_its_clocks(world):
-    run = world.start_run("timing.mode=realtime", "dt=0.1", "steps=5000")
-    wait_until_known(world.run)
-    world.wait_for_messages()
+    run = world.under_way("timing.mode=realtime", "dt=0.1", "steps=5000")
     found = examine(world, "--run", world.run, status=0)
     assert "running, 4 agents, realtime" in found["run"][0]["text"]
     assert "with 4 agents a process may need" in found["files"][0]["text"]

@@ -99,8 +99,7 @@ def test_an_agent_that_has_another_one_is_refused_in_a_sentence(world, changed, 
 
 @pytest.mark.usefixtures("plugged")
 def test_it_is_injected_with_options_into_a_run_that_goes_on(world):
-    run = world.start_run("steps=100000")
-    world.wait_for_messages()
+    run = world.under_way("steps=100000")
     for most in (0.9, 0.5):
         world.done("fault", "add", "fading", f"options={{most={most}}}", "--run", world.run)
     until(lambda: "is on: fading" in world.call("status", "--run", world.run).stdout)

@@ -5,7 +5,6 @@ import signal
 import pytest
 
 from tests.processes.conftest import COMMAND
-from tests.processes.target.test_live_faults import wait_until_known
 from tests.terminal import Terminal
 
 
@@ -16,9 +15,7 @@ def drawn(character: str) -> bool:
 
 @pytest.fixture
 def watched(world):
-    run = world.start_run("timing.mode=realtime", "dt=0.1", "steps=5000")
-    wait_until_known(world.run)
-    world.wait_for_messages()
+    run = world.under_way("timing.mode=realtime", "dt=0.1", "steps=5000")
     terminal = Terminal([*COMMAND, "watch", "--run", world.run], folder=world.folder)
     words = ("position error, m", "disagreement, m", world.run, "started", "q quits")
     terminal.read_until(lambda seen: all(word in seen for word in words) and any(map(drawn, seen)))

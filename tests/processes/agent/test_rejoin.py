@@ -56,8 +56,7 @@ def wait_until_it_is_back(world: World, agent: int, steps: int) -> None:
 
 @pytest.mark.parametrize("mode", ["lockstep", "realtime"])
 def test_an_agent_that_was_killed_takes_part_again(world, mode):
-    run = world.start_run("steps=100000", f"timing.mode={mode}", "network.graph=complete")
-    world.wait_for_messages(30_000)
+    run = world.under_way("steps=100000", f"timing.mode={mode}", "network.graph=complete", size=30_000)
     kill_and_start_again(world, 2)
     wait_until_it_is_back(world, 2, 25)
     world.done("stop", "--run", world.run)

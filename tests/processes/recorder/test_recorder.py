@@ -38,8 +38,7 @@ def let_no_file_grow(pid, path):
 @pytest.mark.parametrize("on_full", ["go-on", "stop"])
 def test_a_full_disk_is_named_and_what_was_written_stays_readable(world, on_full):
     steps = 300 if on_full == "go-on" else 100_000
-    run = world.start_run(f"steps={steps}", f"record.on_full={on_full}", "record.flush_seconds=0.1")
-    world.wait_for_messages()
+    run = world.under_way(f"steps={steps}", f"record.on_full={on_full}", "record.flush_seconds=0.1")
     let_no_file_grow(world.pid_of("record"), world.log.with_name("run.mcap.active"))
     out, err = ended(run, 1)
     assert "File too large" in err

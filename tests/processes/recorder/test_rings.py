@@ -76,8 +76,7 @@ def test_processes_without_rings_are_heard_over_zenoh_and_say_so(world, place):
 
 
 def test_a_ring_too_small_for_a_recorder_that_stands_still_loses_nothing(world):
-    run = world.start_run(RINGS, "record.ring_bytes=65536", "steps=150")
-    world.wait_for_messages(5000)
+    run = world.under_way(RINGS, "record.ring_bytes=65536", "steps=150", size=5000)
     recorder = world.pid_of("record")
     os.kill(recorder, signal.SIGSTOP)
     time.sleep(2.5)

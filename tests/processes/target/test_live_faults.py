@@ -13,19 +13,13 @@ from zenoh_cbef.outside.registry import known_runs
 from zenoh_cbef.simulator import simulate
 
 
-def wait_until_known(run: str) -> None:
-    until(lambda: run in known_runs(), "the run did not come")
-
-
 def wait_until_after(world, seconds: float) -> None:
     """Wait until the run has come so far."""
     until(lambda: (world.status().get("time") or 0.0) >= seconds, "the run stands still", 200.0)
 
 
 def test_faults_are_added_listed_and_cleared_while_the_run_goes_on(world):
-    run = world.start_run("timing.mode=realtime", "steps=100000")
-    wait_until_known(world.run)
-    world.wait_for_messages()
+    run = world.under_way("timing.mode=realtime", "steps=100000")
 
     def fault(*arguments: str, status: int = 0) -> str:
         done = world.done("fault", *arguments, "--run", world.run, status=status)
@@ -76,8 +70,7 @@ def assert_both_are_told(world):
 
 
 def test_in_lockstep_injected_faults_begin_with_a_step_for_all_and_the_log_is_proved_with_them(world):
-    run = world.start_run("steps=100000")
-    world.wait_for_messages()
+    run = world.under_way("steps=100000")
 
     def fault(*arguments: str) -> str:
         done = world.done("fault", *arguments, "--run", world.run)

@@ -9,7 +9,6 @@ from typing import Any
 import pytest
 
 from tests.processes.conftest import ended, settings
-from tests.processes.target.test_live_faults import wait_until_known
 from zenoh_cbef import __version__
 from zenoh_cbef.log.read.trace import read_trace
 
@@ -25,9 +24,7 @@ def wait_for(world, condition, *options: str) -> dict:
 
 
 def test_status_tells_who_is_where_and_how_well_they_track(world):
-    run = world.start_run("timing.mode=realtime", "dt=0.4", "steps=5000")
-    wait_until_known(world.run)
-    world.wait_for_messages()
+    run = world.under_way("timing.mode=realtime", "dt=0.4", "steps=5000")
     status = wait_for(
         world,
         lambda one: all(agent["step"] for agent in one["agents"]) and all(link["received"] for link in one["links"]),
@@ -84,8 +81,7 @@ def assert_the_log_holds(world, early, status):
 
 
 def test_a_stopped_run_in_lockstep_still_verifies(world):
-    run = world.start_run("steps=100000")
-    world.wait_for_messages()
+    run = world.under_way("steps=100000")
     done = world.done("stop", "--run", world.run)
     assert done.stdout.splitlines()[-1] == f"run {world.run} has ended"
     run.communicate(timeout=100)
@@ -96,7 +92,7 @@ def test_a_stopped_run_in_lockstep_still_verifies(world):
 
 def test_a_run_that_waits_for_its_agents_tells_whom_it_lacks(world, endpoint):
     target = world.start("target", "tracking", *settings(), "--run", world.run, "--listen", endpoint)
-    wait_until_known(world.run)
+    world.wait_until_known()
     agent = world.start("agent", "1", "--run", world.run, "--connect", endpoint, "--patience", "100")
     there = ["--connect", endpoint]
     status = wait_for(world, lambda one: one["agents"][1]["state"] != "missing", *there)
@@ -110,9 +106,7 @@ def test_a_run_that_waits_for_its_agents_tells_whom_it_lacks(world, endpoint):
 
 def test_with_certificates_the_operators_is_asked_for(world):
     world.done("certs", "new", "certificates", "--agents", "4")
-    run = world.start_run("timing.mode=realtime", "dt=0.1", "steps=5000", "zenoh.tls=certificates")
-    wait_until_known(world.run)
-    world.wait_for_messages()
+    run = world.under_way("timing.mode=realtime", "dt=0.1", "steps=5000", "zenoh.tls=certificates")
     status = wait_for(world, lambda one: all(agent["step"] for agent in one["agents"]), "--tls", "certificates")
     assert all(agent["where"]["pid"] for agent in status["agents"])
     refused = world.done("status", "--run", world.run, status=2)
