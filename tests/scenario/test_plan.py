@@ -111,3 +111,13 @@ def test_a_plan_under_another_seed_takes_over_what_it_would_have_found_itself(na
     assert like.filter is first.filter
     np.testing.assert_array_equal(like.initial_states, alone.initial_states)
     np.testing.assert_array_equal(like.edges, alone.edges)
+
+
+def test_the_deadlines_of_a_step_end_with_it_and_leave_time_for_the_filter_first():
+    plan = load("tracking", ["timing.mode=realtime", "dt=0.26", "consensus.rounds=10"]).plan
+    assert [plan.deadline(round_) for round_ in (0, 1, 10)] == pytest.approx([0.06, 0.08, 0.26])
+
+
+def test_rounds_of_a_given_length_follow_one_another_from_the_beginning_of_the_step():
+    plan = load("tracking", ["timing.mode=realtime", "timing.round_deadline_ms=5", "consensus.rounds=10"]).plan
+    assert [plan.deadline(round_) for round_ in (0, 1, 10)] == pytest.approx([0.005, 0.01, 0.055])
