@@ -18,7 +18,7 @@ from zenoh_cbef.log.read.measurements import read_measurements
 from zenoh_cbef.log.read.parts import open_log
 from zenoh_cbef.log.tools.check import check
 from zenoh_cbef.plain import Json
-from zenoh_cbef.plugins import read_options
+from zenoh_cbef.plugins import told_options
 from zenoh_cbef.scenario.injected import STEER, marked, with_faults
 from zenoh_cbef.scenario.load import load, parse, to_toml, value_of
 from zenoh_cbef.simulator import simulate
@@ -129,7 +129,7 @@ class Chosen(BaseModel):
 def test_text_that_is_not_in_quotes_is_told_how_to_quote_it(written):
     given = value_of(written)
     with pytest.raises(ValueError, match=r"filter.options.name is text, not .*; put it in quotes") as caught:
-        read_options(Chosen, {"name": given}, "filter.options")
+        told_options(Chosen, "mine", {"name": given}, "filter.options")
     [_, remedy, _] = str(caught.value).split("'")
     key, _, value = remedy.partition("=")
     assert (key, value_of(value)) == ("filter.options.name", written)

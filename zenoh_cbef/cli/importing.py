@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from zenoh_cbef.cli.calling.offer import verb
-from zenoh_cbef.cli.options.places import new_folder_of
+from zenoh_cbef.cli.options.places import DATASET, new_folder_of
 from zenoh_cbef.cli.options.shared import Force
 from zenoh_cbef.cli.terminal.console import console, tell, warn
 from zenoh_cbef.cli.terminal.recordings import summary_table, tell_findings
@@ -67,7 +67,7 @@ def _import(
 ) -> None:
     """Make a dataset of a recording in another format, check it, and draw its anchors and first fix."""
     units = units_of(unit or [])
-    new_folder_of(output, ["anchors.csv", "ranges.csv", "truth.csv"], force=force)
+    new_folder_of(output, DATASET, force=force)
     if not source.exists():
         raise UserError(f"there is no {source}; name a CSV file, a folder, or a ROS bag")
     _refuse_own_log(source)

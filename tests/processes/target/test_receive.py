@@ -63,8 +63,7 @@ def test_a_stream_of_lines_over_udp_is_tracked(world, free_port):
     finally:
         over.set()
         tag.join()
-    exported = world.call("export", str(world.log), "--output", "live.npz")
-    assert exported.returncode == 0, exported.stderr
+    world.done("export", str(world.log), "--output", "live.npz")
     arrays = np.load(world.folder / "live.npz")
     ranges = arrays["ranges"]
     assert np.isfinite(ranges).any(axis=1).all(), "the receiver's steps are those of the run"
@@ -114,7 +113,7 @@ def test_a_dwm1001_goes_on_whenever_it_is_plugged_in_again(world, free_port):
     finally:
         over.set()
         tag.join()
-    assert world.call("export", str(world.log), "--output", "live.npz").returncode == 0
+    world.done("export", str(world.log), "--output", "live.npz")
     arrays = np.load(world.folder / "live.npz")
     for heard, at in zip(arrays["ranges"], PLACES, strict=True):
         expected = {round(math.dist(REST, at) + more, 2) for more in (0.0, 0.01)}
@@ -215,8 +214,8 @@ def test_a_recording_that_is_received_in_lockstep_has_the_bits_of_its_run(world,
         talking.join()
         for cable in cables:
             cable.close()
-    assert world.call("sim", "recorded.toml", "--output", "expected.npz").returncode == 0
-    assert world.call("export", str(world.log), "--output", "received.npz").returncode == 0
+    world.done("sim", "recorded.toml", "--output", "expected.npz")
+    world.done("export", str(world.log), "--output", "received.npz")
     expected, received = (np.load(world.folder / f"{name}.npz") for name in ("expected", "received"))
     for name in ("ranges", "estimates", "covariances", "truth"):
         np.testing.assert_array_equal(received[name], expected[name])

@@ -88,6 +88,11 @@ class Kept:
     result: str
     rmse: float | None
 
+    @property
+    def goes_on(self) -> bool:
+        """Whether its log is still being written, as it goes on on this host."""
+        return self.log.name.endswith(ACTIVE) and self.run in known_runs()
+
 
 def runs(folder: Path = LOGS) -> list[Kept]:
     """The runs in logs/ by name; a folder whose log tells no scenario is left out."""
@@ -99,15 +104,15 @@ def runs(folder: Path = LOGS) -> list[Kept]:
     return found
 
 
-def find_run(name: str, folder: Path = LOGS) -> Kept:
+def find_run(name: str) -> Kept:
     """The run of this name. Raises UserError where there is none."""
-    place = folder / Path(name).name
+    place = LOGS / Path(name).name
     if not place.is_dir():
-        raise UserError(f"there is no run {name} in {folder}/; see 'zenoh-cbef runs list'")
+        raise UserError(f"there is no run {name} in {LOGS}/; see 'zenoh-cbef runs list'")
     return _kept(place.resolve())
 
 
-def expanded(paths: Sequence[Path], folder: Path = LOGS) -> list[Path]:
+def expanded(paths: Sequence[Path]) -> list[Path]:
     """Logs as a user gives them, with those of a tag in place of @TAG. Raises UserError where none has the tag."""
     found: list[Path] = []
     for path in paths:
@@ -115,9 +120,9 @@ def expanded(paths: Sequence[Path], folder: Path = LOGS) -> list[Path]:
             found.append(path)
             continue
         tag = str(path)[1:]
-        tagged = [place for place in sorted(folder.glob(f"*/{_TAGS}")) if tag in _tags(place.parent)]
+        tagged = [place for place in sorted(LOGS.glob(f"*/{_TAGS}")) if tag in _tags(place.parent)]
         if not tagged:
-            raise UserError(f"no run in {folder}/ has the tag {tag!r}; see 'zenoh-cbef runs list'")
+            raise UserError(f"no run in {LOGS}/ has the tag {tag!r}; see 'zenoh-cbef runs list'")
         found += [place.parent for place in tagged if not place.parent.is_symlink()]
     return found
 
@@ -136,8 +141,8 @@ def tag(run: Kept, add: Sequence[str], remove: Sequence[str]) -> list[str]:
 
 def remove(run: Kept) -> None:
     """Delete a run's folder. Raises UserError where its log is still being written, or the folder cannot be deleted."""
-    if run.log.name.endswith(ACTIVE) and known_runs().get(run.name):
-        raise UserError(f"{run.name} goes on; end it first with 'zenoh-cbef stop --run {run.name}'")
+    if run.goes_on:
+        raise UserError(f"{run.name} goes on; end it first with 'zenoh-cbef stop --run {run.run}'")
     try:
         shutil.rmtree(run.log.parent)
     except OSError as error:
