@@ -39,8 +39,10 @@ def contested(guess, truth, steps, errors, outliers=None):
     contest, counts = Contest(3, outliers), uncounted(len(guess))
     priors, found = sure(guess), []
     for step in range(steps):
-        prior = Branches.of(priors, 3, None, share(counts))
-        whole, (*later, counts) = contest.after(prior, anywhere(len(guess)), heard_of(truth, errors[step]), counts)
+        parts = ([one[:, part] for one in priors] for part in (slice(KEPT), slice(KEPT, None)))
+        both = [Branches.of((state, spread, chance), 3, None, share(counts)) for state, spread, chance in parts]
+        new = heard_of(truth, errors[step])
+        whole, (*later, counts) = contest.after(*both, anywhere(len(guess)), new, counts)
         state, covariance, likelihood = later
         priors = state, covariance + 1e-4 * np.eye(6), likelihood
         found.append(whole.merged()[0][:, :3])

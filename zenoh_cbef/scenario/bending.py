@@ -8,13 +8,13 @@ import numpy as np
 
 from zenoh_cbef.scenario import paths, start
 from zenoh_cbef.scenario.model import Scenario
-from zenoh_cbef.tracking.motion import LinearMotion
+from zenoh_cbef.tracking.motion import LinearMotion, Motion
 from zenoh_cbef.tracking.sight import MIRRORED, open_axes
 
 MOST = 1.0
 """Curvature of ranges over a step's uncertainty, in units of their noise, from which on they are not linear there."""
 
-_STRAIGHT = 0.01
+STRAIGHT = 0.01
 """Below this curvature it is no matter where ranges are linearised. Above it, a target that leaves the box is lost now
 and then, as ranges bend more where agents see it from one side.
 """
@@ -29,7 +29,7 @@ def after(scenario: Scenario, motion: LinearMotion, range_std: float) -> bool:
     chosen = scenario.filter
     if chosen.linearise != "auto" or chosen.defaults < 2:
         return chosen.linearise == "after"
-    most = MOST if chosen.defaults < 4 else _STRAIGHT
+    most = MOST if chosen.defaults < 4 else STRAIGHT
     return mirrored(scenario, range_std, motion.axes) or bending(scenario, motion, range_std, scenario.dt)[1] > most
 
 
@@ -64,7 +64,22 @@ def _left_open(scenario: Scenario, range_std: float, axes: int) -> int:
     return int(open_axes(places, np.ones(places.shape[:2], dtype=bool), 1, range_std)[0])
 
 
-def bending(scenario: Scenario, motion: LinearMotion, range_std: float, dt: float) -> tuple[float, float]:
+def weakest(scenario: Scenario, motion: Motion, range_std: float) -> float:
+    """How much ranges bend along the axis that they determine the least, in units of their noise.
+
+    As `bending` says of a step, but by axes: of a range over half of the box around the agents, each axis has as much
+    as it has of the box.
+    """
+    low, high = (corner[: motion.axes] for corner in start.box(scenario))
+    sides, half, step = (high - low) ** 2, start.half_box(scenario), motion.acceleration_std * scenario.dt**2
+    most = 0.0
+    for part in (sides[sides > 0.0] / sides.sum()).tolist():
+        variance = _uncertain(step, range_std**2 / (scenario.count * part))
+        most = max(most, variance * (1.0 - part) / (2.0 * half) / range_std)
+    return most
+
+
+def bending(scenario: Scenario, motion: Motion, range_std: float, dt: float) -> tuple[float, float]:
     """How uncertain the position gets in a step of dt (s), m, and how much ranges bend there, in units of their noise.
 
     The uncertainty is that of a Kalman filter of one axis that has its share of all ranges, in its steady state, which
@@ -72,9 +87,16 @@ def bending(scenario: Scenario, motion: LinearMotion, range_std: float, dt: floa
     alpha-beta-gamma target trackers, IEEE Trans. AES 20). A range over a distance d, here half of the box around the
     agents, bends by the square of it over 2 d.
     """
-    share = range_std**2 * motion.axes / scenario.count
-    index = motion.acceleration_std * dt**2 / sqrt(share)
-    kept = 4.0 / (4.0 + index + sqrt(8.0 * index + index**2))  # Its square: what a range leaves of the variance.
-    uncertain = sqrt(share * (kept**-2 - 1.0))
+    uncertain = sqrt(_uncertain(motion.acceleration_std * dt**2, range_std**2 * motion.axes / scenario.count))
     half = start.half_box(scenario)
     return uncertain, uncertain**2 / (2.0 * half) / range_std if half else 0.0
+
+
+def _uncertain(step: float, share: float) -> float:
+    """The variance, m^2, before the ranges of a step, of which an axis has one of the variance share (m^2).
+
+    step: q dt^2, m.
+    """
+    index = step / sqrt(share)
+    kept = 4.0 / (4.0 + index + sqrt(8.0 * index + index**2))  # Its square: what a range leaves of the variance.
+    return float(share * (kept**-2 - 1.0))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import sqrt
 
 import numpy as np
 
@@ -24,6 +25,8 @@ def tells_ranges(scenario: Scenario, motions: Sequence[Motion], range_std: float
     if not _may(scenario, agile.axes + (not several)):
         return False
     if len(motions) == 1 and may_mistake(scenario, range_std, agile.axes):
+        return True
+    if scenario.filter.defaults > 14 and _leaves_curves(scenario, agile, range_std, several=len(motions) > 1):
         return True
     heard = scenario.count * (1.0 - scenario.sensor.dropout_probability)
     needs = len(motions) == 1 or heard < agile.axes + 1 or (several and network.parts(scenario))
@@ -62,8 +65,28 @@ def may_mistake(scenario: Scenario, range_std: float, axes: int) -> bool:
     wrong = sensor.outlier_probability > 0.0 or none_to_spare or start.bends_over_guess(scenario)
     everywhere = scenario.consensus.rounds >= scenario.count - 1
     known = chosen.range_std is None and sensor.bias_std == 0.0
-    flat = bending.mirrored(scenario, range_std, axes) or near_plane.plane(scenario, range_std, axes)
-    return wrong and everywhere and known and chosen.start != "given" and chosen.reacquire and not flat
+    wanted = chosen.start != "given" and chosen.reacquire
+    return wrong and everywhere and known and wanted and not _flat(scenario, range_std, axes)
+
+
+def _leaves_curves(scenario: Scenario, motion: Motion, range_std: float, *, several: bool) -> bool:
+    """Whether a Gaussian may not say what ranges leave open, as that is a curve, or several places.
+
+    Where receivers may fall silent; where ranges bend over what motion and geometry leave open; and where the target
+    switches between motions among outliers, which may be turns. The most agile of several motions is assumed seldom, so
+    there it takes more: the bend that all ranges have alike, by more than the noise of their mean.
+    """
+    if network.counts_hearers(scenario):
+        return True
+    if several:
+        bend = bending.bending(scenario, motion, range_std, scenario.dt)[1]
+        return start.among_outliers(scenario) or bend * sqrt(scenario.count) > bending.MOST
+    return not _flat(scenario, range_std, motion.axes) and bending.weakest(scenario, motion, range_std) > bending.STRAIGHT
+
+
+def _flat(scenario: Scenario, range_std: float, axes: int) -> bool:
+    """Whether agents are in one plane, or near one, so that a mirror image fits their ranges."""
+    return bending.mirrored(scenario, range_std, axes) or near_plane.plane(scenario, range_std, axes) is not None
 
 
 def _explained(scenario: Scenario) -> bool:

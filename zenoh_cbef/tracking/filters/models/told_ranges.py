@@ -13,7 +13,7 @@ from zenoh_cbef.tracking.copying import replace
 from zenoh_cbef.tracking.diagnostics import Diagnostics
 from zenoh_cbef.tracking.filters.base import Belief, Bias, Sharing, Update
 from zenoh_cbef.tracking.filters.information_form import packed_size, unchanged, variance_of
-from zenoh_cbef.tracking.filters.models.branching import KEPT, MOST, Branches, Heard, conditioned
+from zenoh_cbef.tracking.filters.models.branching import MOST, Branches, Heard, conditioned
 from zenoh_cbef.tracking.filters.models.contending import Contest, share, uncounted
 from zenoh_cbef.tracking.filters.models.mixtures import Priors, alike, mixture
 from zenoh_cbef.tracking.filters.models.own_range import said_of
@@ -54,8 +54,8 @@ class ToldRanges:
     range_std: sigma (m). network_size: n. middle: the point from which positions are counted, m. guesses: how many of
     position and of velocity are independent. outliers: see branching.py. own_std: of constant biases, m, which are all
     estimated beside position and velocity, of one linear motion; 0: there are none.
-    anywhere: where the target may be if the guesses are wrong, state (1, s) and covariance (1, s, s). splits: of
-    several motions, each keeps several hypotheses, and those over which ranges bend are split (splitting.py).
+    anywhere: where the target may be if the guesses are wrong, state (1, s) and covariance (1, s, s). splits: each
+    motion keeps several hypotheses, and those over which ranges bend are split (see splitting.py); 0: it does not.
     """
 
     motions: tuple[Motion, ...]
@@ -69,7 +69,7 @@ class ToldRanges:
     own_std: float = 0.0
     anywhere: tuple[Floats, Floats] | None = None
     seeks: bool = False
-    splits: bool = False
+    splits: int = 0
 
     @classmethod
     def sharing(cls, settings: FilterSettings) -> Sharing:
@@ -132,13 +132,11 @@ class ToldRanges:
         averages = payload[:, self._told :][:, : self.network_size * SLOT]
         # An agent of many hypotheses may take in its range alone: they follow the bend of that.
         heard = self._slots.heard(averages, alone & (not self.splits))
-        known, found, misfits, stays = (self.space.axes, self._biases, self._share(counts)), [], [], []
+        found, misfits, stays = [], [], []
         for state, *rest in zip(parts[::3], parts[1::3], parts[2::3], strict=True):
             centred = self._centred(state)
             centred[:, 0, : self._told] += guessed
-            whole = centred, rest[0], rest[1]
-            prior = Branches.of(split(whole, heard) if self.splits else whole, *known)
-            branches, later = self._after(prior, heard, counts)
+            branches, later = self._after((centred, rest[0], rest[1]), heard, counts)
             after, spread, likelihood = branches.merged()
             found.append((self._centred(after, -1.0), spread))
             misfits.append(-2.0 * likelihood)
@@ -149,11 +147,18 @@ class ToldRanges:
         parts_of = tuple(Belief(*one, memory=later) for one, later in zip(found, stays, strict=True))
         return Belief(*self.switching.combined(chance, found), chance=chance, parts=parts_of)
 
-    def _after(self, prior: Branches, heard: Heard, counts: Floats) -> tuple[Branches, tuple[Floats, ...]]:
+    def _after(self, prior: Priors, heard: Heard, counts: Floats) -> tuple[Branches, tuple[Floats, ...]]:
         """All branches, and what the next step begins with: of one motion, or of one that keeps several hypotheses."""
+
+        def begun(part: slice) -> Branches:
+            some = prior[0][:, part], prior[1][:, part], prior[2][:, part]
+            return Branches.of(split(some, heard, self.splits), self.space.axes, self._biases, self._share(counts))
+
         if self.seeks:
-            return self._contest.after(prior, self._elsewhere(len(counts)), heard, counts)
-        branches = conditioned(prior, heard, self.outliers, MANY if self.splits else MOST)
+            stay = self._contest.stay
+            holds, rises = begun(slice(stay)), begun(slice(stay, None))
+            return self._contest.after(holds, rises, self._elsewhere(len(counts)), heard, counts)
+        branches = conditioned(begun(slice(None)), heard, self.outliers, MANY if self.splits else MOST)
         if self.splits:
             return branches, staying(branches)
         return branches, branches.distinct() if len(self.motions) == 1 else ()
@@ -173,7 +178,7 @@ class ToldRanges:
         if belief.memory:
             size, (states, covariances) = self.motions[0].size, belief.memory[:2]
             whole[:, size:], spread[:, size:, size:] = states[:, 0, size:], covariances[:, 0, size:, size:]
-        kept = alike(whole, spread, KEPT * (1 + self.seeks))
+        kept = alike(whole, spread, self._contest.stay * (1 + self.seeks))
         memory = (*kept, uncounted(len(state))) if self.seeks else kept
         return replace(belief, state=state, covariance=covariance, memory=memory)
 
@@ -187,7 +192,7 @@ class ToldRanges:
 
     @cached_property
     def _contest(self) -> Contest:
-        return Contest(self.space.axes, self.outliers)
+        return Contest(self.space.axes, self.outliers, splits=self.splits > 0)
 
     def _share(self, counts: Floats) -> Floats | None:
         return share(counts) if self.seeks else None
