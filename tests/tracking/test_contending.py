@@ -39,10 +39,9 @@ def contested(guess, truth, steps, errors, outliers=None):
     contest, counts = Contest(3, outliers), uncounted(len(guess))
     priors, found = sure(guess), []
     for step in range(steps):
-        parts = ([one[:, part] for one in priors] for part in (slice(KEPT), slice(KEPT, None)))
-        both = [Branches.of((state, spread, chance), 3, None, share(counts)) for state, spread, chance in parts]
+        holds, rises = (Branches.of(half, 3, None, share(counts)) for half in contest.halves(priors))
         new = heard_of(truth, errors[step])
-        whole, (*later, counts) = contest.after(*both, anywhere(len(guess)), new, counts)
+        whole, (*later, counts) = contest.after(holds, rises, anywhere(len(guess)), new, counts)
         state, covariance, likelihood = later
         priors = state, covariance + 1e-4 * np.eye(6), likelihood
         found.append(whole.merged()[0][:, :3])

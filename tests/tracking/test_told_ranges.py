@@ -109,6 +109,7 @@ def test_agents_tell_ranges_where_a_fix_may_take_wrong_ones_for_right(sets):
         [],
         ["filter.initial_position=[7,7,7]"],
         ["sensor.dropout_probability=0.8"],
+        ["filter.motion='imm'", *OUTLIERS[1:]],
         ONE_BIASED[1:],
         ["filter.start=given", *OUTLIERS[1:]],
         ["filter.range_std=0.2", *OUTLIERS[1:]],

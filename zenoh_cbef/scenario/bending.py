@@ -67,15 +67,17 @@ def _left_open(scenario: Scenario, range_std: float, axes: int) -> int:
 def weakest(scenario: Scenario, motion: Motion, range_std: float) -> float:
     """How much ranges bend along the axis that they determine the least, in units of their noise.
 
-    As `bending` says of a step, but by axes: of a range over half of the box around the agents, each axis has as much
-    as it has of the box.
+    Over what they and the motion leave open there in the long run. As in `bending`, but each axis has as much of a
+    range as it has of the box around the agents.
     """
     low, high = (corner[: motion.axes] for corner in start.box(scenario))
     sides, half, step = (high - low) ** 2, start.half_box(scenario), motion.acceleration_std * scenario.dt**2
     most = 0.0
     for part in (sides[sides > 0.0] / sides.sum()).tolist():
-        variance = _uncertain(step, range_std**2 / (scenario.count * part))
-        most = max(most, variance * (1.0 - part) / (2.0 * half) / range_std)
+        share = range_std**2 / (scenario.count * part)
+        before = _uncertain(step, share)
+        after = before * share / (before + share)
+        most = max(most, after * (1.0 - part) / (2.0 * half) / range_std)
     return most
 
 

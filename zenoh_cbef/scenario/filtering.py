@@ -95,10 +95,11 @@ class Filtering:
     @property
     def splits(self) -> int:
         """How each motion's hypotheses are split, of agents that tell each other their ranges; 0: it keeps one."""
-        rules = self.scenario.filter.defaults
         if not self.tells_ranges or self.noises:
             return 0
-        return CLOSELY if rules > 14 else ROUGHLY * (rules > 13 and bool(self.models))
+        if telling.leaves_curves(self.scenario, self.models or (self.motion,), self.range_std):
+            return CLOSELY
+        return ROUGHLY * (bool(self.models) and self.scenario.filter.defaults > 13)
 
     @alike
     def plain_motion(self) -> LinearMotion:

@@ -26,7 +26,7 @@ def tells_ranges(scenario: Scenario, motions: Sequence[Motion], range_std: float
         return False
     if len(motions) == 1 and may_mistake(scenario, range_std, agile.axes):
         return True
-    if scenario.filter.defaults > 14 and _leaves_curves(scenario, agile, range_std, several=len(motions) > 1):
+    if leaves_curves(scenario, motions, range_std):
         return True
     heard = scenario.count * (1.0 - scenario.sensor.dropout_probability)
     needs = len(motions) == 1 or heard < agile.axes + 1 or (several and network.parts(scenario))
@@ -69,19 +69,21 @@ def may_mistake(scenario: Scenario, range_std: float, axes: int) -> bool:
     return wrong and everywhere and known and wanted and not _flat(scenario, range_std, axes)
 
 
-def _leaves_curves(scenario: Scenario, motion: Motion, range_std: float, *, several: bool) -> bool:
+def leaves_curves(scenario: Scenario, motions: Sequence[Motion], range_std: float) -> bool:
     """Whether a Gaussian may not say what ranges leave open, as that is a curve, or several places.
 
-    Where receivers may fall silent; where ranges bend over what motion and geometry leave open; and where the target
-    switches between motions among outliers, which may be turns. The most agile of several motions is assumed seldom, so
-    there it takes more: the bend that all ranges have alike, by more than the noise of their mean.
+    Where receivers may fall silent, and where ranges bend over what motion and geometry leave open. The most agile of
+    several motions is assumed seldom, so there it takes more: a bend, which all ranges have alike, by more than the
+    noise of their mean.
     """
-    if network.counts_hearers(scenario):
-        return True
-    if several:
-        bend = bending.bending(scenario, motion, range_std, scenario.dt)[1]
-        return start.among_outliers(scenario) or bend * sqrt(scenario.count) > bending.MOST
-    return not _flat(scenario, range_std, motion.axes) and bending.weakest(scenario, motion, range_std) > bending.STRAIGHT
+    agile = motions[-1]
+    if scenario.filter.defaults < 15 or network.counts_hearers(scenario):
+        return scenario.filter.defaults > 14
+    if len(motions) > 1:
+        bend = bending.bending(scenario, agile, range_std, scenario.dt)[1]
+        return bend * sqrt(scenario.count) > bending.MOST
+    flat = _flat(scenario, range_std, agile.axes)
+    return not flat and bending.weakest(scenario, agile, range_std) > bending.STRAIGHT
 
 
 def _flat(scenario: Scenario, range_std: float, axes: int) -> bool:

@@ -52,6 +52,15 @@ class Contest:
         """How many hypotheses stay from step to step, of those that hold and of those that rise."""
         return STAY if self.splits else KEPT
 
+    def halves(self, priors: Priors) -> tuple[Priors, Priors]:
+        """Of what the step begins with, that which holds and that which rises."""
+        state, covariance, likelihood = priors
+        holds, rises = slice(self.stay), slice(self.stay, None)
+        return (
+            (state[:, holds], covariance[:, holds], likelihood[:, holds]),
+            (state[:, rises], covariance[:, rises], likelihood[:, rises]),
+        )
+
     def after(
         self, holds: Branches, rises: Branches, elsewhere: Priors, heard: Heard, counts: Floats
     ) -> tuple[Branches, Contenders]:

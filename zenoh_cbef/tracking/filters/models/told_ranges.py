@@ -133,10 +133,10 @@ class ToldRanges:
         # An agent of many hypotheses may take in its range alone: they follow the bend of that.
         heard = self._slots.heard(averages, alone & (not self.splits))
         found, misfits, stays = [], [], []
-        for state, *rest in zip(parts[::3], parts[1::3], parts[2::3], strict=True):
+        for state, covariance, likely in zip(parts[::3], parts[1::3], parts[2::3], strict=True):
             centred = self._centred(state)
             centred[:, 0, : self._told] += guessed
-            branches, later = self._after((centred, rest[0], rest[1]), heard, counts)
+            branches, later = self._after((centred, covariance, likely), heard, counts)
             after, spread, likelihood = branches.merged()
             found.append((self._centred(after, -1.0), spread))
             misfits.append(-2.0 * likelihood)
@@ -149,16 +149,13 @@ class ToldRanges:
 
     def _after(self, prior: Priors, heard: Heard, counts: Floats) -> tuple[Branches, tuple[Floats, ...]]:
         """All branches, and what the next step begins with: of one motion, or of one that keeps several hypotheses."""
-
-        def begun(part: slice) -> Branches:
-            some = prior[0][:, part], prior[1][:, part], prior[2][:, part]
-            return Branches.of(split(some, heard, self.splits), self.space.axes, self._biases, self._share(counts))
-
+        known = self.space.axes, self._biases, self._share(counts)
         if self.seeks:
-            stay = self._contest.stay
-            holds, rises = begun(slice(stay)), begun(slice(stay, None))
+            halves = self._contest.halves(prior)
+            holds, rises = (Branches.of(split(one, heard, self.splits), *known) for one in halves)
             return self._contest.after(holds, rises, self._elsewhere(len(counts)), heard, counts)
-        branches = conditioned(begun(slice(None)), heard, self.outliers, MANY if self.splits else MOST)
+        many = MANY if self.splits else MOST
+        branches = conditioned(Branches.of(split(prior, heard, self.splits), *known), heard, self.outliers, many)
         if self.splits:
             return branches, staying(branches)
         return branches, branches.distinct() if len(self.motions) == 1 else ()
