@@ -53,9 +53,9 @@ class ToldRanges:
 
     range_std: sigma (m). network_size: n. middle: the point from which positions are counted, m. guesses: how many of
     position and of velocity are independent. outliers: see branching.py. own_std: of constant biases, m, which are all
-    estimated beside position and velocity, of one linear motion; 0: there are none.
-    anywhere: where the target may be if the guesses are wrong, state (1, s) and covariance (1, s, s). splits: each
-    motion keeps several hypotheses, and those over which ranges bend are split (see splitting.py); 0: it does not.
+    estimated beside position and velocity, of one linear motion; 0: there are none. anywhere: where the target may be
+    if the guesses are wrong, state (1, s) and covariance (1, s, s). splits: how hypotheses are split over which ranges
+    bend, of which several stay then (splitting.py); 0: none.
     """
 
     motions: tuple[Motion, ...]
@@ -151,8 +151,7 @@ class ToldRanges:
         """All branches, and what the next step begins with: of one motion, or of one that keeps several hypotheses."""
         known = self.space.axes, self._biases, self._share(counts)
         if self.seeks:
-            halves = self._contest.halves(prior)
-            holds, rises = (Branches.of(split(one, heard, self.splits), *known) for one in halves)
+            holds, rises = (Branches.of(split(one, heard, self.splits), *known) for one in self._contest.halves(prior))
             return self._contest.after(holds, rises, self._elsewhere(len(counts)), heard, counts)
         many = MANY if self.splits else MOST
         branches = conditioned(Branches.of(split(prior, heard, self.splits), *known), heard, self.outliers, many)
@@ -284,9 +283,7 @@ class ToldRanges:
         said: list[Diagnostics] = []
         likely = self.switching.of_models(ahead)
         for motion, (state, covariance, likelihood) in enumerate(priors):
-            alone = state[:, 0], covariance[:, 0]
-            if self.splits:
-                alone = mixture(state, covariance, likelihood)[:2]
+            alone = mixture(state, covariance, likelihood)[:2] if self.splits else (state[:, 0], covariance[:, 0])
             first = self._centred(alone[0])[:, None], alone[1][:, None], np.zeros((len(state), 1))
             prior = Branches.of(first, self.space.axes, self._biases, share_)
             one = said_of(prior, heard, own, self.outliers)
