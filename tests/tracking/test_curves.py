@@ -46,6 +46,9 @@ def test_agents_tell_ranges_that_leave_a_curve_or_several_places(sets):
         (*SLOW, "dt=0.5"),
         (*REACH, "agents.count=13"),
         (*REACH, "filter.saturation=bounded"),
+        (*REACH, "sensor.bias_std=0.5"),
+        (*REACH, "filter.range_std=0.2"),
+        (*REACH, "consensus.rounds=4"),
     ],
 )
 def test_elsewhere_they_share_information(sets):

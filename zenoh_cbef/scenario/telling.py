@@ -54,19 +54,15 @@ def may_mistake(scenario: Scenario, range_std: float, axes: int) -> bool:
 
     Of a wrong receiver only if the others are as few as the unknowns: then no other agent proves which it is.
 
-    Only where the scenario leaves it to agents how they find their target, every range comes to every agent in its
-    step, whatever the graph, and the noise of ranges is known: what learns it stands around other filters. Biases that
-    the scenario tells of, and mirror images, are better estimated without.
+    Only where the scenario leaves it to agents how they find their target. Mirror images are better estimated without.
     """
     chosen, sensor = scenario.filter, scenario.sensor
     if chosen.defaults < 13:
         return False
     none_to_spare = trust.errs(scenario) and scenario.count == axes + 2
     wrong = sensor.outlier_probability > 0.0 or none_to_spare or start.bends_over_guess(scenario)
-    everywhere = scenario.consensus.rounds >= scenario.count - 1
-    known = chosen.range_std is None and sensor.bias_std == 0.0
     wanted = chosen.start != "given" and chosen.reacquire
-    return wrong and everywhere and known and wanted and not _flat(scenario, range_std, axes)
+    return wrong and _comes(scenario) and wanted and not _flat(scenario, range_std, axes)
 
 
 def leaves_curves(scenario: Scenario, motions: Sequence[Motion], range_std: float) -> bool:
@@ -77,13 +73,24 @@ def leaves_curves(scenario: Scenario, motions: Sequence[Motion], range_std: floa
     noise of their mean.
     """
     agile = motions[-1]
-    if scenario.filter.defaults < 15 or network.counts_hearers(scenario):
-        return scenario.filter.defaults > 14
+    if scenario.filter.defaults < 15 or not _comes(scenario):
+        return False
+    if network.counts_hearers(scenario):
+        return True
     if len(motions) > 1:
         bend = bending.bending(scenario, agile, range_std, scenario.dt)[1]
         return bend * sqrt(scenario.count) > bending.MOST
     flat = _flat(scenario, range_std, agile.axes)
     return not flat and bending.weakest(scenario, agile, range_std) > bending.STRAIGHT
+
+
+def _comes(scenario: Scenario) -> bool:
+    """Whether every range comes to every agent in its step, whatever the graph, with an error that is noise as known.
+
+    What learns a noise stands around other filters, and biases that are drawn are better estimated without.
+    """
+    everywhere = scenario.consensus.rounds >= scenario.count - 1
+    return everywhere and scenario.filter.range_std is None and scenario.sensor.bias_std == 0.0
 
 
 def _flat(scenario: Scenario, range_std: float, axes: int) -> bool:
