@@ -26,7 +26,7 @@ def plan_of(*sets, rules=15):
     return Plan(load("tracking", [*sets, f"filter.defaults={rules}"]).scenario)
 
 
-@pytest.mark.parametrize("sets", [CORRIDOR, REACH, SILENT, SMALL, SLOW])
+@pytest.mark.parametrize("sets", [CORRIDOR, (*CORRIDOR, "filter.acceleration_std=0.3"), REACH, SILENT, SMALL, SLOW])
 def test_agents_tell_ranges_that_leave_a_curve_or_several_places(sets):
     for rules, tells in ((14, False), (15, True)):
         plan = plan_of(*sets, rules=rules)

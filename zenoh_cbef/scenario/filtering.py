@@ -95,11 +95,9 @@ class Filtering:
     @property
     def splits(self) -> int:
         """How each motion's hypotheses are split, of agents that tell each other their ranges; 0: it keeps one."""
-        if not self.tells_ranges or self.noises:
-            return 0
-        if telling.leaves_curves(self.scenario, self.models or (self.motion,), self.range_std):
+        if self.tells_ranges and telling.leaves_curves(self.scenario, self.models or (self.motion,), self.range_std):
             return CLOSELY
-        return ROUGHLY * (bool(self.models) and self.scenario.filter.defaults > 13)
+        return ROUGHLY * (self.tells_ranges and bool(self.models) and self.scenario.filter.defaults > 13)
 
     @alike
     def plain_motion(self) -> LinearMotion:
