@@ -53,8 +53,9 @@ class FilterSettings:
     whether agents share squared ranges, and linearise what averaging leaves. tells_ranges:
     whether they tell each other their ranges, and each takes in all; seeks: and, while these deny the place, looks for
     the target elsewhere; splits: how it splits hypotheses, of which it keeps several of each motion then (see
-    splitting.py), 0: it does not. plane: that they are near, a point of it and its normal; None: near none, or mirror images are no matter. outliers: what share of the ranges are
-    too long, and by how much (m) on average, where the scenario tells so and a first fix takes it into account.
+    splitting.py), 0: it does not. plane: that they are near, a point of it and its normal; None: near none, or mirror
+    images are no matter. outliers: what share of the ranges are too long, and by how much (m) on average, where the
+    scenario tells so and a first fix takes it into account.
     options: of a kind of another package, `filter.options`.
     guesses: how many of the agents' guesses of position, and of velocity, are independent; None: a first fix by
     rules before the fourth, see there.
