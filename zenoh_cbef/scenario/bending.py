@@ -81,7 +81,7 @@ def weakest(scenario: Scenario, motion: Motion, range_std: float) -> float:
     return most
 
 
-def bending(scenario: Scenario, motion: Motion, range_std: float, dt: float) -> tuple[float, float]:
+def bending(scenario: Scenario, motion: LinearMotion, range_std: float, dt: float) -> tuple[float, float]:
     """How uncertain the position gets in a step of dt (s), m, and how much ranges bend there, in units of their noise.
 
     The uncertainty is that of a Kalman filter of one axis that has its share of all ranges, in its steady state, which

@@ -9,8 +9,9 @@ import numpy as np
 
 from zenoh_cbef.scenario import bending, near_plane, network, start, trust
 from zenoh_cbef.scenario.model import Scenario
+from zenoh_cbef.scenario.motion import turning_round
 from zenoh_cbef.tracking.filters import abilities_of
-from zenoh_cbef.tracking.motion import Motion
+from zenoh_cbef.tracking.motion import Motion, NearlyConstantVelocity
 
 
 def tells_ranges(scenario: Scenario, motions: Sequence[Motion], range_std: float, settling: int) -> bool:
@@ -68,9 +69,9 @@ def may_mistake(scenario: Scenario, range_std: float, axes: int) -> bool:
 def leaves_curves(scenario: Scenario, motions: Sequence[Motion], range_std: float) -> bool:
     """Whether a Gaussian may not say what ranges leave open, as that is a curve, or several places.
 
-    Where receivers may fall silent, and where ranges bend over what motion and geometry leave open. The most agile of
-    several motions is assumed seldom, so there it takes more: a bend, which all ranges have alike, by more than the
-    noise of their mean.
+    Where receivers may fall silent, and where ranges bend over what motion and geometry leave open. Of several motions
+    the most agile one is assumed seldom, so there it takes more: over one half as agile ranges bend, which all do
+    alike, by more than the noise of their mean; or steps are so long that the target may turn round in one.
     """
     agile = motions[-1]
     if scenario.filter.defaults < 15 or not _comes(scenario):
@@ -78,8 +79,10 @@ def leaves_curves(scenario: Scenario, motions: Sequence[Motion], range_std: floa
     if network.counts_hearers(scenario):
         return True
     if len(motions) > 1:
-        bend = bending.bending(scenario, agile, range_std, scenario.dt)[1]
-        return bend * sqrt(scenario.count) > bending.MOST
+        between = sqrt(motions[-2].acceleration_std * agile.acceleration_std)
+        motion = NearlyConstantVelocity(scenario.dt, between, agile.axes)
+        bend = bending.bending(scenario, motion, range_std, scenario.dt)[1]
+        return bend * sqrt(scenario.count) > bending.MOST or agile.acceleration_std <= turning_round(scenario)
     flat = _flat(scenario, range_std, agile.axes)
     return not flat and bending.weakest(scenario, agile, range_std) > bending.STRAIGHT
 
