@@ -20,6 +20,7 @@ from zenoh_cbef.scenario.motion import (
 )
 from zenoh_cbef.tracking.copying import replace
 from zenoh_cbef.tracking.filters import Abilities, abilities_of
+from zenoh_cbef.tracking.filters.models.splitting import CLOSELY, ROUGHLY
 from zenoh_cbef.tracking.filters.settings import FilterSettings
 from zenoh_cbef.tracking.motion import LinearMotion, Motion
 from zenoh_cbef.tracking.ranging import Space
@@ -92,9 +93,11 @@ class Filtering:
         return self.tells_ranges and not several and chosen.reacquire and chosen.defaults > 12
 
     @property
-    def splits(self) -> bool:
-        """Whether each of several motions keeps several hypotheses, of agents that tell each other their ranges."""
-        return self.tells_ranges and bool(self.models) and self.scenario.filter.defaults > 13
+    def splits(self) -> int:
+        """How each motion's hypotheses are split, of agents that tell each other their ranges; 0: it keeps one."""
+        if self.tells_ranges and telling.leaves_curves(self.scenario, self.models or (self.motion,), self.range_std):
+            return CLOSELY
+        return ROUGHLY * (self.tells_ranges and bool(self.models) and self.scenario.filter.defaults > 13)
 
     @alike
     def plain_motion(self) -> LinearMotion:

@@ -52,9 +52,10 @@ class FilterSettings:
     probability that it leaves its motion in a step. middle: a point near all agents, the same for all, m. squares:
     whether agents share squared ranges, and linearise what averaging leaves. tells_ranges:
     whether they tell each other their ranges, and each takes in all; seeks: and, while these deny the place, looks for
-    the target elsewhere; splits: and keeps several hypotheses of each of several motions. plane: that they are near, a
-    point of it and its normal; None: near none, or mirror images are no matter. outliers: what share of the ranges are
-    too long, and by how much (m) on average, where the scenario tells so and a first fix takes it into account.
+    the target elsewhere; splits: how it splits hypotheses, of which it keeps several of each motion then (see
+    splitting.py), 0: it does not. plane: that they are near, a point of it and its normal; None: near none, or mirror
+    images are no matter. outliers: what share of the ranges are too long, and by how much (m) on average, where the
+    scenario tells so and a first fix takes it into account.
     options: of a kind of another package, `filter.options`.
     guesses: how many of the agents' guesses of position, and of velocity, are independent; None: a first fix by
     rules before the fourth, see there.
@@ -111,7 +112,7 @@ class FilterSettings:
     squares: bool = False
     tells_ranges: bool = False
     seeks: bool = False
-    splits: bool = False
+    splits: int = 0
     plane: tuple[tuple[float, ...], tuple[float, ...]] | None = None
     outliers: tuple[float, float] | None = None
     guesses: tuple[int, int] | None = (1, 1)
