@@ -189,7 +189,8 @@ class Filtering:
         scenario, chosen, biased = self.scenario, self.scenario.filter, self.bias != "none"
         joint = biased and trust.shares_biases(scenario)
         single = not (self.models or self.squares or self.tells_ranges)
-        doubts = single and trust.doubts_noise(scenario)
+        able = single or not (self.tells_ranges or chosen.defaults < 15 or trust.real(scenario))
+        doubts = able and trust.doubts_noise(scenario, several=bool(self.models))
         return replace(
             settings,
             recovers=start.implausible_share(scenario) if chosen.recovery else 0.0,
@@ -220,6 +221,7 @@ class Filtering:
             says_status=chosen.status and able.information,
             judges_agents=chosen.status_rules > 1,
             hearing=self.settling_steps * network.counts_hearers(scenario),
+            calls_roll=network.calls_roll(scenario),
             rounds=scenario.consensus.rounds,
             reacquires=window,
             spreading=start.spreading(scenario, window),

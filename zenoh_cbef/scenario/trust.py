@@ -53,12 +53,12 @@ def lasts(scenario: Scenario) -> bool:
     return scenario.target.motion == "dataset" and chosen.defaults > 3 and known
 
 
-def doubts_noise(scenario: Scenario) -> bool:
+def doubts_noise(scenario: Scenario, *, several: bool) -> bool:
     """Whether agents compare the noise that they begin with, with half and double of it: where ranges are recorded.
 
-    And where a filter that saturates is told a noise of emulated ranges, of a target that moves as it assumes. Not of
-    live receivers: of those a scenario often tells an acceleration that is too small. An estimate that lags has large
-    innovations, and to trust ranges less would make it lag the more.
+    And where a filter that saturates is told a noise of emulated ranges, of a target that moves as it assumes, or by
+    one of several motions. Not of live receivers: of those a scenario often tells an acceleration that is too small. An
+    estimate that lags has large innovations, and to trust ranges less would make it lag the more.
     """
     chosen = scenario.filter
     if scenario.target.motion == "dataset":
@@ -67,7 +67,8 @@ def doubts_noise(scenario: Scenario) -> bool:
     told = isinstance(chosen.range_std, float) and chosen.defaults > 6 and not real(scenario)
     able = abilities_of(chosen.kind)
     known = able.biases and able.saturates and chosen.measurement == "range" and chosen.acceleration_std is None
-    return told and known and scenario.target.motion == "ncv" and chosen.motion in ("auto", "ncv")
+    assumed = scenario.target.motion == "ncv" and chosen.motion in ("auto", "ncv")
+    return told and known and (assumed or several)
 
 
 def may_be_biased(scenario: Scenario) -> bool:

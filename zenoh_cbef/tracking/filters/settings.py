@@ -29,6 +29,7 @@ class FilterSettings:
     if they acquire, track, coast, or have lost the target; judges_agents: whether that counts agents that do not
     fit, or ranges, and whether only those that hear ranges vote for another fix. hearing: for
     how many steps after a range an agent counts as one that hears the target; 0: agents do not count those.
+    calls_roll: whether they count by a number for each, or by one alone.
     rounds: of a step. reacquires: how many steps another fix takes, 0 for none; spreading: in how many steps all
     agents know a decision; anywhere: where that fix looks
     for the target, like search. bends: whether agents coast no further than ranges are straight lines. prompt: whether
@@ -75,6 +76,7 @@ class FilterSettings:
     says_status: bool = False
     judges_agents: bool = True
     hearing: int = 0
+    calls_roll: bool = True
     rounds: int = 0
     reacquires: int = 0
     spreading: int = 1
