@@ -55,7 +55,7 @@ def test_many_agents_count_by_one_number_and_know_it_though_rounds_are_two():
     counts = Hearers(replace(plan(f"agents.count={count}", "sensor.reach=9").settings, calls_roll=False))
     assert counts.numbers == 1
     memory: tuple[Floats, ...] = ()
-    for hear, steps in ((15, 100), (2, 200), (4, 200)):
+    for hear, steps in ((15, 100), (2, 200), (5, 200)):
         lately = np.arange(count) < hear
         for _ in range(steps):
             averaged = ring @ (ring @ counts.told(memory, None, lately))

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Self
 
+import numpy as np
+
 from zenoh_cbef.arrays import Floats
 from zenoh_cbef.faults import Absences
 from zenoh_cbef.scenario import bending, near_plane, network, start, telling, trust
@@ -181,6 +183,7 @@ class Filtering:
             differenced=chosen.measurement == "difference",
             power=self.power,
             widens=trust.widens(scenario, power=self.power, wide=bool(self.models) or self.squares),
+            least=0.0 if chosen.defaults > 14 else -np.inf,
             options=chosen.options or {},
         )
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from zenoh_cbef.arrays import Floats
 from zenoh_cbef.tracking.motion import Motion
 from zenoh_cbef.tracking.ranging import Space
@@ -57,6 +59,7 @@ class FilterSettings:
     point of it and its normal; None: near none, or mirror images are no matter. outliers: what share of the ranges are
     too long, and by how much (m) on average, where the scenario tells so and a first fix takes it into account.
     options: of a kind of another package, `filter.options`.
+    least: a range below it, m, is none where ranges are squared, as its square is another one's.
     guesses: how many of the agents' guesses of position, and of velocity, are independent; None: a first fix by
     rules before the fourth, see there.
     """
@@ -117,6 +120,7 @@ class FilterSettings:
     plane: tuple[tuple[float, ...], tuple[float, ...]] | None = None
     outliers: tuple[float, float] | None = None
     guesses: tuple[int, int] | None = (1, 1)
+    least: float = -np.inf
     options: Mapping[str, object] = field(default_factory=dict)
 
     @property

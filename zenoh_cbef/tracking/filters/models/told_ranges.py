@@ -55,7 +55,7 @@ class ToldRanges:
     position and of velocity are independent. outliers: see branching.py. own_std: of constant biases, m, which are all
     estimated beside position and velocity, of one linear motion; 0: there are none.
     anywhere: where the target may be if the guesses are wrong, state (1, s) and covariance (1, s, s). splits: of
-    several motions, each keeps several hypotheses, and those over which ranges bend are split (splitting.py).
+    several motions, each keeps several hypotheses, and those over which ranges bend are split (splitting.py). least: ranges below it, m, are none.
     """
 
     motions: tuple[Motion, ...]
@@ -70,6 +70,7 @@ class ToldRanges:
     anywhere: tuple[Floats, Floats] | None = None
     seeks: bool = False
     splits: bool = False
+    least: float = -np.inf
 
     @classmethod
     def sharing(cls, settings: FilterSettings) -> Sharing:
@@ -93,6 +94,7 @@ class ToldRanges:
             anywhere=settings.anywhere,
             seeks=settings.seeks,
             splits=settings.splits,
+            least=settings.least,
         )
 
     @property
@@ -183,7 +185,7 @@ class ToldRanges:
 
     @cached_property
     def _slots(self) -> Slots:
-        return Slots(self.space, self.range_std, self.middle, self.network_size)
+        return Slots(self.space, self.range_std, self.middle, self.network_size, self.least)
 
     @cached_property
     def _contest(self) -> Contest:
