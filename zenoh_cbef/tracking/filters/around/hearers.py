@@ -52,7 +52,8 @@ class Hearers:
         """What agents keep until the next step."""
         if self.settings.calls_roll:
             return (roll_call.known_of(averaged),)
-        return np.clip(averaged, 0.0, self.settings.network_size), self._own(lately)
+        most = float(self.settings.network_size)
+        return np.clip(averaged, -most, 2.0 * most), self._own(lately)
 
     def _own(self, lately: Bools) -> Floats:
         """What stands for an agent that hears the target, (n, 1)."""

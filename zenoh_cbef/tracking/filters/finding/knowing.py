@@ -83,10 +83,10 @@ class Knowing(Wrapping):
         former, settings = Status(*update.kept), self.settings
         hearers = Hearers(settings)
         count, axes, dt = settings.network_size, settings.space.axes, settings.motion.dt
-        mean = np.fmax(payload[:, -more:], 0.0)  # 0 for what is not a number
-        np.fmin(mean[:, :2], CUT, out=mean[:, :2])
+        numbers = np.nan_to_num(payload[:, -more:])
         if count > 1:
-            mean[unchanged(payload, update.payload)] = 0.0
+            numbers[unchanged(payload, update.payload)] = 0.0
+        mean, hearing = np.fmin(np.fmax(numbers[:, :2], 0.0), CUT), numbers[:, 2:]
         most: float | Floats | None = None
         if settings.judges_agents:
             most, biased = self._most
@@ -105,7 +105,7 @@ class Knowing(Wrapping):
             dt=dt,
             most=most,
             agents=0 if settings.presumes else count,
-            enough=hearers.count(mean[:, 2:]) > axes - 0.5 if settings.hearing else None,
+            enough=hearers.count(hearing) > axes - 0.5 if settings.hearing else None,
         )
         if settings.undetermined:
             status = status.told(status.which == TRACKING, ACQUIRING, former, dt)
@@ -115,7 +115,7 @@ class Knowing(Wrapping):
         if settings.seeks:
             rows = denied(self.filter, inner) & (status.which == TRACKING)
             status = status.told(rows, ACQUIRING, former, dt)
-        memory = hearers.memory(mean[:, 2:], former.unheard < settings.hearing) if settings.hearing else ()
+        memory = hearers.memory(hearing, former.unheard < settings.hearing) if settings.hearing else ()
         return Belief(inner.state, inner.covariance, inner.bias, memory, (inner,), status, excess=inner.excess)
 
     def _explains_nothing(self, bias: Bias, state: Floats, measurement: Measurement) -> Bools:
