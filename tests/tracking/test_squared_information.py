@@ -234,3 +234,24 @@ def test_an_older_log_means_linearising_before():
 def test_a_filter_that_cannot_is_refused():
     with pytest.raises(UserError, match="linearise = 'after' is not for 'ci'"):
         load("tracking", ["filter.kind=ci", "filter.linearise=after"])
+
+
+def test_a_range_below_zero_is_none_for_its_square_is_that_of_another():
+    def said(value, least=0.0):
+        belief, heard = scene(Space())
+        heard.range[1] = value
+        return make_filter("sicf", replace(settings_of(Space()), least=least)).update(belief, heard).payload
+
+    np.testing.assert_array_equal(said(-45.0), said(np.nan))
+    assert (said(-45.0, -np.inf) != said(np.nan)).any()
+    assert (said(0.0) != said(np.nan)).any()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("rules", "near"), [(14, False), (15, True)])
+def test_agents_that_tell_their_ranges_are_not_moved_by_one_below_zero(rules, near):
+    keys = "agents.low=[-3,-3,0]", "agents.high=[3,3,0]", "filter.planar_height=0", "filter.range_std=auto"
+    turns = "target.motion=lemniscate", "target.radius=6", "target.period=40", f"filter.defaults={rules}", "steps=52"
+    spikes = 'fault=[{kind="sensor-spikes",probability=0.4,std=50,from=5.0}]'
+    (trace,) = simulate([load("tracking", [*keys, *turns, spikes, "seed=1001"]).scenario])
+    assert (np.linalg.norm((trace.estimates - trace.truth)[:, -1, :2], axis=1).max() < 1.0) == near

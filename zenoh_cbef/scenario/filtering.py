@@ -217,6 +217,7 @@ class Filtering:
         """With what finds the target, at first and again, and says what the estimate is."""
         scenario, chosen, able, tells = self.scenario, self.scenario.filter, self.abilities, self.tells_ranges
         window = 0 if self.seeks else start.window(scenario, self.settling_steps)
+        mirrored = bending.mirrored(scenario, self.range_std, self.space.axes)
         pauses = not tells and bending.may_pause(scenario, self.plain_motion, self.range_std)
         return replace(
             settings,
@@ -236,7 +237,7 @@ class Filtering:
             cut_off=scenario.consensus.rounds * (able.biases and network.tells_members(scenario)),
             presumes=trust.presumes(scenario),
             undetermined=chosen.defaults > 13 and bending.undetermined(scenario, self.range_std, self.space.axes),
-            sides=able.biases and network.may_be_in_a_plane(scenario, self.space.axes),
+            sides=able.biases and network.may_be_in_a_plane(scenario, self.space.axes, mirrored=mirrored),
             anywhere=start.anywhere(scenario, self.motion, self.space),
             first_fix=self.first_fix_steps,
             squared_fix=start.squared_steps(scenario, self.first_fix_steps),

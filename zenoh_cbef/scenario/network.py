@@ -54,7 +54,7 @@ def tells_members(scenario: Scenario) -> bool:
 
 
 def calls_roll(scenario: Scenario) -> bool:
-    """Whether each agent may have a number in every payload: there are few, and all say what changes, however little."""
+    """Whether each agent may have a number in every payload: there are few, and none keeps silent about a change."""
     return scenario.count <= FEW and not scenario.consensus.trigger
 
 
@@ -74,13 +74,16 @@ def counts_hearers(scenario: Scenario) -> bool:
     return silent and asked and able and not trust.real(scenario)
 
 
-def may_be_in_a_plane(scenario: Scenario, axes: int) -> bool:
+def may_be_in_a_plane(scenario: Scenario, axes: int, *, mirrored: bool) -> bool:
     """Whether all agents, or a group that is cut off from others, may be as few as make a plane, or a line of two axes.
+
+    Or, by the fifteenth rules, all are in one, wherever a seed places them (mirrored).
 
     For agents that say what their estimates are, and do not presume to be on the side that they are on.
     """
     asked = scenario.filter.status and scenario.consensus.rounds > 0 and not trust.presumes(scenario)
-    return asked and scenario.count >= axes and (scenario.count == axes or tells_members(scenario))
+    may = scenario.count == axes or tells_members(scenario) or (mirrored and scenario.filter.defaults > 14)
+    return asked and scenario.count >= axes and may
 
 
 def in_range(scenario: Scenario) -> Bools:

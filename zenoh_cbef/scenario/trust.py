@@ -155,10 +155,11 @@ def scale_std(scenario: Scenario) -> float:
 def saturation_power(scenario: Scenario, *, biased: bool, fixed: bool) -> int:
     """The power of the saturation: 1 bounds the pull of an outlier, 2 lets it fall (redescending).
 
-    Auto: 2 where ranges have outliers, or spikes (by the fifteenth rules), or may have them untold. These are real ones, by the first rules
-    (filter.defaults) only if biases are estimated or weighed (biased) and the noise is given: at a level of 1.5, good
-    ranges looked alike otherwise. By today's they are also those of a network that begins with a first fix (fixed) and
-    whose target moves as its filter assumes: from a wrong place, or after a turn, good ranges look alike, too.
+    Auto: 2 where ranges have outliers, by the fifteenth rules also spikes, or may have them untold. These are real
+    ones, by the first rules (filter.defaults) only if biases are estimated or weighed (biased) and the noise is given:
+    at a level of 1.5, good ranges looked alike otherwise. By today's they are also those of a network that begins with
+    a first fix (fixed) and whose target moves as its filter assumes: from a wrong place, or after a turn, good ranges
+    look alike, too.
     """
     chosen = scenario.filter
     if chosen.saturation != "auto":

@@ -55,7 +55,8 @@ class ToldRanges:
     position and of velocity are independent. outliers: see branching.py. own_std: of constant biases, m, which are all
     estimated beside position and velocity, of one linear motion; 0: there are none.
     anywhere: where the target may be if the guesses are wrong, state (1, s) and covariance (1, s, s). splits: of
-    several motions, each keeps several hypotheses, and those over which ranges bend are split (splitting.py). least: ranges below it, m, are none.
+    several motions, each keeps several hypotheses, and those over which ranges bend are split (splitting.py).
+    least: ranges below it, m, are none.
     """
 
     motions: tuple[Motion, ...]
