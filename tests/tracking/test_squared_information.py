@@ -14,6 +14,7 @@ from zenoh_cbef.scenario.load import load, parse
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.simulator import simulate
 from zenoh_cbef.tracking.filters import Belief, FilterSettings, make_filter, sharing_of
+from zenoh_cbef.tracking.filters.models.slots import Slots
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
 from zenoh_cbef.tracking.ranging import Measurement, Space
 
@@ -247,11 +248,10 @@ def test_a_range_below_zero_is_none_for_its_square_is_that_of_another():
     assert (said(0.0) != said(np.nan)).any()
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(("rules", "near"), [(14, False), (15, True)])
-def test_agents_that_tell_their_ranges_are_not_moved_by_one_below_zero(rules, near):
-    keys = "agents.low=[-3,-3,0]", "agents.high=[3,3,0]", "filter.planar_height=0", "filter.range_std=auto"
-    turns = "target.motion=lemniscate", "target.radius=6", "target.period=40", f"filter.defaults={rules}", "steps=52"
-    spikes = 'fault=[{kind="sensor-spikes",probability=0.4,std=50,from=5.0}]'
-    (trace,) = simulate([load("tracking", [*keys, *turns, spikes, "seed=1001"]).scenario])
-    assert (np.linalg.norm((trace.estimates - trace.truth)[:, -1, :2], axis=1).max() < 1.0) == near
+def test_agents_that_tell_their_ranges_tell_none_below_zero_and_hear_none():
+    _, heard = scene(Space())
+    heard.range[1] = -45.0
+    slots = Slots(Space(), STD, (0.0, 0.0, 0.0), COUNT, 0.0)
+    assert slots.told(heard)[:, 0].tolist() == [0.0, 0.0, 1.0, 1.0, 1.0]
+    own = slots.at(heard.position[:, None], heard.range[:, None], heard.age[:, None], np.ones((COUNT, 1)))
+    assert np.isnan(own.range[:, 0]).tolist() == [True, True, False, False, False]
