@@ -19,8 +19,10 @@ from zenoh_cbef.scenario.motion import (
     switches,
 )
 from zenoh_cbef.tracking.copying import replace
+from zenoh_cbef.tracking.elimination import BY_ELIMINATION
 from zenoh_cbef.tracking.filters import Abilities, abilities_of
 from zenoh_cbef.tracking.filters.settings import FilterSettings
+from zenoh_cbef.tracking.linalg import BY_LIBRARY
 from zenoh_cbef.tracking.motion import LinearMotion, Motion
 from zenoh_cbef.tracking.ranging import Space
 
@@ -182,6 +184,7 @@ class Filtering:
             power=self.power,
             widens=trust.widens(scenario, power=self.power, wide=bool(self.models) or self.squares),
             options=chosen.options or {},
+            inversion=BY_ELIMINATION if chosen.defaults > 14 else BY_LIBRARY,
         )
 
     def _measuring(self, settings: FilterSettings) -> FilterSettings:

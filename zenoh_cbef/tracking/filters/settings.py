@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from zenoh_cbef.arrays import Floats
+from zenoh_cbef.tracking.linalg import BY_LIBRARY, Inversion
 from zenoh_cbef.tracking.motion import Motion
 from zenoh_cbef.tracking.ranging import Space
 
@@ -55,7 +56,7 @@ class FilterSettings:
     the target elsewhere; splits: and keeps several hypotheses of each of several motions. plane: that they are near, a
     point of it and its normal; None: near none, or mirror images are no matter. outliers: what share of the ranges are
     too long, and by how much (m) on average, where the scenario tells so and a first fix takes it into account.
-    options: of a kind of another package, `filter.options`.
+    options: of a kind of another package, `filter.options`. inversion: how sicf and a first fix invert matrices.
     guesses: how many of the agents' guesses of position, and of velocity, are independent; None: a first fix by
     rules before the fourth, see there.
     """
@@ -116,6 +117,7 @@ class FilterSettings:
     outliers: tuple[float, float] | None = None
     guesses: tuple[int, int] | None = (1, 1)
     options: Mapping[str, object] = field(default_factory=dict)
+    inversion: Inversion = BY_LIBRARY
 
     @property
     def constants(self) -> int:
