@@ -32,7 +32,7 @@ def test_two_agents_find_it_in_a_plane():
 
 
 def test_what_agents_say_of_it_changes_no_estimate():
-    now, before = run([0, 1, 2, 3]), run([0, 1, 2, 3], "filter.defaults=13")
+    now, before = (run([0, 1, 2, 3], f"filter.defaults={rules}") for rules in (14, 13))
     assert (before.diagnostics.status[:, -1] == TRACKING).any()
     np.testing.assert_array_equal(now.estimates, before.estimates)
 
