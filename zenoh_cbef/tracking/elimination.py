@@ -12,6 +12,7 @@ a matrix has the same inverse in any batch, and on any processor.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
@@ -30,6 +31,7 @@ _Program = Callable[..., tuple[Sequence[Any], Any]]
 """From the upper triangle of a matrix, that of its inverse, and whether it is positive definite."""
 
 
+@dataclass(frozen=True)
 class Elimination(Inversion):
     """By elimination. Large matrices, and those that are not positive definite, are left to the library."""
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import suppress
+from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
@@ -35,6 +36,7 @@ def inverse(matrices: Floats) -> Floats:
     return np.asarray(doubled)
 
 
+@dataclass(frozen=True)
 class Inversion:
     """How a filter inverts information matrices and covariances: by the library."""
 
