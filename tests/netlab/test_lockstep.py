@@ -1,6 +1,5 @@
 """Six agents, target, recorder and router, each on a host of its own, compute what the simulator computes."""
 
-import json
 import time
 
 import pytest
@@ -18,9 +17,8 @@ def test_a_run_over_nine_hosts_equals_the_simulator(site, lab, world, way):
     run.lease_ms = 20_000  # No link breaks here; a lockstep run has no use for one that seems to.
     run.start(steps=30)
     run.finish()
-    verdict = world.call("verify", str(world.log))
-    assert verdict.stdout.startswith("equal bit for bit"), verdict.stdout
-    metrics = json.loads(world.call("analyze", str(world.log), "--json").stdout)
+    assert world.verdict().startswith("equal bit for bit")
+    metrics = world.metrics()
     assert metrics["steps"] == 30
     assert metrics["messages"]["missing"] == 0
 
@@ -41,9 +39,8 @@ def test_a_broken_link_costs_time_and_no_bit(site, lab, world, directions):
     time.sleep(2.5 * run.lease_ms / 1000)  # long enough for both ends to give the link up
     cut(on=False)
     run.finish()
-    verdict = world.call("verify", str(world.log))
-    assert verdict.stdout.startswith("equal bit for bit"), verdict.stdout
-    metrics = json.loads(world.call("analyze", str(world.log), "--json").stdout)
+    assert world.verdict().startswith("equal bit for bit")
+    metrics = world.metrics()
     assert (metrics["steps"], metrics["messages"]["rejected"]) == (120, 0)
     assert all(link["lost"] == 0 for link in metrics["links"])
     checked = world.call("check", str(world.log))
@@ -56,7 +53,6 @@ def test_who_does_without_a_message_in_lockstep_says_so(site, lab, world):
     run.wait_until_recorded()
     lab.kill("a2")
     run.finish(["target", "record", "a0", "a1", "a3", "a4", "a5"])
-    verdict = world.call("verify", str(world.log))
-    assert verdict.returncode == 2
+    world.verdict(2)
     events = world.call("cat", str(world.log), "-y", ".*/event.*").stdout
     assert "agent/2 is not there any more; going on without it" in events

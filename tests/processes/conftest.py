@@ -14,11 +14,13 @@ import uuid
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import pytest
 import zenoh
 
 from tests.processes.forked import Forked, Process
+from tests.waiting import until
 from tests.within import within
 
 WITHIN = {"analyze", "cat", "check", "compare", "export", "filter", "info", "merge", "recover", "reestimate", "sim"}
@@ -53,6 +55,13 @@ def _foreign(mode: str, endpoint: str, how: dict[str, int]) -> zenoh.Session:
     for key, value in {"mode": mode, "connect": connect, "scouting/multicast/enabled": False}.items():
         config.insert_json5(key, json.dumps(value))
     return zenoh.open(config)
+
+
+def ended(process: Process, status: int = 0, timeout: float = 120) -> tuple[str, str]:
+    """What a process printed and said until its end, which must have this exit status."""
+    out, err = process.communicate(timeout=timeout)
+    assert process.returncode == status, err
+    return out, err
 
 
 def processes_of(run: str) -> dict[int, str]:
@@ -117,15 +126,32 @@ class World:
         out, err = process.communicate(timeout=timeout)
         return subprocess.CompletedProcess(arguments, process.returncode, out, err)
 
+    def join(self, endpoint: str) -> list[str]:
+        """How a process joins the run behind an endpoint."""
+        return ["--run", self.run, "--connect", endpoint, "--patience", "100"]
+
+    def status(self) -> dict[str, Any]:
+        """What `status --json` tells of the run; on a busy machine it may not answer at once: nothing then."""
+        told: dict[str, Any] = json.loads(self.call("status", "--run", self.run, "--json").stdout or "{}")
+        return told
+
+    def metrics(self, log: Path | str | None = None) -> dict[str, Any]:
+        """What `analyze --json` finds of a log, by default the run's."""
+        told: dict[str, Any] = json.loads(self.call("analyze", str(log or self.log), "--json").stdout)
+        return told
+
+    def verdict(self, status: int = 0, log: Path | str | None = None) -> str:
+        """What `verify` says of a log, by default the run's, with this exit status."""
+        done = self.call("verify", str(log or self.log))
+        assert done.returncode == status, done.stdout + done.stderr
+        assert "Traceback" not in done.stderr
+        return done.stdout
+
     def wait_for_messages(self, size: int = 20_000) -> None:
         """Wait until the log has grown, so that the run is surely under way."""
         active = self.log.with_name(self.log.name + ".active")
-        until = time.monotonic() + 300  # eight processes begin at once, which takes long on a busy machine
-        while time.monotonic() < until:
-            if active.exists() and active.stat().st_size > size:
-                return
-            time.sleep(0.02)
-        pytest.fail("the run did not get going")
+        # Eight processes begin at once, which takes long on a busy machine.
+        until(lambda: active.exists() and active.stat().st_size > size, "the run did not get going", 300.0)
 
     def pid_of(self, words: str) -> int:
         return next(pid for pid, line in processes_of(self.run).items() if f"zenoh_cbef {words} " in line)
@@ -153,15 +179,10 @@ class World:
         try:
             others = [self.start("agent", str(agent), *join) for agent in range(agents)]
             others.append(self.start("record", *join, "--output", str(self.log)))
-            printed = []
-            for process in (target, *others):
-                out, err = process.communicate(timeout=100)
-                assert process.returncode == 0, err
-                printed.append(out)
+            return [ended(process)[0] for process in (target, *others)]
         finally:
             over.set()
             attacker.join()
-        return printed
 
     def end(self) -> None:
         for process in self._started:
@@ -200,3 +221,13 @@ def unused_port(kind: socket.SocketKind = socket.SOCK_STREAM) -> int:
 @pytest.fixture
 def free_port() -> int:
     return unused_port()
+
+
+def unused_endpoint() -> str:
+    return f"tcp/127.0.0.1:{unused_port()}"
+
+
+@pytest.fixture
+def endpoint() -> str:
+    """Where no process listens yet."""
+    return unused_endpoint()

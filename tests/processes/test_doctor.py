@@ -4,7 +4,7 @@ import json
 import sys
 from collections.abc import Sequence
 
-from tests.processes.conftest import unused_port
+from tests.processes.conftest import unused_endpoint
 from tests.processes.launch.test_refusals import mute
 from tests.processes.target.test_live_faults import wait_until_known
 from zenoh_cbef import __version__
@@ -70,7 +70,7 @@ def test_endpoints_are_told_apart(world):
         found = examine(world, "--connect", endpoint, status=2)
         assert levels(found["endpoint"]) == ["ok"]
         assert "does not answer as Zenoh does" in found["link"][0]["text"]
-    nobody = f"tcp/127.0.0.1:{unused_port()}"
+    nobody = unused_endpoint()
     found = examine(world, "--connect", nobody, "--connect", "tcp/no-such-host.invalid:1", status=2)
     assert "no process listens" in found["endpoint"][0]["text"]
     assert "has no address" in found["endpoint"][1]["text"]

@@ -2,16 +2,15 @@
 
 import json
 import signal
-import time
 
 import pytest
 import zenoh
 
-from tests.processes.conftest import settings
+from tests.processes.conftest import ended, settings
+from tests.waiting import until
 
 
-def test_clients_of_a_router_in_lockstep_equal_the_simulator(world, free_port):
-    endpoint = f"tcp/127.0.0.1:{free_port}"
+def test_clients_of_a_router_in_lockstep_equal_the_simulator(world, endpoint):
     join = ["--client", "--connect", endpoint, "--run", world.run, "--patience", "100"]
     # The router last: clients wait for it.
     processes = [
@@ -21,20 +20,18 @@ def test_clients_of_a_router_in_lockstep_equal_the_simulator(world, free_port):
     ]
     router = world.start("router", "--listen", endpoint)
     for process in processes:
-        _, err = process.communicate(timeout=100)
-        assert process.returncode == 0, err
+        ended(process)
     assert router.poll() is None
     router.send_signal(signal.SIGTERM)
     out, err = router.communicate(timeout=100)
     assert (router.returncode, err) == (0, "")
     assert out == f"a router listens on {endpoint}\n"
-    assert world.call("verify", str(world.log)).stdout.startswith("equal bit for bit")
-    metrics = json.loads(world.call("analyze", str(world.log), "--json").stdout)
+    assert world.verdict().startswith("equal bit for bit")
+    metrics = world.metrics()
     assert metrics["messages"]["missing"] == 0
 
 
-def test_who_meets_a_router_and_listens_nowhere_joins_through_it(world, free_port):
-    endpoint = f"tcp/127.0.0.1:{free_port}"
+def test_who_meets_a_router_and_listens_nowhere_joins_through_it(world, endpoint):
     router = world.start("router", "--listen", endpoint)
     assert router.stdout.readline()
     # Without gossip peers would never find each other: they need no --client to be the router's clients.
@@ -45,13 +42,11 @@ def test_who_meets_a_router_and_listens_nowhere_joins_through_it(world, free_por
         *(world.start("agent", str(agent), *join) for agent in range(4)),
     ]
     for process in processes:
-        _, err = process.communicate(timeout=100)
-        assert process.returncode == 0, err
-    assert world.call("verify", str(world.log)).stdout.startswith("equal bit for bit")
+        ended(process)
+    assert world.verdict().startswith("equal bit for bit")
 
 
-def test_without_a_router_a_client_says_so(world, free_port):
-    endpoint = f"tcp/127.0.0.1:{free_port}"
+def test_without_a_router_a_client_says_so(world, endpoint):
     refused = world.call("agent", "0", "--run", world.run, "--client", "--connect", endpoint, "--patience", "0.5")
     assert refused.returncode == 2
     assert f"no router answers at {endpoint}" in refused.stderr
@@ -92,8 +87,7 @@ def test_the_printed_configuration_is_one_that_zenoh_takes(world, free_port, tmp
     assert json.loads(config.get_json("transport/link/tls"))["enable_mtls"] is True
 
 
-def test_health_tells_a_process_that_is_there_from_one_that_is_not(world, free_port):
-    endpoint = f"tcp/127.0.0.1:{free_port}"
+def test_health_tells_a_process_that_is_there_from_one_that_is_not(world, endpoint):
     join = ["--client", "--connect", endpoint, "--run", world.run]
 
     def health(who: str) -> int:
@@ -105,9 +99,7 @@ def test_health_tells_a_process_that_is_there_from_one_that_is_not(world, free_p
     assert health("agent/0") == 2
     world.start("target", "tracking", *settings(), *join)
     agent = world.start("agent", "0", *join, "--patience", "100")
-    until = time.monotonic() + 100
-    while health("agent/0") != 0:
-        assert time.monotonic() < until
+    until(lambda: health("agent/0") == 0)
     assert (health("target"), health("agent/1"), health("record")) == (0, 1, 1)
     agent.kill()
     agent.wait()

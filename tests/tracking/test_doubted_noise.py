@@ -105,7 +105,7 @@ def emulated(*keys):
 def test_a_network_of_emulated_receivers_finds_out_that_their_noise_was_told_wrong(told):
     def nees(rules):
         runs = load("tracking", [f"filter.range_std={told}", f"filter.defaults={rules}"]).scenario
-        found = errors(simulate([runs.model_copy(update={"seed": 3001 + seed}) for seed in range(3)]))
+        found = errors(simulate([runs.changed(seed=3001 + seed) for seed in range(3)]))
         return np.mean([np.nanmean(run.nees[:, run.first :]) / 6.0 for run in found])
 
     assert abs(np.log(nees(7))) < 0.3 < abs(np.log(nees(6)))

@@ -63,7 +63,7 @@ def test_a_network_that_begins_elsewhere_finds_its_target_sooner(others):
     errors = []
     for recovery in ("false", "true"):
         scenario = load("tracking", [*start, f"filter.recovery={recovery}"]).scenario
-        traces = simulate([scenario.model_copy(update={"seed": seed}) for seed in range(1, 11)])
+        traces = simulate([scenario.changed(seed=seed) for seed in range(1, 11)])
         after = [np.linalg.norm((one.estimates - one.truth)[:, 29, :3], axis=1).mean() for one in traces]
         errors.append(np.median(after))
     assert errors[1] < 0.2 * errors[0]

@@ -105,7 +105,7 @@ def test_the_noise_of_a_target_that_is_not_known_to_have_it_is_doubted(keys, dou
 def test_a_told_noise_that_is_wrong_costs_little_and_no_honesty(std, dt, steps):
     def found(*keys):
         runs = load("tracking", [*keys, f"dt={dt}", f"steps={steps}"]).scenario
-        return analyze(simulate([runs.model_copy(update={"seed": 3001 + seed}) for seed in range(3)]))
+        return analyze(simulate([runs.changed(seed=3001 + seed) for seed in range(3)]))
 
     known, told = found(), found(f"filter.acceleration_std={std}")
     errors = [np.array([pick(run.metrics, "position_rmse") for run in runs]) for runs in (known, told)]

@@ -27,7 +27,7 @@ SILENT = 'fault=[{kind="sensor-dropout",probability=1.0,from=5.0,until=9.0}]'
 @cache
 def runs(*keys: str, seeds: int = 5):
     one = load("tracking", ["steps=150", HERE, *keys]).scenario
-    return simulate([one.model_copy(update={"seed": 1 + more}) for more in range(seeds)])
+    return simulate([one.changed(seed=1 + more) for more in range(seeds)])
 
 
 def said(*keys: str):

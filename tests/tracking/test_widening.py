@@ -23,7 +23,7 @@ TURNS = (
 
 def runs(*more, seeds=3):
     scenario = load("tracking", [*TURNS, *more]).scenario
-    return simulate([scenario.model_copy(update={"seed": 2001 + seed}) for seed in range(seeds)])
+    return simulate([scenario.changed(seed=2001 + seed) for seed in range(seeds)])
 
 
 def errors(traces):

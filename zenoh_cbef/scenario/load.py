@@ -177,7 +177,7 @@ def apply(data: dict[str, object], override: str) -> None:
 def _lay_out(scenario: Scenario, folder: Path) -> Scenario:
     # Agents on other hosts have no dataset folder: what they need of it travels in the resolved scenario.
     if scenario.target.motion != "dataset":
-        return scenario.model_copy(update={"steps": scenario.length})
+        return scenario.changed(steps=scenario.length)
     path = dataset_folder(scenario.target.path or "", folder).resolve()
     dataset = read_dataset(path)
     positions = [tuple(row) for row in dataset.anchors.tolist()]

@@ -1,6 +1,5 @@
 """Agents that are killed from outside and started again take part in the run that goes on."""
 
-import json
 import os
 import signal
 import time
@@ -9,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.processes.conftest import World, settings
+from tests.processes.conftest import World, ended, settings
+from tests.waiting import until
 from zenoh_cbef.log.read.parts import open_log
 from zenoh_cbef.log.read.trace import read_trace
 from zenoh_cbef.trace import Trace
@@ -29,14 +29,12 @@ def kill_and_start_again(world: World, agent: int) -> None:
     world.start(*command)
 
 
-def wait_for_estimates(world: World, agent: int, count: int = 10) -> None:
-    until = time.monotonic() + 100
-    while time.monotonic() < until:
+def wait_for_estimates(world: World, agent: int) -> None:
+    def told() -> int:
         topics = [one.channel.topic for one in open_log(world.log).messages()]
-        if sum(topic.endswith(f"agent/{agent}/estimate") for topic in topics) >= count:
-            return
-        time.sleep(0.2)
-    pytest.fail(f"agent {agent} did not take part")
+        return sum(topic.endswith(f"agent/{agent}/estimate") for topic in topics)
+
+    until(lambda: told() >= 10, f"agent {agent} did not take part", every=0.2)
 
 
 def joined(trace: Trace) -> dict:
@@ -47,14 +45,13 @@ def joined(trace: Trace) -> dict:
 
 def wait_until_it_is_back(world: World, agent: int, steps: int) -> None:
     """Wait until an agent has taken part in so many steps since it joined; how soon it joins depends on the host."""
-    until = time.monotonic() + 200
-    while time.monotonic() < until:
-        told = json.loads(world.call("status", "--run", world.run, "--json").stdout or "{}")
+
+    def is_back() -> bool:
+        told = world.status()
         joined = [one["data"]["step"] for one in told.get("events", []) if one["kind"] == "joined"]
-        if joined and (told["agents"][agent]["step"] or 0) > joined[0] + steps:
-            return
-        time.sleep(0.1)
-    pytest.fail(f"agent {agent} did not take part")
+        return bool(joined) and (told["agents"][agent]["step"] or 0) > joined[0] + steps
+
+    until(is_back, f"agent {agent} did not take part", 200.0, every=0.1)
 
 
 @pytest.mark.parametrize("mode", ["lockstep", "realtime"])
@@ -64,8 +61,7 @@ def test_an_agent_that_was_killed_takes_part_again(world, mode):
     kill_and_start_again(world, 2)
     wait_until_it_is_back(world, 2, 25)
     assert world.call("stop", "--run", world.run).returncode == 0
-    _, err = run.communicate(timeout=120)
-    assert run.returncode == 1
+    _, err = ended(run, 1)
     assert "agent 2 was killed by signal 9" in err
     assert "Traceback" not in err
     trace = read_trace(world.log)
@@ -83,9 +79,8 @@ def test_an_agent_that_was_killed_takes_part_again(world, mode):
     assert "Traceback" not in verdict.stderr
 
 
-def test_a_run_starts_with_some_and_the_others_join_later(world, free_port):
-    endpoint = f"tcp/127.0.0.1:{free_port}"
-    join = ["--run", world.run, "--connect", endpoint, "--patience", "100"]
+def test_a_run_starts_with_some_and_the_others_join_later(world, endpoint):
+    join = world.join(endpoint)
     overrides = settings("timing.mode=realtime", "steps=100000", "network.graph=complete")
     listen = ["--listen", endpoint, "--wait-for", "3"]
     target = world.start("target", "tracking", *overrides, "--run", world.run, *listen)
@@ -96,8 +91,7 @@ def test_a_run_starts_with_some_and_the_others_join_later(world, free_port):
     wait_for_estimates(world, agent=1)
     target.terminate()
     for process in (target, *others):
-        _, err = process.communicate(timeout=100)
-        assert process.returncode == 0, err
+        ended(process)
     trace = read_trace(world.log)
     told = joined(trace)
     assert (told["agent"], told["planned"]) == (1, False)

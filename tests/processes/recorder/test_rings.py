@@ -12,7 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.processes.conftest import World, peer, settings
+from tests.processes.conftest import World, ended, peer, settings
+from tests.waiting import until
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.mcap.reader import McapFile
 from zenoh_cbef.log.read.parts import open_log
@@ -23,13 +24,6 @@ from zenoh_cbef.protocol.ring_folder import FOLDER
 RINGS = "record.rings=true"
 PATIENT = ["--patience", "200"]
 _ELSEWHERE = re.compile("/event/|/signal$|/faults$")
-
-
-def wait_until(holds: Callable[[], bool], what: str) -> None:
-    until = time.monotonic() + 200
-    while not holds():
-        assert time.monotonic() < until, what
-        time.sleep(0.05)
 
 
 @pytest.fixture(autouse=True)
@@ -89,8 +83,7 @@ def test_a_ring_too_small_for_a_recorder_that_stands_still_loses_nothing(world):
     os.kill(recorder, signal.SIGSTOP)
     time.sleep(2.5)
     os.kill(recorder, signal.SIGCONT)
-    _, err = run.communicate(timeout=300)
-    assert run.returncode == 0, err
+    ended(run, timeout=300)
     assert once_each(proved(world))
 
 
@@ -122,7 +115,7 @@ class Hosts:
                 return len(numbers_in(self.world.folder / log)) > 20
             return False
 
-        wait_until(has_some, f"{log} does not grow")
+        until(has_some, f"{log} does not grow")
 
     def end(self, *others) -> None:
         self.target.send_signal(signal.SIGTERM)
@@ -145,7 +138,7 @@ def test_a_recorder_that_is_killed_and_an_agent_lose_nothing_that_they_had_said(
     hosts.start_agents()
     hosts.wait_for("a.mcap")
     subscribed = hosts.is_subscribed()
-    wait_until(lambda: not subscribed(), "the recorder has what agents say brought twice")
+    until(lambda: not subscribed(), "the recorder has what agents say brought twice")
     hosts.session.close()
     first.send_signal(signal.SIGKILL)
     first.wait()
@@ -180,7 +173,7 @@ def test_one_agent_without_a_ring_is_heard_beside_others_with_rings(world):
     others.append(hosts.join("agent", "2", prefix=("prlimit", "--fsize=100000")))
     hosts.wait_for("run.mcap")
     subscribed = hosts.is_subscribed()
-    wait_until(subscribed, "the recorder does not hear the agent without a ring")
+    until(subscribed, "the recorder does not hear the agent without a ring")
     hosts.session.close()
     hosts.end(*others, recorder)
     assert once_each(numbers_in(world.log))

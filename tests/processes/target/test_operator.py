@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from tests.processes.conftest import settings
+from tests.processes.conftest import ended, settings
 from tests.processes.target.test_live_faults import wait_until_known
 from zenoh_cbef import __version__
 from zenoh_cbef.log.read.trace import read_trace
@@ -91,14 +91,13 @@ def test_a_stopped_run_in_lockstep_still_verifies(world):
     assert done.returncode == 0, done.stderr
     assert done.stdout.splitlines()[-1] == f"run {world.run} has ended"
     run.communicate(timeout=100)
-    assert world.call("verify", str(world.log)).stdout.startswith("equal bit for bit")
+    assert world.verdict().startswith("equal bit for bit")
     gone = world.call("stop", "--run", world.run)
     assert gone.returncode == 2
     assert f"no run {world.run!r} goes on on this host" in gone.stderr
 
 
-def test_a_run_that_waits_for_its_agents_tells_whom_it_lacks(world, free_port):
-    endpoint = f"tcp/127.0.0.1:{free_port}"
+def test_a_run_that_waits_for_its_agents_tells_whom_it_lacks(world, endpoint):
     target = world.start("target", "tracking", *settings(), "--run", world.run, "--listen", endpoint)
     wait_until_known(world.run)
     agent = world.start("agent", "1", "--run", world.run, "--connect", endpoint, "--patience", "100")
@@ -132,5 +131,4 @@ def test_with_certificates_the_operators_is_asked_for(world):
     refused = world.call("stop", "--run", world.run, "--tls", "certificates")
     assert refused.returncode == 2, "an agent may not end the run"
     run.send_signal(signal.SIGINT)
-    run.communicate(timeout=100)
-    assert run.returncode == 130
+    ended(run, 130)

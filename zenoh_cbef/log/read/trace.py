@@ -53,7 +53,7 @@ def trace_of(recording: Recording) -> Trace:
         unlogged=unlogged if unlogged.any() else None,
         told=(said := _told(recording, traffic.recorded)),
         complete=(whole := _whole(recording, missing=traffic.missing) and said) and _ended(recording) == "finished",
-        stopped=whole and _ended(recording) == "stopped" and _target_ended(recording),
+        stopped=whole and _ended(recording) == "stopped" and recording.target_ended,
     )
 
 
@@ -105,11 +105,6 @@ def _whole(recording: Recording, *, missing: int) -> bool:
 
 def _ended(recording: Recording) -> str:
     return (recording.header.end or {}).get("status", "")
-
-
-def _target_ended(recording: Recording) -> bool:
-    """Whether the target ended the run, as it was told to, and did not die."""
-    return any(one.message["from"] == "target" and one.message["kind"] == "finished" for one in recording.events)
 
 
 def _told(recording: Recording, recorded: int) -> bool:
