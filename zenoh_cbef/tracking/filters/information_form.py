@@ -256,16 +256,15 @@ def unless_alone(belief: Belief, payload: Floats, update: Update) -> Belief:
 
 def unchanged(payload: Floats, own: Floats) -> Bools:
     """Which agents' payloads (n, d) no neighbour changed in the whole step: (n,)."""
-    gap = payload - own
     if len(own) == 1:
         # Of one agent two sums of squares nearly always tell that some number is surely far off.
-        gaps, numbers = gap.ravel(), own.ravel()
+        gaps, numbers = (payload - own).ravel(), own.ravel()
         if gaps.dot(gaps) > 4.0 * _ROUNDING**2 * gaps.size * numbers.dot(numbers):
             return np.zeros(1, dtype=bool)
-    first = np.abs(gap[:, 0]) <= _ROUNDING * np.fmax.reduce(np.abs(own), axis=None)
+    first = np.abs(payload[:, 0] - own[:, 0]) <= _ROUNDING * np.fmax.reduce(np.abs(own), axis=None)
     if not first.nonzero()[0].size:  # In most batches the first numbers tell.
         return np.asarray(first)
-    near = np.abs(gap) <= _ROUNDING * np.maximum.reduce(np.abs(own), axis=1)[:, None]
+    near = np.abs(payload - own) <= _ROUNDING * np.maximum.reduce(np.abs(own), axis=1)[:, None]
     return np.asarray(np.logical_and.reduce(near, axis=1))
 
 
