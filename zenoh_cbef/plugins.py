@@ -187,8 +187,16 @@ def _hash(spec: ModuleSpec) -> str:
     return found.hexdigest()[:_DIGITS]
 
 
-def read_options(model: type[BaseModel], given: Mapping[str, object], key: str) -> BaseModel:
-    """The options of a plug-in as its own model has them. Raises ValueError, a sentence that begins with the key."""
+def told_options(model: object, name: str, given: Mapping[str, object], key: str) -> dict[str, object]:
+    """All options of a plug-in, as JSON has them; `{}` for one that has none.
+
+    model: of pydantic, or None. name: of the plug-in. key: of the table, as in filter.options. Raises ValueError with a
+    sentence that names the option.
+    """
+    if not (isinstance(model, type) and issubclass(model, BaseModel)):
+        if given:
+            raise ValueError(f"{key} has {', '.join(given)}, but {name!r} has no options; leave {key} out")
+        return {}
     names = [field.alias or name for name, field in model.model_fields.items()]
     unknown = [name for name in given if name not in names]
     if unknown:
@@ -196,22 +204,9 @@ def read_options(model: type[BaseModel], given: Mapping[str, object], key: str) 
         hint = f"did you mean {near[0]!r}?" if near else f"it has {', '.join(names) or 'none'}"
         raise ValueError(f"{key}.{unknown[0]} is no option of {model.__qualname__}; {hint}")
     try:
-        return model.model_validate(given)
+        return model.model_validate(given).model_dump(mode="json", by_alias=True)
     except ValidationError as error:
         raise ValueError(mistake(error, key)) from None
-
-
-def told_options(model: object, name: str, given: Mapping[str, object], key: str) -> dict[str, object]:
-    """All options of a plug-in, as JSON has them; `{}` for one that has none.
-
-    model: of pydantic, or None. name: of the plug-in. key: of the table, as in filter.options. Raises ValueError with a
-    sentence that names the option.
-    """
-    if isinstance(model, type) and issubclass(model, BaseModel):
-        return read_options(model, given, key).model_dump(mode="json", by_alias=True)
-    if given:
-        raise ValueError(f"{key} has {', '.join(given)}, but {name!r} has no options; leave {key} out")
-    return {}
 
 
 @contextmanager

@@ -50,7 +50,7 @@ def test_links_are_those_of_the_graph_also_when_agents_leave_and_come_back_or_do
     run.start(*REALTIME, steps=5000)  # longer than a busy machine needs for what follows
     degrees = np.bincount(load("tracking", []).plan.edges.ravel(), minlength=AGENTS)
     wanted = [int(degree) + 2 for degree in degrees]
-    run.wait_until_recorded()
+    run.world.wait_for_messages()
     settle(lab, wanted)
     wait_until_told(run, lab, carried=True)
     lab.part("a0", "a1", on=False)

@@ -12,7 +12,7 @@ def test_a_run_over_nine_hosts_equals_the_simulator(site, lab, world, way):
     run = site(way.split()[0])
     if "certificates" in way:
         hosts = [part for host in HOSTS for part in ("--host", lab.address(host))]
-        assert world.call("certs", "new", "certificates", *hosts).returncode == 0
+        world.done("certs", "new", "certificates", *hosts)
         run.secure(world.folder / "certificates")
     run.lease_ms = 20_000  # No link breaks here; a lockstep run has no use for one that seems to.
     run.start(steps=30)
@@ -27,7 +27,7 @@ def test_a_run_over_nine_hosts_equals_the_simulator(site, lab, world, way):
 def test_a_broken_link_costs_time_and_no_bit(site, lab, world, directions):
     run = site("peers")
     run.start(steps=120)
-    run.wait_until_recorded()
+    run.world.wait_for_messages()
 
     def cut(*, on: bool) -> None:
         if directions == "one":
@@ -43,14 +43,13 @@ def test_a_broken_link_costs_time_and_no_bit(site, lab, world, directions):
     metrics = world.metrics()
     assert (metrics["steps"], metrics["messages"]["rejected"]) == (120, 0)
     assert all(link["lost"] == 0 for link in metrics["links"])
-    checked = world.call("check", str(world.log))
-    assert checked.returncode == 0, checked.stdout
+    world.done("check", str(world.log))
 
 
 def test_who_does_without_a_message_in_lockstep_says_so(site, lab, world):
     run = site("peers")
     run.start("timing.patience=1", steps=120)
-    run.wait_until_recorded()
+    run.world.wait_for_messages()
     lab.kill("a2")
     run.finish(["target", "record", "a0", "a1", "a3", "a4", "a5"])
     world.verdict(2)

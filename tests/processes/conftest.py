@@ -22,6 +22,7 @@ import zenoh
 from tests.processes.forked import Forked, Process
 from tests.waiting import until
 from tests.within import within
+from zenoh_cbef.outside.registry import known_runs
 
 WITHIN = {"analyze", "cat", "check", "compare", "export", "filter", "info", "merge", "recover", "reestimate", "sim"}
 WITHIN |= {"certs", "doctor", "fault", "health", "run", "status", "stop", "timeline", "verify"}
@@ -110,11 +111,23 @@ class World:
     def start_run(self, *overrides: str, options: tuple[str, ...] = ("--no-report",)) -> Process:
         return self.start("run", "tracking", *settings(*overrides), "--run", self.run, "--log", str(self.log), *options)
 
+    def under_way(self, *overrides: str, size: int = 20_000) -> Process:
+        """A run that has begun: this host knows of it, and its log has this size in bytes."""
+        run = self.start_run(*overrides)
+        self.wait_until_known()
+        self.wait_for_messages(size)
+        return run
+
     def complete(self, *overrides: str) -> subprocess.CompletedProcess[str]:
         """A run to its end, which must be a good one; its launcher is in this process."""
-        words = ("run", "tracking", *settings(*overrides), "--run", self.run, "--log", str(self.log), "--no-report")
-        done = self.call(*words)
-        assert done.returncode == 0, done.stderr
+        return self.done(
+            "run", "tracking", *settings(*overrides), "--run", self.run, "--log", str(self.log), "--no-report"
+        )
+
+    def done(self, *arguments: str, status: int = 0, prefix: Sequence[str] = ()) -> subprocess.CompletedProcess[str]:
+        """A verb called to its end, which must have this exit status."""
+        done = self.call(*arguments, prefix=prefix)
+        assert done.returncode == status, done.stdout + done.stderr
         return done
 
     def call(
@@ -142,10 +155,12 @@ class World:
 
     def verdict(self, status: int = 0, log: Path | str | None = None) -> str:
         """What `verify` says of a log, by default the run's, with this exit status."""
-        done = self.call("verify", str(log or self.log))
-        assert done.returncode == status, done.stdout + done.stderr
+        done = self.done("verify", str(log or self.log), status=status)
         assert "Traceback" not in done.stderr
         return done.stdout
+
+    def wait_until_known(self) -> None:
+        until(lambda: self.run in known_runs(), "the run did not come")
 
     def wait_for_messages(self, size: int = 20_000) -> None:
         """Wait until the log has grown, so that the run is surely under way."""
@@ -156,15 +171,13 @@ class World:
     def pid_of(self, words: str) -> int:
         return next(pid for pid, line in processes_of(self.run).items() if f"zenoh_cbef {words} " in line)
 
-    def wait_until_gone(self, seconds: float = 100) -> dict[int, str]:
-        until = time.monotonic() + seconds
+    def wait_until_gone(self) -> dict[int, str]:
+        until = time.monotonic() + 100
         while (left := processes_of(self.run)) and time.monotonic() < until:
             time.sleep(0.05)
         return left
 
-    def complete_under(
-        self, attack: Callable[[int], None], target: Process, join: list[str], agents: int = 4
-    ) -> list[str]:
+    def complete_under(self, attack: Callable[[int], None], target: Process, join: list[str]) -> list[str]:
         """Complete a run whose target waits, while attack(0), attack(1) and so on are called; what all printed."""
         over = threading.Event()
 
@@ -177,7 +190,7 @@ class World:
         attacker = threading.Thread(target=go_on)
         attacker.start()
         try:
-            others = [self.start("agent", str(agent), *join) for agent in range(agents)]
+            others = [self.start("agent", str(agent), *join) for agent in range(4)]
             others.append(self.start("record", *join, "--output", str(self.log)))
             return [ended(process)[0] for process in (target, *others)]
         finally:

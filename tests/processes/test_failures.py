@@ -20,8 +20,7 @@ LONG = "steps=100000"
 
 
 def test_ctrl_c_once_stops_all_at_the_same_step_and_the_log_still_verifies(world):
-    run = world.start_run(LONG)
-    world.wait_for_messages()
+    run = world.under_way(LONG)
     run.send_signal(signal.SIGINT)
     out, _ = ended(run, 130)
     assert "position RMSE" in out
@@ -40,8 +39,7 @@ def wait_until_taken(run) -> None:
 
 
 def test_ctrl_c_twice_stops_now_and_leaves_a_readable_log(world):
-    run = world.start_run(LONG)
-    world.wait_for_messages()
+    run = world.under_way(LONG)
     os.kill(world.pid_of("target"), signal.SIGSTOP)  # a polite stop would now take its time
     run.send_signal(signal.SIGINT)
     wait_until_taken(run)
@@ -52,12 +50,11 @@ def test_ctrl_c_twice_stops_now_and_leaves_a_readable_log(world):
     assert "ended at once; 'analyze " in err
     assert out == "", "the log is long, and who asks twice does not wait for its analysis"
     assert not world.wait_until_gone()
-    assert world.call("info", str(world.log)).returncode == 0
+    world.done("info", str(world.log))
 
 
 def test_a_killed_agent_is_named_and_the_others_finish(world):
-    run = world.start_run("steps=300")
-    world.wait_for_messages()
+    run = world.under_way("steps=300")
     os.kill(world.pid_of("agent 2"), signal.SIGKILL)
     out, err = ended(run, 1)
     assert "agent 2 was killed by signal 9" in err
@@ -69,8 +66,7 @@ def test_a_killed_agent_is_named_and_the_others_finish(world):
 
 
 def test_a_killed_recorder_loses_little_and_the_log_so_far_is_analysed(world):
-    run = world.start_run("steps=300")
-    world.wait_for_messages(100_000)
+    run = world.under_way("steps=300", size=100_000)
     os.kill(world.pid_of("record"), signal.SIGKILL)
     next(line for line in run.stderr if line == "recorder was killed by signal 9\n")
     assert run.poll() is None, "it is told at once"
@@ -84,8 +80,7 @@ def test_a_killed_recorder_loses_little_and_the_log_so_far_is_analysed(world):
 
 
 def test_a_killed_target_leaves_the_agents_predicting_to_the_end(world):
-    run = world.start_run("steps=250")
-    world.wait_for_messages()
+    run = world.under_way("steps=250")
     os.kill(world.pid_of("target"), signal.SIGKILL)
     out, err = ended(run, 1)
     assert "target was killed by signal 9" in err
@@ -96,8 +91,7 @@ def test_a_killed_target_leaves_the_agents_predicting_to_the_end(world):
 
 
 def test_a_hung_agent_is_left_behind_and_ended(world):
-    run = world.start_run("steps=150", "zenoh.lease_ms=1000")
-    world.wait_for_messages()
+    run = world.under_way("steps=150", "zenoh.lease_ms=1000")
     os.kill(world.pid_of("agent 1"), signal.SIGSTOP)
     _, err = ended(run, 1)
     assert "agent 1 had to be ended" in err
@@ -106,8 +100,7 @@ def test_a_hung_agent_is_left_behind_and_ended(world):
 
 @pytest.mark.parametrize("others", [["agent 1"], ["record"]])
 def test_a_hung_target_is_ended_when_all_others_are_done(world, others):
-    run = world.start_run("steps=150", "zenoh.lease_ms=1000", "timing.patience=1")
-    world.wait_for_messages()
+    run = world.under_way("steps=150", "zenoh.lease_ms=1000", "timing.patience=1")
     for name in ("target", *others):
         os.kill(world.pid_of(name), signal.SIGSTOP)
     _, err = ended(run, 1)
@@ -117,8 +110,7 @@ def test_a_hung_target_is_ended_when_all_others_are_done(world, others):
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
 def test_a_launcher_that_is_killed_leaves_no_orphan_and_a_closed_log(world, number):
-    run = world.start_run(LONG)
-    world.wait_for_messages()
+    run = world.under_way(LONG)
     run.send_signal(number)
     run.wait(100)
     assert not world.wait_until_gone()

@@ -59,6 +59,5 @@ def test_a_lab_that_is_killed_or_whose_starter_is_leaves_nothing_behind(world, m
     ],
 )
 def test_a_lab_that_cannot_begin_says_why_once_and_starts_no_run(world, words, said):
-    called = world.call("lab", "tracking", *words, "--no-browser")
-    assert called.returncode == 2
+    called = world.done("lab", "tracking", *words, "--no-browser", status=2)
     assert called.stderr.startswith(said)

@@ -22,8 +22,7 @@ UNHURRIED = ("steps=100000", "timing.mode=realtime", "dt=0.2")
 
 
 def test_a_run_of_another_host_is_joined_by_its_endpoint_and_its_loss_is_seen(world, monkeypatch, tmp_path):
-    world.start_run(*UNHURRIED)
-    world.wait_for_messages()
+    world.under_way(*UNHURRIED)
     [endpoint] = known_runs()[world.run].endpoints[:1]
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))  # as on another host
     with talking(world, "--connect", endpoint) as ask:
@@ -35,9 +34,8 @@ def test_a_run_of_another_host_is_joined_by_its_endpoint_and_its_loss_is_seen(wo
 
 
 def test_with_certificates_the_operators_sees_the_run_and_orders_and_no_other_does(world):
-    assert world.call("certs", "new", "certs", "--agents", "4").returncode == 0
-    world.start_run(*UNHURRIED, "zenoh.tls=certs")
-    world.wait_for_messages()
+    world.done("certs", "new", "certs", "--agents", "4")
+    world.under_way(*UNHURRIED, "zenoh.tls=certs")
     bare = world.start("lab", world.run, "--no-browser")
     _, said = ended(bare, 2)
     assert "asks for a certificate; give --tls" in said

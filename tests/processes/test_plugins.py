@@ -99,21 +99,18 @@ def test_an_agent_that_has_another_one_is_refused_in_a_sentence(world, changed, 
 
 @pytest.mark.usefixtures("plugged")
 def test_it_is_injected_with_options_into_a_run_that_goes_on(world):
-    run = world.start_run("steps=100000")
-    world.wait_for_messages()
+    run = world.under_way("steps=100000")
     for most in (0.9, 0.5):
-        done = world.call("fault", "add", "fading", f"options={{most={most}}}", "--run", world.run)
-        assert done.returncode == 0, done.stderr
+        world.done("fault", "add", "fading", f"options={{most={most}}}", "--run", world.run)
     until(lambda: "is on: fading" in world.call("status", "--run", world.run).stdout)
-    assert world.call("stop", "--run", world.run).returncode == 0
+    world.done("stop", "--run", world.run)
     ended(run)
 
 
 @pytest.mark.usefixtures("plugged")
 def test_an_experiment_varies_its_options(world):
     (world.folder / "gains.toml").write_text(EXPERIMENT)
-    done = world.call("experiment", "gains.toml", "-o", "out", "--jobs", "1")
-    assert done.returncode == 0, done.stderr
+    world.done("experiment", "gains.toml", "-o", "out", "--jobs", "1")
     with (world.folder / "out" / "results.csv").open() as stream:
         found = {row["filter.options.alpha"]: row["position_rmse"] for row in csv.DictReader(stream)}
     assert found.keys() == {"0.2", "0.9"}

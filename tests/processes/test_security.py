@@ -16,8 +16,7 @@ from zenoh_cbef.protocol.tls import Tls
 
 @pytest.fixture
 def certificates(world):
-    made = world.call("certs", "new", "certificates", "--agents", "5")
-    assert made.returncode == 0, made.stderr
+    world.done("certs", "new", "certificates", "--agents", "5")
     return world.folder / "certificates"
 
 
@@ -103,8 +102,7 @@ def test_a_process_without_certificates_does_not_join(world, certificates, free_
     endpoint = f"tls/127.0.0.1:{free_port}"
     world.start("target", "tracking", *settings(), "--run", world.run, "--listen", endpoint, "--tls", str(certificates))
     for way in (["--connect", endpoint], ["--connect", endpoint.replace("tls/", "tcp/")]):
-        refused = world.call("agent", "0", "--run", world.run, *way, "--patience", "3")
-        assert refused.returncode == 2
+        refused = world.done("agent", "0", "--run", world.run, *way, "--patience", "3", status=2)
         assert len(refused.stderr.splitlines()) == 1
     let_in = world.start("agent", "0", "--run", world.run, "--connect", endpoint, "--tls", str(certificates))
     time.sleep(3)

@@ -19,14 +19,14 @@ from zenoh_cbef.tracking.filters.information_form import packed_size
 from zenoh_cbef.tracking.filters.kinds.sicf import SaturatedInformation
 from zenoh_cbef.tracking.filters.models.biased_information import BiasedInformation
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
-from zenoh_cbef.tracking.ranging import Measurement, Space
+from zenoh_cbef.tracking.ranging import Measurement, Space, nobody
 
 MOTION, SPACE = NearlyConstantVelocity(0.1, 0.5), Space()
 
 
 def heard(position, ranges):
     count = len(position)
-    return Measurement(position, ranges, np.zeros(count), np.empty((count, 0, 3)), np.empty((count, 0)))
+    return Measurement(position, ranges, np.zeros(count), *nobody(count))
 
 
 def joint_kalman(mean, covariance, agent, range_, *, motion, std):

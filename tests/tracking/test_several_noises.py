@@ -15,7 +15,7 @@ from zenoh_cbef.tracking.central_models import CentralModels
 from zenoh_cbef.tracking.filters import FilterSettings, make_filter, sharing_of
 from zenoh_cbef.tracking.filters.base import Belief
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
-from zenoh_cbef.tracking.ranging import Measurement, Space
+from zenoh_cbef.tracking.ranging import Measurement, Space, nobody
 from zenoh_cbef.tracking.reference import Ranges
 from zenoh_cbef.tracking.switching import Switching
 
@@ -28,7 +28,6 @@ RANGES = np.linalg.norm(TRUTH[None] - PLACES[:, None], axis=2) + STD * RANDOM.no
 RANGES[2, 7:12] = np.nan
 BEGIN = np.zeros((1, 6)), np.diag([0.25] * 3 + [0.04] * 3)[None]
 SETTINGS = FilterSettings(NOISES[1], Space(), STD, np.inf, AGENTS, noises=NOISES, leaving=(LEAVING,))
-NONE = np.empty((AGENTS, 0, 3)), np.empty((AGENTS, 0))
 
 
 def everyone(part):
@@ -39,7 +38,7 @@ def beliefs(alone=()):
     """Of a network that averages exactly, but in steps in which the first agent hears no neighbour."""
     filter_, belief = make_filter("icf", SETTINGS), Belief(*map(everyone, BEGIN))
     for k in range(STEPS):
-        update = filter_.update(belief, Measurement(PLACES, RANGES[:, k], np.zeros(AGENTS), *NONE))
+        update = filter_.update(belief, Measurement(PLACES, RANGES[:, k], np.zeros(AGENTS), *nobody(AGENTS)))
         mean = everyone(update.payload.mean(axis=0)[None])
         if k in alone:
             mean[0] = update.payload[0]

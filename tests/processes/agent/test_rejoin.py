@@ -56,11 +56,10 @@ def wait_until_it_is_back(world: World, agent: int, steps: int) -> None:
 
 @pytest.mark.parametrize("mode", ["lockstep", "realtime"])
 def test_an_agent_that_was_killed_takes_part_again(world, mode):
-    run = world.start_run("steps=100000", f"timing.mode={mode}", "network.graph=complete")
-    world.wait_for_messages(30_000)
+    run = world.under_way("steps=100000", f"timing.mode={mode}", "network.graph=complete", size=30_000)
     kill_and_start_again(world, 2)
     wait_until_it_is_back(world, 2, 25)
-    assert world.call("stop", "--run", world.run).returncode == 0
+    world.done("stop", "--run", world.run)
     _, err = ended(run, 1)
     assert "agent 2 was killed by signal 9" in err
     assert "Traceback" not in err
@@ -74,9 +73,7 @@ def test_an_agent_that_was_killed_takes_part_again(world, mode):
     others = np.delete(error, 2, axis=0)[:, first + 20]
     if mode == "lockstep":
         assert error[2, first + 20] <= 1.1 * others.max()
-    verdict = world.call("verify", str(world.log))
-    assert verdict.returncode == 2
-    assert "Traceback" not in verdict.stderr
+    world.verdict(2)
 
 
 def test_a_run_starts_with_some_and_the_others_join_later(world, endpoint):
@@ -102,6 +99,5 @@ def test_a_run_starts_with_some_and_the_others_join_later(world, endpoint):
 
 
 def test_in_lockstep_the_scenario_says_who_is_there(world):
-    done = world.call("target", "tracking", "--run", world.run, "--wait-for", "3")
-    assert done.returncode == 2
+    done = world.done("target", "tracking", "--run", world.run, "--wait-for", "3", status=2)
     assert "--wait-for needs timing.mode = 'realtime'" in done.stderr

@@ -11,7 +11,6 @@ from contextlib import contextmanager
 import pytest
 
 from tests.processes.conftest import outsider, settings, unused_endpoint
-from tests.processes.target.test_live_faults import wait_until_known
 from tests.processes.test_hostile import wait_for
 from tests.waiting import until
 
@@ -45,8 +44,7 @@ def mute() -> Iterator[str]:
 
 
 def refusal(world, *command: str) -> str:
-    done = world.call(*command)
-    assert done.returncode == 2, done.stdout + done.stderr
+    done = world.done(*command, status=2)
     assert len(done.stderr.splitlines()) == 1, done.stderr
     assert "Traceback" not in done.stderr
     return done.stderr
@@ -56,7 +54,7 @@ def refusal(world, *command: str) -> str:
 def target(world, free_port):
     endpoint = f"tcp/127.0.0.1:{free_port}"
     world.start("target", "tracking", *settings(), "--run", world.run, "--listen", endpoint)
-    wait_until_known(world.run)
+    world.wait_until_known()
     return endpoint
 
 
@@ -123,7 +121,7 @@ def test_two_targets_with_different_scenarios_that_did_not_know_of_each_other(wo
     with monkeypatch.context() as elsewhere:  # as on another host
         elsewhere.setenv("XDG_RUNTIME_DIR", str(tmp_path))
         world.start("target", "paper", "--run", world.run, "--listen", endpoint, "--no-gossip")
-        wait_until_known(world.run)
+        world.wait_until_known()
     told = refusal(world, "agent", "1", "--run", world.run, "--connect", target, "--connect", endpoint)
     assert "2 targets answer" in told
     assert "different scenarios" in told

@@ -12,8 +12,7 @@ LOSS = 'fault=[{kind="loss",probability=0.4},{kind="delay",milliseconds=5,jitter
 
 
 def test_a_run_leaves_log_scenario_metrics_report_figures_and_a_latest_link(world):
-    done = world.call("run", "tracking", *settings(), "--run", world.run)
-    assert done.returncode == 0, done.stderr
+    done = world.done("run", "tracking", *settings(), "--run", world.run)
     folder = world.folder / "logs" / world.run
     assert (world.folder / "logs" / "latest").resolve() == folder.resolve()
     metrics = json.loads((folder / "metrics.json").read_text())
@@ -47,8 +46,8 @@ def test_processes_and_simulator_give_the_same_bits(world, overrides):
     world.complete(*overrides)
     world.verdict()
     run, sim = world.folder / "run.npz", world.folder / "sim.npz"
-    assert world.call("export", str(world.log), "--to", "npz", "--output", str(run)).returncode == 0
-    assert world.call("sim", "tracking", *settings(*overrides), "--output", str(sim)).returncode == 0
+    world.done("export", str(world.log), "--to", "npz", "--output", str(run))
+    world.done("sim", "tracking", *settings(*overrides), "--output", str(sim))
     with np.load(run) as logged, np.load(sim) as simulated:
         assert set(logged) == set(simulated)
         for name in logged:

@@ -31,15 +31,13 @@ def test_fleets_record_their_agents_and_their_logs_are_fetched_as_one(world: Wor
     join = [*run, "--connect", place, "--stay", "100"]
     fleets = [world.start("fleet", ids, *join, "--record", log) for ids, log in (("0,1", "a.mcap"), ("2-3", "b.mcap"))]
     endpoints = [part for one in fleets for part in ("--connect", said_by(one))]
-    done = world.call("fetch", "--run", world.run, *endpoints, "--patience", "100", "--output", "whole.mcap")
-    assert done.returncode == 0, done.stderr
+    done = world.done("fetch", "--run", world.run, *endpoints, "--patience", "100", "--output", "whole.mcap")
     assert "of 2 logs can be fetched" in done.stderr or "fetching 2 logs" in done.stderr
     for process in (target, *fleets):
         ended(process)
     assert "agents-0-1" in done.stderr
     for verb in ("check", "verify"):
-        verdict = world.call(verb, "whole.mcap")
-        assert verdict.returncode == 0, verdict.stdout
+        world.done(verb, "whole.mcap")
     assert world.metrics("whole.mcap")["messages"]["missing"] == 0
     assert not world.wait_until_gone()
 

@@ -26,7 +26,7 @@ def test_a_rotated_run_is_analysed_and_verified_as_one(world):
     several = world.call("analyze", *map(str, reversed(parts)), "--json")
     assert json.loads(several.stdout) == metrics
     assert "of 200 steps" in world.verdict()
-    assert world.call("check", str(world.log)).returncode == 0
+    world.done("check", str(world.log))
 
 
 def let_no_file_grow(pid, path):
@@ -38,8 +38,7 @@ def let_no_file_grow(pid, path):
 @pytest.mark.parametrize("on_full", ["go-on", "stop"])
 def test_a_full_disk_is_named_and_what_was_written_stays_readable(world, on_full):
     steps = 300 if on_full == "go-on" else 100_000
-    run = world.start_run(f"steps={steps}", f"record.on_full={on_full}", "record.flush_seconds=0.1")
-    world.wait_for_messages()
+    run = world.under_way(f"steps={steps}", f"record.on_full={on_full}", "record.flush_seconds=0.1")
     let_no_file_grow(world.pid_of("record"), world.log.with_name("run.mcap.active"))
     out, err = ended(run, 1)
     assert "File too large" in err
@@ -72,8 +71,7 @@ def test_recorders_on_each_host_and_a_merge_give_the_whole_log(world):
         started.append(world.start("agent", str(agent), *options(agent, *hubs), "--patience", "100"))
     for process in started:
         ended(process)
-    done = world.call("merge", "a.mcap", "b.mcap", "-o", "run.mcap")
-    assert done.returncode == 0, done.stderr
+    done = world.done("merge", "a.mcap", "b.mcap", "-o", "run.mcap")
     assert "clock of b.mcap" in done.stdout
     assert "shared messages" in done.stdout
     merged = McapFile(world.log)
@@ -86,16 +84,14 @@ def test_recorders_on_each_host_and_a_merge_give_the_whole_log(world):
     }
     assert merged.metadata["cbef.end"]["status"] == "finished"
     for verb in ("check", "verify"):
-        verdict = world.call(verb, "run.mcap")
-        assert verdict.returncode == 0, verdict.stdout
+        world.done(verb, "run.mcap")
     assert world.metrics("run.mcap")["messages"]["missing"] == 0
 
 
 @pytest.mark.parametrize("keys", [["agent/#"], ["agent/0/**", "**/round"], ["cbef/other/**"]])
 def test_impossible_keys_are_refused(world, keys):
     options = [part for key in keys for part in ("--keys", key)]
-    done = world.call("record", "--run", world.run, "--connect", "tcp/127.0.0.1:1", *options)
-    assert done.returncode == 2
+    done = world.done("record", "--run", world.run, "--connect", "tcp/127.0.0.1:1", *options, status=2)
     assert len(done.stderr.splitlines()) == 1
     assert "key" in done.stderr
 

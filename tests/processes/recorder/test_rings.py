@@ -35,8 +35,7 @@ def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def proved(world: World) -> list[tuple[str, int]]:
     """Key and number of what is left in rings, of a log that is sound, and is computed again with the same bits."""
     for verb in ("check", "verify"):
-        verdict = world.call(verb, str(world.log))
-        assert verdict.returncode == 0, verdict.stdout
+        world.done(verb, str(world.log))
     return numbers_in(world.log)
 
 
@@ -77,8 +76,7 @@ def test_processes_without_rings_are_heard_over_zenoh_and_say_so(world, place):
 
 
 def test_a_ring_too_small_for_a_recorder_that_stands_still_loses_nothing(world):
-    run = world.start_run(RINGS, "record.ring_bytes=65536", "steps=150")
-    world.wait_for_messages(5000)
+    run = world.under_way(RINGS, "record.ring_bytes=65536", "steps=150", size=5000)
     recorder = world.pid_of("record")
     os.kill(recorder, signal.SIGSTOP)
     time.sleep(2.5)
@@ -146,8 +144,7 @@ def test_a_recorder_that_is_killed_and_an_agent_lose_nothing_that_they_had_said(
     hosts.wait_for("a-2.mcap")
     os.kill(world.pid_of("agent 2"), signal.SIGKILL)
     hosts.end(*hosts.started[:2], last)
-    done = world.call("merge", "a.mcap", "a-2.mcap", "-o", "run.mcap")
-    assert done.returncode == 3, done.stderr  # a file that has no end
+    world.done("merge", "a.mcap", "a-2.mcap", "-o", "run.mcap", status=3)  # a file that has no end
     numbers = numbers_in(world.log)
     assert once_each(numbers)
     assert len({key for key, _ in numbers}) == 13

@@ -28,8 +28,7 @@ def track(world, folder: Path, settings: tuple[str, str, str], steps: int) -> di
         "filter.acceleration_std": "1.0",
     }
     options = [part for key, value in overrides.items() for part in ("--set", f"{key}={value}")]
-    run = world.call("run", "tracking", *options, "--run", world.run, "--log", str(world.log), "--no-report")
-    assert run.returncode == 0, run.stderr
+    world.done("run", "tracking", *options, "--run", world.run, "--log", str(world.log), "--no-report")
     world.verdict()
     return world.metrics()
 

@@ -4,7 +4,6 @@ from functools import partial
 
 import zenoh
 
-from tests.processes.target.test_live_faults import wait_until_known
 from tests.waiting import until
 from zenoh_cbef.lab.bench import reach
 from zenoh_cbef.log.read.trace import read_trace
@@ -16,9 +15,7 @@ AGENTS, ROUNDS = 4, 3
 
 
 def test_a_held_run_makes_single_rounds_and_is_proved(world):
-    run = world.start_run("steps=100000")
-    wait_until_known(world.run)
-    world.wait_for_messages()
+    run = world.under_way("steps=100000")
     latest: dict[str, tuple[int, int]] = {}
 
     def hear(sample: zenoh.Sample) -> None:

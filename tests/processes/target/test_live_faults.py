@@ -13,23 +13,16 @@ from zenoh_cbef.outside.registry import known_runs
 from zenoh_cbef.simulator import simulate
 
 
-def wait_until_known(run: str) -> None:
-    until(lambda: run in known_runs(), "the run did not come")
-
-
 def wait_until_after(world, seconds: float) -> None:
     """Wait until the run has come so far."""
     until(lambda: (world.status().get("time") or 0.0) >= seconds, "the run stands still", 200.0)
 
 
 def test_faults_are_added_listed_and_cleared_while_the_run_goes_on(world):
-    run = world.start_run("timing.mode=realtime", "steps=100000")
-    wait_until_known(world.run)
-    world.wait_for_messages()
+    run = world.under_way("timing.mode=realtime", "steps=100000")
 
     def fault(*arguments: str, status: int = 0) -> str:
-        done = world.call("fault", *arguments, "--run", world.run)
-        assert done.returncode == status, done.stderr
+        done = world.done("fault", *arguments, "--run", world.run, status=status)
         assert "Traceback" not in done.stderr
         return done.stdout + done.stderr
 
@@ -55,8 +48,7 @@ def test_faults_are_added_listed_and_cleared_while_the_run_goes_on(world):
     ended(run, 130)
     assert world.run not in known_runs()
     for verb, *more in (["check"], ["timeline", "--steps", "5:6"], ["reestimate", "-o", str(world.folder / "a.mcap")]):
-        done = world.call(verb, str(world.log), *more)
-        assert done.returncode == 0, done.stderr
+        world.done(verb, str(world.log), *more)
     assert_both_are_told(world)
 
 
@@ -78,12 +70,10 @@ def assert_both_are_told(world):
 
 
 def test_in_lockstep_injected_faults_begin_with_a_step_for_all_and_the_log_is_proved_with_them(world):
-    run = world.start_run("steps=100000")
-    world.wait_for_messages()
+    run = world.under_way("steps=100000")
 
     def fault(*arguments: str) -> str:
-        done = world.call("fault", *arguments, "--run", world.run)
-        assert done.returncode == 0, done.stderr
+        done = world.done("fault", *arguments, "--run", world.run)
         return done.stdout
 
     def pass_by(moment: float) -> None:
@@ -103,8 +93,7 @@ def test_in_lockstep_injected_faults_begin_with_a_step_for_all_and_the_log_is_pr
     fault("clear", "0")
     listed = json.loads(fault("list", "--json"))
     assert listed[0]["until"] > listed[0]["from"]
-    unknown = world.call("fault", "list", "--run", "nobody")
-    assert unknown.returncode == 2
+    unknown = world.done("fault", "list", "--run", "nobody", status=2)
     assert "no run 'nobody' goes on on this host (there " in unknown.stderr
     pass_by(listed[2]["until"] + 2.0)
     run.terminate()

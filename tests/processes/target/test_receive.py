@@ -63,8 +63,7 @@ def test_a_stream_of_lines_over_udp_is_tracked(world, free_port):
     finally:
         over.set()
         tag.join()
-    exported = world.call("export", str(world.log), "--output", "live.npz")
-    assert exported.returncode == 0, exported.stderr
+    world.done("export", str(world.log), "--output", "live.npz")
     arrays = np.load(world.folder / "live.npz")
     ranges = arrays["ranges"]
     assert np.isfinite(ranges).any(axis=1).all(), "the receiver's steps are those of the run"
@@ -114,7 +113,7 @@ def test_a_dwm1001_goes_on_whenever_it_is_plugged_in_again(world, free_port):
     finally:
         over.set()
         tag.join()
-    assert world.call("export", str(world.log), "--output", "live.npz").returncode == 0
+    world.done("export", str(world.log), "--output", "live.npz")
     arrays = np.load(world.folder / "live.npz")
     for heard, at in zip(arrays["ranges"], PLACES, strict=True):
         expected = {round(math.dist(REST, at) + more, 2) for more in (0.0, 0.01)}
@@ -215,9 +214,25 @@ def test_a_recording_that_is_received_in_lockstep_has_the_bits_of_its_run(world,
         talking.join()
         for cable in cables:
             cable.close()
-    assert world.call("sim", "recorded.toml", "--output", "expected.npz").returncode == 0
-    assert world.call("export", str(world.log), "--output", "received.npz").returncode == 0
+    world.done("sim", "recorded.toml", "--output", "expected.npz")
+    world.done("export", str(world.log), "--output", "received.npz")
     expected, received = (np.load(world.folder / f"{name}.npz") for name in ("expected", "received"))
     for name in ("ranges", "estimates", "covariances", "truth"):
         np.testing.assert_array_equal(received[name], expected[name])
     assert "equal bit for bit" in world.verdict()
+
+
+def test_a_file_without_a_range_is_told_and_the_run_still_waits_for_one(world, free_port):
+    (world.folder / "live.toml").write_text((LIVE % [list(place) for place in PLACES]).replace("realtime", "lockstep"))
+    router = f"tcp/127.0.0.1:{free_port}"
+    join = ["--run", world.run, "--client", "--connect", router, "--patience", "100"]
+    assert world.start("router", "--listen", router).stdout.readline()
+    target = world.start("target", "live.toml", *join, "--receivers")
+    (world.folder / "other.csv").write_text("0.1,BB00,3.5\n")
+    for form, told in (
+        ("linktrack", "tells no range that --format linktrack reads"),
+        ("csv", "of other anchors alone"),
+    ):
+        refused = world.call("receive", "file:other.csv", "--format", form, *join)
+        assert (refused.returncode, told in refused.stderr) == (2, True), refused.stderr
+    assert target.poll() is None

@@ -66,8 +66,7 @@ def feed(world, free_port, program):
 def test_the_documented_receiver_feeds_a_run(world, free_port):
     assert len([line for line in PROGRAM.splitlines() if line.strip()]) <= 35
     feed(world, free_port, PROGRAM)
-    exported = world.call("export", str(world.log), "--output", "live.npz")
-    assert exported.returncode == 0, exported.stderr
+    world.done("export", str(world.log), "--output", "live.npz")
     estimates = np.load(world.folder / "live.npz")["estimates"]
     seconds = 0.1 * np.arange(1, 101)
     truth = np.array([[4.0 + math.cos(t), 3.0 + math.sin(t), 1.0] for t in seconds])

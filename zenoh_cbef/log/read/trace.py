@@ -23,6 +23,7 @@ from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.simulator import measured
 from zenoh_cbef.trace import Links, SmoothedPath, Trace, Traffic
 from zenoh_cbef.tracking.diagnostics import Diagnostics
+from zenoh_cbef.tracking.graph import directed
 
 _COUNTS = (*COUNTS, *INJECTED)
 
@@ -146,12 +147,11 @@ def _measured(plan: Plan, since: int, emitted: Floats, arrived: Floats) -> tuple
 
 def _links(plan: Plan, receipts: list[Receipts], steps: int) -> Links:
     """What the receivers counted: the last counts of each of their lives, and the mean of their latencies."""
-    pairs = plan.edges.tolist()
-    both = sorted((destination, source) for pair in pairs for destination, source in (pair, pair[::-1]))
+    links = directed(plan.edges)
     told = [_counted(one, steps) for one in receipts]
     nothing = (*[0.0] * len(_COUNTS), np.nan)
-    rows = [told[destination].get(source, nothing) if told else nothing for destination, source in both]
-    destination, source = np.array(both, dtype=np.int64).reshape(-1, 2).T
+    rows = [told[destination].get(source, nothing) if told else nothing for source, destination in links.tolist()]
+    source, destination = links.T
     table = np.array(rows, dtype=np.float64).reshape(-1, len(_COUNTS) + 1)
     delivered, *others = table[:, :-1].astype(np.int64).T
     counted = dict(zip(_COUNTS[1:], others, strict=True))
