@@ -21,9 +21,11 @@ from zenoh_cbef.scenario.motion import (
     switches,
 )
 from zenoh_cbef.tracking.copying import replace
+from zenoh_cbef.tracking.elimination import BY_ELIMINATION
 from zenoh_cbef.tracking.filters import Abilities, abilities_of
 from zenoh_cbef.tracking.filters.models.splitting import CLOSELY, ROUGHLY
 from zenoh_cbef.tracking.filters.settings import FilterSettings
+from zenoh_cbef.tracking.linalg import BY_LIBRARY
 from zenoh_cbef.tracking.motion import LinearMotion, Motion
 from zenoh_cbef.tracking.ranging import Space
 
@@ -188,6 +190,7 @@ class Filtering:
             widens=trust.widens(scenario, power=self.power, wide=bool(self.models) or self.squares),
             least=0.0 if chosen.defaults > 14 else -np.inf,
             options=chosen.options or {},
+            inversion=BY_ELIMINATION if chosen.defaults > 14 else BY_LIBRARY,
         )
 
     def _measuring(self, settings: FilterSettings) -> FilterSettings:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from zenoh_cbef.arrays import Floats
+from zenoh_cbef.tracking.linalg import BY_LIBRARY, Inversion
 from zenoh_cbef.tracking.motion import Motion
 from zenoh_cbef.tracking.ranging import Space
 
@@ -59,7 +60,7 @@ class FilterSettings:
     splitting.py), 0: it does not. plane: that they are near, a point of it and its normal; None: near none, or mirror
     images are no matter. outliers: what share of the ranges are too long, and by how much (m) on average, where the
     scenario tells so and a first fix takes it into account.
-    options: of a kind of another package, `filter.options`.
+    options: of a kind of another package, `filter.options`. inversion: how sicf and a first fix invert matrices.
     least: a range below it, m, is none where ranges are squared, as its square is another one's.
     guesses: how many of the agents' guesses of position, and of velocity, are independent; None: a first fix by
     rules before the fourth, see there.
@@ -123,6 +124,7 @@ class FilterSettings:
     guesses: tuple[int, int] | None = (1, 1)
     least: float = -np.inf
     options: Mapping[str, object] = field(default_factory=dict)
+    inversion: Inversion = BY_LIBRARY
 
     @property
     def constants(self) -> int:
