@@ -50,7 +50,7 @@ def test_without_a_router_a_client_says_so(world, endpoint):
     refused = world.done(
         "agent", "0", "--run", world.run, "--client", "--connect", endpoint, "--patience", "0.5", status=2
     )
-    assert f"no router answers at {endpoint}" in refused.stderr
+    assert f"neither router nor target answers at {endpoint}" in refused.stderr
     assert len(refused.stderr.splitlines()) == 1
 
 

@@ -97,7 +97,7 @@ def test_a_file_of_zenohs_is_what_the_settings_are_laid_over(tmp_path: Path) -> 
         configuration(Connection(config=str(tmp_path)))
 
 
-@pytest.mark.parametrize("endpoint", ["localhost", "tcp/", "tcp/a b", "http/a:1", ""])
+@pytest.mark.parametrize("endpoint", ["localhost", "tcp/", "tcp/a b", "http/a:1", "tcp/a:65536", ""])
 def test_what_is_no_endpoint_is_refused(endpoint: str) -> None:
     for connection in (Connection(connect=[endpoint]), Connection(listen=[endpoint])):
         with pytest.raises(UserError, match="is no endpoint; write it as tcp/HOST:PORT"):
@@ -124,7 +124,7 @@ def test_a_port_in_use_is_told_and_so_is_a_place_where_nobody_can_listen() -> No
 def test_a_client_waits_for_its_router_and_is_told_where_none_answers() -> None:
     nowhere = unused_endpoint()
     begun = time.monotonic()
-    with pytest.raises(UserError, match=f"no router answers at {nowhere}; .*, and check --connect$"):
+    with pytest.raises(UserError, match=f"neither router nor target answers at {nowhere}; .*, and check --connect$"):
         open_session(Connection([nowhere], mode="client"), patience=0.5)
     assert time.monotonic() - begun >= 0.5
 

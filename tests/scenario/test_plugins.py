@@ -1,5 +1,6 @@
 """Classes of other packages in a scenario: found, told apart, and refused in a sentence."""
 
+import re
 import sys
 import tomllib
 from pathlib import Path
@@ -15,6 +16,7 @@ from zenoh_cbef.log.prove.reestimate import reestimate
 from zenoh_cbef.log.prove.verify import verify
 from zenoh_cbef.log.read.measurements import read_measurements
 from zenoh_cbef.log.read.parts import open_log
+from zenoh_cbef.log.tools.check import check
 from zenoh_cbef.plain import Json
 from zenoh_cbef.plugins import told_options
 from zenoh_cbef.scenario.injected import STEER, marked, with_faults
@@ -197,6 +199,11 @@ def test_a_log_whose_package_is_not_on_this_host_names_it(plugged, setting, key)
     said = f"{key} = 'mine:.*' is of mine sha256:[0-9a-f]+, which is not on this host; install that package here, too$"
     with pytest.raises(UserError, match=said):
         verify(log)
+    found = check(open_log(log))
+    assert re.search(said, found.unread)
+    assert (found.exit_status, found.messages > 0, found.damage) == (2, True, [])
+    log.write_bytes(log.read_bytes()[:-2000])
+    assert check(open_log(log)).exit_status == 1
 
 
 @pytest.mark.usefixtures("plugged")

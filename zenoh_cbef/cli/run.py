@@ -30,7 +30,7 @@ from zenoh_cbef.extras import MissingExtra
 from zenoh_cbef.log.common.naming import ACTIVE
 from zenoh_cbef.log.read.parts import find_log
 from zenoh_cbef.log.read.trace import read_trace
-from zenoh_cbef.log.tools.collection import place_of_log
+from zenoh_cbef.log.tools.collection import LATEST, place_of_log
 from zenoh_cbef.machine import require
 from zenoh_cbef.nodes.common.recording import Status
 from zenoh_cbef.nodes.launch.attempts import launch
@@ -212,7 +212,7 @@ def _execute(arguments: list[str], loaded: Loaded, run: str, path: Path, sync: b
 
 def _point_latest_at(folder: Path) -> None:
     # Replaced in one step: another run may be doing the same.
-    link, fresh = folder.parent / "latest", folder.parent / f".latest-{os.getpid()}"
+    link, fresh = folder.parent / LATEST, folder.parent / f".{LATEST}-{os.getpid()}"
     try:
         fresh.symlink_to(folder.name)
         fresh.replace(link)

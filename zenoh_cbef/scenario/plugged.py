@@ -42,6 +42,10 @@ def _stamped_fault(fault: Fault) -> Fault:
     return fault if here is None else fault.model_copy(update={"plugin": here})
 
 
+class PackageAbsentError(UserError):
+    """A scenario has a filter, motion or fault of a package that is not on this host."""
+
+
 def lacking(data: object) -> str:
     """Which package a scenario's tables were made with that this host lacks, in a sentence; "" where all are here."""
     if not isinstance(data, Mapping):

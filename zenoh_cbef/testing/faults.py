@@ -9,17 +9,20 @@ import numpy as np
 from pydantic import ValidationError
 
 from zenoh_cbef.arrays import Floats
+from zenoh_cbef.faults import KINDS, kind_of
 from zenoh_cbef.faults.answers import flaw_of_array, flaw_of_effect, flaw_of_ranges, flaw_of_sent
 from zenoh_cbef.faults.base import Effect, Fault, MessageFault, Messages
 from zenoh_cbef.faults.outgoing import SenderFault, Sent
 from zenoh_cbef.faults.plugged import fault_of, read_fault
 from zenoh_cbef.faults.sensing import Readings, SensorFault
-from zenoh_cbef.plugins import mistake
+from zenoh_cbef.plugins import blaming, mistake
 from zenoh_cbef.streams import LinkStreams, normal, stream
 from zenoh_cbef.testing.nonconforming import Nonconforming, only_reading
 
 _AGENTS, _STEPS, _ROUNDS, _DT = 5, 24, 3, 0.1
 _PAIRS = np.array([(one, other) for one in range(_AGENTS) for other in range(_AGENTS) if one != other])
+
+_METHODS = (SensorFault, "measured"), (SenderFault, "sent")
 
 Numbers = list[tuple[str, np.ndarray]]
 """What a fault does in each step and round: what it is, and an array with a row for each link or agent."""
@@ -53,6 +56,23 @@ def check_fault(kind: type, /, **keys: object) -> None:
             "two faults of this kind draw the same numbers; put `index` into the purpose of the stream, as in "
             'f"mine/{index}"'
         )
+
+
+def refuse_broken(name: str, table: Mapping[str, object]) -> None:
+    """Raise UserError where a fault of another package that this host has does not do what `check_fault` asks.
+
+    table: as of `[[fault]]`. A name or a key that there is not is left to the process that takes the fault in.
+    """
+    keys = {key: value for key, value in table.items() if key not in {"kind", "from", "until"}}
+    try:
+        kind = kind_of(name)
+        _made(kind, keys)
+    except ValueError:
+        return
+    if name not in KINDS:
+        method = next((method for base, method in _METHODS if issubclass(kind, base)), "effect")
+        with blaming(kind, method, "check_fault"):
+            check_fault(kind, **keys)
 
 
 def _made(kind: type[Fault], keys: Mapping[str, object]) -> Fault:

@@ -220,3 +220,19 @@ def test_a_recording_that_is_received_in_lockstep_has_the_bits_of_its_run(world,
     for name in ("ranges", "estimates", "covariances", "truth"):
         np.testing.assert_array_equal(received[name], expected[name])
     assert "equal bit for bit" in world.verdict()
+
+
+def test_a_file_without_a_range_is_told_and_the_run_still_waits_for_one(world, free_port):
+    (world.folder / "live.toml").write_text((LIVE % [list(place) for place in PLACES]).replace("realtime", "lockstep"))
+    router = f"tcp/127.0.0.1:{free_port}"
+    join = ["--run", world.run, "--client", "--connect", router, "--patience", "100"]
+    assert world.start("router", "--listen", router).stdout.readline()
+    target = world.start("target", "live.toml", *join, "--receivers")
+    (world.folder / "other.csv").write_text("0.1,BB00,3.5\n")
+    for form, told in (
+        ("linktrack", "tells no range that --format linktrack reads"),
+        ("csv", "of other anchors alone"),
+    ):
+        refused = world.call("receive", "file:other.csv", "--format", form, *join)
+        assert (refused.returncode, told in refused.stderr) == (2, True), refused.stderr
+    assert target.poll() is None

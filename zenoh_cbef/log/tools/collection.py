@@ -11,13 +11,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.log.common.naming import ACTIVE, RUN
+from zenoh_cbef.log.common.naming import ACTIVE, LOGS, RUN
 from zenoh_cbef.log.read.header import read_header
 from zenoh_cbef.log.read.parts import Log, find_log, open_log
 from zenoh_cbef.outside.registry import known_runs
 from zenoh_cbef.writing import writing
 
-LOGS = Path("logs")
+LATEST = "latest"
+"""The name in logs/ that leads to the newest run."""
 UNKNOWN = "unknown"
 """The result of a run that goes on, or that was not analysed."""
 _TAGS = "tags.json"
@@ -40,13 +41,18 @@ def place_of_log(run: str, chosen: Path | None) -> Iterator[Path]:
 
 
 def new_folder(run: str) -> Path:
-    """Make logs/RUN, with a number behind it where that exists. Raises UserError where it cannot be made."""
-    folder = Path("logs") / run
+    """Make logs/RUN, with a number behind it where that exists. Raises UserError where it cannot be made.
+
+    The name that leads to the newest run is none of a run.
+    """
+    folder = LOGS / run
+    if run == LATEST:
+        raise UserError(f"{folder} leads to the newest run; choose another --run")
     for attempt in range(2, 100):
         try:
             folder.mkdir(parents=True)
         except FileExistsError:
-            folder = Path("logs") / f"{run}-{attempt}"
+            folder = LOGS / f"{run}-{attempt}"
         except OSError as error:
             raise UserError(f"cannot make {folder}: {error.strerror}; choose another place for the log") from None
         else:
