@@ -19,14 +19,14 @@ from zenoh_cbef.tracking.filters.information_form import packed_size
 from zenoh_cbef.tracking.filters.kinds.sicf import SaturatedInformation
 from zenoh_cbef.tracking.filters.models.biased_information import BiasedInformation
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
-from zenoh_cbef.tracking.ranging import Measurement, Space, nobody
+from zenoh_cbef.tracking.ranging import Measurement, Space, no_neighbours
 
 MOTION, SPACE = NearlyConstantVelocity(0.1, 0.5), Space()
 
 
 def heard(position, ranges):
     count = len(position)
-    return Measurement(position, ranges, np.zeros(count), *nobody(count))
+    return Measurement(position, ranges, np.zeros(count), *no_neighbours(count))
 
 
 def joint_kalman(mean, covariance, agent, range_, *, motion, std):

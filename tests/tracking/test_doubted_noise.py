@@ -15,7 +15,7 @@ from zenoh_cbef.tracking.filters.around.doubted_noise import DoubtedNoise
 from zenoh_cbef.tracking.filters.base import Belief
 from zenoh_cbef.tracking.filters.kinds.sicf import SaturatedInformation
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
-from zenoh_cbef.tracking.ranging import Measurement, Space, nobody
+from zenoh_cbef.tracking.ranging import Measurement, Space, no_neighbours
 
 TRUE, AGENTS, STEPS = 0.1, 8, 200
 MOTION = NearlyConstantVelocity(0.1, 0.5)
@@ -23,7 +23,7 @@ MOTION = NearlyConstantVelocity(0.1, 0.5)
 
 def heard(position, ranges):
     count = len(position)
-    return Measurement(position, ranges, np.zeros(count), *nobody(count))
+    return Measurement(position, ranges, np.zeros(count), *no_neighbours(count))
 
 
 def tracked(given, *, doubted, followed=None, counts=True, steps=STEPS):

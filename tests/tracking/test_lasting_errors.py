@@ -13,7 +13,7 @@ from zenoh_cbef.tracking.filters.around.lasting_errors import LastingErrors, Rec
 from zenoh_cbef.tracking.filters.base import Belief
 from zenoh_cbef.tracking.filters.kinds.sicf import SaturatedInformation
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
-from zenoh_cbef.tracking.ranging import Measurement, Space, nobody
+from zenoh_cbef.tracking.ranging import Measurement, Space, no_neighbours
 
 STD, AGENTS, STEPS = 0.1, 8, 300
 
@@ -93,7 +93,7 @@ MOTION = NearlyConstantVelocity(0.1, 0.5)
 
 def heard(position, ranges):
     count = len(position)
-    return Measurement(position, ranges, np.zeros(count), *nobody(count))
+    return Measurement(position, ranges, np.zeros(count), *no_neighbours(count))
 
 
 @pytest.mark.parametrize("claims", [False, True])

@@ -16,7 +16,7 @@ from zenoh_cbef.simulator import simulate
 from zenoh_cbef.tracking.filters import Belief, FilterSettings, make_filter, sharing_of
 from zenoh_cbef.tracking.filters.models.slots import Slots
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
-from zenoh_cbef.tracking.ranging import Measurement, Space, nobody
+from zenoh_cbef.tracking.ranging import Measurement, Space, no_neighbours
 
 STD, DT, COUNT = 0.3, 0.5, 5
 LINE = (
@@ -46,7 +46,9 @@ def scene(space, seed=3, ages=0.0):
     )
     ranges = random.uniform(3.0, 8.0, COUNT)
     ranges[0] = np.nan
-    return belief, Measurement(random.normal(scale=5, size=(COUNT, 3)), ranges, np.full(COUNT, ages), *nobody(COUNT))
+    return belief, Measurement(
+        random.normal(scale=5, size=(COUNT, 3)), ranges, np.full(COUNT, ages), *no_neighbours(COUNT)
+    )
 
 
 def concluded(chosen, belief, measurement):
@@ -143,7 +145,7 @@ def test_an_agent_is_a_batch_of_one():
     whole = chosen.conclude(mixed, update)
     for agent in range(COUNT):
         one = slice(agent, agent + 1)
-        mine = Measurement(measurement.position[one], measurement.range[one], measurement.age[one], *nobody(1))
+        mine = Measurement(measurement.position[one], measurement.range[one], measurement.age[one], *no_neighbours(1))
         alone = chosen.update(Belief(belief.state[one], belief.known_covariance[one]), mine)
         np.testing.assert_array_equal(alone.payload, update.payload[one])
         np.testing.assert_array_equal(chosen.conclude(mixed[one], alone).state, whole.state[one])

@@ -41,7 +41,7 @@ class Measurement:
     overcounted: Floats | None = None
 
 
-def nobody(agents: int) -> tuple[Floats, Floats]:
+def no_neighbours(agents: int) -> tuple[Floats, Floats]:
     """The neighbours' positions and ranges of agents that are told none."""
     return np.empty((agents, 0, 3)), np.empty((agents, 0))
 
