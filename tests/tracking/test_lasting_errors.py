@@ -13,7 +13,7 @@ from zenoh_cbef.tracking.filters.around.lasting_errors import LastingErrors, Rec
 from zenoh_cbef.tracking.filters.base import Belief
 from zenoh_cbef.tracking.filters.kinds.sicf import SaturatedInformation
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
-from zenoh_cbef.tracking.ranging import Measurement, Space
+from zenoh_cbef.tracking.ranging import Measurement, Space, no_neighbours
 
 STD, AGENTS, STEPS = 0.1, 8, 300
 
@@ -101,7 +101,7 @@ MOTION = NearlyConstantVelocity(0.1, 0.5)
 
 def heard(position, ranges):
     count = len(position)
-    return Measurement(position, ranges, np.zeros(count), np.empty((count, 0, 3)), np.empty((count, 0)))
+    return Measurement(position, ranges, np.zeros(count), *no_neighbours(count))
 
 
 @pytest.mark.parametrize("claims", [False, True])

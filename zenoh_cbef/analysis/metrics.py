@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from zenoh_cbef.analysis.averages import last, means, rms, running_mean, told
+from zenoh_cbef.analysis.averages import last, means, ratio_of_rms, rms, running_mean, told
 from zenoh_cbef.analysis.below import bound_note
 from zenoh_cbef.analysis.claimed import claimed_position_error
 from zenoh_cbef.analysis.consistency import agents_bands, described
@@ -35,7 +35,7 @@ from zenoh_cbef.analysis.standing import standing_of
 from zenoh_cbef.analysis.verdict import OVERCONFIDENT
 from zenoh_cbef.analysis.yardsticks import yardsticks
 from zenoh_cbef.arrays import Floats, Ints
-from zenoh_cbef.numbers import number
+from zenoh_cbef.numbers import SKIPPED, number
 from zenoh_cbef.trace import Trace
 
 LOST = 3.0
@@ -49,7 +49,7 @@ class Analysis(Errors):
     metrics: Metrics
 
 
-def analyze(traces: Sequence[Trace], skip: float = 0.25, *, strongest: bool = True) -> list[Analysis]:
+def analyze(traces: Sequence[Trace], skip: float = SKIPPED, *, strongest: bool = True) -> list[Analysis]:
     """Analyse runs of one shape; the centralised filter and the bound of all of them run as one batch.
 
     skip: the share of steps left out at the start of RMSE, NEES and ratios, or of those that can be scored,
@@ -194,9 +194,7 @@ def _lost(reached: Number, strong: Yardstick) -> bool:
 
 def _ratio(errors: Errors, yardstick: Floats, window: slice) -> float | None:
     """Of the network's position RMSE and a yardstick's, whose errors are (K,), over the same steps of a window."""
-    other_errors, network = yardstick[window], errors.position_error[errors.counted, window]
-    own, other = rms(network[:, np.isfinite(other_errors)]), rms(other_errors[np.isfinite(network).any(axis=0)])
-    return own / other if own is not None and other else None
+    return ratio_of_rms(errors.position_error[errors.counted, window], yardstick[window])
 
 
 def _scored(errors: Errors) -> Scored:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 
 from zenoh_cbef.faults.injected import Injected, Told
@@ -23,10 +25,14 @@ _PLACE = np.full(3, 0.5)
 
 def round_bytes(plan: Plan) -> int:
     """Bytes of one consensus message; with less precision, of most of them."""
-    width = plan.message_size
     if plan.compact is not None:
         return HEAD_BYTES + plan.compact.size
-    return len(RoundCodec(plan.scenario.name, "agent/0", width).encode(0, _SENT, 1, 1, np.zeros(width)))
+    return _whole_bytes(plan.scenario.name, plan.message_size)
+
+
+@cache
+def _whole_bytes(run: str, width: int) -> int:
+    return len(RoundCodec(run, "agent/0", width).encode(0, _SENT, 1, 1, np.zeros(width)))
 
 
 def range_bytes(plan: Plan) -> int:
@@ -64,7 +70,8 @@ def other_bytes(plan: Plan) -> float:
 
 def _estimate(plan: Plan) -> Estimate:
     """What agent 0 says once its filter is past the first fix: which numbers there are matters, not what they are."""
-    plan = _begun(plan)
+    # Where the scenario lets agents begin at their initial estimates they need no first fix.
+    plan = Plan(plan.scenario.changed(filter={"start": "given"}))
     tracker, neighbours = agent_tracker(plan, 0)
     places = agent_positions(plan.scenario)[:, 0]
     # Ranges to a point beside the agents: no row of any filter is without information.
@@ -76,12 +83,6 @@ def _estimate(plan: Plan) -> Estimate:
         tracker.conclude()
     tracker.measure(measurement)
     return tracker.conclude()
-
-
-def _begun(plan: Plan) -> Plan:
-    """The same without a first fix, where the scenario lets agents begin at their initial estimates."""
-    filter_ = plan.scenario.filter.model_copy(update={"start": "given"})
-    return Plan(plan.scenario.model_copy(update={"filter": filter_}))
 
 
 def _counts(plan: Plan, agent: int, neighbours: list[int], step: int) -> dict[str, object]:

@@ -17,11 +17,12 @@ from zenoh_cbef.cli.options.places import beside, new_folder_of
 from zenoh_cbef.cli.options.shared import AsJson, Force, Skip, Smooth
 from zenoh_cbef.cli.options.smoothing import smoothed
 from zenoh_cbef.cli.options.typesetting import AsTable
-from zenoh_cbef.cli.terminal.console import console, tell, tell_what_lacks
+from zenoh_cbef.cli.terminal.console import console, say, tell, tell_what_lacks
 from zenoh_cbef.cli.terminal.results import metrics_table
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.read.parts import find_log
 from zenoh_cbef.log.read.trace import read_trace
+from zenoh_cbef.numbers import SKIPPED
 
 
 def _analyze(
@@ -30,7 +31,7 @@ def _analyze(
         typer.Argument(metavar="LOG", autocompletion=logs, help="A log, the folder of a run, or the files of one run."),
     ] = None,
     as_json: AsJson = False,
-    skip: Skip = 0.25,
+    skip: Skip = SKIPPED,
     output: Annotated[
         Path | None, typer.Option("--output", "-o", metavar="DIR", help="Folder for metrics.json; default: the log's.")
     ] = None,
@@ -62,7 +63,7 @@ def _analyze(
         failed = write_outputs(analysis, folder, prefix, report=report, remedy="name another folder with --output")
         page = folder / f"{prefix}{REPORT}"
         if report and page.exists() and not (as_json or as_table):
-            console.print(f"report  {page}", highlight=False, soft_wrap=True)
+            say(f"report  {page}")
     tell_what_lacks(notes(analysis.metrics))
     # An output that the user asked for and that cannot be written is a mistake; of the others a note is enough.
     if failed and (output or report):
