@@ -36,15 +36,14 @@ class ToldRanges:
 
     Where steps are long for the motion, or ranges few, or the target turns as it likes, priors are wide against a
     range's curvature and against outliers. A range alone then says neither where to linearise it nor whether it is
-    right; together they do. So an agent puts its range into its payload in place of information, at a place of its
-    own, and zeros at the others':
+    right; together they do. So an agent's payload has its range in place of information, at a place of its own:
 
         y_i = (x_i, 0 ... 0, 1, p_i, r_i, t_i, sigma_i, 0 ... 0)
 
-    Averaging weighs what agent j told by some w_j, and so the 1 beside it: their ratio is what it told exactly, by
-    whatever way it came. Each then computes the same: squared ranges, and which of them are wrong (branching.py), for
-    each of the motions between which the target switches, weighed by the likelihood of all ranges (switching.py). An
-    agent that missed some of them differs a little, until later ranges count for more than those.
+    Averaging weighs what agent j told by some w_j, and so the 1 beside it: their ratio is exactly what it told, by
+    whatever way. Each then computes the same: squared ranges, and which of them are wrong (branching.py), for each
+    of the motions between which the target switches, weighed by the likelihood of all ranges (switching.py). An agent
+    that missed some of them differs a little, until later ranges count for more.
 
     The estimate begins with the mean of the agents' guesses x_i, which is worth as much as there are independent ones,
     or anywhere: a second prior, unlikely beforehand, about which ranges decide: of one motion in as many steps as that
@@ -55,7 +54,7 @@ class ToldRanges:
     position and of velocity are independent. outliers: see branching.py. own_std: of constant biases, m, which are all
     estimated beside position and velocity, of one linear motion; 0: there are none. anywhere: where the target may be
     if the guesses are wrong, state (1, s) and covariance (1, s, s). splits: how hypotheses are split over which ranges
-    bend, of which several stay then (splitting.py); 0: none.
+    bend, of which several stay then (splitting.py); 0: none. least: ranges below it, m, are none.
     """
 
     motions: tuple[Motion, ...]
@@ -70,6 +69,7 @@ class ToldRanges:
     anywhere: tuple[Floats, Floats] | None = None
     seeks: bool = False
     splits: int = 0
+    least: float = -np.inf
 
     @classmethod
     def sharing(cls, settings: FilterSettings) -> Sharing:
@@ -93,6 +93,7 @@ class ToldRanges:
             anywhere=settings.anywhere,
             seeks=settings.seeks,
             splits=settings.splits,
+            least=settings.least,
         )
 
     @property
@@ -184,7 +185,7 @@ class ToldRanges:
 
     @cached_property
     def _slots(self) -> Slots:
-        return Slots(self.space, self.range_std, self.middle, self.network_size)
+        return Slots(self.space, self.range_std, self.middle, self.network_size, self.least)
 
     @cached_property
     def _contest(self) -> Contest:
