@@ -57,7 +57,8 @@ class FirstFix(Wrapping):
     motion for noise of every range by itself, (q t^2/2)^2, left velocities alone in squared steps, and |q|^2 an unknown
     of its own. outliers: what share of the ranges are too long, and by how much on average, m (contamination).
     own_bias_std: of the agents' own biases, m, where beta^2 is counted as an error that all m ranges share, and not as
-    m beta^2 in each, and the filter begins with what the fix says of these biases; 0: neither. inversion: of matrices.
+    m beta^2 in each, and the filter begins with what the fix says of these biases; 0: neither. least: the least range
+    that is squared, m. inversion: of matrices.
     """
 
     power: ClassVar[int] = 1
@@ -77,6 +78,7 @@ class FirstFix(Wrapping):
     guesses: tuple[int, int] | None = (1, 1)
     outliers: tuple[float, float] | None = None
     own_bias_std: float = 0.0
+    least: float = -np.inf
     inversion: Inversion = BY_LIBRARY
 
     @classmethod
@@ -99,6 +101,7 @@ class FirstFix(Wrapping):
             search=settings.search,
             guesses=settings.guesses,
             own_bias_std=settings.own_bias_std if settings.told_biases else 0.0,
+            least=settings.least,
             inversion=settings.inversion,
         )
 
@@ -108,7 +111,8 @@ class FirstFix(Wrapping):
         return self.guesses is not None
 
     def _squared(self, step: int) -> SquaredRanges:
-        return SquaredRanges(self.space, self.network_size, self.xi, rate=step > 1 or not self.careful)
+        rate = step > 1 or not self.careful
+        return SquaredRanges(self.space, self.network_size, self.xi, rate, self.least)
 
     def update(self, belief: Belief, measurement: Measurement) -> Update:
         """The agent's share of the information in all ranges so far; after the fix the filter's update."""
