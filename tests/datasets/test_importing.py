@@ -40,8 +40,9 @@ def test_csv_with_any_columns_units_and_separators(tmp_path, head, unit, marks, 
     assert "none: no errors are shown" in said
     assert (tmp_path / "set" / "first-fix.png").stat().st_size > 1000
     scenario = load(str(tmp_path / "set" / "scenario.toml")).scenario
-    assert (scenario.dt, scenario.length) == (0.1, STEPS)
-    assert scenario.target.origin == pytest.approx(EPOCH - 0.1)
+    # Ten ranges a second without any noise, of a target that goes round at 3 m/s.
+    assert (scenario.dt, scenario.length) == (0.05, 2 * STEPS - 1)
+    assert scenario.target.origin == pytest.approx(EPOCH - 0.05)
     with pytest.raises(UserError, match="--force"):
         imported(tmp_path / "log.csv", "--anchors", stations, "-o", tmp_path / "set", *options)
 

@@ -10,7 +10,7 @@ from zenoh_cbef.scenario.model import Scenario
 from zenoh_cbef.tracking.filters import abilities_of
 from zenoh_cbef.tracking.motion import LinearMotion, Motion, MotionSettings, NearlyConstantVelocity, make_motion
 
-_RECORDED_ACCELERATION = 1.0
+RECORDED_ACCELERATION = 1.0
 """Acceleration of a real target where the scenario gives none, m/s^2: a walking person, a trolley, a slow vehicle."""
 
 _INDEX, _CALM, _AGILE = 0.5, 0.01, 10.0
@@ -149,7 +149,7 @@ def _acceleration_std(scenario: Scenario, range_std: float) -> float:
         return given
     if target.motion == "ncv" or (scenario.filter.defaults == 1 and target.motion != "dataset"):
         return target.acceleration_std
-    return _RECORDED_ACCELERATION if target.motion == "dataset" else _noise(scenario, range_std, _INDEX)
+    return RECORDED_ACCELERATION if target.motion == "dataset" else _noise(scenario, range_std, _INDEX)
 
 
 def _noise(scenario: Scenario, range_std: float, index: float) -> float:

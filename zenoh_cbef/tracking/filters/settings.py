@@ -44,7 +44,8 @@ class FilterSettings:
     agents presume that ranges fit and that all others are there until they know better. undetermined: whether their
     places leave open where the target is, so that they never say that they track it. sides: whether they say so
     when they do not know on which side of them the target is. bias: none,
-    estimate or auto; likelihoods: whether auto weighs it by these, or by the NIS; common_bias_std, own_bias_std: its
+    estimate or auto; likelihoods: whether auto weighs it by these, or by the NIS; weighs_lasting:
+    whether the more, the less alike errors are; common_bias_std, own_bias_std: its
     prior, m. scale_std: prior of the share by which all ranges may be too long, besides joint biases; 0: by none.
     told_biases: whether they are constant, and as large as told: a first fix says what it knows of them, and
     none is forgotten. joint_biases:
@@ -97,6 +98,7 @@ class FilterSettings:
     anywhere: tuple[Floats, Floats] | None = None
     bias: str = "none"
     likelihoods: bool = True
+    weighs_lasting: bool = False
     common_bias_std: float = 0.0
     own_bias_std: float = 0.0
     scale_std: float = 0.0
