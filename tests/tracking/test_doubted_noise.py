@@ -91,13 +91,33 @@ def test_noise_is_doubted_where_ranges_are_recorded_and_it_is_given():
     for alike in (
         (),
         ("sensor.real=true", "timing.mode=realtime", "filter.range_std=0.2"),
-        *(("filter.range_std=0.2", more) for more in ("filter.defaults=6", "target.motion=circle", "filter.kind=icf")),
+        *(("filter.range_std=0.2", more) for more in ("filter.defaults=6", "filter.motion=decay", "filter.kind=icf")),
     ):
         assert not emulated(*alike)
 
 
+@pytest.mark.parametrize("other", [("target.motion=circle",), ("agents.count=3",)])
+def test_it_is_doubted_with_several_motions_and_with_squared_ranges(other):
+    assert emulated("filter.range_std=0.2", *other)
+    assert not emulated("filter.range_std=0.2", "filter.defaults=14", *other)
+    assert not emulated("filter.range_std=0.2", "filter.motion=ncv", "target.motion=circle")
+
+
 def emulated(*keys):
     return Plan(load("tracking", keys).scenario).settings.doubts_noise
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("other", ["target.motion=circle", "agents.count=3"])
+def test_a_noise_told_half_as_large_makes_no_such_network_too_sure(other):
+    def nees(rules):
+        keys = [f"filter.defaults={rules}", "filter.range_std=0.05", "target.radius=5", "seed=1001", "steps=100", other]
+        (run,) = errors(simulate([load("tracking", keys).scenario]))
+        return np.nanmean(run.nees[:, 50:]) / 6.0
+
+    now, before = nees(15), nees(14)
+    assert now < 1.3
+    assert before > 1.5
 
 
 @pytest.mark.slow

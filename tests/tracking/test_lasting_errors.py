@@ -54,6 +54,14 @@ def test_what_the_signs_share_tells_the_correlation(correlation):
     np.testing.assert_allclose(known.alike, [correlation, 0.0], atol=1e-12)
 
 
+def test_errors_are_taken_for_alike_until_many_are_known():
+    rng = np.random.default_rng(8)
+    assert Receiver.first(1).surely == 0.98
+    few, many = (taught(lasting(rng, (200, count), 0.0)) for count in (20, 300))
+    assert np.median(few.surely - few.alike) > 0.3
+    np.testing.assert_allclose(many.surely, many.alike, atol=0.03)
+
+
 def test_a_range_that_was_not_measured_teaches_nothing():
     known = taught(lasting(np.random.default_rng(2), (3, 50), 0.8))
     nothing, one = np.full(3, np.nan), np.ones(3)

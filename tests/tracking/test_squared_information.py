@@ -14,6 +14,7 @@ from zenoh_cbef.scenario.load import load, parse
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.simulator import simulate
 from zenoh_cbef.tracking.filters import Belief, FilterSettings, make_filter, sharing_of
+from zenoh_cbef.tracking.filters.models.slots import Slots
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
 from zenoh_cbef.tracking.ranging import Measurement, Space, no_neighbours
 
@@ -234,3 +235,23 @@ def test_an_older_log_means_linearising_before():
 def test_a_filter_that_cannot_is_refused():
     with pytest.raises(UserError, match="linearise = 'after' is not for 'ci'"):
         load("tracking", ["filter.kind=ci", "filter.linearise=after"])
+
+
+def test_a_range_below_zero_is_none_for_its_square_is_that_of_another():
+    def said(value, least=0.0):
+        belief, heard = scene(Space())
+        heard.range[1] = value
+        return make_filter("sicf", replace(settings_of(Space()), least=least)).update(belief, heard).payload
+
+    np.testing.assert_array_equal(said(-45.0), said(np.nan))
+    assert (said(-45.0, -np.inf) != said(np.nan)).any()
+    assert (said(0.0) != said(np.nan)).any()
+
+
+def test_agents_that_tell_their_ranges_tell_none_below_zero_and_hear_none():
+    _, heard = scene(Space())
+    heard.range[1] = -45.0
+    slots = Slots(Space(), STD, (0.0, 0.0, 0.0), COUNT, 0.0)
+    assert slots.told(heard)[:, 0].tolist() == [0.0, 0.0, 1.0, 1.0, 1.0]
+    own = slots.at(heard.position[:, None], heard.range[:, None], heard.age[:, None], np.ones((COUNT, 1)))
+    assert np.isnan(own.range[:, 0]).tolist() == [True, True, False, False, False]
