@@ -111,8 +111,7 @@ class FirstFix(Wrapping):
         return self.guesses is not None
 
     def _squared(self, step: int) -> SquaredRanges:
-        rate = step > 1 or not self.careful
-        return SquaredRanges(self.space, self.network_size, self.xi, rate, self.least)
+        return SquaredRanges(self.space, self.network_size, self.xi, step > 1 or not self.careful, self.least)
 
     def update(self, belief: Belief, measurement: Measurement) -> Update:
         """The agent's share of the information in all ranges so far; after the fix the filter's update."""
@@ -132,7 +131,7 @@ class FirstFix(Wrapping):
         """The update of a step of the fix."""
         latest, prior, seen, correction = self._history(belief, measurement)
         variance, rows = self._linearised(latest, seen, correction, measurement)
-        if self._squares(seen.steps):
+        if seen.steps <= self._squared_steps:
             first = latest if belief.memory else self._wide(prior, seen.steps)
             payload = self._at_rest(prior, first, seen, variance)
         else:
@@ -144,7 +143,7 @@ class FirstFix(Wrapping):
         """What a step of the fix finds."""
         *history, predicted = update.kept
         steps, prior = history[-1].shape[1], Belief(history[0], history[1])
-        if self._squares(steps):
+        if steps <= self._squared_steps:
             fix = self._fix_at_rest(payload, update.payload, prior, steps)
         else:
             fix = self._fix_moving(payload, update.payload)
@@ -208,9 +207,6 @@ class FirstFix(Wrapping):
         axes, size = self.space.axes, self.motion.size
         room = self.payload_size - self._squared(step).size
         return slice(axes, size if self.careful and room >= size - axes else axes)
-
-    def _squares(self, step: int) -> bool:
-        return step <= self._squared_steps
 
     @property
     def _squared_steps(self) -> int:
