@@ -125,7 +125,7 @@ BIASED = '{kind="sensor-bias",bias=0.3,agents=[1]}'
 @pytest.mark.parametrize(
     ("fault", "rules", "models", "power"),
     [
-        (SILENT, 15, 4, 1),
+        (SILENT, 15, 5, 1),
         (SPIKES, 15, 4, 2),
         (STUCK, 15, 4, 1),
         (BIASED, 15, 0, 1),

@@ -111,8 +111,7 @@ class FirstFix(Wrapping):
         return self.guesses is not None
 
     def _squared(self, step: int) -> SquaredRanges:
-        rate = step > 1 or not self.careful
-        return SquaredRanges(self.space, self.network_size, self.xi, rate, self.least)
+        return SquaredRanges(self.space, self.network_size, self.xi, step > 1 or not self.careful, self.least)
 
     def update(self, belief: Belief, measurement: Measurement) -> Update:
         """The agent's share of the information in all ranges so far; after the fix the filter's update."""
