@@ -172,6 +172,7 @@ class Filtering:
             tells_ranges=self.tells_ranges,
             seeks=self.seeks,
             splits=self.splits,
+            ties=chosen.defaults > 14,
             plane=self.plane,
             space=self.space,
             range_std=self.range_std,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from zenoh_cbef.scenario import trust
+from zenoh_cbef.scenario import start, trust
 from zenoh_cbef.scenario.model import Scenario
 from zenoh_cbef.tracking.filters import abilities_of
 from zenoh_cbef.tracking.motion import LinearMotion, Motion, MotionSettings, NearlyConstantVelocity, make_motion
@@ -63,7 +63,8 @@ def leaving(scenario: Scenario, *, doubted: bool, told: bool) -> tuple[float, ..
 def assumed_models(scenario: Scenario, range_std: float, axes: int, *, told: bool = False) -> tuple[Motion, ...]:
     """The motions between which the target switches, the most agile one last.
 
-    told: agents tell each other their ranges, so a motion more makes no message longer.
+    told: agents tell each other their ranges, so a motion more makes no message longer. In long steps an agile target
+    goes astray by more than a few standard deviations of a range: motions follow, as far apart as those before them.
     """
     chosen, settings = scenario.filter, _settings(scenario, range_std, axes)
     if chosen.models:
@@ -75,8 +76,16 @@ def assumed_models(scenario: Scenario, range_std: float, axes: int, *, told: boo
     if chosen.acceleration_std is None and chosen.defaults > 13:
         calm = _noise(scenario, range_std, _CALMEST)
     between = [("ncv", (middle * agile) ** 0.5)] if told and chosen.defaults > 12 else []
-    each = ("ncv", calm), ("turn", calm), ("ncv", middle), *between, (chosen.agile, agile)
+    each = [("ncv", calm), ("turn", calm), ("ncv", middle), *between, (chosen.agile, agile)]
+    if told and start.leaps(scenario, range_std):
+        while each[-1][1] < farthest(scenario):
+            each.append((chosen.agile, each[-1][1] * (_AGILE / _INDEX) ** 0.5))
     return tuple(make_motion(name, replace(settings, acceleration_std=std)) for name, std in each)
+
+
+def farthest(scenario: Scenario) -> float:
+    """The acceleration, m/s^2, of a target that may be anywhere in the box around the agents a step later."""
+    return max(start.half_box(scenario), start.reach(scenario)) / scenario.dt**2
 
 
 def doubted_noises(scenario: Scenario, motion: Motion, *, told: bool) -> tuple[Motion, ...]:

@@ -45,6 +45,16 @@ def first_std(scenario: Scenario, *, fixed: bool) -> Floats:
     return (widened_std if fixed and unknown(scenario) else initial_std)(scenario)
 
 
+def reach(scenario: Scenario) -> float:
+    """How far a target gets in a step, m, of whose velocity no more is known than before the first fix."""
+    return max(_FASTEST, float(initial_std(scenario)[3])) * scenario.dt
+
+
+def leaps(scenario: Scenario, range_std: float) -> bool:
+    """Whether ranges bend by more than their noise (m) over that: then a step is long for any target that turns."""
+    return scenario.filter.defaults > 14 and reach(scenario) ** 2 > 2.0 * half_box(scenario) * range_std
+
+
 def unknown(scenario: Scenario) -> bool:
     """Whether the scenario says nothing of where its target, a recorded one, starts."""
     return scenario.target.motion == "dataset" and scenario.filter.initial_position is None

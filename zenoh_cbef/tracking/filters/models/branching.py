@@ -63,7 +63,8 @@ class Branches:
 
     mean: (n, k, d). covariance: (n, k, d, d). likelihood: (n, k), its logarithm. wrong: (n, k), how many ranges of the
     step are. biases: where those of a state begin. share: (n, 1), p where the scenario tells of no outliers; None: by
-    the first rules.
+    the first rules. slack: (n, k), m^4, the variance that e has about its regression on x; None: e stays tied to x by
+    that alone.
     Squared ranges are linear in y = (x, e), e = |u|^2 with the position u: see `SquaredInformation`, which has the same
     equations. x: position, velocity, what else moves it, and perhaps the agents' biases from component `biases` on.
 
@@ -88,10 +89,13 @@ class Branches:
     axes: int
     biases: int | None = None
     share: Floats | None = None
+    slack: Floats | None = None
 
     @classmethod
-    def of(cls, priors: Priors, axes: int, biases: int | None = None, share: Floats | None = None) -> Branches:
-        """Of each prior one; e as the statistical linear regression on it tells."""
+    def of(
+        cls, priors: Priors, axes: int, biases: int | None = None, share: Floats | None = None, *, ties: bool = False
+    ) -> Branches:
+        """Of each prior one; e as the statistical linear regression on it tells. ties: see `tied`."""
         state, covariance, likelihood = priors
         size, place = state.shape[2], state[:, :, :axes]
         known = np.ascontiguousarray(covariance[:, :, :axes, :axes])
@@ -105,8 +109,10 @@ class Branches:
         slope[:, :, :axes] = 2.0 * place
         cross = matvec(covariance, slope)
         whole[:, :, :size, size] = whole[:, :, size, :size] = cross
-        whole[:, :, size, size] = np.add.reduce(slope * cross, axis=2) + 2.0 * np.add.reduce(flat * flat, axis=2)
-        return cls(mean, whole, likelihood, np.zeros_like(likelihood), axes, biases, share)
+        slack = 2.0 * np.add.reduce(flat * flat, axis=2)
+        whole[:, :, size, size] = np.add.reduce(slope * cross, axis=2) + slack
+        none = np.zeros_like(likelihood)
+        return cls(mean, whole, likelihood, none, axes, biases, share, slack if ties else None)
 
     def expected(self, heard: Heard, agent: int, which: Rows | None = None) -> Expected:
         """Of one agent's range: column `agent` of what was heard, whose bias is that of agent `which`."""
@@ -157,6 +163,7 @@ class Branches:
             covariance=np.concatenate([covariance, self.covariance], axis=1),
             likelihood=likelihood,
             wrong=np.concatenate([self.wrong, self.wrong + there], axis=1),
+            slack=_beside(self.slack, self.slack),
         )
         return both.likeliest(many)
 
@@ -169,14 +176,50 @@ class Branches:
             covariance=np.take_along_axis(self.covariance, kept[:, :, None, None], axis=1),
             likelihood=np.take_along_axis(self.likelihood, kept, axis=1),
             wrong=np.take_along_axis(self.wrong, kept, axis=1),
+            slack=None if self.slack is None else np.take_along_axis(self.slack, kept, axis=1),
+        )
+
+    def tied(self) -> Branches:
+        """With e as the square of the position that is found: a branch was tied to it about its prior only.
+
+        Where that is wide, e is as good as free, and one unknown more costs a third of the accuracy that six ranges
+        have. After them it is known what e is, to second order. So what the regression about the posterior says more
+        than that about the prior is one more measurement:
+
+            |u|^2 + tr C = e - 2 u^T du,  of variance 1/a,  a = 1/(2 tr C^2) - 1/slack,    u ~ N(u, C) the position
+
+        Likelihoods are those of branches which were tied so from the start.
+        """
+        if self.slack is None:
+            return self
+        place, size = self.mean[:, :, : self.axes], self.mean.shape[2] - 1
+        known = np.ascontiguousarray(self.covariance[:, :, : self.axes, : self.axes])
+        flat = known.reshape(*known.shape[:2], -1)
+        square = np.add.reduce(place * place, axis=2)
+        for axis in range(self.axes):
+            square = square + known[:, :, axis, axis]
+        row = np.zeros_like(self.mean)
+        row[:, :, : self.axes], row[:, :, size] = -2.0 * place, 1.0
+        left = np.maximum(2.0 * np.add.reduce(flat * flat, axis=2), np.finfo(np.float64).tiny)
+        more = np.maximum(1.0 / left - 1.0 / self.slack, 0.0)
+        cross = matvec(self.covariance, row)
+        total_ = 1.0 + more * np.maximum(np.add.reduce(row * cross, axis=2), 0.0)
+        excess = square - self.mean[:, :, size]
+        gain = (more / total_)[:, :, None] * cross
+        gained = np.log(np.where(more > 0.0, self.slack / left, 1.0) / total_) - more * excess**2 / total_
+        return replace(
+            self,
+            mean=self.mean + gain * excess[:, :, None],
+            covariance=self.covariance - outer(gain, cross),
+            likelihood=self.likelihood + 0.5 * gained,
         )
 
     def some(self, part: slice) -> Branches:
         """Some of the branches."""
         mean, covariance = self.mean[:, part], self.covariance[:, part]
-        return replace(
-            self, mean=mean, covariance=covariance, likelihood=self.likelihood[:, part], wrong=self.wrong[:, part]
-        )
+        slack = None if self.slack is None else self.slack[:, part]
+        each = {"likelihood": self.likelihood[:, part], "wrong": self.wrong[:, part], "slack": slack}
+        return replace(self, mean=mean, covariance=covariance, **each)
 
     def beside(self, other: Branches) -> Branches:
         """These and others."""
@@ -186,6 +229,7 @@ class Branches:
             covariance=np.concatenate([self.covariance, other.covariance], axis=1),
             likelihood=np.concatenate([self.likelihood, other.likelihood], axis=1),
             wrong=np.concatenate([self.wrong, other.wrong], axis=1),
+            slack=_beside(self.slack, other.slack),
         )
 
     def unless(self, rows: Bools) -> Branches:
@@ -223,7 +267,11 @@ def conditioned(prior: Branches, heard: Heard, outliers: tuple[float, float] | N
     """The branches after all ranges, of which so many stay after each."""
     for agent in range(heard.range.shape[1]):
         prior = prior.after(heard, agent, outliers, many)
-    return prior
+    return prior.tied()
+
+
+def _beside(one: Floats | None, other: Floats | None) -> Floats | None:
+    return None if one is None or other is None else np.concatenate([one, other], axis=1)
 
 
 def likelihoods(

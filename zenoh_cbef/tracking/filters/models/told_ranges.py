@@ -70,6 +70,7 @@ class ToldRanges:
     anywhere: tuple[Floats, Floats] | None = None
     seeks: bool = False
     splits: bool = False
+    ties: bool = False
 
     @classmethod
     def sharing(cls, settings: FilterSettings) -> Sharing:
@@ -93,6 +94,7 @@ class ToldRanges:
             anywhere=settings.anywhere,
             seeks=settings.seeks,
             splits=settings.splits,
+            ties=settings.ties,
         )
 
     @property
@@ -137,7 +139,7 @@ class ToldRanges:
             centred = self._centred(state)
             centred[:, 0, : self._told] += guessed
             whole = centred, rest[0], rest[1]
-            prior = Branches.of(split(whole, heard) if self.splits else whole, *known)
+            prior = Branches.of(split(whole, heard) if self.splits else whole, *known, ties=self.ties)
             branches, later = self._after(prior, heard, counts)
             after, spread, likelihood = branches.merged()
             found.append((self._centred(after, -1.0), spread))
