@@ -48,16 +48,24 @@ class Filtering:
     @alike
     def motion(self) -> Motion:
         """The filter's model of the target's motion; beside several, that of the first fix."""
-        return assumed_motion(self.scenario, self.range_std, self.space.axes)
+        return assumed_motion(self.scenario, self.range_std, self.space.axes, leaps=self._leaps)
 
     @alike
     def models(self) -> tuple[Motion, ...]:
         """The motions between which the target switches; none where the filter assumes one."""
         return (
             assumed_models(self.scenario, self.range_std, self.space.axes, told=self.tells_ranges)
-            if self._switches
+            if self._switches and not self._leaps
             else ()
         )
+
+    @alike
+    def _leaps(self) -> bool:
+        """Whether steps are too long for several motions of agents that do not tell each other their ranges.
+
+        Each would linearise its own range at the agile one's prior, over which ranges bend. Squared ranges are of one.
+        """
+        return self._switches and not self.tells_ranges and start.leaps(self.scenario, self.range_std)
 
     @alike
     def _switches(self) -> bool:
@@ -75,7 +83,9 @@ class Filtering:
         single = self.bias != "none" or self.distrusts_others or self.models or self.plane
         mistaken = self.tells_ranges and telling.may_mistake(self.scenario, self.range_std, self.space.axes)
         unfit = single or mistaken or not self.abilities.models or self.scenario.filter.recovery
-        return () if unfit else doubted_noises(self.scenario, self.motion, told=self.tells_ranges)
+        return () if unfit else doubted_noises(
+            self.scenario, self.motion, told=self.tells_ranges, leaps=self._leaps
+        )
 
     @alike
     def tells_ranges(self) -> bool:
