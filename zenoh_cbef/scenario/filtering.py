@@ -60,12 +60,23 @@ class Filtering:
         )
 
     @alike
-    def _leaps(self) -> bool:
-        """Whether steps are too long for several motions of agents that do not tell each other their ranges.
+    def _may_leap(self) -> bool:
+        """Whether steps are so long that a target which turns may be anywhere after one, and ranges tell where."""
+        scenario = self.scenario
+        turns = scenario.filter.motion == "auto" and switches(scenario, alone=False) and self.abilities.models
+        return turns and scenario.count > self.space.axes and start.leaps(scenario, self.range_std)
 
-        Each would linearise its own range at the agile one's prior, over which ranges bend. Squared ranges are of one.
+    @alike
+    def _leaps(self) -> bool:
+        """Whether one motion that leaps in this way stands for several.
+
+        That is where biases leave room for one, or agents do not tell each other their ranges: each would linearise its
+        own at the agile motion's prior, over which ranges bend. Squared ranges are of one motion. But no agent alone
+        tells a wrong range at such a prior.
         """
-        return self._switches and not self.tells_ranges and start.leaps(self.scenario, self.range_std)
+        if self.tells_ranges:
+            return self._may_leap and not self._switches
+        return self._may_leap and not (self.distrusts_others or trust.may_be_wrong(self.scenario))
 
     @alike
     def _switches(self) -> bool:
@@ -91,7 +102,9 @@ class Filtering:
     def tells_ranges(self) -> bool:
         """Whether agents tell each other their ranges, of which each takes in all."""
         assumed = self.scenario, self.range_std, self.space.axes
-        motions = assumed_models(*assumed) if self._switches else (self.motion,)
+        motions = (
+            assumed_models(*assumed) if self._switches else (assumed_motion(*assumed, leaps=self._may_leap),)
+        )
         return telling.tells_ranges(self.scenario, motions, self.range_std, self.settling_steps)
 
     @property
@@ -182,7 +195,7 @@ class Filtering:
             tells_ranges=self.tells_ranges,
             seeks=self.seeks,
             splits=self.splits,
-            ties=chosen.defaults > 14,
+            ties=self._switches and start.leaps(scenario, self.range_std),
             plane=self.plane,
             space=self.space,
             range_std=self.range_std,
