@@ -195,7 +195,7 @@ class Filtering:
             tells_ranges=self.tells_ranges,
             seeks=self.seeks,
             splits=self.splits,
-            ties=self._switches and start.leaps(scenario, self.range_std),
+            ties=self._may_leap,
             plane=self.plane,
             space=self.space,
             range_std=self.range_std,

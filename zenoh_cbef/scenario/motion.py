@@ -98,7 +98,8 @@ def doubted_noises(scenario: Scenario, motion: Motion, *, told: bool, leaps: boo
     other their ranges, and each noise has many branches. leaps: the motion's noise is the largest one.
     """
     chosen, stage = scenario.filter, scenario.consensus
-    known = (scenario.target.motion == "ncv" and chosen.acceleration_std is None) or chosen.defaults < 13
+    told_of = scenario.target.motion == "ncv" and chosen.acceleration_std is None and not _begins_at_rest(scenario)
+    known = told_of or chosen.defaults < 13
     exact = not (stage.precision.startswith("int") or stage.trigger or stage.lag or stage.trim)
     together = exact and scenario.count > 1 and stage.rounds > 0 and chosen.measurement == "range"
     if known or trust.real(scenario) or not together or not isinstance(motion, LinearMotion) or motion.extra_std:
@@ -151,9 +152,15 @@ def _acceleration_std(scenario: Scenario, range_std: float) -> float:
     target, given = scenario.target, scenario.filter.acceleration_std
     if given is not None:
         return given
-    if target.motion == "ncv" or (scenario.filter.defaults == 1 and target.motion != "dataset"):
+    of_target = target.motion == "ncv" and not _begins_at_rest(scenario)
+    if of_target or (scenario.filter.defaults == 1 and target.motion != "dataset"):
         return target.acceleration_std
     return _RECORDED_ACCELERATION if target.motion == "dataset" else _noise(scenario, range_std, _INDEX)
+
+
+def _begins_at_rest(scenario: Scenario) -> bool:
+    """Whether each step does for the filter: its q then is no acceleration of a target that keeps its velocity."""
+    return scenario.filter.motion == "stationary" and scenario.filter.defaults > 14
 
 
 def _noise(scenario: Scenario, range_std: float, index: float) -> float:
