@@ -94,17 +94,13 @@ class Filtering:
         single = self.bias != "none" or self.distrusts_others or self.models or self.plane
         mistaken = self.tells_ranges and telling.may_mistake(self.scenario, self.range_std, self.space.axes)
         unfit = single or mistaken or not self.abilities.models or self.scenario.filter.recovery
-        return () if unfit else doubted_noises(
-            self.scenario, self.motion, told=self.tells_ranges, leaps=self._leaps
-        )
+        return () if unfit else doubted_noises(self.scenario, self.motion, told=self.tells_ranges, leaps=self._leaps)
 
     @alike
     def tells_ranges(self) -> bool:
         """Whether agents tell each other their ranges, of which each takes in all."""
         assumed = self.scenario, self.range_std, self.space.axes
-        motions = (
-            assumed_models(*assumed) if self._switches else (assumed_motion(*assumed, leaps=self._may_leap),)
-        )
+        motions = assumed_models(*assumed) if self._switches else (assumed_motion(*assumed, leaps=self._may_leap),)
         return telling.tells_ranges(self.scenario, motions, self.range_std, self.settling_steps)
 
     @property

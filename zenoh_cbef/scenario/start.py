@@ -46,8 +46,10 @@ def first_std(scenario: Scenario, *, fixed: bool) -> Floats:
 
 
 def reach(scenario: Scenario) -> float:
-    """How far a target gets in a step, m, of whose velocity no more is known than before the first fix."""
-    return max(_FASTEST, float(initial_std(scenario)[3])) * scenario.dt
+    """How far an emulated target gets in a step, m, if it is as fast as agents are told at first, in any direction."""
+    given = scenario.filter.initial_velocity
+    told = np.linalg.norm(np.atleast_2d(target_start(scenario)[3:] if given is None else given), axis=1)
+    return max(_FASTEST, float(initial_std(scenario)[3]), float(told.max())) * scenario.dt
 
 
 def leaps(scenario: Scenario, range_std: float) -> bool:

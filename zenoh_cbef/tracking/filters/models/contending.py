@@ -55,7 +55,9 @@ class Contest:
         whole = holds
         if doubts.any():
             ties = prior.slack is not None
-            born = Branches.of((*elsewhere[:2], elsewhere[2] + _ELSEWHERE), self.axes, prior.biases, prior.share, ties=ties)
+            born = Branches.of(
+                (*elsewhere[:2], elsewhere[2] + _ELSEWHERE), self.axes, prior.biases, prior.share, ties=ties
+            )
             rises = conditioned(rises.beside(born), heard, self.outliers).unless(~doubts)
             whole = holds.beside(rises)
         most = np.maximum.reduce(whole.likelihood, axis=1)[:, None]
