@@ -33,7 +33,7 @@ def started(scenario: Scenario, seeds: int) -> tuple[Floats, Floats]:
     The MSEE is the mean of squared errors of position and velocity of all steps so far; the bound's the same of
     what the posterior Cramer-Rao bound allows, which starts from all agents' guesses.
     """
-    runs = [scenario.model_copy(update={"seed": FIRST + more}) for more in range(seeds)]
+    runs = [scenario.changed(seed=FIRST + more) for more in range(seeds)]
     with np.errstate(all="ignore"):
         traces = simulate(runs)
     nees, errors, least = [], [], []

@@ -96,7 +96,7 @@ def measured(keys: tuple[str, ...], rounds: int, setting: Setting, seeds: int = 
     if (setting.precision.startswith("int") or setting.trigger) and not loaded.plan.sharing.blocks:
         return None
     scenario = loaded.scenario
-    runs = analyze(simulate([scenario.model_copy(update={"seed": FIRST + one}) for one in range(seeds)]))
+    runs = analyze(simulate([scenario.changed(seed=FIRST + one) for one in range(seeds)]))
     told = [[pick(one.metrics, name) for one in runs] for name in ("position_rmse", "nees.average")]
     steps, silent = ([pick(one.metrics, name) for one in runs] for name in ("link_bytes_per_step", "silent"))
     dimension = next((one.metrics.nees.dimension for one in runs if one.metrics.nees), np.nan)

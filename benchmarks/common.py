@@ -76,7 +76,7 @@ def followed(parts: Sequence[Part], description: str) -> Iterable[Part]:
 def analyses(name: str, overrides: Sequence[str] = (), *, seeds: int = SEEDS) -> list[Analysis]:
     """Simulate a scenario under seeds 1, 2, ..., as one batch, and analyse the runs."""
     scenario = load(name, overrides).scenario
-    return analyze(simulate([scenario.model_copy(update={"seed": seed}) for seed in range(1, seeds + 1)]))
+    return analyze(simulate([scenario.changed(seed=seed) for seed in range(1, seeds + 1)]))
 
 
 class Children:

@@ -65,8 +65,7 @@ def scenario_of(agents: int, steps: int = _STEPS) -> Scenario:
     keys = [f"agents.count={agents}", "agents.low=0.0", f"agents.high={edge}", f"target.position={middle}"]
     keys += ["network.graph=geometric", "consensus.rounds=10", f"sensor.reach={_REACH}", f"steps={steps}"]
     scenario = load("tracking", keys).scenario
-    network = scenario.network.model_copy(update={"radius": _radius(placement(scenario))})
-    return scenario.model_copy(update={"network": network})
+    return scenario.changed(network={"radius": _radius(placement(scenario))})
 
 
 def _radius(places: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> float:

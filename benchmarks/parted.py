@@ -34,7 +34,7 @@ def run(repeats: int, seeds: int = SEEDS, first: int = FIRST) -> Iterator[Table]
     del repeats
     one = scenario_of(cases()[CASE])
     with np.errstate(all="ignore"):
-        traces = simulate([one.model_copy(update={"seed": first + more}) for more in range(seeds)])
+        traces = simulate([one.changed(seed=first + more) for more in range(seeds)])
         done = analyze([believed(trace) for trace in traces])
         parted = [each for each in done if len(_groups(each.trace)) > 1]
         rows = [_row(each, group) for each in parted for group in _groups(each.trace)]

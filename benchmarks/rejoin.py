@@ -33,7 +33,7 @@ COMMAND = [sys.executable, "-m", "zenoh_cbef"]
 def simulated(fault: str) -> list[Trace]:
     """`tracking` with a fault, many seeds."""
     first = load("tracking", [f"fault=[{{{fault}, {TIMES}}}]"]).scenario
-    return simulate([first.model_copy(update={"seed": seed}) for seed in range(1, SEEDS + 1)])
+    return simulate([first.changed(seed=seed) for seed in range(1, SEEDS + 1)])
 
 
 def against_neighbours(trace: Trace, first: int) -> float:

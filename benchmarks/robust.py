@@ -54,7 +54,7 @@ def runs_of(name: str, overrides: Sequence[str] = (), *, seeds: int = SEEDS) -> 
     """Simulate and analyse a scenario under seeds 1, 2, ..., as one batch; a run that diverges shows in the figures."""
     scenario = load(name, overrides).scenario
     with np.errstate(all="ignore"):
-        return analyze(simulate([scenario.model_copy(update={"seed": seed}) for seed in range(1, seeds + 1)]))
+        return analyze(simulate([scenario.changed(seed=seed) for seed in range(1, seeds + 1)]))
 
 
 def spread(values: Floats) -> str:
@@ -84,7 +84,7 @@ def liars(seeds: int = SEEDS) -> Iterator[Row]:
 def sparse_liars(seeds: int = SEEDS) -> Iterator[Row]:
     """One agent of six lies throughout, density 0.5; the other five against a filter that has their five ranges."""
     drawn = load("tracking").scenario
-    parted = [not _joined(network.edges(drawn.model_copy(update={"seed": seed}))) for seed in range(1, GRAPHS + 1)]
+    parted = [not _joined(network.edges(drawn.changed(seed=seed))) for seed in range(1, GRAPHS + 1)]
     yield Row(f"graphs of {GRAPHS} that agent 3 parts", f"{np.mean(parted):.1%}")
     for name, keys in LIES.items():
         fault = f'fault=[{{kind="byzantine", agents=[3], {keys}}}]'

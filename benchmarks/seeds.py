@@ -28,7 +28,7 @@ CASES = {"clean": ([], 12.0), "30 % loss": ([LOSS], 15.0)}
 def runs(seeds: Sequence[int], settings: Sequence[str]) -> list[Scenario]:
     """`tracking` with these settings."""
     scenario = load("tracking", settings).scenario
-    return [scenario.model_copy(update={"seed": seed}) for seed in seeds]
+    return [scenario.changed(seed=seed) for seed in seeds]
 
 
 def analysed(seeds: Sequence[int], settings: Sequence[str]) -> list[Trace]:

@@ -84,7 +84,7 @@ def _named(lag: float | None) -> str:
 def traces_of(scenario: str, overrides: Sequence[str], seeds: int) -> list[Trace]:
     """Simulated runs under seeds 1, 2, ..., as one batch."""
     chosen = load(scenario, overrides).scenario
-    return simulate([chosen.model_copy(update={"seed": seed}) for seed in range(1, seeds + 1)])
+    return simulate([chosen.changed(seed=seed) for seed in range(1, seeds + 1)])
 
 
 def with_lag(traces: Sequence[Trace], lag: float | None) -> list[Analysis]:
@@ -92,8 +92,7 @@ def with_lag(traces: Sequence[Trace], lag: float | None) -> list[Analysis]:
     plan, steps = traces[0].plan, len(traces[0].time)
     if plan.models:  # Of what its several models know a trace has no more than position and velocity.
         waits = {"lag_seconds": steps * plan.scenario.dt if lag is None else lag}
-        chosen = plan.scenario.filter.model_copy(update=waits)
-        again = simulate([one.scenario.model_copy(update={"filter": chosen}) for one in traces])
+        again = simulate([one.scenario.changed(filter=waits) for one in traces])
         return analyze(again, strongest=False)
     waited = steps if lag is None else round(lag / plan.scenario.dt)
     states, covariances = (np.concatenate([getattr(one, name) for one in traces]) for name in _PARTS)

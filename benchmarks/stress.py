@@ -104,7 +104,7 @@ def scenario_of(case: Mapping[str, object], more: Sequence[str] = ()) -> Scenari
 
 def scores(scenario: Scenario, wrong: str = "", seeds: int = SEEDS, first: int = FIRST) -> Scores:
     """Simulate and score the seeds of a case, from the first one on, as one batch."""
-    scenarios = [scenario.model_copy(update={"seed": first + more}) for more in range(seeds)]
+    scenarios = [scenario.changed(seed=first + more) for more in range(seeds)]
     heard = [_heard(Plan(one), wrong) for one in scenarios]
     with np.errstate(all="ignore"):
         traces = [believed(trace) for trace in simulate(scenarios, heard=heard)]

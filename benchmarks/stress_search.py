@@ -120,7 +120,7 @@ def _tried(chosen: Sequence[Sequence[str]], wrong: str) -> Found | None:
     """The case, if it loses the network in at least half of the seeds more than the best centralised filter."""
     case: dict[str, object] = {"set": [key for keys in chosen for key in keys]} | ({"wrong": wrong} if wrong else {})
     try:
-        scenario = scenario_of(case).model_copy(update={"steps": _STEPS})
+        scenario = scenario_of(case).changed(steps=_STEPS)
         found = Found(case, scores(scenario, wrong, _SEEDS))
     except UserError:
         return None

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from difflib import get_close_matches
@@ -20,10 +20,13 @@ from importlib.metadata import Distribution, PackageNotFoundError, distribution,
 from importlib.util import find_spec
 from pathlib import Path
 from traceback import walk_tb
+from typing import Generic, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
 from zenoh_cbef.errors import UserError
+
+T = TypeVar("T")
 
 _OURS = "zenoh-cbef"
 _REFERENCE = re.compile(r"([^\W\d]\w*(?:\.[^\W\d]\w*)*):([^\W\d]\w*)", re.ASCII)
@@ -95,6 +98,36 @@ def find(group: str, name: str, own: tuple[str, ...]) -> Plugin:
     return Plugin(classes[attribute], f"{told} sha256:{_hash(spec)}")
 
 
+@dataclass(frozen=True)
+class Registry(Generic[T]):
+    """Classes by name, our own and those of other packages. group: filters, motions or faults.
+
+    plugged: a class of another package, and its name, as what it must be; raises ValueError where it is none. no_class:
+    a name that stands for none.
+    """
+
+    group: str
+    own: Mapping[str, type[T]]
+    plugged: Callable[[type, str], type[T]]
+    no_class: str | None = None
+
+    def kind_of(self, name: str) -> type[T]:
+        """The class of a name. Raises ValueError, to stand after its key, where there is none."""
+        return self.own[name] if name in self.own else self.plugged(self._plugin(name).found, name)
+
+    def mark_of(self, name: str) -> str | None:
+        """Package, version and source of a class of another package; None for one of our own."""
+        return None if name in self.own or name == self.no_class else self._plugin(name).mark
+
+    def options_of(self, name: str, given: Mapping[str, object], key: str) -> dict[str, object]:
+        """All options of a class, see `told_options`. Raises ValueError with a sentence that names the option."""
+        kind = None if name == self.no_class else self.kind_of(name)
+        return told_options(getattr(kind, "options", None), name, given, key)
+
+    def _plugin(self, name: str) -> Plugin:
+        return find(self.group, name, (*self.own, *([self.no_class] if self.no_class else [])))
+
+
 def _missing(module: str) -> str:
     return f"names module {module!r}, which is not installed on this host; install its package on every host"
 
@@ -154,8 +187,16 @@ def _hash(spec: ModuleSpec) -> str:
     return found.hexdigest()[:_DIGITS]
 
 
-def read_options(model: type[BaseModel], given: Mapping[str, object], key: str) -> BaseModel:
-    """The options of a plug-in as its own model has them. Raises ValueError, a sentence that begins with the key."""
+def told_options(model: object, name: str, given: Mapping[str, object], key: str) -> dict[str, object]:
+    """All options of a plug-in, as JSON has them; `{}` for one that has none.
+
+    model: of pydantic, or None. name: of the plug-in. key: of the table, as in filter.options. Raises ValueError with a
+    sentence that names the option.
+    """
+    if not (isinstance(model, type) and issubclass(model, BaseModel)):
+        if given:
+            raise ValueError(f"{key} has {', '.join(given)}, but {name!r} has no options; leave {key} out")
+        return {}
     names = [field.alias or name for name, field in model.model_fields.items()]
     unknown = [name for name in given if name not in names]
     if unknown:
@@ -163,22 +204,9 @@ def read_options(model: type[BaseModel], given: Mapping[str, object], key: str) 
         hint = f"did you mean {near[0]!r}?" if near else f"it has {', '.join(names) or 'none'}"
         raise ValueError(f"{key}.{unknown[0]} is no option of {model.__qualname__}; {hint}")
     try:
-        return model.model_validate(given)
+        return model.model_validate(given).model_dump(mode="json", by_alias=True)
     except ValidationError as error:
         raise ValueError(mistake(error, key)) from None
-
-
-def told_options(model: object, name: str, given: Mapping[str, object], key: str) -> dict[str, object]:
-    """All options of a plug-in, as JSON has them; `{}` for one that has none.
-
-    model: of pydantic, or None. name: of the plug-in. key: of the table, as in filter.options. Raises ValueError with a
-    sentence that names the option.
-    """
-    if isinstance(model, type) and issubclass(model, BaseModel):
-        return read_options(model, given, key).model_dump(mode="json", by_alias=True)
-    if given:
-        raise ValueError(f"{key} has {', '.join(given)}, but {name!r} has no options; leave {key} out")
-    return {}
 
 
 @contextmanager

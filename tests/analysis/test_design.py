@@ -30,9 +30,9 @@ def tracking(*overrides):
     return load("tracking", overrides).scenario
 
 
-def random_sight(agents, steps, seed=1):
+def random_sight(agents, steps):
     rows = np.zeros((steps, agents, 6))
-    rows[:, :, :3] = np.random.default_rng(seed).normal(size=(steps, agents, 3))
+    rows[:, :, :3] = np.random.default_rng(1).normal(size=(steps, agents, 3))
     rows /= np.linalg.norm(rows, axis=2, keepdims=True)
     return Sight(rows, 0.1)
 

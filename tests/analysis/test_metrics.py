@@ -205,7 +205,7 @@ def test_the_recommended_filter_is_near_the_centralised_one_and_honest():
 def circling():
     keys = ["steps=150", "target.motion=circle", "target.period=8", "filter.acceleration_std=0.1", "filter.motion=ncv"]
     loaded = load("tracking", keys).scenario
-    return analyze(simulate([loaded.model_copy(update={"seed": seed}) for seed in (1, 2)]))
+    return analyze(simulate([loaded.changed(seed=seed) for seed in (1, 2)]))
 
 
 @pytest.mark.slow

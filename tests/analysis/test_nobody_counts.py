@@ -20,7 +20,7 @@ LIARS_AND_DEAD = {
 @pytest.mark.slow
 def test_tables_and_report_are_written_all_the_same(tmp_path):
     scenario = parse(LIARS_AND_DEAD, "test")
-    analyses = analyze(simulate([scenario, scenario.model_copy(update={"seed": 2})]))
+    analyses = analyze(simulate([scenario, scenario.changed(seed=2)]))
     metrics = analyses[0].metrics
     assert metrics.position_rmse is None
     console = Console(record=True, width=120)

@@ -26,7 +26,7 @@ LOSS = 'fault=[{kind="loss", probability=0.3}]'
 
 def run(*overrides, seeds=(1,)):
     scenario = load("tracking", overrides).scenario
-    return simulate([scenario.model_copy(update={"seed": seed}) for seed in seeds])
+    return simulate([scenario.changed(seed=seed) for seed in seeds])
 
 
 def path_of(trace: Trace) -> SmoothedPath:

@@ -160,7 +160,7 @@ def test_of_the_largest_noise_the_velocity_jumps():
 def test_on_a_circle_it_is_better_than_any_acceleration_noise():
     circle = ["target.motion=circle", "target.radius=5", "target.period=8"]
     scenario = load("tracking", ["steps=80", *circle]).scenario
-    traces = simulate([scenario.model_copy(update={"seed": 1001 + more}) for more in range(3)])
+    traces = simulate([scenario.changed(seed=1001 + more) for more in range(3)])
     known, seen = told(traces, 80)
     truth = np.stack([trace.truth for trace in traces])
     off = [
@@ -183,7 +183,7 @@ def test_heavy_tails_leave_out_a_wrong_range():
 
 def errors(overrides, seeds=3, steps=60):
     scenario = load("tracking", [f"steps={steps}", *overrides]).scenario
-    traces = simulate([scenario.model_copy(update={"seed": 1001 + more}) for more in range(seeds)])
+    traces = simulate([scenario.changed(seed=1001 + more) for more in range(seeds)])
     states, covariances = strong(*told(traces, steps))
     truth = np.stack([trace.truth for trace in traces])
     error = (states - truth)[:, steps // 2 :]
@@ -238,7 +238,7 @@ def test_what_agents_know_together_is_the_mean_of_independent_guesses(overrides,
 
 def test_a_batch_gives_each_run_what_it_gets_alone():
     scenario = load("tracking", ["steps=30"]).scenario
-    traces = simulate([scenario.model_copy(update={"seed": seed}) for seed in (1, 2)])
+    traces = simulate([scenario.changed(seed=seed) for seed in (1, 2)])
     together = strong(*told(traces, 30))[0]
     alone = strong(*told(traces[1:], 30))[0]
     assert together[1] == pytest.approx(alone[0], abs=1e-6)

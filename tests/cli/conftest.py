@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.log.hand_made import Maker
+from tests.log.hand_made import written
 
 
 @pytest.fixture(autouse=True)
@@ -21,9 +21,4 @@ def _ctrl_c_is_pytests() -> Iterator[None]:
 @pytest.fixture(scope="session")
 def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A run of ten steps, which tests only read."""
-    path = tmp_path_factory.mktemp("log") / "run.mcap"
-    maker = Maker(path)
-    for k in range(1, 11):
-        maker.step(k)
-    maker.close()
-    return path
+    return written(tmp_path_factory.mktemp("log") / "run.mcap", 10)

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.cli.command_line import call
-from tests.log.hand_made import Maker
+from tests.log.hand_made import written
 from tests.log.made import made_log
 from tests.within import within
 from zenoh_cbef.log.mcap.writer import McapWriter
@@ -20,11 +20,7 @@ from zenoh_cbef.outside.registry import registered
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Logs: whole, cut within its data, and foreign, which is of no run."""
     path = tmp_path_factory.mktemp("logs")
-    maker = Maker(path / "whole.mcap", "record.chunk_bytes=4096")
-    for k in range(1, 51):
-        maker.step(k)
-    maker.close()
-    data = (path / "whole.mcap").read_bytes()
+    data = written(path / "whole.mcap", 50, "record.chunk_bytes=4096").read_bytes()
     (path / "cut.mcap").write_bytes(data[: len(data) // 2])
     (path / "text.mcap").write_text("no log")
     with McapWriter(path / "foreign.mcap", library="test") as writer:

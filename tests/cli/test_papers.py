@@ -6,6 +6,7 @@ import csv
 import io
 import json
 import re
+import resource
 import shutil
 from pathlib import Path
 from xml.etree import ElementTree as ET
@@ -14,7 +15,8 @@ import pytest
 
 from tests.cli.command_line import call
 from tests.within import within
-from zenoh_cbef.analysis.typeset import latex
+from zenoh_cbef.analysis.printed import Style, drawn
+from zenoh_cbef.analysis.typeset import FORMATS, latex, save
 from zenoh_cbef.experiment.figures import written_value
 from zenoh_cbef.pages.parts import Table
 from zenoh_cbef.plain import Json
@@ -103,7 +105,7 @@ def test_runs_are_found_tagged_compared_and_deleted(folder: Path) -> None:
     assert refused.returncode == 2
     assert "runs list" in refused.stderr
     shutil.copytree(folder / "logs" / "first", folder / "logs" / "third")
-    assert within(folder, "runs", "rm", "third", "--yes").returncode == 0
+    assert within(folder, "runs", "rm", "third", "third", "--yes").returncode == 0
     assert names() == ["first", "second"]
     assert within(folder, "runs", "rm", "third", "--yes").returncode == 2
     assert json.loads(within(folder, "runs", "show", "second").stdout)["agents"] > 0
@@ -152,6 +154,26 @@ def test_no_row_of_latex_begins_with_what_the_row_above_takes_for_its_own() -> N
     ]
 
 
+def test_columns_of_words_stand_left_in_latex() -> None:
+    table = Table("", ["loss", "graph", "filter", "RMSE"], [["0.1", "ring", "mine:Mine", "0.3 (0.1 to 0.4)"]] * 2)
+    assert r"\begin{tabular}{lllr}" in latex(table)
+
+
+def test_a_figure_that_does_not_fit_on_the_disk_is_an_error_of_the_disk(tmp_path: Path) -> None:
+    times = list(range(3000))
+    line = {"type": "scatter", "mode": "lines", "x": times, "y": [7 * one * one % 1000 for one in times], "name": "a"}
+    picture = drawn({"data": [line], "layout": {}}, Style(3.0, 2.0))
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    for kind in FORMATS:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (4000, limits[1]))
+        try:
+            with pytest.raises(OSError, match="File too large"):
+                save(picture, tmp_path / f"a.{kind}", kind, "a")
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert not [*tmp_path.iterdir()]
+
+
 @pytest.mark.parametrize(("value", "words"), [([], "none"), ([{"kind": "loss"}], "loss"), (0, "0"), (False, "false")])
 def test_no_fault_is_told_as_none(value: Json, words: str) -> None:
     assert written_value(value) == words
@@ -171,7 +193,7 @@ def test_the_figures_and_the_table_of_an_experiment_are_printed(
     done = within(tmp_path, "experiment", "run", "small.toml", "-o", "found", "--jobs", "1")
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "found" / "results.tex").read_text().count(r"\\") == 5
-    assert r"\begin{tabular}{lrrr}" in (tmp_path / "found" / "results.tex").read_text(), "all metrics do not fit a page"
+    assert r"\begin{tabular}{llrr}" in (tmp_path / "found" / "results.tex").read_text(), "all metrics do not fit a page"
     page = (tmp_path / "found" / "index.html").read_text()
     assert "How large is the error of the position?" in page
     assert "consensus rounds" in page

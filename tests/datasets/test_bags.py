@@ -127,6 +127,39 @@ def test_a_bag_of_px4(tmp_path, kind):
     is_the_numbered_walk(tmp_path / "set")
 
 
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--topic", "/rangin"], "--topic /rangin: .*flight has no such topic; did you mean '/ranging'"),
+        (["--truth", "/mocap"], "--truth /mocap: .*flight has no such topic; its topics are /ranging"),
+        (["--map", "t=when"], "the messages have no field when"),
+        (["--types", "nowhere.msg"], "cannot read --types nowhere.msg: No such file"),
+        (["--types", __file__], "test_bags.py defines no message"),
+    ],
+)
+def test_what_a_bag_lacks_is_told(tmp_path, words, said):
+    write(tmp_path / "flight", "mcap", store_of("mcap"), by_numbers(UWB, of_px4))
+    with pytest.raises(UserError, match=said):
+        imported(tmp_path / "flight", "--anchors", numbered(tmp_path), "-o", tmp_path / "set", *words)
+
+
+def test_a_truth_of_a_csv_file_beside_a_bag(tmp_path):
+    write(tmp_path / "flight", "db3", store_of("db3"), by_numbers(UWB, of_px4))
+    (tmp_path / "way.csv").write_text("t,x,y,z\n1,2,3,4\n2,3,4,5\n")
+    words = ["--anchors", numbered(tmp_path), "-o", tmp_path / "set"]
+    imported(tmp_path / "flight", *words, "--truth", tmp_path / "way.csv")
+    assert read_dataset(tmp_path / "set").truth.tolist() == [[2.0, 3.0, 4.0], [3.0, 4.0, 5.0]]
+    (tmp_path / "flight" / "metadata.yaml").unlink()
+    with pytest.raises(UserError, match=r"no CSV file .* as .*flight/flight.db3"):
+        imported(tmp_path / "flight", *words, "--force")
+
+
+def test_a_file_that_is_no_bag_is_told(tmp_path):
+    (tmp_path / "noise.bag").write_bytes(bytes(range(128, 256)))
+    with pytest.raises(UserError, match=r"cannot read .*noise.bag as a ROS bag"):
+        imported(tmp_path / "noise.bag", "--anchors", numbered(tmp_path), "-o", tmp_path / "set")
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_bag_of_ones_own_type(tmp_path, kind):

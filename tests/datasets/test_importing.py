@@ -115,6 +115,11 @@ def test_what_cannot_be_used_is_left_out_and_told(tmp_path):
         (["--map", "rnage=d"], "is not MEANING=COLUMN"),
         (["--unit", "range=yd"], "is no unit"),
         (["--map", "ranges.range=nothing"], "has no such column"),
+        (["--map", "anchor.x=x"], r"is not MEANING=COLUMN.*with a file \(anchors, truth, ranges\)"),
+        (["--map", "t=when", "--map", "range=quux", "--map", "z=up"], "no file has such a column; there are when"),
+        (["--map", "range=d_*"], "--map range=d_[*]: no column is named so; there are when, anchor, quux"),
+        (["--unit", "rnge=mm"], "'rnge' is no column"),
+        (["--unit", "truth.t=mm"], "truth.t is no length"),
         (["--map", "t=when"], "which column is range.* --map ranges.range=COLUMN"),
         ([], "which columns are t and range.* --map ranges.t=COLUMN --map ranges.range=COLUMN"),
     ],
@@ -123,6 +128,14 @@ def test_mistakes_are_told_with_the_remedy(tmp_path, words, said):
     (tmp_path / "log.csv").write_text("when,anchor,quux\n0,a,1\n")
     with pytest.raises(UserError, match=said):
         imported(tmp_path / "log.csv", "--anchors", anchors_in(tmp_path), "-o", tmp_path / "set", *words)
+
+
+def test_a_spreadsheet_of_windows_keeps_its_letters(tmp_path):
+    rows = [f"{0.1 * k};{name};{distance(k, name)}" for k in range(40) for name in CORNERS]
+    (tmp_path / "log.csv").write_text("\n".join(["t;Küche;range", *rows]), encoding="cp1252")
+    options = ["--map", "ranges.anchor=Küche", "-o", tmp_path / "set"]
+    imported(tmp_path / "log.csv", "--anchors", anchors_in(tmp_path), *options)
+    assert read_dataset(tmp_path / "set").labels == tuple(CORNERS)
 
 
 def test_a_run_becomes_a_dataset_that_gives_the_same_ranges(tmp_path):

@@ -164,7 +164,7 @@ def test_recorded_sets_use_almost_all_of_their_ranges(name):
     assert world.truth.shape == (scenario.length, 6)
     assert np.isfinite(world.emitted).sum() > 0.99 * count
     assert np.isfinite(world.truth).all()
-    [trace] = simulate([scenario.model_copy(update={"steps": 80})])
+    [trace] = simulate([scenario.changed(steps=80)])
     assert np.isfinite(trace.estimates).all()
     assert (trace.estimates[:, :, 2] == height).all()
 

@@ -6,13 +6,13 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from tests.cli.command_line import call
+from tests.waiting import until
 from zenoh_cbef.analysis.metrics import analyze
 from zenoh_cbef.experiment.cells import cells_of
 from zenoh_cbef.experiment.engines import simulated
@@ -240,9 +240,7 @@ def test_an_interrupted_experiment_goes_on(tmp_path, how):
     process = subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True)
     journal = tmp_path / "out" / "finished.jsonl"
     try:
-        until = time.monotonic() + 100
-        while not (journal.exists() and journal.stat().st_size > 100) and time.monotonic() < until:
-            time.sleep(0.01)
+        until(lambda: journal.exists() and journal.stat().st_size > 100)
         os.kill(process.pid, how)
         _, err = process.communicate(timeout=100)
     finally:

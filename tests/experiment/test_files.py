@@ -56,7 +56,10 @@ MISTAKES = {
     "no list of faults": ('[[vary]]\nkey = "fault"\nvalues = [1, 2]', "fault must be a list of tables"),
     "no such number": (LOSS + '[[expect]]\nmetric = "position_rms"\nat_most = 1', "did you mean 'position_rmse'"),
     "nowhere": (LOSS + '[[expect]]\nmetric = "x"\nat_most = 1\nwhere = { rounds = 3 }', "names no varied key"),
-    "no such cell": (LOSS + '[[expect]]\nmetric = "x"\nat_most = 1\nwhere = { loss = 0.4 }', "no cell has where"),
+    "no such cell": (
+        LOSS + '[[expect]]\nmetric = "x"\nat_most = 1\nwhere = { loss = 0.4 }',
+        "no cell has where.loss = 0.4; use one of its values, 0.0, ",
+    ),
 }
 
 

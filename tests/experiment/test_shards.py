@@ -61,7 +61,7 @@ def test_shards_joined_find_what_one_sweep_finds_also_of_a_run_that_failed_and_t
 
 def _too_small(cell: Cell):
     assert cell.scenario is not None
-    return cell.scenario.model_copy(update={"steps": 2})
+    return cell.scenario.changed(steps=2)
 
 
 def test_a_failure_of_a_shard_is_joined_and_no_longer_once_it_succeeds(tmp_path):

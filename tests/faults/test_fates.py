@@ -26,8 +26,8 @@ def delay(milliseconds, jitter_ms=0.0, **keys):
     return Delay.model_validate({"kind": "delay", "milliseconds": milliseconds, "jitter_ms": jitter_ms, **keys})
 
 
-def due_flags(all_fates, step=1, round_=1):
-    fate = all_fates.of(step, round_)
+def due_flags(all_fates):
+    fate = all_fates.of(1, 1)
     return fate.due.tolist(), fate.late.tolist()
 
 

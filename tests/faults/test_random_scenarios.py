@@ -31,7 +31,7 @@ def test_a_faulty_run_is_finite_and_the_same_alone_and_in_a_batch(given):
         raise
     absences = Plan(one).absences
     there = ~np.stack([absences.at(step) for step in range(1, one.length + 1)], axis=1)
-    other = one.model_copy(update={"seed": one.seed + 1})
+    other = one.changed(seed=one.seed + 1)
     together = simulate([one, other], keep_payloads=True)
     for expected in together:
         [alone] = simulate([expected.scenario], keep_payloads=True)

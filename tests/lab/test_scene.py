@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from tests.log.made import made_log
+from tests.waiting import until
 from zenoh_cbef.analysis.metrics import analyze
 from zenoh_cbef.lab.answers import Page
 from zenoh_cbef.lab.bench import Bench
@@ -36,10 +37,7 @@ def log(tmp_path_factory):
 def whole(source: Source) -> Scene:
     """The scene of a log that is read to its end, however busy the machine is."""
     source.shown.set()
-    until = time.monotonic() + 120.0
-    while source.state != "log":
-        assert time.monotonic() < until
-        time.sleep(0.01)
+    until(lambda: source.state == "log")
     return source.scene
 
 
@@ -237,7 +235,7 @@ def test_before_anything_is_open_the_page_is_told_to_choose():
 def test_the_session_is_a_scenario_that_repeats_it(bench, log):
     again = parse(read_toml(bench.scenario_text()), "the session")
     assert [one.kind for one in again.fault] == ["loss", "outage", "crash"]
-    assert again.model_copy(update={"fault": ()}) == read_trace(log).scenario.model_copy(update={"fault": ()})
+    assert again.changed(fault=()) == read_trace(log).scenario.changed(fault=())
 
 
 def test_a_frame_begins_its_numbers_at_a_multiple_of_four():

@@ -68,3 +68,12 @@ class Maker:
 
     def close(self, status: str = "finished") -> None:
         self.log.close({"status": status})
+
+
+def written(path: Path, steps: int, *overrides: str) -> Path:
+    """A log of so many steps that has an end."""
+    maker = Maker(path, *overrides)
+    for k in range(1, steps + 1):
+        maker.step(k)
+    maker.close()
+    return path

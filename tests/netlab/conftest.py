@@ -92,9 +92,6 @@ class Site:
         connect = [] if host == "target" else ["--connect", self.endpoint("target")]
         return [*lease, *connect, "--listen", self.endpoint(host)]
 
-    def wait_until_recorded(self, size: int = 20_000) -> None:
-        self.world.wait_for_messages(size)
-
     def finish(self, hosts: Iterable[str] | None = None, timeout: float = 100) -> None:
         """Wait until the processes on these hosts, by default all but the router, have ended well."""
         chosen = [host for host in self.processes if host != "router"] if hosts is None else list(hosts)

@@ -1,10 +1,10 @@
 """docs/boards.md, word for word, on virtual hosts with other addresses."""
 
 import re
-import time
 from pathlib import Path
 
 from tests.netlab.test_recipes import Shell, shell
+from tests.waiting import until
 
 __all__ = ["shell"]
 PAGE = (Path(__file__).resolve().parents[2] / "docs" / "boards.md").read_text(encoding="utf-8")
@@ -40,9 +40,8 @@ def test_three_boards_wait_for_each_other_run_and_are_listened_to(shell: Shell, 
         assert f"agent/{number} waits for run boards at tcp/{first}:7447" in lines_until(board, "3600 s at most")
     boards.append(shell.start("a0", at_first))
     status, (client, peer) = here(blocks(5)[0]), map(here, blocks(6))
-    until = time.monotonic() + 100
-    while "running, step" not in shell.start("a1", f"{status.strip()} || true").communicate(timeout=100)[0]:
-        assert time.monotonic() < until
+    asks = f"{status.strip()} || true"
+    until(lambda: "running, step" in shell.start("a1", asks).communicate(timeout=100)[0])
     listening = {
         "all": shell.start("record", client),
         "one": shell.start("target", peer),

@@ -54,7 +54,7 @@ def outcome(world, steps: int = STEPS) -> Outcome:
 
 def under_way(run, steps: int = STEPS) -> None:
     run.start(*REALTIME, steps=steps)
-    run.wait_until_recorded()
+    run.world.wait_for_messages()
     time.sleep(FOUND * DT)
 
 
@@ -71,8 +71,7 @@ def test_a_cable_is_out_for_five_seconds_and_then_the_recorders(site, lab, world
     assert found.tracks([0, 1, 2, 4, 5], FOUND)
     # What the recorder could not hear, of agent 3 and then of all, it asked for afterwards.
     assert max(found.missing(agent) for agent in range(6)) == 0
-    checked = world.call("check", str(world.log))
-    assert checked.returncode == 0, checked.stdout
+    world.done("check", str(world.log))
     assert found.tracks([3], STEPS - LAST)
     assert {(kind, who) for kind in ("left", "returned") for who in ("agent/3", "target/target")} <= set(found.said)
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from tests.netlab.conftest import AGENTS
+from tests.waiting import until
 from zenoh_cbef.scenario.load import load
 
 REALTIME = ["timing.mode=realtime", "dt=0.1"]
@@ -20,11 +21,8 @@ def counted(lab) -> list[int]:
     return [len(subprocess.run(one, capture_output=True, text=True, check=True).stdout.splitlines()) for one in hosts]
 
 
-def settled(lab, wanted: list[int]) -> list[int]:
-    until = time.monotonic() + 100
-    while (found := counted(lab)) != wanted and time.monotonic() < until:
-        time.sleep(0.2)
-    return found
+def settle(lab, wanted: list[int]) -> None:
+    until(lambda: counted(lab) == wanted, every=0.2)
 
 
 def wait_until_told(run, lab, *, carried: bool) -> None:
@@ -52,16 +50,16 @@ def test_links_are_those_of_the_graph_also_when_agents_leave_and_come_back_or_do
     run.start(*REALTIME, steps=5000)  # longer than a busy machine needs for what follows
     degrees = np.bincount(load("tracking", []).plan.edges.ravel(), minlength=AGENTS)
     wanted = [int(degree) + 2 for degree in degrees]
-    run.wait_until_recorded()
-    assert settled(lab, wanted) == wanted
+    run.world.wait_for_messages()
+    settle(lab, wanted)
     wait_until_told(run, lab, carried=True)
     lab.part("a0", "a1", on=False)
     wait_until_told(run, lab, carried=False)
-    assert settled(lab, wanted) == wanted
+    settle(lab, wanted)
     for agent in (2, 5):
         lab.kill(f"a{agent}")
         run.start_agent(agent)
-    assert settled(lab, wanted) == wanted
+    settle(lab, wanted)
     words = ["stop", "--run", run.world.run, "--connect", run.endpoint("target")]
     run.world.call(*words, prefix=lab.command("record", []))
     run.finish()

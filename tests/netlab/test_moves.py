@@ -2,8 +2,9 @@
 
 import json
 import subprocess
-import time
 from collections.abc import Callable
+
+from tests.waiting import until
 
 AGENT, HOST = 3, "a3"
 REALTIME = ["timing.mode=realtime", "dt=0.5", "consensus.rounds=2"]
@@ -29,10 +30,7 @@ def step(run, lab) -> int:
 
 
 def wait(condition: Callable[[], bool], what: str) -> None:
-    until = time.monotonic() + SECONDS
-    while not condition():
-        assert time.monotonic() < until, what
-        time.sleep(0.5)
+    until(condition, what, SECONDS, every=0.5)
 
 
 def test_an_agent_whose_address_changes_takes_part_again(site, lab):

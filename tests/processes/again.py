@@ -38,10 +38,7 @@ def again(world: World, log: Path, *overrides: str) -> Path:
     output = world.folder / "again" / f"{len(overrides)}.mcap"
     shutil.rmtree(output.parent, ignore_errors=True)
     options = [part for one in overrides for part in ("--set", one)]
-    done = world.call("reestimate", str(log), *options, "--output", str(output), "--run", "again")
-    assert done.returncode == 0, done.stderr
+    done = world.done("reestimate", str(log), *options, "--output", str(output), "--run", "again")
     assert "times faster than real time" in done.stdout
-    verdict = world.call("verify", str(output))
-    assert verdict.returncode == 0, verdict.stdout
-    assert "equal bit for bit" in verdict.stdout
+    assert "equal bit for bit" in world.verdict(log=output)
     return output

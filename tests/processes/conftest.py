@@ -14,12 +14,15 @@ import uuid
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import pytest
 import zenoh
 
 from tests.processes.forked import Forked, Process
+from tests.waiting import until
 from tests.within import within
+from zenoh_cbef.outside.registry import known_runs
 
 WITHIN = {"analyze", "cat", "check", "compare", "export", "filter", "info", "merge", "recover", "reestimate", "sim"}
 WITHIN |= {"certs", "doctor", "fault", "health", "run", "status", "stop", "timeline", "verify"}
@@ -53,6 +56,13 @@ def _foreign(mode: str, endpoint: str, how: dict[str, int]) -> zenoh.Session:
     for key, value in {"mode": mode, "connect": connect, "scouting/multicast/enabled": False}.items():
         config.insert_json5(key, json.dumps(value))
     return zenoh.open(config)
+
+
+def ended(process: Process, status: int = 0, timeout: float = 120) -> tuple[str, str]:
+    """What a process printed and said until its end, which must have this exit status."""
+    out, err = process.communicate(timeout=timeout)
+    assert process.returncode == status, err
+    return out, err
 
 
 def processes_of(run: str) -> dict[int, str]:
@@ -101,11 +111,23 @@ class World:
     def start_run(self, *overrides: str, options: tuple[str, ...] = ("--no-report",)) -> Process:
         return self.start("run", "tracking", *settings(*overrides), "--run", self.run, "--log", str(self.log), *options)
 
+    def under_way(self, *overrides: str, size: int = 20_000) -> Process:
+        """A run that has begun: this host knows of it, and its log has this size in bytes."""
+        run = self.start_run(*overrides)
+        self.wait_until_known()
+        self.wait_for_messages(size)
+        return run
+
     def complete(self, *overrides: str) -> subprocess.CompletedProcess[str]:
         """A run to its end, which must be a good one; its launcher is in this process."""
-        words = ("run", "tracking", *settings(*overrides), "--run", self.run, "--log", str(self.log), "--no-report")
-        done = self.call(*words)
-        assert done.returncode == 0, done.stderr
+        return self.done(
+            "run", "tracking", *settings(*overrides), "--run", self.run, "--log", str(self.log), "--no-report"
+        )
+
+    def done(self, *arguments: str, status: int = 0, prefix: Sequence[str] = ()) -> subprocess.CompletedProcess[str]:
+        """A verb called to its end, which must have this exit status."""
+        done = self.call(*arguments, prefix=prefix)
+        assert done.returncode == status, done.stdout + done.stderr
         return done
 
     def call(
@@ -117,28 +139,45 @@ class World:
         out, err = process.communicate(timeout=timeout)
         return subprocess.CompletedProcess(arguments, process.returncode, out, err)
 
+    def join(self, endpoint: str) -> list[str]:
+        """How a process joins the run behind an endpoint."""
+        return ["--run", self.run, "--connect", endpoint, "--patience", "100"]
+
+    def status(self) -> dict[str, Any]:
+        """What `status --json` tells of the run; on a busy machine it may not answer at once: nothing then."""
+        told: dict[str, Any] = json.loads(self.call("status", "--run", self.run, "--json").stdout or "{}")
+        return told
+
+    def metrics(self, log: Path | str | None = None) -> dict[str, Any]:
+        """What `analyze --json` finds of a log, by default the run's."""
+        told: dict[str, Any] = json.loads(self.call("analyze", str(log or self.log), "--json").stdout)
+        return told
+
+    def verdict(self, status: int = 0, log: Path | str | None = None) -> str:
+        """What `verify` says of a log, by default the run's, with this exit status."""
+        done = self.done("verify", str(log or self.log), status=status)
+        assert "Traceback" not in done.stderr
+        return done.stdout
+
+    def wait_until_known(self) -> None:
+        until(lambda: self.run in known_runs(), "the run did not come")
+
     def wait_for_messages(self, size: int = 20_000) -> None:
         """Wait until the log has grown, so that the run is surely under way."""
         active = self.log.with_name(self.log.name + ".active")
-        until = time.monotonic() + 300  # eight processes begin at once, which takes long on a busy machine
-        while time.monotonic() < until:
-            if active.exists() and active.stat().st_size > size:
-                return
-            time.sleep(0.02)
-        pytest.fail("the run did not get going")
+        # Eight processes begin at once, which takes long on a busy machine.
+        until(lambda: active.exists() and active.stat().st_size > size, "the run did not get going", 300.0)
 
     def pid_of(self, words: str) -> int:
         return next(pid for pid, line in processes_of(self.run).items() if f"zenoh_cbef {words} " in line)
 
-    def wait_until_gone(self, seconds: float = 100) -> dict[int, str]:
-        until = time.monotonic() + seconds
+    def wait_until_gone(self) -> dict[int, str]:
+        until = time.monotonic() + 100
         while (left := processes_of(self.run)) and time.monotonic() < until:
             time.sleep(0.05)
         return left
 
-    def complete_under(
-        self, attack: Callable[[int], None], target: Process, join: list[str], agents: int = 4
-    ) -> list[str]:
+    def complete_under(self, attack: Callable[[int], None], target: Process, join: list[str]) -> list[str]:
         """Complete a run whose target waits, while attack(0), attack(1) and so on are called; what all printed."""
         over = threading.Event()
 
@@ -151,17 +190,12 @@ class World:
         attacker = threading.Thread(target=go_on)
         attacker.start()
         try:
-            others = [self.start("agent", str(agent), *join) for agent in range(agents)]
+            others = [self.start("agent", str(agent), *join) for agent in range(4)]
             others.append(self.start("record", *join, "--output", str(self.log)))
-            printed = []
-            for process in (target, *others):
-                out, err = process.communicate(timeout=100)
-                assert process.returncode == 0, err
-                printed.append(out)
+            return [ended(process)[0] for process in (target, *others)]
         finally:
             over.set()
             attacker.join()
-        return printed
 
     def end(self) -> None:
         for process in self._started:
@@ -200,3 +234,13 @@ def unused_port(kind: socket.SocketKind = socket.SOCK_STREAM) -> int:
 @pytest.fixture
 def free_port() -> int:
     return unused_port()
+
+
+def unused_endpoint() -> str:
+    return f"tcp/127.0.0.1:{unused_port()}"
+
+
+@pytest.fixture
+def endpoint() -> str:
+    """Where no process listens yet."""
+    return unused_endpoint()

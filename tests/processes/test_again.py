@@ -2,12 +2,11 @@
 
 import signal
 
-from tests.processes.conftest import settings
+from tests.processes.conftest import ended, settings
 
 
-def test_processes_of_a_targets_earlier_run_end_and_leave_the_next_one_alone(world, free_port):
-    endpoint = f"tcp/127.0.0.1:{free_port}"
-    join = ["--run", world.run, "--connect", endpoint, "--patience", "100"]
+def test_processes_of_a_targets_earlier_run_end_and_leave_the_next_one_alone(world, endpoint):
+    join = world.join(endpoint)
     place = ["--run", world.run, "--listen", endpoint]
     # Agents wait that long for their target: the next one may take its time to begin.
     patience = "timing.patience=100"
@@ -30,9 +29,7 @@ def test_processes_of_a_targets_earlier_run_end_and_leave_the_next_one_alone(wor
     assert any(words in err for err in told)
     again += others("again.mcap")
     for process in again:
-        _, err = process.communicate(timeout=100)
-        assert process.returncode == 0, err
+        ended(process)
     for verb in ("check", "verify"):
-        verdict = world.call(verb, "again.mcap")
-        assert verdict.returncode == 0, verdict.stdout
+        verdict = world.done(verb, "again.mcap")
     assert "60 steps" in verdict.stdout

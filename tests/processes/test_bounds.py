@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from tests.waiting import until
 from zenoh_cbef.nodes.common.node import Identity, Node
 from zenoh_cbef.nodes.recorder.acknowledgements import Acknowledgements
 from zenoh_cbef.nodes.recorder.attendance import Attendance
@@ -26,13 +27,6 @@ def held(one: object) -> int:
     """How many things an object has in its collections."""
     found: list[Any] = [value for value in vars(one).values() if isinstance(value, list | set | dict)]
     return sum(len(value) for value in found)
-
-
-def until(condition: Any) -> None:
-    end = time.monotonic() + 20.0
-    while not condition():
-        assert time.monotonic() < end
-        time.sleep(0.01)
 
 
 def test_farewells_of_made_up_names_are_forgotten(node: Node) -> None:

@@ -4,9 +4,8 @@ import json
 import sys
 from collections.abc import Sequence
 
-from tests.processes.conftest import unused_port
+from tests.processes.conftest import unused_endpoint
 from tests.processes.launch.test_refusals import mute
-from tests.processes.target.test_live_faults import wait_until_known
 from zenoh_cbef import __version__
 from zenoh_cbef.outside.registry import known_runs
 
@@ -18,8 +17,7 @@ os.execv(sys.argv[1], sys.argv[1:])
 
 
 def examine(world, *options: str, status: int, prefix: Sequence[str] = ()) -> dict[str, list[dict]]:
-    done = world.call("doctor", "--json", *options, prefix=prefix)
-    assert done.returncode == status, done.stdout + done.stderr
+    done = world.done("doctor", "--json", *options, prefix=prefix, status=status)
     found: dict[str, list[dict]] = {}
     for finding in json.loads(done.stdout)["findings"]:
         found.setdefault(finding["subject"], []).append(finding)
@@ -55,7 +53,7 @@ def test_more_agents_than_a_run_of_processes_has_are_a_problem_and_what_they_nee
 
 def test_a_warning_is_an_exit_status_only_where_it_is_wanted(world):
     key = world.folder / "certificates" / "operator.key"
-    assert world.call("certs", "new", "certificates", "--agents", "1").returncode == 0
+    world.done("certs", "new", "certificates", "--agents", "1")
     key.chmod(0o644)
     found = examine(world, "--tls", "certificates", status=0)
     assert levels(found["TLS"]) == ["warning"]
@@ -70,16 +68,14 @@ def test_endpoints_are_told_apart(world):
         found = examine(world, "--connect", endpoint, status=2)
         assert levels(found["endpoint"]) == ["ok"]
         assert "does not answer as Zenoh does" in found["link"][0]["text"]
-    nobody = f"tcp/127.0.0.1:{unused_port()}"
+    nobody = unused_endpoint()
     found = examine(world, "--connect", nobody, "--connect", "tcp/no-such-host.invalid:1", status=2)
     assert "no process listens" in found["endpoint"][0]["text"]
     assert "has no address" in found["endpoint"][1]["text"]
 
 
 def test_a_run_its_versions_and_its_clocks(world):
-    run = world.start_run("timing.mode=realtime", "dt=0.1", "steps=5000")
-    wait_until_known(world.run)
-    world.wait_for_messages()
+    run = world.under_way("timing.mode=realtime", "dt=0.1", "steps=5000")
     found = examine(world, "--run", world.run, status=0)
     assert "running, 4 agents, realtime" in found["run"][0]["text"]
     assert "with 4 agents a process may need" in found["files"][0]["text"]
@@ -87,5 +83,5 @@ def test_a_run_its_versions_and_its_clocks(world):
     endpoint = known_runs()[world.run].endpoints[0]
     assert world.run in examine(world, "--connect", endpoint, status=0)["link"][0]["text"]
     assert "there is" in examine(world, "--run", "other", "--connect", endpoint, status=2)["run"][0]["text"]
-    assert world.call("stop", "--run", world.run).returncode == 0
+    world.done("stop", "--run", world.run)
     run.communicate(timeout=100)

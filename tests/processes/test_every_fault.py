@@ -52,7 +52,7 @@ def faulty(run_of) -> World:
 def test_every_kind_of_fault_gives_the_simulators_bits_and_is_counted_and_marked_in_the_log(run_of):
     world, scenario, metrics = run_of
     kind = scenario["filter"]["kind"]
-    told = load(str(world.folder / "scenario.toml")).scenario.model_copy(update={"name": world.run})
+    told = load(str(world.folder / "scenario.toml")).scenario.changed(name=world.run)
     foretold = other_bytes(Plan(told)) + 3 * round_bytes(Plan(told))
     assert foretold == pytest.approx(metrics.bytes_per_step, rel=0.02)
     totals: Counter[str] = Counter()

@@ -41,8 +41,7 @@ def run(world: World, scenario: dict) -> Metrics:
     """Run a scenario as processes, prove its log, and give its metrics, which must be the simulator's."""
     path = world.folder / "scenario.toml"
     path.write_text(tomli_w.dumps(scenario))
-    done = world.call("run", str(path), "--run", world.run, "--log", str(world.log), "--no-report")
-    assert done.returncode == 0, done.stderr
+    world.done("run", str(path), "--run", world.run, "--log", str(world.log), "--no-report")
     verdict = verify(world.log)
     assert verdict.result == "equal", verdict.text
     traces = [read_trace(world.log), *simulate([load(str(path)).scenario])]
@@ -163,8 +162,7 @@ def test_in_realtime_a_delay_is_real_time_and_only_what_exceeds_the_deadline_is_
     }
     path = world.folder / "scenario.toml"
     path.write_text(tomli_w.dumps(scenario))
-    done = world.call("run", str(path), "--run", world.run, "--log", str(world.log), "--no-report")
-    assert done.returncode == 0, done.stderr
+    world.done("run", str(path), "--run", world.run, "--log", str(world.log), "--no-report")
     [analysis] = analyze([read_trace(world.log)])
     links = {(one.source, one.destination): one for one in analysis.metrics.links}
     assert links[0, 1].delivered > 0

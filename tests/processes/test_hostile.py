@@ -1,6 +1,5 @@
 """Malformed, foreign and hostile messages are counted, reported and dropped; the estimates do not change by a bit."""
 
-import json
 import math
 import struct
 import time
@@ -10,6 +9,7 @@ import pytest
 import zenoh
 
 from tests.processes.conftest import outsider, settings
+from tests.waiting import until
 
 
 def forged(run: str, sender: str, **body) -> bytes:
@@ -51,17 +51,14 @@ def attacks(run: str) -> list[tuple[str, bytes]]:
 
 
 def wait_for(session: zenoh.Session, token: str) -> None:
-    until = time.monotonic() + 100
-    while not any(reply.ok is not None for reply in session.liveliness().get(token, timeout=1.0)):
-        assert time.monotonic() < until, "the target did not come"
-        time.sleep(0.05)
+    seen = session.liveliness()
+    until(lambda: any(reply.ok is not None for reply in seen.get(token, timeout=1.0)), "the target did not come")
 
 
 @pytest.mark.parametrize("kind", ["sicf", "cbef"])
-def test_hostile_messages_change_no_bit_and_are_counted(world, free_port, kind):
-    endpoint = f"tcp/127.0.0.1:{free_port}"
+def test_hostile_messages_change_no_bit_and_are_counted(world, endpoint, kind):
     overrides = settings("steps=60", f"filter.kind={kind}")
-    join = ["--run", world.run, "--connect", endpoint, "--patience", "100"]
+    join = world.join(endpoint)
     target = world.start("target", "tracking", *overrides, "--run", world.run, "--listen", endpoint)
     with outsider(endpoint) as session:
         wait_for(session, f"cbef/{world.run}/live/target/target")
@@ -72,9 +69,8 @@ def test_hostile_messages_change_no_bit_and_are_counted(world, free_port, kind):
             time.sleep(0.05)
 
         world.complete_under(attack, target, join)
-    verdict = world.call("verify", str(world.log))
-    assert verdict.returncode == 0, verdict.stdout
-    metrics = json.loads(world.call("analyze", str(world.log), "--json").stdout)
+    world.verdict()
+    metrics = world.metrics()
     assert metrics["messages"]["rejected"] > 0
     assert metrics["messages"]["missing"] == 0
     assert metrics["steps"] == 60
@@ -82,11 +78,10 @@ def test_hostile_messages_change_no_bit_and_are_counted(world, free_port, kind):
 
 
 @pytest.mark.parametrize("mode", ["lockstep", "realtime"])
-def test_a_flood_on_one_key_does_not_stop_the_consensus(world, free_port, mode):
+def test_a_flood_on_one_key_does_not_stop_the_consensus(world, endpoint, mode):
     # Where the flood is faster than the receivers, what it drowns counts as silent in lockstep and as lost in realtime.
     overrides = ["steps=5", f"timing.mode={mode}", "timing.patience=0.2", "dt=0.05"]
-    endpoint = f"tcp/127.0.0.1:{free_port}"
-    join = ["--run", world.run, "--connect", endpoint, "--patience", "100"]
+    join = world.join(endpoint)
     target = world.start("target", "tracking", *settings(*overrides), "--run", world.run, "--listen", endpoint)
     with outsider(endpoint) as session:
         wait_for(session, f"cbef/{world.run}/live/target/target")

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from tests.log.made import made_log
+from tests.waiting import until
 from zenoh_cbef.analysis.metrics import analyze
 from zenoh_cbef.analysis.report import write_report
 from zenoh_cbef.lab.bench import reach
@@ -170,11 +171,7 @@ def touched_by_keyboard(opened: Opened) -> None:
 
 def finished_log(folder: Path) -> Path:
     """The log of the only run: the page says that a run has ended before its recorder has written all."""
-    until = time.monotonic() + 100
-    while not (found := list(folder.glob("lab-*/run.mcap"))):
-        assert time.monotonic() < until, "the recorder does not end"
-        time.sleep(0.1)
-    [log] = found
+    [log] = until(lambda: list(folder.glob("lab-*/run.mcap")), "the recorder does not end")
     return log
 
 
@@ -213,11 +210,10 @@ def test_a_run_is_started_cut_by_mouse_healed_steered_ended_exported_and_proved(
     assert dragged[0] > 0.5
     assert nudged[1] < dragged[1]
     log = finished_log(world.folder / "logs")
-    proof = world.call("verify", str(log))
-    assert proof.returncode == 0, proof.stdout + proof.stderr
+    world.verdict(log=log)
     trace = read_trace(log)
     steps = len(trace.time)
-    again = simulate([session.model_copy(update={"steps": steps})])[0]
+    again = simulate([session.changed(steps=steps)])[0]
     assert np.array_equal(again.estimates, trace.estimates, equal_nan=True)
     assert opened.complaints == []
     assert {url.split("/")[2] for url in opened.loaded if not url.startswith("data:")} == {opened.url.split("/")[2]}

@@ -3,12 +3,12 @@
 import os
 import signal
 import sys
-import time
 from pathlib import Path
 
 import pytest
 
 from tests.processes.conftest import settings
+from tests.waiting import until
 from zenoh_cbef.outside.registry import known_runs
 
 pytest.importorskip("uvicorn", reason="the extra 'lab' is not installed")
@@ -42,15 +42,9 @@ def test_a_lab_that_is_killed_or_whose_starter_is_leaves_nothing_behind(world, m
     started = children(lab)
     assert len(started) > 6
     try:
-        until = time.monotonic() + 120
-        while not known_runs():
-            assert time.monotonic() < until
-            time.sleep(0.1)
+        until(known_runs)
         os.kill(lab if killed == "lab" else starter.pid, signal.SIGKILL)
-        until = time.monotonic() + 300
-        while left := [pid for pid in started if is_there(pid)]:
-            assert time.monotonic() < until, left
-            time.sleep(0.1)
+        until(lambda: not any(map(is_there, started)), "some are left", 300.0, every=0.1)
     finally:
         for pid in filter(is_there, started):
             os.kill(pid, signal.SIGKILL)
@@ -65,6 +59,5 @@ def test_a_lab_that_is_killed_or_whose_starter_is_leaves_nothing_behind(world, m
     ],
 )
 def test_a_lab_that_cannot_begin_says_why_once_and_starts_no_run(world, words, said):
-    called = world.call("lab", "tracking", *words, "--no-browser")
-    assert called.returncode == 2
+    called = world.done("lab", "tracking", *words, "--no-browser", status=2)
     assert called.stderr.startswith(said)

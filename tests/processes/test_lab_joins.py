@@ -4,13 +4,14 @@ import json
 import os
 import re
 import signal
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
 import pytest
 
+from tests.processes.conftest import ended
+from tests.waiting import until
 from zenoh_cbef.outside.registry import known_runs
 
 client = pytest.importorskip("websockets.sync.client", reason="the extra 'lab' is not installed")
@@ -21,8 +22,7 @@ UNHURRIED = ("steps=100000", "timing.mode=realtime", "dt=0.2")
 
 
 def test_a_run_of_another_host_is_joined_by_its_endpoint_and_its_loss_is_seen(world, monkeypatch, tmp_path):
-    world.start_run(*UNHURRIED)
-    world.wait_for_messages()
+    world.under_way(*UNHURRIED)
     [endpoint] = known_runs()[world.run].endpoints[:1]
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))  # as on another host
     with talking(world, "--connect", endpoint) as ask:
@@ -30,18 +30,14 @@ def test_a_run_of_another_host_is_joined_by_its_endpoint_and_its_loss_is_seen(wo
         assert (told["run"], told["live"], told["state"]) == (world.run, True, "goes on")
         assert told["agents"] == 4
         os.kill(world.pid_of("target"), signal.SIGKILL)
-        until = time.monotonic() + 100
-        while (state := ask(ask="frame", after=1 << 30)["state"]) != "is out of reach":
-            assert time.monotonic() < until, state
+        until(lambda: ask(ask="frame", after=1 << 30)["state"] == "is out of reach")
 
 
 def test_with_certificates_the_operators_sees_the_run_and_orders_and_no_other_does(world):
-    assert world.call("certs", "new", "certs", "--agents", "4").returncode == 0
-    world.start_run(*UNHURRIED, "zenoh.tls=certs")
-    world.wait_for_messages()
+    world.done("certs", "new", "certs", "--agents", "4")
+    world.under_way(*UNHURRIED, "zenoh.tls=certs")
     bare = world.start("lab", world.run, "--no-browser")
-    _, said = bare.communicate(timeout=100)
-    assert bare.returncode == 2
+    _, said = ended(bare, 2)
     assert "asks for a certificate; give --tls" in said
     with talking(world, "--tls", "certs") as ask:
         until_agents_are_seen(ask)
@@ -72,6 +68,4 @@ def talking(world, *words: str) -> Iterator[Callable[..., dict[str, Any]]]:
 
 
 def until_agents_are_seen(ask: Callable[..., dict[str, Any]]) -> None:
-    until = time.monotonic() + 100
-    while "of 4 agents" not in str((told := ask(ask="frame"))["verdict"]):
-        assert time.monotonic() < until, told
+    until(lambda: "of 4 agents" in str(ask(ask="frame")["verdict"]))

@@ -2,7 +2,6 @@
 
 import math
 import re
-import time
 from contextlib import closing
 from typing import Any
 
@@ -10,6 +9,7 @@ import pytest
 
 from tests.lab.viewer import Viewer, decoded, exported_messages
 from tests.processes.conftest import settings
+from tests.waiting import until
 
 pytest.importorskip("foxglove", reason="the extra 'foxglove' is not installed")
 pytest.importorskip("mcap_protobuf", reason="the extra 'viz' is not installed")
@@ -32,10 +32,7 @@ def test_a_viewer_hears_a_run_as_its_export_shows_it(world):
             at, _, data = viewer.message()
             message = decoded(channels[TOPICS[at]], data)
             heard[TOPICS[at]][message.step] = message
-    until = time.monotonic() + 120
-    while not (logs := list((world.folder / "logs").glob("lab-*/run.mcap"))):
-        assert time.monotonic() < until
-        time.sleep(0.05)
+    logs = until(lambda: list((world.folder / "logs").glob("lab-*/run.mcap")))
     for topic, steps in heard.items():
         assert len(steps) > 10
         told = {one.step: one for one in exported_messages(logs[0], world.folder / "viz.mcap")[topic]}

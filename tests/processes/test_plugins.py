@@ -6,15 +6,15 @@ import re
 import shutil
 import subprocess
 import sys
-import time
 from importlib import invalidate_caches
 from operator import itemgetter
 from pathlib import Path
 
 import pytest
 
-from tests.processes.conftest import World, settings
+from tests.processes.conftest import World, ended, settings
 from tests.processes.plugged import EXAMPLE, installed
+from tests.waiting import until
 from zenoh_cbef import plugins
 from zenoh_cbef.log.read.parts import open_log
 from zenoh_cbef.log.read.trace import read_trace
@@ -64,9 +64,7 @@ def changed(site, tmp_path) -> Path:
 @pytest.mark.usefixtures("plugged")
 def test_six_processes_run_it_and_their_log_is_proved(world: World):
     world.complete(*GAINS, *HELIX, *FADING, "agents.count=6")
-    verdict = world.call("verify", str(world.log))
-    assert verdict.returncode == 0, verdict.stderr
-    assert "equal bit for bit" in verdict.stdout
+    assert "equal bit for bit" in world.verdict()
     resolved = open_log(world.log).attachments["scenario.resolved.toml"].decode()
     assert len(re.findall(rf'^plugin = "{MARK}"$', resolved, re.MULTILINE)) == 3
     for options in ("alpha = 0.4\nbeta = 0.05\n", "[target.options]\nrate = 0.5\n", "period = 4.0\nmost = 0.9\n"):
@@ -82,46 +80,37 @@ def test_six_processes_run_it_and_their_log_is_proved(world: World):
     [(GAINS, "filter", "fixed-gains"), (HELIX, "target", "helix"), (FADING, "fault", "fading")],
     ids=itemgetter(2),
 )
-def test_an_agent_that_has_another_one_is_refused_in_a_sentence(world, changed, monkeypatch, free_port, case):
+def test_an_agent_that_has_another_one_is_refused_in_a_sentence(world, changed, monkeypatch, endpoint, case):
     named, key, name = case
-    endpoint = f"tcp/127.0.0.1:{free_port}"
     target = world.start("target", "tracking", *settings(*named), "--run", world.run, "--listen", endpoint)
     monkeypatch.setenv("PYTHONPATH", str(changed))
     agent = world.start("agent", "0", "--run", world.run, "--connect", endpoint, "--patience", "60")
-    _, said = agent.communicate(timeout=120)
-    assert agent.returncode == 2
+    _, said = ended(agent, 2)
     assert "Traceback" not in said
     assert re.search(
         rf"{key}.\w+ = '{name}' is to be {MARK}, but on this host it is {MARK}; install the same package", said
     )
     monkeypatch.delenv("PYTHONPATH")
     without = world.start("agent", "0", "--run", world.run, "--connect", endpoint, "--patience", "60")
-    _, said = without.communicate(timeout=120)
-    assert without.returncode == 2
+    _, said = ended(without, 2)
     assert re.search(rf"{key}.\w+ = '{name}' is of {MARK}, which is not on this host; install that package", said)
     assert target.poll() is None, "the target still waits for agents"
 
 
 @pytest.mark.usefixtures("plugged")
 def test_it_is_injected_with_options_into_a_run_that_goes_on(world):
-    run = world.start_run("steps=100000")
-    world.wait_for_messages()
+    run = world.under_way("steps=100000")
     for most in (0.9, 0.5):
-        done = world.call("fault", "add", "fading", f"options={{most={most}}}", "--run", world.run)
-        assert done.returncode == 0, done.stderr
-    until = time.monotonic() + 100
-    while "is on: fading" not in (told := world.call("status", "--run", world.run)).stdout:
-        assert (told.returncode, time.monotonic() < until) == (0, True), told.stderr
-    assert world.call("stop", "--run", world.run).returncode == 0
-    run.communicate(timeout=120)
-    assert run.returncode == 0
+        world.done("fault", "add", "fading", f"options={{most={most}}}", "--run", world.run)
+    until(lambda: "is on: fading" in world.call("status", "--run", world.run).stdout)
+    world.done("stop", "--run", world.run)
+    ended(run)
 
 
 @pytest.mark.usefixtures("plugged")
 def test_an_experiment_varies_its_options(world):
     (world.folder / "gains.toml").write_text(EXPERIMENT)
-    done = world.call("experiment", "gains.toml", "-o", "out", "--jobs", "1")
-    assert done.returncode == 0, done.stderr
+    world.done("experiment", "gains.toml", "-o", "out", "--jobs", "1")
     with (world.folder / "out" / "results.csv").open() as stream:
         found = {row["filter.options.alpha"]: row["position_rmse"] for row in csv.DictReader(stream)}
     assert found.keys() == {"0.2", "0.9"}

@@ -3,6 +3,7 @@
 import time
 import uuid
 
+from tests.waiting import until
 from zenoh_cbef.nodes.common.node import Identity, Node
 from zenoh_cbef.nodes.target.progress import Progress
 from zenoh_cbef.protocol.claims import Claims
@@ -18,11 +19,12 @@ def test_an_estimate_of_a_step_that_was_not_begun_is_refused_and_counted():
         progress = Progress(node, 2, 1.0, 0.0, claims=Claims(node.presence), begun=3)
         for step in (4, 1 << 62, 3):
             node.session.put(node.keys.estimate(1), encode(run, "agent/1", 0, time.time_ns(), {"k": step, **ESTIMATE}))
-        until = time.monotonic() + 20.0
-        while not progress.estimates() and time.monotonic() < until:
+
+        def told() -> list[tuple[int, bytes]]:
             progress.drain()
-            time.sleep(0.01)
-        assert [step for step, _ in progress.estimates()] == [3]
+            return progress.estimates()
+
+        assert [step for step, _ in until(told)] == [3]
         assert progress.rejections.total == 2
 
 

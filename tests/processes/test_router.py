@@ -2,16 +2,15 @@
 
 import json
 import signal
-import time
 
 import pytest
 import zenoh
 
-from tests.processes.conftest import settings
+from tests.processes.conftest import ended, settings
+from tests.waiting import until
 
 
-def test_clients_of_a_router_in_lockstep_equal_the_simulator(world, free_port):
-    endpoint = f"tcp/127.0.0.1:{free_port}"
+def test_clients_of_a_router_in_lockstep_equal_the_simulator(world, endpoint):
     join = ["--client", "--connect", endpoint, "--run", world.run, "--patience", "100"]
     # The router last: clients wait for it.
     processes = [
@@ -21,20 +20,18 @@ def test_clients_of_a_router_in_lockstep_equal_the_simulator(world, free_port):
     ]
     router = world.start("router", "--listen", endpoint)
     for process in processes:
-        _, err = process.communicate(timeout=100)
-        assert process.returncode == 0, err
+        ended(process)
     assert router.poll() is None
     router.send_signal(signal.SIGTERM)
     out, err = router.communicate(timeout=100)
     assert (router.returncode, err) == (0, "")
     assert out == f"a router listens on {endpoint}\n"
-    assert world.call("verify", str(world.log)).stdout.startswith("equal bit for bit")
-    metrics = json.loads(world.call("analyze", str(world.log), "--json").stdout)
+    assert world.verdict().startswith("equal bit for bit")
+    metrics = world.metrics()
     assert metrics["messages"]["missing"] == 0
 
 
-def test_who_meets_a_router_and_listens_nowhere_joins_through_it(world, free_port):
-    endpoint = f"tcp/127.0.0.1:{free_port}"
+def test_who_meets_a_router_and_listens_nowhere_joins_through_it(world, endpoint):
     router = world.start("router", "--listen", endpoint)
     assert router.stdout.readline()
     # Without gossip peers would never find each other: they need no --client to be the router's clients.
@@ -45,16 +42,15 @@ def test_who_meets_a_router_and_listens_nowhere_joins_through_it(world, free_por
         *(world.start("agent", str(agent), *join) for agent in range(4)),
     ]
     for process in processes:
-        _, err = process.communicate(timeout=100)
-        assert process.returncode == 0, err
-    assert world.call("verify", str(world.log)).stdout.startswith("equal bit for bit")
+        ended(process)
+    assert world.verdict().startswith("equal bit for bit")
 
 
-def test_without_a_router_a_client_says_so(world, free_port):
-    endpoint = f"tcp/127.0.0.1:{free_port}"
-    refused = world.call("agent", "0", "--run", world.run, "--client", "--connect", endpoint, "--patience", "0.5")
-    assert refused.returncode == 2
-    assert f"no router answers at {endpoint}" in refused.stderr
+def test_without_a_router_a_client_says_so(world, endpoint):
+    refused = world.done(
+        "agent", "0", "--run", world.run, "--client", "--connect", endpoint, "--patience", "0.5", status=2
+    )
+    assert f"neither router nor target answers at {endpoint}" in refused.stderr
     assert len(refused.stderr.splitlines()) == 1
 
 
@@ -65,8 +61,7 @@ def test_a_router_listens_where_its_configuration_says(world, free_port, tmp_pat
     assert router.stdout.readline()
     # Refused for its run, not for want of a router.
     join = ["--run", world.run, "--client", "--connect", f"tcp/127.0.0.1:{free_port}", "--patience", "2"]
-    asked = world.call("agent", "0", *join)
-    assert asked.returncode == 2
+    asked = world.done("agent", "0", *join, status=2)
     assert "no target of run" in asked.stderr
 
 
@@ -81,7 +76,7 @@ def test_an_endpoint_that_others_can_reach_without_certificate_is_warned_of(worl
 
 
 def test_the_printed_configuration_is_one_that_zenoh_takes(world, free_port, tmp_path):
-    assert world.call("certs", "new", "certs", "--agents", "1").returncode == 0
+    world.done("certs", "new", "certs", "--agents", "1")
     printed = world.call("router", "--listen", f"tls/127.0.0.1:{free_port}", "--tls", "certs", "--print-config")
     assert (printed.returncode, printed.stderr) == (0, "")
     file = tmp_path / "zenohd.json5"
@@ -92,8 +87,7 @@ def test_the_printed_configuration_is_one_that_zenoh_takes(world, free_port, tmp
     assert json.loads(config.get_json("transport/link/tls"))["enable_mtls"] is True
 
 
-def test_health_tells_a_process_that_is_there_from_one_that_is_not(world, free_port):
-    endpoint = f"tcp/127.0.0.1:{free_port}"
+def test_health_tells_a_process_that_is_there_from_one_that_is_not(world, endpoint):
     join = ["--client", "--connect", endpoint, "--run", world.run]
 
     def health(who: str) -> int:
@@ -105,9 +99,7 @@ def test_health_tells_a_process_that_is_there_from_one_that_is_not(world, free_p
     assert health("agent/0") == 2
     world.start("target", "tracking", *settings(), *join)
     agent = world.start("agent", "0", *join, "--patience", "100")
-    until = time.monotonic() + 100
-    while health("agent/0") != 0:
-        assert time.monotonic() < until
+    until(lambda: health("agent/0") == 0)
     assert (health("target"), health("agent/1"), health("record")) == (0, 1, 1)
     agent.kill()
     agent.wait()

@@ -5,7 +5,6 @@ import signal
 import pytest
 
 from tests.processes.conftest import COMMAND
-from tests.processes.target.test_live_faults import wait_until_known
 from tests.terminal import Terminal
 
 
@@ -16,9 +15,7 @@ def drawn(character: str) -> bool:
 
 @pytest.fixture
 def watched(world):
-    run = world.start_run("timing.mode=realtime", "dt=0.1", "steps=5000")
-    wait_until_known(world.run)
-    world.wait_for_messages()
+    run = world.under_way("timing.mode=realtime", "dt=0.1", "steps=5000")
     terminal = Terminal([*COMMAND, "watch", "--run", world.run], folder=world.folder)
     words = ("position error, m", "disagreement, m", world.run, "started", "q quits")
     terminal.read_until(lambda seen: all(word in seen for word in words) and any(map(drawn, seen)))
@@ -32,7 +29,7 @@ def test_who_quits_leaves_the_run_alone(world, watched, how):
     terminal.write("q" if how == "q" else "\x03")
     assert terminal.leave() == 0
     assert run.poll() is None
-    assert world.call("stop", "--run", world.run).returncode == 0
+    world.done("stop", "--run", world.run)
 
 
 def test_the_end_of_the_run_ends_it(watched):
@@ -44,6 +41,5 @@ def test_the_end_of_the_run_ends_it(watched):
 
 
 def test_without_a_terminal_it_says_what_to_use_instead(world):
-    done = world.call("watch", "--run", world.run)
-    assert done.returncode == 2
+    done = world.done("watch", "--run", world.run, status=2)
     assert "'status'" in done.stderr

@@ -1,7 +1,5 @@
 """A network of processes with certificates, in one process, and what each of them hears."""
 
-import time
-from collections.abc import Callable
 from pathlib import Path
 
 import zenoh
@@ -14,15 +12,6 @@ RUN = "cbef/secret"
 
 
 NAMES = ("target", "record", "router", "receiver", "operator", "agent-0", "agent-1")
-
-
-def within(seconds: float, condition: Callable[[], bool]) -> bool:
-    until = time.monotonic() + seconds
-    while not condition():
-        if time.monotonic() > until:
-            return False
-        time.sleep(0.02)
-    return True
 
 
 class Ear:

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import pytest
 import zenoh
 
-from tests.processes.conftest import unused_port
+from tests.processes.conftest import unused_endpoint
 from zenoh_cbef.protocol.reach import wait_for_link
 from zenoh_cbef.protocol.session import Connection, open_session
 
@@ -31,7 +31,7 @@ def threads(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture
 def pair() -> Iterator[Pair]:
     """One session that listens, and one that has linked to it."""
-    endpoint = f"tcp/127.0.0.1:{unused_port()}"
+    endpoint = unused_endpoint()
     with open_session(Connection(listen=[endpoint])) as here, open_session(Connection([endpoint])) as there:
         assert wait_for_link(there, 100.0)
         yield here, there

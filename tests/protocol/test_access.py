@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 import zenoh
 
-from tests.protocol.certified import NAMES, RUN, Ear, Net, within
+from tests.protocol.certified import NAMES, RUN, Ear, Net
+from tests.waiting import until
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.protocol import access
 from zenoh_cbef.protocol.certificates import make_certificates
@@ -92,7 +93,7 @@ def test_each_certificate_publishes_what_is_its_own_and_deletes_nothing(net):
                     session.delete(f"{RUN}/{key}")
         return all(heard(name) >= keys for name, keys in MAY_PUT.items())
 
-    assert within(100, speak)
+    until(speak)
     time.sleep(0.3)
     assert {name: heard(name) for name in MAY_PUT} == MAY_PUT
     assert {text for log in logs.values() for _, text in log.heard()} <= {*MAY_PUT}
@@ -118,7 +119,7 @@ def test_only_the_recorder_hears_the_truth_and_an_agent_only_its_own_beacon(net)
         heard = {key for key, _ in log.heard()} >= sent
         return heard and bool(beacon.heard() and signals.heard() and starts.heard())
 
-    assert within(100, emit)
+    until(emit)
     time.sleep(0.3)
     assert [spy.heard() for spy in spies] == [[]] * len(spies)
     assert {key for key, _ in beacon.heard()} == {"beacon/0"}
@@ -132,7 +133,7 @@ def test_a_wildcard_does_not_get_an_agent_what_it_may_not_read(net):
         target.put(f"{RUN}/target/truth", "x")
         return bool(log.heard())
 
-    assert within(100, emit)
+    until(emit)
     time.sleep(0.3)
     assert [spy.heard() for spy in spies] == [[], [], []]
 
@@ -164,8 +165,8 @@ def test_no_process_is_announced_or_answers_under_anothers_name(net):
     }
     tokens = [agent.liveliness().declare_token(f"{RUN}/live/{name}") for name in own | foreign]
     services = [serve(agent, "forged"), serve(target, "true")]
-    assert within(100, lambda: live() == own)
-    assert within(100, lambda: answers() == {"true"})
+    until(lambda: live() == own)
+    until(lambda: answers() == {"true"})
     time.sleep(0.3)
     assert live() == own
     assert answers() == {"true"}
@@ -185,7 +186,7 @@ def test_an_agent_answers_for_itself_alone(net):
         replies = session.get(key, timeout=1.0, target=zenoh.QueryTarget.ALL)
         return {str(reply.ok.key_expr) for reply in replies if reply.ok is not None}
 
-    assert within(100, lambda: told(other, keys[0]) == {keys[0]})
+    until(lambda: told(other, keys[0]) == {keys[0]})
     for session in (other, recorder):
         assert [told(session, key) for key in (f"{RUN}/**", f"{RUN}/agent/*/estimate")] <= [{keys[0]}, {keys[0]}]
         assert [told(session, key) for key in keys[1:]] == [set()] * 4
@@ -201,7 +202,7 @@ def test_only_an_operator_gives_orders(net):
     def done(session: zenoh.Session) -> bool:
         return any(reply.ok is not None for reply in session.get(key, timeout=1.0))
 
-    assert within(100, lambda: done(operator))
+    until(lambda: done(operator))
     assert (done(agent), done(recorder)) == (False, False)
     service.undeclare()
 
@@ -216,7 +217,7 @@ def test_an_operator_reads_everything_and_says_nothing(net):
             operator.put(f"{RUN}/{key}", "forged")
         return bool(seen.heard() and log.heard())
 
-    assert within(100, speak)
+    until(speak)
     time.sleep(0.3)
     assert {text for _, text in log.heard()} == {"x"}
 
@@ -282,7 +283,7 @@ def test_missing_certificates_are_added_by_the_same_authority_and_the_others_sta
     net = Net(certificates, "peer")
     try:
         first, second = net.join("agent-1"), net.join("agent-2")
-        assert within(100, lambda: bool(first.info.peers_zid() and second.info.peers_zid()))
+        until(lambda: bool(first.info.peers_zid() and second.info.peers_zid()))
     finally:
         net.close()
 

@@ -9,6 +9,7 @@ import pytest
 import zenoh
 
 from tests.protocol.conftest import Pair
+from tests.waiting import until
 from zenoh_cbef.protocol.answering import Answering
 from zenoh_cbef.protocol.mailbox import Mailbox
 
@@ -25,15 +26,11 @@ def test_more_questions_than_can_wait_hold_nothing_up_and_those_that_are_dropped
 
     answering = Answering(here, KEY, reply, waiting=PLACES)
     go_on.set()
-    until = time.monotonic() + 60.0
-    while not any(reply.ok for reply in there.get(KEY, timeout=60.0)):
-        assert time.monotonic() < until
+    until(lambda: any(reply.ok for reply in there.get(KEY, timeout=60.0)))
     go_on.clear()
     asked = [there.get(KEY, timeout=100.0) for _ in range(QUESTIONS)]
     there.put(OTHER, b"heard", congestion_control=zenoh.CongestionControl.BLOCK)
-    heard, until = None, time.monotonic() + 60.0
-    while heard is None and time.monotonic() < until:
-        heard = mailbox.poll()
+    heard = until(mailbox.poll)
     go_on.set()
     answers = [[reply.ok for reply in replies if reply.ok is not None] for replies in asked]
     answering.undeclare()
@@ -53,9 +50,8 @@ def test_a_question_that_cannot_be_answered_leaves_the_others_their_answers(
     def ask(by: int) -> list[bytes]:
         return [one.ok.payload.to_bytes() for one in there.get(f"{KEY}?by={by}", timeout=60.0) if one.ok]
 
-    answering, until = Answering(here, KEY, reply), time.monotonic() + 60.0
-    while not ask(1):
-        assert time.monotonic() < until
+    answering = Answering(here, KEY, reply)
+    until(lambda: ask(1))
     assert (ask(0), ask(1)) == ([], [b"1"])
     answering.undeclare()
     assert "ZeroDivisionError" in capsys.readouterr().err
@@ -70,9 +66,12 @@ def test_an_answer_that_is_being_given_is_given_to_its_end(pair: Pair) -> None:
         time.sleep(0.05)
         ended.set()
 
-    answering, until = Answering(here, KEY, reply), time.monotonic() + 60.0
-    while not begun.is_set() and time.monotonic() < until:
+    answering = Answering(here, KEY, reply)
+
+    def is_asked() -> bool:
         there.get(KEY, timeout=60.0)
-        begun.wait(0.05)
+        return begun.wait(0.05)
+
+    until(is_asked)
     answering.undeclare()
     assert ended.is_set()

@@ -6,7 +6,7 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 import zenoh
 
-from tests.processes.conftest import unused_port
+from tests.processes.conftest import unused_endpoint
 from zenoh_cbef.protocol.claims import Claims, claim, serve_claims
 from zenoh_cbef.protocol.keys import Keys
 from zenoh_cbef.protocol.presence import Presence
@@ -19,7 +19,7 @@ class Hall:
     """A target that tells who has a name, and processes that are linked to it alone."""
 
     def __init__(self) -> None:
-        endpoint = f"tcp/127.0.0.1:{unused_port()}"
+        endpoint = unused_endpoint()
         self.there = Connection([endpoint], gossip=False)
         self.sessions = [open_session(Connection(listen=[endpoint], gossip=False))]
         self.presence = Presence(self.sessions[0], KEYS.all_live)

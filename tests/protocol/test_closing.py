@@ -6,7 +6,7 @@ import socket
 
 import pytest
 
-from tests.processes.conftest import unused_port
+from tests.processes.conftest import unused_endpoint
 from zenoh_cbef.protocol import closing
 from zenoh_cbef.protocol import session as sessions
 from zenoh_cbef.protocol.closing import _is_half_open, close_soon
@@ -18,7 +18,7 @@ from zenoh_cbef.protocol.session import Connection, open_session
 def test_a_session_that_waits_for_an_answer_is_closed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sessions, "_LISTENER_OPEN_MS", 3_600_000)  # for which Zenoh would wait
     monkeypatch.setattr(closing, "_PATIENCE_SECONDS", 0.2)
-    place = f"tcp/127.0.0.1:{unused_port()}"
+    place = unused_endpoint()
     with socket.create_server(("127.0.0.1", 0)) as mute, open_session(Connection(listen=[place])) as other:
         told = Connection([place, f"tcp/127.0.0.1:{mute.getsockname()[1]}"], ["tcp/127.0.0.1:0"])
         session = open_session(told)

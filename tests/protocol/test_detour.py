@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import pytest
 import zenoh
 
-from tests.processes.conftest import unused_port
+from tests.processes.conftest import unused_endpoint
+from tests.waiting import until
 from zenoh_cbef.protocol.claims import Claims, claim, serve_claims
 from zenoh_cbef.protocol.detour import Detour
 from zenoh_cbef.protocol.directory import Apart, Directory, Place, Told
@@ -20,13 +20,6 @@ from zenoh_cbef.protocol.presence import Presence
 from zenoh_cbef.protocol.session import Connection, open_session
 
 KEYS = Keys("test")
-
-
-def until(condition: Callable[[], bool], seconds: float = 100.0) -> bool:
-    end = time.monotonic() + seconds
-    while not condition() and time.monotonic() < end:
-        time.sleep(0.01)
-    return condition()
 
 
 @dataclass
@@ -53,7 +46,7 @@ class End:
 
 @pytest.fixture
 def ends() -> Iterator[dict[str, End]]:
-    place = f"tcp/127.0.0.1:{unused_port()}"
+    place = unused_endpoint()
     with open_session(Connection(listen=[place])) as target:
         hub, made = Presence(target, KEYS.all_live), {}
         hub.enter("target/target")
@@ -84,10 +77,10 @@ def test_messages_names_and_questions_go_through_the_target(ends: dict[str, End]
     assert not ends["record/record"].presence.names() & {"agent/1", "agent/2"}
 
     assert first.lead("agent/2", mutual=False)
-    assert until(lambda: publisher.matching_status.matching)  # type: ignore[attr-defined]  # as in relay.py
+    until(lambda: publisher.matching_status.matching)  # type: ignore[attr-defined]  # as in relay.py
     publisher.put(b"after")
     assert mailbox.receive() == b"after"
-    assert until(lambda: ask_latest(first.session, KEYS.round(2)) == [b"kept"])
+    until(lambda: ask_latest(first.session, KEYS.round(2)) == [b"kept"])
     assert "agent/2" not in first.presence  # which does not hear us yet
 
     assert first.lead("agent/2", mutual=True)
@@ -100,7 +93,7 @@ def test_messages_names_and_questions_go_through_the_target(ends: dict[str, End]
     first.detour.lead({})
     assert first.detour.heard() == []
     assert second_session.is_closed()
-    assert until(lambda: not publisher.matching_status.matching)  # type: ignore[attr-defined]
+    until(lambda: not publisher.matching_status.matching)  # type: ignore[attr-defined]
 
 
 @pytest.mark.slow
@@ -110,7 +103,7 @@ def test_a_recorder_hears_events_and_an_agent_that_its_last_words_were_heard(end
     assert agent.lead("record/record", mutual=True)
     mailbox = Mailbox(recorder.session, KEYS.all_events)
     publisher = agent.session.declare_publisher(KEYS.event("agent/1"), allowed_destination=zenoh.Locality.REMOTE)
-    assert until(lambda: publisher.matching_status.matching)  # type: ignore[attr-defined]
+    until(lambda: publisher.matching_status.matching)  # type: ignore[attr-defined]
     publisher.put(b"word")
     assert mailbox.receive() == b"word"
     assert recorder.presence.wait(lambda live: "agent/1" in live, 100.0)
@@ -124,7 +117,7 @@ def test_a_recorder_hears_events_and_an_agent_that_its_last_words_were_heard(end
 
 
 def test_the_directory_tells_both_ends_of_a_detour_and_when_the_other_listens() -> None:
-    place = f"tcp/127.0.0.1:{unused_port()}"
+    place = unused_endpoint()
     with open_session(Connection(listen=[place])) as target:
         claims = Claims(Presence(target, KEYS.all_live))
         service = serve_claims(target, KEYS.claims, claims)

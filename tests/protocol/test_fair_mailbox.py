@@ -6,7 +6,7 @@ from collections.abc import Iterator
 import pytest
 import zenoh
 
-from tests.processes.conftest import unused_port
+from tests.processes.conftest import unused_endpoint
 from zenoh_cbef.protocol.fair_mailbox import FairMailbox
 from zenoh_cbef.protocol.session import Connection, open_session
 
@@ -19,7 +19,7 @@ class Post:
     """Sends in blocks, each of which the receiver has before the next is sent."""
 
     def __init__(self) -> None:
-        endpoint = f"tcp/127.0.0.1:{unused_port()}"
+        endpoint = unused_endpoint()
         receiver = open_session(Connection(listen=[endpoint]))
         self.mailbox = FairMailbox(receiver, f"{RUN}/**", 1 << 12, ROOM)
         self._sent = receiver.declare_subscriber("sent", zenoh.handlers.FifoChannel(9))

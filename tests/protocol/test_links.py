@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import socket
-import time
 from collections.abc import Iterator
 from dataclasses import replace
 
 import pytest
 import zenoh
 
-from tests.processes.conftest import unused_port
+from tests.processes.conftest import unused_endpoint
+from tests.waiting import until
 from zenoh_cbef.protocol.addresses import is_loopback, own_addresses, own_host, parts, reached_at, with_ports
 from zenoh_cbef.protocol.introducing import introduce, life_at
 from zenoh_cbef.protocol.lives import connects, new_life, site_of
@@ -22,7 +22,7 @@ class Hall:
     """A session that all others are linked to, as to a target, and which tells none of another."""
 
     def __init__(self) -> None:
-        self.place = f"tcp/127.0.0.1:{unused_port()}"
+        self.place = unused_endpoint()
         self.sessions: list[zenoh.Session] = []
         self.come([], self.place)
 
@@ -49,11 +49,8 @@ def links(session: zenoh.Session, other: zenoh.Session | None = None) -> list[ze
     return [one for one in session.info.links() if other is None or str(one.zid) == str(other.zid())]
 
 
-def met(session: zenoh.Session, count: int, seconds: float = 10.0) -> bool:
-    until = time.monotonic() + seconds
-    while len(links(session)) != count and time.monotonic() < until:
-        time.sleep(0.01)
-    return len(links(session)) == count
+def met(session: zenoh.Session, count: int) -> bool:
+    return until(lambda: len(links(session)) == count)
 
 
 def test_who_is_introduced_has_one_link_and_a_third_process_hears_nothing(hall: Hall) -> None:
@@ -76,7 +73,7 @@ def test_the_process_that_listens_somewhere_is_known_by_its_life(hall: Hall) -> 
     session, connection = hall.agent()
     assert site_of(session) == "", "it is linked to no router"
     assert life_at(connection.listen[0], connection) == str(session.zid()) == connection.life
-    assert life_at(f"tcp/127.0.0.1:{unused_port()}", connection) == ""
+    assert life_at(unused_endpoint(), connection) == ""
     with socket.create_server(("127.0.0.1", 0)) as mute:
         assert life_at(f"tcp/127.0.0.1:{mute.getsockname()[1]}", connection) == ""
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 import zenoh
 
 from tests.protocol.conftest import Pair
+from tests.waiting import until
 from zenoh_cbef.protocol.mailbox import CAPACITY, Mailbox
 
 KEY = "cbef/test/agent/3/round"
@@ -17,21 +17,15 @@ KEY = "cbef/test/agent/3/round"
 
 def meet(there: zenoh.Session, mailbox: Mailbox) -> None:
     """Wait until what one session sends gets to the other's mailbox."""
-    until = time.monotonic() + 20
-    while mailbox.poll() != b"hello":
-        assert time.monotonic() < until
+
+    def comes() -> bool:
         there.put(KEY, b"hello")
-        time.sleep(0.02)
+        return mailbox.poll() == b"hello"
+
+    until(comes)
     time.sleep(0.05)
     while mailbox.poll() is not None:
         pass
-
-
-def eventually(what: Callable[[], object]) -> object:
-    until = time.monotonic() + 20
-    while (found := what()) is None and time.monotonic() < until:
-        time.sleep(0.01)
-    return found
 
 
 def test_messages_come_in_order_and_an_empty_one_is_a_message(pair: Pair) -> None:
@@ -41,9 +35,9 @@ def test_messages_come_in_order_and_an_empty_one_is_a_message(pair: Pair) -> Non
     for data in (b"1", b"", b"3", b"", b"5"):
         there.put(KEY, data, congestion_control=zenoh.CongestionControl.BLOCK)
     assert [mailbox.receive() for _ in range(2)] == [b"1", b""]
-    assert eventually(mailbox.poll) == b"3"
+    assert until(mailbox.poll) == b"3"
     assert mailbox.receive_from() == (KEY, b"")
-    assert eventually(mailbox.poll_from) == (KEY, b"5")
+    assert until(mailbox.poll_from) == (KEY, b"5")
     assert mailbox.poll() is None
     assert mailbox.poll_from() is None
 
@@ -83,10 +77,10 @@ def test_what_is_followed_is_handed_on_until_the_session_closes(pair: Pair) -> N
         follows = pool.submit(mailbox.follow, taken.append)
         for data in (b"a", b"", b"c"):
             here.put(KEY, data)
-        assert eventually(lambda: len(taken) == 3 or None)
+        until(lambda: len(taken) == 3)
         mailbox.wake()
         here.put(KEY, b"d")
-        assert eventually(lambda: len(taken) == 4 or None)
+        until(lambda: len(taken) == 4)
         here.close()
         assert follows.result(20) is None
     assert taken == [b"a", b"", b"c", b"d"]

@@ -9,7 +9,8 @@ import zenoh
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.processes.conftest import unused_port
+from tests.processes.conftest import unused_endpoint
+from tests.waiting import until
 from zenoh_cbef.protocol.memory import Archive, Memory, ask_latest, ask_numbers, ask_since
 from zenoh_cbef.protocol.session import Connection, open_session
 
@@ -75,17 +76,14 @@ def test_a_question_of_any_kind_is_answered_or_not(name: str, value: str) -> Non
 
 
 def test_who_missed_messages_asks_for_their_numbers_or_steps() -> None:
-    here = f"tcp/127.0.0.1:{unused_port()}"
+    here = unused_endpoint()
     with open_session(Connection(listen=[here])) as sender, open_session(Connection(connect=[here])) as other:
         archive = Archive(sender)
         memory = archive.open(KEY)
         archive.serve("cbef/test/agent/3/*")
         for number in range(12):
             memory.keep(number, number // 3, b"%d" % number)
-        until = time.monotonic() + 10
-        while not ask_latest(other, KEY) and time.monotonic() < until:
-            time.sleep(0.01)
-        assert ask_latest(other, KEY) == [b"11"]
+        assert until(lambda: ask_latest(other, KEY)) == [b"11"]
         assert ask_latest(other, KEY, 1) == [b"3", b"4", b"5"]
         assert ask_since(other, KEY, 3) == [b"9", b"10", b"11"]
         assert ask_numbers(other, KEY, 4, 6) == [b"4", b"5", b"6"]

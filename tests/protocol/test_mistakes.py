@@ -41,13 +41,16 @@ def test_a_router_that_does_not_answer_is_named_and_certificates_where_there_are
         (tmp_path / name).touch()
     tls = Tls.of_folder(tmp_path, "agent-3")
     said = str(_mistake("connect", Connection(["tcp/a:1", "tcp/b:2"], mode="client"), unreached=True))
-    assert said == "no router answers at tcp/a:1, tcp/b:2; start 'zenoh-cbef router', and check --connect"
+    assert (
+        said
+        == "neither router nor target answers at tcp/a:1, tcp/b:2; start 'zenoh-cbef router' there, and check --connect"
+    )
     said = str(_mistake("connect", Connection(["tls/a:1"], mode="client"), unreached=True))
     assert said == "tls/a:1 asks for a certificate; give --tls and your folder of 'certs new'"
     said = str(_mistake("connect", Connection(["tls/a:1"], mode="client", tls=tls), unreached=True))
-    assert said.startswith("no router answers at tls/a:1; ")
+    assert said.startswith("neither router nor target answers at tls/a:1; ")
     said = str(_mistake("connect", Connection(mode="client", tls=tls), unreached=True))
-    assert said.startswith("no router answers at the endpoints of its configuration; ")
+    assert said.startswith("neither router nor target answers at the endpoints of its configuration; ")
     assert said.endswith(", --tls, and that the router's certificate names this host")
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 
 import msgpack
 import pytest
@@ -132,6 +133,19 @@ def test_a_forged_estimate_far_away_does_not_stop_a_recorder():
     overview.see("estimate", KEYS.estimate(0), [encode(RUN, "agent/0", 0, 0, far)])
     overview.catch_up()
     assert overview.status.step == 1
+
+
+def test_the_error_is_that_of_honest_agents_in_the_plane_that_is_tracked():
+    counts: dict[str, list] = {name: [] for name in ("neighbours", "received", "lost", "late", "latency")}
+    plain = {"k": 1, "innovation": None, "weight": None, **counts, "covariance": None}
+    for left_out, axes, error in (((), 3, math.sqrt(53.0)), ({1}, 3, 5.0), ({1}, 2, 3.0), ({0, 1}, 3, None)):
+        overview = Overview(Status(RUN, "", 50), lambda: 2, left_out, axes)
+        overview.see("truth", KEYS.truth, [encode(RUN, "target", 0, 0, {"k": 1, "state": [0.0] * 6})])
+        for agent, x, z in ((0, 3.0, 4.0), (1, 9.0, 0.0)):
+            said = {"state": [x, 0.0, z, 0.0, 0.0, 0.0], **plain}
+            overview.see("estimate", KEYS.estimate(agent), [encode(RUN, f"agent/{agent}", 0, 0, said)])
+        overview.catch_up()
+        assert (overview.status.step, overview.status.error) == (1, error)
 
 
 def test_a_message_that_is_none_spoils_no_others_that_wait_with_it():

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import time
-
 import numpy as np
 import pytest
 import zenoh
 
 from tests.protocol.conftest import Pair
+from tests.waiting import until
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.protocol.kinds import RANGE
 from zenoh_cbef.protocol.mailbox import Mailbox
@@ -23,19 +22,13 @@ KEY = "cbef/test/agent/3/round"
 
 def heard_by(pair: Pair, relay: Relay) -> Mailbox:
     mailbox = Mailbox(pair[0], KEY)
-    until = time.monotonic() + 20
-    while not relay.heard and time.monotonic() < until:
-        time.sleep(0.01)
-    assert relay.heard
+    until(lambda: relay.heard)
     return mailbox
 
 
 def taken(mailbox: Mailbox) -> bytes:
-    """The next message; empty where none comes."""
-    until = time.monotonic() + 20
-    while (data := mailbox.poll()) is None and time.monotonic() < until:
-        time.sleep(0.01)
-    return data or b""
+    """The next message."""
+    return until(mailbox.poll)
 
 
 @pytest.mark.parametrize("may_drop", [True, False])

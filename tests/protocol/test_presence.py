@@ -1,14 +1,14 @@
 """Names that any process may announce where links have no certificates; tokens of real sessions."""
 
 import threading
-import time
 from threading import Event, Lock, Thread
 
 import pytest
 from zenoh import ZError
 
-from tests.processes.conftest import unused_port
+from tests.processes.conftest import unused_endpoint
 from tests.protocol.conftest import Pair
+from tests.waiting import until
 from zenoh_cbef.protocol import presence
 from zenoh_cbef.protocol.keys import Keys
 from zenoh_cbef.protocol.presence import Presence
@@ -22,7 +22,7 @@ MADE_UP = ["agent/1000", "agent/x", "nonsense/deep/er", "life/made-up/1", "over/
 
 def test_names_that_no_run_has_are_not_kept(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(presence, "_MOST", 20)
-    endpoint = f"tcp/127.0.0.1:{unused_port()}"
+    endpoint = unused_endpoint()
     with open_session(Connection(listen=[endpoint])) as here, open_session(Connection([endpoint])) as there:
         seen, hostile = Presence(here, LIVE), Presence(there, LIVE)
         tokens = [*MADE_UP, *(f"record/{n}" for n in range(50)), *(f"heard/agent/1/{n}" for n in range(50))]
@@ -82,16 +82,15 @@ def test_any_number_of_names_may_wait_for_a_lock_that_is_held_while_a_name_is_an
     with lock:
         for name in names:
             other.announce(name)
-        until = time.monotonic() + 100.0
-        while not came.wait(0.1) and time.monotonic() < until:
+
+        def comes() -> bool:
             there.put("after/names", b"")
-        assert came.is_set(), "what is sent after the names comes"
+            return came.wait(0.1)
+
+        until(comes, "what is sent after the names comes")
         Thread(target=announce, daemon=True).start()
         assert announced.wait(100.0)
-    until = time.monotonic() + 100.0
-    while heard != names | {"agent/2"} and time.monotonic() < until:
-        time.sleep(0.01)
-    assert heard == names | {"agent/2"}
+    until(lambda: heard == names | {"agent/2"})
 
 
 def test_its_thread_ends_with_its_session() -> None:
@@ -115,8 +114,6 @@ def test_a_listener_that_fails_does_not_end_what_others_are_told(capfd: pytest.C
         seen.on_change(fail)
         for name in ("agent/1", "agent/2", "agent/3"):
             seen.announce(name)
-        until = time.monotonic() + 100.0
-        while len(told) < 3 and time.monotonic() < until:
-            time.sleep(0.01)
+        until(lambda: len(told) == 3)
         assert sorted(told) == ["agent/1", "agent/2", "agent/3"]
     assert "RuntimeError: agent/2" in capfd.readouterr().err

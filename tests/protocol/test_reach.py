@@ -9,8 +9,9 @@ from collections.abc import Iterator
 
 import pytest
 
-from tests.processes.conftest import unused_port
+from tests.processes.conftest import unused_endpoint, unused_port
 from tests.protocol.conftest import Pair
+from tests.waiting import until
 from zenoh_cbef.protocol.keys import Keys
 from zenoh_cbef.protocol.presence import Presence
 from zenoh_cbef.protocol.reach import linked, runs_on, unreachable, wait_for_link, why_no_answer
@@ -101,9 +102,7 @@ def test_a_link_is_waited_for_and_runs_behind_it_are_named(pair: Pair) -> None:
     assert why_no_answer(there, connection, "mine").startswith("no run is on at tcp/a:1, tcp/b:2; check --run")
     for run in ("other", "another"):
         Presence(here, Keys(run).all_live).announce("target/target")
-    until = time.monotonic() + 20
-    while runs_on(there) != {"other", "another"}:
-        assert time.monotonic() < until
+    until(lambda: runs_on(there) == {"other", "another"})
     told = why_no_answer(there, Connection(), "mine")
     assert told.startswith("there is another, other at the endpoints of its configuration; check --run")
     assert "its target is there but says nothing" in why_no_answer(there, connection, "other")
@@ -116,7 +115,7 @@ def test_a_session_without_a_link_is_told_why(listener: socket.socket) -> None:
         assert not wait_for_link(alone, 0.1)
         assert time.monotonic() - begun >= 0.1
         assert why_no_answer(alone, Connection(), "mine").startswith("no other process has linked to this one")
-        silent, closed = f"tcp/127.0.0.1:{listener.getsockname()[1]}", f"tcp/127.0.0.1:{unused_port()}"
+        silent, closed = f"tcp/127.0.0.1:{listener.getsockname()[1]}", unused_endpoint()
         assert why_no_answer(alone, Connection([silent, closed]), "mine").startswith(f"no process listens at {closed}")
         told = why_no_answer(alone, Connection([silent]), "mine")
         assert told.startswith(f"{silent} takes connections but does not answer as Zenoh does")

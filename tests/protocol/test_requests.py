@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-import time
 from typing import Any
 
 import msgpack
 import pytest
 
 from tests.protocol.conftest import Pair
+from tests.waiting import until
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.protocol.control import ask_control, serve_control
 from zenoh_cbef.protocol.fields import field_of
@@ -32,9 +32,7 @@ def test_a_request_is_answered_or_refused_with_the_sentence_of_the_run(pair: Pai
 
     assert ask_control(pair[1], KEY, STOP, timeout=0.2) is None
     service = serve_control(pair[0], KEY, answer)
-    until = time.monotonic() + 20
-    while ask_control(pair[1], KEY, STOP, timeout=1.0) is None:
-        assert time.monotonic() < until
+    until(lambda: ask_control(pair[1], KEY, STOP, timeout=1.0))
     assert asked[-1] == {"v": 1, "ask": "stop"}
     assert ask_control(pair[1], KEY, STOP, timeout=100.0, why="x") == {"step": 4}
     assert asked[-1] == {"v": 1, "ask": "stop", "why": "x"}
@@ -59,9 +57,7 @@ def test_a_replay_obeys_orders_in_their_order_and_tells_its_state(pair: Pair) ->
         return {"time": 12.5}
 
     service = serve_replay(pair[0], "test", obey)
-    until = time.monotonic() + 20
-    while not list(pair[1].get("cbef/test/replay")):
-        assert time.monotonic() < until
+    until(lambda: list(pair[1].get("cbef/test/replay")))
     [reply] = pair[1].get("cbef/test/replay?seek=12.5;rate=2;pause", timeout=100.0)
     assert reply.ok is not None
     assert msgpack.unpackb(reply.ok.payload.to_bytes()) == {"v": 1, "run": "test", "time": 12.5}

@@ -11,6 +11,7 @@ import pytest
 import zenoh
 
 from tests.protocol.conftest import Pair
+from tests.waiting import until
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.protocol.messages import VERSION
 from zenoh_cbef.protocol.scenario_service import (
@@ -47,10 +48,8 @@ def test_a_target_that_comes_late_is_waited_for(pair: Pair) -> None:
 
 def test_targets_that_differ_are_not_chosen_from(pair: Pair) -> None:
     both = [serve_scenario(one, "mine", lambda: TEXT) for one in pair]
-    until = time.monotonic() + 20
     each: dict[str, Any] = {"target": zenoh.QueryTarget.ALL, "consolidation": zenoh.ConsolidationMode.NONE}
-    while len(list(pair[1].get("cbef/mine/scenario", **each))) < 2 and time.monotonic() < until:
-        time.sleep(0.01)
+    until(lambda: len(list(pair[1].get("cbef/mine/scenario", **each))) == 2)
     assert fetch_scenario(pair[1], "mine", Connection(), patience=20.0) == TEXT
     both[1].undeclare()
     both[1] = serve_scenario(pair[1], "mine", lambda: replace(TEXT, resolved="other"))

@@ -4,7 +4,6 @@ import os
 import socket
 import struct
 import sys
-import time
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -12,40 +11,39 @@ from typing import Any
 import pytest
 import zenoh
 
-from tests.processes.conftest import unused_port
+from tests.processes.conftest import unused_endpoint
+from tests.waiting import until
 from zenoh_cbef.protocol.messages import LARGEST
 from zenoh_cbef.protocol.session import Connection, open_session
 
 
 def test_a_message_above_the_limit_is_dropped_and_the_next_one_comes():
-    endpoint = f"tcp/127.0.0.1:{unused_port()}"
+    endpoint = unused_endpoint()
     with open_session(Connection(listen=[endpoint])) as receiver, open_session(Connection([endpoint])) as sender:
         mailbox = receiver.declare_subscriber("cbef/run/agent/0/round", zenoh.handlers.FifoChannel(10))
         # Zenoh's stubs take a matching status for a bool.
         publisher: Any = sender.declare_publisher(
             "cbef/run/agent/0/round", congestion_control=zenoh.CongestionControl.BLOCK
         )
-        until = time.monotonic() + 10
-        while not publisher.matching_status.matching and time.monotonic() < until:
-            time.sleep(0.02)
+        until(lambda: publisher.matching_status.matching)
         for size in (LARGEST + 1, 4 * LARGEST, LARGEST, 7):
             publisher.put(bytes(size))
-        received = []
-        while 7 not in received and time.monotonic() < until:
+        received: list[int] = []
+
+        def comes_to_its_end() -> bool:
             while (sample := mailbox.handler.try_recv()) is not None:
                 received.append(len(sample.payload.to_bytes()))
-            time.sleep(0.02)
+            return 7 in received
+
+        until(comes_to_its_end)
         assert received == [LARGEST, 7]
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
 def test_no_link_waits_when_it_is_closed():
-    endpoint = f"tcp/127.0.0.1:{unused_port()}"
+    endpoint = unused_endpoint()
     with open_session(Connection(listen=[endpoint])), open_session(Connection([endpoint])):
-        until = time.monotonic() + 10
-        while (found := lingering()) != [False, False] and time.monotonic() < until:
-            time.sleep(0.02)
-        assert found == [False, False]
+        until(lambda: lingering() == [False, False])
 
 
 def lingering() -> list[bool]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 
 from tests.protocol.conftest import Pair
+from tests.waiting import until
 from zenoh_cbef.protocol.keys import Keys
 from zenoh_cbef.protocol.presence import Presence, live_now
 
@@ -19,9 +20,7 @@ def test_a_process_comes_and_goes_and_leaves_and_is_known_by_its_life(pair: Pair
 
     def told(number: int) -> None:
         """Wait for so many changes: listeners are told of one after those that wait for it."""
-        until = time.monotonic() + 100.0
-        while len(changes) < number and time.monotonic() < until:
-            time.sleep(0.01)
+        until(lambda: len(changes) >= number)
 
     other.enter("agent/3")
     assert seen.wait(lambda live: "agent/3" in live, 100.0)

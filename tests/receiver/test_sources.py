@@ -56,12 +56,12 @@ def test_a_datagram_is_whole_and_silence_is_told():
     assert next(heard) is Mark.WHOLE
 
 
-@pytest.mark.parametrize("source", ["usb", "tcp:a:1", "udp:nowhere", "file:"])
+@pytest.mark.parametrize("source", ["usb", "tcp:a:1", "udp:nowhere", "udp:a:99999", "serial:/dev/x@fast", "file:"])
 def test_what_is_no_source_is_told(source):
     with pytest.raises(UserError, match="as "):
-        next(bytes_of(source, lambda: False))
+        bytes_of(source, lambda: False)
 
 
 def test_a_file_that_is_not_there_is_told(tmp_path):
     with pytest.raises(UserError, match="name a file"):
-        next(bytes_of(f"file:{tmp_path / 'gone.csv'}", lambda: False))
+        bytes_of(f"file:{tmp_path / 'gone.csv'}", lambda: False)

@@ -10,6 +10,7 @@ from zenoh_cbef.analysis.divergence import refuse_divergence
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.scenario.load import load
 from zenoh_cbef.simulator import simulate
+from zenoh_cbef.testing.faults import refuse_broken
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "docs" / "examples" / "plugin"
 FILTER, MOTION, FAULT = "filter.kind=wrong:Mine", "target.motion=wrong:Mine", 'fault=[{kind="wrong:Mine"}]'
@@ -89,6 +90,25 @@ def test_what_a_plugin_does_wrong_is_told_with_its_line(written, case, method, b
     written(head, f"    def {method}:\n        return {body}\n")
     with pytest.raises(UserError, match=rf"Mine\..*{said}.*; correct it: zenoh_cbef\.testing\.check_\w+ tells more"):
         simulate([load("tracking", ["steps=20", setting]).scenario])
+
+
+@pytest.mark.parametrize(
+    ("case", "method", "body", "said"),
+    [
+        (FAULT, "effect(self, messages, index)", "None", r"effect\(\) gives no Effect"),
+        (FAULT, "effect(self, messages, index)", "1 / 0", r"wrong.py:4 \(ZeroDivisionError"),
+        (SENDER, "sent(self, honest, index)", "honest.message[:, :1]", r"sent\(\) gives no float64"),
+        (SENSOR, "measured(self, readings, index)", "readings.ranges[0]", "no float64 array"),
+    ],
+)
+def test_a_fault_that_does_wrong_is_not_injected(written, case, method, body, said):
+    written(f"from {CLASSES[case]} as Example\n", f"    def {method}:\n        return {body}\n")
+    with pytest.raises(
+        UserError, match=rf"Mine\.{method.partition('(')[0]}\(\) fails at .*{said}.*check_fault tells more"
+    ):
+        refuse_broken("wrong:Mine", {"kind": "wrong:Mine", "from": 3.0})
+    for name, key in (("wrong:Mine", "no"), ("wrong:Yours", "links"), ("loss", "probability")):
+        refuse_broken(name, {"kind": name, key: 2})
 
 
 def test_a_filter_that_gives_no_finite_numbers_is_named(written):

@@ -73,6 +73,12 @@ def test_a_file_is_read_and_kept_as_it_was_written(tmp_path):
     assert read_source(str(path)) == (text, tmp_path.resolve())
 
 
+def test_a_byte_order_mark_does_not_matter(tmp_path):
+    path = tmp_path / "mine.toml"
+    path.write_bytes(b"\xef\xbb\xbfsteps = 12\n")
+    assert load(str(path)).scenario.steps == 12
+
+
 def test_an_unknown_name_suggests_the_nearest():
     with pytest.raises(UserError, match="did you mean 'tracking'"):
         load("trackin")
@@ -84,7 +90,7 @@ def test_an_unknown_name_suggests_the_nearest():
     ("content", "said"),
     [
         (b"steps = \n", "is not valid TOML: .*correct that line"),
-        (b"\xff\xfe\x00", "is not a text file"),
+        (b"\xff\xfe\x00", "is not UTF-8 text"),
         (b"steps = " + b"9" * 5000, "is not valid TOML"),
         (b"x = " + b"[" * 5000, "is not valid TOML"),
         (b"seed = 0x" + b"9" * 5000, "too many digits"),

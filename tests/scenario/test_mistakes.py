@@ -115,6 +115,7 @@ REFUSED = {
     'fault = [{kind = "partition", links = {between = [[0, 1], ["a"]]}}]': "fault[0].links.between[1][0] must be a whole",
     'fault = [{kind = "partition", links = {betwen = [[0], [1]]}}]': f"fault[0].links.betwen {UNKNOWN}; did you mean 'fault[0].links.between'?",
     'fault = [{kind = "loss", probabilty = 0.3}]': f"fault[0].probabilty {UNKNOWN}; did you mean 'fault[0].probability'?",
+    'fault = [{kind = "loss", prob = 0.3}]': f"fault[0].prob {UNKNOWN}; did you mean 'fault[0].probability'?",
     'fault = [{kind = "crash", agent = [3]}]': f"fault[0].agent {UNKNOWN}; did you mean 'fault[0].agents'?",
     'filter.knd = "icf"': f"filter.knd {UNKNOWN}; did you mean 'filter.kind'?",
     "rounds = 5": f"rounds {UNKNOWN}; did you mean 'consensus.rounds'?",

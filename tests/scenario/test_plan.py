@@ -104,10 +104,20 @@ def test_what_is_exchanged_is_known_without_a_filter_and_true(keys):
 @pytest.mark.parametrize("name", ["tracking", "outliers", "paper", "lawnmower"])
 def test_a_plan_under_another_seed_takes_over_what_it_would_have_found_itself(name):
     first = load(name).plan
-    other = first.scenario.model_copy(update={"seed": first.scenario.seed + 7})
+    other = first.scenario.changed(seed=first.scenario.seed + 7)
     alone, like = Plan(other), Plan(other, first)
     assert repr(like.settings) == repr(alone.settings)
     assert (like.scheme, like.rounds, like.smoothing_lag) == (alone.scheme, alone.rounds, alone.smoothing_lag)
     assert like.filter is first.filter
     np.testing.assert_array_equal(like.initial_states, alone.initial_states)
     np.testing.assert_array_equal(like.edges, alone.edges)
+
+
+def test_the_deadlines_of_a_step_end_with_it_and_leave_time_for_the_filter_first():
+    plan = load("tracking", ["timing.mode=realtime", "dt=0.26", "consensus.rounds=10"]).plan
+    assert [plan.deadline(round_) for round_ in (0, 1, 10)] == pytest.approx([0.06, 0.08, 0.26])
+
+
+def test_rounds_of_a_given_length_follow_one_another_from_the_beginning_of_the_step():
+    plan = load("tracking", ["timing.mode=realtime", "timing.round_deadline_ms=5", "consensus.rounds=10"]).plan
+    assert [plan.deadline(round_) for round_ in (0, 1, 10)] == pytest.approx([0.005, 0.01, 0.055])

@@ -1,5 +1,6 @@
 """Classes of other packages in a scenario: found, told apart, and refused in a sentence."""
 
+import re
 import sys
 import tomllib
 from pathlib import Path
@@ -15,8 +16,9 @@ from zenoh_cbef.log.prove.reestimate import reestimate
 from zenoh_cbef.log.prove.verify import verify
 from zenoh_cbef.log.read.measurements import read_measurements
 from zenoh_cbef.log.read.parts import open_log
+from zenoh_cbef.log.tools.check import check
 from zenoh_cbef.plain import Json
-from zenoh_cbef.plugins import read_options
+from zenoh_cbef.plugins import told_options
 from zenoh_cbef.scenario.injected import STEER, marked, with_faults
 from zenoh_cbef.scenario.load import load, parse, to_toml, value_of
 from zenoh_cbef.simulator import simulate
@@ -127,7 +129,7 @@ class Chosen(BaseModel):
 def test_text_that_is_not_in_quotes_is_told_how_to_quote_it(written):
     given = value_of(written)
     with pytest.raises(ValueError, match=r"filter.options.name is text, not .*; put it in quotes") as caught:
-        read_options(Chosen, {"name": given}, "filter.options")
+        told_options(Chosen, "mine", {"name": given}, "filter.options")
     [_, remedy, _] = str(caught.value).split("'")
     key, _, value = remedy.partition("=")
     assert (key, value_of(value)) == ("filter.options.name", written)
@@ -197,6 +199,11 @@ def test_a_log_whose_package_is_not_on_this_host_names_it(plugged, setting, key)
     said = f"{key} = 'mine:.*' is of mine sha256:[0-9a-f]+, which is not on this host; install that package here, too$"
     with pytest.raises(UserError, match=said):
         verify(log)
+    found = check(open_log(log))
+    assert re.search(said, found.unread)
+    assert (found.exit_status, found.messages > 0, found.damage) == (2, True, [])
+    log.write_bytes(log.read_bytes()[:-2000])
+    assert check(open_log(log)).exit_status == 1
 
 
 @pytest.mark.usefixtures("plugged")

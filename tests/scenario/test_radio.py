@@ -52,7 +52,7 @@ def test_what_cannot_be_heard_was_never_sent_and_far_agents_are_alone():
 def test_a_batch_of_seeds_has_each_its_own_places():
     drawn = {"steps": 20, "network": {"graph": "radio", "radius": 14.0}, "agents": {"count": 6}, "seed": 5}
     one = parse(drawn, "test")
-    scenarios = [one.model_copy(update={"seed": seed}) for seed in (5, 6, 7)]
+    scenarios = [one.changed(seed=seed) for seed in (5, 6, 7)]
     for together in simulate(scenarios):
         [alone] = simulate([together.scenario])
         assert alone.estimates.tobytes() == together.estimates.tobytes()

@@ -32,7 +32,7 @@ LIAR = 'fault=[{kind="byzantine", agents=[1], mode="constant", magnitude=1.0}]'
 
 def errors(*overrides):
     scenario = load("tracking", ["steps=60", *overrides]).scenario
-    found = unaided.errors(simulate([scenario.model_copy(update={"seed": seed}) for seed in range(1, 5)]))
+    found = unaided.errors(simulate([scenario.changed(seed=seed) for seed in range(1, 5)]))
     return np.array([[unaided.position_rmse(one), unaided.nees(one) / 6.0] for one in found])
 
 

@@ -19,14 +19,14 @@ from zenoh_cbef.tracking.filters.information_form import packed_size
 from zenoh_cbef.tracking.filters.kinds.sicf import SaturatedInformation
 from zenoh_cbef.tracking.filters.models.biased_information import BiasedInformation
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
-from zenoh_cbef.tracking.ranging import Measurement, Space
+from zenoh_cbef.tracking.ranging import Measurement, Space, nobody
 
 MOTION, SPACE = NearlyConstantVelocity(0.1, 0.5), Space()
 
 
 def heard(position, ranges):
     count = len(position)
-    return Measurement(position, ranges, np.zeros(count), np.empty((count, 0, 3)), np.empty((count, 0)))
+    return Measurement(position, ranges, np.zeros(count), *nobody(count))
 
 
 def joint_kalman(mean, covariance, agent, range_, *, motion, std):
@@ -221,7 +221,7 @@ def test_a_bias_that_all_receivers_have_is_estimated_with_the_size_that_the_scen
     assert (plan.bias, plan.settings.common_bias_std) == ("estimate", 1.0)
     assert (before.bias, before.settings.common_bias_std) == ("auto", 1.5 * plan.range_std)
     scenario = plan.scenario
-    runs = unaided.errors(simulate([scenario.model_copy(update={"seed": seed}) for seed in range(1001, 1005)]))
+    runs = unaided.errors(simulate([scenario.changed(seed=seed) for seed in range(1001, 1005)]))
     assert max(map(unaided.position_rmse, runs)) < 0.3
     assert 3.0 < np.mean([*map(unaided.nees, runs)]) < 10.0
 

@@ -137,6 +137,8 @@ def test_options_are_the_filters_own():
     check_filter(Wide, width=2.0)
     with pytest.raises(ValueError, match=r"filter.options.widht is no option of Width; did you mean 'width'\?"):
         check_filter(Wide, widht=2.0)
+    with pytest.raises(ValueError, match=r"filter\.options has width, but 'InformationWeighted' has no options"):
+        check_filter(InformationWeighted, width=2.0)
     with pytest.raises(ValueError, match="which is no filter: it lacks of"):
         check_filter(Width)
 

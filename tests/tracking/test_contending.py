@@ -34,9 +34,9 @@ def sure(states):
     return np.repeat(states[:, None], shape[1], axis=1), np.tile(0.1**2 * np.eye(6), (*shape, 1, 1)), likelihood
 
 
-def contested(guess, truth, steps, errors, outliers=None):
+def contested(guess, truth, steps, errors):
     """What is known after so many steps of a target at rest, and the mean place after each."""
-    contest, counts = Contest(3, outliers), uncounted(len(guess))
+    contest, counts = Contest(3, None), uncounted(len(guess))
     priors, found = sure(guess), []
     for step in range(steps):
         prior = Branches.of(priors, 3, None, share(counts))

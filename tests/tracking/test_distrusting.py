@@ -22,7 +22,7 @@ from zenoh_cbef.tracking.filters import Belief
 from zenoh_cbef.tracking.filters.around.distrusting import REPEATS, Distrusting
 from zenoh_cbef.tracking.filters.kinds.sicf import SaturatedInformation
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
-from zenoh_cbef.tracking.ranging import Measurement, Space
+from zenoh_cbef.tracking.ranging import Measurement, Space, nobody
 
 MOTION, STD, AGENTS = NearlyConstantVelocity(0.1, 0.5), 0.1, 6
 PLAIN = SaturatedInformation(MOTION, Space(), STD, AGENTS, 1.5)
@@ -32,7 +32,7 @@ BEGIN = Belief(np.zeros((AGENTS, 6)), np.tile(0.25 * np.eye(6), (AGENTS, 1, 1)))
 
 def measured(errors, seed):
     ranges = np.linalg.norm(PLACES, axis=1) + np.random.default_rng(seed).normal(0.0, STD, AGENTS) + errors
-    return Measurement(PLACES, ranges, np.zeros(AGENTS), np.empty((AGENTS, 0, 3)), np.empty((AGENTS, 0)))
+    return Measurement(PLACES, ranges, np.zeros(AGENTS), *nobody(AGENTS))
 
 
 def updates(errors, *, hear=True):
@@ -106,10 +106,7 @@ def test_one_round_a_step_is_enough_to_stand_out():
     keys = ["steps=75", "consensus.rounds=1", 'fault=[{kind="sensor-bias", bias=2.0, agents=[3], from=3.0}]']
     scenario = load("tracking", keys).scenario
     distrust = np.array(
-        [
-            one.diagnostics.distrust
-            for one in simulate([scenario.model_copy(update={"seed": seed}) for seed in range(1, 9)])
-        ]
+        [one.diagnostics.distrust for one in simulate([scenario.changed(seed=seed) for seed in range(1, 9)])]
     )
     flagged = np.median(distrust[:, :, 50:].mean(axis=2), axis=0)
     assert flagged[3] > 0.9
@@ -122,10 +119,8 @@ def test_the_network_is_better_off_and_says_who_was_wrong(tmp_path):
     # A redescending weight leaves little of the error to distrust.
     scenario = load("tracking", [fault, "steps=62", "filter.saturation=bounded"]).scenario
     assert Plan(scenario).distrusts_own
-    trusting = scenario.model_copy(update={"filter": scenario.filter.model_copy(update={"distrust": False})})
-    traces, trusted = (
-        simulate([one.model_copy(update={"seed": seed}) for seed in range(1, 9)]) for one in (scenario, trusting)
-    )
+    trusting = scenario.changed(filter={"distrust": False})
+    traces, trusted = (simulate([one.changed(seed=seed) for seed in range(1, 9)]) for one in (scenario, trusting))
     runs, others = analyze(traces), errors(trusted)
     off, trusting_off = (np.median([run.position_error[:, 40:60].mean() for run in each]) for each in (runs, others))
     assert off < 0.5 * trusting_off

@@ -15,7 +15,7 @@ from zenoh_cbef.tracking.filters.around.doubted_noise import DoubtedNoise
 from zenoh_cbef.tracking.filters.base import Belief
 from zenoh_cbef.tracking.filters.kinds.sicf import SaturatedInformation
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
-from zenoh_cbef.tracking.ranging import Measurement, Space
+from zenoh_cbef.tracking.ranging import Measurement, Space, nobody
 
 TRUE, AGENTS, STEPS = 0.1, 8, 200
 MOTION = NearlyConstantVelocity(0.1, 0.5)
@@ -23,7 +23,7 @@ MOTION = NearlyConstantVelocity(0.1, 0.5)
 
 def heard(position, ranges):
     count = len(position)
-    return Measurement(position, ranges, np.zeros(count), np.empty((count, 0, 3)), np.empty((count, 0)))
+    return Measurement(position, ranges, np.zeros(count), *nobody(count))
 
 
 def tracked(given, *, doubted, followed=None, counts=True, steps=STEPS):
@@ -105,7 +105,7 @@ def emulated(*keys):
 def test_a_network_of_emulated_receivers_finds_out_that_their_noise_was_told_wrong(told):
     def nees(rules):
         runs = load("tracking", [f"filter.range_std={told}", f"filter.defaults={rules}"]).scenario
-        found = errors(simulate([runs.model_copy(update={"seed": 3001 + seed}) for seed in range(3)]))
+        found = errors(simulate([runs.changed(seed=3001 + seed) for seed in range(3)]))
         return np.mean([np.nanmean(run.nees[:, run.first :]) / 6.0 for run in found])
 
     assert abs(np.log(nees(7))) < 0.3 < abs(np.log(nees(6)))

@@ -16,15 +16,15 @@ from zenoh_cbef.tracking.filters.information_form import belief_of, pack, packed
 from zenoh_cbef.tracking.graph import make_edges, neighbours
 from zenoh_cbef.tracking.linalg import pack_upper, unpack_upper
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
-from zenoh_cbef.tracking.ranging import Measurement, Space
+from zenoh_cbef.tracking.ranging import Measurement, Space, nobody
 from zenoh_cbef.tracking.tracker import Tracker
 from zenoh_cbef.tracking.weights import metropolis_weights
 
 STD, SEEDS, SPACES = 0.3, st.integers(0, 2**32 - 1), st.sampled_from([Space(), Space(0.7)])
 
 
-def settings_for(space, count, xi=1.5, dt=0.2, std=STD):
-    return FilterSettings(NearlyConstantVelocity(dt, 0.5, space.axes), space, std, xi, count)
+def settings_for(space, count, xi=1.5):
+    return FilterSettings(NearlyConstantVelocity(0.2, 0.5, space.axes), space, STD, xi, count)
 
 
 def began(payload):
@@ -45,13 +45,14 @@ def scene(seed, space, count=4):
     ranges = random.uniform(3.0, 8.0, count)
     ranges[0] = np.nan
     age = random.uniform(0.0, 0.2, count)
-    nobody = np.empty((count, 0, 3)), np.empty((count, 0))
-    return beliefs(random, space, count), Measurement(random.normal(scale=5, size=(count, 3)), ranges, age, *nobody)
+    return beliefs(random, space, count), Measurement(
+        random.normal(scale=5, size=(count, 3)), ranges, age, *nobody(count)
+    )
 
 
-def by_the_equations(belief, measurement, space, agent, *, count, xi, dt=0.2):
+def by_the_equations(belief, measurement, space, agent, *, count, xi):
     """V, O, |z| and w of one agent, written as in the paper; H by differences of the range itself."""
-    motion = NearlyConstantVelocity(dt, 0.5, space.axes)
+    motion = NearlyConstantVelocity(0.2, 0.5, space.axes)
     state = motion.transition @ belief.state[agent]
     covariance = motion.transition @ belief.known_covariance[agent] @ motion.transition.T + motion.process_noise
     prior = np.linalg.inv(covariance)
@@ -146,9 +147,8 @@ def run_steps(kind, space, count, *, rounds, steps, graph="complete", seed=1, to
         position = random.normal(scale=6.0, size=(count, 3))
         ranges = np.linalg.norm(position - [1.0, 2.0, 0.7], axis=1) + STD * random.normal(size=count)
         ranges[random.random(count) < 0.2] = np.nan
-        nobody = np.empty((count, 0, 3)), np.empty((count, 0))
         before = tracker.belief
-        measured = Measurement(position, ranges, np.zeros(count), *nobody)
+        measured = Measurement(position, ranges, np.zeros(count), *nobody(count))
         message = tracker.measure(measured)
         for _ in range(rounds if kind != "local" else 0):
             message = tracker.exchange(message[lists.index], None)

@@ -169,7 +169,7 @@ def honest_central(trace):
 @pytest.mark.slow
 def test_one_liar_of_six_on_sparse_graphs_is_named_within_twenty_steps_and_does_no_harm():
     one, honest, judged = load("tracking", [LIAR, "steps=90"]).scenario, [0, 1, 2, 4, 5], 0
-    for trace in simulate([one.model_copy(update={"seed": seed}) for seed in range(1, 13)]):
+    for trace in simulate([one.changed(seed=seed) for seed in range(1, 13)]):
         links = [set(link) for link in trace.edges.tolist()]
         if linked([link for link in links if 3 not in link]) != set(honest):
             continue  # The liar is the only way between honest agents.

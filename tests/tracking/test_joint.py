@@ -9,7 +9,7 @@ from zenoh_cbef.tracking.filters import FilterSettings, make_filter
 from zenoh_cbef.tracking.filters.base import Belief
 from zenoh_cbef.tracking.joint import joint_centralized
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
-from zenoh_cbef.tracking.ranging import Measurement, Space
+from zenoh_cbef.tracking.ranging import Measurement, Space, nobody
 
 RUNS, STEPS, DT, STD, XI = 2, 60, 0.2, 0.1, 1.5
 CALM, WILD = NearlyConstantVelocity(DT, 0.3), NearlyConstantVelocity(DT, 20.0)
@@ -41,9 +41,10 @@ def averaged(chosen, initial, positions, ranges, age):
         filter_ = make_filter("sicf", chosen)
         belief = Belief(initial.state[[run] * agents], initial.known_covariance[[run] * agents])
         for k in range(STEPS):
-            none = np.empty((agents, 0, 3)), np.empty((agents, 0))
             heard = np.nan_to_num(age[run, :, k])
-            update = filter_.update(belief, Measurement(positions[run, :, k], ranges[run, :, k], heard, *none))
+            update = filter_.update(
+                belief, Measurement(positions[run, :, k], ranges[run, :, k], heard, *nobody(agents))
+            )
             belief = filter_.conclude(update.payload.mean(axis=0)[None].repeat(agents, axis=0), update)
             states[run, k], covariances[run, k] = belief.state[0], belief.known_covariance[0]
     return states, covariances

@@ -14,7 +14,7 @@ from zenoh_cbef.tracking.filters.around.recovering import widened
 from zenoh_cbef.tracking.filters.finding.moved import moved
 from zenoh_cbef.tracking.joint import _Joint
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
-from zenoh_cbef.tracking.ranging import Measurement, Space
+from zenoh_cbef.tracking.ranging import Measurement, Space, nobody
 
 COUNT, STD, BETA = 4, 0.1, 0.5
 MOTION = NearlyConstantVelocity(0.5, 0.5, 3)
@@ -37,8 +37,7 @@ def heard(random, agents=slice(None)):
     places, ranges = random.normal(scale=6.0, size=(COUNT, 3)), random.uniform(4.0, 9.0, COUNT)
     ranges[1] = np.nan
     number = np.arange(COUNT)[agents]
-    none = np.empty((len(number), 0, 3)), np.empty((len(number), 0))
-    return Measurement(places[agents], ranges[agents], np.full(len(number), 0.05), *none, agent=number)
+    return Measurement(places[agents], ranges[agents], np.full(len(number), 0.05), *nobody(len(number)), agent=number)
 
 
 def averaged(belief, measurement, chosen=FILTER):

@@ -13,7 +13,7 @@ from zenoh_cbef.tracking.filters.around.lasting_errors import LastingErrors, Rec
 from zenoh_cbef.tracking.filters.base import Belief
 from zenoh_cbef.tracking.filters.kinds.sicf import SaturatedInformation
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
-from zenoh_cbef.tracking.ranging import Measurement, Space
+from zenoh_cbef.tracking.ranging import Measurement, Space, nobody
 
 STD, AGENTS, STEPS = 0.1, 8, 300
 
@@ -93,7 +93,7 @@ MOTION = NearlyConstantVelocity(0.1, 0.5)
 
 def heard(position, ranges):
     count = len(position)
-    return Measurement(position, ranges, np.zeros(count), np.empty((count, 0, 3)), np.empty((count, 0)))
+    return Measurement(position, ranges, np.zeros(count), *nobody(count))
 
 
 @pytest.mark.parametrize("claims", [False, True])

@@ -10,13 +10,13 @@ from zenoh_cbef.scenario.load import load
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.scenario.world import make_world
 from zenoh_cbef.simulator import Heard, heard_in, simulate
-from zenoh_cbef.tracking.ranging import Measurement
+from zenoh_cbef.tracking.ranging import Measurement, nobody
 from zenoh_cbef.tracking.status import ACQUIRING, COASTING, TRACKING
 
 
 def runs(*keys: str, seeds: int = 6, steps: int = 400):
     one = load("tracking", [f"steps={steps}", *keys]).scenario
-    return simulate([one.model_copy(update={"seed": 1001 + more}) for more in range(seeds)])
+    return simulate([one.changed(seed=1001 + more) for more in range(seeds)])
 
 
 def errors(trace):
@@ -90,7 +90,7 @@ BIASED = ("sensor.bias=0.3", "filter.bias=estimate")
 def test_steps_that_no_caller_tells_are_counted():
     """Of ten silences each begins at another place of the window of ten steps, after which agents decide."""
     one = load("tracking", ["steps=70", "agents.count=4", "dt=0.2", "filter.initial_position_std=3.0"]).scenario
-    plans = [Plan(one.model_copy(update={"seed": seed})) for seed in range(1, 11)]
+    plans = [Plan(one.changed(seed=seed)) for seed in range(1, 11)]
     heard = [heard_in(plan, make_world(plan.scenario)) for plan in plans]
     for run, each in enumerate(heard):
         each.ranges[:, 20 + run : 60] = np.nan
@@ -99,7 +99,7 @@ def test_steps_that_no_caller_tells_are_counted():
     def payloads(steps):
         tracker, neighbours = batch_tracker(plans)
         for k, step in enumerate(steps):
-            seen = positions[:, k], ranges[:, k], age[:, k], np.empty((40, 0, 3)), np.empty((40, 0))
+            seen = positions[:, k], ranges[:, k], age[:, k], *nobody(40)
             sent = tracker.measure(Measurement(*seen, step=step, agent=np.tile(np.arange(4), 10)))
             yield sent
             for _ in range(plans[0].rounds):

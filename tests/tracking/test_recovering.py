@@ -15,7 +15,7 @@ from zenoh_cbef.tracking.filters import Belief
 from zenoh_cbef.tracking.filters.around.recovering import Recovering, widened
 from zenoh_cbef.tracking.filters.around.returning import Returning
 from zenoh_cbef.tracking.filters.models.imm import InteractingModels
-from zenoh_cbef.tracking.ranging import Measurement
+from zenoh_cbef.tracking.ranging import Measurement, nobody
 
 
 def within(outer):
@@ -33,8 +33,7 @@ def surprised(count):
     ranges[:count] += 10.0
     ranges[5] = np.nan
     belief = Belief(np.zeros((6, 6)), np.tile(0.01 * np.eye(6), (6, 1, 1)))
-    empty = np.empty((6, 0, 3)), np.empty((6, 0))
-    return made, made.update(belief, Measurement(positions, ranges, np.zeros(6), *empty))
+    return made, made.update(belief, Measurement(positions, ranges, np.zeros(6), *nobody(6)))
 
 
 @pytest.mark.parametrize(("count", "widened"), [(0, False), (2, False), (3, True), (5, True)])
@@ -63,7 +62,7 @@ def test_a_network_that_begins_elsewhere_finds_its_target_sooner(others):
     errors = []
     for recovery in ("false", "true"):
         scenario = load("tracking", [*start, f"filter.recovery={recovery}"]).scenario
-        traces = simulate([scenario.model_copy(update={"seed": seed}) for seed in range(1, 11)])
+        traces = simulate([scenario.changed(seed=seed) for seed in range(1, 11)])
         after = [np.linalg.norm((one.estimates - one.truth)[:, 29, :3], axis=1).mean() for one in traces]
         errors.append(np.median(after))
     assert errors[1] < 0.2 * errors[0]

@@ -23,8 +23,8 @@ def run(consensus, lists, payload, delivered):
     return consensus.result()
 
 
-def losses(lists, rounds, probability, seed=3):
-    random = np.random.default_rng(seed)
+def losses(lists, rounds, probability):
+    random = np.random.default_rng(3)
     return (random.random((rounds, *lists.index.shape)) >= probability) & lists.present
 
 

@@ -15,7 +15,7 @@ from zenoh_cbef.tracking.central_models import CentralModels
 from zenoh_cbef.tracking.filters import FilterSettings, make_filter, sharing_of
 from zenoh_cbef.tracking.filters.base import Belief
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
-from zenoh_cbef.tracking.ranging import Measurement, Space
+from zenoh_cbef.tracking.ranging import Measurement, Space, nobody
 from zenoh_cbef.tracking.reference import Ranges
 from zenoh_cbef.tracking.switching import Switching
 
@@ -28,7 +28,6 @@ RANGES = np.linalg.norm(TRUTH[None] - PLACES[:, None], axis=2) + STD * RANDOM.no
 RANGES[2, 7:12] = np.nan
 BEGIN = np.zeros((1, 6)), np.diag([0.25] * 3 + [0.04] * 3)[None]
 SETTINGS = FilterSettings(NOISES[1], Space(), STD, np.inf, AGENTS, noises=NOISES, leaving=(LEAVING,))
-NONE = np.empty((AGENTS, 0, 3)), np.empty((AGENTS, 0))
 
 
 def everyone(part):
@@ -39,7 +38,7 @@ def beliefs(alone=()):
     """Of a network that averages exactly, but in steps in which the first agent hears no neighbour."""
     filter_, belief = make_filter("icf", SETTINGS), Belief(*map(everyone, BEGIN))
     for k in range(STEPS):
-        update = filter_.update(belief, Measurement(PLACES, RANGES[:, k], np.zeros(AGENTS), *NONE))
+        update = filter_.update(belief, Measurement(PLACES, RANGES[:, k], np.zeros(AGENTS), *nobody(AGENTS)))
         mean = everyone(update.payload.mean(axis=0)[None])
         if k in alone:
             mean[0] = update.payload[0]
@@ -105,7 +104,7 @@ def test_the_noise_of_a_target_that_is_not_known_to_have_it_is_doubted(keys, dou
 def test_a_told_noise_that_is_wrong_costs_little_and_no_honesty(std, dt, steps):
     def found(*keys):
         runs = load("tracking", [*keys, f"dt={dt}", f"steps={steps}"]).scenario
-        return analyze(simulate([runs.model_copy(update={"seed": 3001 + seed}) for seed in range(3)]))
+        return analyze(simulate([runs.changed(seed=3001 + seed) for seed in range(3)]))
 
     known, told = found(), found(f"filter.acceleration_std={std}")
     errors = [np.array([pick(run.metrics, "position_rmse") for run in runs]) for runs in (known, told)]

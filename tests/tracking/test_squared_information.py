@@ -15,7 +15,7 @@ from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.simulator import simulate
 from zenoh_cbef.tracking.filters import Belief, FilterSettings, make_filter, sharing_of
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
-from zenoh_cbef.tracking.ranging import Measurement, Space
+from zenoh_cbef.tracking.ranging import Measurement, Space, nobody
 
 STD, DT, COUNT = 0.3, 0.5, 5
 LINE = (
@@ -45,8 +45,7 @@ def scene(space, seed=3, ages=0.0):
     )
     ranges = random.uniform(3.0, 8.0, COUNT)
     ranges[0] = np.nan
-    no_neighbour = np.empty((COUNT, 0, 3)), np.empty((COUNT, 0))
-    return belief, Measurement(random.normal(scale=5, size=(COUNT, 3)), ranges, np.full(COUNT, ages), *no_neighbour)
+    return belief, Measurement(random.normal(scale=5, size=(COUNT, 3)), ranges, np.full(COUNT, ages), *nobody(COUNT))
 
 
 def concluded(chosen, belief, measurement):
@@ -143,8 +142,7 @@ def test_an_agent_is_a_batch_of_one():
     whole = chosen.conclude(mixed, update)
     for agent in range(COUNT):
         one = slice(agent, agent + 1)
-        no_neighbour = np.empty((1, 0, 3)), np.empty((1, 0))
-        mine = Measurement(measurement.position[one], measurement.range[one], measurement.age[one], *no_neighbour)
+        mine = Measurement(measurement.position[one], measurement.range[one], measurement.age[one], *nobody(1))
         alone = chosen.update(Belief(belief.state[one], belief.known_covariance[one]), mine)
         np.testing.assert_array_equal(alone.payload, update.payload[one])
         np.testing.assert_array_equal(chosen.conclude(mixed[one], alone).state, whole.state[one])

@@ -22,7 +22,7 @@ def delayed(milliseconds):
 
 def runs(keys, seeds=8):
     scenario = load("tracking", [*LAGGED, *keys]).scenario
-    return simulate([scenario.model_copy(update={"seed": seed}) for seed in range(1, seeds + 1)])
+    return simulate([scenario.changed(seed=seed) for seed in range(1, seeds + 1)])
 
 
 @pytest.mark.parametrize("lag", [1, 3])

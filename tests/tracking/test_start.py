@@ -50,7 +50,7 @@ def test_the_first_step_is_better_with_guesses_that_are_not_linearised_at():
 def consistency(*overrides, base="tracking", seeds=60):
     """NEES over its ideal in each of the first 24 steps, mean of all agents and runs."""
     scenario = load(base, [*overrides, "steps=24"]).scenario
-    runs = [scenario.model_copy(update={"seed": 1 + k}) for k in range(seeds)]
+    runs = [scenario.changed(seed=1 + k) for k in range(seeds)]
     found = []
     for one in simulate(runs):
         off = one.estimates - one.truth
@@ -80,10 +80,10 @@ def test_earlier_rules_left_the_targets_own_motion_out_of_the_claimed_error():
 @pytest.mark.slow
 def test_the_network_begins_as_well_as_one_that_knows_all():
     """The paper's MSEE over the first 20 steps: that of a filter with all guesses and all ranges."""
-    runs = [load("tracking", ["steps=20"]).scenario.model_copy(update={"seed": 1 + k}) for k in range(60)]
+    runs = [load("tracking", ["steps=20"]).scenario.changed(seed=1 + k) for k in range(60)]
     off = np.array([np.sum((one.estimates - one.truth) ** 2, axis=2) for one in simulate(runs)])
     assert np.mean(off[:, :, 0]) < 1.1 * (3.0 / 6.0 + 0.16**2)
-    earlier = [run.model_copy(update={"filter": run.filter.model_copy(update={"defaults": 3})}) for run in runs]
+    earlier = [run.changed(filter={"defaults": 3}) for run in runs]
     before = np.array([np.sum((one.estimates - one.truth) ** 2, axis=2) for one in simulate(earlier)])
     assert np.mean(off) < 0.6 * np.mean(before)
 

@@ -17,7 +17,7 @@ from zenoh_cbef.tracking.filters.base import Bias
 from zenoh_cbef.tracking.filters.finding.knowing import Knowing
 from zenoh_cbef.tracking.filters.settings import FilterSettings
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
-from zenoh_cbef.tracking.ranging import Measurement, Space
+from zenoh_cbef.tracking.ranging import Measurement, Space, nobody
 from zenoh_cbef.tracking.status import ACQUIRING, COASTING, LOST, STATUSES, TRACKING, Status, most_misfit, status_name
 
 HERE = "filter.reacquire=false"
@@ -27,7 +27,7 @@ SILENT = 'fault=[{kind="sensor-dropout",probability=1.0,from=5.0,until=9.0}]'
 @cache
 def runs(*keys: str, seeds: int = 5):
     one = load("tracking", ["steps=150", HERE, *keys]).scenario
-    return simulate([one.model_copy(update={"seed": 1 + more}) for more in range(seeds)])
+    return simulate([one.changed(seed=1 + more) for more in range(seeds)])
 
 
 def said(*keys: str):
@@ -149,8 +149,7 @@ def test_ranges_do_not_fit_that_are_explained_by_a_bias_four_deviations_off(bias
         NearlyConstantVelocity(0.1, 0.5), Space(), 0.1, 2.0, 4, common_bias_std=0.3, own_bias_std=0.4
     )
     knowing, belief = Knowing(Biased(bias, weight), settings), Belief(np.zeros((1, 6)), np.eye(6)[None])
-    none = np.empty((1, 0, 3)), np.empty((1, 0))
-    heard = Measurement(np.zeros((1, 3)), np.ones(1), np.zeros(1), *none)
+    heard = Measurement(np.zeros((1, 3)), np.ones(1), np.zeros(1), *nobody(1))
     for _ in range(20):
         update = knowing.update(belief, heard)
         belief = knowing.conclude(update.payload, update)
@@ -192,9 +191,9 @@ def test_the_ways_from_status_to_status():
 @pytest.mark.parametrize("forged", [np.inf, -np.inf, np.nan, 1e60, -1e60])
 def test_forged_numbers_make_no_number_that_is_none(forged):
     plan = load("tracking", ["filter.start=given", HERE]).plan
-    made, belief, none = plan.filter, plan.initial_belief, (np.empty((6, 0, 3)), np.empty((6, 0)))
+    made, belief = plan.filter, plan.initial_belief
     for _ in range(10):
-        update = made.update(belief, Measurement(np.zeros((6, 3)), np.full(6, 2.0), np.zeros(6), *none))
+        update = made.update(belief, Measurement(np.zeros((6, 3)), np.full(6, 2.0), np.zeros(6), *nobody(6)))
         mixed = np.tile(update.payload.mean(axis=0), (6, 1))
         mixed[:, -2:] = forged
         belief = made.conclude(mixed, update)

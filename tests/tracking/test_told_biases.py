@@ -48,7 +48,7 @@ def test_what_a_fix_says_of_the_state_and_of_a_constant_given_the_state_is_what_
 
 def consistency(rules):
     scenario = load("tracking", ["sensor.bias_std=0.5", f"filter.defaults={rules}", "steps=120"]).scenario
-    runs = unaided.errors(simulate([scenario.model_copy(update={"seed": 2001 + seed}) for seed in range(4)]))
+    runs = unaided.errors(simulate([scenario.changed(seed=2001 + seed) for seed in range(4)]))
     nees = np.array([np.nanmean(run.nees[:, run.first :]) / 6.0 for run in runs])
     return nees, np.array([unaided.position_rmse(run) for run in runs])
 

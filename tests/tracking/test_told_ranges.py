@@ -34,7 +34,7 @@ def errors_of(*sets, seeds=(1001,), rules=12):
     """Position errors of all agents, (seeds, agents, steps), m, and the claimed ones."""
     scenario = load("tracking", [*sets, f"filter.defaults={rules}"]).scenario
     with np.errstate(all="ignore"):
-        traces = simulate([scenario.model_copy(update={"seed": seed}) for seed in seeds])
+        traces = simulate([scenario.changed(seed=seed) for seed in seeds])
     off = [np.linalg.norm((one.estimates - one.truth)[:, :, :3], axis=2) for one in traces]
     claimed = [np.sqrt(one.covariances[:, :, range(3), range(3)].sum(axis=2)) for one in traces]
     return np.stack(off), np.stack(claimed)
@@ -65,7 +65,7 @@ def test_corners_of_which_ranges_tell_one_by_one_are_held(sets, seed):
 
 @pytest.mark.slow
 def test_one_or_two_agents_alone_take_in_their_ranges_and_coast():
-    scenario = load("tracking", [*AWAY, "steps=70"]).scenario.model_copy(update={"seed": 1015})
+    scenario = load("tracking", [*AWAY, "steps=70"]).scenario.changed(seed=1015)
     trace = simulate([scenario])[0]
     alone, pair = trace.diagnostics.status[0, 58:], trace.diagnostics.status[3:, 58:]
     assert (alone == COASTING).all()

@@ -69,7 +69,7 @@ def test_of_a_neighbour_that_was_never_heard_silence_says_nothing():
 def test_on_a_clean_network_silence_costs_less_than_a_hundredth_of_the_error():
     def found(*overrides):
         scenario = load("tracking", ["steps=60", *overrides]).scenario
-        traces = simulate([scenario.model_copy(update={"seed": seed}) for seed in range(1, 7)])
+        traces = simulate([scenario.changed(seed=seed) for seed in range(1, 7)])
         runs = [(unaided.position_rmse(one), unaided.nees(one)) for one in unaided.errors(traces)]
         return np.array(runs), np.mean([trace.diagnostics.silent[:, 20:].mean() for trace in traces])
 

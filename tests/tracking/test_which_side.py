@@ -13,7 +13,7 @@ from zenoh_cbef.tracking.diagnostics import Diagnostics
 from zenoh_cbef.tracking.filters import Belief, FilterSettings, Update
 from zenoh_cbef.tracking.filters.finding.one_side import OneSide
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
-from zenoh_cbef.tracking.ranging import Measurement, Space
+from zenoh_cbef.tracking.ranging import Measurement, Space, nobody
 from zenoh_cbef.tracking.status import ACQUIRING, LOST, TRACKING, Status
 
 MIDDLE, FIX = np.array([1.0, 2.0, -3.0]), 4
@@ -51,8 +51,9 @@ def said(places, filter_, before=None, weights=None):
     count = len(places)
     side = OneSide(filter_, FilterSettings(NearlyConstantVelocity(0.5, 0.5), Space(), 0.1, 2.0, count, says_status=True,
                                            sides=True, first_fix=FIX, middle=tuple(MIDDLE)))  # fmt: skip
-    none = np.empty((count, 0, 3)), np.empty((count, 0))
-    heard = Measurement(MIDDLE + np.array([0.3, 0.2, 0.1]) + places @ AXES.T, np.ones(count), np.zeros(count), *none)
+    heard = Measurement(
+        MIDDLE + np.array([0.3, 0.2, 0.1]) + places @ AXES.T, np.ones(count), np.zeros(count), *nobody(count)
+    )
     belief = before or Belief(np.zeros((count, 6)), np.tile(np.eye(6), (count, 1, 1)))
     update = side.update(belief, heard)
     mixed = (np.full((count, count), 1.0 / count) if weights is None else weights) @ update.payload

@@ -48,6 +48,12 @@ def rms(values: Floats) -> Number:
     return None if square is None else float(np.sqrt(square))
 
 
+def ratio_of_rms(errors: Floats, yardstick: Floats) -> Number:
+    """Of the root mean squares of the agents' errors (n, K) and a yardstick's (K,), over the steps that both have."""
+    own, other = rms(errors[:, np.isfinite(yardstick)]), rms(yardstick[np.isfinite(errors).any(axis=0)])
+    return own / other if own is not None and other else None
+
+
 def mean_over_agents(values: Floats) -> Floats:
     """The mean of the finite values over the first axis; NaN where there is none."""
     present = np.isfinite(values)

@@ -55,10 +55,9 @@ def _position_chart(analysis: Analysis) -> Chart:
             claimed_position_error(analysis.trace),
             scored=True,
         )
-    bound = np.sqrt(np.trace(analysis.bound[:, :3, :3], axis1=1, axis2=2))
     references = [
         Reference("centralised filter", "centralized", analysis.centralized_position_error),
-        Reference("posterior bound", "bound", bound),
+        Reference("posterior bound", "bound", analysis.bound_position_error),
     ]
     caption = "Distance of each agent's estimate from the truth. Bound: root of its position block's trace."
     if analysis.smoothed is not None:

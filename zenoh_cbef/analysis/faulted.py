@@ -10,11 +10,12 @@ from zenoh_cbef.arrays import Bools
 from zenoh_cbef.faults import Absence, Fault, LinkFault, SenderFault, SensorFault
 from zenoh_cbef.faults.base import Between
 from zenoh_cbef.scenario import Scenario
+from zenoh_cbef.scenario.fault_checks import liars
 
 
 def honest_agents(scenario: Scenario) -> Bools:
     """Which agents a scenario never lets send wrong values, (n,); all, if none is left."""
-    wrong = {agent for fault in scenario.fault if isinstance(fault, SenderFault) for agent in fault.agents}
+    wrong = liars(scenario)
     honest = np.array([agent not in wrong for agent in range(scenario.count)])
     return honest if honest.any() else np.ones_like(honest)
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from zenoh_cbef.analysis.averages import last, means, rms, running_mean, told
+from zenoh_cbef.analysis.averages import last, means, ratio_of_rms, rms, running_mean, told
 from zenoh_cbef.analysis.below import bound_note
 from zenoh_cbef.analysis.claimed import claimed_position_error
 from zenoh_cbef.analysis.consistency import agents_bands, described
@@ -194,9 +194,7 @@ def _lost(reached: Number, strong: Yardstick) -> bool:
 
 def _ratio(errors: Errors, yardstick: Floats, window: slice) -> float | None:
     """Of the network's position RMSE and a yardstick's, whose errors are (K,), over the same steps of a window."""
-    other_errors, network = yardstick[window], errors.position_error[errors.counted, window]
-    own, other = rms(network[:, np.isfinite(other_errors)]), rms(other_errors[np.isfinite(network).any(axis=0)])
-    return own / other if own is not None and other else None
+    return ratio_of_rms(errors.position_error[errors.counted, window], yardstick[window])
 
 
 def _scored(errors: Errors) -> Scored:

@@ -36,8 +36,7 @@ def with_scheme(plan: Plan, scheme: Scheme, *, linear: bool = False, rounds: int
     }
     if linear:
         settings |= {"precision": "float64", "isolate": False, "lag": 0}
-    scenario = plan.scenario
-    return Plan(scenario.model_copy(update={"consensus": scenario.consensus.model_copy(update=settings)}))
+    return Plan(plan.scenario.changed(consensus=settings))
 
 
 def mixing(plan: Plan, scheme: Scheme, most: int) -> Floats:

@@ -44,7 +44,7 @@ def recommended(plan: Plan, kbits: float, enough: int | None, ratio: Callable[[i
     whole = bool(plan.sharing.blocks) and not plan.sums
     plain = configured_scheme(plan) == "average" and not (stage.trim or stage.lag or plan.isolates)
     precision: Precision = "int12" if whole else "float32"
-    short = Plan(scenario.model_copy(update={"consensus": stage.model_copy(update={"precision": precision})}))
+    short = Plan(scenario.changed(consensus={"precision": precision}))
     fixed, one = link_bytes(short, rounds=0), link_bytes(short, rounds=1)
     budget = 1e3 * kbits * scenario.dt / 8.0
     wanted = max(1, enough or plan.rounds)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from zenoh_cbef.analysis.averages import mean_over_agents, rms
+from zenoh_cbef.analysis.averages import mean_over_agents, ratio_of_rms, rms
 from zenoh_cbef.analysis.consistency import described, nees_of
 from zenoh_cbef.analysis.results import Smoothing
 from zenoh_cbef.analysis.yardsticks import centralized_run, jointly
@@ -111,8 +111,6 @@ def centralized_paths(traces: Sequence[Trace]) -> Sequence[Floats | None]:
 def smoothing_of(errors: SmoothedErrors, trace: Trace, first: int, counted: Bools) -> Smoothing:
     """What the errors amount to in the window that begins at index `first`; counted: (n,), of these agents."""
     position, central = errors.position[counted, first:], errors.centralized[first:]
-    own = rms(position[:, np.isfinite(central)])
-    other = rms(central[np.isfinite(position).any(axis=0)])
     degrees = np.full(errors.nees.shape, len(trace.plan.space.kept))
     [nees] = described(errors.nees[None], degrees[None], time=trace.time, first=first, counted=counted)
     return Smoothing(
@@ -120,6 +118,6 @@ def smoothing_of(errors: SmoothedErrors, trace: Trace, first: int, counted: Bool
         position_rmse=rms(position),
         velocity_rmse=rms(errors.velocity[counted, first:]),
         centralized_position_rmse=rms(central),
-        ratio_to_centralized=own / other if own is not None and other else None,
+        ratio_to_centralized=ratio_of_rms(position, central),
         nees=nees,
     )

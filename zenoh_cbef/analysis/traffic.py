@@ -64,7 +64,8 @@ def other_bytes(plan: Plan) -> float:
 
 def _estimate(plan: Plan) -> Estimate:
     """What agent 0 says once its filter is past the first fix: which numbers there are matters, not what they are."""
-    plan = _begun(plan)
+    # Where the scenario lets agents begin at their initial estimates they need no first fix.
+    plan = Plan(plan.scenario.changed(filter={"start": "given"}))
     tracker, neighbours = agent_tracker(plan, 0)
     places = agent_positions(plan.scenario)[:, 0]
     # Ranges to a point beside the agents: no row of any filter is without information.
@@ -76,12 +77,6 @@ def _estimate(plan: Plan) -> Estimate:
         tracker.conclude()
     tracker.measure(measurement)
     return tracker.conclude()
-
-
-def _begun(plan: Plan) -> Plan:
-    """The same without a first fix, where the scenario lets agents begin at their initial estimates."""
-    filter_ = plan.scenario.filter.model_copy(update={"start": "given"})
-    return Plan(plan.scenario.model_copy(update={"filter": filter_}))
 
 
 def _counts(plan: Plan, agent: int, neighbours: list[int], step: int) -> dict[str, object]:

@@ -70,7 +70,8 @@ def save(figure: Figure, path: Path, kind: Format, title: str, command: str = ""
             fresh.write_text(_pgf(figure, [title, made, command]), encoding="utf-8")
         else:
             told = {name: value for name, value in metadata[kind].items() if value != ""}
-            figure.savefig(fresh, format=kind, dpi=_DPI, metadata=told)
+            figure.savefig(data := io.BytesIO(), format=kind, dpi=_DPI, metadata=told)
+            fresh.write_bytes(data.getvalue())  # Into a file, matplotlib's PDF fails on a full disk with another error.
     figure.set_layout_engine("none")  # The layout is that of the first file, and takes half of the time.
     return path
 
@@ -106,10 +107,11 @@ def _pgf(figure: Figure, told: Sequence[str]) -> str:
 
 
 def latex(table: Table, command: str = "") -> str:
-    r"""A table for a paper, with \usepackage{booktabs}: its first column of words, the others of numbers."""
-    width = len(table.heads) or len(table.rows[0])
+    r"""A table for a paper, with \usepackage{booktabs}: columns of words stand left, those of numbers right."""
+    columns = zip(*table.rows, strict=True) if table.rows else ("" for _ in table.heads)
+    places = "".join("l" if any(cell[:1].isalpha() for cell in column) else "r" for column in columns)
     lines = [f"% zenoh-cbef {__version__}" + (f": {command}" if command else "")]
-    lines += [r"% In the preamble: \usepackage{booktabs}", rf"\begin{{tabular}}{{l{'r' * (width - 1)}}}", r"\toprule"]
+    lines += [r"% In the preamble: \usepackage{booktabs}", rf"\begin{{tabular}}{{l{places[1:]}}}", r"\toprule"]
     if table.heads:
         lines += [_row(table.heads), r"\midrule"]
     lines += [*map(_row, table.rows), r"\bottomrule", r"\end{tabular}"]

@@ -17,7 +17,7 @@ from zenoh_cbef.cli.options.places import beside, new_folder_of
 from zenoh_cbef.cli.options.shared import AsJson, Force, Skip, Smooth
 from zenoh_cbef.cli.options.smoothing import smoothed
 from zenoh_cbef.cli.options.typesetting import AsTable
-from zenoh_cbef.cli.terminal.console import console, tell, tell_what_lacks
+from zenoh_cbef.cli.terminal.console import console, say, tell, tell_what_lacks
 from zenoh_cbef.cli.terminal.results import metrics_table
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.read.parts import find_log
@@ -62,7 +62,7 @@ def _analyze(
         failed = write_outputs(analysis, folder, prefix, report=report, remedy="name another folder with --output")
         page = folder / f"{prefix}{REPORT}"
         if report and page.exists() and not (as_json or as_table):
-            console.print(f"report  {page}", highlight=False, soft_wrap=True)
+            say(f"report  {page}")
     tell_what_lacks(notes(analysis.metrics))
     # An output that the user asked for and that cannot be written is a mistake; of the others a note is enough.
     if failed and (output or report):

@@ -24,7 +24,7 @@ def _check(log: LogFile = Path("logs/latest"), as_json: AsJson = False) -> None:
     """
     found = check(open_log(log))
     if as_json:
-        names = ("messages", "damage", "missing", "gaps", "unheard", "wrong", "out_of_order")
+        names = ("messages", "damage", "missing", "gaps", "unheard", "wrong", "out_of_order", "unread")
         print(json.dumps({"sound": found.exit_status == 0, **{name: getattr(found, name) for name in names}}))
     else:
         _tell(found)
@@ -48,7 +48,10 @@ def _tell(found: Findings) -> None:
         typer.echo(f"note: {early} logged before the one before it")
     if found.goes_on:
         typer.echo(f"note: {GOES_ON}")
-    typer.echo(f"{counted(found.messages, 'message')}: " + ("something is wrong" if lines else "sound"))
+    if found.unread:
+        typer.echo(f"note: messages and their numbers are not checked: {found.unread}")
+    sound = "the file is sound" if found.unread else "sound"
+    typer.echo(f"{counted(found.messages, 'message')}: " + ("something is wrong" if lines else sound))
 
 
 VERB = verb(_check, "check logs/latest --json")

@@ -18,7 +18,7 @@ from zenoh_cbef.cli.options.completing import experiments
 from zenoh_cbef.cli.options.places import new_folder_of
 from zenoh_cbef.cli.options.shared import AsJson, Force, Jobs, Skip
 from zenoh_cbef.cli.options.typesetting import AsTable, Typesetting
-from zenoh_cbef.cli.terminal.console import console, errors, tell
+from zenoh_cbef.cli.terminal.console import console, errors, say, tell
 from zenoh_cbef.cli.terminal.fitting import Fitting
 from zenoh_cbef.cli.terminal.listing import list_named
 from zenoh_cbef.cli.terminal.progress import Lines
@@ -189,8 +189,8 @@ def _swept(sweep: Sweep, folder: Path) -> list[list[Outcome]]:
 def _tell_shard(sweep: Sweep, outcomes: list[list[Outcome]], folder: Path) -> None:
     runs = [one for cell in outcomes for one in cell]
     failures = [one.error for one in runs if one.error is not None]
-    console.print(f"shard {sweep.shard} has finished its {counted(len(runs), 'run')}", highlight=False)
-    console.print(f"in    {sweep.shard.folder(folder)}", highlight=False, soft_wrap=True)
+    say(f"shard {sweep.shard} has finished its {counted(len(runs), 'run')}")
+    say(f"in    {sweep.shard.folder(folder)}")
     if failures:
         tell(f"failed: {len(failures)} of {counted(len(runs), 'run')}: {failures[0]}")
 
@@ -226,7 +226,7 @@ def _conclude(written: Written, sweep: Sweep, outcomes: list[list[Outcome]], fol
     for sentence in write_outputs(summary, rows_of(sweep.cells, outcomes), written.source, folder):
         tell(sentence)
     if not (printed.as_json or printed.as_table):
-        console.print(f"page    {folder / 'index.html'}", highlight=False, soft_wrap=True)
+        say(f"page    {folder / 'index.html'}")
     raise typer.Exit(EXIT_STATUS[summary.verdict])
 
 
@@ -253,10 +253,10 @@ def _tell(summary: Summary) -> None:
         for judged in one.cells:
             median = number(None if judged.found is None else judged.found.median)
             said = f"{judged.verdict}: {one.metric} {limits_of(one)} with {values_of(judged)}: {median}"
-            console.print(said, highlight=False, soft_wrap=True, markup=False)
+            say(said)
         if one.why:
             tell(f"{one.metric}: {one.why}")
-    console.print(f"verdict {summary.verdict}", highlight=False)
+    say(f"verdict {summary.verdict}")
 
 
 def _short(varied: Sequence[str]) -> list[str]:
@@ -270,7 +270,7 @@ def _tell_losses(cell: CellSummary) -> None:
     for name, who in (("lost", "network"), ("twin_lost", "centralised filter")):
         if share := cell.shares.get(name):
             said = f"lost: the {who} loses the target in {share:.0%} of the runs with {values_of(cell)}"
-            console.print(said, highlight=False, soft_wrap=True, markup=False)
+            say(said)
 
 
 VERB = group(

@@ -10,7 +10,7 @@ import typer
 
 from zenoh_cbef.analysis.coverage import lacks
 from zenoh_cbef.cli.calling.offer import verb
-from zenoh_cbef.cli.options.places import new_folder_of, new_place, stem_of
+from zenoh_cbef.cli.options.places import DATASET, new_folder_of, new_place, stem_of
 from zenoh_cbef.cli.options.shared import Force, LogFile, Smooth
 from zenoh_cbef.cli.options.smoothing import smoothed
 from zenoh_cbef.cli.terminal.console import tell_what_lacks
@@ -86,7 +86,7 @@ def _export(
 
 def _place(output: Path, to: Format, *, force: bool) -> Path:
     if to is Format.dataset:
-        return new_folder_of(output, ["anchors.csv", "ranges.csv", "truth.csv"], force=force)
+        return new_folder_of(output, DATASET, force=force)
     return new_place(output, to.value, force=force)
 
 

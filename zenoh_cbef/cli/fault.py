@@ -19,6 +19,7 @@ from zenoh_cbef.cli.terminal.fitting import Fitting
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.outside.operator import Operator
 from zenoh_cbef.scenario.load import value_of
+from zenoh_cbef.testing.faults import refuse_broken
 
 
 def _add(
@@ -45,6 +46,7 @@ def _add(
         if not separator:
             raise UserError(f"{one!r} is not of the form key=value, as in probability=0.3")
         table[key.strip()] = value_of(text)
+    refuse_broken(kind, table)
     name, connection = locate(run, ctx.joining, order="inject the fault into it")
     with Operator(name, connection) as operator:
         number, since = operator.inject(table, seconds)

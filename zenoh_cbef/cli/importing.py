@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from zenoh_cbef.cli.calling.offer import verb
-from zenoh_cbef.cli.options.places import new_folder_of
+from zenoh_cbef.cli.options.places import DATASET, new_folder_of
 from zenoh_cbef.cli.options.shared import Force
 from zenoh_cbef.cli.terminal.console import console, tell, warn
 from zenoh_cbef.cli.terminal.recordings import summary_table, tell_findings
 from zenoh_cbef.datasets import write_dataset
 from zenoh_cbef.datasets.first_scenario import write_scenario
-from zenoh_cbef.datasets.importing.bags import Bags, bag_in, bag_of
+from zenoh_cbef.datasets.importing.bags import Bags, bag_in, bag_of, bags_in
 from zenoh_cbef.datasets.importing.columns import map_of
 from zenoh_cbef.datasets.importing.csv_files import Reading, files_of
 from zenoh_cbef.datasets.importing.raw import Raw, dataset_of
@@ -66,17 +67,15 @@ def _import(
 ) -> None:
     """Make a dataset of a recording in another format, check it, and draw its anchors and first fix."""
     units = units_of(unit or [])
-    new_folder_of(output, ["anchors.csv", "ranges.csv", "truth.csv"], force=force)
+    new_folder_of(output, DATASET, force=force)
     if not source.exists():
         raise UserError(f"there is no {source}; name a CSV file, a folder, or a ROS bag")
     _refuse_own_log(source)
+    reading = Reading(map_of(mapped or ()), units, separator)
     if bag_in(source):
-        bags = Bags(map_of(mapped or ()), units, topic or (), truth, types or ())
-        raw = bags.read(bag_of(source))
-        if anchors is not None:
-            Reading({}, units, separator).read_anchors(anchors, raw)
+        raw = _from_bag(source, anchors, truth, reading, Bags(reading.mapped, units, topic or (), types=types or ()))
     else:
-        raw = _from_csv(source, anchors, truth, Reading(map_of(mapped or ()), units, separator))
+        raw = _from_csv(source, anchors, truth, reading)
     _finish(raw, source, output, height)
 
 
@@ -92,10 +91,22 @@ def _refuse_own_log(source: Path) -> None:
         )
 
 
+def _from_bag(source: Path, anchors: Path | None, truth: str | None, reading: Reading, bags: Bags) -> Raw:
+    """What a bag holds, and what files beside it do of anchors and truth."""
+    way = Path(truth) if truth is not None and Path(truth).is_file() else None
+    raw = replace(bags, truth=truth if way is None else None).read(bag_of(source))
+    if way is not None:
+        reading.read_truth(way, raw)
+    if anchors is not None:
+        reading.read_anchors(anchors, raw)
+    return raw
+
+
 def _from_csv(source: Path, anchors: Path | None, truth: str | None, reading: Reading) -> Raw:
     found = files_of(source) if source.is_dir() else {"ranges": source}
     if "ranges" not in found:
-        raise UserError(f"{source} has no CSV file with range in its name; name the file of ranges itself")
+        bag = f", as {bags[0]}" if (bags := bags_in(source)) else ""
+        raise UserError(f"{source} has no CSV file with range in its name; name the file of ranges itself{bag}")
     known = Path(truth) if truth is not None else found.get("truth")
     return reading.read(found["ranges"], anchors or found.get("anchors"), known)
 

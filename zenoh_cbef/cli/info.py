@@ -11,7 +11,7 @@ from rich.table import Table
 
 from zenoh_cbef.cli.calling.offer import verb
 from zenoh_cbef.cli.options.shared import AsJson, LogFile
-from zenoh_cbef.cli.terminal.console import console
+from zenoh_cbef.cli.terminal.console import console, say
 from zenoh_cbef.cli.terminal.fitting import Fitting
 from zenoh_cbef.log.common.naming import END, RESOLVED, RUN
 from zenoh_cbef.log.read.parts import Log, open_log
@@ -114,9 +114,9 @@ def _info(log: LogFile = Path("logs/latest"), as_json: AsJson = False) -> None:
         "attachments": ", ".join(f"{name} ({size} bytes)" for name, size in found.attachments.items()) or "-",
     }
     for name, value in lines.items():
-        console.print(f"{name + ':':13}{value}", highlight=False, markup=False, soft_wrap=True)
+        say(f"{name + ':':13}{value}")
     for sentence in found.damage:
-        console.print(f"damage:      {sentence}", highlight=False, markup=False, soft_wrap=True)
+        say(f"damage:      {sentence}")
     table = Table("channel", box=None, pad_edge=False)
     table.add_column("messages", justify="right")
     table.add_column("per s", justify="right")

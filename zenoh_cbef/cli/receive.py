@@ -9,8 +9,8 @@ import typer
 from zenoh_cbef.cli.calling.offer import verb
 from zenoh_cbef.cli.options.joining import JoiningCommand, JoiningContext, Patience, identity_of
 from zenoh_cbef.cli.options.shared import LONGEST_SECONDS, Run
-from zenoh_cbef.cli.terminal.console import tell
-from zenoh_cbef.nodes.receiver.receiver import run_receiver
+from zenoh_cbef.cli.terminal.console import tell, warn
+from zenoh_cbef.nodes.receiver.receiver import nothing_of, run_receiver
 
 
 def _receive(
@@ -42,6 +42,9 @@ def _receive(
     heard = run_receiver(identity, source, form, silence, tell)
     late = f", {heard.late} too late for their step" if heard.late else ""
     typer.echo(f"{heard.ranges} ranges, {heard.unknown} of unknown anchors, {heard.other} other lines{late}")
+    if not heard.ranges:
+        warn([nothing_of(source, form, heard)])
+        raise typer.Exit(1)
 
 
 VERB = verb(_receive, "receive udp:127.0.0.1:5005 --run live --connect tcp/127.0.0.1:7447", JoiningCommand)

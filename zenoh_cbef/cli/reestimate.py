@@ -10,7 +10,7 @@ import typer
 from zenoh_cbef.cli.calling.offer import verb
 from zenoh_cbef.cli.options.shared import LogFile, Overrides, Smooth
 from zenoh_cbef.cli.terminal.beforehand import tell_beforehand
-from zenoh_cbef.cli.terminal.console import console, tell_what_lacks
+from zenoh_cbef.cli.terminal.console import say, tell_what_lacks
 from zenoh_cbef.cli.terminal.progress import bar
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.prove.reestimate import Reestimated, reestimate
@@ -48,9 +48,9 @@ def _reestimate(
     name = run or f"{found.header.run}-{loaded.scenario.filter.kind}"
     with place_of_log(name, output) as path, bar("estimating", loaded.scenario.length) as estimated:
         done = reestimate(found, loaded, name, path, estimated)
-    console.print(_figures(done), highlight=False, soft_wrap=True)
-    console.print(f"log     {path}", highlight=False, soft_wrap=True)
-    console.print(f"errors  zenoh-cbef analyze {path}", highlight=False, soft_wrap=True)
+    say(_figures(done))
+    say(f"log     {path}")
+    say(f"errors  zenoh-cbef analyze {path}")
 
 
 def _whole(loaded: Loaded) -> float:

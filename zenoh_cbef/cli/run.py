@@ -23,14 +23,14 @@ from zenoh_cbef.cli.options.joining import warn_of_exposure
 from zenoh_cbef.cli.options.places import beside
 from zenoh_cbef.cli.options.shared import Overrides, ScenarioName
 from zenoh_cbef.cli.terminal.beforehand import tell_beforehand
-from zenoh_cbef.cli.terminal.console import console, errors, tell, tell_what_lacks
+from zenoh_cbef.cli.terminal.console import console, errors, say, tell, tell_what_lacks
 from zenoh_cbef.cli.terminal.results import metrics_table
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.extras import MissingExtra
 from zenoh_cbef.log.common.naming import ACTIVE
 from zenoh_cbef.log.read.parts import find_log
 from zenoh_cbef.log.read.trace import read_trace
-from zenoh_cbef.log.tools.collection import place_of_log
+from zenoh_cbef.log.tools.collection import LATEST, place_of_log
 from zenoh_cbef.machine import require
 from zenoh_cbef.nodes.common.recording import Status
 from zenoh_cbef.nodes.launch.attempts import launch
@@ -212,7 +212,7 @@ def _execute(arguments: list[str], loaded: Loaded, run: str, path: Path, sync: b
 
 def _point_latest_at(folder: Path) -> None:
     # Replaced in one step: another run may be doing the same.
-    link, fresh = folder.parent / "latest", folder.parent / f".latest-{os.getpid()}"
+    link, fresh = folder.parent / LATEST, folder.parent / f".{LATEST}-{os.getpid()}"
     try:
         fresh.symlink_to(folder.name)
         fresh.replace(link)
@@ -233,7 +233,7 @@ def _conclude(loaded: Loaded, path: Path, *, default: bool, report: bool) -> Non
     with errors.status("analysing"):
         analysis = analyze([read_trace(path)])[0]
     console.print(metrics_table(analysis.metrics))
-    console.print(f"log     {path}", highlight=False, soft_wrap=True)
+    say(f"log     {path}")
     if default or report:
         remedy = f"make room, or name another folder: zenoh-cbef analyze {path} --report --output DIR"
         with errors.status("drawing"):
@@ -241,7 +241,7 @@ def _conclude(loaded: Loaded, path: Path, *, default: bool, report: bool) -> Non
     if path.suffix == ACTIVE:
         tell(f"note: the log was not closed; 'zenoh-cbef recover {path} -o LOG' makes a whole one of what was written")
     if report and page.exists():
-        console.print(f"report  {page}", highlight=False, soft_wrap=True)
+        say(f"report  {page}")
     tell_what_lacks(notes(analysis.metrics))
     for one in failed:
         tell(f"note: {one}" + (f", then: zenoh-cbef analyze {path} --report" * isinstance(one, MissingExtra)))

@@ -99,7 +99,7 @@ def _tag(
 
 def _rm(names: Names, yes: Annotated[bool, typer.Option("--yes", help="Do not ask.")] = False) -> None:
     """Delete runs: their folders in logs/, with log, report and figures."""
-    found = [find_run(name) for name in names]
+    found = list({one.name: one for one in map(find_run, names)}.values())
     if not yes:
         _ask(f"delete {', '.join(str(Path('logs') / one.name) for one in found)}?")
     for one in found:

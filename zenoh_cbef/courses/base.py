@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Protocol, Self, TypeGuard
+from typing import Protocol, Self, cast
 
 from zenoh_cbef.arrays import Floats
 
@@ -69,14 +69,8 @@ class Settled:
 
 def course_of(found: type, name: str) -> type[Course]:
     """A class of another package as a course. Raises ValueError, to stand after its key, if it is none."""
-    if _is_course(found):
-        return found
-    lacking = ", ".join(f"{one}()" for one in _MEMBERS if not callable(getattr(found, one, None)))
-    raise ValueError(f"names {name!r}, which is no motion: it lacks {lacking}; add it, see docs/plugins.md")
-
-
-_MEMBERS = ("of", "states")
-
-
-def _is_course(found: type) -> TypeGuard[type[Course]]:
-    return all(callable(getattr(found, one, None)) for one in _MEMBERS)
+    if lacking := [f"{one}()" for one in ("of", "states") if not callable(getattr(found, one, None))]:
+        raise ValueError(
+            f"names {name!r}, which is no motion: it lacks {', '.join(lacking)}; add it, see docs/plugins.md"
+        )
+    return cast("type[Course]", found)

@@ -121,9 +121,14 @@ def selected(cells: Sequence[Cell], where: Mapping[str, Json], metric: str) -> l
             raise UserError(
                 f"the expectation of {metric}: where.{name} names no varied key, or more than one; varied is {told}"
             )
+        of_name = list(found)
         found = [cell for cell in found if name in cell.facts and _same(cell.facts[name], value)]
-    if not found:
-        raise UserError(f"the expectation of {metric}: no cell has where = {dict(where)}; use values that are varied")
+        if not found:
+            there = dict.fromkeys(json.dumps(cell.facts[name]) for cell in of_name if name in cell.facts)
+            raise UserError(
+                f"the expectation of {metric}: no cell has where.{name} = {json.dumps(value)}; use one of its values, "
+                f"{', '.join(there)}"
+            )
     return found
 
 

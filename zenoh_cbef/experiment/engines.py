@@ -31,7 +31,7 @@ def simulated(scenario: Scenario, seeds: Sequence[int], skip: float) -> list[Out
     """The outcomes of a cell's seeds, simulated and analysed as one batch."""
     plans, outcomes = list[Plan](), list[Outcome]()
     for seed in seeds:
-        one = Plan(scenario.model_copy(update={"seed": seed}))
+        one = Plan(scenario.changed(seed=seed))
         try:
             check(one)
         except UserError as error:
@@ -55,7 +55,7 @@ def simulated(scenario: Scenario, seeds: Sequence[int], skip: float) -> list[Out
 
 def executed(scenario: Scenario, seed: int, skip: float, folder: Path) -> Outcome:
     """The outcome of one run as processes, whose log stays in the folder."""
-    one = scenario.model_copy(update={"seed": seed})
+    one = scenario.changed(seed=seed)
     folder.mkdir(parents=True, exist_ok=True)
     source, log = folder / "scenario.toml", folder / "run.mcap"
     for stale in folder.glob("run.mcap*"):

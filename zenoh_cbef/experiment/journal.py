@@ -51,12 +51,13 @@ class Journal:
         return self._found.get((key, seed))
 
     def add(self, key: str, outcomes: Iterable[Outcome]) -> None:
-        """Keep the outcomes of some runs of one cell."""
-        for one in outcomes:
-            self._found[key, one.seed] = one
-            kept = {name: value for name, value in asdict(one).items() if value is not None}
-            self._stream.write(json.dumps({"key": key, **kept}, separators=(",", ":")) + "\n")
-        self._stream.flush()
+        """Keep the outcomes of some runs of one cell. Raises UserError where they cannot be written."""
+        with writing(self._path, "make room; what is finished by then counts, and the same command goes on from there"):
+            for one in outcomes:
+                self._found[key, one.seed] = one
+                kept = {name: value for name, value in asdict(one).items() if value is not None}
+                self._stream.write(json.dumps({"key": key, **kept}, separators=(",", ":")) + "\n")
+            self._stream.flush()
 
     def take_in(self, folder: Path) -> None:
         """Keep what another journal found, too; a run that finished anywhere counts as finished."""

@@ -23,7 +23,7 @@ _Found = tuple[range, list[Metrics] | UserError]
 
 def under(scenario: Scenario, more: Iterable[int]) -> list[Scenario]:
     """The scenario under its own seed and so many more."""
-    return [scenario.model_copy(update={"seed": (scenario.seed + one) % SEEDS}) for one in more]
+    return [scenario.changed(seed=(scenario.seed + one) % SEEDS) for one in more]
 
 
 def analyses_of(runs: Sequence[Scenario], skip: float, progress: Progress | None = None) -> list[Analysis]:

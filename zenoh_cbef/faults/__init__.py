@@ -23,7 +23,7 @@ from zenoh_cbef.faults.outage import Outage
 from zenoh_cbef.faults.outgoing import Outgoing, SenderFault
 from zenoh_cbef.faults.partition import Partition
 from zenoh_cbef.faults.pause import Pause
-from zenoh_cbef.faults.plugged import PLUGGED, ByKind, fault_of, plugin_of
+from zenoh_cbef.faults.plugged import PLUGGED, ByKind, fault_of
 from zenoh_cbef.faults.rate_limit import RateLimit
 from zenoh_cbef.faults.reorder import Reorder
 from zenoh_cbef.faults.sensing import Readings, SensorFault, measured_ranges
@@ -31,6 +31,7 @@ from zenoh_cbef.faults.sensor_bias import SensorBias
 from zenoh_cbef.faults.sensor_dropout import SensorDropout
 from zenoh_cbef.faults.sensor_spikes import SensorSpikes
 from zenoh_cbef.faults.sensor_stuck import SensorStuck
+from zenoh_cbef.plugins import Registry
 
 __all__ = [
     "KINDS",
@@ -97,15 +98,8 @@ KINDS: dict[str, type[Fault]] = {
     )
 }
 
-AnyFault = Annotated[Fault, ByKind(KINDS)]
+_REGISTRY: Registry[Fault] = Registry("faults", KINDS, fault_of)
+kind_of, mark_of = _REGISTRY.kind_of, _REGISTRY.mark_of
+
+AnyFault = Annotated[Fault, ByKind(_REGISTRY)]
 """A fault of any kind, as a scenario's field: a table is read by the class that its `kind` names."""
-
-
-def kind_of(name: str) -> type[Fault]:
-    """The fault of a kind. Raises ValueError, to stand after `fault.kind`, where there is none."""
-    return KINDS[name] if name in KINDS else fault_of(plugin_of(name, KINDS).found, name)
-
-
-def mark_of(name: str) -> str | None:
-    """Package, version and source of a fault of another package; None for one of our own."""
-    return None if name in KINDS else plugin_of(name, KINDS).mark

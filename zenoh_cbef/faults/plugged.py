@@ -13,17 +13,12 @@ from pydantic_core.core_schema import any_schema, no_info_plain_validator_functi
 from zenoh_cbef.faults.base import Fault, MessageFault
 from zenoh_cbef.faults.outgoing import SenderFault
 from zenoh_cbef.faults.sensing import SensorFault
-from zenoh_cbef.plugins import Plugin, find, told_options
+from zenoh_cbef.plugins import Registry, told_options
 
 PLUGGED = "plug-in"
 """What stands in place of the kind where a fault of another package is in error."""
 
 _METHODS: Mapping[type[Fault], str] = {MessageFault: "effect", SenderFault: "sent", SensorFault: "measured"}
-
-
-def plugin_of(name: str, own: Mapping[str, type[Fault]]) -> Plugin:
-    """The class of another package. Raises ValueError, to stand after `kind`, where there is none of that name."""
-    return find("faults", name, tuple(own))
 
 
 def fault_of(found: type, name: str) -> type[Fault]:
@@ -48,20 +43,20 @@ def _options_model(kind: type[Fault]) -> type[BaseModel] | None:
 
 @dataclass(frozen=True)
 class ByKind:
-    """Pydantic reads a fault's table by the class that its `kind` names: of `own`, or of another package."""
+    """Pydantic reads a fault's table by the class that its `kind` names: one of our own, or of another package."""
 
-    own: Mapping[str, type[Fault]]
+    kinds: Registry[Fault]
 
     def __get_pydantic_core_schema__(self, source: object, handler: GetCoreSchemaHandler) -> CoreSchema:
         """One choice for each kind, and one for all kinds of other packages."""
         plugged = no_info_plain_validator_function(self._read, json_schema_input_schema=any_schema())
-        choices = {name: handler.generate_schema(kind) for name, kind in self.own.items()}
+        choices = {name: handler.generate_schema(kind) for name, kind in self.kinds.own.items()}
         return tagged_union_schema({**choices, PLUGGED: plugged}, self._choice)
 
     def _choice(self, table: object) -> str | None:
         kind = table.get("kind") if isinstance(table, Mapping) else getattr(table, "kind", None)
         if isinstance(kind, str):
-            return kind if kind in self.own else PLUGGED
+            return kind if kind in self.kinds.own else PLUGGED
         return None
 
     def _read(self, table: object) -> Fault:
@@ -71,7 +66,7 @@ class ByKind:
         given = dict(table) if isinstance(table, Mapping) else {}
         name = str(given["kind"])
         try:
-            kind = fault_of(plugin_of(name, self.own).found, name)
+            kind = self.kinds.kind_of(name)
         except ValueError as error:
             said = PydanticCustomError("value_error", "{error}", {"error": str(error)})
             line = InitErrorDetails(type=said, loc=("kind",), input=name)

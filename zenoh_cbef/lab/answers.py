@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 from zenoh_cbef.analysis.faulted import faults_of
-from zenoh_cbef.arrays import Floats
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.lab.bench import Bench
 from zenoh_cbef.lab.judged import judged
+from zenoh_cbef.lab.scene import Arrays, Scene
 from zenoh_cbef.lab.sources import LIVE, Source
 from zenoh_cbef.lab.under_way import under_way
 from zenoh_cbef.log.read.recording import Event
@@ -110,27 +110,13 @@ class Page:
         with source.lock:
             scene = source.scene
             newest = scene.newest
-            step = asked.get("step")
-            step = min(max(step, 1), newest) if isinstance(step, int) else newest
-            arrays = scene.frame(step)
+            step = _within(asked.get("step"), 1, newest)
+            arrays, told = _moment(scene, step, asked.get("curves"))
             if isinstance(trail := asked.get("trail"), int):
-                found = scene.trail(step, min(max(trail, 1), _MOST_TRAIL), _TRAIL_POINTS)
+                found = scene.trail(step, _within(trail, 1, _MOST_TRAIL), _TRAIL_POINTS)
                 arrays |= {f"trail {name}": values for name, values in found.items()}
-            known = asked.get("curves")
-            known = min(max(known, 0), newest) if isinstance(known, int) else newest
-            arrays |= {f"curve {name}": values for name, values in scene.curves(known, newest).items()}
-            level, words = judged(scene, step)
-            told: dict[str, object] = {
-                "answer": "frame",
-                "number": self._bench.number,
-                "step": step,
-                "newest": newest,
-                "state": source.state,
-                "verdict": [level, words],
-                "faults": faults_of(scene.plan.scenario),
-                "curves": [known, newest],
-                "events": _events(scene.recording.events, asked.get("events"), scene.plan.scenario.dt),
-            }
+            told |= {"answer": "frame", "number": self._bench.number, "newest": newest, "state": source.state}
+            told["events"] = _events(scene.recording.events, asked.get("events"), scene.plan.scenario.dt)
             if asked.get("marks") is True:
                 told["marks"] = scene.marks(step)
             if (round_ := _between(asked.get("under"), newest)) is not None:
@@ -148,23 +134,27 @@ def _between(asked: object, newest: int) -> int | None:
     return round_ if step == newest + 1 and isinstance(round_, int) and round_ >= 0 else None
 
 
-def _beside(other: Source, time: float, asked: Asked, arrays: dict[str, Floats]) -> dict[str, object]:
+def _beside(other: Source, time: float, asked: Asked, arrays: Arrays) -> dict[str, object]:
     """The same moment (s) of the run that is shown beside; its numbers are added to the arrays, as "beside ..."."""
     with other.lock:
         scene = other.scene
-        step = min(max(round(time / scene.plan.scenario.dt), 1), scene.newest)
-        known = asked.get("beside")
-        known = min(max(known, 0), scene.newest) if isinstance(known, int) else scene.newest
-        found = scene.frame(step) | {
-            f"curve {name}": values for name, values in scene.curves(known, scene.newest).items()
-        }
+        step = _within(round(time / scene.plan.scenario.dt), 1, scene.newest)
+        found, told = _moment(scene, step, asked.get("beside"))
         arrays |= {f"beside {name}": values for name, values in found.items()}
-        return {
-            "step": step,
-            "verdict": list(judged(scene, step)),
-            "faults": faults_of(scene.plan.scenario),
-            "curves": [known, scene.newest],
-        }
+        return told
+
+
+def _moment(scene: Scene, step: int, known: object) -> tuple[Arrays, dict[str, object]]:
+    """The numbers of a step, with the curves that a page lacks which knows so many steps of them, and what to tell."""
+    since = _within(known, 0, scene.newest)
+    curves = {f"curve {name}": values for name, values in scene.curves(since, scene.newest).items()}
+    told = {"step": step, "verdict": list(judged(scene, step)), "faults": faults_of(scene.plan.scenario)}
+    return scene.frame(step) | curves, told | {"curves": [since, scene.newest]}
+
+
+def _within(asked: object, least: int, most: int) -> int:
+    """A number that a page asks for, within limits; the largest where it asks for none."""
+    return min(max(asked, least), most) if isinstance(asked, int) else most
 
 
 def _events(events: list[Event], known: object, dt: float) -> list[dict[str, object]]:

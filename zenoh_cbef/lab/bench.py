@@ -119,7 +119,7 @@ class Bench:
         source = self._opened()
         with source.lock:
             scene = source.scene
-            return to_toml(scene.plan.scenario.model_copy(update={"steps": scene.newest or scene.plan.scenario.length}))
+            return to_toml(scene.plan.scenario.changed(steps=scene.newest or scene.plan.scenario.length))
 
     def close(self) -> None:
         """Let go of what is open, and end a run that this lab started."""

@@ -93,8 +93,7 @@ class Listener:
     @property
     def ended(self) -> bool:
         """Whether the target has said that the run is over."""
-        events = self.recording.events
-        return any(one.message["from"] == "target" and one.message["kind"] == "finished" for one in events)
+        return self.recording.target_ended
 
     def _follow(self, box: Mailbox, hear: Callable[[str, bytes], None]) -> None:
         with suppress(Exception):  # the session was closed

@@ -15,6 +15,7 @@ from zenoh_cbef.scenario.paths import places_at
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.scenario.start import unguided_seconds
 from zenoh_cbef.tracking.diagnostics import NAMES
+from zenoh_cbef.tracking.graph import directed
 from zenoh_cbef.tracking.status import STATUSES, strokes
 
 CURVES = ("error", "disagreement", "claimed", "nis", "lost", "late", "latency")
@@ -50,9 +51,7 @@ class Scene:
     @cached_property
     def links(self) -> Ints:
         """The directed links, (e, 2): source and destination, by destination."""
-        pairs = self.recording.header.plan.edges.tolist()
-        both = sorted((destination, source) for pair in pairs for destination, source in (pair, pair[::-1]))
-        return np.array([(source, destination) for destination, source in both], dtype=np.int64).reshape(-1, 2)
+        return directed(self.recording.header.plan.edges)
 
     def described(self) -> dict[str, object]:
         """What does not change from step to step, for the page."""

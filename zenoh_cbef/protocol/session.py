@@ -22,6 +22,8 @@ from zenoh_cbef.protocol.runtimes import MOST_LINKS, have_room
 from zenoh_cbef.protocol.tls import SCHEMES, Tls
 
 _ENDPOINT = re.compile(r"^(tcp|udp|tls|quic|ws|unixsock-stream)/[^\s]+$")
+_PORT = re.compile(r":(\d+)$")
+_LAST_PORT = 65535
 _LOCAL = re.compile(r"^(unixsock-stream/|\w+/(127\.[\d.]+|localhost|\[::1\]):)")
 _MEET_SECONDS = 2.0
 """How long a process waits to learn whether a router is at the other end: on a busy machine a link takes a second."""
@@ -113,7 +115,7 @@ def open_joined(
     that Zenoh refuses.
     """
     for endpoint in (*connection.connect, *connection.listen):
-        if not _ENDPOINT.match(endpoint):
+        if not _ENDPOINT.match(endpoint) or int((_PORT.search(endpoint) or [0, 0])[1]) > _LAST_PORT:
             raise UserError(f"{endpoint!r} is no endpoint; write it as tcp/HOST:PORT, for example tcp/127.0.0.1:7447")
         if connection.tls and not endpoint.startswith(SCHEMES):
             raise UserError(f"{endpoint} asks for no certificate; with --tls write tls/{endpoint.partition('/')[2]}")
@@ -242,7 +244,7 @@ def _mistake(error: str, connection: Connection, *, unreached: bool) -> UserErro
             return UserError(f"{asking[0]} asks for a certificate; give --tls and your folder of 'certs new'")
         routers = ", ".join(connection.connect) or "the endpoints of its configuration"
         return UserError(
-            f"no router answers at {routers}; start 'zenoh-cbef router', and check --connect"
+            f"neither router nor target answers at {routers}; start 'zenoh-cbef router' there, and check --connect"
             + (", --tls, and that the router's certificate names this host" if connection.tls else "")
         )
     if "in use" in error.lower() or "os error 98" in error.lower():

@@ -235,7 +235,7 @@ def _apart(scenario: Scenario, seed: Seeds, source: Ids, destination: Ids) -> Bo
     apart = np.empty((len(source), scenario.length), dtype=bool)
     for one in np.unique(seed):
         mine = seed == one
-        near = network.in_range(scenario.model_copy(update={"seed": int(one)}))
+        near = network.in_range(scenario.changed(seed=int(one)))
         apart[mine] = ~near[source[mine], destination[mine]]
     return apart
 

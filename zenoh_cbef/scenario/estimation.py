@@ -119,7 +119,7 @@ class Filter(Table):
 
     def mistakes(self) -> dict[str, bool]:
         """See Table. Raises ValueError for options that the kind does not take."""
-        options_of(self.kind, self.options or {})
+        options_of(self.kind, self.options or {}, "filter.options")
         return self._of_motions() | self._of_kind()
 
     def _of_motions(self) -> dict[str, bool]:

@@ -70,12 +70,13 @@ def _biases_beside_liars(plan: Plan) -> list[str]:
     return [warning]
 
 
-def _liars(scenario: Scenario) -> set[int]:
+def liars(scenario: Scenario) -> set[int]:
+    """The agents that a scenario ever lets send wrong values."""
     return {agent for fault in scenario.fault if isinstance(fault, SenderFault) for agent in fault.agents}
 
 
 def _all_lie(scenario: Scenario) -> list[str]:
-    if len(_liars(scenario)) < scenario.count:
+    if len(liars(scenario)) < scenario.count:
         return []
     many = "the only agent sends" if scenario.count == 1 else f"all {scenario.count} agents send"
     return [f"{many} wrong values, so there is no honest one of which errors tell; leave agents out of fault.agents"]
@@ -99,7 +100,7 @@ def _is_ever_on(fault: Fault, scenario: Scenario) -> bool:
 
 def _only_links(scenario: Scenario, edges: graph.Edges) -> list[str]:
     warnings = []
-    for liar in sorted(_liars(scenario)):
+    for liar in sorted(liars(scenario)):
         left = edges[(edges != liar).all(axis=1)]
         others = [each for each in graph.components(scenario.count, left) if each != [liar]]
         if len(others) > 1:

@@ -45,11 +45,11 @@ class Library:
             hint = f"did you mean {inside!r}?" if inside else f"name the file of the {self.kind}"
             raise UserError(f"{path} is a folder; {hint}")
         try:
-            return path.read_text(encoding="utf-8"), path.resolve().parent
+            return path.read_text(encoding="utf-8-sig"), path.resolve().parent
         except OSError as error:
             raise UserError(f"cannot read {path}: {error.strerror}; name a file that can be read") from None
         except UnicodeDecodeError:
-            raise UserError(f"{path} is not a text file; {self.kind}s are written in TOML") from None
+            raise UserError(f"{path} is not UTF-8 text; {self.kind}s are written in TOML") from None
 
 
 def purpose_of(source: str) -> str:

@@ -24,7 +24,7 @@ from zenoh_cbef.scenario.mistakes import sentence
 from zenoh_cbef.scenario.model import MOST_STEPS, Scenario
 from zenoh_cbef.scenario.paths import step_times
 from zenoh_cbef.scenario.plan import Plan
-from zenoh_cbef.scenario.plugged import lacking, stamped
+from zenoh_cbef.scenario.plugged import PackageAbsentError, lacking, stamped
 from zenoh_cbef.words import counted
 
 _SHORT_NUMBER = re.compile(r"[+-]?(\.\d+|\d+\.)(e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
@@ -85,7 +85,9 @@ def parse(data: Mapping[str, object], name: str) -> Scenario:
         # Strict JSON: lists become tuples and integers floats, but no text or boolean becomes a number.
         return Scenario.model_validate_json(text, strict=True)
     except ValidationError as error:
-        raise UserError(f"{name}: {lacking(data) or sentence(error)}") from None
+        if absent := lacking(data):
+            raise PackageAbsentError(f"{name}: {absent}") from None
+        raise UserError(f"{name}: {sentence(error)}") from None
 
 
 def to_toml(scenario: Scenario) -> str:
@@ -177,7 +179,7 @@ def apply(data: dict[str, object], override: str) -> None:
 def _lay_out(scenario: Scenario, folder: Path) -> Scenario:
     # Agents on other hosts have no dataset folder: what they need of it travels in the resolved scenario.
     if scenario.target.motion != "dataset":
-        return scenario.model_copy(update={"steps": scenario.length})
+        return scenario.changed(steps=scenario.length)
     path = dataset_folder(scenario.target.path or "", folder).resolve()
     dataset = read_dataset(path)
     positions = [tuple(row) for row in dataset.anchors.tolist()]

@@ -91,13 +91,19 @@ def _unknown_kind(mistake: ErrorDetails, key: str) -> str:
 def _unknown_key(place: Place, key: str) -> str:
     known = [name for model in _models(place[:-1]) for name in _names(model)]
     name = str(place[-1])
-    beside = (_written([*_key(place[:-1]), one]) for one in get_close_matches(name, known, 1))
+    beside = (_written([*_key(place[:-1]), one]) for one in get_close_matches(name, known, 1) or _begun(name, known))
     near = _everywhere(lambda one: one == name) or list(beside)
     near = near or _everywhere(lambda one: bool(get_close_matches(name, [one], 1, _ALIKE)))
     hint = (
         f"did you mean {' or '.join(map(repr, near))}?" if near else "remove it, or see docs/scenario.md for the keys"
     )
     return f"{key} is not a key of a scenario; {hint}"
+
+
+def _begun(name: str, known: Sequence[str]) -> list[str]:
+    """The only key that begins so, as `probability` does for `prob`."""
+    found = [one for one in known if one.startswith(name)]
+    return found if len(found) == 1 else []
 
 
 def _everywhere(is_meant: Callable[[str], bool]) -> list[str]:

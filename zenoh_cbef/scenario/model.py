@@ -73,7 +73,7 @@ class Target(Table):
 
     def mistakes(self) -> dict[str, bool]:
         """See Table. Raises ValueError for options that the motion does not take."""
-        options_of(self.motion, self.options or {})
+        options_of(self.motion, self.options or {}, "target.options")
         return {
             "target.waypoints needs at least two points for target.motion = 'waypoints'": (
                 self.motion == "waypoints" and len(self.waypoints) < 2

@@ -20,6 +20,9 @@ from zenoh_cbef.tracking.filters.base import Belief, Sharing
 from zenoh_cbef.tracking.motion import begun
 from zenoh_cbef.tracking.payloads import InformationPayloads, Payloads
 
+_BEACON_ROUNDS = 3.0
+"""As many rounds as the beacon, and what a filter makes of it, may last: `benchmarks round` tells what each costs."""
+
 
 @dataclass(frozen=True, eq=False)
 class Plan(Filtering):
@@ -57,9 +60,18 @@ class Plan(Filtering):
 
     @alike
     def slot(self) -> float:
-        """How long a round lasts in realtime, s: the beacon, and then each round, has to come within one."""
+        """How long a round lasts in realtime, s."""
         given = self.scenario.timing.round_deadline_ms
-        return self.scenario.dt / (self.rounds + 1) if given is None else 1e-3 * given
+        return self.scenario.dt / (_BEACON_ROUNDS + self.rounds) if given is None else 1e-3 * given
+
+    def deadline(self, round_: int) -> float:
+        """When a round is over in realtime, s after its step began; round 0 is the wait for the step's beacon.
+
+        No agent waits for a deadline if its messages are there, so time that is given to the beacon, and not needed,
+        serves all rounds.
+        """
+        first = _BEACON_ROUNDS if self.scenario.timing.round_deadline_ms is None else 1.0
+        return self.slot * (first + round_)
 
     @alike
     def scheme(self) -> tuple[str, str]:

@@ -26,20 +26,24 @@ def stamped(scenario: Scenario) -> Scenario:
     _compare("target.motion", target.motion, told=target.plugin, here=target_mark)
     changed: dict[str, object] = {}
     if filter_mark is not None:
-        told = {"plugin": filter_mark, "options": filters.options_of(chosen.kind, chosen.options or {})}
-        changed["filter"] = chosen.model_copy(update=told)
+        options = filters.options_of(chosen.kind, chosen.options or {}, "filter.options")
+        changed["filter"] = {"plugin": filter_mark, "options": options}
     if target_mark is not None:
-        told = {"plugin": target_mark, "options": courses.options_of(target.motion, target.options or {})}
-        changed["target"] = target.model_copy(update=told)
+        options = courses.options_of(target.motion, target.options or {}, "target.options")
+        changed["target"] = {"plugin": target_mark, "options": options}
     if scenario.fault:
         changed["fault"] = tuple(map(_stamped_fault, scenario.fault))
-    return scenario.model_copy(update=changed) if changed else scenario
+    return scenario.changed(**changed)
 
 
 def _stamped_fault(fault: Fault) -> Fault:
     here = faults.mark_of(fault.kind)
     _compare("fault.kind", fault.kind, told=fault.plugin, here=here)
     return fault if here is None else fault.model_copy(update={"plugin": here})
+
+
+class PackageAbsentError(UserError):
+    """A scenario has a filter, motion or fault of a package that is not on this host."""
 
 
 def lacking(data: object) -> str:

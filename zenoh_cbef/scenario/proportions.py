@@ -76,7 +76,7 @@ def _out_of_plane(plan: Plan) -> list[str]:
     height, scenario = plan.space.height, plan.scenario
     if height is None:
         return []
-    seen = scenario.model_copy(update={"steps": min(scenario.length, _MOST_STEPS)})
+    seen = scenario.changed(steps=min(scenario.length, _MOST_STEPS))
     off, half = float(np.abs(target_path(seen)[:, 2] - height).max()), half_diagonal(scenario)
     if off**2 <= 2.0 * half * _SEEN * plan.range_std or half == 0.0:
         return []

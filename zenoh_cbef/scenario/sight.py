@@ -102,8 +102,8 @@ def _weak_geometry(plan: Plan) -> list[str]:
     if plan.scenario.target.motion == "dataset":
         return []
     moments = max(1, min(plan.scenario.length, _MOMENTS, _PLACES // plan.scenario.count))
-    path = target_path(plan.scenario.model_copy(update={"steps": moments}))[1:, :3]
-    away = path - paths.agent_positions(plan.scenario.model_copy(update={"steps": moments}))
+    path = target_path(plan.scenario.changed(steps=moments))[1:, :3]
+    away = path - paths.agent_positions(plan.scenario.changed(steps=moments))
     rows = away / np.maximum(np.linalg.norm(away, axis=2, keepdims=True), _NEAR)
     rows = rows[:, :, : plan.space.axes]
     least = np.linalg.eigvalsh(np.einsum("nki,nkj->kij", rows, rows))[:, 0]

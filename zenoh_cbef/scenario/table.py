@@ -38,6 +38,15 @@ class Table(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
 
+    def changed(self, **values: object) -> Self:
+        """The same with other values, which nothing checks: of keys, and as mappings those of the tables in it."""
+        tables = {
+            name: inner.changed(**value)
+            for name, value in values.items()
+            if isinstance(value, Mapping) and isinstance(inner := getattr(self, name), Table)
+        }
+        return self.model_copy(update=values | tables)
+
     def mistakes(self) -> Mapping[str, bool]:
         """What keys may be that do not fit each other, in sentences with the remedy, each with whether they are."""
         return {}

@@ -2,28 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import fields
-from functools import partial
-from typing import TypeVar
 
 import numpy as np
 from pydantic import ValidationError
 
 from zenoh_cbef.arrays import Floats
+from zenoh_cbef.faults import KINDS, kind_of
 from zenoh_cbef.faults.answers import flaw_of_array, flaw_of_effect, flaw_of_ranges, flaw_of_sent
 from zenoh_cbef.faults.base import Effect, Fault, MessageFault, Messages
 from zenoh_cbef.faults.outgoing import SenderFault, Sent
 from zenoh_cbef.faults.plugged import fault_of, read_fault
 from zenoh_cbef.faults.sensing import Readings, SensorFault
-from zenoh_cbef.plugins import mistake
+from zenoh_cbef.plugins import blaming, mistake
 from zenoh_cbef.streams import LinkStreams, normal, stream
-from zenoh_cbef.testing.nonconforming import Nonconforming
+from zenoh_cbef.testing.nonconforming import Nonconforming, only_reading
 
 _AGENTS, _STEPS, _ROUNDS, _DT = 5, 24, 3, 0.1
 _PAIRS = np.array([(one, other) for one in range(_AGENTS) for other in range(_AGENTS) if one != other])
 
-_Answer = TypeVar("_Answer")
+_METHODS = (SensorFault, "measured"), (SenderFault, "sent")
 
 Numbers = list[tuple[str, np.ndarray]]
 """What a fault does in each step and round: what it is, and an array with a row for each link or agent."""
@@ -59,6 +58,23 @@ def check_fault(kind: type, /, **keys: object) -> None:
         )
 
 
+def refuse_broken(name: str, table: Mapping[str, object]) -> None:
+    """Raise UserError where a fault of another package that this host has does not do what `check_fault` asks.
+
+    table: as of `[[fault]]`. A name or a key that there is not is left to the process that takes the fault in.
+    """
+    keys = {key: value for key, value in table.items() if key not in {"kind", "from", "until"}}
+    try:
+        kind = kind_of(name)
+        _made(kind, keys)
+    except ValueError:
+        return
+    if name not in KINDS:
+        method = next((method for base, method in _METHODS if issubclass(kind, base)), "effect")
+        with blaming(kind, method, "check_fault"):
+            check_fault(kind, **keys)
+
+
 def _made(kind: type[Fault], keys: Mapping[str, object]) -> Fault:
     field = kind.model_fields.get("agents")
     table = {"kind": kind.__qualname__} | ({"agents": [1, 3]} if field is not None else {}) | dict(keys)
@@ -86,16 +102,6 @@ def _same(one: Numbers, other: Numbers) -> bool:
     )
 
 
-def _guarded(ask: Callable[[], _Answer], what: str) -> _Answer:
-    """What a fault answers. Raises Nonconforming where it writes into what it is given."""
-    try:
-        return ask()
-    except ValueError as error:
-        if "read-only" in str(error):
-            raise Nonconforming(f"{what} changes the arrays that it is given; copy them first") from None
-        raise
-
-
 def _fixed(array: np.ndarray) -> np.ndarray:
     array = np.ascontiguousarray(array)
     array.flags.writeable = False
@@ -107,7 +113,8 @@ def _messages(fault: MessageFault, seed: int, index: int, rows: slice) -> Number
     source, destination = (_fixed(each) for each in _PAIRS[rows].T)
     seeds = _fixed(np.full(len(source), seed, dtype=np.uint64))
     streams = LinkStreams(seeds, source, destination, range(_ROUNDS + 1))
-    chosen = _guarded(lambda: fault.selects(source, destination), "selects()")
+    with only_reading("selects()"):
+        chosen = fault.selects(source, destination)
     _refuse(flaw_of_array(chosen, "selects()", source.shape))
     found: Numbers = [("selects", chosen)]
     for step in (*range(1, _STEPS + 1), *range(_STEPS, 0, -5)):
@@ -123,7 +130,8 @@ def _messages(fault: MessageFault, seed: int, index: int, rows: slice) -> Number
                 ranges=True,
                 streams=streams,
             )
-            effect = _guarded(partial(fault.effect, one, index), "effect()")
+            with only_reading("effect()"):
+                effect = fault.effect(one, index)
             _refuse(flaw_of_effect(effect, len(source)))
             found += _of_effect(effect, len(source))
     return found
@@ -156,7 +164,8 @@ def _measured(fault: SensorFault, seed: int, index: int, rows: slice) -> Numbers
         signal_speed=3e8,
         on=_fixed(on[rows]),
     )
-    told = _guarded(lambda: fault.measured(readings, index), "measured()")
+    with only_reading("measured()"):
+        told = fault.measured(readings, index)
     _refuse(flaw_of_ranges(told, (len(agent[rows]), _STEPS)))
     return [("measured", np.where(on[rows], told, ranges[rows]))]
 
@@ -181,7 +190,8 @@ def _sent(fault: SenderFault, seed: int, index: int, rows: slice) -> Numbers:
             past=_fixed(message - 1.0),
             displaced=_displaced,
         )
-        told = _guarded(partial(fault.sent, sent, index), "sent()")
+        with only_reading("sent()"):
+            told = fault.sent(sent, index)
         _refuse(flaw_of_sent(told, message, message))
         found.append(("sent", told))
     return found

@@ -9,7 +9,7 @@ import numpy as np
 
 from zenoh_cbef import streams
 from zenoh_cbef.arrays import Floats
-from zenoh_cbef.plugins import read_options
+from zenoh_cbef.plugins import told_options
 from zenoh_cbef.testing.nonconforming import Nonconforming
 from zenoh_cbef.tracking.compact import FLOAT32, Compact
 from zenoh_cbef.tracking.filters.base import Belief, Filter, Kind, Update, filter_of
@@ -93,8 +93,7 @@ def check_filter(kind: type, **options: object) -> None:
     of seven agents whose payloads are averaged, with ranges missing here and there.
     """
     chosen = filter_of(kind, kind.__qualname__)
-    model = getattr(chosen, "options", None)
-    told = read_options(model, options, "filter.options").model_dump(mode="json") if model else options
+    told = told_options(getattr(chosen, "options", None), kind.__qualname__, options, "filter.options")
     for height in (None, 1.0):
         try:
             _check(chosen, replace(_settings(height), options=told))

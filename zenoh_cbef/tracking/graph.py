@@ -82,6 +82,12 @@ def stack(blocks: list[Neighbours]) -> Neighbours:
     return Neighbours(np.concatenate(indices), np.concatenate(presents))
 
 
+def directed(edges: Edges) -> Edges:
+    """Both directions of each edge (m, 2), (2 m, 2): source and destination, by destination, then source."""
+    both = np.concatenate([edges, edges[:, ::-1]])
+    return both[np.lexsort(both.T)]
+
+
 def components(count: int, edges: Edges) -> list[list[int]]:
     """The connected components, each ascending, by least member."""
     label = np.arange(count)

@@ -41,6 +41,11 @@ class Measurement:
     overcounted: Floats | None = None
 
 
+def nobody(agents: int) -> tuple[Floats, Floats]:
+    """The neighbours' positions and ranges of agents that are told none."""
+    return np.empty((agents, 0, 3)), np.empty((agents, 0))
+
+
 def unheard(measurement: Measurement) -> Measurement:
     """The update of the same step as if nothing had been measured or heard."""
     return replace(

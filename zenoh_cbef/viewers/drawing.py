@@ -176,12 +176,9 @@ class Drawing:
         return self._new("Color", r=red, g=green, b=blue, a=alpha)
 
     def _links(self, scene: Scene, row: int, stamp: Protobuf) -> Protobuf:
-        """One line per direction: each half, from its receiver to the middle, is of that receiver's colour."""
-        points, colours = [], []
-        for (source, destination), share in zip(scene.links.tolist(), scene.delivered[:, row], strict=True):
-            here, there = (scene.trace.positions[agent, row] for agent in (destination, source))
-            points += [self._new("Point3", **_xyz(place)) for place in (here, 0.5 * (here + there))]
-            colours += 2 * [self._colour(health_colour(float(share)))]
+        """One line per direction: the half of a receiver is of that receiver's colour."""
+        points = [self._new("Point3", **_xyz(place)) for half in scene.halves(row) for place in half]
+        colours = [self._colour(health_colour(float(share))) for share in np.repeat(scene.delivered[:, row], 2)]
         line = self._new(
             "LinePrimitive",
             type="LINE_LIST",

@@ -107,11 +107,8 @@ class _Writer:
         self._links(row)
 
     def _links(self, row: int) -> None:
-        positions = self._trace.positions[:, row]
-        here, there = positions[self._scene.links[:, 1]], positions[self._scene.links[:, 0]]
-        halves = np.stack([here, 0.5 * (here + there)], axis=1)
         colours = [health_colour(float(share)) for share in self._scene.delivered[:, row]]
-        self._log("world/links", self._rr.LineStrips3D(halves, colors=colours))
+        self._log("world/links", self._rr.LineStrips3D(self._scene.halves(row), colors=colours))
 
     def _curves(self) -> None:
         curves = {f"metrics/{name}": values for name, values in self._scene.metrics().items()}

@@ -176,12 +176,11 @@ class _Messages:
         yield self._links(row, header)
 
     def _links(self, row: int, header: Ros) -> Ros:
-        """Each half of a link, from its receiver to the middle, in the colour of what that receiver got."""
-        points, colours = [], []
-        for (source, destination), share in zip(self._scene.links.tolist(), self._scene.delivered[:, row], strict=True):
-            here, there = self._trace.positions[destination, row], self._trace.positions[source, row]
-            points += [self._new("geometry_msgs/Point", *place.tolist()) for place in (here, 0.5 * (here + there))]
-            colours += 2 * [self._new("std_msgs/ColorRGBA", *map(float, health_colour(float(share))))]
+        """Each half of a link in the colour of what its receiver got."""
+        scene = self._scene
+        points = [self._new("geometry_msgs/Point", *place) for half in scene.halves(row).tolist() for place in half]
+        shares = np.repeat(scene.delivered[:, row], 2).tolist()
+        colours = [self._new("std_msgs/ColorRGBA", *map(float, health_colour(share))) for share in shares]
         width = np.array([_THIN, 0.0, 0.0])
         return self._marker(header, ("links", 0, _LINES), np.zeros(3), width, TRUTH, points=points, colors=colours)
 

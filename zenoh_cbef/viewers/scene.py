@@ -72,6 +72,11 @@ class Scene:
         """The run."""
         return self.analysis.trace
 
+    def halves(self, row: int) -> Floats:
+        """Where the half of each link is that its receiver has, in a row: (e, 2, 3), m, from there to the middle."""
+        there, here = self.trace.positions[self.links.T, row]
+        return np.stack([here, 0.5 * (here + there)], axis=1)
+
     def metrics(self) -> dict[str, Floats]:
         """Numbers of the whole network by step, (K,) each; NaN where there is none."""
         one, smoothed = self.analysis, {}

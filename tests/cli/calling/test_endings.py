@@ -8,10 +8,11 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
+
+from tests.waiting import until
 
 COMMAND = [sys.executable, "-m", "zenoh_cbef"]
 
@@ -164,9 +165,7 @@ def test_ctrl_c_ends_an_experiment_and_its_workers_with_one_line(tmp_path: Path)
         command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
     ) as running:
         try:
-            deadline = time.monotonic() + 60.0
-            while len(workers_of(running.pid)) < 2 and time.monotonic() < deadline:
-                time.sleep(0.01)
+            until(lambda: len(workers_of(running.pid)) >= 2)
             assert running.poll() is None
             os.killpg(running.pid, signal.SIGINT)  # as a terminal does, the workers get it as well
             _, said = running.communicate(timeout=100)

@@ -7,7 +7,7 @@ import pytest
 
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.read.parts import find_log
-from zenoh_cbef.log.tools.collection import place_of_log
+from zenoh_cbef.log.tools.collection import new_folder, place_of_log
 
 
 def fail_to_start(chosen: Path | None, log: bytes = b"") -> Path:
@@ -48,5 +48,14 @@ def test_a_folder_without_a_log_hides_no_run_of_its_name(monkeypatch, tmp_path):
     assert find_log(Path("d1")) == Path("logs/d1/run.mcap")
     (tmp_path / "d1/run.mcap.active").write_bytes(b"")
     assert find_log(Path("d1")) == Path("d1/run.mcap.active")
-    with pytest.raises(UserError, match="there is no log d2; give"):
-        find_log(Path("d2"))
+    with pytest.raises(UserError, match="there is no log d11; did you mean 'd1'"):
+        find_log(Path("d11"))
+    with pytest.raises(UserError, match="there is no log second; give"):
+        find_log(Path("second"))
+
+
+def test_no_run_takes_the_name_that_leads_to_the_newest(monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(UserError, match="logs/latest leads to the newest run; choose another --run"):
+        new_folder("latest")
+    assert not (tmp_path / "logs").exists()

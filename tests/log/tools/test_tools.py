@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.examples import examples
-from tests.log.hand_made import KEYS, START, Maker
+from tests.log.hand_made import KEYS, START, Maker, written
 from tests.log.tools.test_recover import rows
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.common.naming import RESOLVED, SOURCE, part_path
@@ -218,10 +218,7 @@ def test_a_record_with_another_number_than_its_message_is_found(log: Path, tmp_p
 
 @pytest.mark.slow
 def test_a_rotated_log_is_read_as_one_and_each_part_by_itself(tmp_path: Path) -> None:
-    maker = Maker(tmp_path / "run.mcap", "record.rotate_bytes=6000", "record.chunk_bytes=1024")
-    for k in range(1, 51):
-        maker.step(k)
-    maker.close()
+    written(tmp_path / "run.mcap", 50, "record.rotate_bytes=6000", "record.chunk_bytes=1024")
     count = len(list(tmp_path.glob("*.mcap")))
     assert count > 4
     parts = [part_path(tmp_path / "run.mcap", number) for number in range(1, count + 1)]

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from tests.processes.conftest import settings, unused_port
+from tests.processes.conftest import ended, settings, unused_endpoint
 from zenoh_cbef.nodes.agent.entrance import Entrance
 from zenoh_cbef.nodes.common.node import Identity
 from zenoh_cbef.protocol.scenario_service import Clock, ScenarioText, serve_scenario
@@ -22,11 +22,10 @@ time.time_ns = lambda: wall_ns() + shift * 1_000_000_000
 
 
 @pytest.mark.parametrize("shift", [-3600, 3600])
-def test_an_agent_whose_clock_is_an_hour_off_takes_part_in_realtime(world, free_port, shift):
+def test_an_agent_whose_clock_is_an_hour_off_takes_part_in_realtime(world, endpoint, shift):
     (world.folder / "sitecustomize.py").write_text(SHIFTED.format(shift=shift))
     path = os.pathsep.join([str(world.folder), str(Path.cwd())])
-    endpoint = f"tcp/127.0.0.1:{free_port}"
-    join = ["--run", world.run, "--connect", endpoint, "--patience", "100"]
+    join = world.join(endpoint)
     overrides = settings("steps=20", "timing.mode=realtime", "timing.patience=2", "dt=0.1")
     processes = [world.start("target", "tracking", *overrides, "--run", world.run, "--listen", endpoint)]
     processes.append(world.start("record", *join, "--output", str(world.log)))
@@ -34,14 +33,13 @@ def test_an_agent_whose_clock_is_an_hour_off_takes_part_in_realtime(world, free_
         prefix = ["env", f"PYTHONPATH={path}"] if agent == 1 else []
         processes.append(world.start("agent", str(agent), *join, prefix=prefix))
     for process in processes:
-        out, err = process.communicate(timeout=100)
-        assert process.returncode == 0, err
+        out, _ = ended(process)
         assert "after step 20" in out or "messages in" in out
 
 
 @pytest.mark.parametrize("jump", [-3600.0, 3600.0])
 def test_a_clock_that_is_set_after_an_agent_has_joined_does_not_move_the_start(jump):
-    endpoint = f"tcp/127.0.0.1:{unused_port()}"
+    endpoint = unused_endpoint()
     joined = Clock(ahead=jump, round_trip=0.001)  # then the target's clock was set right
     with open_session(Connection(listen=[endpoint])) as target, open_session(Connection([endpoint])) as session:
         service = serve_scenario(target, "test", lambda: ScenarioText("", "", ""))

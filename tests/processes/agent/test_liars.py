@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 import zenoh
 
-from tests.processes.conftest import unused_port
+from tests.processes.conftest import unused_endpoint
+from tests.waiting import until
 from zenoh_cbef.nodes.agent.neighbour import Neighbourhood
 from zenoh_cbef.nodes.common.alarm import Alarm
 from zenoh_cbef.nodes.common.node import Identity
@@ -36,7 +37,7 @@ class Pair:
     """Agent 0's neighbourhood, and a session that speaks as agent 1."""
 
     def __init__(self) -> None:
-        endpoint = f"tcp/127.0.0.1:{unused_port()}"
+        endpoint = unused_endpoint()
         self.sessions = [open_session(Connection(listen=[endpoint])), open_session(Connection([endpoint]))]
         presence, self.told = Presence(self.sessions[0], KEYS.all_live), list[str]()
         node: Any = SimpleNamespace(
@@ -59,11 +60,8 @@ class Pair:
         self._ear = self.sessions[0].declare_subscriber(KEYS.round(1), zenoh.handlers.FifoChannel(1000))
         self._codec = RoundCodec("test", "agent/1", WIDTH)
         self._mouth = self.sessions[1].declare_publisher(KEYS.round(1))
-        until = time.monotonic() + 100.0
         # What is sent before it knows who listens goes nowhere.
-        while not self._mouth.matching_status.matching:  # type: ignore[attr-defined]  # as in relay.py
-            assert time.monotonic() < until
-            time.sleep(0.01)
+        until(lambda: self._mouth.matching_status.matching)  # type: ignore[attr-defined]  # as in relay.py
 
     def say(self, step: int, round_: int, value: float) -> None:
         data = self._codec.encode(0, time.time_ns(), step, round_, np.full(WIDTH, value))

@@ -1,11 +1,9 @@
 """An agent and processes that are not what they say: with another's address, no neighbours, or without a name."""
 
-import time
-from collections.abc import Callable
-
 import zenoh
 
-from tests.processes.conftest import World, outsider, settings, unused_port
+from tests.processes.conftest import World, outsider, settings, unused_endpoint
+from tests.waiting import until
 from zenoh_cbef.protocol.addresses import own_host, with_ports
 from zenoh_cbef.protocol.claims import claim
 from zenoh_cbef.protocol.directory import Place, ask_directory
@@ -16,19 +14,12 @@ from zenoh_cbef.protocol.presence import Presence
 from zenoh_cbef.protocol.session import Connection, open_session
 
 
-def until(condition: Callable[[], bool], seconds: float = 30.0) -> bool:
-    end = time.monotonic() + seconds
-    while not condition() and time.monotonic() < end:
-        time.sleep(0.05)
-    return condition()
-
-
 def linked(session: zenoh.Session, life: str) -> bool:
     return any(str(one.zid) == life for one in session.info.links())
 
 
 def test_a_wrong_address_is_told_and_a_stranger_is_cut_off(world: World) -> None:
-    target, agent = (f"tcp/127.0.0.1:{unused_port()}" for _ in range(2))
+    target, agent = (unused_endpoint() for _ in range(2))
     keys, join = Keys(world.run), ["--run", world.run, "--patience", "100"]
     world.start("target", "tracking", *settings(), *join, "--listen", target)
     world.start("agent", "0", *join, "--connect", target, "--listen", agent)
@@ -45,16 +36,16 @@ def test_a_wrong_address_is_told_and_a_stranger_is_cut_off(world: World) -> None
             ask_directory(first, keys.links("agent/1"), lie)
             return any(f"at {target} another process answers".encode() in one for one in events)
 
-        assert until(told), events
+        until(told, events)
         life = life_at(agent, stranger)
         assert not linked(first, life)
         assert introduce(stranger.listen[0], agent, stranger, lambda: linked(second, life))
         Presence(second, keys.all_live).enter("agent/2")  # which is no neighbour of agent 0
-        assert until(lambda: not linked(second, life))
+        until(lambda: not linked(second, life))
 
 
 def test_a_link_over_which_no_name_comes_is_made_again(world: World) -> None:
-    target, agent = (f"tcp/127.0.0.1:{unused_port()}" for _ in range(2))
+    target, agent = (unused_endpoint() for _ in range(2))
     keys, join = Keys(world.run), ["--run", world.run, "--patience", "100"]
     world.start("target", "tracking", *settings(), *join, "--listen", target)
     world.start("agent", "0", *join, "--connect", target, "--listen", agent)
@@ -73,6 +64,6 @@ def test_a_link_over_which_no_name_comes_is_made_again(world: World) -> None:
             ask_directory(session, keys.links("agent/1"), own)
             return made.count(life) > 1
 
-        assert until(linked_twice, 100.0), made
+        until(linked_twice, made)
         presence.enter("agent/1")
-        assert until(lambda: linked(session, life))
+        until(lambda: linked(session, life))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tests.processes.conftest import World, unused_port
+from tests.processes.conftest import World, ended, unused_endpoint
 from zenoh_cbef.nodes.agent.vicinity import Vicinity
 from zenoh_cbef.scenario.load import parse, to_toml
 from zenoh_cbef.scenario.network import in_range
@@ -45,15 +45,13 @@ def test_an_agent_links_before_it_is_in_range_and_keeps_links_for_a_while(agent:
 
 def test_a_lockstep_run_in_which_links_come_and_go_is_equal_bit_for_bit(world: World) -> None:
     (world.folder / "away.toml").write_text(to_toml(parse(AWAY, "test")))
-    place = f"tcp/127.0.0.1:{unused_port()}"
-    join = ["--run", world.run, "--connect", place, "--patience", "100"]
+    place = unused_endpoint()
+    join = world.join(place)
     started = [
         world.start("target", "away.toml", "--run", world.run, "--listen", place, "--patience", "100"),
         world.start("record", *join, "--output", str(world.log)),
         *(world.start("agent", str(agent), *join) for agent in range(3)),
     ]
     for process in started:
-        _, err = process.communicate(timeout=100)
-        assert process.returncode == 0, err
-    done = world.call("verify", str(world.log))
-    assert done.stdout.startswith("equal bit for bit"), done.stdout
+        ended(process)
+    assert world.verdict().startswith("equal bit for bit")

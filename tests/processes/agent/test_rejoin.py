@@ -1,6 +1,5 @@
 """Agents that are killed from outside and started again take part in the run that goes on."""
 
-import json
 import os
 import signal
 import time
@@ -9,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.processes.conftest import World, settings
+from tests.processes.conftest import World, ended, settings
+from tests.waiting import until
 from zenoh_cbef.log.read.parts import open_log
 from zenoh_cbef.log.read.trace import read_trace
 from zenoh_cbef.trace import Trace
@@ -29,14 +29,12 @@ def kill_and_start_again(world: World, agent: int) -> None:
     world.start(*command)
 
 
-def wait_for_estimates(world: World, agent: int, count: int = 10) -> None:
-    until = time.monotonic() + 100
-    while time.monotonic() < until:
+def wait_for_estimates(world: World, agent: int) -> None:
+    def told() -> int:
         topics = [one.channel.topic for one in open_log(world.log).messages()]
-        if sum(topic.endswith(f"agent/{agent}/estimate") for topic in topics) >= count:
-            return
-        time.sleep(0.2)
-    pytest.fail(f"agent {agent} did not take part")
+        return sum(topic.endswith(f"agent/{agent}/estimate") for topic in topics)
+
+    until(lambda: told() >= 10, f"agent {agent} did not take part", every=0.2)
 
 
 def joined(trace: Trace) -> dict:
@@ -47,25 +45,22 @@ def joined(trace: Trace) -> dict:
 
 def wait_until_it_is_back(world: World, agent: int, steps: int) -> None:
     """Wait until an agent has taken part in so many steps since it joined; how soon it joins depends on the host."""
-    until = time.monotonic() + 200
-    while time.monotonic() < until:
-        told = json.loads(world.call("status", "--run", world.run, "--json").stdout or "{}")
+
+    def is_back() -> bool:
+        told = world.status()
         joined = [one["data"]["step"] for one in told.get("events", []) if one["kind"] == "joined"]
-        if joined and (told["agents"][agent]["step"] or 0) > joined[0] + steps:
-            return
-        time.sleep(0.1)
-    pytest.fail(f"agent {agent} did not take part")
+        return bool(joined) and (told["agents"][agent]["step"] or 0) > joined[0] + steps
+
+    until(is_back, f"agent {agent} did not take part", 200.0, every=0.1)
 
 
 @pytest.mark.parametrize("mode", ["lockstep", "realtime"])
 def test_an_agent_that_was_killed_takes_part_again(world, mode):
-    run = world.start_run("steps=100000", f"timing.mode={mode}", "network.graph=complete")
-    world.wait_for_messages(30_000)
+    run = world.under_way("steps=100000", f"timing.mode={mode}", "network.graph=complete", size=30_000)
     kill_and_start_again(world, 2)
     wait_until_it_is_back(world, 2, 25)
-    assert world.call("stop", "--run", world.run).returncode == 0
-    _, err = run.communicate(timeout=120)
-    assert run.returncode == 1
+    world.done("stop", "--run", world.run)
+    _, err = ended(run, 1)
     assert "agent 2 was killed by signal 9" in err
     assert "Traceback" not in err
     trace = read_trace(world.log)
@@ -78,14 +73,11 @@ def test_an_agent_that_was_killed_takes_part_again(world, mode):
     others = np.delete(error, 2, axis=0)[:, first + 20]
     if mode == "lockstep":
         assert error[2, first + 20] <= 1.1 * others.max()
-    verdict = world.call("verify", str(world.log))
-    assert verdict.returncode == 2
-    assert "Traceback" not in verdict.stderr
+    world.verdict(2)
 
 
-def test_a_run_starts_with_some_and_the_others_join_later(world, free_port):
-    endpoint = f"tcp/127.0.0.1:{free_port}"
-    join = ["--run", world.run, "--connect", endpoint, "--patience", "100"]
+def test_a_run_starts_with_some_and_the_others_join_later(world, endpoint):
+    join = world.join(endpoint)
     overrides = settings("timing.mode=realtime", "steps=100000", "network.graph=complete")
     listen = ["--listen", endpoint, "--wait-for", "3"]
     target = world.start("target", "tracking", *overrides, "--run", world.run, *listen)
@@ -96,8 +88,7 @@ def test_a_run_starts_with_some_and_the_others_join_later(world, free_port):
     wait_for_estimates(world, agent=1)
     target.terminate()
     for process in (target, *others):
-        _, err = process.communicate(timeout=100)
-        assert process.returncode == 0, err
+        ended(process)
     trace = read_trace(world.log)
     told = joined(trace)
     assert (told["agent"], told["planned"]) == (1, False)
@@ -108,6 +99,5 @@ def test_a_run_starts_with_some_and_the_others_join_later(world, free_port):
 
 
 def test_in_lockstep_the_scenario_says_who_is_there(world):
-    done = world.call("target", "tracking", "--run", world.run, "--wait-for", "3")
-    assert done.returncode == 2
+    done = world.done("target", "tracking", "--run", world.run, "--wait-for", "3", status=2)
     assert "--wait-for needs timing.mode = 'realtime'" in done.stderr

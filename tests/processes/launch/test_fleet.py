@@ -7,6 +7,7 @@ import time
 import pytest
 
 from tests.processes.conftest import World, processes_of, settings
+from tests.waiting import until
 from zenoh_cbef.cli.terminal.ids import ids_of, shortened
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.nodes.launch.children import Nursery
@@ -61,7 +62,7 @@ def test_few_agents_of_a_fleet_start_at_once_and_all_in_the_end():
 
 def test_a_fleet_starts_again_what_dies_and_not_what_is_refused(world: World):
     place = f"tcp/127.0.0.1:{free_ports(1)[0]}"
-    join = ["--run", world.run, "--connect", place, "--patience", "100"]
+    join = world.join(place)
     steps = settings("steps=400")
     target = world.start("target", "tracking", *steps, "--run", world.run, "--listen", place, "--patience", "100")
     record = world.start("record", *join, "--output", str(world.log))
@@ -75,17 +76,14 @@ def test_a_fleet_starts_again_what_dies_and_not_what_is_refused(world: World):
     assert f"agent 4: run '{world.run}' has agents 0 to 3, no agent 4" in err
     assert "agent 2 was killed by signal 9; it is started again" in err
     assert fleet.returncode == 1
-    assert "agent/2 was started again" in world.call("verify", str(world.log)).stdout
+    assert "agent/2 was started again" in world.verdict(2)
 
 
 def test_a_fleet_ends_all_its_agents_when_it_is_told_to_and_when_it_dies(world: World):
     join = ["--run", world.run, "--connect", f"tcp/127.0.0.1:{free_ports(1)[0]}"]
     for number, status in ((signal.SIGINT, 130), (signal.SIGKILL, -9)):
         fleet = world.start("fleet", "0-2", *join)
-        until = time.monotonic() + 100
-        while sum("zenoh_cbef agent" in line for line in processes_of(world.run).values()) < 3:
-            assert time.monotonic() < until
-            time.sleep(0.05)
+        until(lambda: sum("zenoh_cbef agent" in line for line in processes_of(world.run).values()) >= 3, every=0.05)
         fleet.send_signal(number)
         assert fleet.wait(100) == status
         assert not world.wait_until_gone()

@@ -5,15 +5,14 @@ import re
 import signal
 import socket
 import threading
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
 import pytest
 
-from tests.processes.conftest import outsider, settings, unused_port
-from tests.processes.target.test_live_faults import wait_until_known
+from tests.processes.conftest import outsider, settings, unused_endpoint
 from tests.processes.test_hostile import wait_for
+from tests.waiting import until
 
 JOINING = {
     "agent": ("agent", "0"),
@@ -45,8 +44,7 @@ def mute() -> Iterator[str]:
 
 
 def refusal(world, *command: str) -> str:
-    done = world.call(*command)
-    assert done.returncode == 2, done.stdout + done.stderr
+    done = world.done(*command, status=2)
     assert len(done.stderr.splitlines()) == 1, done.stderr
     assert "Traceback" not in done.stderr
     return done.stderr
@@ -56,7 +54,7 @@ def refusal(world, *command: str) -> str:
 def target(world, free_port):
     endpoint = f"tcp/127.0.0.1:{free_port}"
     world.start("target", "tracking", *settings(), "--run", world.run, "--listen", endpoint)
-    wait_until_known(world.run)
+    world.wait_until_known()
     return endpoint
 
 
@@ -64,7 +62,7 @@ def target(world, free_port):
 def test_an_endpoint_where_no_run_is_says_what_is_there_instead(world, verb):
     ways = {
         "tcp/no-such-host.invalid:7447": "no-such-host.invalid in tcp/no-such-host.invalid:7447 has no address",
-        f"tcp/127.0.0.1:{unused_port()}": "no process listens at",
+        unused_endpoint(): "no process listens at",
     }
     for endpoint, words in ways.items():
         assert words in refusal(world, *JOINING[verb], "--run", world.run, "--connect", endpoint)
@@ -81,13 +79,11 @@ def test_a_wrong_name_is_answered_with_the_right_one(world, target, verb):
 
 
 def test_two_agents_with_one_id(world, target):
-    join = ["--run", world.run, "--connect", target, "--patience", "100"]
+    join = world.join(target)
     # Without gossip they have no link to each other, only to the target.
     twins = [world.start("agent", "1", *join, "--no-gossip") for _ in range(3)]
-    until = time.monotonic() + 100
-    while len(losers := [one for one in twins if one.poll() is not None]) < 2:
-        assert time.monotonic() < until, "there are twins"
-        time.sleep(0.05)
+    until(lambda: sum(one.poll() is not None for one in twins) >= 2, "there are twins")
+    losers = [one for one in twins if one.poll() is not None]
     told = f"zenoh-cbef: agent 1 is already in run {world.run!r}; give another id, or end that process\n"
     assert [(one.returncode, one.communicate()[1]) for one in losers] == [(2, told)] * 2
     assert [one.poll() for one in twins].count(None) == 1
@@ -97,10 +93,7 @@ def test_two_agents_with_one_id(world, target):
 def test_two_recorders_with_one_name(world, target):
     join = ["record", "--run", world.run, "--connect", target, "--no-gossip"]
     first = world.start(*join, "-o", "first.mcap")
-    until = time.monotonic() + 100
-    while not (world.folder / "first.mcap.active").exists():  # it has the name by then
-        assert time.monotonic() < until, "there is no recorder"
-        time.sleep(0.05)
+    until((world.folder / "first.mcap.active").exists, "there is no recorder")  # it has the name by then
     told = refusal(world, *join, "-o", "second.mcap")
     assert told == f"zenoh-cbef: record is already in run {world.run!r}; give another --name, or end that process\n"
     assert not (world.folder / "second.mcap.active").exists()
@@ -117,31 +110,30 @@ def test_an_agent_does_not_wait_for_ever_for_a_target_that_died_before_the_start
 
 
 def test_two_targets_of_one_name(world, target):
-    another = ["target", "paper", "--run", world.run, "--listen", f"tcp/127.0.0.1:{unused_port()}"]
+    another = ["target", "paper", "--run", world.run, "--listen", unused_endpoint()]
     assert f"a run {world.run!r} goes on on this host already, at {target}" in refusal(world, *another)
     assert f"target is already in run {world.run!r}" in refusal(world, *another, "--connect", target)
     assert f"a run {world.run!r} goes on on this host already" in refusal(world, "run", "paper", "--run", world.run)
 
 
 def test_two_targets_with_different_scenarios_that_did_not_know_of_each_other(world, target, monkeypatch, tmp_path):
-    endpoint = f"tcp/127.0.0.1:{unused_port()}"
+    endpoint = unused_endpoint()
     with monkeypatch.context() as elsewhere:  # as on another host
         elsewhere.setenv("XDG_RUNTIME_DIR", str(tmp_path))
         world.start("target", "paper", "--run", world.run, "--listen", endpoint, "--no-gossip")
-        wait_until_known(world.run)
+        world.wait_until_known()
     told = refusal(world, "agent", "1", "--run", world.run, "--connect", target, "--connect", endpoint)
     assert "2 targets answer" in told
     assert "different scenarios" in told
 
 
 @pytest.mark.parametrize("verb", ["agent", "record"])
-def test_another_version(world, verb, free_port):
+def test_another_version(world, verb, endpoint):
     import msgpack  # noqa: PLC0415 - a target as another version has it
     import zenoh  # noqa: PLC0415
 
     from zenoh_cbef.protocol.session import Connection, open_session  # noqa: PLC0415
 
-    endpoint = f"tcp/127.0.0.1:{free_port}"
     with open_session(Connection(listen=[endpoint])) as session:
         key = f"cbef/{world.run}/scenario"
         answer = {"v": 1, "run": world.run, "program": "99.0", "source": "", "resolved": ""}

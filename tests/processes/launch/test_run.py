@@ -6,14 +6,13 @@ import sys
 import numpy as np
 import pytest
 
-from tests.processes.conftest import settings
+from tests.processes.conftest import ended, settings
 
 LOSS = 'fault=[{kind="loss",probability=0.4},{kind="delay",milliseconds=5,jitter_ms=40,from=1,until=3}]'
 
 
 def test_a_run_leaves_log_scenario_metrics_report_figures_and_a_latest_link(world):
-    done = world.call("run", "tracking", *settings(), "--run", world.run)
-    assert done.returncode == 0, done.stderr
+    done = world.done("run", "tracking", *settings(), "--run", world.run)
     folder = world.folder / "logs" / world.run
     assert (world.folder / "logs" / "latest").resolve() == folder.resolve()
     metrics = json.loads((folder / "metrics.json").read_text())
@@ -45,11 +44,10 @@ def test_a_run_leaves_log_scenario_metrics_report_figures_and_a_latest_link(worl
 )
 def test_processes_and_simulator_give_the_same_bits(world, overrides):
     world.complete(*overrides)
-    verdict = world.call("verify", str(world.log))
-    assert verdict.returncode == 0, verdict.stdout
+    world.verdict()
     run, sim = world.folder / "run.npz", world.folder / "sim.npz"
-    assert world.call("export", str(world.log), "--to", "npz", "--output", str(run)).returncode == 0
-    assert world.call("sim", "tracking", *settings(*overrides), "--output", str(sim)).returncode == 0
+    world.done("export", str(world.log), "--to", "npz", "--output", str(run))
+    world.done("sim", "tracking", *settings(*overrides), "--output", str(sim))
     with np.load(run) as logged, np.load(sim) as simulated:
         assert set(logged) == set(simulated)
         for name in logged:
@@ -59,35 +57,28 @@ def test_processes_and_simulator_give_the_same_bits(world, overrides):
 def test_a_realtime_run_keeps_to_the_clock_and_cannot_be_judged(world):
     overrides = ("timing.mode=realtime", "dt=0.05", "consensus.rounds=2")
     world.complete(*overrides)
-    metrics = json.loads(world.call("analyze", str(world.log), "--json").stdout)
+    metrics = world.metrics()
     assert metrics["steps"] == 40
     assert metrics["timing"] == "realtime"
-    verdict = world.call("verify", str(world.log))
-    assert verdict.returncode == 2
-    assert "realtime" in verdict.stdout
-    assert "Traceback" not in verdict.stderr
+    assert "realtime" in world.verdict(2)
 
 
-def test_single_processes_make_a_run_with_no_more_than_its_name_and_an_endpoint(world, free_port):
-    endpoint = f"tcp/127.0.0.1:{free_port}"
-    join = ["--run", world.run, "--connect", endpoint, "--patience", "100"]
+def test_single_processes_make_a_run_with_no_more_than_its_name_and_an_endpoint(world, endpoint):
+    join = world.join(endpoint)
     target = world.start("target", "tracking", *settings(), "--run", world.run, "--listen", endpoint)
     agents = [world.start("agent", str(agent), *join) for agent in range(4)]
     recorder = world.start("record", *join, "--output", str(world.log))
     for process in (target, *agents, recorder):
-        _, err = process.communicate(timeout=100)
-        assert process.returncode == 0, err
-    assert world.call("verify", str(world.log)).returncode == 0
+        ended(process)
+    world.verdict()
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
-def test_the_launcher_waits_for_a_recorder_only_if_one_is_required(world, free_port):
-    endpoint = f"tcp/127.0.0.1:{free_port}"
-    join = ["--run", world.run, "--connect", endpoint, "--patience", "100"]
+def test_the_launcher_waits_for_a_recorder_only_if_one_is_required(world, endpoint):
+    join = world.join(endpoint)
     quiet = settings("record.required=false")
     target = world.start("target", "tracking", *quiet, "--run", world.run, "--listen", endpoint)
     agents = [world.start("agent", str(agent), *join) for agent in range(4)]
     for process in (target, *agents):
-        out, err = process.communicate(timeout=100)
-        assert process.returncode == 0, err
+        out, _ = ended(process)
         assert "after step 40" in out

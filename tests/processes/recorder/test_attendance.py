@@ -8,7 +8,8 @@ from typing import Any
 
 import pytest
 
-from tests.processes.conftest import unused_port
+from tests.processes.conftest import unused_endpoint
+from tests.waiting import until
 from zenoh_cbef.nodes.common.node import Node
 from zenoh_cbef.nodes.recorder import attendance
 from zenoh_cbef.nodes.recorder.attendance import Attendance, led_by_a_target
@@ -23,7 +24,7 @@ class Watched:
     """One end of a link sees who is there at the other."""
 
     def __init__(self) -> None:
-        endpoint = f"tcp/127.0.0.1:{unused_port()}"
+        endpoint = unused_endpoint()
         self.sessions = [open_session(Connection(listen=[endpoint])), open_session(Connection([endpoint]))]
         here, there = (Presence(session, LIVE) for session in self.sessions)
         self.others, self._seen = there, here
@@ -59,10 +60,7 @@ def watched():
 
 
 def until_over(watched: Watched) -> None:
-    until = time.monotonic() + 100.0
-    while not watched.over():
-        assert time.monotonic() < until, "it waits for ever"
-        time.sleep(0.02)
+    until(watched.over, "it waits for ever")
 
 
 def test_a_replay_is_over_when_it_says_so_and_leaves(watched):

@@ -1,11 +1,10 @@
 """Fleets on two hosts record their own agents, and one command fetches the logs and joins them."""
 
-import json
 import re
 
 import pytest
 
-from tests.processes.conftest import World, settings, unused_port
+from tests.processes.conftest import World, ended, settings, unused_endpoint
 from tests.processes.forked import Process
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.nodes.common.node import Identity, Node
@@ -26,23 +25,20 @@ def said_by(fleet: Process) -> str:
 
 
 def test_fleets_record_their_agents_and_their_logs_are_fetched_as_one(world: World):
-    place = f"tcp/127.0.0.1:{unused_port()}"
+    place = unused_endpoint()
     run = ["--run", world.run, "--patience", "60"]
     target = world.start("target", "tracking", *settings("record.recorders=2"), *run, "--listen", place)
     join = [*run, "--connect", place, "--stay", "100"]
     fleets = [world.start("fleet", ids, *join, "--record", log) for ids, log in (("0,1", "a.mcap"), ("2-3", "b.mcap"))]
     endpoints = [part for one in fleets for part in ("--connect", said_by(one))]
-    done = world.call("fetch", "--run", world.run, *endpoints, "--patience", "100", "--output", "whole.mcap")
-    assert done.returncode == 0, done.stderr
+    done = world.done("fetch", "--run", world.run, *endpoints, "--patience", "100", "--output", "whole.mcap")
     assert "of 2 logs can be fetched" in done.stderr or "fetching 2 logs" in done.stderr
     for process in (target, *fleets):
-        _, err = process.communicate(timeout=100)
-        assert process.returncode == 0, err
+        ended(process)
     assert "agents-0-1" in done.stderr
     for verb in ("check", "verify"):
-        verdict = world.call(verb, "whole.mcap")
-        assert verdict.returncode == 0, verdict.stdout
-    assert json.loads(world.call("analyze", "whole.mcap", "--json").stdout)["messages"]["missing"] == 0
+        world.done(verb, "whole.mcap")
+    assert world.metrics("whole.mcap")["messages"]["missing"] == 0
     assert not world.wait_until_gone()
 
 
@@ -68,7 +64,7 @@ def test_a_log_comes_in_parts_as_it_is_and_its_recorder_learns_of_it(tmp_path, m
 
 
 def test_where_no_recorder_stays_it_says_what_to_do(world: World):
-    nowhere = f"tcp/127.0.0.1:{unused_port()}"
+    nowhere = unused_endpoint()
     done = world.call("fetch", "--run", "none", "--connect", nowhere, "--patience", "0.1", "-o", "whole.mcap")
     assert (done.returncode, done.stdout) == (2, "")
     assert nowhere in done.stderr

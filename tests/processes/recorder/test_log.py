@@ -93,16 +93,15 @@ def test_one_flipped_bit_is_found(recorded, tmp_path, kind, field):
         step = next(m["k"] for m in heard if m["k"] >= 5 and m["arrived"] is not None)
     tampered = tmp_path / "tampered.mcap"
     copy_with(recorded.log, tampered, flip(kind, field, step))
-    verdict = recorded.call("verify", str(tampered))
-    assert verdict.returncode == 1, verdict.stdout
-    assert f"step {step}" in verdict.stdout
-    assert "in the log" in verdict.stdout
+    verdict = recorded.verdict(1, log=tampered)
+    assert f"step {step}" in verdict
+    assert "in the log" in verdict
 
 
 def test_an_untouched_copy_is_equal(recorded, tmp_path):
     copy = tmp_path / "copy.mcap"
     copy_with(recorded.log, copy, lambda _, data: data)
-    assert recorded.call("verify", str(copy)).returncode == 0
+    recorded.verdict(log=copy)
 
 
 @pytest.mark.parametrize(
@@ -115,10 +114,8 @@ def test_a_run_with_liars_is_proved(tmp_path, filter_):
     world = World(tmp_path)
     try:
         world.complete("network.graph=complete", "consensus.trim=1", f"fault=[{lies}]", *filter_.split(","))
-        verdict = world.call("verify", str(world.log))
-        assert verdict.returncode == 0, verdict.stdout
-        assert "equal bit for bit" in verdict.stdout
-        assert json.loads(world.call("analyze", str(world.log), "--json").stdout)["left_out"] == [1, 2]
+        assert "equal bit for bit" in world.verdict()
+        assert world.metrics()["left_out"] == [1, 2]
     finally:
         world.end()
 
@@ -142,7 +139,7 @@ def test_a_cut_log_is_described_analysed_and_verified_as_far_as_it_goes(recorded
     analysed = recorded.call("analyze", str(cut), "--json")
     assert analysed.returncode == 0, analysed.stderr
     assert json.loads(analysed.stdout)["complete"] is False
-    assert recorded.call("verify", str(cut)).returncode == 0
+    recorded.verdict(log=cut)
 
 
 def test_analyze_prints_one_object_with_the_promised_names(recorded):
@@ -167,8 +164,8 @@ def test_analyze_prints_one_object_with_the_promised_names(recorded):
 
 
 def test_the_bytes_of_a_step_are_those_that_were_foretold(recorded):
-    scenario = read_header(open_log(recorded.log)).scenario.model_copy(update={"name": recorded.run})
-    metrics = json.loads(recorded.call("analyze", str(recorded.log), "--json").stdout)
+    scenario = read_header(open_log(recorded.log)).scenario.changed(name=recorded.run)
+    metrics = recorded.metrics()
     told = design(Plan(scenario), search=False).configured.bytes_per_step
     assert metrics["bytes_per_step"] == pytest.approx(told, rel=0.01)
 
@@ -184,7 +181,7 @@ def test_runs_are_compared_side_by_side_and_differences_are_told(recorded, tmp_p
     assert done.stderr == ""
     rows = json.loads(done.stdout)
     assert [row["filter"] for row in rows] == ["sicf", "ci"]
-    metrics = json.loads(recorded.call("analyze", str(recorded.log), "--json").stdout)
+    metrics = recorded.metrics()
     for name in ("position_rmse", "velocity_rmse", "ratio_to_centralized", "disagreement", "bytes_per_step"):
         assert rows[0][name] == metrics[name]
     assert rows[0]["nees.average"] == metrics["nees"]["average"]
@@ -231,7 +228,7 @@ def test_exported_arrays_have_the_promised_shapes_and_agree_with_the_metrics(rec
     assert (np.isnan(arrays["innovation"]) == missing).all()
     distance = np.linalg.norm(arrays["truth"][None, :, :3] - arrays["positions"], axis=2)
     assert np.nanstd(arrays["ranges"] - distance) == pytest.approx(0.1, rel=0.3)
-    metrics = json.loads(recorded.call("analyze", str(recorded.log), "--json").stdout)
+    metrics = recorded.metrics()
     error = arrays["estimates"] - arrays["truth"]
     assert np.sqrt((error[:, 10:, :3] ** 2).sum(axis=2).mean()) == pytest.approx(metrics["position_rmse"])
     assert (error**2).sum(axis=2).mean(axis=1) == pytest.approx(metrics["msee"]["agents"])
@@ -287,6 +284,4 @@ def without_events(topic: str, data: bytes) -> bytes | None:
 def test_a_run_that_did_without_a_message_is_not_called_different(recorded, tmp_path, change, reason):
     other = tmp_path / "other.mcap"
     copy_with(recorded.log, other, change)
-    verdict = recorded.call("verify", str(other))
-    assert verdict.returncode == 2, verdict.stdout
-    assert reason in verdict.stdout
+    assert reason in recorded.verdict(2, log=other)

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks.kills import Kills
-from tests.processes.conftest import settings
+from tests.processes.conftest import ended, settings
 from tests.test_benchmarks import ROOT  # noqa: F401 - puts the benchmarks on the path
 from zenoh_cbef.log.mcap.reader import McapFile
 from zenoh_cbef.log.read.parts import open_log
@@ -21,14 +21,12 @@ def test_a_rotated_run_is_analysed_and_verified_as_one(world):
     parts = open_log(world.log).files
     assert len(parts) > 3
     assert sorted(path.name for path in world.folder.glob("*.mcap*")) == sorted(path.name for path in parts)
-    metrics = json.loads(world.call("analyze", str(world.folder), "--json").stdout)
+    metrics = world.metrics(world.folder)
     assert (metrics["complete"], metrics["steps"], metrics["messages"]["missing"]) == (True, 200, 0)
     several = world.call("analyze", *map(str, reversed(parts)), "--json")
     assert json.loads(several.stdout) == metrics
-    verdict = world.call("verify", str(world.log))
-    assert verdict.returncode == 0
-    assert "of 200 steps" in verdict.stdout
-    assert world.call("check", str(world.log)).returncode == 0
+    assert "of 200 steps" in world.verdict()
+    world.done("check", str(world.log))
 
 
 def let_no_file_grow(pid, path):
@@ -40,17 +38,15 @@ def let_no_file_grow(pid, path):
 @pytest.mark.parametrize("on_full", ["go-on", "stop"])
 def test_a_full_disk_is_named_and_what_was_written_stays_readable(world, on_full):
     steps = 300 if on_full == "go-on" else 100_000
-    run = world.start_run(f"steps={steps}", f"record.on_full={on_full}", "record.flush_seconds=0.1")
-    world.wait_for_messages()
+    run = world.under_way(f"steps={steps}", f"record.on_full={on_full}", "record.flush_seconds=0.1")
     let_no_file_grow(world.pid_of("record"), world.log.with_name("run.mcap.active"))
-    out, err = run.communicate(timeout=120)
-    assert run.returncode == 1, err
+    out, err = ended(run, 1)
     assert "File too large" in err
     assert "messages are not in the log" in err
     assert world.wait_until_gone() == {}
     described = json.loads(world.call("info", str(world.log), "--json").stdout)
     assert described["messages"] > 50
-    metrics = json.loads(world.call("analyze", str(world.log), "--json").stdout)
+    metrics = world.metrics()
     assert 0 < metrics["steps"] < steps
     assert world.call("verify", str(world.log)).returncode in (0, 2)
     assert "position RMSE" in out
@@ -74,10 +70,8 @@ def test_recorders_on_each_host_and_a_merge_give_the_whole_log(world):
         hubs = ["target", "a", "b", *range(agent)]
         started.append(world.start("agent", str(agent), *options(agent, *hubs), "--patience", "100"))
     for process in started:
-        _, err = process.communicate(timeout=120)
-        assert process.returncode == 0, err
-    done = world.call("merge", "a.mcap", "b.mcap", "-o", "run.mcap")
-    assert done.returncode == 0, done.stderr
+        ended(process)
+    done = world.done("merge", "a.mcap", "b.mcap", "-o", "run.mcap")
     assert "clock of b.mcap" in done.stdout
     assert "shared messages" in done.stdout
     merged = McapFile(world.log)
@@ -90,16 +84,14 @@ def test_recorders_on_each_host_and_a_merge_give_the_whole_log(world):
     }
     assert merged.metadata["cbef.end"]["status"] == "finished"
     for verb in ("check", "verify"):
-        verdict = world.call(verb, "run.mcap")
-        assert verdict.returncode == 0, verdict.stdout
-    assert json.loads(world.call("analyze", "run.mcap", "--json").stdout)["messages"]["missing"] == 0
+        world.done(verb, "run.mcap")
+    assert world.metrics("run.mcap")["messages"]["missing"] == 0
 
 
 @pytest.mark.parametrize("keys", [["agent/#"], ["agent/0/**", "**/round"], ["cbef/other/**"]])
 def test_impossible_keys_are_refused(world, keys):
     options = [part for key in keys for part in ("--keys", key)]
-    done = world.call("record", "--run", world.run, "--connect", "tcp/127.0.0.1:1", *options)
-    assert done.returncode == 2
+    done = world.done("record", "--run", world.run, "--connect", "tcp/127.0.0.1:1", *options, status=2)
     assert len(done.stderr.splitlines()) == 1
     assert "key" in done.stderr
 

@@ -12,7 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.processes.conftest import World, peer, settings
+from tests.processes.conftest import World, ended, peer, settings
+from tests.waiting import until
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.mcap.reader import McapFile
 from zenoh_cbef.log.read.parts import open_log
@@ -25,13 +26,6 @@ PATIENT = ["--patience", "200"]
 _ELSEWHERE = re.compile("/event/|/signal$|/faults$")
 
 
-def wait_until(holds: Callable[[], bool], what: str) -> None:
-    until = time.monotonic() + 200
-    while not holds():
-        assert time.monotonic() < until, what
-        time.sleep(0.05)
-
-
 @pytest.fixture(autouse=True)
 def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv(FOLDER, str(tmp_path / "rings"))
@@ -41,8 +35,7 @@ def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def proved(world: World) -> list[tuple[str, int]]:
     """Key and number of what is left in rings, of a log that is sound, and is computed again with the same bits."""
     for verb in ("check", "verify"):
-        verdict = world.call(verb, str(world.log))
-        assert verdict.returncode == 0, verdict.stdout
+        world.done(verb, str(world.log))
     return numbers_in(world.log)
 
 
@@ -83,14 +76,12 @@ def test_processes_without_rings_are_heard_over_zenoh_and_say_so(world, place):
 
 
 def test_a_ring_too_small_for_a_recorder_that_stands_still_loses_nothing(world):
-    run = world.start_run(RINGS, "record.ring_bytes=65536", "steps=150")
-    world.wait_for_messages(5000)
+    run = world.under_way(RINGS, "record.ring_bytes=65536", "steps=150", size=5000)
     recorder = world.pid_of("record")
     os.kill(recorder, signal.SIGSTOP)
     time.sleep(2.5)
     os.kill(recorder, signal.SIGCONT)
-    _, err = run.communicate(timeout=300)
-    assert run.returncode == 0, err
+    ended(run, timeout=300)
     assert once_each(proved(world))
 
 
@@ -122,7 +113,7 @@ class Hosts:
                 return len(numbers_in(self.world.folder / log)) > 20
             return False
 
-        wait_until(has_some, f"{log} does not grow")
+        until(has_some, f"{log} does not grow")
 
     def end(self, *others) -> None:
         self.target.send_signal(signal.SIGTERM)
@@ -145,7 +136,7 @@ def test_a_recorder_that_is_killed_and_an_agent_lose_nothing_that_they_had_said(
     hosts.start_agents()
     hosts.wait_for("a.mcap")
     subscribed = hosts.is_subscribed()
-    wait_until(lambda: not subscribed(), "the recorder has what agents say brought twice")
+    until(lambda: not subscribed(), "the recorder has what agents say brought twice")
     hosts.session.close()
     first.send_signal(signal.SIGKILL)
     first.wait()
@@ -153,8 +144,7 @@ def test_a_recorder_that_is_killed_and_an_agent_lose_nothing_that_they_had_said(
     hosts.wait_for("a-2.mcap")
     os.kill(world.pid_of("agent 2"), signal.SIGKILL)
     hosts.end(*hosts.started[:2], last)
-    done = world.call("merge", "a.mcap", "a-2.mcap", "-o", "run.mcap")
-    assert done.returncode == 3, done.stderr  # a file that has no end
+    world.done("merge", "a.mcap", "a-2.mcap", "-o", "run.mcap", status=3)  # a file that has no end
     numbers = numbers_in(world.log)
     assert once_each(numbers)
     assert len({key for key, _ in numbers}) == 13
@@ -180,7 +170,7 @@ def test_one_agent_without_a_ring_is_heard_beside_others_with_rings(world):
     others.append(hosts.join("agent", "2", prefix=("prlimit", "--fsize=100000")))
     hosts.wait_for("run.mcap")
     subscribed = hosts.is_subscribed()
-    wait_until(subscribed, "the recorder does not hear the agent without a ring")
+    until(subscribed, "the recorder does not hear the agent without a ring")
     hosts.session.close()
     hosts.end(*others, recorder)
     assert once_each(numbers_in(world.log))

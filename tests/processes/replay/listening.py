@@ -6,8 +6,9 @@ import msgpack
 import pytest
 import zenoh
 
-from tests.processes.conftest import World, peer
+from tests.processes.conftest import World, ended, peer
 from tests.processes.forked import Process
+from tests.waiting import until
 from zenoh_cbef.log.mcap.reader import McapFile
 
 
@@ -44,9 +45,7 @@ class Listener:
 
     def wait(self, count: int) -> None:
         """Wait until that many messages were heard, and a moment in which there must be no more."""
-        until = time.monotonic() + 100
-        while len(self.heard) < count and time.monotonic() < until:
-            time.sleep(0.01)
+        until(lambda: len(self.heard) >= count)
         time.sleep(0.1)
         assert len(self.heard) == count
 
@@ -76,8 +75,7 @@ def finish(replay: Process, listener: Listener) -> int:
         time.sleep(0.02)
     listener.wait(state["published"])
     listener.leave()
-    out, err = replay.communicate(timeout=100)
-    assert replay.returncode == 0, err
+    out, _ = ended(replay)
     assert int(out.split()[0]) == state["published"]
     return state["published"]
 

@@ -53,7 +53,7 @@ def test_another_filter_is_set_beside_the_original(recorded):
     first, second = json.loads(done.stdout)
     assert [first["filter"], second["filter"]] == ["sicf", "local"]
     assert first["position_rmse"] < second["position_rmse"]
-    analysed = json.loads(recorded.call("analyze", str(other), "--json").stdout)
+    analysed = recorded.metrics(other)
     assert analysed["complete"] is True
     assert analysed["messages"]["missing"] == 0
     assert recorded.call("export", str(other), "--output", str(recorded.folder / "x.npz")).returncode == 0

@@ -12,8 +12,9 @@ from pathlib import Path
 import msgpack
 import pytest
 
-from tests.processes.conftest import COMMAND, World
+from tests.processes.conftest import COMMAND, World, ended
 from tests.processes.replay.listening import Listener, finish, logged, play, start
+from tests.waiting import until
 from zenoh_cbef.log.mcap.reader import McapFile
 
 
@@ -122,12 +123,9 @@ def test_a_loop_goes_on_until_ctrl_c_and_ends_cleanly(recorded, listener):
         time.sleep(0.02)
     assert state["state"] == "playing"
     once = [item for item in logged(recorded) if item[0].endswith("/beacon/0")]
-    until = time.monotonic() + 100
-    while len(listener.heard) < 2 * len(once) and time.monotonic() < until:
-        time.sleep(0.02)
+    until(lambda: len(listener.heard) >= 2 * len(once))
     replay.send_signal(signal.SIGINT)
-    _, err = replay.communicate(timeout=100)
-    assert replay.returncode == 130
+    _, err = ended(replay, 130)
     assert err == ""
     assert listener.heard[: 2 * len(once)] == once + once
 
@@ -162,13 +160,9 @@ def test_keys_of_a_terminal_are_obeyed(recorded, listener):
         os.write(leader, b"nn")
         listener.wait(first_of_step(steps, 2) + 2)
         os.write(leader, b"\x1b[A\x1b[A\x1b[B\x1b[A")
-        until = time.monotonic() + 10
-        while (rate := listener.ask()["rate"]) != pytest.approx(1.1**2) and time.monotonic() < until:
-            time.sleep(0.02)
-        assert rate == pytest.approx(1.1**2)
+        until(lambda: listener.ask()["rate"] == pytest.approx(1.1**2))
         os.write(leader, b" ")
-        while listener.ask()["state"] == "paused" and time.monotonic() < until:
-            time.sleep(0.02)
+        until(lambda: listener.ask()["state"] != "paused")
         assert listener.ask("rate=1000")["state"] in ("playing", "done")
         listener.wait(len(steps))
         assert listener.heard == steps
@@ -199,24 +193,19 @@ def test_a_recorder_records_a_replay(recorded, listener, tmp_path: Path):
     recorder = recorded.start(
         "record", "--run", recorded.run, "--connect", f"tcp/127.0.0.1:{listener.port}", "-o", str(copy)
     )
-    until = time.monotonic() + 100
     active = copy.with_name("copy.mcap.active")
-    while not active.exists() and time.monotonic() < until:
-        time.sleep(0.02)
+    until(active.exists)
     listener.ask("resume")
     everything = len(logged(recorded))
-    while len(list(McapFile(active).messages())) < everything and time.monotonic() < until:
-        time.sleep(0.1)
+    until(lambda: len(list(McapFile(active).messages())) >= everything, every=0.1)
     recorder.send_signal(signal.SIGINT)
     assert recorder.wait(timeout=100) == 0
     finish(replay, listener)
     assert [(one.channel.topic, one.data) for one in McapFile(copy).messages()] == logged(recorded)
-    verdict = recorded.call("verify", str(copy))
-    assert verdict.returncode == 0, verdict.stdout
+    recorded.verdict(log=copy)
 
 
-def test_recorders_of_a_replay_end_with_it(recorded, free_port, tmp_path):
-    endpoint = f"tcp/127.0.0.1:{free_port}"
+def test_recorders_of_a_replay_end_with_it(recorded, endpoint, tmp_path):
     replay = recorded.start("replay", str(recorded.log), "--listen", endpoint, "--wait", "--rate", "5")
     names = ["first", "second"]
     recorders = [
@@ -227,7 +216,6 @@ def test_recorders_of_a_replay_end_with_it(recorded, free_port, tmp_path):
         for name in names
     ]
     for process in (replay, *recorders):
-        _, err = process.communicate(timeout=100)
-        assert process.returncode == 0, err
+        ended(process)
     heard = [[message.data for message in McapFile(tmp_path / f"{name}.mcap").messages()] for name in names]
     assert [data for _, data in logged(recorded)] in heard

@@ -1,6 +1,5 @@
 """Recorded ranging data tracked by real processes."""
 
-import json
 from pathlib import Path
 
 import numpy as np
@@ -29,10 +28,9 @@ def track(world, folder: Path, settings: tuple[str, str, str], steps: int) -> di
         "filter.acceleration_std": "1.0",
     }
     options = [part for key, value in overrides.items() for part in ("--set", f"{key}={value}")]
-    run = world.call("run", "tracking", *options, "--run", world.run, "--log", str(world.log), "--no-report")
-    assert run.returncode == 0, run.stderr
-    assert world.call("verify", str(world.log)).returncode == 0
-    return json.loads(world.call("analyze", str(world.log), "--json").stdout)
+    world.done("run", "tracking", *options, "--run", world.run, "--log", str(world.log), "--no-report")
+    world.verdict()
+    return world.metrics()
 
 
 @pytest.mark.skipif(not SETS.is_dir(), reason="the recorded sets are not beside the project")

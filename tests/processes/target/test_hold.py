@@ -1,12 +1,10 @@
 """A run in lockstep stands still by order, between steps and between the rounds of one, and stays what it is."""
 
-import time
-from collections.abc import Callable
 from functools import partial
 
 import zenoh
 
-from tests.processes.target.test_live_faults import wait_until_known
+from tests.waiting import until
 from zenoh_cbef.lab.bench import reach
 from zenoh_cbef.log.read.trace import read_trace
 from zenoh_cbef.outside.operator import Operator
@@ -16,17 +14,8 @@ from zenoh_cbef.protocol.messages import unpack
 AGENTS, ROUNDS = 4, 3
 
 
-def until(condition: Callable[[], bool], said: object) -> None:
-    limit = time.monotonic() + 100
-    while not condition():
-        assert time.monotonic() < limit, said
-        time.sleep(0.01)
-
-
 def test_a_held_run_makes_single_rounds_and_is_proved(world):
-    run = world.start_run("steps=100000")
-    wait_until_known(world.run)
-    world.wait_for_messages()
+    run = world.under_way("steps=100000")
     latest: dict[str, tuple[int, int]] = {}
 
     def hear(sample: zenoh.Sample) -> None:
@@ -70,6 +59,5 @@ def test_a_held_run_makes_single_rounds_and_is_proved(world):
         # It is stopped in the middle of a step, which agents then end.
         assert operator.stop() is not None
     run.communicate(timeout=100)
-    proof = world.call("verify", str(world.log))
-    assert proof.returncode == 0, proof.stdout + proof.stderr
+    world.verdict()
     assert read_trace(world.log).scenario.fault[0].kind == "loss"

@@ -1,39 +1,28 @@
 """Faults that are injected into a run while it goes on."""
 
 import json
-import time
 from typing import Any
 
 import numpy as np
 
+from tests.processes.conftest import ended
+from tests.waiting import until
 from zenoh_cbef.analysis.metrics import analyze
 from zenoh_cbef.log.read.trace import read_trace
 from zenoh_cbef.outside.registry import known_runs
 from zenoh_cbef.simulator import simulate
 
 
-def wait_until_known(run: str) -> None:
-    until = time.monotonic() + 100
-    while run not in known_runs():
-        assert time.monotonic() < until, "the run did not come"
-        time.sleep(0.05)
-
-
 def wait_until_after(world, seconds: float) -> None:
-    """Wait until the run has come so far; where it is busy it may not answer at once."""
-    until = time.monotonic() + 200
-    while (json.loads(world.call("status", "--run", world.run, "--json").stdout or "{}").get("time") or 0.0) < seconds:
-        assert time.monotonic() < until, "the run stands still"
+    """Wait until the run has come so far."""
+    until(lambda: (world.status().get("time") or 0.0) >= seconds, "the run stands still", 200.0)
 
 
 def test_faults_are_added_listed_and_cleared_while_the_run_goes_on(world):
-    run = world.start_run("timing.mode=realtime", "steps=100000")
-    wait_until_known(world.run)
-    world.wait_for_messages()
+    run = world.under_way("timing.mode=realtime", "steps=100000")
 
     def fault(*arguments: str, status: int = 0) -> str:
-        done = world.call("fault", *arguments, "--run", world.run)
-        assert done.returncode == status, done.stderr
+        done = world.done("fault", *arguments, "--run", world.run, status=status)
         assert "Traceback" not in done.stderr
         return done.stdout + done.stderr
 
@@ -56,12 +45,10 @@ def test_faults_are_added_listed_and_cleared_while_the_run_goes_on(world):
     wait_until_after(world, after["until"] + 0.3)
 
     run.terminate()
-    _, err = run.communicate(timeout=120)
-    assert run.returncode == 130, err
+    ended(run, 130)
     assert world.run not in known_runs()
     for verb, *more in (["check"], ["timeline", "--steps", "5:6"], ["reestimate", "-o", str(world.folder / "a.mcap")]):
-        done = world.call(verb, str(world.log), *more)
-        assert done.returncode == 0, done.stderr
+        world.done(verb, str(world.log), *more)
     assert_both_are_told(world)
 
 
@@ -83,21 +70,20 @@ def assert_both_are_told(world):
 
 
 def test_in_lockstep_injected_faults_begin_with_a_step_for_all_and_the_log_is_proved_with_them(world):
-    run = world.start_run("steps=100000")
-    world.wait_for_messages()
+    run = world.under_way("steps=100000")
 
     def fault(*arguments: str) -> str:
-        done = world.call("fault", *arguments, "--run", world.run)
-        assert done.returncode == 0, done.stderr
+        done = world.done("fault", *arguments, "--run", world.run)
         return done.stdout
 
     def pass_by(moment: float) -> None:
-        """Wait until the run has made all steps up to a moment of its own time; a busy host answers late."""
-        until = time.monotonic() + 100
-        told = {"step": 0, "dt": 0.0}
-        while told["step"] * told["dt"] < moment:
-            assert time.monotonic() < until, "the run stands still"
-            told = json.loads(world.call("status", "--run", world.run, "--json").stdout or json.dumps(told))
+        """Wait until the run has made all steps up to a moment of its own time."""
+
+        def is_past() -> bool:
+            told = world.status()
+            return bool(told) and told["step"] * told["dt"] >= moment
+
+        until(is_past, "the run stands still")
 
     fault("add", "loss", "probability=1", "links=agent:1")
     fault("add", "sensor-bias", "agents=[2]", "bias=3.0")
@@ -107,19 +93,16 @@ def test_in_lockstep_injected_faults_begin_with_a_step_for_all_and_the_log_is_pr
     fault("clear", "0")
     listed = json.loads(fault("list", "--json"))
     assert listed[0]["until"] > listed[0]["from"]
-    unknown = world.call("fault", "list", "--run", "nobody")
-    assert unknown.returncode == 2
+    unknown = world.done("fault", "list", "--run", "nobody", status=2)
     assert "no run 'nobody' goes on on this host (there " in unknown.stderr
     pass_by(listed[2]["until"] + 2.0)
     run.terminate()
-    run.communicate(timeout=120)
-    assert run.returncode == 130
-    proof = world.call("verify", str(world.log))
-    assert proof.returncode == 0, proof.stdout + proof.stderr
+    ended(run, 130)
+    world.verdict()
     trace = read_trace(world.log)
     assert [fault.kind for fault in trace.scenario.fault] == ["loss", "sensor-bias", "crash"]
     assert np.isnan(trace.estimates[0]).any()
     assert (trace.links.injected_lost[trace.links.source == 1] > 0).all()
     # As a scenario it is the same run.
-    again = simulate([trace.scenario.model_copy(update={"steps": len(trace.time)})])[0]
+    again = simulate([trace.scenario.changed(steps=len(trace.time))])[0]
     assert np.array_equal(again.estimates, trace.estimates, equal_nan=True)

@@ -8,8 +8,7 @@ from typing import Any
 
 import pytest
 
-from tests.processes.conftest import settings
-from tests.processes.target.test_live_faults import wait_until_known
+from tests.processes.conftest import ended, settings
 from zenoh_cbef import __version__
 from zenoh_cbef.log.read.trace import read_trace
 
@@ -25,9 +24,7 @@ def wait_for(world, condition, *options: str) -> dict:
 
 
 def test_status_tells_who_is_where_and_how_well_they_track(world):
-    run = world.start_run("timing.mode=realtime", "dt=0.4", "steps=5000")
-    wait_until_known(world.run)
-    world.wait_for_messages()
+    run = world.under_way("timing.mode=realtime", "dt=0.4", "steps=5000")
     status = wait_for(
         world,
         lambda one: all(agent["step"] for agent in one["agents"]) and all(link["received"] for link in one["links"]),
@@ -52,7 +49,7 @@ def test_status_tells_who_is_where_and_how_well_they_track(world):
     assert [one.returncode for one in health.values()] == [0, 0, 0, 1], "it finds the runs that status finds"
 
     early = status["agents"]
-    assert world.call("fault", "add", "outage", "agents=[2]", "--run", world.run).returncode == 0
+    world.done("fault", "add", "outage", "agents=[2]", "--run", world.run)
     status = wait_for(world, lambda one: one["faults"])
     assert [(one["kind"], one["agents"]) for one in status["faults"]] == [("outage", [2])]
     status = wait_for(world, lambda one: any(link["lost"] for link in one["links"]))
@@ -62,10 +59,9 @@ def test_status_tells_who_is_where_and_how_well_they_track(world):
     status = wait_for(world, lambda one: one["agents"][1]["state"] == "gone")
     table = world.call("status", "--run", world.run)
     assert "not here: agent 1" in table.stdout
-    assert world.call("health", "agent/1", "--run", world.run).returncode == 1
+    world.done("health", "agent/1", "--run", world.run, status=1)
 
-    stopped = world.call("stop", "--run", world.run)
-    assert stopped.returncode == 0, stopped.stderr
+    stopped = world.done("stop", "--run", world.run)
     assert "ends after its present step" in stopped.stdout
     run.communicate(timeout=100)
     assert_the_log_holds(world, early, status)
@@ -85,43 +81,35 @@ def assert_the_log_holds(world, early, status):
 
 
 def test_a_stopped_run_in_lockstep_still_verifies(world):
-    run = world.start_run("steps=100000")
-    world.wait_for_messages()
-    done = world.call("stop", "--run", world.run)
-    assert done.returncode == 0, done.stderr
+    run = world.under_way("steps=100000")
+    done = world.done("stop", "--run", world.run)
     assert done.stdout.splitlines()[-1] == f"run {world.run} has ended"
     run.communicate(timeout=100)
-    assert world.call("verify", str(world.log)).stdout.startswith("equal bit for bit")
-    gone = world.call("stop", "--run", world.run)
-    assert gone.returncode == 2
+    assert world.verdict().startswith("equal bit for bit")
+    gone = world.done("stop", "--run", world.run, status=2)
     assert f"no run {world.run!r} goes on on this host" in gone.stderr
 
 
-def test_a_run_that_waits_for_its_agents_tells_whom_it_lacks(world, free_port):
-    endpoint = f"tcp/127.0.0.1:{free_port}"
+def test_a_run_that_waits_for_its_agents_tells_whom_it_lacks(world, endpoint):
     target = world.start("target", "tracking", *settings(), "--run", world.run, "--listen", endpoint)
-    wait_until_known(world.run)
+    world.wait_until_known()
     agent = world.start("agent", "1", "--run", world.run, "--connect", endpoint, "--patience", "100")
     there = ["--connect", endpoint]
     status = wait_for(world, lambda one: one["agents"][1]["state"] != "missing", *there)
     assert (status["state"], status["step"], status["recorder"]) == ("waiting", None, None)
     assert [one["state"] for one in status["agents"]] == ["missing", "linking", "missing", "missing"]
-    done = world.call("stop", "--run", world.run, *there)
-    assert done.returncode == 0, done.stderr
+    done = world.done("stop", "--run", world.run, *there)
     assert "before its first step" in done.stdout
     target.communicate(timeout=100)
     agent.terminate()
 
 
 def test_with_certificates_the_operators_is_asked_for(world):
-    assert world.call("certs", "new", "certificates", "--agents", "4").returncode == 0
-    run = world.start_run("timing.mode=realtime", "dt=0.1", "steps=5000", "zenoh.tls=certificates")
-    wait_until_known(world.run)
-    world.wait_for_messages()
+    world.done("certs", "new", "certificates", "--agents", "4")
+    run = world.under_way("timing.mode=realtime", "dt=0.1", "steps=5000", "zenoh.tls=certificates")
     status = wait_for(world, lambda one: all(agent["step"] for agent in one["agents"]), "--tls", "certificates")
     assert all(agent["where"]["pid"] for agent in status["agents"])
-    refused = world.call("status", "--run", world.run)
-    assert refused.returncode == 2
+    refused = world.done("status", "--run", world.run, status=2)
     assert len(refused.stderr.splitlines()) == 1
     (world.folder / "certificates" / "operator.pem").write_bytes(
         (world.folder / "certificates" / "agent-1.pem").read_bytes()
@@ -129,8 +117,6 @@ def test_with_certificates_the_operators_is_asked_for(world):
     (world.folder / "certificates" / "operator.key").write_bytes(
         (world.folder / "certificates" / "agent-1.key").read_bytes()
     )
-    refused = world.call("stop", "--run", world.run, "--tls", "certificates")
-    assert refused.returncode == 2, "an agent may not end the run"
+    world.done("stop", "--run", world.run, "--tls", "certificates", status=2)  # an agent may not end the run
     run.send_signal(signal.SIGINT)
-    run.communicate(timeout=100)
-    assert run.returncode == 130
+    ended(run, 130)

@@ -8,10 +8,11 @@ import time
 import numpy as np
 import pytest
 
-from tests.processes.conftest import unused_port
+from tests.processes.conftest import ended, unused_port
 from tests.processes.target.test_receivers import block
 from tests.receiver.cable import Cable
 from tests.receiver.frames import linktrack_frame, mavlink_message
+from tests.waiting import until
 from zenoh_cbef.tracking.status import TRACKING
 
 PLACES = [(0.0, 0.0, 2.0), (8.0, 0.0, 0.5), (8.0, 6.0, 2.5), (0.0, 6.0, 1.0)]
@@ -35,31 +36,34 @@ def send(port, over):
             number += 1
 
 
+def fed(world, port, scenario, source, *options):
+    """What a receiver printed that fed a run of four agents, through a router at a port."""
+    router = f"tcp/127.0.0.1:{port}"
+    join = ["--run", world.run, "--client", "--connect", router, "--patience", "100"]
+    assert world.start("router", "--listen", router).stdout.readline()
+    receiver = world.start("receive", source, *options, *join)
+    others = [world.start("record", *join, "--output", str(world.log))]
+    others += [world.start("agent", str(agent), *join) for agent in range(len(PLACES))]
+    others.append(world.start("target", scenario, *join, "--receivers"))
+    for process in others:
+        ended(process, timeout=250)
+    printed, _ = ended(receiver, timeout=250)
+    assert " 0 of unknown anchors" in printed
+    return printed
+
+
 def test_a_stream_of_lines_over_udp_is_tracked(world, free_port):
     (world.folder / "live.toml").write_text(block("toml", 'name = "live"'))
-    router = f"tcp/127.0.0.1:{free_port}"
     port = unused_port(socket.SOCK_DGRAM)
-    join = ["--run", world.run, "--client", "--connect", router, "--patience", "60"]
-    started = world.start("router", "--listen", router)
-    assert started.stdout.readline()
     over = threading.Event()
     tag = threading.Thread(target=send, args=(port, over))
     tag.start()
     try:
-        receiver = world.start("receive", f"udp:127.0.0.1:{port}", *join)
-        processes = [world.start("record", *join, "--output", str(world.log))]
-        processes += [world.start("agent", str(agent), *join) for agent in range(4)]
-        processes.append(world.start("target", "live.toml", *join, "--receivers"))
-        for process in [*processes, receiver]:
-            out, err = process.communicate(timeout=150)
-            assert process.returncode == 0, err
-        assert "0 of unknown anchors" in out
-        assert not out.startswith("0 ranges")
+        assert not fed(world, free_port, "live.toml", f"udp:127.0.0.1:{port}").startswith("0 ranges")
     finally:
         over.set()
         tag.join()
-    exported = world.call("export", str(world.log), "--output", "live.npz")
-    assert exported.returncode == 0, exported.stderr
+    world.done("export", str(world.log), "--output", "live.npz")
     arrays = np.load(world.folder / "live.npz")
     ranges = arrays["ranges"]
     assert np.isfinite(ranges).any(axis=1).all(), "the receiver's steps are those of the run"
@@ -101,26 +105,15 @@ filter = {motion = "stationary", range_std = 0.05}
 
 def test_a_dwm1001_goes_on_whenever_it_is_plugged_in_again(world, free_port):
     (world.folder / "live.toml").write_text(LIVE % [list(place) for place in PLACES])
-    router = f"tcp/127.0.0.1:{free_port}"
-    join = ["--run", world.run, "--client", "--connect", router, "--patience", "100"]
-    started = world.start("router", "--listen", router)
-    assert started.stdout.readline()
     over = threading.Event()
     tag = threading.Thread(target=replugged, args=(world.folder / "ttyUSB0", over))
     tag.start()
     try:
-        receiver = world.start("receive", "serial:ttyUSB0", "--format", "dwm1001", *join)
-        processes = [world.start("record", *join, "--output", str(world.log))]
-        processes += [world.start("agent", str(agent), *join) for agent in range(4)]
-        processes.append(world.start("target", "live.toml", *join, "--receivers"))
-        for process in [*processes, receiver]:
-            out, err = process.communicate(timeout=250)
-            assert process.returncode == 0, err
-        assert " 0 of unknown anchors" in out
+        fed(world, free_port, "live.toml", "serial:ttyUSB0", "--format", "dwm1001")
     finally:
         over.set()
         tag.join()
-    assert world.call("export", str(world.log), "--output", "live.npz").returncode == 0
+    world.done("export", str(world.log), "--output", "live.npz")
     arrays = np.load(world.folder / "live.npz")
     for heard, at in zip(arrays["ranges"], PLACES, strict=True):
         expected = {round(math.dist(REST, at) + more, 2) for more in (0.0, 0.01)}
@@ -161,15 +154,16 @@ def recording(folder):
 
 def await_port(port):
     """Wait until a receiver listens on a UDP port: a test cannot bind it any more."""
-    until = time.monotonic() + 200
-    while time.monotonic() < until:
+
+    def is_taken():
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
             try:
                 probe.bind(("127.0.0.1", port))
             except OSError:
-                return
-        time.sleep(0.02)
-    pytest.fail("the receiver does not listen")
+                return True
+        return False
+
+    until(is_taken, "the receiver does not listen", 200.0)
 
 
 def over_udp(ranges, port):
@@ -197,10 +191,6 @@ def over_serial(ranges, port):
 @pytest.mark.parametrize("kind", ["udp", "file", "serial"])
 def test_a_recording_that_is_received_in_lockstep_has_the_bits_of_its_run(world, free_port, kind):
     ranges = recording(world.folder)
-    router = f"tcp/127.0.0.1:{free_port}"
-    join = ["--run", world.run, "--client", "--connect", router, "--patience", "100"]
-    started = world.start("router", "--listen", router)
-    assert started.stdout.readline()
     port = unused_port(socket.SOCK_DGRAM)
     source, form = {
         "udp": (f"udp:127.0.0.1:{port}", "mavlink"),
@@ -217,24 +207,32 @@ def test_a_recording_that_is_received_in_lockstep_has_the_bits_of_its_run(world,
             cables.append(over_serial(ranges, world.folder / "ttyUSB0"))
 
     talking = threading.Thread(target=talk, daemon=True)
+    talking.start()
     try:
-        receiver = world.start("receive", source, "--format", form, "--silence", "100", *join)
-        talking.start()
-        processes = [world.start("record", *join, "--output", str(world.log))]
-        processes += [world.start("agent", str(agent), *join) for agent in range(ANCHORS)]
-        processes.append(world.start("target", "recorded.toml", *join, "--receivers"))
-        for process in [*processes, receiver]:
-            out, err = process.communicate(timeout=250)
-            assert process.returncode == 0, err
-        assert " ranges, 0 of unknown anchors" in out
-        assert "late" not in out
+        assert "late" not in fed(world, free_port, "recorded.toml", source, "--format", form, "--silence", "100")
     finally:
         talking.join()
         for cable in cables:
             cable.close()
-    assert world.call("sim", "recorded.toml", "--output", "expected.npz").returncode == 0
-    assert world.call("export", str(world.log), "--output", "received.npz").returncode == 0
+    world.done("sim", "recorded.toml", "--output", "expected.npz")
+    world.done("export", str(world.log), "--output", "received.npz")
     expected, received = (np.load(world.folder / f"{name}.npz") for name in ("expected", "received"))
     for name in ("ranges", "estimates", "covariances", "truth"):
         np.testing.assert_array_equal(received[name], expected[name])
-    assert "equal bit for bit" in world.call("verify", str(world.log)).stdout
+    assert "equal bit for bit" in world.verdict()
+
+
+def test_a_file_without_a_range_is_told_and_the_run_still_waits_for_one(world, free_port):
+    (world.folder / "live.toml").write_text((LIVE % [list(place) for place in PLACES]).replace("realtime", "lockstep"))
+    router = f"tcp/127.0.0.1:{free_port}"
+    join = ["--run", world.run, "--client", "--connect", router, "--patience", "100"]
+    assert world.start("router", "--listen", router).stdout.readline()
+    target = world.start("target", "live.toml", *join, "--receivers")
+    (world.folder / "other.csv").write_text("0.1,BB00,3.5\n")
+    for form, told in (
+        ("linktrack", "tells no range that --format linktrack reads"),
+        ("csv", "of other anchors alone"),
+    ):
+        refused = world.call("receive", "file:other.csv", "--format", form, *join)
+        assert (refused.returncode, told in refused.stderr) == (2, True), refused.stderr
+    assert target.poll() is None

@@ -54,11 +54,10 @@ def told(traces: Sequence[Trace], steps: int) -> tuple[Known, Seen]:
 def wrong_ranges(trace: Trace) -> Bools | None:
     """Which ranges (n, K) honest receivers of the emulated world would not have measured; None where it is not that."""
     scenario = trace.scenario
-    sensor = scenario.sensor.model_copy(update={"outlier_probability": 0.0})
     faults = tuple(fault for fault in scenario.fault if not isinstance(fault, SensorFault))
     steps = trace.ranges.shape[1]  # a run may have ended early
-    world = make_world(scenario.model_copy(update={"sensor": sensor, "fault": faults, "steps": steps}))
-    honest = sensor.signal_speed * (world.arrived - world.emitted)
-    differs = np.abs(trace.ranges - honest) > _WRONG * sensor.range_std
+    world = make_world(scenario.changed(sensor={"outlier_probability": 0.0}, fault=faults, steps=steps))
+    honest = scenario.sensor.signal_speed * (world.arrived - world.emitted)
+    differs = np.abs(trace.ranges - honest) > _WRONG * scenario.sensor.range_std
     heard = np.isfinite(trace.ranges)
     return None if heard.any() and np.mean(differs[heard]) > 0.8 else differs

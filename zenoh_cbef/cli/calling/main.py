@@ -85,6 +85,8 @@ def _sentence(error: Exception) -> str:
     if isinstance(error, UserError):
         return str(error)
     if isinstance(error, OSError):
+        if error.errno == errno.ENOENT and not error.filename:
+            return "the working directory is no longer there; change to another one"
         what = f"cannot use {error.filename}" if error.filename else "cannot write the output"
         return f"{what}: {error.strerror or error}; {_REMEDIES.get(error.errno or 0, 'check it, or name another')}"
     if isinstance(error, MemoryError):

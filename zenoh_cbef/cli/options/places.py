@@ -14,6 +14,9 @@ _FILES = {".csv", ".html", ".json", ".mcap", ".npz", ".parquet", ".pdf", ".png",
 _FOLDERS = {"csv": "tables", "parquet": "tables", "tum": "trajectories", "ros2": "a bag"}
 """Formats that are folders of files, and what stands there."""
 
+DATASET = ("anchors.csv", "ranges.csv", "truth.csv")
+"""The files of a dataset."""
+
 _ANY: Mapping[str, str] = {}
 
 

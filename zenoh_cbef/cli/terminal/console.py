@@ -12,6 +12,11 @@ console = Console(force_terminal=None if sys.stdout.isatty() else False)
 errors = Console(stderr=True, force_terminal=None if sys.stderr.isatty() else False)
 
 
+def say(sentence: str) -> None:
+    """Print a sentence on standard output, as it is."""
+    console.print(sentence, highlight=False, soft_wrap=True, markup=False)
+
+
 def tell(sentence: str) -> None:
     """Print a sentence on standard error, as it is."""
     errors.print(sentence, highlight=False, soft_wrap=True, markup=False)

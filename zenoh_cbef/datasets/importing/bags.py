@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Protocol
 
@@ -62,6 +63,7 @@ class Bags:
         raw, seen = Raw(), Counter[str]()
         try:
             with highlevel.AnyReader([path], default_typestore=_typestore()) as reader:
+                self._refuse_unknown(path, {one.topic for one in reader.connections})
                 chosen = [one for one in reader.connections if self._wanted(one)]
                 seen.update(one.msgtype for one in reader.connections)
                 self._define(reader.typestore, seen, {one.msgtype for one in chosen})
@@ -70,7 +72,9 @@ class Bags:
                 if not raw.truth:
                     could = sorted({one.topic for one in reader.connections if one.msgtype in POSITIONS})
                     raw.notes += [f"{topic} could be the truth: --truth {topic}" for topic in could[:3]]
-        except (highlevel.AnyReaderError, OSError, KeyError) as error:
+        except UserError:
+            raise
+        except Exception as error:  # noqa: BLE001 - rosbags raises errors of many kinds where a bag is damaged
             raise UserError(f"cannot read {path} as a ROS bag: {error}; is it complete?") from None
         if not raw.ranges:
             kinds = ", ".join(sorted(seen)) or "nothing"
@@ -80,16 +84,30 @@ class Bags:
             )
         return raw
 
+    def _refuse_unknown(self, path: Path, there: Collection[str]) -> None:
+        """Raise UserError for a topic that the user names and a bag lacks. there: those that it has."""
+        named = [*(("--topic", one) for one in self.topics), *([("--truth", self.truth)] if self.truth else [])]
+        for option, topic in named:
+            if topic not in there:
+                near = get_close_matches(topic, sorted(there), 1)
+                hint = f"did you mean {near[0]!r}?" if near else f"its topics are {', '.join(sorted(there)) or 'none'}"
+                raise UserError(f"{option} {topic}: {path} has no such topic; {hint}")
+
     def _define(self, store: _Typestore, seen: Iterable[str], needed: Iterable[str]) -> None:
         """Make the types of files known. seen: all names of a bag's types; needed: those that are read."""
         typesys = from_extra("rosbags.typesys", "a ROS bag")
         for path in self.types:
             package = path.parent.parent.name if path.parent.name == "msg" else path.parent.name
             names = [name for name in seen if name.endswith(f"/{path.stem}")] or [f"{package}/msg/{path.stem}"]
-            text = path.read_text(encoding="utf-8")
-            for name in names:
-                if name not in store.fielddefs:
-                    store.register(typesys.get_types_from_msg(text, name))
+            try:
+                text = path.read_text(encoding="utf-8")
+                for name in names:
+                    if name not in store.fielddefs:
+                        store.register(typesys.get_types_from_msg(text, name))
+            except OSError as error:
+                raise UserError(f"cannot read --types {path}: {error.strerror}; name a .msg file") from None
+            except (ValueError, typesys.TypesysError):
+                raise UserError(f"--types {path} defines no message; name a .msg file") from None
         if lacking := sorted(set(needed) - store.fielddefs.keys()):
             one = lacking[0]
             file = one.replace("/msg/", "/").rpartition("/")
@@ -108,9 +126,9 @@ class Bags:
 
     def _take(self, raw: Raw, connection: _Connection, logged: int, message: object) -> None:
         if connection.topic == self.truth:
-            place = _field(message, self.mapped.get("truth.position", POSITIONS.get(connection.msgtype, "position")))
+            place = _field(message, POSITIONS.get(connection.msgtype, "position"))
             x, y, z = (float(str(_field(place, axis))) for axis in "xyz")
-            raw.truth.append((_seconds(message, "header.stamp", logged), (x, y, z)))
+            raw.truth.append((_seconds(message, None, logged), (x, y, z)))
             return
         fields = self._fields(connection)
         scale = float(self.units.length("ranges", "range", fields["range"].replace(".", "_")))
@@ -118,7 +136,7 @@ class Bags:
         value = _field(message, fields["range"].partition("|")[0])
         told = fields["range"].partition("|")[2]
         distance = float(str(value)) * (float(LENGTHS[told]) if told in LENGTHS else scale)
-        time = _seconds(message, fields.get("t", "header.stamp"), logged)
+        time = _seconds(message, fields.get("t"), logged)
         raw.ranges.append((time, name or connection.topic.strip("/").rpartition("/")[2], distance))
 
 
@@ -137,13 +155,15 @@ def _field(message: object, path: str) -> object:
     return message
 
 
-def _seconds(message: object, path: str, logged: int) -> float:
-    """A message's own time, s: a stamp, or a number with its unit; without one or if it is 0, when it was logged."""
-    path, _, unit = path.partition("|")
-    try:
-        value = _field(message, path)
-    except UserError:
+def _seconds(message: object, path: str | None, logged: int) -> float:
+    """A message's own time, s: a stamp, or a number with its unit; without one or if it is 0, when it was logged.
+
+    path: the field; None: the stamp of the header, if there is one. Raises UserError where there is no such field.
+    """
+    if path is None and not hasattr(message, "header"):
         return 1e-9 * logged
+    path, _, unit = (path or "header.stamp").partition("|")
+    value = _field(message, path)
     if hasattr(value, "sec") and hasattr(value, "nanosec"):
         value = (value.sec * 10**9 + value.nanosec) * 1e-9
     else:
@@ -154,6 +174,11 @@ def _seconds(message: object, path: str, logged: int) -> float:
 def bag_in(source: Path) -> bool:
     """Whether a path is a bag, or the folder of a ROS 2 bag."""
     return source.suffix in SUFFIXES or (source / "metadata.yaml").is_file()
+
+
+def bags_in(folder: Path) -> list[Path]:
+    """The bags that lie in a folder which is none itself."""
+    return sorted(one for one in folder.iterdir() if one.suffix in SUFFIXES)
 
 
 def bag_of(source: Path) -> Path:

@@ -7,6 +7,13 @@ from collections.abc import Mapping, Sequence
 
 from zenoh_cbef.errors import UserError
 
+FILES: Mapping[str, tuple[str, ...]] = {
+    "anchors": ("anchor", "beacon", "node", "station", "landmark"),
+    "truth": ("truth", "gt", "mocap", "vicon", "rtk", "reference", "pose"),
+    "ranges": ("range", "distance", "uwb", "tof", "twr", "measure"),
+}
+"""By what words in its name a file of a folder is known, in this order."""
+
 USUAL: Mapping[str, tuple[str, ...]] = {
     "t": ("t", "time", "timestamp", "stamp", "sec", "seconds", "rostime", "datetime", "date"),
     "anchor": (
@@ -51,12 +58,32 @@ def column_of(meaning: str, heads: Sequence[str], mapped: Mapping[str, str], fil
 
 
 def wide_columns(heads: Sequence[str], mapped: Mapping[str, str]) -> dict[str, int]:
-    """Where each anchor has a column of its own, as with --map range=d_*: their places by what * stands for."""
+    """Where each anchor has a column of its own, as with --map range=d_*: their places by what * stands for.
+
+    Raises UserError where no column is named so.
+    """
     pattern = mapped.get("ranges.range", mapped.get("range", ""))
     if "*" not in pattern:
         return {}
     shape = re.compile("(.+)".join(map(re.escape, pattern.split("*", 1))), re.IGNORECASE)
-    return {match[1]: place for place, head in enumerate(heads) if (match := shape.fullmatch(head.strip()))}
+    found = {match[1]: place for place, head in enumerate(heads) if (match := shape.fullmatch(head.strip()))}
+    if not found:
+        raise UserError(f"--map range={pattern}: no column is named so; there are {', '.join(heads)}")
+    return found
+
+
+def refuse_unknown(mapped: Mapping[str, str], heads: Sequence[str]) -> None:
+    """Raise UserError for a header that the user names for any file, and that none has. heads: those of all files."""
+    known = {head.strip().lower() for head in heads}
+    for key, header in mapped.items():
+        if "." not in key and "*" not in header and header.lower() not in known:
+            raise UserError(f"--map {key}={header}: no file has such a column; there are {', '.join(heads)}")
+
+
+def is_column(key: str) -> bool:
+    """Whether a key is a meaning, or that of a file, as "range" and "truth.t"."""
+    file, _, meaning = key.rpartition(".")
+    return meaning in USUAL and file in {"", *FILES}
 
 
 def map_of(words: Sequence[str]) -> dict[str, str]:
@@ -64,9 +91,10 @@ def map_of(words: Sequence[str]) -> dict[str, str]:
     found = {}
     for word in words:
         key, separator, header = word.partition("=")
-        if not separator or not header or key.split(".")[-1] not in USUAL:
+        if not separator or not header or not is_column(key.strip()):
             raise UserError(
-                f"--map {word!r} is not MEANING=COLUMN; the meanings are {', '.join(USUAL)}, as in range=dist"
+                f"--map {word!r} is not MEANING=COLUMN; the meanings are {', '.join(USUAL)}, as in range=dist, "
+                f"or with a file ({', '.join(FILES)}), as in truth.t=stamp"
             )
         found[key.strip()] = header.strip()
     return found

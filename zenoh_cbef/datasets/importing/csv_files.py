@@ -5,23 +5,15 @@ from __future__ import annotations
 import codecs
 import csv
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from decimal import Decimal
 from pathlib import Path
 
-from zenoh_cbef.datasets.importing.columns import column_of, wide_columns
+from zenoh_cbef.datasets.importing.columns import FILES, column_of, refuse_unknown, wide_columns
 from zenoh_cbef.datasets.importing.raw import Place, Raw
 from zenoh_cbef.datasets.importing.units import Units, decimal
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.words import counted, listed
-
-FILES = {
-    "anchors": ("anchor", "beacon", "node", "station", "landmark"),
-    "truth": ("truth", "gt", "mocap", "vicon", "rtk", "reference", "pose"),
-    "ranges": ("range", "distance", "uwb", "tof", "twr", "measure"),
-}
-"""By what words in its name a file of a folder is known, in this order."""
-
 
 _UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 
@@ -42,6 +34,8 @@ class Reading:
     mapped: Mapping[str, str]
     units: Units
     separator: str | None = None
+    heads: list[str] = field(default_factory=list)
+    """The headers of all files that were read."""
 
     def read(self, ranges: Path, anchors: Path | None, truth: Path | None) -> Raw:
         """Everything that the files hold. Raises UserError where one cannot be read, or lacks a column."""
@@ -51,6 +45,7 @@ class Reading:
             self.read_anchors(anchors, raw)
         if truth is not None:
             self.read_truth(truth, raw)
+        refuse_unknown(self.mapped, self.heads)
         return raw
 
     def read_ranges(self, path: Path, raw: Raw) -> None:
@@ -102,7 +97,10 @@ class Reading:
         if b"\0" in data:
             kind = "UTF-16 text; save it as UTF-8" if data[:2] in _UTF_16 else "no text; name a CSV file"
             raise UserError(f"{path} is {kind}")
-        text = data.decode("utf-8-sig", errors="replace")
+        try:
+            text = data.decode("utf-8-sig")
+        except UnicodeDecodeError:
+            text = data.decode("cp1252", errors="replace")  # as spreadsheets of Windows write it
         lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith(("#", "%"))]
         if len(lines) < 2:
             raise UserError(f"{path} has no rows below a header; name another file")
@@ -115,6 +113,7 @@ class Reading:
             heads = [str(place) for place in range(1, len(heads) + 1)]  # no header: columns are known by their place
         else:
             del rows[0]
+        self.heads += heads
         return Sheet(path, heads, [(row + [""] * len(heads))[: len(heads)] for row in rows])
 
     def _places(self, meanings: Sequence[str], sheet: Sheet, file: str) -> list[int]:

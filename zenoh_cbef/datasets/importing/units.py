@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from decimal import Decimal, InvalidOperation
 
+from zenoh_cbef.datasets.importing.columns import FILES, USUAL, is_column
 from zenoh_cbef.errors import UserError
 
 LENGTHS = {"m": "1", "mm": "0.001", "cm": "0.01", "km": "1000", "ft": "0.3048", "in": "0.0254"}
@@ -44,14 +45,20 @@ class Units:
 
 
 def units_of(words: list[str]) -> Units:
-    """From "mm", "range=mm", "anchors=ft", "truth.t=ms". Raises UserError for an unknown unit."""
+    """From "mm", "range=mm", "anchors=ft", "truth.t=ms". Raises UserError for an unknown unit or column."""
     said = {}
     for word in words:
         key, _, unit = word.rpartition("=")
         if unit not in {**LENGTHS, **TIMES}:
             known = ", ".join([*LENGTHS, *TIMES])
             raise UserError(f"--unit {word}: {unit!r} is no unit; use one of {known}, as in --unit range=mm")
-        said[f"{key.strip()}|{'time' if unit in TIMES else 'length'}"] = unit
+        key = key.strip()
+        if key and key not in FILES and not is_column(key):
+            names = ", ".join([*USUAL, *FILES])
+            raise UserError(f"--unit {word}: {key!r} is no column; the columns and files are {names}, or anchors.x")
+        if key and key not in FILES and (key.split(".")[-1] == "t") != (unit in TIMES):
+            raise UserError(f"--unit {word}: {key} is no {'time' if unit in TIMES else 'length'}; give another unit")
+        said[f"{key}|{'time' if unit in TIMES else 'length'}"] = unit
     return Units(said)
 
 

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+LOGS = Path("logs")
+"""The folder of runs, in the working directory."""
+
 ACTIVE = ".active"
 """The suffix of a file that is still being written, or whose recorder was killed."""
 

@@ -74,8 +74,7 @@ def reestimate(
 
 
 def _in_lockstep(scenario: Scenario) -> Scenario:
-    timing = scenario.timing.model_copy(update={"mode": "lockstep"})
-    return scenario.model_copy(update={"timing": timing})
+    return scenario.changed(timing={"mode": "lockstep"})
 
 
 def _description(found: Measurements, scenario: Scenario, run: str) -> dict[str, str]:

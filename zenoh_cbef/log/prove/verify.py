@@ -138,7 +138,7 @@ def _surprising(event: EventMessage, *, left: bool) -> bool:
 
 def _simulation(trace: Trace, steps: int) -> Simulation:
     """The run of a log, to be executed again on what the log says was measured."""
-    scenario = trace.scenario.model_copy(update={"steps": steps})
+    scenario = trace.scenario.changed(steps=steps)
     # What is plausible depends on how long the run was to be, not on where it was stopped.
     return Simulation(
         [Plan(scenario)], [Heard(trace.positions[:, :steps], trace.ranges[:, :steps], trace.age[:, :steps])]

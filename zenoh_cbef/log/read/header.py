@@ -30,7 +30,7 @@ class Header:
 
 
 def read_header(log: Log) -> Header:
-    """The run and its scenario. Raises UserError where the log lacks them."""
+    """The run and its scenario. Raises UserError where the log lacks them, PackageAbsentError as `parse`."""
     attached, described = log.attachments.get(RESOLVED), log.metadata.get(RUN)
     if attached is None or described is None or "run" not in described:
         cut = "it is damaged before its scenario" if log.damage or described else "it is no log of zenoh-cbef"

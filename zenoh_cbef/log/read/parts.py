@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mcap import records
 
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.log.common.naming import ACTIVE, RUN, part_path
+from zenoh_cbef.log.common.naming import ACTIVE, LOGS, RUN, part_path
 from zenoh_cbef.log.mcap.contents import NotMcapError, RawMessage, Summary
 from zenoh_cbef.log.mcap.reader import McapFile
 from zenoh_cbef.plain import whole
@@ -22,12 +23,15 @@ if TYPE_CHECKING:
 def find_log(path: Path) -> Path:
     """The log meant by a file, a run's folder or its name in logs/, or the name that a killed recorder left."""
     # A folder of the run's name that is no run's, as that of its data, does not hide it.
-    named = [Path("logs") / path] if len(path.parts) == 1 and path.name != ".." else []
+    named = [LOGS / path] if len(path.parts) == 1 and path.name != ".." else []
     for place in (path, *named):
         if (found := _existing(place / "run.mcap" if place.is_dir() else place)) is not None:
             return found
     what = f"there is no log in the folder {path}" if path.is_dir() else f"there is no log {path}"
-    raise UserError(f"{what}; give an .mcap file or a run's folder, such as logs/latest")
+    known = sorted({one.parent.name for one in LOGS.glob("*/run.mcap*")}) if named else []
+    near = get_close_matches(path.name, known, 1)
+    hint = f"did you mean {near[0]!r}?" if near else "give an .mcap file or a run's folder, such as logs/latest"
+    raise UserError(f"{what}; {hint}")
 
 
 def open_log(path: Path) -> Log:

@@ -87,6 +87,11 @@ class Recording(Sink):
             self._plan, self._injected = with_faults(self.header.plan, read_tables(self.faults)), self.faults
         return self._plan
 
+    @property
+    def target_ended(self) -> bool:
+        """Whether the target has said that the run is over; one that died has not."""
+        return any(one.message["from"] == "target" and one.message["kind"] == "finished" for one in self.events)
+
     def take_events(self, at: Address, logged: Logged, messages: Sequence[EventMessage]) -> None:  # noqa: ARG002
         """Keep events."""
         stamps = self._stamps(logged, Columns.of(messages))

@@ -23,6 +23,7 @@ from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.simulator import measured
 from zenoh_cbef.trace import Links, SmoothedPath, Trace, Traffic
 from zenoh_cbef.tracking.diagnostics import Diagnostics
+from zenoh_cbef.tracking.graph import directed
 
 _COUNTS = (*COUNTS, *INJECTED)
 
@@ -53,7 +54,7 @@ def trace_of(recording: Recording) -> Trace:
         unlogged=unlogged if unlogged.any() else None,
         told=(said := _told(recording, traffic.recorded)),
         complete=(whole := _whole(recording, missing=traffic.missing) and said) and _ended(recording) == "finished",
-        stopped=whole and _ended(recording) == "stopped" and _target_ended(recording),
+        stopped=whole and _ended(recording) == "stopped" and recording.target_ended,
     )
 
 
@@ -107,11 +108,6 @@ def _ended(recording: Recording) -> str:
     return (recording.header.end or {}).get("status", "")
 
 
-def _target_ended(recording: Recording) -> bool:
-    """Whether the target ended the run, as it was told to, and did not die."""
-    return any(one.message["from"] == "target" and one.message["kind"] == "finished" for one in recording.events)
-
-
 def _told(recording: Recording, recorded: int) -> bool:
     """Whether the nodes' reports are there: all of them are gone where messages were taken out and no event is left."""
     written = (recording.header.end or {}).get("messages", "")
@@ -151,12 +147,11 @@ def _measured(plan: Plan, since: int, emitted: Floats, arrived: Floats) -> tuple
 
 def _links(plan: Plan, receipts: list[Receipts], steps: int) -> Links:
     """What the receivers counted: the last counts of each of their lives, and the mean of their latencies."""
-    pairs = plan.edges.tolist()
-    both = sorted((destination, source) for pair in pairs for destination, source in (pair, pair[::-1]))
+    links = directed(plan.edges)
     told = [_counted(one, steps) for one in receipts]
     nothing = (*[0.0] * len(_COUNTS), np.nan)
-    rows = [told[destination].get(source, nothing) if told else nothing for destination, source in both]
-    destination, source = np.array(both, dtype=np.int64).reshape(-1, 2).T
+    rows = [told[destination].get(source, nothing) if told else nothing for source, destination in links.tolist()]
+    source, destination = links.T
     table = np.array(rows, dtype=np.float64).reshape(-1, len(_COUNTS) + 1)
     delivered, *others = table[:, :-1].astype(np.int64).T
     counted = dict(zip(_COUNTS[1:], others, strict=True))

@@ -17,6 +17,7 @@ from zenoh_cbef.log.tools.collection import goes_on
 from zenoh_cbef.protocol.keys import address
 from zenoh_cbef.protocol.messages import BadMessage
 from zenoh_cbef.protocol.short import ENCODING, SCHEMA
+from zenoh_cbef.scenario.plugged import PackageAbsentError
 
 _NAMED = 100
 
@@ -29,7 +30,7 @@ class Findings:
     stretches in gaps. unheard: missing numbers that were sent while the recorder was cut off; these and restarts are
     notes, no faults of the log. wrong: messages that are not valid on their key, by topic and reason. out_of_order:
     messages with an earlier log time than the one before them in the file. goes_on: the log is still being written, so
-    that it has no end is no fault.
+    that it has no end is no fault. unread: why messages and their numbers were not checked; "" where they were.
     """
 
     messages: int = 0
@@ -40,11 +41,15 @@ class Findings:
     wrong: Counter[str] = field(default_factory=Counter)
     out_of_order: int = 0
     goes_on: bool = False
+    unread: str = ""
 
     @property
     def exit_status(self) -> int:
-        """0 for a log without fault, 1 for one with any. Log times that go back are reported, but are no fault."""
-        return int(bool(self.damage or self.missing or self.wrong))
+        """0 for a log without fault, 1 for one with any, 2 where that cannot be judged.
+
+        Log times that go back are reported, but are no fault.
+        """
+        return 1 if self.damage or self.missing or self.wrong else 2 if self.unread else 0
 
 
 class _Checker:
@@ -83,20 +88,23 @@ class _Checker:
 
 def check(log: Log) -> Findings:
     """Read all of a log and say what is wrong with it. Raises UserError where it is no log of a run."""
-    header = read_header(log)
     findings = Findings()
-    checker = _Checker(findings)
-    decoder = Decoder(header, refused=checker.refused)
+    checker, decoder = _Checker(findings), None
+    try:
+        decoder = Decoder(read_header(log), refused=checker.refused)
+    except PackageAbsentError as error:
+        findings.unread = str(error)
     for batch in log.batches():
         checker.see(batch)
-        decoder.take(batch)
+        if decoder is not None:
+            decoder.take(batch)
         findings.messages += len(batch)
     # Attachments and metadata were read with the header: only now all damage is known.
     findings.goes_on = goes_on(log)
     findings.damage = log.lost if findings.goes_on else log.damage
     if not findings.goes_on and END not in log.metadata:
         findings.damage.append("there is no end record: the recorder was killed, or could not write any more")
-    for (key, sender), sequence in decoder.tally.sequences:
+    for (key, sender), sequence in decoder.tally.sequences if decoder is not None else ():
         if sequence.absurd:
             number, expected = sequence.example
             checker.note(

@@ -11,13 +11,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.log.common.naming import ACTIVE, RUN
+from zenoh_cbef.log.common.naming import ACTIVE, LOGS, RUN
 from zenoh_cbef.log.read.header import read_header
 from zenoh_cbef.log.read.parts import Log, find_log, open_log
 from zenoh_cbef.outside.registry import known_runs
 from zenoh_cbef.writing import writing
 
-LOGS = Path("logs")
+LATEST = "latest"
+"""The name in logs/ that leads to the newest run."""
 UNKNOWN = "unknown"
 """The result of a run that goes on, or that was not analysed."""
 _TAGS = "tags.json"
@@ -40,13 +41,18 @@ def place_of_log(run: str, chosen: Path | None) -> Iterator[Path]:
 
 
 def new_folder(run: str) -> Path:
-    """Make logs/RUN, with a number behind it where that exists. Raises UserError where it cannot be made."""
-    folder = Path("logs") / run
+    """Make logs/RUN, with a number behind it where that exists. Raises UserError where it cannot be made.
+
+    The name that leads to the newest run is none of a run.
+    """
+    folder = LOGS / run
+    if run == LATEST:
+        raise UserError(f"{folder} leads to the newest run; choose another --run")
     for attempt in range(2, 100):
         try:
             folder.mkdir(parents=True)
         except FileExistsError:
-            folder = Path("logs") / f"{run}-{attempt}"
+            folder = LOGS / f"{run}-{attempt}"
         except OSError as error:
             raise UserError(f"cannot make {folder}: {error.strerror}; choose another place for the log") from None
         else:
@@ -82,6 +88,11 @@ class Kept:
     result: str
     rmse: float | None
 
+    @property
+    def goes_on(self) -> bool:
+        """Whether its log is still being written, as it goes on on this host."""
+        return self.log.name.endswith(ACTIVE) and self.run in known_runs()
+
 
 def runs(folder: Path = LOGS) -> list[Kept]:
     """The runs in logs/ by name; a folder whose log tells no scenario is left out."""
@@ -93,15 +104,15 @@ def runs(folder: Path = LOGS) -> list[Kept]:
     return found
 
 
-def find_run(name: str, folder: Path = LOGS) -> Kept:
+def find_run(name: str) -> Kept:
     """The run of this name. Raises UserError where there is none."""
-    place = folder / Path(name).name
+    place = LOGS / Path(name).name
     if not place.is_dir():
-        raise UserError(f"there is no run {name} in {folder}/; see 'zenoh-cbef runs list'")
+        raise UserError(f"there is no run {name} in {LOGS}/; see 'zenoh-cbef runs list'")
     return _kept(place.resolve())
 
 
-def expanded(paths: Sequence[Path], folder: Path = LOGS) -> list[Path]:
+def expanded(paths: Sequence[Path]) -> list[Path]:
     """Logs as a user gives them, with those of a tag in place of @TAG. Raises UserError where none has the tag."""
     found: list[Path] = []
     for path in paths:
@@ -109,9 +120,9 @@ def expanded(paths: Sequence[Path], folder: Path = LOGS) -> list[Path]:
             found.append(path)
             continue
         tag = str(path)[1:]
-        tagged = [place for place in sorted(folder.glob(f"*/{_TAGS}")) if tag in _tags(place.parent)]
+        tagged = [place for place in sorted(LOGS.glob(f"*/{_TAGS}")) if tag in _tags(place.parent)]
         if not tagged:
-            raise UserError(f"no run in {folder}/ has the tag {tag!r}; see 'zenoh-cbef runs list'")
+            raise UserError(f"no run in {LOGS}/ has the tag {tag!r}; see 'zenoh-cbef runs list'")
         found += [place.parent for place in tagged if not place.parent.is_symlink()]
     return found
 
@@ -130,8 +141,8 @@ def tag(run: Kept, add: Sequence[str], remove: Sequence[str]) -> list[str]:
 
 def remove(run: Kept) -> None:
     """Delete a run's folder. Raises UserError where its log is still being written, or the folder cannot be deleted."""
-    if run.log.name.endswith(ACTIVE) and known_runs().get(run.name):
-        raise UserError(f"{run.name} goes on; end it first with 'zenoh-cbef stop --run {run.name}'")
+    if run.goes_on:
+        raise UserError(f"{run.name} goes on; end it first with 'zenoh-cbef stop --run {run.run}'")
     try:
         shutil.rmtree(run.log.parent)
     except OSError as error:

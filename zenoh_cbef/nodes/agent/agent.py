@@ -96,7 +96,7 @@ class Agent:
         self._codec = codec_of(node.identity.run, node.identity.sender, plan.message_size, plan.compact)
         self._realtime = realtime
         # Where a step's rounds last longer than the step, late neighbours hold an agent up, too.
-        measurable = realtime and self.plan.slot * (self.plan.rounds + 1) <= scenario.dt * (1.0 + 1e-9)
+        measurable = realtime and self.plan.deadline(self.plan.rounds) <= scenario.dt * (1.0 + 1e-9)
         self._pace = Pace(f"agent {agent}", "rounds", partial(node.event, SLOW)) if measurable else None
         self._epoch = 0.0
 
@@ -163,9 +163,13 @@ class Agent:
         stand_still(seconds)
         self.node.event("continued", f"agent {self.agent} goes on", agent=self.agent, step=step)
 
+    def _begin(self, step: int) -> float:
+        """When a step begins in realtime, s on the monotonic clock."""
+        return self._epoch + step * self.scenario.dt
+
     def _deadline(self, step: int, round_: int) -> float:
         """When a round of a step is over in realtime, s on the monotonic clock."""
-        return self._epoch + step * self.scenario.dt + (round_ + 1) * self.plan.slot
+        return self._begin(step) + self.plan.deadline(round_)
 
     def _arrive(self, step: int, round_: int) -> float:
         """The deadline of a round that the agent comes to now. What it comes to while it is away does not count."""
@@ -178,16 +182,20 @@ class Agent:
         return not self.plan.absences.any or not self.plan.absences.at(step)[self.agent]
 
     def _await(self, step: int) -> None:
-        """Wait for the beginning of a step, in portions: by a wrong clock it can be hours away."""
-        begin = self._epoch + step * self.scenario.dt
+        """Wait until a step may begin, a round before its time; in portions: by a wrong clock it can be hours away."""
+        begin = self._begin(step) - self.plan.slot
         while (left := begin - time.monotonic()) > 0.0 and not (self.node.stopping or self.signals.over(step)):
             time.sleep(min(left, _PORTION_SECONDS))
 
     def _listen(self, step: int) -> tuple[float, float] | None:
         """Range (m) and age (s) of a step's beacon; None where the run has ended."""
         if self._realtime:
+            # The beacon itself wakes the agent, once; only one that comes early, or never, leaves it time to wait.
+            self._await(step - 1)
+            message = self.beacons.take(step, self._arrive(step, 0))
             self._await(step)
-        message = self.beacons.take(step, self._arrive(step, 0) if self._realtime else None)
+        else:
+            message = self.beacons.take(step)
         self._lists = 0 if message is None else message.get("lists", 0)
         self._by_rounds = message is not None and message.get("by_rounds", False)
         # Alone behind a broken link it would run to the last step at once.

@@ -181,10 +181,10 @@ def run_receiver(identity: Identity, source: str, form: str, silence: float, say
 
     silence: after so many seconds without a byte, a run in lockstep goes on with what there is.
     """
-    filed = source.startswith("file:")
+    filed, reader = source.startswith("file:"), FORMATS[form]()
+    heard = bytes_of(source, lambda: receiver.over)
     with Node(identity) as node:
-        receiver, reader = Receiver(node, paced=filed), FORMATS[form]()
-        heard = bytes_of(source, lambda: receiver.over)
+        receiver = Receiver(node, paced=filed)
         publishing = threading.Thread(target=receiver.publish, daemon=True)
         node.await_at_end(publishing)
         publishing.start()
@@ -193,12 +193,21 @@ def run_receiver(identity: Identity, source: str, form: str, silence: float, say
             receiver.await_begin()
         if filed and not receiver.realtime:
             receiver.take(_all_of(heard, reader))
+            if not receiver.heard.ranges:
+                raise UserError(f"{nothing_of(source, form, receiver.heard)}; the run waits for its ranges")
         else:
             _listen(receiver, heard, reader, silence)
         receiver.close(all_=filed)
         while not receiver.over:
             time.sleep(_PORTION)
         return receiver.heard
+
+
+def nothing_of(source: str, form: str, heard: Heard) -> str:
+    """What to say of a source that told no range of the run's anchors."""
+    if heard.unknown:
+        return f"{source} tells ranges of other anchors alone; name them in agents.labels"
+    return f"{source} tells no range that --format {form} reads; name its format"
 
 
 def _all_of(heard: Iterable[bytes | Mark], reader: Reader) -> Found:

@@ -35,51 +35,66 @@ def serial_bytes(place: str, stop: Stop) -> Heard:
     path, _, rate = place.partition("@")
     if rate and not rate.isdigit():
         raise UserError(f"serial:{place}: {rate} is no rate; write it as in serial:/dev/ttyUSB0@115200")
-    while not stop():
-        try:
-            with serial.Serial(path, int(rate or 115200), timeout=_AGAIN) as port:
-                while not stop():
-                    yield port.read(max(1, port.in_waiting)) or Mark.SILENT
-        except (serial.SerialException, OSError):
-            yield Mark.BROKEN
-            time.sleep(_AGAIN)
+
+    def heard() -> Heard:
+        while not stop():
+            try:
+                with serial.Serial(path, int(rate or 115200), timeout=_AGAIN) as port:
+                    while not stop():
+                        yield port.read(max(1, port.in_waiting)) or Mark.SILENT
+            except (serial.SerialException, OSError):
+                yield Mark.BROKEN
+                time.sleep(_AGAIN)
+
+    return heard()
 
 
 def udp_bytes(place: str, stop: Stop) -> Heard:
     """The datagrams that come to HOST:PORT."""
     host, _, port = place.rpartition(":")
-    if not port.isdigit():
+    if not port.isdigit() or int(port) > 65535:
         raise UserError(f"udp:{place} is not udp:HOST:PORT, as in udp:127.0.0.1:5005")
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as receiver:
-        try:
-            receiver.bind((host, int(port)))
-        except OSError as error:
-            raise UserError(f"cannot listen on udp:{place}: {error.strerror}; choose another port") from None
-        receiver.settimeout(_AGAIN)
-        while not stop():
-            try:
-                yield receiver.recv(_LONGEST)
-                yield Mark.WHOLE
-            except TimeoutError:
-                yield Mark.SILENT
+    receiver = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    try:
+        receiver.bind((host, int(port)))
+    except OSError as error:
+        receiver.close()
+        raise UserError(f"cannot listen on udp:{place}: {error.strerror}; choose another port") from None
+
+    def heard() -> Heard:
+        with receiver:
+            receiver.settimeout(_AGAIN)
+            while not stop():
+                try:
+                    yield receiver.recv(_LONGEST)
+                    yield Mark.WHOLE
+                except TimeoutError:
+                    yield Mark.SILENT
+
+    return heard()
 
 
 def file_bytes(place: str, stop: Stop) -> Heard:
     """What a file holds."""
     try:
-        with Path(place).open("rb") as stream:
-            while not stop() and (found := stream.read(_LONGEST)):
-                yield found
+        stream = Path(place).open("rb")  # noqa: SIM115 - closed by who reads it to its end
     except OSError as error:
         raise UserError(f"cannot read {place}: {error.strerror}; name a file") from None
-    yield Mark.WHOLE
+
+    def heard() -> Heard:
+        with stream:
+            while not stop() and (found := stream.read(_LONGEST)):
+                yield found
+        yield Mark.WHOLE
+
+    return heard()
 
 
 SOURCES: Mapping[str, Callable[[str, Stop], Heard]] = {"serial": serial_bytes, "udp": udp_bytes, "file": file_bytes}
 
 
 def bytes_of(source: str, stop: Stop) -> Heard:
-    """What a source such as udp:0.0.0.0:5005 tells. Raises UserError where it is none."""
+    """What a source such as udp:0.0.0.0:5005 tells. Raises UserError where it is none, before anything is read."""
     kind, separator, place = source.partition(":")
     if kind not in SOURCES or not separator or not place:
         raise UserError(f"{source} is no source; name one as serial:/dev/ttyUSB0, udp:HOST:PORT or file:PATH")

@@ -21,18 +21,22 @@ _MOST_TRUTHS, _MOST_BYTES = 100, 1 << 19
 class Overview:
     """Keeps a Status up to date from the messages that go by.
 
-    present: tells how many agents are there. reached: the latest step of which an estimate was read. heard: the same
-    for each agent.
+    present: tells how many agents are there. left_out: agents whose errors do not count, as they send wrong values.
+    axes: of positions, 2 in a plane. reached: the latest step of which an estimate was read. heard: the same for each
+    agent.
     """
 
-    def __init__(self, status: Status, present: Callable[[], int]) -> None:
+    def __init__(
+        self, status: Status, present: Callable[[], int], left_out: Collection[int] = (), axes: int = 3
+    ) -> None:
         self.status = status
         self.present = present
+        self._left_out, self._axes = left_out, axes
         self._expected = 1
         self.reached = 0
         self.heard: dict[int, int] = {}
         self._truth: dict[int, list[float]] = {}
-        self._errors: dict[int, list[float]] = {}
+        self._errors: dict[int, list[float | None]] = {}
         self._links: dict[int, tuple[int, int]] = {}
         self._waiting: dict[str, list[tuple[str, bytes]]] = {"truth": [], "estimate": []}
         self._bytes = 0
@@ -95,12 +99,13 @@ class Overview:
             self._go_on_without_truth()
             return
         errors = self._errors.setdefault(step, [])
-        apart = [a - b for a, b in zip(message["state"][:3], truth[:3], strict=True)]
+        apart = [a - b for a, b in zip(message["state"][: self._axes], truth[: self._axes], strict=True)]
         # A forged estimate can be too far off for its square: a product is infinite then, where a power would raise.
-        errors.append(sum(one * one for one in apart))
+        errors.append(None if agent in self._left_out else sum(one * one for one in apart))
         if len(errors) >= self._expected:
             self.status.step = step
-            self.status.error = math.sqrt(sum(errors) / len(errors))
+            counted = [one for one in errors if one is not None]
+            self.status.error = math.sqrt(sum(counted) / len(counted)) if counted else None
             self._count_links()
             self._forget(step)
 

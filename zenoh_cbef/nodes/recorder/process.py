@@ -21,6 +21,7 @@ from zenoh_cbef.protocol.fair_mailbox import FairMailbox
 from zenoh_cbef.protocol.keys import agent_named
 from zenoh_cbef.protocol.reached import serve_reached
 from zenoh_cbef.protocol.recorded import covering, recorded_keys
+from zenoh_cbef.scenario.fault_checks import liars
 
 
 def run_recorder(
@@ -84,7 +85,12 @@ def _begun(path: Path, identity: Identity, briefing: Briefing, expressions: Sequ
 
 def _overview(node: Node, status: Status, briefing: Briefing, expressions: Sequence[str]) -> Overview:
     """What the recorder sees of the run."""
-    overview = Overview(status, lambda: sum(agent_named(name) is not None for name in node.presence.names()))
+
+    def present() -> int:
+        return sum(agent_named(name) is not None for name in node.presence.names())
+
+    axes = 3 if briefing.scenario.filter.planar_height is None else 2
+    overview = Overview(status, present, liars(briefing.scenario), axes)
     if briefing.text.step is None:
         # Of one that comes later the target learns which agents it hears.
         covers, agents = covering(expressions), range(briefing.scenario.count)

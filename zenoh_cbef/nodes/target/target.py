@@ -141,9 +141,10 @@ class Target:
         for agent in sorted(ready):
             self._signals.start(agent, 0, self.start)
         for step in range(1, self.scenario.length + 1):
+            begin = epoch + step * self.scenario.dt
             if realtime:
                 self.progress.drain()
-                self._sleep_until(epoch + step * self.scenario.dt)
+                self._sleep_until(begin - self.plan.slot)
                 going_on = self._in_company()
             else:
                 self.hold.wait(self.survey.drain, stopping)
@@ -157,9 +158,11 @@ class Target:
             self._announce_faults(step)
             self._admit(step)
             self.lookout.look(self.plan, self._taking_part(step), step)
+            if realtime:
+                self._sleep_until(begin)
             self._emission.emit(self.world, step, self._faults_out.sent, by_rounds=self.hold.by_rounds)
             if self._pace is not None:
-                self._pace.arrive(time.monotonic(), epoch + step * self.scenario.dt + self.plan.slot)
+                self._pace.arrive(time.monotonic(), begin + self.plan.deadline(0))
             self.progress.excuse(self.plan.absences.at(step), step)
             self.step = step
             for round_ in self.hold.rounds(self.plan.rounds, self.survey.drain, stopping):

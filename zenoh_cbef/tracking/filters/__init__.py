@@ -5,12 +5,11 @@ A kind of another package is named by its class, see plugins.py.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from functools import partial
 
 import numpy as np
 
-from zenoh_cbef.plugins import Plugin, find, told_options
+from zenoh_cbef.plugins import Registry
 from zenoh_cbef.tracking.copying import replace
 from zenoh_cbef.tracking.filters.around.auto_bias import AutoBias
 from zenoh_cbef.tracking.filters.around.cut_off import CutOff
@@ -78,23 +77,8 @@ KINDS: dict[str, type[Kind]] = {
 }
 
 
-def kind_of(name: str) -> type[Kind]:
-    """The kind of filter of a name. Raises ValueError, to stand after `filter.kind`, where there is none."""
-    return KINDS[name] if name in KINDS else filter_of(_plugin(name).found, name)
-
-
-def mark_of(name: str) -> str | None:
-    """Package, version and source of a kind of another package; None for one of our own."""
-    return None if name in KINDS else _plugin(name).mark
-
-
-def options_of(name: str, given: Mapping[str, object]) -> dict[str, object]:
-    """All options of a kind of another package. Raises ValueError with a sentence that names the option."""
-    return told_options(getattr(kind_of(name), "options", None), name, given, "filter.options")
-
-
-def _plugin(name: str) -> Plugin:
-    return find("filters", name, tuple(KINDS))
+_REGISTRY: Registry[Kind] = Registry("filters", KINDS, filter_of)
+kind_of, mark_of, options_of = _REGISTRY.kind_of, _REGISTRY.mark_of, _REGISTRY.options_of
 
 
 def abilities_of(kind: str) -> Abilities:

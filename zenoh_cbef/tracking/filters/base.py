@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar, Protocol, Self, TypeGuard
+from typing import ClassVar, Protocol, Self, cast
 
 import numpy as np
 
@@ -158,16 +158,10 @@ class Kind(Filter, Protocol):
 
 def filter_of(found: type, name: str) -> type[Kind]:
     """A class of another package as a kind of filter. Raises ValueError, to stand after its key, if it is none."""
-    if _is_filter(found):
-        return found
-    lacks = [f"{one}()" for one in _MEMBERS if not callable(getattr(found, one, None))]
-    lacking = ", ".join(lacks) or "abilities, an Abilities of zenoh_cbef.extending"
-    raise ValueError(f"names {name!r}, which is no filter: it lacks {lacking}; add it, see docs/plugins.md")
-
-
-_MEMBERS = ("of", "sharing", "update", "conclude")
-
-
-def _is_filter(found: type) -> TypeGuard[type[Kind]]:
-    there = all(callable(getattr(found, one, None)) for one in _MEMBERS)
-    return there and isinstance(getattr(found, "abilities", None), Abilities)
+    members = ("of", "sharing", "update", "conclude")
+    lacking = ", ".join(f"{one}()" for one in members if not callable(getattr(found, one, None)))
+    if not lacking and not isinstance(getattr(found, "abilities", None), Abilities):
+        lacking = "abilities, an Abilities of zenoh_cbef.extending"
+    if lacking:
+        raise ValueError(f"names {name!r}, which is no filter: it lacks {lacking}; add it, see docs/plugins.md")
+    return cast("type[Kind]", found)

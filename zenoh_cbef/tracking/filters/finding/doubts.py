@@ -9,7 +9,7 @@ import numpy as np
 
 from zenoh_cbef.arrays import Floats
 from zenoh_cbef.tracking.copying import replace
-from zenoh_cbef.tracking.ranging import Measurement
+from zenoh_cbef.tracking.filters.finding.squared_ranges import Seen
 from zenoh_cbef.tracking.status import ACQUIRING, LOST, TRACKING, Status
 
 SLOT = 9
@@ -17,14 +17,14 @@ SLOT = 9
 
 
 @dataclass(frozen=True)
-class Doubts:
-    """How far an agent is with supposing, arrays (n, ...).
+class Doubts(Seen):
+    """How far an agent is with supposing, arrays (n, ...), and what it saw in the last steps.
 
     step: the step. doing: 0, or the number of the step in which agents tell. vote: whether an agent of the network
     wishes that. rest: for how many steps it does not begin again. left: whether the agent leaves out its own ranges,
     and own: how badly they fit meanwhile. open: whether nothing that was supposed explained the ranges. agent: its
     number, -1 if it does not know it. said, seconds: its status, and for how long, s. slot: what it tells. table:
-    what all told. positions, ages, ranges: of the last steps.
+    what all told.
     """
 
     step: Floats
@@ -39,21 +39,16 @@ class Doubts:
     seconds: Floats
     slot: Floats
     table: Floats
-    positions: Floats
-    ages: Floats
-    ranges: Floats
 
     @classmethod
     def first(cls, count: int, agents: int, kept: int) -> Self:
         """Of so many agents of networks of `agents` before the first step; kept: how many steps they remember."""
         none = np.zeros(count)
         return cls(
+            *cls.nothing(count, kept),
             *(none, none, none, none, none, none, none, none - 1.0, none, none),
             np.zeros((count, SLOT)),
             np.zeros((count, agents, SLOT)),
-            np.zeros((count, kept, 3)),
-            np.zeros((count, kept)),
-            np.full((count, kept), np.nan),
         )
 
     @property
@@ -64,18 +59,6 @@ class Doubts:
     def saying(self, status: Status) -> Self:
         """The same with what is said of the estimate."""
         return replace(self, said=status.which, seconds=status.seconds)
-
-    def after(self, new: Measurement, dt: float) -> Self:
-        """A step of dt (s) later: with the ranges of this step, and without the oldest."""
-        step, agent = self.step + 1.0, self.agent if new.agent is None else new.agent.astype(np.float64)
-        if new.step is not None:
-            step[:] = new.step
-        shape = self.ages.shape
-        positions, ages, ranges = np.empty((*shape, 3)), np.empty(shape), np.empty(shape)
-        positions[:, :-1], positions[:, -1] = self.positions[:, 1:], new.position
-        ages[:, :-1], ages[:, -1] = self.ages[:, 1:] + dt, new.age
-        ranges[:, :-1], ranges[:, -1] = self.ranges[:, 1:], new.range
-        return replace(self, step=step, agent=agent, positions=positions, ages=ages, ranges=ranges)
 
     def told(self, status: Status, dt: float) -> Status:
         """What an estimate is worth that is doubted.

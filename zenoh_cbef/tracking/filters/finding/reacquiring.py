@@ -96,7 +96,7 @@ class Reacquiring(Wrapping):
         update = self.filter.update(inner, measurement)
         tag, payload = self._tag(search, step, known, np.isfinite(heard.range), measurement.few), update.payload
         if idle or not (fixing := search.fixing).nonzero()[0].size:
-            search = search.at(step, heard, self.settings.motion.dt)
+            search = search.later(heard, self.settings.motion.dt, step=step)
         else:
             tag[fixing] = search.doing[fixing]
             payload, search = self._fixing(payload, replace(search, step=step), heard)
@@ -136,12 +136,10 @@ class Reacquiring(Wrapping):
         (count, size), kept = belief.state.shape, 2 * self.window
         none, nowhere = np.zeros(count), (np.zeros((count, size)), np.zeros((count, size, size)))
         return Search(
+            *Search.nothing(count, kept),
             *(none, none, none, none, none),
             *(belief.state, belief.known_covariance),
             *(*nowhere, *nowhere, nowhere[0]),
-            np.zeros((count, kept, 3)),
-            np.zeros((count, kept)),
-            np.full((count, kept), np.nan),
         )
 
     def _tag(self, search: Search, step: Floats, known: Status, heard: Bools, few: Bools | None) -> Floats:

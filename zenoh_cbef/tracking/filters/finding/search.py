@@ -3,24 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 
 from zenoh_cbef.arrays import Bools, Floats
-from zenoh_cbef.tracking.copying import replace
+from zenoh_cbef.tracking.filters.finding.squared_ranges import Seen
 from zenoh_cbef.tracking.filters.settings import FilterSettings
-from zenoh_cbef.tracking.ranging import Measurement
 
 
 @dataclass(frozen=True)
-class Search:
-    """How far an agent is with looking for its target again, arrays (n, ...).
+class Search(Seen):
+    """How far an agent is with looking for its target again, arrays (n, ...), and what it saw in the last steps.
 
     step: the step. begun: that after which the fix began. doing: 0 the filter, otherwise a part of a fix. vote: whether
     the network wants a fix. adrift: above 0 where the agent has coasted too far to go on. place: its estimate without
     the ranges since then, prior: what a fix starts from, fix: the latest iteration; state and covariance each.
-    correction: what that one changed. positions, ages, ranges: of the last steps.
+    correction: what that one changed.
     """
 
     step: Floats
@@ -35,9 +33,6 @@ class Search:
     fix: Floats
     fix_covariance: Floats
     correction: Floats
-    positions: Floats
-    ages: Floats
-    ranges: Floats
 
     @property
     def fixing(self) -> Bools:
@@ -48,15 +43,6 @@ class Search:
     def idle(self) -> bool:
         """Whether no agent is in a fix, wants one, or is adrift."""
         return not (self.doing + self.vote + self.adrift).nonzero()[0].size
-
-    def at(self, step: Floats, new: Measurement, dt: float) -> Self:
-        """The same in the next step (n,), dt (s) later, with what was heard in it in place of the oldest."""
-        shape = self.ages.shape
-        positions, ages, ranges = np.empty((*shape, 3)), np.empty(shape), np.empty(shape)
-        positions[:, :-1], positions[:, -1] = self.positions[:, 1:], new.position
-        ages[:, :-1], ages[:, -1] = self.ages[:, 1:] + dt, new.age
-        ranges[:, :-1], ranges[:, -1] = self.ranges[:, 1:], new.range
-        return replace(self, step=step, positions=positions, ages=ages, ranges=ranges)
 
 
 def decides(settings: FilterSettings, step: Floats) -> Bools:

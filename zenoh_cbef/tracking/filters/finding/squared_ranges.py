@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 
 from zenoh_cbef.arrays import Floats
+from zenoh_cbef.tracking.copying import replace
 from zenoh_cbef.tracking.filters.base import Belief
 from zenoh_cbef.tracking.filters.information_form import belief_of, pack, packed_size, saturation
 from zenoh_cbef.tracking.linalg import inverse, matvec, neighbour_sum, outer
-from zenoh_cbef.tracking.ranging import Space
+from zenoh_cbef.tracking.ranging import Measurement, Space
 
 _LOOSE = 100.0
 """Prior standard deviation of |q|^2 and of its change, in squares of the unit (and seconds): no information."""
@@ -36,6 +38,20 @@ class Seen:
     def steps(self) -> int:
         """How many steps there are, k."""
         return int(self.ranges.shape[1])
+
+    @staticmethod
+    def nothing(count: int, steps: int) -> tuple[Floats, Floats, Floats]:
+        """Positions, ages and ranges of so many agents in steps in which nothing was measured."""
+        return np.zeros((count, steps, 3)), np.zeros((count, steps)), np.full((count, steps), np.nan)
+
+    def later(self, new: Measurement, dt: float, **changes: Floats) -> Self:
+        """A step of dt (s) later: with what was measured in it in place of the oldest, and with other changes."""
+        shape = self.ages.shape
+        positions, ages, ranges = np.empty((*shape, 3)), np.empty(shape), np.empty(shape)
+        positions[:, :-1], positions[:, -1] = self.positions[:, 1:], new.position
+        ages[:, :-1], ages[:, -1] = self.ages[:, 1:] + dt, new.age
+        ranges[:, :-1], ranges[:, -1] = self.ranges[:, 1:], new.range
+        return replace(self, positions=positions, ages=ages, ranges=ranges, **changes)
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,6 @@ from zenoh_cbef.tracking.filters.finding.moved import moved
 from zenoh_cbef.tracking.filters.finding.own_line import OwnLine
 from zenoh_cbef.tracking.filters.finding.remembered_ranges import Wandering
 from zenoh_cbef.tracking.filters.finding.search import Search, decides
-from zenoh_cbef.tracking.filters.finding.squared_ranges import Seen
 from zenoh_cbef.tracking.filters.information_form import predict, unchanged, variance_of
 from zenoh_cbef.tracking.filters.rows import chosen
 from zenoh_cbef.tracking.filters.settings import FilterSettings
@@ -116,9 +115,11 @@ class Supposing(Wrapping):
     def update(self, belief: Belief, measurement: Measurement) -> Update:
         """The filter's update, without the ranges of an agent that leaves them out, or what the agent tells."""
         inner = belief.parts[0] if belief.parts else belief
-        doubts = (Doubts(*belief.memory) if belief.memory else self._begun(belief)).after(
-            measurement, self.settings.motion.dt
-        )
+        doubts = Doubts(*belief.memory) if belief.memory else self._begun(belief)
+        step, agent = doubts.step + 1.0, doubts.agent if measurement.agent is None else measurement.agent.astype(float)
+        if measurement.step is not None:
+            step[:] = measurement.step
+        doubts = doubts.later(measurement, self.settings.motion.dt, step=step, agent=agent)
         left, tells, heard = doubts.left > 0.0, doubts.doing > 0.0, measurement
         if leaves := left.nonzero()[0].size:
             heard = replace(measurement, range=np.where(left, np.nan, measurement.range))
@@ -174,11 +175,9 @@ class Supposing(Wrapping):
 
     def _slot(self, doubts: Doubts, inner: Belief, new: Measurement) -> Doubts:
         """What an agent that begins to tell says of its ranges of the last steps."""
-        ranges = doubts.ranges
-        seen = Seen(doubts.positions, doubts.ages, ranges)
-        line, covariance, good = self.line.fitted(seen, speed_of(inner, self.settings.space.axes))
+        line, covariance, good = self.line.fitted(doubts, speed_of(inner, self.settings.space.axes))
         flat = covariance.reshape(-1, 4)[:, [0, 1, 3]]
-        slot = np.concatenate([np.ones((len(ranges), 1)), new.position, line, flat], axis=1) * good[:, None]
+        slot = np.concatenate([np.ones((len(line), 1)), new.position, line, flat], axis=1) * good[:, None]
         first = doubts.doing == 1.0
         return replace(
             doubts,

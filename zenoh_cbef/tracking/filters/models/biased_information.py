@@ -59,9 +59,9 @@ class BiasedInformation:
     against the same x, are correlated given x; that is small where the target moves. Because of it the variance of
     d_i is widened a little with every range, up to the prior's.
 
-    saturation level in standard deviations. power: 1 bounds the pull of an outlier, 2 lets it fall (redescending).
-    widens: see `saturated_precision`. forgetting: see FORGETTING.
-    saturation level in standard deviations. power: 1 bounds the pull of an outlier, 2 lets it fall (redescending).
+    range_std: sigma (m). network_size: n. common_std, own_std: priors of c and d_i, m. xi: saturation level in standard
+    deviations. power: 1 bounds the pull of an outlier, 2 lets it fall (redescending). widens: see
+    `saturated_precision`. forgetting: see FORGETTING.
     """
 
     motion: LinearMotion
