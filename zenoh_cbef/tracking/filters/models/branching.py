@@ -95,7 +95,7 @@ class Branches:
     def of(
         cls, priors: Priors, axes: int, biases: int | None = None, share: Floats | None = None, *, ties: bool = False
     ) -> Branches:
-        """Of each prior one; e as the statistical linear regression on it tells. ties: see `tied`."""
+        """Of each prior one; e as the statistical linear regression on it tells. ties: see tying.py."""
         state, covariance, likelihood = priors
         size, place = state.shape[2], state[:, :, :axes]
         known = np.ascontiguousarray(covariance[:, :, :axes, :axes])
@@ -179,58 +179,12 @@ class Branches:
             slack=None if self.slack is None else np.take_along_axis(self.slack, kept, axis=1),
         )
 
-    def tied(self, heard: Heard) -> Branches:
-        """With e as the square of the position that is found: a branch was tied to it about its prior only.
-
-        Where that is wide, e is as good as free, and one unknown more costs a third of the accuracy that six ranges
-        have. After them it is known what e is, to second order. So what the regression about the posterior says more
-        than that about the prior is one more measurement:
-
-            |u|^2 + tr C = e - 2 u^T du,  of variance 1/a,  a = 1/(2 tr C^2) - 1/slack,    u ~ N(u, C) the position
-
-        Likelihoods are those of branches which were tied so from the start. Where what is left open of e over the
-        posterior is more than what all ranges tell of e, that is no Gaussian, and a branch stays as it is.
-        """
-        if self.slack is None:
-            return self
-        place, size = self.mean[:, :, : self.axes], self.mean.shape[2] - 1
-        known = np.ascontiguousarray(self.covariance[:, :, : self.axes, : self.axes])
-        flat = known.reshape(*known.shape[:2], -1)
-        square = np.add.reduce(place * place, axis=2)
-        for axis in range(self.axes):
-            square = square + known[:, :, axis, axis]
-        row = np.zeros_like(self.mean)
-        row[:, :, : self.axes], row[:, :, size] = -2.0 * place, 1.0
-        left = np.maximum(2.0 * np.add.reduce(flat * flat, axis=2), np.finfo(np.float64).tiny)
-        more = np.where(left * self._precision(heard) < 1.0, np.maximum(1.0 / left - 1.0 / self.slack, 0.0), 0.0)
-        cross = matvec(self.covariance, row)
-        total_ = 1.0 + more * np.maximum(np.add.reduce(row * cross, axis=2), 0.0)
-        excess = square - self.mean[:, :, size]
-        gain = (more / total_)[:, :, None] * cross
-        gained = np.log(np.where(more > 0.0, self.slack / left, 1.0) / total_) - more * excess**2 / total_
-        return replace(
-            self,
-            mean=self.mean + gain * excess[:, :, None],
-            covariance=self.covariance - outer(gain, cross),
-            likelihood=self.likelihood + 0.5 * gained,
-        )
-
-    def _precision(self, heard: Heard) -> Floats:
-        """Of e, as squared ranges tell it whose places are known, (n, k), 1/m^4."""
-        found = np.zeros_like(self.likelihood)
-        for agent in range(heard.range.shape[1]):
-            away = self.mean[:, :, : self.axes] - heard.place[:, None, agent]
-            square = np.add.reduce(away * away, axis=2) + heard.height[:, agent, None]
-            noise = (4.0 * square + 2.0 * heard.variance[:, agent, None]) * heard.variance[:, agent, None]
-            found += np.where(np.isfinite(heard.range[:, agent, None]), 1.0 / noise, 0.0)
-        return found
-
     def some(self, part: slice) -> Branches:
         """Some of the branches."""
         mean, covariance = self.mean[:, part], self.covariance[:, part]
         slack = None if self.slack is None else self.slack[:, part]
-        each = {"likelihood": self.likelihood[:, part], "wrong": self.wrong[:, part], "slack": slack}
-        return replace(self, mean=mean, covariance=covariance, **each)
+        likelihood, wrong = self.likelihood[:, part], self.wrong[:, part]
+        return replace(self, mean=mean, covariance=covariance, likelihood=likelihood, wrong=wrong, slack=slack)
 
     def beside(self, other: Branches) -> Branches:
         """These and others."""
@@ -278,7 +232,7 @@ def conditioned(prior: Branches, heard: Heard, outliers: tuple[float, float] | N
     """The branches after all ranges, of which so many stay after each."""
     for agent in range(heard.range.shape[1]):
         prior = prior.after(heard, agent, outliers, many)
-    return prior.tied(heard)
+    return prior
 
 
 def _beside(one: Floats | None, other: Floats | None) -> Floats | None:

@@ -9,6 +9,7 @@ import numpy as np
 from zenoh_cbef.arrays import Bools, Floats
 from zenoh_cbef.tracking.filters.models.branching import KEPT, Branches, Heard, conditioned
 from zenoh_cbef.tracking.filters.models.mixtures import NEVER, Priors
+from zenoh_cbef.tracking.filters.models.tying import tied
 
 _BEGUN = 0.2, 10.0
 """As if of ten ranges a fiftieth had been wrong before the first one."""
@@ -51,14 +52,12 @@ class Contest:
         """
         doubts = self._doubts(counts)
         holds, rises = (prior.some(part) for part in (slice(KEPT), slice(KEPT, None)))
-        holds = conditioned(holds, heard, self.outliers)
+        holds = tied(conditioned(holds, heard, self.outliers), heard)
         whole = holds
         if doubts.any():
-            ties = prior.slack is not None
-            born = Branches.of(
-                (*elsewhere[:2], elsewhere[2] + _ELSEWHERE), self.axes, prior.biases, prior.share, ties=ties
-            )
-            rises = conditioned(rises.beside(born), heard, self.outliers).unless(~doubts)
+            known, ties = (self.axes, prior.biases, prior.share), prior.slack is not None
+            born = Branches.of((*elsewhere[:2], elsewhere[2] + _ELSEWHERE), *known, ties=ties)
+            rises = tied(conditioned(rises.beside(born), heard, self.outliers), heard).unless(~doubts)
             whole = holds.beside(rises)
         most = np.maximum.reduce(whole.likelihood, axis=1)[:, None]
         left, risen = holds.distinct(most), rises.unless(~doubts).distinct(most)

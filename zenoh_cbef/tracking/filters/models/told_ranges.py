@@ -19,6 +19,7 @@ from zenoh_cbef.tracking.filters.models.mixtures import Priors, alike, mixture
 from zenoh_cbef.tracking.filters.models.own_range import said_of
 from zenoh_cbef.tracking.filters.models.slots import SLOT, Slots
 from zenoh_cbef.tracking.filters.models.splitting import MANY, STAY, begun_with, split, staying
+from zenoh_cbef.tracking.filters.models.tying import tied
 from zenoh_cbef.tracking.filters.rows import Rows
 from zenoh_cbef.tracking.filters.settings import FilterSettings
 from zenoh_cbef.tracking.linalg import matvec
@@ -55,7 +56,8 @@ class ToldRanges:
     position and of velocity are independent. outliers: see branching.py. own_std: of constant biases, m, which are all
     estimated beside position and velocity, of one linear motion; 0: there are none.
     anywhere: where the target may be if the guesses are wrong, state (1, s) and covariance (1, s, s). splits: of
-    several motions, each keeps several hypotheses, and those over which ranges bend are split (splitting.py).
+    several motions, each keeps several hypotheses, and those over which ranges bend are split (splitting.py). ties: see
+    tying.py.
     """
 
     motions: tuple[Motion, ...]
@@ -155,10 +157,9 @@ class ToldRanges:
         """All branches, and what the next step begins with: of one motion, or of one that keeps several hypotheses."""
         if self.seeks:
             return self._contest.after(prior, self._elsewhere(len(counts)), heard, counts)
-        branches = conditioned(prior, heard, self.outliers, MANY if self.splits else MOST)
-        if self.splits:
-            return branches, staying(branches)
-        return branches, branches.distinct() if len(self.motions) == 1 else ()
+        branches = tied(conditioned(prior, heard, self.outliers, MANY if self.splits else MOST), heard)
+        later = branches.distinct() if len(self.motions) == 1 else ()
+        return branches, staying(branches) if self.splits else later
 
     def resumed(self, belief: Belief) -> Belief:
         """A belief of another filter, in the form that this one carries from step to step: it is no guess."""
@@ -176,8 +177,8 @@ class ToldRanges:
             size, (states, covariances) = self.motions[0].size, belief.memory[:2]
             whole[:, size:], spread[:, size:, size:] = states[:, 0, size:], covariances[:, 0, size:, size:]
         kept = alike(whole, spread, KEPT * (1 + self.seeks))
-        memory = (*kept, uncounted(len(state))) if self.seeks else kept
-        return replace(belief, state=state, covariance=covariance, memory=memory)
+        counts = (uncounted(len(state)),) if self.seeks else ()
+        return replace(belief, state=state, covariance=covariance, memory=(*kept, *counts))
 
     def denied(self, belief: Belief) -> Bools:
         """Of which agents (n,) ranges deny the place."""
