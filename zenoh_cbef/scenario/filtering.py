@@ -62,21 +62,23 @@ class Filtering:
     @alike
     def _may_leap(self) -> bool:
         """Whether steps are so long that a target which turns may be anywhere after one, and ranges tell where."""
-        scenario = self.scenario
-        turns = scenario.filter.motion == "auto" and switches(scenario, alone=False) and self.abilities.models
-        return turns and scenario.count > self.space.axes and start.leaps(scenario, self.range_std)
+        scenario, chosen = self.scenario, self.scenario.filter
+        turns = chosen.motion == "auto" and switches(scenario, alone=False) and self.abilities.models
+        told = scenario.count > self.space.axes and scenario.consensus.rounds > 0 and chosen.linearise != "before"
+        return turns and told and start.leaps(scenario, self.range_std)
 
     @alike
     def _leaps(self) -> bool:
         """Whether one motion that leaps in this way stands for several.
 
         That is where biases leave room for one, or agents do not tell each other their ranges: each would linearise its
-        own at the agile motion's prior, over which ranges bend. Squared ranges are of one motion. But no agent alone
-        tells a wrong range at such a prior.
+        own at the agile motion's prior, over which ranges bend. Squared ranges are of one motion. But at such a prior
+        no agent alone tells a wrong range, nor the network the side of a plane.
         """
         if self.tells_ranges:
             return self._may_leap and not self._switches
-        return self._may_leap and not (self.distrusts_others or trust.may_be_wrong(self.scenario))
+        flat = near_plane.flat(self.scenario, self.range_std, self.space.axes)
+        return self._may_leap and not (self.distrusts_others or flat or trust.may_be_wrong(self.scenario))
 
     @alike
     def _switches(self) -> bool:

@@ -8,6 +8,7 @@ import numpy as np
 
 from zenoh_cbef import streams
 from zenoh_cbef.arrays import Floats
+from zenoh_cbef.courses import COURSES
 from zenoh_cbef.faults import Absences
 from zenoh_cbef.scenario import paths, trust
 from zenoh_cbef.scenario.model import Scenario
@@ -47,9 +48,11 @@ def first_std(scenario: Scenario, *, fixed: bool) -> Floats:
 
 def reach(scenario: Scenario) -> float:
     """How far an emulated target gets in a step, m, if it is as fast as agents are told at first, in any direction."""
-    given = scenario.filter.initial_velocity
-    told = np.linalg.norm(np.atleast_2d(target_start(scenario)[3:] if given is None else given), axis=1)
-    return max(_FASTEST, float(initial_std(scenario)[3]), float(told.max())) * scenario.dt
+    given, std = scenario.filter.initial_velocity, float(initial_std(scenario)[3])
+    # A motion of another package may begin otherwise under another seed, and plans are the same for all.
+    known = np.zeros(3) if scenario.target.motion not in COURSES else target_start(scenario)[3:]
+    told = np.linalg.norm(np.atleast_2d(known if given is None else given), axis=1)
+    return max(_FASTEST, std, float(told.max())) * scenario.dt
 
 
 def leaps(scenario: Scenario, range_std: float) -> bool:

@@ -63,7 +63,7 @@ def may_mistake(scenario: Scenario, range_std: float, axes: int) -> bool:
     wrong = sensor.outlier_probability > 0.0 or none_to_spare or start.bends_over_guess(scenario)
     everywhere = scenario.consensus.rounds >= scenario.count - 1
     known = chosen.range_std is None and sensor.bias_std == 0.0
-    flat = bending.mirrored(scenario, range_std, axes) or near_plane.plane(scenario, range_std, axes)
+    flat = near_plane.flat(scenario, range_std, axes)
     return wrong and everywhere and known and chosen.start != "given" and chosen.reacquire and not flat
 
 

@@ -56,8 +56,7 @@ class ToldRanges:
     position and of velocity are independent. outliers: see branching.py. own_std: of constant biases, m, which are all
     estimated beside position and velocity, of one linear motion; 0: there are none.
     anywhere: where the target may be if the guesses are wrong, state (1, s) and covariance (1, s, s). splits: of
-    several motions, each keeps several hypotheses, and those over which ranges bend are split (splitting.py). ties: see
-    tying.py.
+    several motions, each keeps several hypotheses, and those over which ranges bend are split. ties: see tying.py.
     """
 
     motions: tuple[Motion, ...]
@@ -120,8 +119,8 @@ class ToldRanges:
         counts = belief.memory[3] if self.seeks and belief.memory else uncounted(len(belief.state))
         ahead, priors = self._priors(belief)
         own = self._own(measurement)
-        count, agents = len(ahead), self.network_size
-        slots = np.zeros((count, agents, SLOT))
+        count = len(ahead)
+        slots = np.zeros((count, self.network_size, SLOT))
         slots[np.arange(count), own] = self._slots.told(measurement)
         payload = np.concatenate([priors[0][0][:, 0, : self._told], slots.reshape(count, -1)], axis=1)
         payload = np.pad(payload, ((0, 0), (0, self.size - payload.shape[1])))
@@ -138,9 +137,8 @@ class ToldRanges:
         heard = self._slots.heard(averages, alone & (not self.splits))
         known, found, misfits, stays = (self.space.axes, self._biases, self._share(counts)), [], [], []
         for state, *rest in zip(parts[::3], parts[1::3], parts[2::3], strict=True):
-            centred = self._centred(state)
-            centred[:, 0, : self._told] += guessed
-            whole = centred, rest[0], rest[1]
+            whole = self._centred(state), rest[0], rest[1]
+            whole[0][:, 0, : self._told] += guessed
             prior = Branches.of(split(whole, heard) if self.splits else whole, *known, ties=self.ties)
             branches, later = self._after(prior, heard, counts)
             after, spread, likelihood = branches.merged()
@@ -239,8 +237,7 @@ class ToldRanges:
     def _place(self) -> Gaussian:
         if self.anywhere is None:
             raise ValueError("agents that seek have to know where the target may be")
-        size = self._told
-        return self.anywhere[0][:, :size], self.anywhere[1][:, :size, :size]
+        return self.anywhere[0][:, : self._told], self.anywhere[1][:, : self._told, : self._told]
 
     def _elsewhere(self, count: int) -> Priors:
         """Where the target is, if it is where no hypothesis has it: one prior of each agent."""
