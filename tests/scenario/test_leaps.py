@@ -35,21 +35,28 @@ def rmse(*sets):
 def test_few_agents_tell_their_ranges_and_have_motions_that_reach_across_the_box(sets):
     before, plan = plan_of(*sets, rules=14), plan_of(*sets)
     assert not before.tells_ranges
-    assert plan.tells_ranges and plan.splits and plan.settings.ties
+    assert plan.tells_ranges
+    assert plan.splits
+    assert plan.settings.ties
     strongest = plan.models[-1].acceleration_std * plan.scenario.dt**2
     assert strongest >= start.half_box(plan.scenario) > before.models[-1].acceleration_std * plan.scenario.dt**2
 
 
 def test_many_agents_have_one_motion_of_several_noises_on_squared_ranges():
     before, plan = plan_of(*MANY, rules=14), plan_of(*MANY)
-    assert len(before.models) == 4 and not before.squares
-    assert not plan.models and plan.squares and not plan.tells_ranges
+    assert len(before.models) == 4
+    assert not before.squares
+    assert not plan.models
+    assert plan.squares
+    assert not plan.tells_ranges
     assert plan.noises[-1].acceleration_std == plan.motion.acceleration_std == start.half_box(plan.scenario)
 
 
 def test_biases_leave_room_for_one_motion():
     before, plan = plan_of(*BIASED, rules=14), plan_of(*BIASED)
-    assert plan.tells_ranges and plan.settings.joint_biases and not plan.models
+    assert plan.tells_ranges
+    assert plan.settings.joint_biases
+    assert not plan.models
     assert plan.motion.acceleration_std > 100.0 * before.motion.acceleration_std
 
 
@@ -90,7 +97,8 @@ def test_the_network_holds_its_target(sets):
 
 def test_the_noise_of_a_motion_at_rest_is_not_that_of_a_moving_target():
     before, plan = plan_of(*REST, rules=14), plan_of(*REST)
-    assert before.motion.acceleration_std == plan.scenario.target.acceleration_std and not before.noises
+    assert before.motion.acceleration_std == plan.scenario.target.acceleration_std
+    assert not before.noises
     assert plan.motion.acceleration_std == pytest.approx(5.0)
     assert len(plan.noises) == 5
     assert plan_of(*REST, "filter.acceleration_std=2").motion.acceleration_std == 2.0

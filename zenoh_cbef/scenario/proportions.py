@@ -53,14 +53,15 @@ def _long_steps(plan: Plan) -> list[str]:
 
 def _long_for_turns(plan: Plan) -> list[str]:
     """Of several motions, each agent linearises its range where the target may be after a turn."""
-    scenario, reach = plan.scenario, 0.0 if plan.tells_ranges or not plan.models else start.reach(plan.scenario)
-    if not reach or not start.leaps(scenario, plan.range_std):
+    scenario = plan.scenario
+    if plan.tells_ranges or not plan.models or not start.leaps(scenario, plan.range_std):
         return []
+    reach = start.reach(scenario)
     times = reach**2 / (2.0 * half_box(scenario) * plan.range_std)
     shorter = scenario.dt / 2.0 ** ceil(0.5 * log2(times))
     warning = (
-        f"steps of dt = {number(scenario.dt)} s are long for a target that turns: it gets {number(reach)} m in one, and "
-        f"ranges over {number(half_box(scenario))} m bend there by {number(times)} times their noise, which filters of "
+        f"steps of dt = {number(scenario.dt)} s are long for a target that turns: it gets {number(reach)} m in one, "
+        f"and ranges over {number(half_box(scenario))} m bend there by {number(times)} times their noise, which filters of "
         f"several motions take for straight; set dt to {number(shorter)} or less"
     )
     return [warning]
