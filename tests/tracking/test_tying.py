@@ -17,7 +17,7 @@ def case(wide, *, ties=True, far=0.0, seed=3):
     """Branches before the ranges of six agents around the target, m; what was heard, and where the target is."""
     chance = np.random.default_rng(seed)
     agents = chance.uniform(-10.0, 10.0, (6, 3))
-    truth = [*chance.uniform(-5.0, 5.0, (RUNS, 3)), far, 0.0, 0.0]
+    truth = chance.uniform(-5.0, 5.0, (RUNS, 3)) + np.array([far, 0.0, 0.0])
     ranges = np.linalg.norm(truth[:, None] - agents, axis=2) + SIGMA * chance.standard_normal((RUNS, 6))
     none = np.zeros((RUNS, 6))
     heard = Heard(np.tile(agents, (RUNS, 1, 1)), none, ranges, none, none + SIGMA**2)
