@@ -61,8 +61,8 @@ def _long_for_turns(plan: Plan) -> list[str]:
     shorter = scenario.dt / 2.0 ** ceil(0.5 * log2(times))
     warning = (
         f"steps of dt = {number(scenario.dt)} s are long for a target that turns: it gets {number(reach)} m in one, "
-        f"and ranges over {number(half_box(scenario))} m bend there by {number(times)} times their noise, which filters "
-        f"of several motions take for straight; set dt to {number(shorter)} or less"
+        f"and ranges over {number(half_box(scenario))} m bend there by {number(times)} times their noise, which "
+        f"filters of several motions take for straight; set dt to {number(shorter)} or less"
     )
     return [warning]
 
