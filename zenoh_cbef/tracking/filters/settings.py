@@ -112,7 +112,7 @@ class FilterSettings:
     tells_ranges: bool = False
     seeks: bool = False
     splits: bool = False
-    ties: bool = True
+    ties: bool = False
     plane: tuple[tuple[float, ...], tuple[float, ...]] | None = None
     outliers: tuple[float, float] | None = None
     guesses: tuple[int, int] | None = (1, 1)
