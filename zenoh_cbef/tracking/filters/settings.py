@@ -52,8 +52,9 @@ class FilterSettings:
     probability that it leaves its motion in a step. middle: a point near all agents, the same for all, m. squares:
     whether agents share squared ranges, and linearise what averaging leaves. tells_ranges:
     whether they tell each other their ranges, and each takes in all; seeks: and, while these deny the place, looks for
-    the target elsewhere; splits: and keeps several hypotheses of each of several motions. plane: that they are near, a
-    point of it and its normal; None: near none, or mirror images are no matter. outliers: what share of the ranges are
+    the target elsewhere; splits: and keeps several hypotheses of each of several motions. ties: squares are tied to the
+    place that ranges tell (tying.py). plane: that they are near, a point of it and its normal; None: near none, or
+    mirror images are no matter. outliers: what share of the ranges are
     too long, and by how much (m) on average, where the scenario tells so and a first fix takes it into account.
     options: of a kind of another package, `filter.options`.
     guesses: how many of the agents' guesses of position, and of velocity, are independent; None: a first fix by
